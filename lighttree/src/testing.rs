@@ -7,7 +7,7 @@ use crate::light::{Emission, Light};
 use crate::receiver::Lambert;
 
 #[derive(Clone, Debug)]
-pub(crate) struct Scene {
+pub(crate) struct TestScene {
     pub lights: Vec<Light>,
     pub receiver: Lambert,
     /// A unit vector to use freely.
@@ -21,7 +21,7 @@ pub(crate) fn visible(seed: u64, k: usize) -> bool {
     (seed ^ (k as u64 + 1)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 63 == 0
 }
 
-pub(crate) fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scene> {
+pub(crate) fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = TestScene> {
     let scales = (-3.0..3.0f32, -3.0..3.0f32, -4.0..0.0f32);
     let lights = prop::collection::vec(light(), count);
     (lights, scales, point(), unit(), unit(), prop::option::weighted(0.2, any::<prop::sample::Index>()), any::<u64>())
@@ -36,7 +36,13 @@ pub(crate) fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scen
                 _ => position * length,
             };
             let receiver = Lambert { position, normal, reflectance: Vec3::new(0.9, 0.5, 0.1) };
-            Scene { lights, receiver, direction, geometry_term_bound: length * length * 10f32.powf(softening), seed }
+            TestScene {
+                lights,
+                receiver,
+                direction,
+                geometry_term_bound: length * length * 10f32.powf(softening),
+                seed,
+            }
         })
 }
 
@@ -113,7 +119,7 @@ impl Random {
 
     /// Lights and a receiver at any scale of length and power between 10⁻⁶ and 10⁶: coincident ones, dark ones, far
     /// ones, axes in all directions, all emissions, and receivers on lights.
-    pub fn scene(&mut self, most: u64) -> Scene {
+    pub fn scene(&mut self, most: u64) -> TestScene {
         let (length, power) = (10f32.powf(self.within(-6.0, 6.0)), 10f32.powf(self.within(-6.0, 6.0)));
         let geometry_term_bound = length * length * 10f32.powf(self.within(-6.0, 0.0));
         // Now and then all lights face about one way, as on a wall, and their cones are narrow.
@@ -139,6 +145,6 @@ impl Random {
             .collect();
         let position = if self.once_in(5) { lights[0].position } else { self.place() * length };
         let receiver = Lambert { position, normal: self.unit(), reflectance: Vec3::new(0.9, 0.5, 0.1) };
-        Scene { lights, receiver, direction: self.unit(), geometry_term_bound, seed: self.bits() }
+        TestScene { lights, receiver, direction: self.unit(), geometry_term_bound, seed: self.bits() }
     }
 }

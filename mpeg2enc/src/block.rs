@@ -39,7 +39,7 @@ pub(crate) fn places(mut set: u64) -> impl Iterator<Item = usize> {
 
 /// The formulae of 7.4 that hold for a block.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Kind {
+pub(crate) enum BlockKind {
     Intra,
     Inter,
 }

@@ -64,7 +64,7 @@ pub(crate) struct Direction<'a> {
 }
 
 /// The coding of one picture, as it is wanted.
-pub(crate) struct Job<'a> {
+pub(crate) struct PictureJob<'a> {
     pub picture_type: PictureType,
     pub display_index: u64,
     pub temporal_reference: u32,
@@ -97,7 +97,7 @@ impl Macroblocks {
 }
 
 /// A packet without sequence and group headers, and what the next picture needs.
-pub(crate) struct Coded {
+pub(crate) struct CodedPacket {
     pub packet: Packet,
     /// In whole macroblocks; of a B picture, from which nothing is predicted, there is none.
     pub reference: Option<Arc<Picture>>,
@@ -107,7 +107,7 @@ pub(crate) struct Coded {
     header_bytes: usize,
 }
 
-impl Coded {
+impl CodedPacket {
     /// Brings the packet to at least `bits` bits.
     pub fn fill_to(&mut self, bits: i64) {
         let missing = (bits - self.packet.bits as i64).max(0) as u64;
@@ -153,7 +153,7 @@ impl Coder {
     }
 
     /// Codes one picture on the current `rayon` pool.
-    pub fn code(&mut self, job: &Job) -> Coded {
+    pub fn code(&mut self, job: &PictureJob) -> CodedPacket {
         let limits = self.config.level().limits();
         let standard = self.config.standard;
         let f_code_max = [limits.f_code_horizontal, limits.f_code_vertical].map(|max| max.min(standard.f_code_max()));
@@ -209,11 +209,11 @@ impl Coder {
 
     fn pack(
         &mut self,
-        job: &Job,
+        job: &PictureJob,
         header: &PictureHeader,
         (whole, coded): (Arc<Picture>, CodedPicture),
         vectors: [Vec<HalfSample>; 2],
-    ) -> Coded {
+    ) -> CodedPacket {
         let mut writer = BitWriter::default();
         header::put_picture_header(&mut writer, header);
         let mut data = writer.into_bytes();
@@ -246,7 +246,7 @@ impl Coder {
             reconstruction,
             statistics: coded.statistics,
         };
-        Coded { packet, reference, vectors, header_bytes }
+        CodedPacket { packet, reference, vectors, header_bytes }
     }
 
     /// Sequence and group headers, which stand in front of an I picture; `number` is the first picture of the group to

@@ -19,7 +19,7 @@ use crate::{Config, PictureType, Rate, header::SEQUENCE_END_CODE};
 pub use access_unit::AccessUnit;
 use clock::Clock;
 use description::Description;
-use pes::Picture;
+use pes::StreamPicture;
 use schedule::Schedule;
 use stated::stated_rate;
 use std::{fmt, path::Path};
@@ -100,7 +100,7 @@ pub struct Multiplexer {
     /// Whether the first picture may state another bit rate and buffer than settings have: at a constant quantiser.
     is_open: bool,
     /// The last packet: what ends the sequence belongs to it.
-    waiting: Option<Picture>,
+    waiting: Option<StreamPicture>,
 }
 
 #[derive(Clone)]
@@ -164,7 +164,7 @@ impl Multiplexer {
         }
         let times = self.clock.next(display_index);
         let (is_entry, is_disposable) = (picture_type == PictureType::I, picture_type == PictureType::B);
-        let before = self.waiting.replace(Picture { data, times, is_entry, is_disposable });
+        let before = self.waiting.replace(StreamPicture { data, times, is_entry, is_disposable });
         before.map_or(Vec::new(), |picture| self.wrap(picture))
     }
 
@@ -204,7 +204,7 @@ impl Multiplexer {
         }
     }
 
-    fn wrap(&mut self, picture: Picture) -> Vec<u8> {
+    fn wrap(&mut self, picture: StreamPicture) -> Vec<u8> {
         match &mut self.wrapper {
             Wrapper::Elementary => picture.data,
             Wrapper::Program(writer) => writer.put(&picture, &[]),

@@ -9,10 +9,10 @@ mod quick;
 
 use crate::{
     PictureType,
-    block::{Block, Kind},
+    block::{Block, BlockKind},
     dct, kernel,
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
-    predict::{References, Samples, mean, predict, squared_errors},
+    predict::{MacroblockSamples, References, mean, predict, squared_errors},
     quant::{Quantiser, Quantisers, Rounding, Transformed},
     vector::{HalfSample, Range},
 };
@@ -90,7 +90,7 @@ pub(crate) struct Workspace {
     /// A macroblock that is predicted and nothing else.
     uncoded: Macroblock,
     /// The decoded macroblock.
-    pub reconstruction: Samples,
+    pub reconstruction: MacroblockSamples,
 }
 
 impl Workspace {
@@ -141,7 +141,7 @@ pub(crate) struct Decision<'a> {
     pub references: References<'a>,
     pub column: usize,
     pub row: usize,
-    pub source: &'a Samples,
+    pub source: &'a MacroblockSamples,
 }
 
 /// The price of a bit for the requested quantiser_scale, in sixteenths.
@@ -154,7 +154,7 @@ const PREDICTIONS: usize = 8;
 
 /// Predictions to choose from.
 struct Predictions {
-    samples: [Samples; PREDICTIONS],
+    samples: [MacroblockSamples; PREDICTIONS],
     /// Squared errors of their blocks.
     errors: [[u32; 6]; PREDICTIONS],
     /// Mode, squared error and place in `samples`, the best first.
@@ -324,7 +324,7 @@ impl Decision<'_> {
         chosen
     }
 
-    fn predict(&self, s: usize, vector: HalfSample, out: &mut Samples) {
+    fn predict(&self, s: usize, vector: HalfSample, out: &mut MacroblockSamples) {
         predict(self.references[s].expect("a mode has its reference picture"), self.column, self.row, vector, out);
     }
 
@@ -366,7 +366,7 @@ impl Decision<'_> {
             if trial.is_transformed[i] {
                 trial.coefficients[i] = dct::forward_difference(source, predicted);
                 let transformed = Transformed { coefficients: &trial.coefficients[i], energy };
-                quantiser.quantise(transformed, Kind::Inter, self.rounding(), block);
+                quantiser.quantise(transformed, BlockKind::Inter, self.rounding(), block);
             } else {
                 block.clear();
                 block.error = energy;
@@ -385,7 +385,7 @@ impl Decision<'_> {
             trial.energies[i] = trial.coefficients[i][1..].iter().map(|&c| c * c).sum::<i32>().into();
             let block = &mut trial.macroblock.blocks[i];
             let transformed = Transformed { coefficients: &trial.coefficients[i], energy: trial.energies[i] };
-            quantiser.quantise(transformed, Kind::Intra, self.rounding(), block);
+            quantiser.quantise(transformed, BlockKind::Intra, self.rounding(), block);
         }
         self.price(trial);
     }
@@ -393,7 +393,7 @@ impl Decision<'_> {
     /// The same mode with the quantiser that costs least: steps away from the requested one, as long as they pay.
     fn choose_quantiser(&self, work: &mut Workspace) {
         let mode = work.best.macroblock.mode;
-        let kind = if mode == Mode::Intra { Kind::Intra } else { Kind::Inter };
+        let kind = if mode == Mode::Intra { BlockKind::Intra } else { BlockKind::Inter };
         let (coefficients, energies, is_transformed) =
             (work.best.coefficients, work.best.energies, work.best.is_transformed);
         let mut is_cheaper = |code: u8| {
@@ -441,7 +441,7 @@ impl Decision<'_> {
         let macroblock = &work.best.macroblock;
         let quantiser = self.quantisers.of(macroblock.quantiser);
         let is_intra = macroblock.mode == Mode::Intra;
-        let kind = if is_intra { Kind::Intra } else { Kind::Inter };
+        let kind = if is_intra { BlockKind::Intra } else { BlockKind::Inter };
         for (i, block) in macroblock.blocks.iter().enumerate() {
             let predicted = if is_intra { &[0; 64] } else { &work.predictions.samples[index][i] };
             if block.is_coded() {

@@ -35,12 +35,12 @@ pub struct Encoder {
 pub struct EncoderState {
     /// The [`Config::fingerprint`] of the settings.
     settings: u64,
-    mode: Mode,
+    mode: CodingMode,
 }
 
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-enum Mode {
+enum CodingMode {
     Immediate(Immediate),
     Ahead(Box<Ahead>),
 }
@@ -70,8 +70,8 @@ impl Config {
 impl Encoder {
     fn new(config: Config) -> Self {
         let mode = match config.lookahead {
-            0 => Mode::Immediate(Immediate::default()),
-            _ => Mode::Ahead(Box::new(Ahead::new(&config))),
+            0 => CodingMode::Immediate(Immediate::default()),
+            _ => CodingMode::Ahead(Box::new(Ahead::new(&config))),
         };
         let state = EncoderState { settings: config.fingerprint(), mode };
         Self { coder: Coder::new(config), state }
@@ -97,14 +97,14 @@ impl Encoder {
             return Err(RestoreError::OtherSettings);
         }
         match (&self.state.mode, &state.mode) {
-            (Mode::Immediate(_), Mode::Immediate(immediate)) => immediate.check(self.config())?,
-            (Mode::Ahead(_), Mode::Ahead(ahead)) => ahead.check(self.config())?,
+            (CodingMode::Immediate(_), CodingMode::Immediate(immediate)) => immediate.check(self.config())?,
+            (CodingMode::Ahead(_), CodingMode::Ahead(ahead)) => ahead.check(self.config())?,
             _ => return Err(RestoreError::OtherSettings),
         }
         self.state = state;
         match &self.state.mode {
-            Mode::Immediate(immediate) => immediate.restate(&mut self.coder.config),
-            Mode::Ahead(ahead) => ahead.restate(&mut self.coder.config),
+            CodingMode::Immediate(immediate) => immediate.restate(&mut self.coder.config),
+            CodingMode::Ahead(ahead) => ahead.restate(&mut self.coder.config),
         }
         Ok(())
     }
@@ -118,7 +118,7 @@ impl Encoder {
         let config = self.config().clone().with_quantiser_scale(quantiser_scale);
         config.validate()?;
         self.coder.set_config(config);
-        if let Mode::Ahead(ahead) = &mut self.state.mode {
+        if let CodingMode::Ahead(ahead) = &mut self.state.mode {
             ahead.set_quantiser(&self.coder.config);
         }
         Ok(())
@@ -163,8 +163,8 @@ impl Encoder {
     #[must_use = "packets are the stream"]
     pub fn push_again(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
         match &mut self.state.mode {
-            Mode::Immediate(immediate) => vec![immediate.push_again(&mut self.coder)],
-            Mode::Ahead(_) => self.push_frame(frame, motion, None),
+            CodingMode::Immediate(immediate) => vec![immediate.push_again(&mut self.coder)],
+            CodingMode::Ahead(_) => self.push_frame(frame, motion, None),
         }
     }
 
@@ -174,8 +174,8 @@ impl Encoder {
         let coded = self.config().macroblock_counts();
         let weights = weights.map(|weights| weights::given(weights, coded));
         match &mut self.state.mode {
-            Mode::Immediate(immediate) => vec![immediate.push(&mut self.coder, frame, to_previous, weights)],
-            Mode::Ahead(ahead) => ahead.push(&mut self.coder, frame, motion, weights),
+            CodingMode::Immediate(immediate) => vec![immediate.push(&mut self.coder, frame, to_previous, weights)],
+            CodingMode::Ahead(ahead) => ahead.push(&mut self.coder, frame, motion, weights),
         }
     }
 
@@ -183,16 +183,16 @@ impl Encoder {
     /// not bounded, and where fewer than two frames wait. What is learnt from the frames coded until then, and later frames, may still change it.
     pub fn planned_quantiser_scale(&mut self) -> Option<f32> {
         match &mut self.state.mode {
-            Mode::Immediate(_) => None,
-            Mode::Ahead(ahead) => ahead.planned_quantiser_scale(&self.coder.config),
+            CodingMode::Immediate(_) => None,
+            CodingMode::Ahead(ahead) => ahead.planned_quantiser_scale(&self.coder.config),
         }
     }
 
     /// Codes the waiting frames and ends the stream.
     pub fn finish(mut self) -> Finish {
         let packets = match &mut self.state.mode {
-            Mode::Immediate(_) => Vec::new(),
-            Mode::Ahead(ahead) => ahead.finish(&mut self.coder),
+            CodingMode::Immediate(_) => Vec::new(),
+            CodingMode::Ahead(ahead) => ahead.finish(&mut self.coder),
         };
         Finish { packets, end: sequence_end() }
     }
@@ -206,8 +206,8 @@ impl Encoder {
     pub fn begins_group(&self, display_index: u64) -> Option<bool> {
         let gop = self.config().gop;
         match &self.state.mode {
-            Mode::Immediate(_) => Some(display_index.is_multiple_of(gop.into())),
-            Mode::Ahead(ahead) => ahead.begins_group(usize::try_from(display_index).ok()?, gop as usize),
+            CodingMode::Immediate(_) => Some(display_index.is_multiple_of(gop.into())),
+            CodingMode::Ahead(ahead) => ahead.begins_group(usize::try_from(display_index).ok()?, gop as usize),
         }
     }
 }

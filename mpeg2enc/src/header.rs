@@ -6,7 +6,7 @@ use crate::{
     bits::{BitSink, BitWriter},
     config::coded_size,
     level::Limits,
-    pulldown::{Shown, fields_before},
+    pulldown::{ShownFields, fields_before},
     quant::QuantiserParameters,
     scan::ZIGZAG,
 };
@@ -42,7 +42,7 @@ pub(crate) struct PictureHeader {
     pub f_code: [[u32; 2]; 2],
     pub quantisers: QuantiserParameters,
     /// How a picture with pulldown is shown.
-    pub shown: Option<Shown>,
+    pub shown: Option<ShownFields>,
 }
 
 /// sequence_header(), sequence_extension(), sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4); in MPEG-1 the first

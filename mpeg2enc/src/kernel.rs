@@ -50,13 +50,13 @@ use vectorized;
 
 /// Where prediction comes from: the rest of a plane from the upper left whole sample on, and half-sample steps.
 #[derive(Clone, Copy)]
-pub(crate) struct Place<'a> {
+pub(crate) struct ReferenceBlock<'a> {
     pub samples: &'a [u8],
     pub stride: usize,
     pub half: (bool, bool),
 }
 
-impl<'a> Place<'a> {
+impl<'a> ReferenceBlock<'a> {
     /// Whole rows of `stride` samples.
     #[inline(always)]
     pub fn whole(samples: &'a [u8], stride: usize) -> Self {
@@ -66,7 +66,7 @@ impl<'a> Place<'a> {
 
 vectorized! {
     /// N rows of N predicted samples (7.6.4); N is 8 or 16.
-    fn predict, predict_plain<const N: usize>(place: &Place<'_>, out: &mut [[u8; N]; N]) {
+    fn predict, predict_plain<const N: usize>(place: &ReferenceBlock<'_>, out: &mut [[u8; N]; N]) {
         let (out, _) = out.as_flattened_mut().as_chunks_mut::<8>();
         for_predicted::<N>(place, |i, bytes| [out[2 * i], out[2 * i + 1]] = bytes.halves());
     }
@@ -74,7 +74,7 @@ vectorized! {
 
 vectorized! {
     /// The four luma blocks of a predicted macroblock (7.6.4), upper before lower.
-    fn predict_blocks, predict_blocks_plain(place: &Place<'_>, out: &mut [[u8; 64]; 4]) {
+    fn predict_blocks, predict_blocks_plain(place: &ReferenceBlock<'_>, out: &mut [[u8; 64]; 4]) {
         for_predicted::<16>(place, |y, bytes| {
             for (x, eight) in bytes.halves().into_iter().enumerate() {
                 out[2 * (y / 8) + x][8 * (y % 8)..][..8].copy_from_slice(&eight);
@@ -177,7 +177,7 @@ mod tests {
     }
 
     /// The definition of 7.6.4: the mean of the two or four samples around a half position, rounded up.
-    fn predicted<const N: usize>(place: Place) -> [[u8; N]; N] {
+    fn predicted<const N: usize>(place: ReferenceBlock) -> [[u8; N]; N] {
         let (right, below) = (usize::from(place.half.0), usize::from(place.half.1));
         let at = |x: usize, y: usize| u32::from(place.samples[y * place.stride + x]);
         std::array::from_fn(|y| {
@@ -207,18 +207,22 @@ mod tests {
             let samples: Vec<u8> = (0..40 * 40).map(|_| random.u8(..)).collect();
             let source = block::<N>(&mut random);
             for half in POSITIONS {
-                let place = Place { samples: &samples[43..], stride: 40, half };
+                let place = ReferenceBlock { samples: &samples[43..], stride: 40, half };
                 let truth = predicted::<N>(place);
                 let mut ours = [[0; N]; N];
                 predict(&place, &mut ours);
                 assert_eq!(ours, truth);
                 let pairs = source.as_flattened().iter().zip(truth.as_flattened());
                 let absolute: u32 = pairs.map(|(&a, &b)| u32::from(a.abs_diff(b))).sum();
-                let here = Place::whole(source.as_flattened(), N);
+                let here = ReferenceBlock::whole(source.as_flattened(), N);
                 assert_eq!(absolute_difference::<N>(here, place), absolute);
                 assert_eq!(absolute_difference_plain::<N>(here, place), absolute);
-                let others =
-                    [place, here, Place { half: (false, false), ..place }, Place { half: (true, true), ..place }];
+                let others = [
+                    place,
+                    here,
+                    ReferenceBlock { half: (false, false), ..place },
+                    ReferenceBlock { half: (true, true), ..place },
+                ];
                 assert_eq!(
                     absolute_differences::<N>(here, others),
                     others.map(|other| absolute_difference_plain::<N>(here, other))
@@ -248,8 +252,8 @@ mod tests {
     fn predictions_and_differences_follow_their_definitions() {
         follow_their_definitions::<8>();
         follow_their_definitions::<16>();
-        let place = Place { samples: &[0; 64], stride: 8, half: (false, false) };
-        let white = Place::whole(&[255; 64], 8);
+        let place = ReferenceBlock { samples: &[0; 64], stride: 8, half: (false, false) };
+        let white = ReferenceBlock::whole(&[255; 64], 8);
         assert_eq!(transformed_difference::<8>(white, place), 255 * 8, "the largest values fit");
     }
 

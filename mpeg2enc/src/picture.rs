@@ -3,7 +3,7 @@
 use crate::{
     Picture, PictureType,
     bits::{BitSink, BitWriter},
-    block::Kind,
+    block::BlockKind,
     decide::{
         Decision, Tools, Workspace,
         in_place::{InPlace, RowMut},
@@ -13,7 +13,7 @@ use crate::{
     header::{PictureHeader, put_slice_header},
     kernel,
     macroblock::{Mode, SliceParameters, SliceState},
-    predict::{References, Samples, samples},
+    predict::{MacroblockSamples, References, samples},
     quant::Quantisers,
     quantiser_scale::nearest_code,
     vector::HalfSample,
@@ -141,7 +141,7 @@ impl PictureCoder<'_> {
             picture_type: self.header.picture_type,
             f_code: self.header.f_code,
             dc_reset: parameters.dc_reset(),
-            codes: [Kind::Intra, Kind::Inter].map(|kind| parameters.codes(kind)),
+            codes: [BlockKind::Intra, BlockKind::Inter].map(|kind| parameters.codes(kind)),
             quantiser: nearest_code(parameters.q_scale_type, scales_x16[0]),
             last_column: columns - 1,
         };
@@ -219,7 +219,7 @@ impl PictureCoder<'_> {
     }
 
     /// Puts the blocks of a macroblock where they are shown.
-    fn show(&self, blocks: &Samples, column: usize, out: &mut RowMut) {
+    fn show(&self, blocks: &MacroblockSamples, column: usize, out: &mut RowMut) {
         let width = self.source.width();
         for (i, block) in blocks.iter().enumerate() {
             let (plane, stride, first) = match i {

@@ -2,13 +2,13 @@
 
 use crate::{
     Picture,
-    kernel::{self, Place},
+    kernel::{self, ReferenceBlock},
     vector::HalfSample,
 };
 use plane::Plane;
 
 /// The six blocks of a macroblock in coding order: four of luma, Cb, Cr (6.1.3), each in raster order.
-pub(crate) type Samples = [[u8; 64]; 6];
+pub(crate) type MacroblockSamples = [[u8; 64]; 6];
 
 /// Place of a block of a macroblock: which plane, and its upper left sample there.
 #[cfg(test)]
@@ -21,7 +21,7 @@ fn place(frame: &Picture, block: usize, column: usize, row: usize) -> (&Plane<u8
 }
 
 /// The samples of macroblock `(column, row)` of a frame in whole macroblocks.
-pub(crate) fn samples(frame: &Picture, column: usize, row: usize) -> Samples {
+pub(crate) fn samples(frame: &Picture, column: usize, row: usize) -> MacroblockSamples {
     let mut out = [[0; 64]; 6];
     predict(frame, column, row, HalfSample::ZERO, &mut out);
     out
@@ -31,14 +31,14 @@ pub(crate) fn samples(frame: &Picture, column: usize, row: usize) -> Samples {
 pub(crate) type References<'a> = [Option<&'a Picture>; 2];
 
 /// The mean of two predictions, rounded up (7.6.7.1).
-pub(crate) fn mean(a: &Samples, b: &Samples, out: &mut Samples) {
+pub(crate) fn mean(a: &MacroblockSamples, b: &MacroblockSamples, out: &mut MacroblockSamples) {
     kernel::mean(a.as_flattened(), b.as_flattened(), out.as_flattened_mut());
 }
 
 /// The prediction of macroblock `(column, row)` from `reference` with `vector`.
 ///
 /// The vector of chroma is half of it, rounded toward zero (7.6.3.7).
-pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: HalfSample, out: &mut Samples) {
+pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: HalfSample, out: &mut MacroblockSamples) {
     let chroma = HalfSample { x: vector.x / 2, y: vector.y / 2 };
     let (x2, y2) = (32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
     kernel::predict_blocks(&place_of(reference.luma(), x2, y2), out.first_chunk_mut().expect("six blocks"));
@@ -53,14 +53,14 @@ pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: Ha
 ///
 /// The rectangle, with the neighbors that half positions need, lies inside of the plane.
 #[inline]
-pub(crate) fn place_of(plane: &Plane<u8>, x2: i32, y2: i32) -> Place<'_> {
+pub(crate) fn place_of(plane: &Plane<u8>, x2: i32, y2: i32) -> ReferenceBlock<'_> {
     let first = (y2 >> 1) as usize * plane.width() + (x2 >> 1) as usize;
     let half = (x2 & 1 == 1, y2 & 1 == 1);
-    Place { half, ..Place::whole(&plane.samples()[first..], plane.width()) }
+    ReferenceBlock { half, ..ReferenceBlock::whole(&plane.samples()[first..], plane.width()) }
 }
 
 /// Sums of squared differences of each block.
-pub(crate) fn squared_errors(a: &Samples, b: &Samples) -> [u32; 6] {
+pub(crate) fn squared_errors(a: &MacroblockSamples, b: &MacroblockSamples) -> [u32; 6] {
     kernel::squared_differences(a, b)
 }
 

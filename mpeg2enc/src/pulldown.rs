@@ -8,7 +8,7 @@ pub(crate) fn fields(periods: u64) -> u64 {
 
 /// How a picture is shown, as its picture coding extension states it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Shown {
+pub(crate) struct ShownFields {
     /// top_field_first.
     pub top_field_first: bool,
     /// repeat_first_field.
@@ -17,10 +17,10 @@ pub(crate) struct Shown {
 
 /// How the picture with this `number` in the order of display is shown. With B pictures each is shown a period after it was decoded at
 /// the earliest: `reorder` is 1 then, and 0 elsewhere. So pictures are decoded in the rhythm in which they are shown.
-pub(crate) fn shown(number: u64, reorder: u64) -> Shown {
+pub(crate) fn shown(number: u64, reorder: u64) -> ShownFields {
     let before = fields_before(number, reorder);
     let own = fields_before(number + 1, reorder) - before;
-    Shown { top_field_first: before.is_multiple_of(2), repeat_first_field: own == 3 }
+    ShownFields { top_field_first: before.is_multiple_of(2), repeat_first_field: own == 3 }
 }
 
 /// Fields that are shown before the picture with this `number`.

@@ -6,7 +6,7 @@ mod tests;
 
 use crate::{
     Standard,
-    block::{Block, Kind, places},
+    block::{Block, BlockKind, places},
     dct, kernel,
     quantiser_scale::{QuantiserScaleCode, quantiser_scale_of},
     scan::{ALTERNATE, ZIGZAG},
@@ -31,8 +31,8 @@ pub(crate) struct QuantiserParameters {
 
 impl QuantiserParameters {
     /// The codes of the coefficients of a block.
-    pub fn codes(&self, kind: Kind) -> Codes {
-        let table = if kind == Kind::Intra { self.intra_table } else { CoefficientTable::Zero };
+    pub fn codes(&self, kind: BlockKind) -> Codes {
+        let table = if kind == BlockKind::Intra { self.intra_table } else { CoefficientTable::Zero };
         Codes { table, standard: self.standard }
     }
 
@@ -142,28 +142,28 @@ impl Quantiser {
             intra_dc_max: (1 << parameters.intra_dc_precision) - 1,
             scan: scan.map(turned),
             standard: parameters.standard,
-            codes: [parameters.codes(Kind::Intra), parameters.codes(Kind::Inter)],
+            codes: [parameters.codes(BlockKind::Intra), parameters.codes(BlockKind::Inter)],
             intra: Weights::new(scale, &parameters.intra_matrix, scan),
             inter: Weights::new(scale, &parameters.non_intra_matrix, scan),
         }
     }
 
     /// Levels of the coefficients of a block. They take the place of those of `block`.
-    pub fn quantise(&self, transformed: Transformed, kind: Kind, rounding: Rounding, block: &mut Block) {
+    pub fn quantise(&self, transformed: Transformed, kind: BlockKind, rounding: Rounding, block: &mut Block) {
         let Transformed { coefficients, energy } = transformed;
         let [intra_codes, inter_codes] = self.codes;
         let (weights, codes, zero_256ths) = match (kind, rounding) {
-            (Kind::Intra, Rounding::Trellis { .. }) => (&self.intra, intra_codes, 128),
+            (BlockKind::Intra, Rounding::Trellis { .. }) => (&self.intra, intra_codes, 128),
             // 3/8: what ffmpeg and others add, near the middle of the mass of a Laplacian interval.
-            (Kind::Intra, Rounding::DeadZone) => (&self.intra, intra_codes, 96),
+            (BlockKind::Intra, Rounding::DeadZone) => (&self.intra, intra_codes, 96),
             // (2·QF+1)·quantiser_scale/2 lies in the middle of its interval already: no rounding, zero is twice as wide.
-            (Kind::Inter, _) => (&self.inter, inter_codes, 0),
+            (BlockKind::Inter, _) => (&self.inter, inter_codes, 0),
         };
         let mut levels = [0; 64];
         let zero = (zero_256ths << weights.shift) >> 8;
         let nonzero = kernel::divide(coefficients, &weights.reciprocal, zero, weights.shift, &mut levels);
         // The DC of an intra block is not among them.
-        let nonzero = if kind == Kind::Intra { nonzero & !1 } else { nonzero };
+        let nonzero = if kind == BlockKind::Intra { nonzero & !1 } else { nonzero };
         block.clear();
         block.error = energy;
         let restore = |place: usize, level: i32| self.inverse_quantise(level, kind, weights.scaled[place]);
@@ -196,14 +196,14 @@ impl Quantiser {
                 trellis::choose(candidates, kind, BitPrice { codes, lambda }, restore, save);
             }
         }
-        if kind == Kind::Intra {
+        if kind == BlockKind::Intra {
             let step = self.intra_dc_mult << dct::COEFFICIENT_BITS;
             let level = ((coefficients[0] + step / 2) / step).clamp(0, self.intra_dc_max);
             block.error += i64::from(coefficients[0] - level * step).pow(2);
             block.levels[0] = level as i16;
             block.places |= 1;
         }
-        block.bits = block_bits(codes, block, kind == Kind::Intra);
+        block.bits = block_bits(codes, block, kind == BlockKind::Intra);
     }
 
     /// Whether the squared error of a non-intra block is less than this number of quarters of quantiser_scale².
@@ -218,14 +218,14 @@ impl Quantiser {
     pub const CERTAIN: i64 = 3;
 
     /// Coefficients as the decoder gets them (7.4): arithmetic, saturation, mismatch control.
-    pub fn dequantise(&self, block: &Block, kind: Kind) -> [i32; 64] {
+    pub fn dequantise(&self, block: &Block, kind: BlockKind) -> [i32; 64] {
         let mut out = [0; 64];
         let mut sum = 0;
-        let weights = if kind == Kind::Intra { &self.intra } else { &self.inter };
+        let weights = if kind == BlockKind::Intra { &self.intra } else { &self.inter };
         for i in places(block.places) {
             let level = i32::from(block.levels[i]);
             let value = match (kind, i) {
-                (Kind::Intra, 0) => self.intra_dc_mult * level, // 7.4.1
+                (BlockKind::Intra, 0) => self.intra_dc_mult * level, // 7.4.1
                 _ => self.inverse_quantise(level, kind, weights.scaled[i]),
             };
             let value = value.clamp(-2048, 2047); // 7.4.3
@@ -241,7 +241,7 @@ impl Quantiser {
     /// Inverse quantisation of one coefficient, all but the intra DC: in MPEG-1 an even one is made odd, toward zero (11172-2,
     /// 2.4.4.1 and 2.4.4.2).
     #[inline]
-    fn inverse_quantise(&self, level: i32, kind: Kind, scaled_weight: i32) -> i32 {
+    fn inverse_quantise(&self, level: i32, kind: BlockKind, scaled_weight: i32) -> i32 {
         let value = inverse_quantise(level, kind, scaled_weight);
         if self.standard == Standard::Mpeg1 && value & 1 == 0 { value - value.signum() } else { value }
     }
@@ -262,7 +262,7 @@ fn odd_sum(coefficients: &mut [i32; 64], sum: i32) {
 ///   k   0 for intra blocks, Sign(QF) for non-intra
 /// ```
 #[inline]
-fn inverse_quantise(level: i32, kind: Kind, scaled_weight: i32) -> i32 {
-    let k = if kind == Kind::Intra { 0 } else { level.signum() };
+fn inverse_quantise(level: i32, kind: BlockKind, scaled_weight: i32) -> i32 {
+    let k = if kind == BlockKind::Intra { 0 } else { level.signum() };
     (2 * level + k) * scaled_weight / 32
 }

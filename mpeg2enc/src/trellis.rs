@@ -5,14 +5,14 @@
 //! from one non-zero level to the next; lengths are those of Tables B.14 and B.15 themselves.
 
 use crate::{
-    block::Kind,
+    block::BlockKind,
     dct::COEFFICIENT_BITS,
     vlc::{Codes, coefficient_bits, end_of_block_bits, first_coefficient_bits},
 };
 
 /// A path that ends with a non-zero level, or before the first coefficient.
 #[derive(Clone, Copy)]
-struct Node {
+struct PathNode {
     /// Error saved against all zeros, and the price of the bits.
     cost: i64,
     level: i32,
@@ -37,35 +37,35 @@ pub(crate) struct BitPrice {
 /// coefficient of an intra block takes no part.
 pub(crate) fn choose(
     nonzero: impl Iterator<Item = (usize, i32, i32)>,
-    kind: Kind,
+    kind: BlockKind,
     BitPrice { codes, lambda }: BitPrice,
     restore: impl Fn(usize, i32) -> i32,
     mut keep: impl FnMut(usize, i32),
 ) {
-    let start = if kind == Kind::Intra { 1 } else { 0 };
+    let start = if kind == BlockKind::Intra { 1 } else { 0 };
     // An empty inter block needs no End of block; an intra block has one in any case.
-    let end_bits = if kind == Kind::Intra { 0 } else { i64::from(end_of_block_bits(codes)) };
+    let end_bits = if kind == BlockKind::Intra { 0 } else { i64::from(end_of_block_bits(codes)) };
     let mut best_end = (0, 0);
-    let mut nodes = [Node { cost: 0, level: 0, next: start, from: 0 }; 65];
+    let mut nodes = [PathNode { cost: 0, level: 0, next: start, from: 0 }; 65];
     let mut alive = [0u8; 65];
     let mut alive_count = 1;
     for (number, (i, magnitude, level)) in (1u8..).zip(nonzero) {
         let magnitude = i64::from(magnitude);
-        let mut best = Node { cost: i64::MAX, level, next: i as u8 + 1, from: 0 };
+        let mut best = PathNode { cost: i64::MAX, level, next: i as u8 + 1, from: 0 };
         for candidate in (level - 1).max(1)..=level {
             let error = magnitude - (i64::from(restore(i, candidate)) << COEFFICIENT_BITS);
             let saved = error * error - magnitude * magnitude;
             for &from in &alive[..alive_count] {
                 let node = &nodes[usize::from(from)];
                 let run = i - usize::from(node.next);
-                let bits = if kind == Kind::Inter && from == 0 {
+                let bits = if kind == BlockKind::Inter && from == 0 {
                     first_coefficient_bits(codes, run, candidate as u32)
                 } else {
                     coefficient_bits(codes, run, candidate as u32)
                 };
                 let cost = node.cost + saved + lambda * i64::from(bits);
                 if cost < best.cost {
-                    best = Node { level: candidate, cost, from, ..best };
+                    best = PathNode { level: candidate, cost, from, ..best };
                 }
             }
         }
@@ -82,7 +82,7 @@ pub(crate) fn choose(
     }
     let mut node = best_end.1;
     while node != 0 {
-        let Node { next, level, from, .. } = nodes[usize::from(node)];
+        let PathNode { next, level, from, .. } = nodes[usize::from(node)];
         keep(usize::from(next) - 1, level);
         node = from;
     }
@@ -104,7 +104,9 @@ mod tests {
     ) -> [i32; 64] {
         let nonzero = (0..64).map(|i| (i, magnitudes[i], levels[i])).filter(|entry| entry.2 != 0);
         let mut out = [0; 64];
-        choose(nonzero, Kind::Inter, BitPrice { codes: CODES, lambda }, restore, |place, level| out[place] = level);
+        choose(nonzero, BlockKind::Inter, BitPrice { codes: CODES, lambda }, restore, |place, level| {
+            out[place] = level
+        });
         out
     }
 

@@ -21,7 +21,7 @@ use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
 use crate::sampling::frame;
 use crate::{Timed, luminance};
 use glam::{Vec2, Vec3, Vec3A};
-use near::{Estimate, Near};
+use near::{Estimate, NearSamples};
 use plane::{Correspondence, Plane};
 use rayon::prelude::*;
 use sample::Sample;
@@ -233,7 +233,7 @@ impl CarriedLight {
         // Of the 3×3 samples only those of the same surface count, by their places along it. The others still say how bright
         // the light beside it may be.
         let axes = <[Vec3; 2]>::from(frame(normal.into())).map(Vec3A::from);
-        let mut near = Near::new(usual);
+        let mut near = NearSamples::new(usual);
         for y in row.saturating_sub(1)..(row + 2).min(height) {
             for x in column.saturating_sub(1)..(column + 2).min(width) {
                 let sample = self.samples.get(x, y);

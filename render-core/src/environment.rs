@@ -26,12 +26,12 @@ pub struct Environment {
     /// Integral of radiance over the sphere \[W·m⁻²\].
     fluence: Vec3,
     /// Small bright spots that direct light samples, and all other light; none in most skies.
-    parts: Option<Box<Parts>>,
+    parts: Option<Box<SplitSky>>,
 }
 
 /// A sky whose lamps are taken out: its radiance is that of the rest and of the lamps.
 #[derive(Clone, Debug)]
-struct Parts {
+struct SplitSky {
     lamps: Vec<SkyLamp>,
     /// `None` if that is black.
     rest: Option<Environment>,
@@ -87,7 +87,7 @@ impl Environment {
         let whole = Self::of_map(map.clone())?;
         let parts = lamps::split(&map, luminance(whole.fluence) / (4.0 * PI)).map(|(lamps, rest)| {
             let rest = Self::of_map(EquirectangularMap { texels: rest, ..map });
-            Box::new(Parts { lamps, rest })
+            Box::new(SplitSky { lamps, rest })
         });
         Some(Self { parts, ..whole })
     }

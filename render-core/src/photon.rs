@@ -172,7 +172,7 @@ impl Photons {
             };
             let quantum = Quantum::of(source.powers());
             let ranks = self.ranks.clone();
-            let emission = Emission { walk, quantum, surfels, busy, ranks: &*ranks };
+            let emission = FrameEmission { walk, quantum, surfels, busy, ranks: &*ranks };
             let (sums, traced) = self.sums(&emission);
             let moved = anchors.surfels.fixed.moved(&emission.sight());
             AnchorFlux { traced, ..sums.anchor_flux(emission.quantum, anchors, surfels, moved) }
@@ -180,7 +180,7 @@ impl Photons {
     }
 
     /// Flux of all photons of a frame, and how many of them this rank traced for it.
-    fn sums(&mut self, emission: &Emission) -> (Sums, u64) {
+    fn sums(&mut self, emission: &FrameEmission) -> (Sums, u64) {
         let powers = emission.walk.source.powers();
         // With other powers photons start elsewhere: nothing that was kept holds.
         if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == powers) {
@@ -206,7 +206,7 @@ impl Photons {
 }
 
 /// The photons that the lights emit for one frame.
-struct Emission<'a> {
+struct FrameEmission<'a> {
     walk: Walk<'a>,
     quantum: Quantum,
     /// The fixed surfels, and the dynamic ones at the pose of the frame.
@@ -242,7 +242,7 @@ impl Parted {
     }
 }
 
-impl Emission<'_> {
+impl FrameEmission<'_> {
     fn no_sums(&self) -> Sums {
         Sums::new(self.surfels)
     }

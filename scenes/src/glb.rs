@@ -98,7 +98,7 @@ pub struct Light {
 }
 
 #[derive(Clone, Debug)]
-struct Node {
+struct GlbNode {
     name: String,
     mesh: Option<usize>,
     translation: Vec3,
@@ -116,7 +116,7 @@ pub struct Scene {
     textures: Vec<(String, Vec<u8>)>,
     materials: Vec<Material>,
     meshes: Vec<(String, Model)>,
-    nodes: Vec<Node>,
+    nodes: Vec<GlbNode>,
     lights: Vec<Light>,
     channels: Vec<(usize, Keys)>,
     yfov: f32,
@@ -175,7 +175,7 @@ impl Scene {
 
     /// Adds a node that shows a mesh, or only carries others.
     pub fn node(&mut self, name: &str, mesh: Option<MeshId>, translation: Vec3, rotation: Quat) -> NodeId {
-        self.nodes.push(Node {
+        self.nodes.push(GlbNode {
             name: name.to_owned(),
             mesh: mesh.map(|m| m.0),
             translation,
@@ -339,7 +339,7 @@ impl Scene {
     }
 }
 
-fn node_json(node: &Node) -> Value {
+fn node_json(node: &GlbNode) -> Value {
     let mut n = Map::new();
     n.insert("name".into(), json!(node.name));
     if let Some(mesh) = node.mesh {

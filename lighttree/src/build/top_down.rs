@@ -84,7 +84,7 @@ fn split(items: &mut [Item], merges: &mut [[u32; 2]], first_merge: u32, metric: 
 
 /// Bounds and sum of some lights together.
 #[derive(Clone, Copy)]
-struct Group {
+struct LightGroup {
     low: Vec3A,
     high: Vec3A,
     axis_low: Vec3A,
@@ -93,7 +93,7 @@ struct Group {
     count: usize,
 }
 
-impl Group {
+impl LightGroup {
     const EMPTY: Self = Self {
         low: Vec3A::INFINITY,
         high: Vec3A::NEG_INFINITY,
@@ -150,7 +150,7 @@ impl Group {
 /// Sorts the items into the two halves of the cheapest split and gives the length of the first, at least 1 and less
 /// than all.
 fn partition(items: &mut [Item], metric: &Metric) -> usize {
-    let mut all = Group::EMPTY;
+    let mut all = LightGroup::EMPTY;
     items.iter().for_each(|item| all.add(item));
     let mut best = (f32::INFINITY, 0, 0);
     let bins_in_use = BINS.min(2 * items.len());
@@ -161,17 +161,17 @@ fn partition(items: &mut [Item], metric: &Metric) -> usize {
             continue;
         }
         let bin_of = binning(low, high, dimension, bins_in_use);
-        let mut bins = [Group::EMPTY; BINS];
+        let mut bins = [LightGroup::EMPTY; BINS];
         for item in items.iter() {
             bins[bin_of(item)].add(item);
         }
-        let mut above = [Group::EMPTY; BINS];
-        let mut sum = Group::EMPTY;
+        let mut above = [LightGroup::EMPTY; BINS];
+        let mut sum = LightGroup::EMPTY;
         for k in (1..bins_in_use).rev() {
             sum = sum.union(&bins[k]);
             above[k] = sum;
         }
-        let mut below = Group::EMPTY;
+        let mut below = LightGroup::EMPTY;
         for k in 1..bins_in_use {
             below = below.union(&bins[k - 1]);
             if below.count == 0 || above[k].count == 0 {

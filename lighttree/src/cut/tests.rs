@@ -3,7 +3,7 @@ use crate::build::{BuildParams, Builder};
 use crate::lanes::{Kernel, PartOfEight, Width};
 use crate::light::{Emission, luminance};
 use crate::receiver::{Ggx, Lambert};
-use crate::testing::{self, Random, Scene};
+use crate::testing::{self, Random, TestScene};
 
 fn ceiling(side: u32) -> LightTree {
     let lights: Vec<Light> = (0..side * side)
@@ -169,7 +169,7 @@ fn face_to_face(tree: &LightTree, position: Vec3, strongest: Vec3) -> f32 {
     tree.lights().iter().map(arrives).sum()
 }
 
-fn build(scene: &Scene, builder: Builder) -> LightTree {
+fn build(scene: &TestScene, builder: Builder) -> LightTree {
     LightTree::build_by(
         builder,
         &scene.lights,
@@ -290,7 +290,7 @@ fn estimates_have_the_same_bits_however_many_at_once() {
         let scene = random.scene(24);
         let tree = build(&scene, Builder::TopDown);
         let clusters = std::array::from_fn(|_| (random.bits() % tree.nodes.len() as u64) as u32);
-        let Scene { receiver: Lambert { position, normal, .. }, direction: view, .. } = scene;
+        let TestScene { receiver: Lambert { position, normal, .. }, direction: view, .. } = scene;
         let (diffuse, specular) = (Vec3::new(0.7, 0.5, 0.3), Vec3::splat(0.04));
         fn same<R: Receiver>(tree: &LightTree, clusters: [u32; 4], receiver: &R) -> bool {
             let halves = tree.halves(clusters);

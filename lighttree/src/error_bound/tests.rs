@@ -4,7 +4,7 @@ use super::*;
 use crate::build::BuildParams;
 use crate::light::{Light, luminance, unshadowed_by};
 use crate::receiver::{Bundled, Ggx, Lambert};
-use crate::testing::{self, Random, Scene};
+use crate::testing::{self, Random, TestScene};
 use crate::tree::LightTree;
 
 /// Trees that are checked, each cluster of each against all lights below it; 10⁵ for the diffuse receiver.
@@ -13,7 +13,7 @@ const TREES: u64 = 100_000;
 /// Rounding of cosines, as a share of what the cluster could do face to face; narrow lobes multiply it.
 const ROUNDING: f32 = 1e-4;
 
-fn build(scene: &Scene) -> LightTree {
+fn build(scene: &TestScene) -> LightTree {
     LightTree::build(&scene.lights, BuildParams::bounded_by(scene.geometry_term_bound).with_seed(scene.seed))
 }
 
@@ -88,7 +88,7 @@ fn around() -> Region {
     Region::new(Vec3::NEG_ONE.into(), Vec3::ONE.into())
 }
 
-fn rough(random: &mut Random, scene: &Scene) -> Ggx {
+fn rough(random: &mut Random, scene: &TestScene) -> Ggx {
     let Lambert { position, normal, reflectance } = scene.receiver;
     let alpha = random.within(0.05, 1.0);
     Ggx { position, normal, view: scene.direction, diffuse: reflectance, specular: Vec3::new(0.04, 0.5, 1.0), alpha }

@@ -1,6 +1,6 @@
 //! Description of the one video of a container: all that it states besides the pictures.
 
-use super::{clock::CLOCK, pes::Picture};
+use super::{clock::CLOCK, pes::StreamPicture};
 use crate::{ColorDescription, Config, Standard, header::GROUP_START_CODE};
 
 /// The video of a file, as its header describes it.
@@ -74,7 +74,7 @@ fn sample(config: &Config) -> (u32, u32) {
 /// A place where a reader can begin.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct Entry {
+pub(super) struct SeekPoint {
     /// When its picture is shown, in the file's own units.
     pub time: u64,
     /// The byte at which the part of the file begins that holds it.
@@ -82,7 +82,7 @@ pub(super) struct Entry {
 }
 
 /// The sequence header and its extensions in front of an I picture (13818-2, 6.2.2.1).
-pub(super) fn sequence_header(picture: &Picture) -> &[u8] {
+pub(super) fn sequence_header(picture: &StreamPicture) -> &[u8] {
     let group = picture.data.windows(4).position(|bytes| bytes == [0, 0, 1, GROUP_START_CODE]);
     &picture.data[..group.unwrap_or(0)]
 }

@@ -7,8 +7,8 @@
 
 use super::{
     clock::CLOCK,
-    description::{Description, Entry, reduced, sequence_header},
-    pes::Picture,
+    description::{Description, SeekPoint, reduced, sequence_header},
+    pes::StreamPicture,
 };
 use crate::Standard;
 
@@ -46,8 +46,8 @@ pub(super) struct Writer {
     /// Beginning of the contents of the segment, from which places are counted.
     segment: u64,
     /// The pictures of the group that is not whole yet.
-    group: Vec<Picture>,
-    entries: Vec<Entry>,
+    group: Vec<StreamPicture>,
+    entries: Vec<SeekPoint>,
 }
 
 impl Writer {
@@ -62,7 +62,7 @@ impl Writer {
     }
 
     /// Takes a picture, and gives the cluster of the group before if it begins one.
-    pub fn put(&mut self, picture: Picture) -> Vec<u8> {
+    pub fn put(&mut self, picture: StreamPicture) -> Vec<u8> {
         let out = if picture.is_entry { self.flush() } else { Vec::new() };
         self.group.push(picture);
         out
@@ -88,7 +88,7 @@ impl Writer {
             out.extend(element(TRACKS, &[&self.track(sequence_header(first))]));
         }
         let place = (self.length + out.len() as u64).saturating_sub(self.segment);
-        self.entries.push(Entry { time: milliseconds(first.times.presentation), place });
+        self.entries.push(SeekPoint { time: milliseconds(first.times.presentation), place });
         out.extend(self.cluster());
         self.group.clear();
         self.length += out.len() as u64;
@@ -185,9 +185,9 @@ impl Writer {
             // SimpleBlock (10.2): the track's number, the time from that of the cluster, flags. A group is shorter than 32 s.
             let time = milliseconds(picture.times.presentation) - begin;
             let flags = match picture {
-                Picture { is_entry: true, .. } => KEYFRAME,
-                Picture { is_disposable: true, .. } => DISCARDABLE,
-                Picture { .. } => 0,
+                StreamPicture { is_entry: true, .. } => KEYFRAME,
+                StreamPicture { is_disposable: true, .. } => DISCARDABLE,
+                StreamPicture { .. } => 0,
             };
             let head = [&size_of(TRACK)[..], &(time as i16).to_be_bytes(), &[flags]].concat();
             blocks.extend(element(SIMPLE_BLOCK, &[&head, &picture.data]));

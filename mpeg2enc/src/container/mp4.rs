@@ -8,8 +8,8 @@
 
 use super::{
     clock::CLOCK,
-    description::{Description, Entry},
-    pes::Picture,
+    description::{Description, SeekPoint},
+    pes::StreamPicture,
 };
 use crate::Standard;
 
@@ -42,8 +42,8 @@ pub(super) struct Writer {
     /// Bytes written so far.
     length: u64,
     /// The pictures of the group that is not whole yet.
-    group: Vec<Picture>,
-    entries: Vec<Entry>,
+    group: Vec<StreamPicture>,
+    entries: Vec<SeekPoint>,
 }
 
 impl Writer {
@@ -63,7 +63,7 @@ impl Writer {
     }
 
     /// Takes a picture, and gives the fragment of the group before if it begins one.
-    pub fn put(&mut self, picture: Picture) -> Vec<u8> {
+    pub fn put(&mut self, picture: StreamPicture) -> Vec<u8> {
         let out = if picture.is_entry { self.flush() } else { Vec::new() };
         self.group.push(picture);
         out
@@ -81,7 +81,7 @@ impl Writer {
         let Some(first) = self.group.first() else { return Vec::new() };
         let mut out = if self.length == 0 { self.headers() } else { Vec::new() };
         let place = self.length + out.len() as u64;
-        self.entries.push(Entry { time: self.ticks(first.times.presentation), place });
+        self.entries.push(SeekPoint { time: self.ticks(first.times.presentation), place });
         out.extend(self.fragment());
         self.group.clear();
         self.length += out.len() as u64;
@@ -235,20 +235,22 @@ impl Writer {
     }
 
     /// Pictures that one of the group needs, and is needed for (8.8.3.1).
-    fn flags(&self, picture: &Picture) -> u32 {
+    fn flags(&self, picture: &StreamPicture) -> u32 {
         let entry = self.group.first().map_or(0, |first| first.times.presentation);
         match picture {
-            Picture { is_entry: true, .. } => FLAGS_ENTRY,
-            Picture { is_disposable: false, .. } => FLAGS_PREDICTED,
-            Picture { times, .. } if times.presentation < entry => FLAGS_PREDICTED | FLAGS_DISPOSABLE | FLAGS_LEADING,
-            Picture { .. } => FLAGS_PREDICTED | FLAGS_DISPOSABLE,
+            StreamPicture { is_entry: true, .. } => FLAGS_ENTRY,
+            StreamPicture { is_disposable: false, .. } => FLAGS_PREDICTED,
+            StreamPicture { times, .. } if times.presentation < entry => {
+                FLAGS_PREDICTED | FLAGS_DISPOSABLE | FLAGS_LEADING
+            }
+            StreamPicture { .. } => FLAGS_PREDICTED | FLAGS_DISPOSABLE,
         }
     }
 
     /// `mfra` (8.8.9 to 8.8.11).
     fn random_access(&self) -> Vec<u8> {
         let mut table = words(&[TRACK, 0, self.entries.len() as u32]); // numbers of traf, trun and sample take a byte each
-        for Entry { time, place } in &self.entries {
+        for SeekPoint { time, place } in &self.entries {
             table.extend(time.to_be_bytes());
             table.extend(place.to_be_bytes()); // moof_offset
             table.extend([1, 1, 1]); // traf_number, trun_number, sample_number

@@ -15,7 +15,7 @@ const STAMP: u64 = CLOCK / 90_000;
 /// A picture's part of the elementary stream.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct Picture {
+pub(super) struct StreamPicture {
     pub data: Vec<u8>,
     pub times: Times,
     /// Can a decoder begin here?

@@ -5,7 +5,7 @@
 
 use super::{
     clock::CLOCK,
-    pes::{Header, PADDING_LEAST, Picture, VIDEO_STREAM, padding, put_parts},
+    pes::{Header, PADDING_LEAST, StreamPicture, VIDEO_STREAM, padding, put_parts},
     schedule::{SLACK, Schedule},
 };
 use crate::bits::{BitSink, BitWriter};
@@ -74,7 +74,7 @@ impl Writer {
     }
 
     /// The packs of one picture; `end` follows the last one, within its 2048 bytes at most.
-    pub fn put(&mut self, picture: &Picture, end: &[u8]) -> Vec<u8> {
+    pub fn put(&mut self, picture: &StreamPicture, end: &[u8]) -> Vec<u8> {
         self.schedule.begin(picture.times.decoding);
         let mut out = Vec::with_capacity(picture.data.len() * PACK / (PACK - HEADERS) + PACK);
         let mut rest = &picture.data[..];

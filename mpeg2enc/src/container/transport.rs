@@ -2,7 +2,7 @@
 
 use super::{
     clock::CLOCK,
-    pes::{Header, Picture},
+    pes::{Header, StreamPicture},
     schedule::{SLACK, Schedule},
 };
 use crate::{
@@ -118,7 +118,7 @@ impl Writer {
     }
 
     /// The packets of one picture.
-    pub fn put(&mut self, picture: &Picture) -> Vec<u8> {
+    pub fn put(&mut self, picture: &StreamPicture) -> Vec<u8> {
         self.schedule.begin(picture.times.decoding);
         let mut data = Header { times: Some(picture.times), ..Header::default() }.bytes(None);
         let header = data.len();

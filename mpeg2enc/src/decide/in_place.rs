@@ -12,7 +12,7 @@ use crate::{
     Picture,
     block::Block,
     dct,
-    kernel::{self, Place},
+    kernel::{self, ReferenceBlock},
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     predict::place_of,
     quant::{Quantiser, Transformed},
@@ -147,12 +147,12 @@ impl InPlace<'_> {
     }
 
     /// Where the macroblock begins in luma, `vector` away.
-    fn luma<'a>(&self, frame: &'a Picture, vector: HalfSample) -> Place<'a> {
+    fn luma<'a>(&self, frame: &'a Picture, vector: HalfSample) -> ReferenceBlock<'a> {
         place_of(frame.luma(), 32 * self.column as i32 + vector.x, 32 * self.row as i32 + vector.y)
     }
 
     /// Where it begins in Cb (0) or Cr (1).
-    fn chroma<'a>(&self, frame: &'a Picture, which: usize, vector: HalfSample) -> Place<'a> {
+    fn chroma<'a>(&self, frame: &'a Picture, which: usize, vector: HalfSample) -> ReferenceBlock<'a> {
         let plane = if which == 0 { frame.cb() } else { frame.cr() };
         place_of(plane, 16 * self.column as i32 + vector.x, 16 * self.row as i32 + vector.y)
     }

@@ -3,7 +3,7 @@
 use crate::{
     Config, KnownMotion, Picture, PictureType, Rate, RestoreError,
     bounds::Bounds,
-    coder::{Coded, Coder, Direction, Job, Packet},
+    coder::{CodedPacket, Coder, Direction, Packet, PictureJob},
     header::VBV_DELAY_VARIABLE,
     lookahead::{Lookahead, plan::Span, weights},
     motion::Candidates,
@@ -182,7 +182,7 @@ impl Ahead {
     }
 
     /// Codes one picture with the quantiser that the rate allows, times its factors; again if it does not fit.
-    fn code_within_rate(&mut self, coder: &mut Coder, turn: Turn) -> Coded {
+    fn code_within_rate(&mut self, coder: &mut Coder, turn: Turn) -> CodedPacket {
         let wanted_x256 = coder.config.quantiser_x256();
         let Some(mut rate) = self.rate.take() else {
             return self.code_within_bounds(coder, turn);
@@ -230,7 +230,7 @@ impl Ahead {
     }
 
     /// Codes one picture with the quantiser of the settings times its factors, coarser if the level's buffer requires it.
-    fn code_within_bounds(&mut self, coder: &mut Coder, turn: Turn) -> Coded {
+    fn code_within_bounds(&mut self, coder: &mut Coder, turn: Turn) -> CodedPacket {
         let mut base_x256 = coder.config.quantiser_x256();
         let mut coded = loop {
             let coded = self.code_picture(coder, &turn, base_x256, VBV_DELAY_VARIABLE);
@@ -259,7 +259,7 @@ impl Ahead {
     }
 
     /// Codes one picture; `base_x256` is quantiser_scale before factors, in 256ths.
-    fn code_picture(&mut self, coder: &mut Coder, turn: &Turn, base_x256: u32, vbv_delay: u32) -> Coded {
+    fn code_picture(&mut self, coder: &mut Coder, turn: &Turn, base_x256: u32, vbv_delay: u32) -> CodedPacket {
         let &Turn { index, picture_type, factors, .. } = turn;
         let columns = coder.config.macroblock_counts().0;
         // A factor that all macroblocks share would jump from one quantiser that exists to the next.
@@ -284,7 +284,7 @@ impl Ahead {
             }
         }
         let source = &self.lookahead.get(index).source;
-        coder.code(&Job {
+        coder.code(&PictureJob {
             picture_type,
             display_index: index as u64,
             temporal_reference: (index - self.group_start) as u32,

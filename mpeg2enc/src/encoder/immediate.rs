@@ -4,7 +4,7 @@ use super::weighted::scales_x16;
 use crate::{
     Config, Picture, PictureType, RestoreError,
     bounds::Bounds,
-    coder::{Coder, Direction, Job, Packet},
+    coder::{Coder, Direction, Packet, PictureJob},
     header::VBV_DELAY_VARIABLE,
     motion::{CoarseSearch, all_candidates, quarter},
     restore::{ensure, is_whole},
@@ -63,7 +63,7 @@ impl Immediate {
                 Some(weights) => scales_x16(weights, columns, quantiser_scale, coder.q_scale_type()),
                 None => vec![16 * quantiser_scale; columns * rows],
             };
-            let coded = coder.code(&Job {
+            let coded = coder.code(&PictureJob {
                 picture_type: if forward.is_some() { PictureType::P } else { PictureType::I },
                 display_index: self.count,
                 temporal_reference: place_in_group as u32,

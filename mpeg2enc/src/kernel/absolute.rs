@@ -1,21 +1,21 @@
 //! Sums of absolute differences: what a search for vectors compares.
 
 use super::{
-    Place,
-    predicted::{Work, predicted, whole},
+    ReferenceBlock,
+    predicted::{BlockWork, predicted, whole},
 };
 use lanes::{Bytes, Choice, Kernel, Lanes, Samples, Sum, Window};
 use std::marker::PhantomData;
 
 /// Sum of absolute differences between N×N samples, at a whole position, and their prediction; N is 8 or 16.
 #[inline]
-pub(crate) fn absolute_difference<const N: usize>(source: Place, reference: Place) -> u32 {
+pub(crate) fn absolute_difference<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::best().run(One::<N> { source: &source, reference: &reference })
 }
 
 /// [`absolute_difference`] for any processor.
 #[cfg(test)]
-pub(super) fn absolute_difference_plain<const N: usize>(source: Place, reference: Place) -> u32 {
+pub(super) fn absolute_difference_plain<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::SCALAR.run(One::<N> { source: &source, reference: &reference })
 }
 
@@ -24,14 +24,17 @@ pub(super) fn absolute_difference_plain<const N: usize>(source: Place, reference
 /// The samples are read once, and the instructions are chosen once: half of the time of four calls of
 /// [`absolute_difference`].
 #[inline]
-pub(crate) fn absolute_differences<const N: usize>(source: Place, references: [Place; 4]) -> [u32; 4] {
+pub(crate) fn absolute_differences<const N: usize>(
+    source: ReferenceBlock,
+    references: [ReferenceBlock; 4],
+) -> [u32; 4] {
     Choice::best().run(Four::<N> { source: &source, references: &references })
 }
 
 /// [`absolute_difference`]. A block of 8×8 is too small to gain by longer registers.
 struct One<'a, const N: usize> {
-    source: &'a Place<'a>,
-    reference: &'a Place<'a>,
+    source: &'a ReferenceBlock<'a>,
+    reference: &'a ReferenceBlock<'a>,
 }
 
 impl<const N: usize> Kernel for One<'_, N> {
@@ -50,8 +53,8 @@ impl<const N: usize> Kernel for One<'_, N> {
 
 /// [`absolute_differences`].
 struct Four<'a, const N: usize> {
-    source: &'a Place<'a>,
-    references: &'a [Place<'a>; 4],
+    source: &'a ReferenceBlock<'a>,
+    references: &'a [ReferenceBlock<'a>; 4],
 }
 
 impl<const N: usize> Kernel for Four<'_, N> {
@@ -81,7 +84,7 @@ fn four<const N: usize, S: Samples>(Four { source, references }: Four<'_, N>) ->
 /// Difference to samples in memory.
 struct ToWindow<'a, const N: usize, S>(Window<'a, N, N, false, false>, PhantomData<S>);
 
-impl<const N: usize, S: Samples> Work<N, N> for ToWindow<'_, N, S> {
+impl<const N: usize, S: Samples> BlockWork<N, N> for ToWindow<'_, N, S> {
     type Output = u32;
 
     #[inline(always)]
@@ -97,7 +100,7 @@ impl<const N: usize, S: Samples> Work<N, N> for ToWindow<'_, N, S> {
 /// Difference to groups of samples, as many as there are.
 struct ToGroups<'a, S>(&'a [S; 16]);
 
-impl<const N: usize, S: Samples> Work<N, N> for ToGroups<'_, S> {
+impl<const N: usize, S: Samples> BlockWork<N, N> for ToGroups<'_, S> {
     type Output = u32;
 
     #[inline(always)]

@@ -1,8 +1,8 @@
 //! Predictions put where they will be shown, with the errors that they leave.
 
 use super::{
-    Place,
-    predicted::{Work, predicted, whole},
+    ReferenceBlock,
+    predicted::{BlockWork, predicted, whole},
 };
 use lanes::{Choice, Kernel, Lanes, Samples, Sum, Window, WindowMut};
 use std::marker::PhantomData;
@@ -10,15 +10,20 @@ use std::marker::PhantomData;
 /// W rows of W predicted samples (7.6.4), put where `out` begins and `stride` apart, and the squared errors of their blocks
 /// of 8×8, upper before lower, against the source at a whole position; W is 16, or 8 for a single block.
 #[inline]
-pub(crate) fn predict_onto<const W: usize>(source: Place, reference: Place, out: &mut [u8], stride: usize) -> [u32; 4] {
+pub(crate) fn predict_onto<const W: usize>(
+    source: ReferenceBlock,
+    reference: ReferenceBlock,
+    out: &mut [u8],
+    stride: usize,
+) -> [u32; 4] {
     Choice::best().run(Onto::<W> { source: &source, reference: &reference, out, stride })
 }
 
 /// [`predict_onto`] for any processor.
 #[cfg(test)]
 pub(super) fn predict_onto_plain<const W: usize>(
-    source: Place,
-    reference: Place,
+    source: ReferenceBlock,
+    reference: ReferenceBlock,
     out: &mut [u8],
     stride: usize,
 ) -> [u32; 4] {
@@ -27,8 +32,8 @@ pub(super) fn predict_onto_plain<const W: usize>(
 
 /// [`predict_onto`].
 struct Onto<'a, const W: usize> {
-    source: &'a Place<'a>,
-    reference: &'a Place<'a>,
+    source: &'a ReferenceBlock<'a>,
+    reference: &'a ReferenceBlock<'a>,
     out: &'a mut [u8],
     stride: usize,
 }
@@ -50,7 +55,7 @@ struct Copied<'a, const W: usize, S> {
     samples: PhantomData<S>,
 }
 
-impl<const W: usize, S: Samples> Work<W, W> for Copied<'_, W, S> {
+impl<const W: usize, S: Samples> BlockWork<W, W> for Copied<'_, W, S> {
     type Output = [u32; 4];
 
     #[inline(always)]

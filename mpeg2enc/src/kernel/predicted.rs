@@ -1,10 +1,10 @@
 //! Predictions with half positions that are known when the code is compiled.
 
-use super::Place;
+use super::ReferenceBlock;
 use lanes::{Bytes, Samples, Window};
 
 /// Work on R rows of N predicted samples.
-pub(super) trait Work<const N: usize, const R: usize> {
+pub(super) trait BlockWork<const N: usize, const R: usize> {
     /// Result of the work.
     type Output;
 
@@ -14,8 +14,11 @@ pub(super) trait Work<const N: usize, const R: usize> {
 
 /// Does `work` on the prediction from a place.
 #[inline(always)]
-pub(super) fn predicted<const N: usize, const R: usize, W: Work<N, R>>(place: &Place, work: W) -> W::Output {
-    let Place { samples, stride, half } = *place;
+pub(super) fn predicted<const N: usize, const R: usize, W: BlockWork<N, R>>(
+    place: &ReferenceBlock,
+    work: W,
+) -> W::Output {
+    let ReferenceBlock { samples, stride, half } = *place;
     match half {
         (false, false) => work.on(Window::<N, R, false, false>::new(samples, stride)),
         (true, false) => work.on(Window::<N, R, true, false>::new(samples, stride)),
@@ -26,17 +29,17 @@ pub(super) fn predicted<const N: usize, const R: usize, W: Work<N, R>>(place: &P
 
 /// R rows of N samples at a whole position.
 #[inline(always)]
-pub(super) fn whole<'a, const N: usize, const R: usize>(source: &Place<'a>) -> Window<'a, N, R, false, false> {
+pub(super) fn whole<'a, const N: usize, const R: usize>(source: &ReferenceBlock<'a>) -> Window<'a, N, R, false, false> {
     debug_assert!(source.half == (false, false));
     Window::new(source.samples, source.stride)
 }
 
 /// Gives `each` the predicted samples of N rows of N (7.6.4), in groups from the upper left on; N is 8 or 16.
 #[inline(always)]
-pub(super) fn for_predicted<const N: usize>(place: &Place, each: impl FnMut(usize, Bytes)) {
+pub(super) fn for_predicted<const N: usize>(place: &ReferenceBlock, each: impl FnMut(usize, Bytes)) {
     struct Each<F>(F);
 
-    impl<const N: usize, F: FnMut(usize, Bytes)> Work<N, N> for Each<F> {
+    impl<const N: usize, F: FnMut(usize, Bytes)> BlockWork<N, N> for Each<F> {
         type Output = ();
 
         #[inline(always)]

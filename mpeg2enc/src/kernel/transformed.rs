@@ -1,8 +1,8 @@
 //! Sums of absolute transformed differences: nearly what differences cost when they are coded.
 
 use super::{
-    Place,
-    predicted::{Work, predicted, whole},
+    ReferenceBlock,
+    predicted::{BlockWork, predicted, whole},
 };
 use lanes::{Bytes, Choice, Differences, Kernel, Lanes, Samples, Window, Words};
 
@@ -12,20 +12,20 @@ use lanes::{Bytes, Choice, Differences, Kernel, Lanes, Samples, Window, Words};
 /// one coefficient of a flat difference d then counts 8·d, about as 64 plain differences spread over many
 /// coefficients do.
 #[inline]
-pub(crate) fn transformed_difference<const N: usize>(source: Place, reference: Place) -> u32 {
+pub(crate) fn transformed_difference<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::best().run(Transformed::<N> { source: &source, reference: &reference })
 }
 
 /// [`transformed_difference`] for any processor.
 #[cfg(test)]
-pub(super) fn transformed_difference_plain<const N: usize>(source: Place, reference: Place) -> u32 {
+pub(super) fn transformed_difference_plain<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::SCALAR.run(Transformed::<N> { source: &source, reference: &reference })
 }
 
 /// [`transformed_difference`]: two blocks at a time for N of 16.
 struct Transformed<'a, const N: usize> {
-    source: &'a Place<'a>,
-    reference: &'a Place<'a>,
+    source: &'a ReferenceBlock<'a>,
+    reference: &'a ReferenceBlock<'a>,
 }
 
 impl<const N: usize> Kernel for Transformed<'_, N> {
@@ -34,7 +34,7 @@ impl<const N: usize> Kernel for Transformed<'_, N> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> u32 {
         if N == 8 {
-            predicted::<8, 8, _>(self.reference, Block(whole(self.source)))
+            predicted::<8, 8, _>(self.reference, SingleBlock(whole(self.source)))
         } else {
             predicted::<16, 16, _>(self.reference, Macroblock(whole(self.source), lanes))
         }
@@ -42,9 +42,9 @@ impl<const N: usize> Kernel for Transformed<'_, N> {
 }
 
 /// Differences to a single block.
-struct Block<'a>(Window<'a, 8, 8, false, false>);
+struct SingleBlock<'a>(Window<'a, 8, 8, false, false>);
 
-impl Work<8, 8> for Block<'_> {
+impl BlockWork<8, 8> for SingleBlock<'_> {
     type Output = u32;
 
     #[inline(always)]
@@ -60,7 +60,7 @@ impl Work<8, 8> for Block<'_> {
 /// Differences to four blocks.
 struct Macroblock<'a, L>(Window<'a, 16, 16, false, false>, L);
 
-impl<L: Lanes> Work<16, 16> for Macroblock<'_, L> {
+impl<L: Lanes> BlockWork<16, 16> for Macroblock<'_, L> {
     type Output = u32;
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! Costs of blocks of the half-size picture.
 
 use crate::{
-    kernel::{self, Place},
+    kernel::{self, ReferenceBlock},
     predict::place_of,
     vector::HalfSample,
 };
@@ -31,7 +31,7 @@ pub(super) fn mean_cost(
 }
 
 /// Sum of absolute differences, transformed or plain.
-fn difference(source: Place, reference: Place, transformed: bool) -> u32 {
+fn difference(source: ReferenceBlock, reference: ReferenceBlock, transformed: bool) -> u32 {
     if transformed {
         kernel::transformed_difference::<BLOCK>(source, reference)
     } else {
@@ -40,8 +40,8 @@ fn difference(source: Place, reference: Place, transformed: bool) -> u32 {
 }
 
 /// A prediction that was made already.
-fn whole(block: &[[u8; BLOCK]; BLOCK]) -> Place<'_> {
-    Place::whole(block.as_flattened(), BLOCK)
+fn whole(block: &[[u8; BLOCK]; BLOCK]) -> ReferenceBlock<'_> {
+    ReferenceBlock::whole(block.as_flattened(), BLOCK)
 }
 
 /// Sums of absolute differences of every block to its mean, transformed or plain.
@@ -52,7 +52,7 @@ pub(super) fn intra_costs(half: &Plane<u8>, transformed: bool) -> Arc<[u32]> {
             let block = half.block(i % columns, i / columns);
             let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
             let mean = [[((sum + 32) / 64) as u8; BLOCK]; BLOCK];
-            let source = Place::whole(&block, BLOCK);
+            let source = ReferenceBlock::whole(&block, BLOCK);
             difference(source, whole(&mean), transformed)
         })
         .collect()

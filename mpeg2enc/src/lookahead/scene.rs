@@ -2,7 +2,7 @@
 
 use super::{Lookahead, away};
 use crate::{
-    kernel::{self, Place},
+    kernel::{self, ReferenceBlock},
     predict::place_of,
     vector::Range,
 };
@@ -43,7 +43,7 @@ impl Lookahead {
             let range = Range::new(reference, column, row, super::block_search::REACH);
             let vector = range.clamp(known[i].vectors().first().copied().unwrap_or_default());
             let place = place_of(reference, 32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
-            let here = Place::whole(block.as_flattened(), 16);
+            let here = ReferenceBlock::whole(block.as_flattened(), 16);
             let sum: u32 = block.as_flattened().iter().map(|&sample| u32::from(sample)).sum();
             let mean = ((sum + 128) / 256) as u8;
             let intra: u32 = block.as_flattened().iter().map(|&sample| u32::from(sample.abs_diff(mean))).sum();

@@ -1,7 +1,7 @@
 //! The search for the vector of one block.
 
 use crate::{
-    kernel::{self, Place},
+    kernel::{self, ReferenceBlock},
     predict::place_of,
     vector::{HalfSample, Range},
 };
@@ -36,7 +36,7 @@ const LIGHT_16THS: u32 = 4;
 
 /// The search for one block of N×N samples.
 pub(crate) struct Search<'a, const N: usize> {
-    source: Place<'a>,
+    source: ReferenceBlock<'a>,
     reference: &'a Plane<u8>,
     x2: i32,
     y2: i32,
@@ -203,7 +203,7 @@ impl<'a, const N: usize> Search<'a, N> {
         self.best_cost += self.best_error;
     }
 
-    fn place(&self, vector: HalfSample) -> Place<'_> {
+    fn place(&self, vector: HalfSample) -> ReferenceBlock<'_> {
         place_of(self.reference, self.x2 + vector.x, self.y2 + vector.y)
     }
 

@@ -3,7 +3,7 @@
 //! Quantisation and its inverse for all of a block together, whatever its levels are.
 //! [`quantise`](Quantiser::quantise) and [`dequantise`](Quantiser::dequantise) do it level by level: tests compare the two.
 
-use super::{Block, Kind, Quantiser, Rounding, Transformed, odd_sum, places};
+use super::{Block, BlockKind, Quantiser, Rounding, Transformed, odd_sum, places};
 use crate::{Standard, kernel, vlc::block_bits};
 
 impl Quantiser {
@@ -18,9 +18,9 @@ impl Quantiser {
     ) {
         let Transformed { coefficients, energy } = transformed;
         if rounding != Rounding::DeadZone || self.standard != Standard::Mpeg2 {
-            self.quantise(transformed, Kind::Inter, rounding, block);
+            self.quantise(transformed, BlockKind::Inter, rounding, block);
             if block.is_coded() {
-                *restored = self.dequantise(block, Kind::Inter);
+                *restored = self.dequantise(block, BlockKind::Inter);
             }
             return;
         }
@@ -90,10 +90,10 @@ mod tests {
                         let (mut ours, mut twin, mut restored) = (Block::EMPTY, Block::EMPTY, [0; 64]);
                         let transformed = Transformed { coefficients: &coefficients, energy };
                         quantiser.quantise_predicted(transformed, Rounding::DeadZone, &mut ours, &mut restored);
-                        quantiser.quantise(transformed, Kind::Inter, Rounding::DeadZone, &mut twin);
+                        quantiser.quantise(transformed, BlockKind::Inter, Rounding::DeadZone, &mut twin);
                         assert_eq!((ours.places, ours.bits, ours.error), (twin.places, twin.bits, twin.error));
                         assert!(places(ours.places).all(|place| ours.levels[place] == twin.levels[place]));
-                        assert!(!ours.is_coded() || restored == quantiser.dequantise(&twin, Kind::Inter));
+                        assert!(!ours.is_coded() || restored == quantiser.dequantise(&twin, BlockKind::Inter));
                     }
                 }
             }

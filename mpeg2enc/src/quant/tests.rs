@@ -18,8 +18,8 @@ fn quantiser_of(standard: Standard, scale: u32) -> Quantiser {
     Quantiser::new(scale, &parameters)
 }
 
-fn quantise(quantiser: &Quantiser, coefficients: &[i32; 64], kind: Kind, rounding: Rounding) -> Block {
-    let start = usize::from(kind == Kind::Intra);
+fn quantise(quantiser: &Quantiser, coefficients: &[i32; 64], kind: BlockKind, rounding: Rounding) -> Block {
+    let start = usize::from(kind == BlockKind::Intra);
     let energy = coefficients[start..].iter().map(|&c| i64::from(c).pow(2)).sum();
     let mut block = Block::EMPTY;
     quantiser.quantise(Transformed { coefficients, energy }, kind, rounding, &mut block);
@@ -35,7 +35,7 @@ fn mismatch_control_makes_the_sum_odd() {
     let quantiser = quantiser(8);
     for seed in 0..500i32 {
         let coefficients = std::array::from_fn(|i| (seed * 7919 + i as i32 * 104_729) % 9000 - 4500);
-        for kind in [Kind::Intra, Kind::Inter] {
+        for kind in [BlockKind::Intra, BlockKind::Inter] {
             let block = quantise(&quantiser, &coefficients, kind, trellis(8));
             assert_eq!(quantiser.dequantise(&block, kind).iter().sum::<i32>() & 1, 1);
         }
@@ -48,12 +48,12 @@ fn mpeg_1_makes_each_coefficient_odd_toward_zero() {
         let (ours, mpeg2) = (quantiser_of(Standard::Mpeg1, scale), quantiser(scale));
         for seed in 0..100i32 {
             let coefficients = std::array::from_fn(|i| (seed * 7919 + i as i32 * 104_729) % 9000 - 4500);
-            for kind in [Kind::Intra, Kind::Inter] {
+            for kind in [BlockKind::Intra, BlockKind::Inter] {
                 let block = quantise(&ours, &coefficients, kind, trellis(scale));
                 assert!(block.levels.iter().skip(1).all(|level| level.unsigned_abs() <= 255));
                 let (odd, before) = (ours.dequantise(&block, kind), mpeg2.dequantise(&block, kind));
                 // The last one is what mismatch control changes.
-                for i in usize::from(kind == Kind::Intra)..63 {
+                for i in usize::from(kind == BlockKind::Intra)..63 {
                     assert!(odd[i] == 0 || odd[i] & 1 == 1 || odd[i].abs() >= 2047, "{}", odd[i]);
                     assert_eq!(odd[i], before[i] - if before[i] & 1 == 0 { before[i].signum() } else { 0 });
                 }
@@ -70,7 +70,7 @@ fn levels_come_back_near_the_coefficients() {
             let coefficients: [i32; 64] = std::array::from_fn(|i| {
                 (seed * 7919 + i as i32 * 104_729).rem_euclid(1600) - 800 + if i == 0 { 3000 } else { 0 }
             });
-            for (kind, widest) in [(Kind::Intra, 83), (Kind::Inter, 16)] {
+            for (kind, widest) in [(BlockKind::Intra, 83), (BlockKind::Inter, 16)] {
                 let restored = quantiser.dequantise(&quantise(&quantiser, &coefficients, kind, trellis(scale)), kind);
                 let step = f64::from(widest * scale) / 16.0;
                 for (i, (&a, &b)) in coefficients.iter().zip(&restored).enumerate() {
@@ -90,7 +90,7 @@ fn the_error_and_bits_of_a_block_are_what_the_stream_has() {
             let coefficients: [i32; 64] = std::array::from_fn(|i| {
                 (seed * 7919 + i as i32 * 104_729).rem_euclid(2400 / (1 + i as i32)) + if i == 0 { 3000 } else { 0 }
             });
-            for kind in [Kind::Intra, Kind::Inter] {
+            for kind in [BlockKind::Intra, BlockKind::Inter] {
                 let block = quantise(&quantiser, &coefficients, kind, rounding);
                 let mut restored = quantiser.dequantise(&block, kind);
                 restored[63] = 0; // mismatch control
@@ -103,16 +103,16 @@ fn the_error_and_bits_of_a_block_are_what_the_stream_has() {
                 assert!((block.error - error).abs() <= last, "{} is not {error}", block.error);
                 let mut counter = crate::bits::BitWriter::default();
                 match kind {
-                    Kind::Intra => {
+                    BlockKind::Intra => {
                         let dc = i32::from(block.levels[0]);
                         crate::vlc::put_intra_block(&mut counter, quantiser.codes[0], &block, dc, true);
                         assert_eq!(crate::bits::BitSink::bits(&counter), u64::from(block.bits) + 3);
                     }
-                    Kind::Inter if block.is_coded() => {
+                    BlockKind::Inter if block.is_coded() => {
                         crate::vlc::put_inter_block(&mut counter, quantiser.codes[1], &block);
                         assert_eq!(crate::bits::BitSink::bits(&counter), u64::from(block.bits));
                     }
-                    Kind::Inter => assert_eq!(block.bits, 0),
+                    BlockKind::Inter => assert_eq!(block.bits, 0),
                 }
             }
         }
@@ -124,6 +124,6 @@ fn values_saturate() {
     let quantiser = quantiser(112);
     let mut block = Block::EMPTY;
     (block.levels[5], block.levels[6], block.places) = (2047, -2047, 0b110_0000);
-    let restored = quantiser.dequantise(&block, Kind::Inter);
+    let restored = quantiser.dequantise(&block, BlockKind::Inter);
     assert_eq!((restored[turned(ZIGZAG[5])], restored[turned(ZIGZAG[6])]), (2047, -2048));
 }

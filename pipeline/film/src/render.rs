@@ -59,7 +59,7 @@ impl<'a> Render<'a> {
         // First of all: whatever fails below, the others are told.
         let lead = Lead::of(team.shade.clone());
         let masks = plan.is_on(Stage::Masking);
-        let light = Light::new(scene, settings, plan, team)?;
+        let light = LightParts::new(scene, settings, plan, team)?;
         let mut parts = Parts {
             prepare: light.prepare,
             shade: light.shade,
@@ -85,7 +85,7 @@ impl<'a> Render<'a> {
     /// # Errors
     /// The baked light cannot be read, a checkpoint makes no sense, or ranks have found different light.
     pub fn follow(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<()> {
-        let Light { prepare, shade, .. } = Light::new(scene, settings, plan, team)?;
+        let LightParts { prepare, shade, .. } = LightParts::new(scene, settings, plan, team)?;
         Ok(follow(prepare, shade, team)?)
     }
 
@@ -161,14 +161,14 @@ impl<'a> Render<'a> {
 }
 
 /// The parts that make light, which every rank has.
-struct Light<'a> {
+struct LightParts<'a> {
     prepare: Preparation<'a>,
     shade: Shading<'a>,
     #[cfg(feature = "bake")]
     baked: Option<Arc<BakedTexels>>,
 }
 
-impl<'a> Light<'a> {
+impl<'a> LightParts<'a> {
     fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<Self> {
         let renderer = settings.renderer();
         let mut shade = Shading::among(&renderer, plan, team.shade.clone());

@@ -28,7 +28,7 @@ pub(super) struct FilmLog {
 }
 
 /// As it is stored: bytes of the film, reports, figures that wait, and the state of the encoder.
-type Stored = (Written, Vec<FrameReport>, BTreeMap<u32, FrameFigures>, Vec<u8>);
+type StoredLog = (Written, Vec<FrameReport>, BTreeMap<u32, FrameFigures>, Vec<u8>);
 
 impl FilmLog {
     /// How much of the film there is, once that is on the disk, with the `encoder`'s state.
@@ -46,7 +46,7 @@ impl FilmLog {
     /// Continues from a [`state`](Self::state) that was left when the frames `done` were; gives the encoder's state too.
     pub fn restored(state: &[u8], done: Range<u32>) -> Result<(Self, Vec<u8>)> {
         let begin = done.start;
-        let (written, reports, waiting, encoder): Stored = decode(state)?;
+        let (written, reports, waiting, encoder): StoredLog = decode(state)?;
         // Each frame that is done has its line, or waits for it.
         let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(waiting.keys().copied()).collect();
         frames.sort_unstable();

@@ -1,7 +1,7 @@
 //! The arguments of the program.
 
 #[cfg(feature = "bake")]
-use super::commands::bake::Bake;
+use super::commands::bake::BakeArguments;
 use super::commands::compare::Compare;
 use super::commands::join::Join;
 use super::commands::plan::Plan;
@@ -52,7 +52,7 @@ pub enum Command {
     /// Compute the light of all that stands still once, for films that look it up: render --lighting baked.
     #[cfg(feature = "bake")]
     #[command(after_help = examples::BAKE)]
-    Bake(Bake),
+    Bake(BakeArguments),
     /// Render one frame as exactly as wanted, by paths, into a linear OpenEXR picture with the noise that is left in it.
     #[command(after_help = examples::REFERENCE)]
     Reference(Reference),

@@ -4,20 +4,20 @@ use anyhow::{Result, bail};
 use std::sync::OnceLock;
 
 /// A part, and the commands that are gone without it.
-struct Part {
+struct ProgramPart {
     feature: &'static str,
     is_built: bool,
     commands: &'static [&'static str],
 }
 
-const PARTS: [Part; 7] = [
-    Part { feature: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
-    Part { feature: "webp", is_built: cfg!(feature = "webp"), commands: &[] },
-    Part { feature: "basis", is_built: cfg!(feature = "basis"), commands: &[] },
-    Part { feature: "meshopt", is_built: cfg!(feature = "meshopt"), commands: &[] },
-    Part { feature: "draco", is_built: cfg!(feature = "draco"), commands: &[] },
-    Part { feature: "bake", is_built: cfg!(feature = "bake"), commands: &["bake"] },
-    Part { feature: "mpi", is_built: cfg!(feature = "mpi"), commands: &[] },
+const PARTS: [ProgramPart; 7] = [
+    ProgramPart { feature: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
+    ProgramPart { feature: "webp", is_built: cfg!(feature = "webp"), commands: &[] },
+    ProgramPart { feature: "basis", is_built: cfg!(feature = "basis"), commands: &[] },
+    ProgramPart { feature: "meshopt", is_built: cfg!(feature = "meshopt"), commands: &[] },
+    ProgramPart { feature: "draco", is_built: cfg!(feature = "draco"), commands: &[] },
+    ProgramPart { feature: "bake", is_built: cfg!(feature = "bake"), commands: &["bake"] },
+    ProgramPart { feature: "mpi", is_built: cfg!(feature = "mpi"), commands: &[] },
 ];
 
 /// Names the missing part where something is requested that needs `feature`.

@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// A line that shows how far the run is; nothing when standard error is not a terminal.
-pub(crate) struct Progress {
+pub(crate) struct ProgressLine {
     bar: ProgressBar,
     pace: Mutex<Pace>,
     is_quiet: bool,
@@ -48,7 +48,7 @@ impl Pace {
 /// The spinner of the line turns once in eight of these: it shows that a long frame is being made.
 const TICK: Duration = Duration::from_millis(250);
 
-impl Progress {
+impl ProgressLine {
     /// Says what is about to happen, and starts the line.
     pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
         // Lines of a verbose run take the place of this one.

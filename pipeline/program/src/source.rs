@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The scene, and the file with further options.
 #[derive(Args)]
-pub(crate) struct Source {
+pub(crate) struct SceneSource {
     /// A glTF 2.0 scene, .glb or .gltf; a TOML file of the same name beside it says what glTF cannot
     #[arg(required_unless_present = "config")]
     scene: Option<PathBuf>,
@@ -23,7 +23,7 @@ pub(crate) struct Source {
     pub reading: Reading,
 }
 
-impl Source {
+impl SceneSource {
     /// The scene's path. Without one `config_file::parse` ends the program.
     pub fn path(&self) -> PathBuf {
         self.scene.clone().unwrap_or_default()

@@ -14,12 +14,12 @@ use serde::{Deserialize, Serialize};
 pub struct CoatFields {
     fields: Vec<CoatField>,
     /// For each texel of the atlas its field and its slot there, if its coat is baked.
-    places: Vec<Option<Place>>,
+    places: Vec<Option<TexelSlot>>,
 }
 
 /// The place of a texel's light.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct TexelSlot {
     field: u32,
     slot: u32,
 }
@@ -98,7 +98,7 @@ impl CoatFields {
                 let (tile, within) = (field.tiles[slot / TILE_SLOTS], (slot % TILE_SLOTS) as u32);
                 let x = (tile % columns.max(1)) * TILE_SIDE as u32 + within % TILE_SIDE as u32;
                 let y = (tile / columns.max(1)).checked_mul(TILE_SIDE as u32)? + within / TILE_SIDE as u32;
-                let place = Place { field: number as u32, slot: slot as u32 };
+                let place = TexelSlot { field: number as u32, slot: slot as u32 };
                 *places.get_mut(atlas.texel(x, y)? as usize)? = Some(place);
             }
         }
@@ -133,7 +133,7 @@ impl CoatFields {
     /// the unit direction `mirrored`; the albedo of the coat is the caller's factor. None where the coat is not baked.
     #[must_use]
     pub fn mean_radiance(&self, texel: usize, mirrored: Vec3) -> Option<Vec3> {
-        let Place { field, slot } = (*self.places.get(texel)?)?;
+        let TexelSlot { field, slot } = (*self.places.get(texel)?)?;
         self.fields[field as usize].light(slot as usize, mirrored)
     }
 

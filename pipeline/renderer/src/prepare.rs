@@ -44,7 +44,7 @@ pub struct Preparation<'s> {
     /// Whether light is looked at from anywhere, and not from the camera alone.
     everywhere: bool,
     /// Made with the first frame, which is not before the files of the film are open.
-    work: Option<Work<'s>>,
+    work: Option<PrepareState<'s>>,
 }
 
 impl<'s> Preparation<'s> {
@@ -69,7 +69,7 @@ impl<'s> Preparation<'s> {
     /// Frame `index`, which may follow any other: motion leads to the one that was made before it.
     pub fn frame(&mut self, index: u32) -> PreparedFrame<'s> {
         let Self { scene, settings, plan, ranks, everywhere, work } = self;
-        work.get_or_insert_with(|| Work::new(scene, settings, plan, ranks, *everywhere)).frame(index)
+        work.get_or_insert_with(|| PrepareState::new(scene, settings, plan, ranks, *everywhere)).frame(index)
     }
 }
 
@@ -97,14 +97,14 @@ impl<'s> Prepare for Preparation<'s> {
 
     fn restore(&mut self, state: &[u8], last: u32) -> Result<PreparedFrame<'s>> {
         let tree = LightTree::from_bytes(state).context(NONSENSE)?;
-        let mut work = Work::new(self.scene, &self.settings, self.plan, &self.ranks, self.everywhere);
+        let mut work = PrepareState::new(self.scene, &self.settings, self.plan, &self.ranks, self.everywhere);
         work.tree = Some(Arc::new(tree));
         Ok(self.work.insert(work).frame(last))
     }
 }
 
 /// State that is kept from frame to frame.
-struct Work<'s> {
+struct PrepareState<'s> {
     scene: &'s Scene,
     settings: RenderSettings,
     plan: &'s Plan,
@@ -131,7 +131,7 @@ struct Kept {
 
 /// The scene at the time of a frame.
 #[derive(Clone, Copy)]
-struct Placed<'a> {
+struct PlacedScene<'a> {
     /// The frame's number.
     frame: u32,
     pose: &'a Pose,
@@ -185,7 +185,7 @@ fn guide_by_surfaces(
     search.finish()
 }
 
-impl<'s> Work<'s> {
+impl<'s> PrepareState<'s> {
     fn new(
         scene: &'s Scene,
         settings: &RenderSettings,
@@ -245,7 +245,7 @@ impl<'s> Work<'s> {
 
         // Photons light the anchors.
         let lights = tracing::debug_span!("lights", frame = n).entered();
-        let placed = Placed { frame: n, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
+        let placed = PlacedScene { frame: n, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
         let Lights { tree, direct, gather } = self.lights(placed, &mut figures);
         drop(lights);
 
@@ -292,9 +292,9 @@ impl<'s> Work<'s> {
     }
 
     /// The light tree and the direct lights of a frame, with their flux there.
-    fn lights(&mut self, placed: Placed, figures: &mut FrameFigures) -> Lights {
+    fn lights(&mut self, placed: PlacedScene, figures: &mut FrameFigures) -> Lights {
         // Where nothing changes, the lights of the frame before are those of this one.
-        let Placed { frame: n, pose, surfaces, accelerator } = placed;
+        let PlacedScene { frame: n, pose, surfaces, accelerator } = placed;
         let changing = [Stage::Photons, Stage::TreeUpdate, Stage::ObjectPlacing];
         if let Some(kept) = self.kept.as_ref().filter(|_| !changing.into_iter().any(|stage| self.plan.runs(stage, n))) {
             let Kept { tree, direct, gather, .. } = kept;

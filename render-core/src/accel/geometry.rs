@@ -7,7 +7,7 @@ use super::group::Group;
 use super::sharing::Sharing;
 use super::ties::AllSides;
 use super::triangles::Owner;
-use super::{Accelerator, Placed};
+use super::{Accelerator, PlacedGroup};
 use crate::scene::{Instance, Mesh, Pose, Scene};
 use crate::steps;
 use glam::{Affine3A, Vec3};
@@ -37,7 +37,7 @@ impl std::fmt::Debug for Geometry {
 /// Triangles that stand, move or bend together.
 enum Part {
     /// Where it stands in the scaled world.
-    Fixed(Placed),
+    Fixed(PlacedGroup),
     /// The tree of a mesh in its own space, and the node that carries it; none for a skin that keeps its shape.
     Carried { group: Arc<Group>, instance: usize, node: Option<usize> },
     /// Built when it is placed: the instance, and the node it hangs from unless a skin places it.
@@ -143,7 +143,7 @@ impl Geometry {
                 let node = scene.carrier(index);
                 parts.extend(group.map(|group| Part::Carried { group, instance: index, node }));
             } else if sharing.shares(scene, &pose, index) {
-                let placed = own_tree(index, mesh).and_then(|group| Placed::carried(group, index, to_tree));
+                let placed = own_tree(index, mesh).and_then(|group| PlacedGroup::carried(group, index, to_tree));
                 parts.extend(placed.map(Part::Fixed));
             } else {
                 let soup = match holes_of(index) {
@@ -156,7 +156,7 @@ impl Geometry {
         }
         let fixed = [(whole, None), (masked, cut_outs.clone()), (blended, cut_outs.clone())];
         let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes, &sides));
-        parts.extend(fixed.map(|group| Part::Fixed(Placed::in_world(group))));
+        parts.extend(fixed.map(|group| Part::Fixed(PlacedGroup::in_world(group))));
         Self { parts, cut_outs, sides: Arc::new(sides), scale }
     }
 
@@ -200,7 +200,7 @@ impl Geometry {
             Part::Fixed(placed) => Some(placed.clone()),
             Part::Carried { group, instance, node } => {
                 let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
-                Placed::carried(with_holes(group, *instance), *instance, to_tree)
+                PlacedGroup::carried(with_holes(group, *instance), *instance, to_tree)
             }
             Part::Deforming { instance, node } => {
                 let bent = pose.deformed(*instance)?;
@@ -208,10 +208,10 @@ impl Geometry {
                 let mut own = Soup::default();
                 own.add(*instance, &to_tree, (0..bent.triangles.len()).map(|t| bent.corners(t)));
                 let holes = cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(*instance));
-                own.group(BvhBuildParams::fast_build(), holes, &self.sides).map(Placed::in_world)
+                own.group(BvhBuildParams::fast_build(), holes, &self.sides).map(PlacedGroup::in_world)
             }
         };
-        let groups: Vec<Placed> = self.parts.iter().filter_map(placed).collect();
+        let groups: Vec<PlacedGroup> = self.parts.iter().filter_map(placed).collect();
         Accelerator::new(groups, self.sides.clone(), self.scale)
     }
 
@@ -220,7 +220,7 @@ impl Geometry {
     pub(super) fn triangles_held(&self) -> usize {
         let mut groups = HashMap::new();
         for part in &self.parts {
-            if let Part::Fixed(Placed { group, .. }) | Part::Carried { group, .. } = part {
+            if let Part::Fixed(PlacedGroup { group, .. }) | Part::Carried { group, .. } = part {
                 groups.insert(Arc::as_ptr(group), group.owners.len());
             }
         }

@@ -4,7 +4,7 @@ use super::cut_outs::{CutOuts, Sheets};
 use super::ray::Ray;
 use super::reach::Reach;
 use super::tree::{Costs, Tree, Visit};
-use super::triangles::{BLOCK, Block, Leaf, Owner};
+use super::triangles::{BLOCK, Leaf, Owner, TriangleBlock};
 use lanes::{LANES, Lanes};
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
 use std::{sync::Arc, time::Duration};
@@ -21,7 +21,7 @@ const MOST_PARTS: usize = 2;
 pub(super) struct Group {
     /// Its leaves are places in `blocks`, see [`Group::leaf`].
     pub(super) tree: Tree,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<TriangleBlock>,
     /// The place of each triangle in the scene; its instance does not count where a mesh is shared, see [`Group::owner`].
     pub(super) owners: Vec<Owner>,
     pub(super) bounds: Aabb,
@@ -112,7 +112,7 @@ impl Group {
             members.sort_unstable();
             members.dedup();
             for part in members.chunks(BLOCK) {
-                let mut block = Block::EMPTY;
+                let mut block = TriangleBlock::EMPTY;
                 for (lane, &index) in part.iter().enumerate() {
                     let Triangle { v0, v1, v2 } = triangles[index as usize];
                     block.set(lane, index, [v0, v1, v2]);

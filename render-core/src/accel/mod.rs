@@ -25,7 +25,7 @@ mod triangles;
 pub use geometry::Geometry;
 pub use packet::PACKET;
 pub use shaft::Shaft;
-pub(crate) use sheets::{Cone, Shadows};
+pub(crate) use sheets::{RayCone, Shadows};
 
 use cut_outs::Sheets;
 use found::Found;
@@ -59,7 +59,7 @@ pub struct Hit {
 ///
 /// The same ray has the same hit to the last bit, alone or in a packet, with vector instructions or without.
 pub struct Accelerator {
-    groups: Vec<Placed>,
+    groups: Vec<PlacedGroup>,
     /// Over the groups; its leaves are places in `groups`.
     top: Tree,
     sides: Arc<AllSides>,
@@ -81,7 +81,7 @@ impl std::fmt::Debug for Accelerator {
 const GROUP_SLACK: f32 = 1e-5;
 
 #[derive(Clone)]
-struct Placed {
+struct PlacedGroup {
     group: Arc<Group>,
     /// The instance that is shown here; `None` if each triangle of the group knows its own.
     instance: Option<u32>,
@@ -91,7 +91,7 @@ struct Placed {
     bounds: Aabb,
 }
 
-impl Placed {
+impl PlacedGroup {
     /// A group in the scaled world.
     fn in_world(group: Arc<Group>) -> Self {
         Self { bounds: group.bounds, instance: None, to_world: None, to_local: None, group }
@@ -123,16 +123,16 @@ impl Placed {
 
 impl Accelerator {
     /// Builds the tree over `groups`. Inside, lengths are `scale` times what they are outside.
-    fn new(groups: Vec<Placed>, sides: Arc<AllSides>, scale: f32) -> Self {
+    fn new(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, scale: f32) -> Self {
         let views = Views::of(&groups, |groups, sheets| Self::of_part(groups, sides.clone(), sheets, scale));
         Self { views: views.map(Arc::new), ..Self::of_part(groups, sides, Sheets::ByChance, scale) }
     }
 
-    fn of_part(groups: Vec<Placed>, sides: Arc<AllSides>, sheets: Sheets, scale: f32) -> Self {
+    fn of_part(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, sheets: Sheets, scale: f32) -> Self {
         // A box in the world may be entered a rounding later than the triangles in it are met in their own space.
         let boxes: Vec<Aabb> = groups
             .iter()
-            .map(|Placed { bounds: Aabb { min, max }, .. }| {
+            .map(|PlacedGroup { bounds: Aabb { min, max }, .. }| {
                 let slack = Vec3A::splat(GROUP_SLACK * min.abs().max(max.abs()).max_element());
                 Aabb { min: *min - slack, max: *max + slack }
             })

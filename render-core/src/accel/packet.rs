@@ -8,7 +8,7 @@
 use super::group::{Group, Met, NO_TRIANGLE, Nearest};
 use super::ray::{LEAST_COMPONENT, LENGTHENING, Octant};
 use super::reach::Reach;
-use super::tree::{Kind, Stack, Tree, farthest_first};
+use super::tree::{ChildKind, Stack, Tree, farthest_first};
 use super::triangles::{Meeting, meet};
 use glam::Vec3A;
 use lanes::{LANES, Lanes};
@@ -44,7 +44,7 @@ impl PacketRay {
 /// Eight rays side by side.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
-struct Row {
+struct PacketRow {
     /// As in [`super::ray::Ray`].
     inverse_near: [[f32; LANES]; 3],
     inverse_far: [[f32; LANES]; 3],
@@ -66,7 +66,7 @@ pub(super) struct Packet {
     origin: [f32; 3],
     axes: [usize; 3],
     near_plane: [usize; 3],
-    rows: [Row; ROWS],
+    rows: [PacketRow; ROWS],
     /// How many rows there are rays in.
     used: usize,
     /// Least and greatest 1 / component, and the same lengthened.
@@ -115,7 +115,7 @@ impl Packet {
     /// Makes a packet of rays whose directions share an octant, 1 to [`PACKET`] of them.
     #[inline(always)]
     pub(super) fn new<L: Lanes>(lanes: L, origin: Vec3A, octant: Octant, rays: &[PacketRay], reach: Reach) -> Self {
-        let row = Row {
+        let row = PacketRow {
             inverse_near: [[0.0; LANES]; 3],
             inverse_far: [[0.0; LANES]; 3],
             shear: [[0.0; LANES]; 2],
@@ -247,7 +247,7 @@ impl Packet {
                     node.planes[(z + 3) % 6][lane] - from_z,
                 ]);
                 match node.children[lane].kind() {
-                    Kind::Node(index) => {
+                    ChildKind::Node(index) => {
                         let mut remaining = candidates;
                         while remaining != 0 {
                             let row = remaining.trailing_zeros() as usize % ROWS;
@@ -260,7 +260,7 @@ impl Packet {
                             break (index, remaining);
                         }
                     }
-                    Kind::Leaf(content) => {
+                    ChildKind::Leaf(content) => {
                         entered.rows = 0;
                         let mut remaining = candidates;
                         while remaining != 0 {
@@ -330,7 +330,7 @@ impl Packet {
     }
 }
 
-impl Row {
+impl PacketRow {
     /// Rays that enter a box before their limits, and distances to it; the same arithmetic as [`Tree::walk`]'s.
     #[inline(always)]
     fn enters<L: Lanes>(&self, lanes: L, to_near: [L::F; 3], to_far: [L::F; 3]) -> (L::Mask, L::F) {

@@ -7,7 +7,7 @@ use super::ray::{Octant, Ray};
 use super::reach::Reach;
 use super::ties::{Rival, choose};
 use super::tree::Visit;
-use super::{Accelerator, Placed};
+use super::{Accelerator, PlacedGroup};
 use glam::Vec3A;
 use lanes::{Kernel, Lanes};
 
@@ -16,7 +16,7 @@ impl Accelerator {
     #[inline(always)]
     fn sole_group(&self) -> Option<&Group> {
         match &self.groups[..] {
-            [Placed { group, to_local: None, .. }] if group.cut_outs.is_none() => Some(group),
+            [PlacedGroup { group, to_local: None, .. }] if group.cut_outs.is_none() => Some(group),
             _ => None,
         }
     }
@@ -63,7 +63,7 @@ impl<const SHOWN: bool> Visit for ClosestGroup<'_, SHOWN> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, _: f32) -> f32 {
         let place = content as usize;
-        let Placed { group, instance, .. } = &self.scene.groups[place];
+        let PlacedGroup { group, instance, .. } = &self.scene.groups[place];
         let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
         let (ray, to_beat) = (Ray::new(origin, direction), self.found.to_beat(place, self.reach));
         let nearest = if SHOWN {
@@ -118,7 +118,7 @@ impl Visit for Rivals<'_> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let place = content as usize;
-        let Placed { group, instance, .. } = &self.scene.groups[place];
+        let PlacedGroup { group, instance, .. } = &self.scene.groups[place];
         let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
         group.each_within(lanes, &Ray::new(origin, direction), limit, |leaf, lane, met| {
             if group.is_there(met.triangle, [met.u, met.v], *instance, self.scene.sheets) {

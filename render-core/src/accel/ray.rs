@@ -36,7 +36,7 @@ impl Octant {
         self.code >> axis & 1 == 1
     }
 
-    /// Planes of a [`super::tree::Node`] that a ray meets first along each axis.
+    /// Planes of a [`super::tree::WideNode`] that a ray meets first along each axis.
     #[inline(always)]
     pub(super) fn near_planes(self) -> [usize; 3] {
         std::array::from_fn(|axis| axis + if self.goes_down(axis) { 3 } else { 0 })

@@ -14,7 +14,7 @@
 use super::group::Group;
 use super::packet::{PACKET, ROWS};
 use super::ray::{LEAST_COMPONENT, Octant};
-use super::tree::{Kind, Stack, Tree};
+use super::tree::{ChildKind, Stack, Tree};
 use super::triangles::{Leaf, meet};
 use super::{Accelerator, GROUP_SLACK};
 use glam::{Affine3A, Vec3A};
@@ -374,8 +374,8 @@ impl<'a> Touched<'a> {
             }
             self.at.1 = children & (children - 1);
             match self.tree.nodes[node].children[children.trailing_zeros() as usize % LANES].kind() {
-                Kind::Node(index) => self.stack.push(index as u32),
-                Kind::Leaf(content) => return Some(content),
+                ChildKind::Node(index) => self.stack.push(index as u32),
+                ChildKind::Leaf(content) => return Some(content),
             }
         }
     }
@@ -383,7 +383,7 @@ impl<'a> Touched<'a> {
 
 /// The half-space n · x ≤ h.
 #[derive(Clone, Copy, Default)]
-struct Side {
+struct HalfSpace {
     n: [f32; 3],
     h: f32,
 }
@@ -392,7 +392,7 @@ struct Side {
 struct Hull {
     low: Vec3A,
     high: Vec3A,
-    sides: [Side; AROUND],
+    sides: [HalfSpace; AROUND],
     slack: f32,
 }
 
@@ -433,7 +433,7 @@ impl Hull {
         let between = (to.low + to.high) - (from.low + from.high);
         let d = between.try_normalize().unwrap_or(Vec3A::X);
         let (x, y) = d.any_orthonormal_pair();
-        let mut sides = [Side::default(); AROUND];
+        let mut sides = [HalfSpace::default(); AROUND];
         for (k, side) in sides.iter_mut().enumerate() {
             let (sine, cosine) = (TAU * k as f32 / AROUND as f32).sin_cos();
             let u = x * cosine + y * sine;
@@ -446,12 +446,12 @@ impl Hull {
                 }
             }
             let h = n.dot(from.farthest(n)).max(n.dot(to.farthest(n)));
-            *side = Side { n: n.to_array(), h: h + slack * n.length() };
+            *side = HalfSpace { n: n.to_array(), h: h + slack * n.length() };
         }
         Self { low: low - slack, high: high + slack, sides, slack }
     }
 
-    /// Bits of the boxes (as in [`super::tree::Node`]) that reach into it. Places without a box do not.
+    /// Bits of the boxes (as in [`super::tree::WideNode`]) that reach into it. Places without a box do not.
     #[inline(always)]
     fn boxes<L: Lanes>(&self, lanes: L, planes: &[[f32; LANES]; 6]) -> u32 {
         let mut inside = lanes.le(lanes.splat(0.0), lanes.splat(0.0));
@@ -459,7 +459,7 @@ impl Hull {
             inside = lanes.and(inside, lanes.le(lanes.load(&planes[axis]), lanes.splat(self.high[axis])));
             inside = lanes.and(inside, lanes.le(lanes.splat(self.low[axis]), lanes.load(&planes[axis + 3])));
         }
-        for Side { n, h } in &self.sides {
+        for HalfSpace { n, h } in &self.sides {
             // The corner that reaches in farthest.
             let corner = std::array::from_fn::<usize, 3, _>(|axis| if n[axis] > 0.0 { axis } else { axis + 3 });
             let corner = lanes.load3([&planes[corner[0]], &planes[corner[1]], &planes[corner[2]]]);
@@ -479,7 +479,7 @@ impl Hull {
             inside = lanes.and(inside, lanes.le(least[axis], lanes.splat(self.high[axis])));
             inside = lanes.and(inside, lanes.le(lanes.splat(self.low[axis]), most[axis]));
         }
-        for Side { n, h } in &self.sides {
+        for HalfSpace { n, h } in &self.sides {
             let least = lanes.min(height(lanes, *n, a), height(lanes, *n, b));
             let least = lanes.min(least, height(lanes, *n, c));
             inside = lanes.and(inside, lanes.le(least, lanes.splat(*h)));

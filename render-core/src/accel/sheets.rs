@@ -12,7 +12,7 @@ use super::group::{Group, Met};
 use super::ray::Ray;
 use super::reach::Reach;
 use super::tree::Visit;
-use super::{Accelerator, Hit, Placed};
+use super::{Accelerator, Hit, PlacedGroup};
 use crate::sampling::hash_unit;
 use glam::Vec3A;
 use lanes::{Kernel, Lanes};
@@ -28,7 +28,7 @@ pub(super) struct Views {
 
 impl Views {
     /// The parts of a scene of these groups; `None` without sheets. `build` makes the accelerator of a part.
-    pub fn of(groups: &[Placed], build: impl Fn(Vec<Placed>, Sheets) -> Accelerator) -> Option<Self> {
+    pub fn of(groups: &[PlacedGroup], build: impl Fn(Vec<PlacedGroup>, Sheets) -> Accelerator) -> Option<Self> {
         let part = |is_in: fn(&Group) -> bool, sheets| {
             let groups = groups.iter().filter(|placed| is_in(&placed.group));
             build(groups.cloned().collect(), sheets)
@@ -49,7 +49,7 @@ impl Views {
 
 /// A sheet that a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Layer {
+pub struct SheetHit {
     /// Where it is met.
     pub hit: Hit,
     /// Share of the ray's light that it hides, 0…1.
@@ -58,7 +58,7 @@ pub struct Layer {
 
 /// The part of the world that a camera ray stands for: its width is `at_origin + slope · distance` \[m\].
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Cone {
+pub(crate) struct RayCone {
     pub at_origin: f32,
     pub slope: f32,
 }
@@ -69,7 +69,7 @@ const LEAST_SHARE: f32 = 1.0 / 512.0;
 impl Accelerator {
     /// Whether a ray may pass through a triangle that it meets in a group.
     #[inline(always)]
-    pub(super) fn may_pass(&self, placed: &Placed) -> bool {
+    pub(super) fn may_pass(&self, placed: &PlacedGroup) -> bool {
         placed.group.cut_outs.is_some() && self.sheets != Sheets::AsWholes
     }
 
@@ -81,12 +81,12 @@ impl Accelerator {
 
     /// The surfaces of an accelerator of sheets alone, along the ray from `origin` in the unit `direction` up to `distance` \[m\], front to back, their opacity
     /// filtered over the `cone`. Backs of single-sided surfaces are passed; nothing follows what hides all behind it.
-    pub(crate) fn layers(&self, origin: Vec3A, direction: Vec3A, distance: f32, cone: Cone) -> Vec<Layer> {
+    pub(crate) fn layers(&self, origin: Vec3A, direction: Vec3A, distance: f32, cone: RayCone) -> Vec<SheetHit> {
         let origin = origin * self.scale;
         let reach = Reach::from(origin);
         let limit = if distance < f32::MAX { reach.of(distance * self.scale) } else { f32::MAX };
-        let cone = Cone { at_origin: cone.at_origin * self.scale, ..cone };
-        let list = Listing { scene: self, origin, direction, limit, kind: Kind::Shown(cone) };
+        let cone = RayCone { at_origin: cone.at_origin * self.scale, ..cone };
+        let list = Listing { scene: self, origin, direction, limit, kind: SheetKind::Shown(cone) };
         let mut met = self.lanes.run(list);
         sort(&mut met, reach);
 
@@ -98,7 +98,7 @@ impl Accelerator {
             let (distance, instance, triangle) = (met.t / self.scale, owner.instance, owner.triangle);
             let is_whole = opacity > 1.0 - LEAST_SHARE;
             let hit = Hit { distance, instance, triangle, u: met.u, v: met.v };
-            layers.push(Layer { hit, opacity: if is_whole { 1.0 } else { opacity } });
+            layers.push(SheetHit { hit, opacity: if is_whole { 1.0 } else { opacity } });
             if is_whole {
                 break;
             }
@@ -108,7 +108,7 @@ impl Accelerator {
 
     /// Share of light that blended surfaces let through, in the scaled world, within `limit` lengths of `direction`.
     fn transmitted(&self, origin: Vec3A, direction: Vec3A, limit: f32) -> f32 {
-        let mut met = self.lanes.run(Listing { scene: self, origin, direction, limit, kind: Kind::Blended });
+        let mut met = self.lanes.run(Listing { scene: self, origin, direction, limit, kind: SheetKind::Blended });
         let length = direction.length().max(f32::MIN_POSITIVE);
         sort(&mut met, Reach::from(origin).of_length(length));
         met.iter().map(|passed| 1.0 - passed.opacity).product()
@@ -206,9 +206,9 @@ fn number_of(place: Vec3A) -> f32 {
 
 /// Which sheets are listed, and how their opacity is found.
 #[derive(Clone, Copy)]
-enum Kind {
+enum SheetKind {
     /// All that a camera ray shows, over its cone in the scaled world.
-    Shown(Cone),
+    Shown(RayCone),
     /// Blended surfaces, at points.
     Blended,
 }
@@ -239,7 +239,7 @@ struct Listing<'a> {
     direction: Vec3A,
     /// In lengths of the direction.
     limit: f32,
-    kind: Kind,
+    kind: SheetKind,
 }
 
 impl Kernel for Listing<'_> {
@@ -272,9 +272,9 @@ impl Visit for SheetGroups<'_> {
             let owner = placed.group.owner(met.triangle, placed.instance);
             let at = [met.u, met.v];
             let opacity = match kind {
-                Kind::Blended => cut_outs.blended_opacity(owner, at),
-                Kind::Shown(_) if scene.is_back(met.triangle, place, leaf.corners(lane), direction) => 0.0,
-                Kind::Shown(cone) => {
+                SheetKind::Blended => cut_outs.blended_opacity(owner, at),
+                SheetKind::Shown(_) if scene.is_back(met.triangle, place, leaf.corners(lane), direction) => 0.0,
+                SheetKind::Shown(cone) => {
                     let [a, b, c] = placed.world_corners(leaf.corners(lane));
                     let area_vector = (b - a).cross(c - a);
                     cut_outs.opacity(owner, at, cone.share(met.t, direction, area_vector))
@@ -294,7 +294,7 @@ impl Visit for SheetGroups<'_> {
     }
 }
 
-impl Cone {
+impl RayCone {
     /// Area in which it meets a triangle at the distance `t`, as a share of the parallelogram of two of its sides, whose product
     /// is `area_vector`.
     fn share(self, t: f32, direction: Vec3A, area_vector: Vec3A) -> f32 {

@@ -16,7 +16,7 @@
 use super::found::Found;
 use super::group::Met;
 use super::triangles::Owner;
-use super::{Accelerator, Placed};
+use super::{Accelerator, PlacedGroup};
 use crate::scene::{Pose, Scene};
 use glam::Vec3A;
 
@@ -104,7 +104,7 @@ impl Accelerator {
     }
 }
 
-impl Placed {
+impl PlacedGroup {
     /// Corners in the scaled world, the same bits as those of [`crate::Surfaces::corners`], scaled.
     pub(super) fn world_corners(&self, corners: [Vec3A; 3]) -> [Vec3A; 3] {
         match &self.to_world {

@@ -19,14 +19,14 @@ pub(super) struct Owner {
 /// Half of what a leaf holds, which is what most hold: blocks of eight would be twice the memory for a ray to wait for.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
-pub(super) struct Block {
+pub(super) struct TriangleBlock {
     /// By corner, axis, triangle. Places without a triangle hold no numbers, which meet nothing.
     pub(super) corners: [[[f32; BLOCK]; 3]; 3],
     /// Numbers of the triangles in the group.
     pub(super) triangles: [u32; BLOCK],
 }
 
-impl Block {
+impl TriangleBlock {
     pub(super) const EMPTY: Self = Self { corners: [[[f32::NAN; BLOCK]; 3]; 3], triangles: [u32::MAX >> 1; BLOCK] };
 
     pub(super) fn set(&mut self, lane: usize, triangle: u32, corners: [Vec3A; 3]) {
@@ -47,9 +47,9 @@ impl Block {
 /// The triangles of a leaf: those of one block, or of two.
 #[derive(Clone, Copy)]
 pub(super) struct Leaf<'a> {
-    low: &'a Block,
+    low: &'a TriangleBlock,
     /// The same block again where there is no other.
-    high: &'a Block,
+    high: &'a TriangleBlock,
     /// How many triangles there are, 1…8.
     pub(super) count: usize,
 }
@@ -111,14 +111,14 @@ fn slant<L: Lanes>(lanes: L, x: L::F, z: L::F, slope: L::F) -> L::F {
 impl<'a> Leaf<'a> {
     /// A leaf of `count` triangles, from the first of `blocks` on.
     #[inline(always)]
-    pub(super) fn new(blocks: &'a [Block], count: usize) -> Self {
+    pub(super) fn new(blocks: &'a [TriangleBlock], count: usize) -> Self {
         let low = &blocks[0];
         Self { low, high: if count > BLOCK { &blocks[1] } else { low }, count }
     }
 
     /// The block that holds a triangle, and its place there.
     #[inline(always)]
-    pub(super) fn place(&self, lane: usize) -> (&'a Block, usize) {
+    pub(super) fn place(&self, lane: usize) -> (&'a TriangleBlock, usize) {
         (if lane < BLOCK { self.low } else { self.high }, lane % BLOCK)
     }
 

@@ -8,7 +8,7 @@ use super::Anchor;
 use super::exposure::Outlook;
 use super::sight::Sight;
 use super::zones::{Shares, Zones};
-use around::{Around, Near};
+use around::{Around, NearPoints};
 use glam::Vec3A;
 use nearest::Boxes;
 use std::sync::OnceLock;
@@ -165,7 +165,7 @@ impl Grid {
     /// An Epanechnikov kernel over the points within the radius. Where it holds none that fits, as on a
     /// detail smaller than a point's share, the nearest that faces the same way takes all.
     pub fn splat(&self, spot: &Spot, sight: Option<&Sight>, mut give: impl FnMut(usize, f32)) -> bool {
-        let mut near = Near::default();
+        let mut near = NearPoints::default();
         self.near(spot, |p, weight| near.add(self, p, weight, self.points[p as usize].instance == spot.instance));
         let parts = near.parts(self, spot, sight);
         for &(p, weight) in parts {
@@ -206,7 +206,7 @@ impl Grid {
                 let radius = self.radius_at(spot.position);
                 around.weigh(&spot, radius);
                 let about = spot.came.map(|length| Outlook::bin(length / radius));
-                let mut near = Near::default();
+                let mut near = NearPoints::default();
                 for (i, (&p, &weight)) in around.places.iter().zip(&around.weights).enumerate() {
                     if weight > 0.0 {
                         near.add(self, p, weight * self.likelihood(p, about), around.instance[i] == spot.instance);
@@ -243,7 +243,7 @@ impl Grid {
     /// The point near `spot` that faces like it and has the largest product of kernel and `rating(point)`; else
     /// the nearest that faces the same way. None that a wall hides by `sight`.
     pub fn best(&self, spot: &Spot, sight: Option<&Sight>, rating: impl Fn(usize) -> f32) -> Option<usize> {
-        let mut near = Near::default();
+        let mut near = NearPoints::default();
         self.near(spot, |p, weight| {
             let rated = weight * rating(self.index[p as usize] as usize);
             near.add(self, p, rated, self.points[p as usize].instance == spot.instance);

@@ -10,14 +10,14 @@ const SLACK: f32 = 1.0 / 64.0;
 
 /// The rectangle of texels of a chart.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
+pub(super) struct ChartRect {
     pub columns: u32,
     pub rows: u32,
     /// Texels per meter in both directions.
     density: Vec2,
 }
 
-impl Frame {
+impl ChartRect {
     /// For a chart of this size in meters, at a density in texels per meter.
     ///
     /// Along each direction the chart of width w is stretched so that its edges are centers of texels:
@@ -92,7 +92,7 @@ pub(super) struct Bits(Vec<u64>);
 
 impl Bits {
     /// How many texels of `frame` look-ups of these triangles may read.
-    pub fn count(&mut self, frame: &Frame, triangles: impl Iterator<Item = [Vec2; 3]>) -> usize {
+    pub fn count(&mut self, frame: &ChartRect, triangles: impl Iterator<Item = [Vec2; 3]>) -> usize {
         let words = frame.columns.div_ceil(64) as usize;
         self.0.clear();
         self.0.resize(words * frame.rows as usize, 0);

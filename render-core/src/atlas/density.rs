@@ -1,6 +1,6 @@
 //! The density at which charts take a wished number of texels.
 
-use super::cover::{Bits, Frame};
+use super::cover::{Bits, ChartRect};
 use super::flatten::{AtlasError, FlatChart, FlatMesh};
 use rayon::prelude::*;
 
@@ -62,7 +62,7 @@ pub(super) fn fitting(meshes: &[FlatMesh], wish: usize) -> Result<f32, AtlasErro
 fn is_over(charts: &[Needed], density: f64, wish: usize) -> bool {
     let mut area = 0;
     for (chart, sides) in charts {
-        let frame = Frame::new(chart.size, density as f32);
+        let frame = ChartRect::new(chart.size, density as f32);
         area += u64::from(frame.columns) * u64::from(frame.rows) * *sides as u64;
     }
     area > MOST_AREA || texels(charts, density) > wish
@@ -71,7 +71,7 @@ fn is_over(charts: &[Needed], density: f64, wish: usize) -> bool {
 /// Texels that the charts take at this density.
 fn texels(charts: &[Needed], density: f64) -> usize {
     let count = |bits: &mut Bits, &(chart, sides): &Needed| {
-        let frame = Frame::new(chart.size, density as f32);
+        let frame = ChartRect::new(chart.size, density as f32);
         let flat = chart.triangles.iter().filter(|triangle| triangle.has_area);
         sides * bits.count(&frame, flat.map(|triangle| triangle.corners.map(|corner| frame.place(corner))))
     };

@@ -34,7 +34,7 @@ pub struct FinePoint {
 }
 
 /// A triangle in the picture.
-struct Drawn {
+struct DrawnTriangle {
     index: u32,
     /// Fine texels.
     corners: [Vec2; 3],
@@ -54,7 +54,7 @@ impl Atlas {
         let (width, height) = (side(columns), side(rows));
 
         // Triangles go to the bands of rows that they may be near to.
-        let mut bands: Vec<Vec<Drawn>> = Vec::new();
+        let mut bands: Vec<Vec<DrawnTriangle>> = Vec::new();
         bands.resize_with((height as usize).div_ceil(BAND), Vec::new);
         for (index, placed) in self.triangles.iter().enumerate().filter(|(_, placed)| placed.chart != NONE) {
             let [left, top] = self.charts[placed.chart as usize];
@@ -66,7 +66,7 @@ impl Atlas {
             let (first, last) = (band(low - REACH - 1.0), band(high + REACH + 1.0));
             // A triangle whose places are not numbers goes to no band.
             for band in bands.get_mut(first..=last).into_iter().flatten() {
-                band.push(Drawn { index: index as u32, corners });
+                band.push(DrawnTriangle { index: index as u32, corners });
             }
         }
 
@@ -80,9 +80,9 @@ impl Atlas {
 }
 
 /// Finds the owners of rows that begin with row `top` of the picture.
-fn fill(owners: &mut [u32], top: u32, width: u32, triangles: &[Drawn]) {
+fn fill(owners: &mut [u32], top: u32, width: u32, triangles: &[DrawnTriangle]) {
     let mut nearest = vec![REACH * REACH; owners.len()];
-    for Drawn { index, corners } in triangles {
+    for DrawnTriangle { index, corners } in triangles {
         for (row, (owners, nearest)) in
             owners.chunks_mut(width as usize).zip(nearest.chunks_mut(width as usize)).enumerate()
         {

@@ -1,11 +1,11 @@
 //! Charts in their places, and the texels that belong to them.
 
-use super::cover::Frame;
+use super::cover::ChartRect;
 use super::flatten::FlatMesh;
 use super::nearest::Nearest;
 use super::pack::packed;
 use super::tiles::Marks;
-use super::{Atlas, NONE, Placed, Sheet};
+use super::{Atlas, ChartTriangle, NONE, Sheet};
 use glam::Vec2;
 
 /// Centers of texels nearer than this to a triangle lie on it: rounding may put them between two triangles \[square texels\].
@@ -17,7 +17,7 @@ pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
     let mut frames = Vec::new();
     for mesh in meshes {
         for _ in 0..mesh.sides {
-            frames.extend(mesh.charts.iter().map(|chart| Frame::new(chart.size, density)));
+            frames.extend(mesh.charts.iter().map(|chart| ChartRect::new(chart.size, density)));
         }
     }
     let places = packed(&frames);
@@ -59,23 +59,23 @@ pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
 #[derive(Default)]
 struct Sheets {
     sheets: Vec<Sheet>,
-    triangles: Vec<Placed>,
+    triangles: Vec<ChartTriangle>,
     /// Indices of those that have an area in their chart.
     flat: Vec<u32>,
 }
 
-fn placed(meshes: &[FlatMesh], frames: &[Frame]) -> Sheets {
+fn placed(meshes: &[FlatMesh], frames: &[ChartRect]) -> Sheets {
     let (mut placed, mut charts) = (Sheets::default(), 0);
     for mesh in meshes {
         for side in 0..mesh.sides {
             let first = placed.triangles.len() as u32;
             placed.sheets.push(Sheet { instance: mesh.instance, back: side == 1, first, count: mesh.count });
-            placed.triangles.resize((first + mesh.count) as usize, Placed::NOWHERE);
+            placed.triangles.resize((first + mesh.count) as usize, ChartTriangle::NOWHERE);
             for chart in &mesh.charts {
                 for triangle in &chart.triangles {
                     let corners = triangle.corners.map(|corner| frames[charts].place(corner).to_array());
                     let index = first + triangle.index;
-                    placed.triangles[index as usize] = Placed { corners, chart: charts as u32 };
+                    placed.triangles[index as usize] = ChartTriangle { corners, chart: charts as u32 };
                     placed.flat.extend(triangle.has_area.then_some(index));
                 }
                 charts += 1;

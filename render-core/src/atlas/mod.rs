@@ -46,7 +46,7 @@ pub struct Atlas {
     /// For each chart, column and row of its first texel.
     charts: Vec<[u32; 2]>,
     /// Those of the first sheet, of the second …
-    triangles: Vec<Placed>,
+    triangles: Vec<ChartTriangle>,
     /// Which texels are in use.
     tiles: Tiles,
     /// For each texel in use the triangle of its chart that is nearest to its center: index into `triangles`.
@@ -68,14 +68,14 @@ struct Sheet {
 /// A triangle in its chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Placed {
+struct ChartTriangle {
     /// Texels from the upper left corner of the chart's rectangle. Triangles without area lie in one point.
     corners: [[f32; 2]; 3],
     /// Index into [`Atlas::charts`], or [`NONE`] where no triangle beside this one has an area.
     chart: u32,
 }
 
-impl Placed {
+impl ChartTriangle {
     const NOWHERE: Self = Self { corners: [[0.0; 2]; 3], chart: NONE };
 
     fn corners(&self) -> [Vec2; 3] {
@@ -193,7 +193,7 @@ impl Atlas {
     }
 
     /// One side of a triangle, if it has a chart.
-    fn placed(&self, instance: u32, triangle: u32, back: bool) -> Option<&Placed> {
+    fn placed(&self, instance: u32, triangle: u32, back: bool) -> Option<&ChartTriangle> {
         let found = self.sheets.binary_search_by_key(&(instance, back), |sheet| (sheet.instance, sheet.back));
         let sheet = self.sheets[found.ok()?];
         let index = (triangle < sheet.count).then_some(sheet.first + triangle)?;

@@ -1,6 +1,6 @@
 //! Rectangles side by side in a large one.
 
-use super::cover::Frame;
+use super::cover::ChartRect;
 use std::cmp::Reverse;
 
 /// Unused texels between rectangles.
@@ -9,9 +9,9 @@ const GAP: u32 = 2;
 /// A place for each rectangle: column and row of its first texel.
 ///
 /// The highest come first, and each goes where its upper edge is the least far down below those that are there.
-pub(super) fn packed(frames: &[Frame]) -> Packed {
+pub(super) fn packed(frames: &[ChartRect]) -> Packed {
     // A square has room for all if nine tenths of it can be filled.
-    let with_gap = |frame: &Frame| (frame.columns + GAP, frame.rows + GAP);
+    let with_gap = |frame: &ChartRect| (frame.columns + GAP, frame.rows + GAP);
     let area: u64 = frames.iter().map(with_gap).map(|(width, height)| u64::from(width) * u64::from(height)).sum();
     let widest = frames.iter().map(|frame| frame.columns).max().unwrap_or(0);
     let side = ((area as f64 / 0.9).sqrt().ceil() as u32).max(widest + GAP);

@@ -1,7 +1,7 @@
 //! From texels to points on surfaces, and back.
 
 use super::nearest::Nearest;
-use super::{Atlas, Placed};
+use super::{Atlas, ChartTriangle};
 use crate::accel::Hit;
 use crate::{PixelSurface, Surface, Surfaces};
 use glam::{Vec2, Vec3A};
@@ -189,7 +189,7 @@ impl Atlas {
     }
 
     /// The look-up at a point of a triangle.
-    pub(super) fn blend(&self, placed: &Placed, nearest: Nearest) -> Option<TexelBlend> {
+    pub(super) fn blend(&self, placed: &ChartTriangle, nearest: Nearest) -> Option<TexelBlend> {
         // Centers of texels are at halves. The point is f right of and below the center of the upper left one.
         let place = nearest.mix(placed.corners()) - 0.5;
         let first = (place + AT_CENTER).floor();

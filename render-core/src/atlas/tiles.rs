@@ -10,7 +10,7 @@ const WORDS: usize = 4;
 /// A square of 16×16 texels, some of which are in use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Tile {
+struct TexelTile {
     /// Its place among all squares, row by row.
     cell: u32,
     /// Index of its first texel in use.
@@ -19,7 +19,7 @@ struct Tile {
     mask: [u64; WORDS],
 }
 
-impl Tile {
+impl TexelTile {
     fn count(&self) -> u32 {
         self.mask.iter().map(|word| word.count_ones()).sum()
     }
@@ -33,7 +33,7 @@ pub(super) struct Tiles {
     columns: u32,
     /// For each square, index of its tile, or [`NONE`].
     grid: Vec<u32>,
-    tiles: Vec<Tile>,
+    tiles: Vec<TexelTile>,
 }
 
 /// Texels that are marked, before they have numbers.
@@ -66,7 +66,7 @@ impl Marks {
         let mut first = 0;
         for (cell, mask) in self.masks.into_iter().enumerate().filter(|(_, mask)| *mask != [0; WORDS]) {
             tiles.grid[cell] = tiles.tiles.len() as u32;
-            let tile = Tile { cell: cell as u32, first, mask };
+            let tile = TexelTile { cell: cell as u32, first, mask };
             first += tile.count();
             tiles.tiles.push(tile);
         }
@@ -94,7 +94,7 @@ impl Tiles {
         let column = x / SIDE;
         let cell = (y / SIDE) as usize * self.columns as usize + column as usize;
         let tile = *self.grid.get(cell).filter(|&&tile| column < self.columns && tile != NONE)?;
-        let Tile { first, mask, .. } = self.tiles[tile as usize];
+        let TexelTile { first, mask, .. } = self.tiles[tile as usize];
 
         // Texels before it: in the words before its own, and in the lower bits of that.
         let (word, bit) = bit(x, y);
@@ -105,7 +105,7 @@ impl Tiles {
 
     /// Column and row of a texel in use, by its index.
     pub fn place(&self, index: u32) -> (u32, u32) {
-        let Tile { cell, first, mask } = self.tiles[self.tiles.partition_point(|tile| tile.first <= index) - 1];
+        let TexelTile { cell, first, mask } = self.tiles[self.tiles.partition_point(|tile| tile.first <= index) - 1];
         let (mut word, mut rest) = (0, index - first);
         while rest >= mask[word].count_ones() {
             (word, rest) = (word + 1, rest - mask[word].count_ones());

@@ -1,6 +1,6 @@
 //! Whether an atlas that was read from a file may be used.
 
-use super::{Atlas, NONE, Placed};
+use super::{Atlas, ChartTriangle, NONE};
 use crate::scene::Scene;
 
 /// Places in charts are smaller than this \[texels\].
@@ -46,7 +46,7 @@ impl Atlas {
         }
         let (width, height) = self.tiles.size();
         let is_within = |&[left, top]: &[u32; 2]| left < width && top < height;
-        let is_placed = |placed: &Placed| {
+        let is_placed = |placed: &ChartTriangle| {
             let has_chart = placed.chart == NONE || (placed.chart as usize) < self.charts.len();
             has_chart && placed.corners.as_flattened().iter().all(|place| (0.0..FARTHEST).contains(place))
         };

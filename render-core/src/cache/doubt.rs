@@ -4,7 +4,7 @@
 //! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
 //! foresaw, and are spared where it is smooth. No pixel gets one where records are dense already.
 
-use super::picture::{Picture, Shown};
+use super::picture::{ShownSurface, SurfacePicture};
 use super::predict::{Predicted, predictions};
 use super::record::Record;
 use super::tile::{DENSE, Tile, Tiles};
@@ -48,7 +48,7 @@ impl Tolerances {
 
 /// Pixels for which records predict different things, in the tiles that one of the records listed at these `places` reaches.
 pub(super) fn contradicted_pixels<R: Send + Sync>(
-    picture: &Picture,
+    picture: &SurfacePicture,
     tiles: &Tiles,
     records: &[Record<R>],
     places: &[usize],
@@ -93,7 +93,7 @@ struct Opinions<'a, R> {
 
 impl<R> Opinions<'_, R> {
     /// Pixels of a tile for which its records predict different things.
-    fn contradicted_in(&self, picture: &Picture, index: usize) -> Vec<(usize, usize)> {
+    fn contradicted_in(&self, picture: &SurfacePicture, index: usize) -> Vec<(usize, usize)> {
         let tile = &self.tiles.all[index];
         let (mut contradicted, mut weights) = (Vec::new(), Vec::new());
         for (pixel, shown) in picture.pixels(index).zip(picture.shown(index)) {
@@ -108,7 +108,7 @@ impl<R> Opinions<'_, R> {
     }
 
     /// Whether the candidates of `tile` with these `weights` at a pixel predict different things for it.
-    fn are_contradictory(&self, tile: &Tile, shown: &Shown, weights: &[(usize, f32)]) -> bool {
+    fn are_contradictory(&self, tile: &Tile, shown: &ShownSurface, weights: &[(usize, f32)]) -> bool {
         // Σ w, Σ w v, Σ w v² of the luminances v that are predicted, and Σ w t of the tolerances t.
         let (mut whole, mut sum, mut squares, mut tolerance) = (0.0, 0.0, 0.0, 0.0);
         for &(k, weight) in weights {

@@ -3,9 +3,9 @@
 use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
 use super::group::weight_between;
 use super::illumination::{Computed, Illumination, Site};
-use super::picture::Picture;
+use super::picture::SurfacePicture;
 use super::predict::predictions;
-use super::record::{Light, Record};
+use super::record::{Record, RecordLight};
 use super::spacing::{clamp_to_neighbors, least_radius};
 use super::tile::Tiles;
 use super::{IrradianceCache, openness};
@@ -29,7 +29,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     /// places `carried` may fit in no longer.
     pub(super) fn fill<I: Illumination<Recipe = R>>(
         &mut self,
-        picture: &Picture,
+        picture: &SurfacePicture,
         tiles: &mut Tiles,
         carried: Vec<usize>,
         illumination: &I,
@@ -70,7 +70,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 
     /// Holds the records listed at these `places` against their neighbors.
-    pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, places: &[usize]) {
+    pub(super) fn doubt(&mut self, picture: &SurfacePicture, tiles: &Tiles, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
         let found = predictions(picture, tiles, &self.records, places);
         for (&place, predicted) in places.iter().zip(found) {
@@ -85,7 +85,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     /// their own, but for those that a neighbor of the same pass is certain to cover. So the last pass leaves none.
     fn cover<I: Illumination<Recipe = R>>(
         &mut self,
-        picture: &Picture,
+        picture: &SurfacePicture,
         tiles: &mut Tiles,
         bare: &[bool],
         illumination: &I,
@@ -100,7 +100,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     /// Makes records at those of `pixels` that no other of them is certain to cover. Returns their indices.
     fn make<I: Illumination<Recipe = R>>(
         &mut self,
-        picture: &Picture,
+        picture: &SurfacePicture,
         pixels: Vec<(usize, usize)>,
         illumination: &I,
     ) -> Range<usize> {
@@ -123,7 +123,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 own.par_iter().with_min_len(4).map_init(I::Scratch::default, compute).collect();
             let mut lights = Vec::with_capacity(computed.len());
             for Computed { light: estimate, recipe } in computed {
-                lights.push(Light { estimate, note: illumination.note(&recipe), afresh: true });
+                lights.push(RecordLight { estimate, note: illumination.note(&recipe), afresh: true });
                 recipes.push(recipe);
             }
             lights
@@ -147,7 +147,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
 }
 
 /// Pixels of the lattice of this step that no record covers, in raster order of the tiles that may be `bare` and within them.
-fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize) -> Vec<(usize, usize)> {
+fn bare_pixels(picture: &SurfacePicture, tiles: &Tiles, bare: &[bool], step: usize) -> Vec<(usize, usize)> {
     let in_tile = |index: usize| {
         let mut pixels = Vec::new();
         if !bare[index] {
@@ -168,7 +168,7 @@ fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize) -> 
 }
 
 /// The sites of `pixels`, without those that an earlier one covers whatever its radius turns out to be.
-fn thinned(picture: &Picture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
+fn thinned(picture: &SurfacePicture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
     // A record is made at the first pixel of each place, and marks it.
     let (width, height) = picture.size();
     let mut taken = Plane::filled(width, height, false);
@@ -184,7 +184,7 @@ fn thinned(picture: &Picture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
 }
 
 /// Whether a record at one of the `taken` pixels around (x, y) is certain to cover the `site` there, even with the least radius.
-fn is_covered_by_taken(picture: &Picture, taken: &Plane<bool>, (x, y): (usize, usize), site: &Site) -> bool {
+fn is_covered_by_taken(picture: &SurfacePicture, taken: &Plane<bool>, (x, y): (usize, usize), site: &Site) -> bool {
     let (width, height) = picture.size();
     let around = |v: usize, end: usize| v.saturating_sub(NEIGHBORHOOD)..(v + NEIGHBORHOOD + 1).min(end);
     for v in around(y, height) {

@@ -2,12 +2,12 @@
 
 use super::Vec3A;
 use super::illumination::Site;
-use super::picture::Shown;
+use super::picture::ShownSurface;
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use lanes::{Kernel, LANES, Lanes};
 
 /// Terms of the error measure for [`LANES`] records.
-pub(super) struct Group {
+pub(super) struct RecordGroup {
     position: [[f32; LANES]; 3],
     normal: [[f32; LANES]; 3],
     inverse_radius2: [f32; LANES],
@@ -15,7 +15,7 @@ pub(super) struct Group {
     openness: [f32; LANES],
 }
 
-impl Group {
+impl RecordGroup {
     /// Infinitely far from everything.
     pub const NOWHERE: Self = Self {
         position: [[1e18; LANES]; 3],
@@ -33,7 +33,7 @@ impl Group {
     ///   o  openness                                                                   t  OPENNESS_TOLERANCE
     /// ```
     #[inline(always)]
-    fn error2(&self, shown: &Shown) -> [f32; LANES] {
+    fn error2(&self, shown: &ShownSurface) -> [f32; LANES] {
         let (p, n) = (shown.position().to_array(), shown.normal().to_array());
         let mut error2 = [0.0; LANES];
         // |d|², d · (n + nᵢ), which is twice d · n̄, and n · nᵢ.
@@ -67,12 +67,12 @@ pub(super) fn weight(error2: f32) -> f32 {
 /// Weight that a record at `from` with this radius has at `to`, on the same footing as
 /// [`Tile::weights`](super::tile::Tile::weights).
 pub(super) fn weight_between(from: &Site, radius: f32, to: &Site) -> f32 {
-    let mut group = Group::NOWHERE;
+    let mut group = RecordGroup::NOWHERE;
     group.set(0, from, radius);
     weight(group.error2(&to.into())[0])
 }
 
-impl Group {
+impl RecordGroup {
     /// Square of each record's distance \[m²\].
     #[inline(always)]
     fn distance2(&self, position: [f32; 3]) -> [f32; LANES] {
@@ -109,8 +109,8 @@ impl Group {
 
 /// See [`Tile::weights`](super::tile::Tile::weights).
 pub(super) struct Weigh<'a> {
-    pub groups: &'a [Group],
-    pub shown: &'a Shown,
+    pub groups: &'a [RecordGroup],
+    pub shown: &'a ShownSurface,
     pub weights: &'a mut Vec<(usize, f32)>,
 }
 
@@ -134,8 +134,8 @@ impl Kernel for Weigh<'_> {
 
 /// See [`Tile::is_covered`](super::tile::Tile::is_covered).
 pub(super) struct SumUpTo<'a> {
-    pub groups: &'a [Group],
-    pub shown: &'a Shown,
+    pub groups: &'a [RecordGroup],
+    pub shown: &'a ShownSurface,
     pub enough: f32,
 }
 
@@ -165,15 +165,15 @@ impl Kernel for SumUpTo<'_> {
 pub(super) const ROUNDING: f32 = 1.0001;
 
 /// See [`Tile::candidates_near`](super::tile::Tile::candidates_near).
-pub(super) struct Near<'a> {
-    pub groups: &'a [Group],
+pub(super) struct NearRecords<'a> {
+    pub groups: &'a [RecordGroup],
     pub candidates: &'a [u32],
     pub position: Vec3A,
     pub reach2: f32,
     pub near: &'a mut Vec<u32>,
 }
 
-impl Kernel for Near<'_> {
+impl Kernel for NearRecords<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -192,8 +192,8 @@ impl Kernel for Near<'_> {
 
 /// See [`Tile::candidates_in_use`](super::tile::Tile::candidates_in_use); bits of those of a group, of which `all` are records.
 pub(super) struct InUse<'a> {
-    pub group: &'a Group,
-    pub shown: &'a [Shown],
+    pub group: &'a RecordGroup,
+    pub shown: &'a [ShownSurface],
     pub all: u32,
 }
 

@@ -1,6 +1,6 @@
 //! Light between records.
 
-use super::picture::Picture;
+use super::picture::SurfacePicture;
 use super::predict::Predicted;
 use super::tile::Tiles;
 use glam::Vec3A;
@@ -8,7 +8,11 @@ use plane::Plane;
 use rayon::prelude::*;
 
 /// Irradiance of every pixel by what the listed records predict, and the records it came from, ascending.
-pub(super) fn picture(picture: &Picture, tiles: &Tiles, predicted: &[Predicted]) -> (Plane<[f32; 3]>, Vec<usize>) {
+pub(super) fn picture(
+    picture: &SurfacePicture,
+    tiles: &Tiles,
+    predicted: &[Predicted],
+) -> (Plane<[f32; 3]>, Vec<usize>) {
     let (width, height) = picture.size();
     let light = |&index: &usize| picture.busy.measure(|| tile(picture, tiles, index, predicted));
     let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = picture.wanted_tiles.par_iter().map(light).collect();
@@ -26,7 +30,7 @@ pub(super) fn picture(picture: &Picture, tiles: &Tiles, predicted: &[Predicted])
     (plane, tiles.records(used))
 }
 
-fn tile(picture: &Picture, tiles: &Tiles, index: usize, predicted: &[Predicted]) -> (Vec<[f32; 3]>, Vec<u32>) {
+fn tile(picture: &SurfacePicture, tiles: &Tiles, index: usize, predicted: &[Predicted]) -> (Vec<[f32; 3]>, Vec<u32>) {
     // Which of the candidates give light to any pixel is found on the way.
     let tile = &tiles.all[index];
     let shown = picture.shown(index);

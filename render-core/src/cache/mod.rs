@@ -47,12 +47,12 @@ use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
 use known::{KnownNeighbors, Taught};
 use openness::Openness;
-use parts::Parts;
-use picture::Picture;
+use parts::FrameParts;
+use picture::SurfacePicture;
 use plane::Plane;
 use predict::{Predicted, predictions};
 use rayon::prelude::*;
-use record::{Light, Record};
+use record::{Record, RecordLight};
 use tile::Tiles;
 
 /// Frames that a record may stay unseen before it is dropped.
@@ -90,7 +90,7 @@ pub struct IrradianceCache<R> {
     known: KnownNeighbors,
     /// The frame that is being lit part by part, if one is.
     #[cfg_attr(feature = "serde", serde(skip))]
-    parts: Parts,
+    parts: FrameParts,
 }
 
 impl<R> std::fmt::Debug for IrradianceCache<R> {
@@ -132,7 +132,7 @@ impl<R> Default for IrradianceCache<R> {
             world: Vec::new(),
             openness: Openness::default(),
             known: KnownNeighbors::default(),
-            parts: Parts::default(),
+            parts: FrameParts::default(),
         }
     }
 }
@@ -161,7 +161,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let seen = request.seen;
         let openness = Openness::new(&request, &self.openness, illumination, busy);
         let known = KnownNeighbors::default();
-        let picture = Picture::new(request, &openness, &known, busy);
+        let picture = SurfacePicture::new(request, &openness, &known, busy);
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, (request.ranks, busy));
 
@@ -216,7 +216,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     ) -> CachedLight {
         let openness = Openness::new(&request, &self.openness, illumination, busy);
         let mut known = std::mem::take(&mut self.known);
-        let picture = Picture::new(request, &openness, &known, busy);
+        let picture = SurfacePicture::new(request, &openness, &known, busy);
 
         // What this frame has not brought up to date is light of another.
         let mut tiles = Tiles::new(&picture);
@@ -286,7 +286,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
     /// Indices of the listed records that a picture takes light from. Its first picture brings all of a frame's records up to date:
     /// those that only further ones needed in the frame before are among them.
-    fn needed(&self, picture: &Picture, tiles: &Tiles, is_first_of_many: bool) -> Vec<usize> {
+    fn needed(&self, picture: &SurfacePicture, tiles: &Tiles, is_first_of_many: bool) -> Vec<usize> {
         let mut needed = tiles.in_use(picture);
         if is_first_of_many {
             let last = self.frame - 1;
@@ -299,7 +299,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 
     /// Drops those of the `needed` records that add nothing to the others; returns the indices of the others.
-    fn without_superfluous(&mut self, picture: &Picture, tiles: &Tiles, needed: Vec<usize>) -> Vec<usize> {
+    fn without_superfluous(&mut self, picture: &SurfacePicture, tiles: &Tiles, needed: Vec<usize>) -> Vec<usize> {
         let superfluous = tiles.superfluous(picture, &self.records, &needed);
         if superfluous.is_empty() {
             return needed;
@@ -376,7 +376,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let turns: Vec<Turn> = outdated.iter().map(|&index| self.records[index].turn()).collect();
 
         // This rank lights its own, a few at a time: to look at the clock for each would take longer than to light some of them.
-        let lights: Vec<Light> = share(ranks, &turns, |places, meter| {
+        let lights: Vec<RecordLight> = share(ranks, &turns, |places, meter| {
             let mut own = vec![Fate::Stays; self.records.len()];
             for &place in places {
                 own[outdated[place]] = Fate::IsOutdated;
@@ -402,7 +402,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 
     /// Where only parts of the picture are lit, its other parts will want their records again.
-    fn keep_shown(&mut self, picture: &Picture) {
+    fn keep_shown(&mut self, picture: &SurfacePicture) {
         let frame = self.frame;
         self.records.par_chunks_mut(LARGE_CHUNK).for_each(|records| {
             picture.busy.measure(|| {
@@ -473,7 +473,7 @@ impl Update {
     }
 
     /// Takes the light that another rank has found.
-    fn take<R>(&self, record: &mut Record<R>, light: Light) {
+    fn take<R>(&self, record: &mut Record<R>, light: RecordLight) {
         (record.current, record.carried) = (self.frame, false);
         record.relit(light.estimate);
         record.note = light.note;

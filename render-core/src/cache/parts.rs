@@ -11,9 +11,9 @@ use super::illumination::{Illumination, LocalIrradiance, Site};
 use super::interpolate;
 use super::known::KnownNeighbors;
 use super::openness::{self, Openness};
-use super::picture::Picture;
+use super::picture::SurfacePicture;
 use super::predict::{Predicted, predictions};
-use super::record::{Light, Record};
+use super::record::{Record, RecordLight};
 use super::request::Request;
 use super::tile::Tiles;
 use super::{CachedLight, Changes, IrradianceCache, Update, taught};
@@ -27,7 +27,7 @@ const MARGIN: usize = 12;
 
 /// A frame whose parts are being lit.
 #[derive(Default)]
-pub(super) struct Parts {
+pub(super) struct FrameParts {
     update: Option<Update>,
     /// Openness of the parts so far.
     openness: Openness,
@@ -37,7 +37,7 @@ pub(super) struct Parts {
     new: Vec<u32>,
 }
 
-impl Parts {
+impl FrameParts {
     /// The records around the part that is being lit, if one is.
     pub fn around(&self) -> Option<&[usize]> {
         self.update.is_some().then_some(&self.near)
@@ -94,7 +94,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.known = KnownNeighbors::default();
             let openness = Openness::new(&request, &self.openness, illumination, busy);
             let nothing_known = KnownNeighbors::default();
-            let picture = Picture::new(request, &openness, &nothing_known, busy);
+            let picture = SurfacePicture::new(request, &openness, &nothing_known, busy);
             let mut tiles = Tiles::around(&picture, MARGIN);
             tiles.list(&picture, &self.records, 0..self.records.len());
             let (needed, before) = (tiles.in_use(&picture), self.records.len());
@@ -127,7 +127,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         Timed::of(|busy| {
             let openness = Openness::new(&request, &self.parts.openness, illumination, busy);
             let known = std::mem::take(&mut self.known);
-            let picture = Picture::new(request, &openness, &known, busy);
+            let picture = SurfacePicture::new(request, &openness, &known, busy);
             let tiles = Tiles::around(&picture, MARGIN);
             let lit = self.part_lit(&picture, tiles, &[], illumination);
 
@@ -143,7 +143,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     pub fn end_parts(&mut self, seen: &GBuffer, moving: &[bool]) {
         let busy = Busy::default();
         let (openness, known) = (std::mem::take(&mut self.parts.openness), KnownNeighbors::default());
-        self.keep_shown(&Picture::new(Request::whole(seen, moving), &openness, &known, &busy));
+        self.keep_shown(&SurfacePicture::new(Request::whole(seen, moving), &openness, &known, &busy));
         let in_use = self.records.iter().filter(|record| record.seen == self.frame).count();
         self.forget(in_use, seen.pixels.samples().len());
         self.openness = openness;
@@ -172,7 +172,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             if is_late || current > self.frame {
                 continue;
             }
-            let light = Light { estimate, note, afresh: true };
+            let light = RecordLight { estimate, note, afresh: true };
             let mut record = Record::new(site, scale, light, self.made, current);
             record.radius = record.radius.min(radius_by_neighbors);
             (record.radius_by_neighbors, record.share) = (radius_by_neighbors, share);
@@ -184,7 +184,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     /// The light of a part, from the current ones of the records near it and those it still needs.
     fn part_lit<I: Illumination<Recipe = R>>(
         &mut self,
-        picture: &Picture,
+        picture: &SurfacePicture,
         mut tiles: Tiles,
         carried: &[bool],
         illumination: &I,

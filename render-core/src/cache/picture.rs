@@ -17,7 +17,7 @@ const LAYERED: usize = 3;
 const NEARBY: f32 = 8.0;
 
 /// The picture that is lit.
-pub(super) struct Picture<'a> {
+pub(super) struct SurfacePicture<'a> {
     pub seen: &'a GBuffer,
     /// Counts the work on it.
     pub busy: &'a Busy,
@@ -27,21 +27,21 @@ pub(super) struct Picture<'a> {
     pub known: &'a KnownNeighbors,
     /// Surfaces of all pixels, by macroblock, in raster order: a whole frame's sites are looked through several times,
     /// and the G-buffer holds three times as much of each.
-    shown: Vec<Shown>,
+    shown: Vec<ShownSurface>,
     /// Macroblocks that may have wanted pixels, ascending.
     pub wanted_tiles: Vec<usize>,
 }
 
 /// The surface that a pixel shows.
 #[derive(Clone, Copy)]
-pub(super) struct Shown {
+pub(super) struct ShownSurface {
     position: [f32; 3],
     pub openness: f32,
     normal: [f32; 3],
     pub carrier: u32,
 }
 
-impl Shown {
+impl ShownSurface {
     /// Nothing that reflects: no record is near it.
     const NOTHING: Self = Self { position: [f32::NAN; 3], openness: 0.0, normal: [0.0; 3], carrier: NOTHING };
 
@@ -58,21 +58,21 @@ impl Shown {
     }
 }
 
-impl From<&Site> for Shown {
+impl From<&Site> for ShownSurface {
     fn from(site: &Site) -> Self {
         let Site { position, normal, carrier, openness, .. } = *site;
         Self { position: position.into(), normal: normal.into(), carrier, openness }
     }
 }
 
-impl<'a> Picture<'a> {
+impl<'a> SurfacePicture<'a> {
     pub fn new(request: Request<'a>, openness: &'a Openness, known: &'a KnownNeighbors, busy: &'a Busy) -> Self {
         let (shown, wanted_tiles) = (Vec::new(), Vec::new());
         let mut picture = Self { seen: request.seen, busy, request, openness, known, shown, wanted_tiles };
         picture.wanted_tiles = picture.tiles_around(0);
 
         // Each macroblock has places for all its pixels, though at the right and lower border it has fewer.
-        let mut shown = vec![Shown::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
+        let mut shown = vec![ShownSurface::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
         let mut is_wanted = vec![false; picture.tiles()];
         for &tile in &picture.wanted_tiles {
             is_wanted[tile] = true;
@@ -81,7 +81,7 @@ impl<'a> Picture<'a> {
             |(tile, shown)| {
                 busy.measure(|| {
                     for (shown, (x, y)) in shown.iter_mut().zip(picture.pixels(tile)) {
-                        *shown = picture.site(x, y).as_ref().map_or(Shown::NOTHING, Shown::from);
+                        *shown = picture.site(x, y).as_ref().map_or(ShownSurface::NOTHING, ShownSurface::from);
                     }
                 });
             },
@@ -120,7 +120,7 @@ impl<'a> Picture<'a> {
     }
 
     /// Surfaces that the pixels of a macroblock show, in raster order.
-    pub fn shown(&self, tile: usize) -> &[Shown] {
+    pub fn shown(&self, tile: usize) -> &[ShownSurface] {
         let (columns, rows) = self.tile_area(tile);
         &self.shown[tile * MACROBLOCK * MACROBLOCK..][..columns.len() * rows.len()]
     }

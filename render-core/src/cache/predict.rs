@@ -14,7 +14,7 @@
 use super::group::weight;
 use super::illumination::Site;
 use super::known::{Before, Taught};
-use super::picture::{Picture, Shown};
+use super::picture::{ShownSurface, SurfacePicture};
 use super::radius::trust;
 use super::record::Record;
 use super::spacing::radius_in_view;
@@ -75,7 +75,7 @@ impl Prediction {
 
     /// Irradiance at a pixel nearby.
     #[inline]
-    pub fn at(&self, shown: &Shown) -> Vec3A {
+    pub fn at(&self, shown: &ShownSurface) -> Vec3A {
         let light = self.irradiance
             + self.by_normal * (shown.normal() - self.normal)
             + self.by_position * (shown.position() - self.position)
@@ -118,7 +118,7 @@ impl Predicted {
 /// Predictions of the records listed at these `places`. Where their neighbors are known of an earlier picture of the frame, only
 /// those that were made since are looked for.
 pub(super) fn predictions<R: Send + Sync>(
-    picture: &Picture,
+    picture: &SurfacePicture,
     tiles: &Tiles,
     records: &[Record<R>],
     places: &[usize],
@@ -155,7 +155,7 @@ impl Neighbors {
         &mut self,
         fit: &mut Fit<R>,
         place: usize,
-        picture: &Picture,
+        picture: &SurfacePicture,
         (tiles, records): (&Tiles, &[Record<R>]),
     ) {
         let site = &fit.record.site;
@@ -175,7 +175,7 @@ impl Neighbors {
 const CHUNK: usize = 128;
 
 /// The macroblock that a site is seen in and those around it; none if it is beside the picture.
-fn tiles_around<'a>(picture: &Picture, tiles: &'a Tiles, site: &Site) -> impl Iterator<Item = &'a Tile> {
+fn tiles_around<'a>(picture: &SurfacePicture, tiles: &'a Tiles, site: &Site) -> impl Iterator<Item = &'a Tile> {
     let (width, height) = picture.size();
     let (across, down) = (width.div_ceil(MACROBLOCK), height.div_ceil(MACROBLOCK));
     let seen_at = picture.pixel_of(site);

@@ -44,18 +44,24 @@ pub struct KeptRecipe<R> {
 
 /// Light that a record was given by its rank, as all others get it.
 #[derive(Clone, Copy)]
-pub(super) struct Light {
+pub(super) struct RecordLight {
     pub estimate: LocalIrradiance,
     pub note: u32,
     /// Whether it was computed from nothing.
     pub afresh: bool,
 }
 
-portable!(Light { estimate, note, afresh });
+portable!(RecordLight { estimate, note, afresh });
 
 impl<R> Record<R> {
     /// A record that `frame` needs, with the `scale` of its openness; its recipe is added where it was computed.
-    pub fn new(site: Site, scale: f32, Light { estimate, note, .. }: Light, number: u32, frame: u32) -> Self {
+    pub fn new(
+        site: Site,
+        scale: f32,
+        RecordLight { estimate, note, .. }: RecordLight,
+        number: u32,
+        frame: u32,
+    ) -> Self {
         let radius = radius(&estimate);
         Self {
             site,
@@ -96,7 +102,7 @@ impl<R> Record<R> {
     }
 
     /// Its light as other ranks get it.
-    pub fn light(&self, afresh: bool) -> Light {
-        Light { estimate: self.estimate, note: self.note, afresh }
+    pub fn light(&self, afresh: bool) -> RecordLight {
+        RecordLight { estimate: self.estimate, note: self.note, afresh }
     }
 }

@@ -1,7 +1,7 @@
 //! Radius of a record in a picture and among its neighbors.
 
 use super::illumination::Site;
-use super::picture::Picture;
+use super::picture::SurfacePicture;
 use super::radius::{BY_HARMONIC_MEAN, BY_NEAREST};
 use super::record::Record;
 use crate::Busy;
@@ -33,7 +33,7 @@ pub(super) fn least_radius(site: &Site, view: &View) -> f32 {
 ///
 /// The picture raises it where it shows the surroundings of the record. Where something else is seen in its place, as when a
 /// thing has moved over it, it keeps its own.
-pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
+pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &SurfacePicture) -> f32 {
     // Beside a wall a record may be small on the screen; elsewhere it would serve too few pixels.
     let pixel = record.site.pixel_width(&picture.seen.view);
     let beside_wall = record.estimate.nearest < BESIDE_WALLS * pixel;

@@ -1,9 +1,9 @@
 //! Records that the pixels of each macroblock may take light from.
 
 use super::Vec3A;
-use super::group::{Group, InUse, Near, ROUNDING, SumUpTo, Weigh};
+use super::group::{InUse, NearRecords, ROUNDING, RecordGroup, SumUpTo, Weigh};
 use super::illumination::Site;
-use super::picture::{Picture, Shown};
+use super::picture::{ShownSurface, SurfacePicture};
 use super::record::Record;
 use super::spacing::radius_in_view;
 use crate::MACROBLOCK;
@@ -28,7 +28,7 @@ pub(super) struct Tile {
     low: Vec3A,
     high: Vec3A,
     /// Groups of candidates; the last is filled up with records that are nowhere.
-    groups: Vec<Group>,
+    groups: Vec<RecordGroup>,
     /// Place of each candidate in [`Tiles::listed`], ascending.
     pub candidates: Vec<u32>,
 }
@@ -36,14 +36,14 @@ pub(super) struct Tile {
 impl Tile {
     /// Puts the candidates whose weight at a pixel is above zero into `weights`, in their order.
     #[inline]
-    pub fn weights(&self, lanes: Choice, shown: &Shown, weights: &mut Vec<(usize, f32)>) {
+    pub fn weights(&self, lanes: Choice, shown: &ShownSurface, weights: &mut Vec<(usize, f32)>) {
         weights.clear();
         lanes.run(Weigh { groups: &self.groups, shown, weights });
     }
 
     /// Whether the weights at a pixel sum to at least `enough`.
     #[inline]
-    pub fn is_covered(&self, lanes: Choice, shown: &Shown, enough: f32) -> bool {
+    pub fn is_covered(&self, lanes: Choice, shown: &ShownSurface, enough: f32) -> bool {
         lanes.run(SumUpTo { groups: &self.groups, shown, enough })
     }
 
@@ -52,13 +52,13 @@ impl Tile {
     pub fn candidates_near(&self, lanes: Choice, position: Vec3A, reach: f32, near: &mut Vec<u32>) {
         near.clear();
         let Self { groups, candidates, .. } = self;
-        lanes.run(Near { groups, candidates, position, reach2: reach * reach * ROUNDING, near });
+        lanes.run(NearRecords { groups, candidates, position, reach2: reach * reach * ROUNDING, near });
     }
 
     fn add(&mut self, place: usize, site: &Site, radius: f32) {
         let lane = self.candidates.len() % LANES;
         if lane == 0 {
-            self.groups.push(Group::NOWHERE);
+            self.groups.push(RecordGroup::NOWHERE);
         }
         self.groups.last_mut().expect("just made").set(lane, site, radius);
         self.candidates.push(place as u32);
@@ -79,7 +79,7 @@ impl Tile {
     }
 
     /// Candidates with a weight above zero at any of these pixels.
-    fn candidates_in_use(&self, lanes: Choice, shown: &[Shown]) -> Vec<u32> {
+    fn candidates_in_use(&self, lanes: Choice, shown: &[ShownSurface]) -> Vec<u32> {
         let mut used = Vec::new();
         for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
             // Lanes that are filled up with nothing are never in use.
@@ -110,7 +110,7 @@ pub(super) struct Tiles {
 
 impl Tiles {
     /// Tiles without records.
-    pub fn new(picture: &Picture) -> Self {
+    pub fn new(picture: &SurfacePicture) -> Self {
         let empty = |tile| {
             let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
             for shown in picture.shown(tile) {
@@ -125,7 +125,7 @@ impl Tiles {
     }
 
     /// Tiles that records reach up to `margin` pixels around the wanted pixels; the others nothing reaches.
-    pub fn around(picture: &Picture, margin: usize) -> Self {
+    pub fn around(picture: &SurfacePicture, margin: usize) -> Self {
         let (columns, rows) = picture.wanted_area(margin);
         let reached = |&tile: &usize| {
             let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -170,7 +170,7 @@ impl Tiles {
     /// Adds the `chosen` records, in their order, to the tiles that they reach.
     pub fn list<R: Sync + Send>(
         &mut self,
-        picture: &Picture,
+        picture: &SurfacePicture,
         records: &[Record<R>],
         chosen: impl IntoIterator<Item = usize>,
     ) {
@@ -190,7 +190,12 @@ impl Tiles {
     }
 
     /// Lists the records from `place` on again, whose radii are others now. Returns for each tile whether it had any.
-    pub fn list_again<R: Sync + Send>(&mut self, picture: &Picture, records: &[Record<R>], place: usize) -> Vec<bool> {
+    pub fn list_again<R: Sync + Send>(
+        &mut self,
+        picture: &SurfacePicture,
+        records: &[Record<R>],
+        place: usize,
+    ) -> Vec<bool> {
         let had: Vec<bool> = self.all.iter_mut().map(|tile| tile.forget_from(place)).collect();
         let again = self.listed.split_off(place);
         self.list(picture, records, again.into_iter().map(|index| index as usize));
@@ -198,7 +203,7 @@ impl Tiles {
     }
 
     /// Keeps, among the records listed from `place` on, those that any pixel takes light from.
-    pub fn keep_used<R: Sync + Send>(&mut self, picture: &Picture, records: &[Record<R>], place: usize) {
+    pub fn keep_used<R: Sync + Send>(&mut self, picture: &SurfacePicture, records: &[Record<R>], place: usize) {
         // Late candidates that any pixel of a tile takes light from. Tiles without late ones are passed over.
         let is_late = |&candidate: &u32| candidate as usize >= place;
         let in_tile = |index: usize| {
@@ -223,28 +228,28 @@ impl Tiles {
     }
 
     /// Listed records, ascending, that any pixel takes light from.
-    pub fn in_use(&self, picture: &Picture) -> Vec<usize> {
+    pub fn in_use(&self, picture: &SurfacePicture) -> Vec<usize> {
         self.records(self.candidates_in_use(picture))
     }
 
     /// Their places in the list, ascending.
-    pub fn places_in_use(&self, picture: &Picture) -> Vec<usize> {
+    pub fn places_in_use(&self, picture: &SurfacePicture) -> Vec<usize> {
         let mut places: Vec<usize> = self.candidates_in_use(picture).into_iter().map(|place| place as usize).collect();
         places.sort_unstable();
         places.dedup();
         places
     }
 
-    fn candidates_in_use(&self, picture: &Picture) -> Vec<u32> {
+    fn candidates_in_use(&self, picture: &SurfacePicture) -> Vec<u32> {
         self.used_in(picture, &picture.wanted_tiles)
     }
 
     /// Candidates of the `chosen` tiles that any of their pixels takes light from, some more than once.
-    pub fn used_in(&self, picture: &Picture, chosen: &[usize]) -> Vec<u32> {
+    pub fn used_in(&self, picture: &SurfacePicture, chosen: &[usize]) -> Vec<u32> {
         // Where only a part is wanted most macroblocks show nothing.
         let in_tile = |&index: &usize| {
             let mut shown = picture.shown(index).to_vec();
-            shown.retain(Shown::is_something);
+            shown.retain(ShownSurface::is_something);
             if shown.is_empty() { Vec::new() } else { self.all[index].candidates_in_use(self.lanes, &shown) }
         };
         let used: Vec<Vec<u32>> = chosen.par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
@@ -254,7 +259,7 @@ impl Tiles {
     /// The listed records of `chosen` at places where earlier ones of them sum to [`CROWDED`] already.
     ///
     /// A record beside the picture is none of them: the picture does not tell how dense the records are there.
-    pub fn superfluous<R>(&self, picture: &Picture, records: &[Record<R>], chosen: &[usize]) -> Vec<usize> {
+    pub fn superfluous<R>(&self, picture: &SurfacePicture, records: &[Record<R>], chosen: &[usize]) -> Vec<usize> {
         let mut kept = vec![false; records.len()];
         let mut weights = Vec::new();
         let across = picture.size().0.div_ceil(MACROBLOCK);

@@ -27,7 +27,7 @@ pub(super) struct Estimate {
 
 /// The samples near a point, which is the origin of their places.
 #[derive(Default)]
-pub(super) struct Near {
+pub(super) struct NearSamples {
     count: usize,
     /// Luminance of what is not seen, at most.
     pub brightest: f32,
@@ -48,7 +48,7 @@ struct Variation {
     contrast: f32,
 }
 
-impl Near {
+impl NearSamples {
     /// No samples yet. Where light may end between them, what is not seen is as bright as `usual` at least.
     pub fn new(usual: Option<f32>) -> Self {
         Self { brightest: usual.unwrap_or(0.0), has_borders: usual.is_some(), ..Self::default() }

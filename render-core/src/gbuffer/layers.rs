@@ -15,7 +15,7 @@
 
 use super::{CameraRay, GBuffer, PixelSample};
 use crate::PosedScene;
-use crate::accel::{Accelerator, Cone, Hit};
+use crate::accel::{Accelerator, Hit, RayCone};
 use crate::scene::View;
 use glam::Vec2;
 
@@ -95,9 +95,9 @@ impl<'a> Shown<'a> {
 
 impl View {
     /// The part of the world that is `width` pixels wide along a unit `direction`.
-    fn cone(&self, direction: glam::Vec3A, width: f32) -> Cone {
+    fn cone(&self, direction: glam::Vec3A, width: f32) -> RayCone {
         let (near, far) = (self.pixel_width(0.0), self.pixel_width(1.0));
-        Cone { at_origin: near * width, slope: (far - near) * self.depth_per_meter(direction) * width }
+        RayCone { at_origin: near * width, slope: (far - near) * self.depth_per_meter(direction) * width }
     }
 }
 

@@ -6,7 +6,7 @@
 use super::emitters::Emitters;
 use super::receiver::{Disc, ShadingPoint};
 use super::sampled::{Lamps, Sampled, Source, Traced};
-use super::tile::Tile;
+use super::tile::ReceiverTile;
 use crate::accel::{Accelerator, PACKET, Shadows};
 use crate::anchor::{Anchor, Anchors};
 use crate::luminance;
@@ -91,7 +91,7 @@ impl DirectLights {
         let shadows = Shadows::new(accelerator);
         for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
             // Dynamic anchors come last: those that are faint beside the other lights get no shadow rays.
-            let tile = Tile::new(&shadows, receivers);
+            let tile = ReceiverTile::new(&shadows, receivers);
             for light in &self.lights {
                 light.add_to(&tile, sums);
             }
@@ -155,7 +155,7 @@ impl DirectLights {
     }
 
     /// Adds what the dynamic anchors give.
-    fn add_dynamic(&self, tile: &Tile, sums: &mut [Vec3]) {
+    fn add_dynamic(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
         // Luminance that each receiver may still take from anchors without asking whether these are hidden.
         let mut unshadowed = [0.0; PACKET];
         for (unshadowed, &sum) in unshadowed.iter_mut().zip(&*sums) {

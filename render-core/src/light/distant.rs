@@ -1,9 +1,9 @@
 //! What lights share that are infinitely far away: photons, and direct light of a disc.
 
-use super::emission::{Ball, Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use super::receiver::ShadingPoint;
 use super::sampled::{Brdf, Lamp, Sampled, Source, Traced};
-use super::tile::Tile;
+use super::tile::ReceiverTile;
 use crate::accel::Shadows;
 use crate::sampling::{concentric_disc, disc_to_square, frame};
 use glam::{Vec2, Vec3, Vec3A, Vec4};
@@ -41,7 +41,7 @@ impl DistantSample {
     }
 }
 
-impl<L: DistantLight> Emission for L {
+impl<L: DistantLight> PhotonEmitter for L {
     fn is_distant(&self) -> bool {
         true
     }
@@ -108,7 +108,7 @@ impl DistantDisc {
 
 impl Sampled for DistantDisc {
     /// All of it or none is visible where its border and the first few of its points agree.
-    fn add_to(&self, tile: &Tile, sums: &mut [Vec3]) {
+    fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
         let share = self.irradiance / self.directions.len() as f32;
         for (receiver, sum) in tile.receivers().iter().zip(sums) {
             // Irradiance from a point of the disc, and the share of it that arrives.

@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 pub const EMISSION_DIMENSIONS: usize = 5;
 
 /// A light that photons start from.
-pub(super) trait Emission: Sync {
+pub(super) trait PhotonEmitter: Sync {
     /// Whether the light is infinitely far away.
     fn is_distant(&self) -> bool {
         false

@@ -2,7 +2,7 @@
 
 use super::area::AreaLight;
 use super::distant::DistantLight;
-use super::emission::{Ball, Emission};
+use super::emission::{Ball, PhotonEmitter};
 use super::point::PointLight;
 use super::sampled::Sampled;
 use super::sky;
@@ -46,12 +46,12 @@ impl Emitters {
     }
 
     /// All lights as sources of photons; those that are infinitely far away come last.
-    pub(super) fn emissions<'a>(&'a self, sky: Option<&'a Environment>) -> Vec<&'a dyn Emission> {
-        let mut lights = Vec::<&dyn Emission>::new();
-        lights.extend(self.areas.iter().map(|light| light as &dyn Emission));
-        lights.extend(self.points.iter().map(|light| light as &dyn Emission));
-        lights.extend(self.suns.iter().map(|light| light as &dyn Emission));
-        lights.extend(sky.map(|light| light as &dyn Emission));
+    pub(super) fn emissions<'a>(&'a self, sky: Option<&'a Environment>) -> Vec<&'a dyn PhotonEmitter> {
+        let mut lights = Vec::<&dyn PhotonEmitter>::new();
+        lights.extend(self.areas.iter().map(|light| light as &dyn PhotonEmitter));
+        lights.extend(self.points.iter().map(|light| light as &dyn PhotonEmitter));
+        lights.extend(self.suns.iter().map(|light| light as &dyn PhotonEmitter));
+        lights.extend(sky.map(|light| light as &dyn PhotonEmitter));
         lights
     }
 

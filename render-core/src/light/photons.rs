@@ -1,6 +1,6 @@
 //! Photons of all lights together, and the same ways backwards.
 
-use super::emission::{Ball, Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use super::emitters::Emitters;
 use crate::luminance;
 use crate::sampling::Distribution;
@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 
 /// Emits photons with probability in proportion to power.
 pub struct PhotonSource<'a> {
-    lights: Vec<&'a dyn Emission>,
+    lights: Vec<&'a dyn PhotonEmitter>,
     /// Of each of the lights \[W\].
     powers: Vec<Vec3>,
     choice: Distribution,

@@ -1,9 +1,9 @@
 //! Points and spots: lights without size.
 
-use super::emission::{Ball, Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use super::receiver::ShadingPoint;
 use super::sampled::{Brdf, Lamp, Sampled, Source, Traced};
-use super::tile::{Tile, bits};
+use super::tile::{ReceiverTile, bits};
 use crate::accel::{PACKET, Shadows};
 use crate::sampling::{frame, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
@@ -53,7 +53,7 @@ fn cone_solid_angle(kind: PunctualKind) -> f32 {
     }
 }
 
-impl Emission for PointLight {
+impl PhotonEmitter for PointLight {
     fn power(&self, _: &Ball) -> Vec3 {
         self.intensity * cone_solid_angle(self.kind)
     }
@@ -87,7 +87,7 @@ impl Emission for PointLight {
 }
 
 impl Sampled for PointLight {
-    fn add_to(&self, tile: &Tile, sums: &mut [Vec3]) {
+    fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
         // E = I(ω) cos θ / r², if nothing hides it.
         let mut given = [Vec3::ZERO; PACKET];
         let mut active = 0;

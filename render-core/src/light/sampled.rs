@@ -1,7 +1,7 @@
 //! Direct light: what each light that shadow rays go to has for the receivers.
 
 use super::receiver::ShadingPoint;
-use super::tile::Tile;
+use super::tile::ReceiverTile;
 use crate::accel::{Accelerator, Shadows};
 use glam::{Vec3, Vec3A};
 use std::any::Any;
@@ -10,7 +10,7 @@ use std::fmt::Debug;
 /// A light that is sampled with shadow rays at every pixel.
 pub(super) trait Sampled: Any + Debug + Send + Sync {
     /// Adds its irradiance \[W·m⁻²\] at each receiver of `tile` to `sums`.
-    fn add_to(&self, tile: &Tile, sums: &mut [Vec3]);
+    fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]);
 
     /// Radiance \[W·m⁻²·sr⁻¹\] that a receiver of this `brdf` reflects of it.
     fn reflected(&self, shadows: &Shadows, receiver: &ShadingPoint, brdf: Brdf) -> Traced<Vec3>;

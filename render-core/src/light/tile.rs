@@ -32,7 +32,7 @@ impl Hidden {
 }
 
 /// Up to [`PACKET`] receivers that are lit together.
-pub(super) struct Tile<'a> {
+pub(super) struct ReceiverTile<'a> {
     shadows: &'a Shadows<'a>,
     receivers: &'a [ShadingPoint],
     positions: [Vec3A; PACKET],
@@ -42,7 +42,7 @@ pub(super) struct Tile<'a> {
     rays: Cell<u64>,
 }
 
-impl<'a> Tile<'a> {
+impl<'a> ReceiverTile<'a> {
     pub(super) fn new(shadows: &'a Shadows<'a>, receivers: &'a [ShadingPoint]) -> Self {
         // By axis, so that the terms of a disc are computed for many receivers at once.
         // Places without a receiver repeat the last.
@@ -113,7 +113,7 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// How `light` is hidden from the receivers among `active`, as [`Tile::hidden_from`], with the shares that blended surfaces
+    /// How `light` is hidden from the receivers among `active`, as [`ReceiverTile::hidden_from`], with the shares that blended surfaces
     /// let through.
     pub(super) fn hidden(&self, light: Vec3A, active: u64, shafts: &Shafts) -> Hidden {
         let whole = self.hidden_from(light, active, shafts.opaque.as_ref());
@@ -132,7 +132,7 @@ impl<'a> Tile<'a> {
         Hidden { whole, passed: Some(passed) }
     }
 
-    /// As [`Tile::hidden`], where few receivers ask: share of `light` that blended surfaces let through to one.
+    /// As [`ReceiverTile::hidden`], where few receivers ask: share of `light` that blended surfaces let through to one.
     pub(super) fn passed(&self, light: Vec3A, receiver: usize) -> f32 {
         self.shadows.passed(light, self.positions[receiver])
     }

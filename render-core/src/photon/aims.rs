@@ -35,10 +35,10 @@ pub(super) struct Edge {
 
 /// Balls to aim at: a tree over the places that edges begin at.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Aims(Vec<Node>);
+pub(super) struct Aims(Vec<AimNode>);
 
 #[derive(Clone, Debug)]
-enum Node {
+enum AimNode {
     /// Parted at `at` along `axis`: the lower half is the next node.
     Halves { axis: usize, at: f32, upper: u32 },
     /// The ball.
@@ -47,7 +47,7 @@ enum Node {
 
 /// A cone to aim into.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cone {
+pub(super) struct AimCone {
     axis: Vec3A,
     /// 1 − cos of the half angle.
     height: f32,
@@ -80,26 +80,28 @@ impl Aims {
         edges.select_nth_unstable_by(half, |a, b| a.from[axis].total_cmp(&b.from[axis]));
         let (at, number) = (edges[half].from[axis], self.0.len());
         let (lower, upper) = edges.split_at_mut(half);
-        self.0.push(Node::Halves { axis, at, upper: 0 });
+        self.0.push(AimNode::Halves { axis, at, upper: 0 });
         self.add(lower);
-        self.0[number] = Node::Halves { axis, at, upper: self.0.len() as u32 };
+        self.0[number] = AimNode::Halves { axis, at, upper: self.0.len() as u32 };
         self.add(upper);
     }
 
     /// The cone that photons at `place` aim into; `None` where an even lobe does as well.
-    pub fn cone(&self, place: Vec3A) -> Option<Cone> {
+    pub fn cone(&self, place: Vec3A) -> Option<AimCone> {
         let mut number = 0;
         loop {
             match *self.0.get(number)? {
-                Node::Halves { axis, at, upper } => number = if place[axis] < at { number + 1 } else { upper as usize },
-                Node::Leaf { center, radius } => return Cone::around(center - place, radius),
+                AimNode::Halves { axis, at, upper } => {
+                    number = if place[axis] < at { number + 1 } else { upper as usize }
+                }
+                AimNode::Leaf { center, radius } => return AimCone::around(center - place, radius),
             }
         }
     }
 }
 
 /// Mean and spread of the places that `edges` lead to, by their light.
-fn ball(edges: &[Edge]) -> Node {
+fn ball(edges: &[Edge]) -> AimNode {
     let light: f64 = edges.iter().map(|edge| edge.light).sum();
     let mut center = Vec3A::ZERO;
     for edge in edges {
@@ -109,10 +111,10 @@ fn ball(edges: &[Edge]) -> Node {
     for edge in edges {
         variance += edge.to.distance_squared(center) * (edge.light / light) as f32;
     }
-    Node::Leaf { center, radius: DEVIATIONS * variance.sqrt() }
+    AimNode::Leaf { center, radius: DEVIATIONS * variance.sqrt() }
 }
 
-impl Cone {
+impl AimCone {
     /// Around a ball with its center at the end of `way`, if that is far.
     fn around(way: Vec3A, radius: f32) -> Option<Self> {
         let distance = way.length();
@@ -164,7 +166,7 @@ mod tests {
     fn aim_leaves_the_mean_as_it_is() {
         let normal = Vec3::Y;
         for way in [Vec3A::new(10.0, 1.0, 0.0), Vec3A::new(0.0, 3.0, 0.1), Vec3A::new(9.0, -0.5, 3.0)] {
-            let cone = Cone::around(way, 1.0).unwrap();
+            let cone = AimCone::around(way, 1.0).unwrap();
             let count = 400_000;
             let mut moments = [0.0f64; 3];
             for k in 0..count {

@@ -22,11 +22,11 @@ const LEAST_GAIN: f32 = 0.04;
 /// The boxes, which fill the unit cube of four dimensions.
 #[derive(Clone, Debug)]
 pub(super) struct Boxes {
-    nodes: Vec<Node>,
+    nodes: Vec<BoxNode>,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Node {
+enum BoxNode {
     /// Parted at `at` along `axis`; the lower part has the share `low` of the weight and the first of the `children`.
     Halves { axis: usize, at: f32, low: f32, children: [u32; 2] },
     /// Density here.
@@ -64,7 +64,7 @@ impl Boxes {
     fn add(&mut self, open: Open) -> u32 {
         let number = self.nodes.len() as u32;
         let extent = open.high - open.low;
-        self.nodes.push(Node::Leaf(open.share / (extent.x * extent.y * extent.z * extent.w)));
+        self.nodes.push(BoxNode::Leaf(open.share / (extent.x * extent.y * extent.z * extent.w)));
         let Some(Cut { axis, at, low }) = open.empty_side().or_else(|| open.halves()) else { return number };
 
         let Open { samples, low: begin, high: end, share } = open;
@@ -75,7 +75,7 @@ impl Boxes {
             self.add(Open { samples: below, low: begin, high: middle_end, share: share * low }),
             self.add(Open { samples: above, low: middle_begin, high: end, share: share * (1.0 - low) }),
         ];
-        self.nodes[number as usize] = Node::Halves { axis, at, low, children };
+        self.nodes[number as usize] = BoxNode::Halves { axis, at, low, children };
         number
     }
 
@@ -85,8 +85,8 @@ impl Boxes {
         let mut number = 0;
         loop {
             match self.nodes[number as usize] {
-                Node::Leaf(density) => return density,
-                Node::Halves { axis, at, children, .. } => number = children[usize::from(point[axis] >= at)],
+                BoxNode::Leaf(density) => return density,
+                BoxNode::Halves { axis, at, children, .. } => number = children[usize::from(point[axis] >= at)],
             }
         }
     }
@@ -96,11 +96,11 @@ impl Boxes {
         let (mut number, mut begin, mut end) = (0, Vec4::ZERO, Vec4::ONE);
         loop {
             match self.nodes[number as usize] {
-                Node::Leaf(density) => return (begin + (end - begin) * place, density),
-                Node::Halves { axis, at, low, children } if which < low => {
+                BoxNode::Leaf(density) => return (begin + (end - begin) * place, density),
+                BoxNode::Halves { axis, at, low, children } if which < low => {
                     (which, number, end[axis]) = (which / low, children[0], at);
                 }
-                Node::Halves { axis, at, low, children } => {
+                BoxNode::Halves { axis, at, low, children } => {
                     (which, number, begin[axis]) = ((which - low) / (1.0 - low), children[1], at);
                 }
             }

@@ -14,7 +14,7 @@
 //! of the picture gets: a dim corner has its photons too. Far from the camera, reflected photons aim at it (`photon/aims.rs`). The
 //! same guide serves all frames of a film.
 
-use super::aims::{Aims, Cone, Edge};
+use super::aims::{AimCone, Aims, Edge};
 use super::boxes::Boxes;
 use crate::anchor::{Anchor, Anchors};
 use crate::gbuffer::CameraRay;
@@ -282,7 +282,7 @@ impl Starts {
 
     /// The cone that photons aim into that are reflected at `place`; `None` where they need not aim.
     #[inline]
-    pub fn cone(&self, place: Vec3A) -> Option<Cone> {
+    pub fn cone(&self, place: Vec3A) -> Option<AimCone> {
         self.guide.as_ref()?.aims.cone(place)
     }
 

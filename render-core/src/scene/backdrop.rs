@@ -1,6 +1,6 @@
 //! Unlit surfaces around a scene, such as a painted sky: light from far away does not pass them.
 
-use super::{Around, PunctualKind, Scene};
+use super::{PointBox, PunctualKind, Scene};
 use glam::Vec3A;
 
 impl Scene {
@@ -11,12 +11,12 @@ impl Scene {
             return None;
         }
         let pose = self.pose(0.0);
-        let (mut lit, mut backdrops) = (Around::NOTHING, Vec::new());
+        let (mut lit, mut backdrops) = (PointBox::NOTHING, Vec::new());
         for (index, instance) in self.instances.iter().enumerate() {
             let mesh = &self.meshes[instance.mesh];
             let world = self.instance_world(&pose, index);
             let positions = pose.deformed(index).map_or(&mesh.positions, |shape| &shape.positions);
-            let around = Around::of(positions.iter().map(|&p| world.transform_point3a(p.into())));
+            let around = PointBox::of(positions.iter().map(|&p| world.transform_point3a(p.into())));
             if self.materials[mesh.material].unlit {
                 backdrops.push((around, self.nodes[instance.node].name.as_str()));
             } else {
@@ -26,7 +26,7 @@ impl Scene {
         }
         // A backdrop is closed at least to all sides: a wall or a floor has no depth.
         let is_something = lit.low.cmple(lit.high).all();
-        let encloses = |around: &Around| around.holds(&lit) && (around.high - around.low).cmpgt(Vec3A::ZERO).all();
+        let encloses = |around: &PointBox| around.holds(&lit) && (around.high - around.low).cmpgt(Vec3A::ZERO).all();
         let (_, name) = backdrops.into_iter().find(|(around, _)| is_something && encloses(around))?;
         let source = if has_sun { "the sun" } else { "the sky" };
         Some(format!("the unlit surface \"{name}\" encloses the scene: where it is closed it keeps {source} out"))

@@ -1,6 +1,6 @@
 //! Cameras whose depths leave the whole scene out.
 
-use super::{Around, Scene};
+use super::{PointBox, Scene};
 
 /// Moments of the animation at which a camera is looked through.
 const MOMENTS: usize = 5;
@@ -13,7 +13,7 @@ impl Scene {
         for moment in 0..MOMENTS {
             let pose = self.pose(self.duration() * moment as f32 / (MOMENTS - 1) as f32);
             let (low, high) = self.bounds(&pose)?;
-            let (nearest, farthest, depths) = self.view(&pose, 1, 1).depths_of(&Around { low, high }.corners());
+            let (nearest, farthest, depths) = self.view(&pose, 1, 1).depths_of(&PointBox { low, high }.corners());
             // Geometry behind the camera is out of view at any depth range.
             too_near &= farthest > 0.0 && farthest < depths.near;
             too_far &= nearest > depths.far;

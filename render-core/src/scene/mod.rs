@@ -268,8 +268,8 @@ impl Scene {
     /// Corners of the box around all meshes in `pose`; `None` when nothing has a volume to show.
     #[must_use]
     pub fn bounds(&self, pose: &Pose) -> Option<(Vec3A, Vec3A)> {
-        let mut around = Around::NOTHING;
-        let mut of_mesh: Vec<Option<Around>> = vec![None; self.meshes.len()];
+        let mut around = PointBox::NOTHING;
+        let mut of_mesh: Vec<Option<PointBox>> = vec![None; self.meshes.len()];
         for (index, instance) in self.instances.iter().enumerate() {
             let world = self.instance_world(pose, index);
             let mesh = &self.meshes[instance.mesh].positions;
@@ -278,8 +278,8 @@ impl Scene {
             // A mesh whose own box lies within what is known adds nothing: coordinates of a box and of what is in it are rounded
             // alike, and rounding keeps their order.
             if pose.deformed(index).is_none() {
-                let own = of_mesh[instance.mesh].get_or_insert_with(|| Around::of(mesh.iter().map(|&p| p.into())));
-                let image = Around::of(own.corners().into_iter().map(|corner| world.transform_point3a(corner)));
+                let own = of_mesh[instance.mesh].get_or_insert_with(|| PointBox::of(mesh.iter().map(|&p| p.into())));
+                let image = PointBox::of(own.corners().into_iter().map(|corner| world.transform_point3a(corner)));
                 if around.holds(&image) {
                     continue;
                 }
@@ -353,12 +353,12 @@ impl Scene {
 
 /// The box around some points.
 #[derive(Clone, Copy)]
-struct Around {
+struct PointBox {
     low: Vec3A,
     high: Vec3A,
 }
 
-impl Around {
+impl PointBox {
     const NOTHING: Self = Self { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
 
     fn of(points: impl Iterator<Item = Vec3A>) -> Self {

@@ -1,7 +1,7 @@
 //! A hit on its triangle, with its material looked up on demand: most of what a ray costs after its walk is
 //! textures and normals, and a photon that is absorbed needs neither a normal to go on from nor what glows where it ends.
 
-use super::site::{Footprint, Site};
+use super::site::{Footprint, TrianglePoint};
 use super::{Surface, Surfaces, normal_map};
 use crate::accel::Hit;
 use crate::bsdf::Bsdf;
@@ -12,7 +12,7 @@ use glam::{Vec3, Vec3A};
 pub(crate) struct Interaction<'a> {
     surfaces: &'a Surfaces<'a>,
     material: &'a Material,
-    site: Site<'a>,
+    site: TrianglePoint<'a>,
     /// Unit direction of the ray.
     direction: Vec3A,
     pub instance: u32,
@@ -67,7 +67,7 @@ fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A
 }
 
 /// The part of a [`Surface`] that its textures say.
-struct Finish {
+struct TexturedFinish {
     normal: Vec3A,
     albedo: Vec3,
     specular: Vec3,
@@ -97,7 +97,8 @@ impl<'a> Interaction<'a> {
         let geometric_normal = if front { outward } else { -outward };
         let indices = mesh.triangles[hit.triangle as usize];
         let footprint = footprint(direction, geometric_normal);
-        let site = Site { scene: surfaces.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
+        let site =
+            TrianglePoint { scene: surfaces.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
         Self { surfaces, material, site, direction, instance: hit.instance, position, geometric_normal, front }
     }
 
@@ -119,7 +120,8 @@ impl<'a> Interaction<'a> {
 
     /// The reflection of a surface with a coat, and the normal to shade it with; `None` where there is no coat.
     pub fn coat(&self) -> Option<(Bsdf, Vec3A)> {
-        let Finish { normal, albedo, specular, roughness } = self.material.may_have_coat().then(|| self.finish())?;
+        let TexturedFinish { normal, albedo, specular, roughness } =
+            self.material.may_have_coat().then(|| self.finish())?;
         (specular != Vec3::ZERO).then(|| (Bsdf::new(albedo, specular, roughness), normal))
     }
 
@@ -170,18 +172,18 @@ impl<'a> Interaction<'a> {
         if material.unlit {
             return dark;
         }
-        let Finish { normal, albedo, specular, roughness } = self.finish();
+        let TexturedFinish { normal, albedo, specular, roughness } = self.finish();
         Surface { shading_normal: normal, albedo, specular, roughness, ..dark }
     }
 
     /// Base, coat and normal of a surface that is not unlit.
-    fn finish(&self) -> Finish {
+    fn finish(&self) -> TexturedFinish {
         let Self { material, site, .. } = self;
         let (normal, unevenness) = self.normal_and_unevenness();
         let (metallic, roughness) = site.metallic_roughness(material);
         let roughness = normal_map::roughened(roughness, unevenness);
         let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);
-        Finish { normal, albedo, specular, roughness }
+        TexturedFinish { normal, albedo, specular, roughness }
     }
 
     /// The normal to shade with, and how uneven the normal map is within the footprint.

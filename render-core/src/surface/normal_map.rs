@@ -1,6 +1,6 @@
 //! Normal maps: the frame they are drawn in, and what becomes of their detail when it is too fine to see.
 
-use super::site::Site;
+use super::site::TrianglePoint;
 use crate::scene::TextureSlot;
 use glam::{Affine3A, Vec3, Vec3A, Vec4, Vec4Swizzles};
 
@@ -15,7 +15,7 @@ pub(super) fn given(world: &Affine3A, normal: Vec3, tangent: Vec4) -> Option<(Ve
     carry(tangent.xyz()).zip(carry(bitangent))
 }
 
-impl Site<'_> {
+impl TrianglePoint<'_> {
     /// The normal that the map gives instead of the unit `normal`, and how uneven the map is within the footprint: 0 for a
     /// flat one, else (1 − l) / l for a mean normal of length l.
     pub(super) fn mapped_normal(

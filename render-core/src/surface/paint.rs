@@ -1,7 +1,7 @@
 //! The looks of a surface without light and without a viewer.
 
 use super::Surfaces;
-use super::site::{Footprint, Site};
+use super::site::{Footprint, TrianglePoint};
 use crate::accel::Hit;
 use crate::bsdf::Bsdf;
 use glam::{Vec3, Vec3A};
@@ -35,7 +35,7 @@ impl Surfaces<'_> {
         // A cone from straight above meets the surface in a disk.
         let footprint = Footprint::ellipse(-outward, outward, width);
         let indices = mesh.triangles[triangle];
-        let site = Site { scene: self.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
+        let site = TrianglePoint { scene: self.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
         let emission = if material.emits() && !material.unlit { site.emission(material) } else { Vec3::ZERO };
         let (metallic, roughness) = site.metallic_roughness(material);
         let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);

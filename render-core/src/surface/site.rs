@@ -4,7 +4,7 @@ use crate::scene::{Filtered, Material, Mesh, Scene, TextureSlot, mesh_interpolat
 use glam::{Vec2, Vec3, Vec3A, Vec4, Vec4Swizzles};
 
 /// A point of a triangle, and how much of it a ray sees.
-pub(super) struct Site<'a> {
+pub(super) struct TrianglePoint<'a> {
     pub(super) scene: &'a Scene,
     pub(super) mesh: &'a Mesh,
     /// Vertices of the triangle.
@@ -47,7 +47,7 @@ impl Footprint {
     }
 }
 
-impl Site<'_> {
+impl TrianglePoint<'_> {
     /// Coordinates of the triangle's corners for `slot`, transformed.
     pub(super) fn coordinates(&self, slot: &TextureSlot) -> Option<[Vec2; 3]> {
         let uvs = &self.mesh.uvs[slot.uv_set];

@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Vec2, Vec3, vec2, vec3};
 
-use super::Finish;
+use super::RoomMaterials;
 use crate::glb::{Model, Scene};
 use crate::mesh::{Mesh, Vertex};
 use crate::noise::hash;
@@ -41,7 +41,7 @@ fn outline(inset: f32) -> Vec<Vec2> {
 }
 
 /// Adds the table, papers, cups, and a bowl.
-pub(super) fn table(scene: &mut Scene, f: &Finish) {
+pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     let mut model = Model::new();
     // The edge goes round the outline: under side, nosing, top rim.
     let profile = [(0.08, -0.045), (0.01, -0.040), (0.0, -0.030), (0.0, -0.012), (0.008, 0.0), (0.03, 0.0)];
@@ -96,7 +96,7 @@ fn fan(mesh: &mut Mesh, outline: &[Vec2], y: f32, normal: Vec3) {
 }
 
 /// Paper, a pencil and a cup before a seat.
-fn setting(model: &mut Model, f: &Finish, at: Vec3, angle: f32, seed: i32) {
+fn setting(model: &mut Model, f: &RoomMaterials, at: Vec3, angle: f32, seed: i32) {
     let turn = angle + 0.5 * (hash(seed, 1, 3) - 0.5);
     let (sin, cos) = turn.sin_cos();
     let place = |x: f32, y: f32, z: f32| at + vec3(x * cos + z * sin, y, z * cos - x * sin);
@@ -137,7 +137,7 @@ fn setting(model: &mut Model, f: &Finish, at: Vec3, angle: f32, seed: i32) {
 }
 
 /// A wide bowl with green apples in the middle of the table, and two carafes.
-fn bowl(model: &mut Model, f: &Finish) {
+fn bowl(model: &mut Model, f: &RoomMaterials) {
     let at = vec3(0.0, TOP + 0.006, 0.0);
     let profile = [
         vec2(0.08, 0.0),
@@ -195,7 +195,7 @@ fn cushion(mesh: &mut Mesh, center: Vec3, size: Vec3, bend: impl Fn(Vec3) -> Vec
 }
 
 /// An office chair that looks along -z, its foot at the origin.
-pub(super) fn chair(f: &Finish) -> Model {
+pub(super) fn chair(f: &RoomMaterials) -> Model {
     let mut model = Model::new();
     cushion(model.of(f.cloth), vec3(0.0, 0.47, 0.0), vec3(0.50, 0.09, 0.50), |p| p - Vec3::Y * 0.25 * p.x * p.x);
     // The back curves round the sitter and leans away from the seat.
@@ -237,7 +237,7 @@ pub(super) fn chair(f: &Finish) -> Model {
 }
 
 /// Two tall plants in the corners.
-pub(super) fn plants(scene: &mut Scene, f: &Finish) {
+pub(super) fn plants(scene: &mut Scene, f: &RoomMaterials) {
     let mut model = Model::new();
     let pot =
         [vec2(0.17, 0.0), vec2(0.24, 0.42), vec2(0.25, 0.45), vec2(0.22, 0.45), vec2(0.21, 0.40), vec2(0.0, 0.40)];

@@ -26,7 +26,7 @@ const HALF: [f32; 2] = [7.2, 5.4];
 const CEILING: f32 = 3.2;
 
 /// The materials of the room.
-struct Finish {
+struct RoomMaterials {
     carpet: MaterialId,
     walnut: MaterialId,
     table: MaterialId,
@@ -54,7 +54,7 @@ struct Finish {
 pub fn build() -> Scene {
     let mut scene = Scene::new("conference");
     let glow = |scene: &mut Scene, name, color: Vec3| scene.material(Material::glowing(name, color));
-    let finish = Finish {
+    let finish = RoomMaterials {
         carpet: scene.textured("carpet", 1.2, &carpet(768, vec3(0.20, 0.27, 0.30), vec3(0.48, 0.42, 0.28), 3)),
         walnut: scene.textured("walnut", 0.9, &veneer(768, vec3(0.36, 0.20, 0.105), 12)),
         table: scene.textured("cherry", 1.4, &veneer(768, vec3(0.46, 0.25, 0.12), 31)),

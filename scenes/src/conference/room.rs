@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3, vec2, vec3};
 
-use super::{CEILING, Finish, HALF};
+use super::{CEILING, HALF, RoomMaterials};
 use crate::arches::Plane;
 use crate::glb::{Model, Scene};
 use crate::shapes::{Frame, arc, bar, molding, sweep};
@@ -19,7 +19,7 @@ fn wall(out: Vec3, distance: f32) -> Plane {
 }
 
 /// Adds the room.
-pub(super) fn add(scene: &mut Scene, f: &Finish) {
+pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     let mut room = Model::new();
     let mut lamps = Model::new();
     let [hx, hz] = HALF;
@@ -84,7 +84,7 @@ pub(super) fn add(scene: &mut Scene, f: &Finish) {
     scene.show("lamps", lamps);
 }
 
-fn ceiling(room: &mut Model, lamps: &mut Model, f: &Finish) {
+fn ceiling(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
     let [nx, nz] = COFFERS;
     let (beam, depth, panel) = (0.075, 0.2, 0.3);
     for i in 0..nx {
@@ -134,7 +134,7 @@ fn ceiling(room: &mut Model, lamps: &mut Model, f: &Finish) {
 }
 
 /// Wainscot of raised fields between flat frames.
-fn panelling(room: &mut Model, f: &Finish, plane: &Plane, s: [f32; 2], count: usize) {
+fn panelling(room: &mut Model, f: &RoomMaterials, plane: &Plane, s: [f32; 2], count: usize) {
     plane.rectangle(room.of(f.walnut), s, [0.0, DADO], 0.0);
     let width = (s[1] - s[0]) / count as f32;
     for i in 0..count {
@@ -143,7 +143,7 @@ fn panelling(room: &mut Model, f: &Finish, plane: &Plane, s: [f32; 2], count: us
     }
 }
 
-fn door_with_frame(room: &mut Model, f: &Finish, plane: &Plane, s: [f32; 2]) {
+fn door_with_frame(room: &mut Model, f: &RoomMaterials, plane: &Plane, s: [f32; 2]) {
     let wood = room.of(f.walnut);
     plane.block(wood, [s[0] - 0.1, s[0]], [0.0, 2.25], [-0.05, 0.05]);
     plane.block(wood, [s[1], s[1] + 0.1], [0.0, 2.25], [-0.05, 0.05]);
@@ -160,7 +160,7 @@ fn door_with_frame(room: &mut Model, f: &Finish, plane: &Plane, s: [f32; 2]) {
 }
 
 /// Four windows with blinds half let down before the evening outside.
-fn window_wall(room: &mut Model, lamps: &mut Model, f: &Finish, plane: &Plane) {
+fn window_wall(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &Plane) {
     let (sill, head, half) = (DADO + 0.1, 2.75, 1.2);
     let centers = [-5.15, -1.72, 1.72, 5.15];
     let mut from = -HALF[0];
@@ -196,7 +196,7 @@ fn window_wall(room: &mut Model, lamps: &mut Model, f: &Finish, plane: &Plane) {
 }
 
 /// Pictures on the long wall, the whiteboard on the short one.
-fn hangings(room: &mut Model, f: &Finish, back: &Plane, left: &Plane) {
+fn hangings(room: &mut Model, f: &RoomMaterials, back: &Plane, left: &Plane) {
     let mut framed = |plane: &Plane, s: [f32; 2], y: [f32; 2], rim: f32, frame, picture| {
         let mesh = room.of(frame);
         plane.block(mesh, [s[0] - rim, s[0]], [y[0] - rim, y[1] + rim], [0.002, 0.045]);
@@ -213,7 +213,7 @@ fn hangings(room: &mut Model, f: &Finish, back: &Plane, left: &Plane) {
 }
 
 /// A half-round shade that shines up and down the wall.
-fn sconce(room: &mut Model, lamps: &mut Model, f: &Finish, plane: &Plane, s: f32) {
+fn sconce(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &Plane, s: f32) {
     let (y, half, radius) = (2.05, 0.13, 0.10);
     let curve: Vec<Frame> = (0..=8)
         .map(|i| {
@@ -230,7 +230,7 @@ fn sconce(room: &mut Model, lamps: &mut Model, f: &Finish, plane: &Plane, s: f32
 }
 
 /// A slim bar over the table with eight lamps in it.
-fn pendant(room: &mut Model, lamps: &mut Model, f: &Finish) {
+fn pendant(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
     let (y, half) = (2.20, 2.6);
     room.of(f.dark).cuboid(vec3(-half, y, -0.06), vec3(half, y + 0.05, 0.06));
     for x in [-2.0, 2.0] {

@@ -7,10 +7,10 @@ use crate::scalar::Scalar;
 
 /// The instructions to use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Choice(Kind);
+pub struct Choice(ChoiceKind);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum ChoiceKind {
     Scalar,
     #[cfg(target_arch = "x86_64")]
     Avx2(Avx2),
@@ -18,7 +18,7 @@ enum Kind {
 
 impl Choice {
     /// One number after the other, on any processor.
-    pub const SCALAR: Self = Self(Kind::Scalar);
+    pub const SCALAR: Self = Self(ChoiceKind::Scalar);
 
     /// The fastest instructions of this processor. The answer is kept: a call costs one load and one branch.
     #[inline(always)]
@@ -26,7 +26,7 @@ impl Choice {
     pub fn best() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = Avx2::detect() {
-            return Self(Kind::Avx2(avx2));
+            return Self(ChoiceKind::Avx2(avx2));
         }
         Self::SCALAR
     }
@@ -42,9 +42,9 @@ impl Choice {
     #[inline]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
-            Kind::Scalar => kernel.run(Scalar),
+            ChoiceKind::Scalar => kernel.run(Scalar),
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2(avx2) => avx2.run(kernel),
+            ChoiceKind::Avx2(avx2) => avx2.run(kernel),
         }
     }
 }

@@ -24,7 +24,7 @@ pub const NO_MATCH: u32 = u32::MAX;
 /// assert_eq!(cut.motion_of(10, 2), None);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "StoredCorrespondence"))]
 pub struct Correspondence {
     motion: Plane<[f32; 2]>,
     matches: Plane<u32>,
@@ -33,16 +33,16 @@ pub struct Correspondence {
 /// The serialized form of a correspondence, whose sizes are not checked yet.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
-struct Parts {
+struct StoredCorrespondence {
     motion: Plane<[f32; 2]>,
     matches: Plane<u32>,
 }
 
 #[cfg(feature = "serde")]
-impl TryFrom<Parts> for Correspondence {
+impl TryFrom<StoredCorrespondence> for Correspondence {
     type Error = SizeError;
 
-    fn try_from(Parts { motion, matches }: Parts) -> Result<Self, SizeError> {
+    fn try_from(StoredCorrespondence { motion, matches }: StoredCorrespondence) -> Result<Self, SizeError> {
         Self::new(motion, matches)
     }
 }

@@ -19,7 +19,7 @@ use crate::{Plane, SizeError};
 /// # Ok::<(), plane::SizeError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "StoredPicture"))]
 pub struct Picture {
     luma: Plane<u8>,
     cb: Plane<u8>,
@@ -29,17 +29,17 @@ pub struct Picture {
 /// The serialized form of a picture, whose sizes are not checked yet.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
-struct Parts {
+struct StoredPicture {
     luma: Plane<u8>,
     cb: Plane<u8>,
     cr: Plane<u8>,
 }
 
 #[cfg(feature = "serde")]
-impl TryFrom<Parts> for Picture {
+impl TryFrom<StoredPicture> for Picture {
     type Error = SizeError;
 
-    fn try_from(Parts { luma, cb, cr }: Parts) -> Result<Self, SizeError> {
+    fn try_from(StoredPicture { luma, cb, cr }: StoredPicture) -> Result<Self, SizeError> {
         Self::new(luma, cb, cr)
     }
 }

@@ -4,7 +4,7 @@
 ///
 /// Invariant: `data.len() == width * height`; there is no hidden padding.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts<T>"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "StoredPlane<T>"))]
 pub struct Plane<T> {
     data: Vec<T>,
     width: usize,
@@ -14,17 +14,17 @@ pub struct Plane<T> {
 /// The serialized form of a plane, whose size is not checked yet.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
-struct Parts<T> {
+struct StoredPlane<T> {
     data: Vec<T>,
     width: usize,
     height: usize,
 }
 
 #[cfg(feature = "serde")]
-impl<T> TryFrom<Parts<T>> for Plane<T> {
+impl<T> TryFrom<StoredPlane<T>> for Plane<T> {
     type Error = String;
 
-    fn try_from(Parts { data, width, height }: Parts<T>) -> Result<Self, String> {
+    fn try_from(StoredPlane { data, width, height }: StoredPlane<T>) -> Result<Self, String> {
         match width.checked_mul(height) {
             Some(count) if count == data.len() => Ok(Self { data, width, height }),
             _ => Err(format!("{} samples are no plane of {width}x{height}", data.len())),

@@ -11,7 +11,7 @@ use crate::places::FilePlaces;
 use crate::report::{Ending, Summary, path_beside, write_json};
 use crate::settings::{CodedRate, check_disc, container_of, unknown_ending};
 use mpeg2enc::{AccessUnit, Container, ElementaryStream, Multiplexer};
-use part::Part;
+use part::WholePart;
 use pipeline::output::Output;
 use pipeline::report::FrameReport;
 use serde::Serialize;
@@ -46,7 +46,7 @@ struct JoinedPart {
 
 impl JoinedReport {
     /// Of a film at `output`.
-    fn new(parts: Vec<Part>, output: &Path) -> Self {
+    fn new(parts: Vec<WholePart>, output: &Path) -> Self {
         let summaries: Vec<&Summary> = parts.iter().map(|part| &part.report.summary).collect();
         let wall_seconds = summaries.iter().map(|summary| summary.wall_seconds).sum();
         let cpu_seconds = summaries.iter().map(|summary| summary.cpu_seconds).sum();
@@ -98,7 +98,7 @@ pub fn places(paths: &[PathBuf]) -> FilePlaces {
 pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
     let container = container_of(output, None).ok_or_else(|| unknown_ending(output))?;
     places(paths).writes("-o", Some(output)).check()?;
-    let parts = paths.iter().map(|path| Part::read(path)).collect::<Result<Vec<Part>>>()?;
+    let parts = paths.iter().map(|path| WholePart::read(path)).collect::<Result<Vec<WholePart>>>()?;
     order::check(&parts)?;
     if container == Container::Disc {
         check_disc(output, None, parts[0].fps)?;
@@ -126,7 +126,7 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
 ///
 /// # Errors
 /// Its pixels are square, or its rate needs pulldown.
-fn check_disc_part(part: &Part) -> Result<()> {
+fn check_disc_part(part: &WholePart) -> Result<()> {
     let remedy = match CodedRate::of(part.fps)?.rate.fraction() {
         (24_000, 1001) => {
             "has no pulldown, which DVD-Video needs at 23.976 pictures a second: render the film in one run"

@@ -1,6 +1,6 @@
 //! Whether parts belong to one film, are all there, and stand in order.
 
-use super::part::Part;
+use super::part::WholePart;
 use crate::error::{Error, Result};
 use crate::settings::FrameRange;
 use serde_json::Value;
@@ -12,7 +12,7 @@ const OF_ONE_PART: [&str; 8] = ["scene", "output", "range", "baked", "exr", "exr
 ///
 /// # Errors
 /// The first part that is of another film than the first, or does not follow the one before.
-pub(super) fn check(parts: &[Part]) -> Result<()> {
+pub(super) fn check(parts: &[WholePart]) -> Result<()> {
     let [first, others @ ..] = parts else {
         return Err(Error::Options("there are no parts to join".into()));
     };
@@ -21,7 +21,7 @@ pub(super) fn check(parts: &[Part]) -> Result<()> {
 }
 
 /// Whether `part` is of the same film as the `first`.
-fn check_same_film(first: &Part, part: &Part) -> Result<()> {
+fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
     let (one, other) = (&first.report, &part.report);
     let differs = |what: &str, then: &dyn std::fmt::Display, now: &dyn std::fmt::Display| {
         let beside = first.path.display();
@@ -50,7 +50,7 @@ fn check_same_film(first: &Part, part: &Part) -> Result<()> {
 }
 
 /// Whether the parts follow each other from the first frame of their film to the last.
-fn check_order(parts: &[Part]) -> Result<()> {
+fn check_order(parts: &[WholePart]) -> Result<()> {
     let mut next = 0;
     for part in parts {
         let wrong = |text: String| Err(Error::content(&part.path, format!(", frames {}, {text}", part.range)));
@@ -84,6 +84,6 @@ fn check_order(parts: &[Part]) -> Result<()> {
     }
 }
 
-fn overlap(one: &Part, other: &Part) -> bool {
+fn overlap(one: &WholePart, other: &WholePart) -> bool {
     one.range.first <= other.range.last && other.range.first <= one.range.last
 }

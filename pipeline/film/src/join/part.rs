@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// A part whose stream is whole and is the one that its report tells of.
 #[derive(Debug)]
-pub(super) struct Part {
+pub(super) struct WholePart {
     pub path: PathBuf,
     pub range: FrameRange,
     /// Frames of the whole film.
@@ -43,7 +43,7 @@ pub(super) struct PartReport {
 
 /// Settings of a part by which its stream is wrapped.
 #[derive(Deserialize)]
-struct Coded {
+struct PartCoding {
     size: CodedSize,
     fps: f64,
     #[serde(default)]
@@ -58,7 +58,7 @@ struct CodedSize {
     height: usize,
 }
 
-impl Part {
+impl WholePart {
     /// Reads the stream at `path` and its report.
     ///
     /// # Errors
@@ -81,7 +81,7 @@ impl Part {
         }
 
         let place = path_beside(path).display().to_string();
-        let coded: Coded = serde_json::from_value(report.settings.clone().into()).context(place.clone())?;
+        let coded: PartCoding = serde_json::from_value(report.settings.clone().into()).context(place.clone())?;
         let CodedRate { pictures, .. } = CodedRate::of(coded.fps).context(place)?;
 
         // A stream belongs to its report if the sizes of frames agree. With a look-ahead, pictures may be counted with the previous
@@ -136,8 +136,8 @@ impl Part {
     /// The report has none that fit an encoder.
     pub fn encoder_config(&self) -> Result<Config> {
         let place = path_beside(&self.path).display().to_string();
-        let coded: Coded = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;
-        let Coded { size: CodedSize { width, height }, fps, aspect, mpeg1, bframes } = coded;
+        let coded: PartCoding = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;
+        let PartCoding { size: CodedSize { width, height }, fps, aspect, mpeg1, bframes } = coded;
         let config = Config::new(width, height, CodedRate::of(fps).context(place.clone())?.rate)
             .with_aspect(aspect.ratio())
             .with_standard(if mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })

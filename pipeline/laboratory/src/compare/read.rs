@@ -19,10 +19,10 @@ const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "m
 pub struct Pictures {
     /// Where they come from.
     pub path: PathBuf,
-    source: Source,
+    source: FrameSource,
 }
 
-enum Source {
+enum FrameSource {
     Files(std::vec::IntoIter<PathBuf>),
     Y4m(Box<y4m::Decoder<Box<dyn Read>>>),
     /// Pictures from ffmpeg; the process is waited for at the end.
@@ -37,13 +37,13 @@ impl Pictures {
     pub fn open(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(Error::file(path, "cannot be read"))?;
         let source = if metadata.is_dir() {
-            Source::Files(pictures_in(path)?.into_iter())
+            FrameSource::Files(pictures_in(path)?.into_iter())
         } else {
             match ending(path).as_str() {
-                "exr" | "png" => Source::Files(vec![path.to_owned()].into_iter()),
+                "exr" | "png" => FrameSource::Files(vec![path.to_owned()].into_iter()),
                 "y4m" => {
                     let file = File::open(path).map_err(Error::file(path, "cannot be read"))?;
-                    Source::Y4m(Box::new(y4m_decoder(path, Box::new(BufReader::new(file)))?))
+                    FrameSource::Y4m(Box::new(y4m_decoder(path, Box::new(BufReader::new(file)))?))
                 }
                 video if VIDEO_ENDINGS.contains(&video) => ffmpeg(path)?,
                 _ => {
@@ -64,22 +64,24 @@ impl Iterator for Pictures {
     /// The next picture, or why it cannot be read; the message names its file.
     fn next(&mut self) -> Option<Self::Item> {
         match &mut self.source {
-            Source::Files(paths) => paths.next().map(|path| read_picture(&path)),
-            Source::Y4m(decoder) => next_frame(&self.path, decoder, ColorMatrix::Bt601).transpose(),
-            Source::Ffmpeg(decoder, child) => match next_frame(&self.path, decoder, ColorMatrix::Bt709).transpose() {
-                None => match child.wait() {
-                    Ok(status) if status.success() => None,
-                    _ => Some(Err(Error::content(&self.path, ": ffmpeg could not decode it to the end"))),
-                },
-                picture => picture,
-            },
+            FrameSource::Files(paths) => paths.next().map(|path| read_picture(&path)),
+            FrameSource::Y4m(decoder) => next_frame(&self.path, decoder, ColorMatrix::Bt601).transpose(),
+            FrameSource::Ffmpeg(decoder, child) => {
+                match next_frame(&self.path, decoder, ColorMatrix::Bt709).transpose() {
+                    None => match child.wait() {
+                        Ok(status) if status.success() => None,
+                        _ => Some(Err(Error::content(&self.path, ": ffmpeg could not decode it to the end"))),
+                    },
+                    picture => picture,
+                }
+            }
         }
     }
 }
 
 impl Drop for Pictures {
     fn drop(&mut self) {
-        if let Source::Ffmpeg(_, child) = &mut self.source {
+        if let FrameSource::Ffmpeg(_, child) = &mut self.source {
             let _ = child.kill();
             let _ = child.wait();
         }
@@ -171,7 +173,7 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: Co
 }
 
 /// Lets ffmpeg decode; what it has to say goes to standard error.
-fn ffmpeg(path: &Path) -> Result<Source> {
+fn ffmpeg(path: &Path) -> Result<FrameSource> {
     let mut child = Command::new("ffmpeg")
         .args(["-nostdin", "-v", "error", "-i"])
         .arg(path)
@@ -189,7 +191,7 @@ fn ffmpeg(path: &Path) -> Result<Source> {
     let output = child.stdout.take().expect("it was requested");
     let decoder = y4m_decoder(path, Box::new(BufReader::new(output)));
     match decoder {
-        Ok(decoder) => Ok(Source::Ffmpeg(Box::new(decoder), child)),
+        Ok(decoder) => Ok(FrameSource::Ffmpeg(Box::new(decoder), child)),
         Err(_) => {
             let _ = child.wait();
             Err(Error::content(path, ": ffmpeg finds no video in it"))

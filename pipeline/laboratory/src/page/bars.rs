@@ -1,7 +1,7 @@
 //! Columns that are made of parts.
 
 use super::axis::Axis;
-use super::line_plot::{AREA, Entry, SIZE, frame, height_and_bottom, legend};
+use super::line_plot::{AREA, LegendEntry, SIZE, frame, height_and_bottom, legend};
 use super::svg::{Svg, TextStyle};
 
 /// Of more columns the numbers do not show when they are pointed at: they would take most of a page.
@@ -62,8 +62,9 @@ impl StackedBars {
             }
         }
         if self.parts.len() > 1 {
-            let entry = |(name, color): &(String, usize)| Entry { name: name.clone(), color: *color, dashed: None };
-            let entries: Vec<Entry> = self.parts.iter().map(entry).collect();
+            let entry =
+                |(name, color): &(String, usize)| LegendEntry { name: name.clone(), color: *color, dashed: None };
+            let entries: Vec<LegendEntry> = self.parts.iter().map(entry).collect();
             legend(&mut svg, &entries, bottom + 56.0);
         }
         svg

@@ -69,9 +69,12 @@ impl LinePlot {
             svg.text((right - 4.0, place - 5.0), TextStyle { class: "soft", anchor: "end", size: 12.0 }, name);
         }
         self.series.iter().for_each(|series| self.draw_line(&mut svg, series, (&x, &y)));
-        let entry =
-            |series: &Series| Entry { name: series.name.clone(), color: series.color, dashed: Some(series.dashed) };
-        let entries: Vec<Entry> = self.series.iter().map(entry).collect();
+        let entry = |series: &Series| LegendEntry {
+            name: series.name.clone(),
+            color: series.color,
+            dashed: Some(series.dashed),
+        };
+        let entries: Vec<LegendEntry> = self.series.iter().map(entry).collect();
         legend(&mut svg, &entries, bottom + 56.0);
         svg
     }
@@ -156,7 +159,7 @@ fn columns<'a>(names: impl Iterator<Item = &'a str>) -> usize {
 }
 
 /// A name in a legend.
-pub(super) struct Entry {
+pub(super) struct LegendEntry {
     /// Name of the line or of the column.
     pub name: String,
     /// Number of its color and mark.
@@ -166,10 +169,10 @@ pub(super) struct Entry {
 }
 
 /// Names with a piece of their line and its mark, or with their color.
-pub(super) fn legend(svg: &mut Svg, entries: &[Entry], top: f64) {
+pub(super) fn legend(svg: &mut Svg, entries: &[LegendEntry], top: f64) {
     let columns = columns(entries.iter().map(|entry| entry.name.as_str()));
     let column = (AREA.1 - AREA.0 + 46.0) / columns as f64;
-    for (i, Entry { name, color, dashed }) in entries.iter().enumerate() {
+    for (i, LegendEntry { name, color, dashed }) in entries.iter().enumerate() {
         let x = AREA.0 - 46.0 + column * (i % columns) as f64;
         let y = top + LEGEND_ROW * (i / columns) as f64;
         match *dashed {

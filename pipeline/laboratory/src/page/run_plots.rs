@@ -26,7 +26,7 @@ pub(super) struct Figures {
 }
 
 /// A figure over the frames.
-struct Row {
+struct FigureRow {
     /// For the file.
     file: &'static str,
     title: &'static str,
@@ -37,8 +37,8 @@ struct Row {
     value: Figure,
 }
 
-const ROWS: [Row; 8] = [
-    Row {
+const ROWS: [FigureRow; 8] = [
+    FigureRow {
         file: "psnr",
         title: "PSNR of the decoded luma",
         unit: "dB",
@@ -46,49 +46,49 @@ const ROWS: [Row; 8] = [
         // Equal pictures have no PSNR, and leave a gap.
         value: |frame| frame.psnr_y.unwrap_or(f64::NAN),
     },
-    Row {
+    FigureRow {
         file: "cuts",
         title: "Size of cuts",
         unit: "clusters",
         line: ("mean", 0),
         value: |frame| frame.cut_size_mean,
     },
-    Row {
+    FigureRow {
         file: "thresholds",
         title: "Thresholds",
         unit: "% of luminance",
         line: ("mean threshold", 3),
         value: |frame| 100.0 * frame.threshold_mean_relative,
     },
-    Row {
+    FigureRow {
         file: "shaded",
         title: "Pixels of which some light was computed",
         unit: "% of lit pixels",
         line: ("computed, not carried", 6),
         value: |frame| 100.0 * frame.shaded_share,
     },
-    Row {
+    FigureRow {
         file: "rays",
         title: "Shadow rays",
         unit: "thousands",
         line: ("of direct light and cuts", 1),
         value: |frame| frame.shadow_rays as f64 / 1000.0,
     },
-    Row {
+    FigureRow {
         file: "kappa",
         title: "κ, the multiplier on what masking allows",
         unit: "κ",
         line: ("κ", 4),
         value: |frame| frame.kappa.unwrap_or(f64::NAN),
     },
-    Row {
+    FigureRow {
         file: "samples",
         title: "Samples to the pixel",
         unit: "samples",
         line: ("mean", 5),
         value: |frame| frame.samples_mean.unwrap_or(f64::NAN),
     },
-    Row {
+    FigureRow {
         file: "qscale",
         title: "quantiser_scale of the pictures",
         unit: "quantiser_scale",
@@ -127,7 +127,7 @@ impl Figures {
     }
 
     /// Draws a line, or says its number where that stays; nothing of what no frame has.
-    fn add(&mut self, row: &Row, frames: &[FrameReport]) {
+    fn add(&mut self, row: &FigureRow, frames: &[FrameReport]) {
         let points: Vec<(f64, f64)> = frames.iter().map(|frame| (f64::from(frame.index), (row.value)(frame))).collect();
         let values: Vec<f64> = points.iter().map(|point| point.1).collect();
         if values.iter().all(|value| value.is_nan()) {

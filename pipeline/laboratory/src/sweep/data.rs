@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// `sweep.json`: the figures, and what they say in words.
 #[derive(Serialize)]
-struct Written<'a> {
+struct SweepFile<'a> {
     #[serde(flatten)]
     outcome: &'a Outcome,
     findings: Vec<Finding>,
@@ -18,7 +18,7 @@ struct Written<'a> {
 impl Swept {
     /// The text of `sweep.json`.
     pub(super) fn json(&self) -> Result<String> {
-        let written = Written { outcome: &self.outcome, findings: self.outcome.findings() };
+        let written = SweepFile { outcome: &self.outcome, findings: self.outcome.findings() };
         let mut json = serde_json::to_string_pretty(&written).context("the figures cannot be put into JSON")?;
         json.push('\n');
         Ok(json)

@@ -46,7 +46,7 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
     // The first frame knows no thresholds: it is coded, and not counted unless it is the only one.
     let uncounted = usize::from(count > 1);
     let lightcuts = film.stream.is_some();
-    let (mut sums, mut clip, mut last) = (Sums::new(film, count - uncounted), Vec::new(), None);
+    let (mut sums, mut clip, mut last) = (FrameSums::new(film, count - uncounted), Vec::new(), None);
     for (n, (frame, truth)) in film.frames()?.zip(reference.frames()?).enumerate() {
         let (frame, truth) = (frame?, truth?);
         let coded = coder.push(&frame)?;
@@ -103,7 +103,7 @@ impl Flicker {
 }
 
 /// Sums over the frames that count.
-struct Sums {
+struct FrameSums {
     exposure: f32,
     rendered: Vec<Comparison>,
     decoded: Vec<Comparison>,
@@ -112,7 +112,7 @@ struct Sums {
     ratios: Option<Ratios>,
 }
 
-impl Sums {
+impl FrameSums {
     fn new(film: &Film, frames: usize) -> Self {
         let ratios = film.stream.is_some().then(|| Ratios::of(film, frames));
         let exposure = film.settings.tone_map.exposure;

@@ -123,8 +123,8 @@ impl Sweep {
             .map_err(Error::file(workspace, "cannot be written to"))?;
         let workshop = Workshop { scene, folder: folder.path(), stop };
         let frames = common.frames.unwrap_or_default();
-        let mut work = Work::new(qscales.len() as u64, &methods, frames.into(), &mut progress);
-        let references = References::render(path, workshop, &methods, &common, &mut work)?;
+        let mut work = WeightedFrames::new(qscales.len() as u64, &methods, frames.into(), &mut progress);
+        let references = ReferenceFilms::render(path, workshop, &methods, &common, &mut work)?;
 
         // Each method at each quantiser, beside them.
         let measuring = Measuring {
@@ -203,7 +203,7 @@ struct Measuring<'a> {
     /// In the order of the table.
     methods: &'a [&'static Method],
     /// Films of the references, which every method is compared with.
-    references: &'a References,
+    references: &'a ReferenceFilms,
 }
 
 /// Findings over all films.
@@ -221,7 +221,7 @@ struct Findings {
 impl Measuring<'_> {
     /// Renders each method, at each quantiser where that steers it, and measures it through the encoder, until all is measured
     /// or the work is to end.
-    fn measure(&self, work: &mut Work<'_>) -> Result<Findings> {
+    fn measure(&self, work: &mut WeightedFrames<'_>) -> Result<Findings> {
         let mut findings = Findings::default();
         for index in 0..self.methods.len() {
             match self.measure_method(index, &mut findings, work) {
@@ -237,7 +237,7 @@ impl Measuring<'_> {
     }
 
     /// Adds the method at place `index`, at each quantiser, to the findings.
-    fn measure_method(&self, index: usize, findings: &mut Findings, work: &mut Work<'_>) -> Result<()> {
+    fn measure_method(&self, index: usize, findings: &mut Findings, work: &mut WeightedFrames<'_>) -> Result<()> {
         let middle = self.qscales[self.qscales.len() / 2];
         let method = self.methods[index];
         let truth = self.references.truth_of(method)?;
@@ -273,7 +273,7 @@ impl Measuring<'_> {
     }
 
     /// The film of a method, made for a quantiser.
-    fn film(&self, method: &Method, qscale: u32, work: &mut Work<'_>) -> Result<Film> {
+    fn film(&self, method: &Method, qscale: u32, work: &mut WeightedFrames<'_>) -> Result<Film> {
         let &Self { path, workshop, common, references, .. } = self;
         let options = Options { qscale: Some(qscale), ..common.clone() };
         let settings = settings_for(path, workshop.scene, &method.options(&options), references.exposure)?;
@@ -290,20 +290,20 @@ impl Measuring<'_> {
 }
 
 /// Reference films that all methods are compared with.
-struct References {
+struct ReferenceFilms {
     /// Every light without compensation, and with it, where a method requires it.
     films: [Option<Film>; 2],
     /// Exposure of the first: a curve of its own would be a difference of its own.
     exposure: Option<f32>,
 }
 
-impl References {
+impl ReferenceFilms {
     fn render(
         path: &Path,
         workshop: Workshop<'_>,
         methods: &[&Method],
         common: &Options,
-        work: &mut Work<'_>,
+        work: &mut WeightedFrames<'_>,
     ) -> Result<Self> {
         let mut exposure = None;
         let mut films: [Option<Film>; 2] = [None, None];
@@ -355,13 +355,13 @@ fn exposure_of(film: &Film) -> Result<f32> {
 }
 
 /// Counts frames, weighted by about how long they take.
-struct Work<'a> {
+struct WeightedFrames<'a> {
     done: u64,
     all: u64,
     progress: &'a mut (dyn FnMut(&Progress) + Send),
 }
 
-impl<'a> Work<'a> {
+impl<'a> WeightedFrames<'a> {
     fn new(qscales: u64, methods: &[&Method], frames: u64, progress: &'a mut (dyn FnMut(&Progress) + Send)) -> Self {
         let renderings = |method: &Method| if method.steered { qscales } else { 1 };
         let references = [true, false].iter().filter(|&&c| methods.iter().any(|m| m.compensates() == c)).count() as u64;

@@ -48,7 +48,7 @@ type States = [Option<Vec<u8>>; PARTS];
 #[derive(Debug)]
 pub struct Checkpoints {
     /// None: nothing is written.
-    place: Option<Place>,
+    place: Option<Destination>,
     from: Option<Stored>,
     path: Option<PathBuf>,
     /// Whether there is a checkpoint, so that an unfinished film is worth keeping.
@@ -56,15 +56,15 @@ pub struct Checkpoints {
 }
 
 #[derive(Debug)]
-struct Place {
+struct Destination {
     path: PathBuf,
     every: Duration,
     job: FilmJob,
-    progress: Mutex<Progress>,
+    progress: Mutex<CheckpointProgress>,
 }
 
 #[derive(Debug)]
-struct Progress {
+struct CheckpointProgress {
     /// When a frame was last marked.
     last: Instant,
     /// The last frame of a run that ends before its film does.
@@ -90,7 +90,7 @@ impl Checkpoints {
         let path = path_for(job.film());
         // A stream cannot be cut to a length later.
         let is_file = !is_stream(job.film());
-        let place = every.filter(|_| is_file).map(|every| Place::new(path.clone(), job, every));
+        let place = every.filter(|_| is_file).map(|every| Destination::new(path.clone(), job, every));
         Self { place, from: None, path: Some(path), kept: Arc::default() }
     }
 
@@ -117,7 +117,7 @@ impl Checkpoints {
                 path.display()
             )));
         }
-        let place = every.map(|every| Place::new(path.clone(), job, every));
+        let place = every.map(|every| Destination::new(path.clone(), job, every));
         Ok(Self { place, from: Some(stored), path: Some(path), kept: Arc::new(AtomicBool::new(true)) })
     }
 
@@ -227,9 +227,9 @@ impl Checkpoints {
     }
 }
 
-impl Place {
+impl Destination {
     fn new(path: PathBuf, job: &FilmJob, every: Duration) -> Self {
-        let progress = Progress {
+        let progress = CheckpointProgress {
             last: Instant::now(),
             ends_after: None,
             expected: PARTS,
@@ -239,7 +239,7 @@ impl Place {
         Self { path, every, job: job.clone(), progress: Mutex::new(progress) }
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Progress> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, CheckpointProgress> {
         // A part that panicked has left nothing half-done here.
         self.progress.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }

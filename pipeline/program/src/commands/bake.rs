@@ -19,7 +19,7 @@ use std::time::Instant;
 
 /// The scene, and how fine its light is to be.
 #[derive(Args)]
-pub(crate) struct Bake {
+pub(crate) struct BakeArguments {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
     /// Reading of the scene: folders, camera, animation, settings.
@@ -65,8 +65,8 @@ pub(crate) struct Bake {
 }
 
 /// Bakes, and writes the light, the export, or both.
-pub fn run(arguments: Bake) -> Result<ExitCode> {
-    let Bake {
+pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
+    let BakeArguments {
         scene: path,
         reading,
         output,
@@ -103,7 +103,7 @@ pub fn run(arguments: Bake) -> Result<ExitCode> {
     // The finest quantiser: as many photons as any film has.
     let options = Options { vpls, photons, bounces, seed, qscale: Some(1), ..Options::default() };
     let settings = Settings::new(path, &scene, &options)?;
-    let job = Job { scene: &scene, settings: &settings, quiet };
+    let job = BakeJob { scene: &scene, settings: &settings, quiet };
     let light = match baked {
         Some(path) => bake::read(&scene, &path)?,
         None => job.bake(texels as usize, output.as_deref())?,
@@ -115,13 +115,13 @@ pub fn run(arguments: Bake) -> Result<ExitCode> {
 }
 
 /// A scene to bake.
-struct Job<'a> {
+struct BakeJob<'a> {
     scene: &'a Scene,
     settings: &'a Settings,
     quiet: bool,
 }
 
-impl Job<'_> {
+impl BakeJob<'_> {
     /// Bakes the light, and writes it to `output` if there is to be such a file.
     fn bake(&self, texels: usize, output: Option<&Path>) -> Result<BakedTexels> {
         let begin = Instant::now();

@@ -2,7 +2,7 @@
 
 use crate::notes;
 use crate::print::{counted, rough_time, single_line};
-use crate::source::Source;
+use crate::source::SceneSource;
 use anyhow::Result;
 use clap::Args;
 use render2mpeg::settings::MemorySize;
@@ -14,7 +14,7 @@ use std::process::ExitCode;
 pub(crate) struct Plan {
     /// The scene.
     #[command(flatten)]
-    source: Source,
+    source: SceneSource,
     /// Settings of the film.
     #[command(flatten)]
     options: Options,

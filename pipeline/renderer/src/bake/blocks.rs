@@ -7,16 +7,16 @@ use std::collections::BTreeMap;
 const SIDE: u32 = 8;
 
 /// At most 64 texels of a chart, close together.
-pub(super) struct Block {
+pub(super) struct TexelBlock {
     pub texels: Vec<usize>,
 }
 
 /// All texels of an atlas, in blocks.
-pub(super) fn blocks(atlas: &Atlas) -> Vec<Block> {
+pub(super) fn blocks(atlas: &Atlas) -> Vec<TexelBlock> {
     let mut by_place: BTreeMap<(u32, u32, u32), Vec<usize>> = BTreeMap::new();
     for texel in 0..atlas.len() {
         let (x, y) = atlas.place(texel);
         by_place.entry((y / SIDE, x / SIDE, atlas.chart(texel))).or_default().push(texel);
     }
-    by_place.into_values().map(|texels| Block { texels }).collect()
+    by_place.into_values().map(|texels| TexelBlock { texels }).collect()
 }

@@ -103,7 +103,7 @@ impl SectionFile {
 }
 
 /// An entry of the table of sections.
-struct Entry {
+struct SectionEntry {
     tag: [u8; 4],
     length: u64,
     sum: u32,
@@ -129,7 +129,7 @@ impl<R: Read> SectionReader<'_, R> {
         }
         // The sections.
         let mut sections = Vec::with_capacity(table.len());
-        for Entry { tag, length, sum } in table {
+        for SectionEntry { tag, length, sum } in table {
             let bytes = self.take(length)?;
             if crc32fast::hash(&bytes) != sum {
                 return Err(self.damaged(&format!("the section {}", tag.escape_ascii())));
@@ -140,7 +140,7 @@ impl<R: Read> SectionReader<'_, R> {
     }
 
     /// The fingerprint and the table of sections.
-    fn header(&mut self) -> Result<(u64, Vec<Entry>)> {
+    fn header(&mut self) -> Result<(u64, Vec<SectionEntry>)> {
         // Kind and version of the file.
         let magic = self.take(self.left.min(MAGIC.len() as u64))?;
         if magic != MAGIC {
@@ -161,7 +161,7 @@ impl<R: Read> SectionReader<'_, R> {
         if number(&sum) != u64::from(found.finalize()) {
             return Err(self.damaged("its header"));
         }
-        let entry = |bytes: &[u8]| Entry {
+        let entry = |bytes: &[u8]| SectionEntry {
             tag: [bytes[0], bytes[1], bytes[2], bytes[3]],
             length: number(&bytes[4..12]),
             sum: number(&bytes[12..16]) as u32,

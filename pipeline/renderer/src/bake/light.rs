@@ -15,7 +15,7 @@
 //! Blocks are squares of 8×8 texels of one chart: they lie close together, and share the walk through the light tree and packets
 //! of shadow rays.
 
-use super::blocks::{Block, blocks};
+use super::blocks::{TexelBlock, blocks};
 use super::inside::Places;
 use crate::Visibility;
 use crate::frame::Frame;
@@ -89,7 +89,7 @@ struct Receiver {
 }
 
 /// The scene that bakes, and what is known of its texels.
-struct Bake<'a> {
+struct TexelBaker<'a> {
     atlas: &'a Atlas,
     frame: &'a Frame<'a>,
     visibility: &'a Visibility<'a>,
@@ -106,7 +106,7 @@ pub(super) fn light(
     progress: &(dyn Fn(usize) + Sync),
 ) -> TexelLight {
     let &Places { atlas, frame, visibility, .. } = places;
-    let bake = Bake { atlas, frame, visibility, points, compensates };
+    let bake = TexelBaker { atlas, frame, visibility, points, compensates };
     let blocks = blocks(atlas);
     let done = AtomicUsize::new(0);
     let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels);
@@ -156,9 +156,9 @@ pub(super) fn light(
     TexelLight { direct, indirect: indirect.into_iter().map(Option::unwrap_or_default).collect(), filled }
 }
 
-impl Bake<'_> {
+impl TexelBaker<'_> {
     /// The texels of a block that have a point.
-    fn receivers(&self, block: &Block) -> Vec<Receiver> {
+    fn receivers(&self, block: &TexelBlock) -> Vec<Receiver> {
         let mut receivers = Vec::new();
         for &texel in &block.texels {
             if let Some(point) = self.points[texel] {
@@ -169,7 +169,7 @@ impl Bake<'_> {
     }
 
     /// Direct light of a block, and the indirect light of one texel of four.
-    fn first(&self, block: &Block, scratch: &mut Scratch) -> Vec<FirstLight> {
+    fn first(&self, block: &TexelBlock, scratch: &mut Scratch) -> Vec<FirstLight> {
         let receivers = self.receivers(block);
         let points: Vec<ShadingPoint> = receivers.iter().map(|receiver| receiver.point).collect();
         let direct = self.frame.direct.irradiance_tile(&self.frame.accelerator, &points).value;
@@ -186,7 +186,7 @@ impl Bake<'_> {
     /// Indirect light of a block's texels that have none yet.
     fn rest(
         &self,
-        block: &Block,
+        block: &TexelBlock,
         (direct, indirect): (&[[f32; 3]], &[Option<[f32; 3]>]),
         scratch: &mut (Scratch, Vec<Cut>),
     ) -> Vec<(usize, [f32; 3])> {
@@ -218,7 +218,7 @@ impl Bake<'_> {
     /// Light of a block's texels that are unlike those around them: the mean over further points.
     fn finer(
         &self,
-        block: &Block,
+        block: &TexelBlock,
         places: &Places,
         (direct, indirect): (&[[f32; 3]], &[Option<[f32; 3]>]),
         scratch: &mut (Scratch, Vec<Cut>),

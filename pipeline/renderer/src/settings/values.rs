@@ -207,7 +207,7 @@ impl FromStr for Size {
 /// A value as files may write it.
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Written {
+enum WrittenValue {
     Switch(bool),
     Number(f64),
     Text(String),
@@ -218,10 +218,10 @@ enum Written {
 /// # Errors
 /// The text is no such value.
 pub fn parsed<'de, D: Deserializer<'de>, T: FromStr<Err: fmt::Display>>(deserializer: D) -> Result<T, D::Error> {
-    let text = match Written::deserialize(deserializer)? {
-        Written::Switch(on) => if on { "on" } else { "off" }.to_owned(),
-        Written::Number(number) => number.to_string(),
-        Written::Text(text) => text,
+    let text = match WrittenValue::deserialize(deserializer)? {
+        WrittenValue::Switch(on) => if on { "on" } else { "off" }.to_owned(),
+        WrittenValue::Number(number) => number.to_string(),
+        WrittenValue::Text(text) => text,
     };
     text.parse().map_err(de::Error::custom)
 }

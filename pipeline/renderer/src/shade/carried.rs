@@ -110,7 +110,7 @@ impl<L: Carriable> Layer for Carried<L> {
     }
 
     fn state(&self) -> Vec<u8> {
-        encode(&Written { light: &self.light, layer: self.layer.state() })
+        encode(&WrittenCarried { light: &self.light, layer: self.layer.state() })
     }
 
     fn restore(&mut self, state: &[u8], last: &Frame<'_>) -> Result<()> {
@@ -122,7 +122,7 @@ impl<L: Carriable> Layer for Carried<L> {
 
 /// The state as it is written.
 #[derive(Serialize)]
-struct Written<'a> {
+struct WrittenCarried<'a> {
     light: &'a CarriedLight,
     layer: Vec<u8>,
 }

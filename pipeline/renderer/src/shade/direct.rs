@@ -3,7 +3,7 @@
 use super::carried::{Carriable, Holding};
 use super::layer::{Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
-use super::movement::Around;
+use super::movement::MovingBox;
 use super::tolerance::Tolerance;
 use super::visibility::receiver;
 use crate::frame::Frame;
@@ -110,7 +110,7 @@ impl Carriable for Direct {
             let pixel = matte.pixels.get(x, y);
             // The sample that a pixel keeps is beside it, and has to hold as well.
             let margin = BESIDE * matte.view.pixel_width(pixel.depth);
-            let is_shaded_by = |thing: &Around| {
+            let is_shaded_by = |thing: &MovingBox| {
                 let thing = thing.grown(margin);
                 sources.iter().any(|source| shades(&thing, pixel.position.into(), source))
             };
@@ -120,7 +120,7 @@ impl Carriable for Direct {
 }
 
 /// Whether `thing` may stand between a point and a light.
-fn shades(thing: &Around, point: Vec3A, source: &Source) -> bool {
+fn shades(thing: &MovingBox, point: Vec3A, source: &Source) -> bool {
     match *source {
         Source::Lamp { low, high } => thing.is_between(point, low, high),
         Source::Disc { towards, angular_radius } => {

@@ -33,7 +33,7 @@ impl Sample {
 
 /// Light of a frame, as a film that stands still goes on with it.
 #[derive(serde::Serialize, serde::Deserialize)]
-pub(super) struct Light {
+pub(super) struct StoredLight {
     pub samples: Vec<Sample>,
     /// The surfaces of pixels that show several, where these are blended.
     pub coverage: Option<Coverage>,
@@ -44,7 +44,7 @@ pub(super) struct Light {
     pub importance: Option<ImportanceMap>,
 }
 
-impl Light {
+impl StoredLight {
     /// A picture of one kind of light, its samples blended at outlines by `blend` and put together.
     pub fn picture(
         &self,
@@ -145,13 +145,13 @@ pub(super) struct LitFrame {
     tree: Arc<LightTree>,
     gather: Arc<FinalGather>,
     seen: Arc<GBuffer>,
-    pub light: Light,
+    pub light: StoredLight,
     pub reused: Reused,
 }
 
 impl LitFrame {
     /// The light of `frame`.
-    pub fn new(frame: &Frame, light: Light, reused: Reused) -> Self {
+    pub fn new(frame: &Frame, light: StoredLight, reused: Reused) -> Self {
         let Frame { accelerator, direct, tree, gather, seen, .. } = frame;
         Self {
             accelerator: accelerator.clone(),

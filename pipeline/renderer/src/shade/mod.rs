@@ -61,8 +61,8 @@ use importance::{ImportanceMap, Looking};
 use layer::add_ranks;
 use layers::Layers;
 use lighttree::Calibration;
-use lit_frame::{Light, LitFrame, Reused, Sample};
-use movement::{Movement, Place};
+use lit_frame::{LitFrame, Reused, Sample, StoredLight};
+use movement::{InstancePose, Movement};
 use pipeline::chunks::begins_chunk;
 use pipeline::error::Result;
 use pipeline::figures::FrameFigures;
@@ -84,7 +84,7 @@ pub struct Shading<'a> {
     plan: &'a Plan,
     layers: Layers,
     /// Where the instances were in the frame before; none before the first.
-    places: Vec<Option<Place>>,
+    places: Vec<Option<InstancePose>>,
     /// Where nothing moves, the light of one frame is that of the next.
     still: Option<LitFrame>,
     /// Errors measured so far, if cuts are to end by them.
@@ -407,7 +407,7 @@ impl Shading<'_> {
         direct.add_counts(indirect);
         add_ranks(&*self.ranks, &mut direct);
         put(&direct, figures);
-        let light = Light { samples, layers, coverage, cache_records: direct.records.in_use, importance };
+        let light = StoredLight { samples, layers, coverage, cache_records: direct.records.in_use, importance };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)
     }
 }

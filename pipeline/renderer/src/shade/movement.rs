@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// Place, shape and material of an instance that moves.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct InstancePose {
     world: Affine3A,
     /// The box around it in its own space.
     low: Vec3A,
@@ -21,7 +21,7 @@ pub(super) struct Place {
 
 /// The box around an instance that moves.
 #[derive(Debug)]
-pub(super) struct Around {
+pub(super) struct MovingBox {
     pub instance: u32,
     low: Vec3A,
     high: Vec3A,
@@ -31,26 +31,26 @@ pub(super) struct Around {
 #[derive(Debug)]
 pub(super) struct Movement {
     /// Where the instances that move are.
-    pub places: Vec<Option<Place>>,
+    pub places: Vec<Option<InstancePose>>,
     /// Around all that has moved since the frame before, where it was and where it is; nothing in the first frame.
-    pub swept: Vec<Around>,
+    pub swept: Vec<MovingBox>,
     /// Whether anything moved; true of the first frame.
     pub is_any: bool,
 }
 
 impl Movement {
     /// Movement to `frame` from the frame before, where the instances were at these places.
-    pub fn to(frame: &Frame, before: &[Option<Place>]) -> Self {
+    pub fn to(frame: &Frame, before: &[Option<InstancePose>]) -> Self {
         let places = places(&frame.surfaces, &frame.seen, before);
         Self { swept: swept(before, &places), is_any: before != places, places }
     }
 
     /// Around all that moves, where it is now.
-    pub fn standing(&self) -> Vec<Around> {
+    pub fn standing(&self) -> Vec<MovingBox> {
         let mut standing = Vec::new();
         for (index, place) in (0..).zip(&self.places) {
             if let Some(place) = place {
-                standing.push(Around::all(index, [place]));
+                standing.push(MovingBox::all(index, [place]));
             }
         }
         standing
@@ -58,7 +58,7 @@ impl Movement {
 }
 
 /// Where the instances that move are in the picture `seen`; what keeps its shape keeps its box from `before`.
-fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<Place>]) -> Vec<Option<Place>> {
+fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<InstancePose>]) -> Vec<Option<InstancePose>> {
     let scene = surfaces.scene();
     let around = |positions: &[Vec3]| {
         let empty = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -73,28 +73,28 @@ fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<Place>]) -> Vec<
             (None, None) => around(&scene.meshes[scene.instances[index].mesh].positions),
         };
         let material = (!scene.material_channels.is_empty()).then(|| surfaces.material(index).clone());
-        moves.then_some(Place { world: seen.world[index], low, high, shape, material })
+        moves.then_some(InstancePose { world: seen.world[index], low, high, shape, material })
     };
     surfaces.moving().iter().enumerate().map(place).collect()
 }
 
 /// Around what is elsewhere, or otherwise, than before: at both places.
-fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<Around> {
+fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<MovingBox> {
     let mut swept = Vec::new();
     for (index, (then, now)) in (0..).zip(before.iter().zip(now)) {
         if let (Some(then), Some(now)) = (then, now)
             && then != now
         {
-            swept.push(Around::all(index, [then, now]));
+            swept.push(MovingBox::all(index, [then, now]));
         }
     }
     swept
 }
 
-impl Around {
+impl MovingBox {
     /// The box in the world around an instance at all of these places.
-    fn all<const N: usize>(instance: u32, places: [&Place; N]) -> Self {
-        let points = places.into_iter().flat_map(|Place { world, low, high, .. }| {
+    fn all<const N: usize>(instance: u32, places: [&InstancePose; N]) -> Self {
+        let points = places.into_iter().flat_map(|InstancePose { world, low, high, .. }| {
             let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
             (0..8).map(move |i| world.transform_point3a(select(i)))
         });
@@ -170,7 +170,7 @@ mod tests {
                 (center - half, center + half)
             };
             let ((low, high), from, to) = (boxed(0), 2.0 * point(k, 2), boxed(3));
-            let thing = Around { instance: 0, low, high };
+            let thing = MovingBox { instance: 0, low, high };
             let touches = (0..=1000).any(|step| {
                 let t = step as f32 / 1000.0;
                 let (near, far) = (from.lerp(to.0, t), from.lerp(to.1, t));
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_segment_in_the_plane_of_a_face_ends() {
-        let thing = Around { instance: 0, low: Vec3A::ZERO, high: Vec3A::ONE };
+        let thing = MovingBox { instance: 0, low: Vec3A::ZERO, high: Vec3A::ONE };
         assert!(thing.is_crossed(Vec3A::new(-1.0, 0.5, 0.0), Vec3A::new(2.0, 0.5, 0.0)));
         assert!(!thing.is_crossed(Vec3A::new(-1.0, 0.5, -0.1), Vec3A::new(2.0, 0.5, -0.1)));
         assert!(!thing.is_crossed(Vec3A::new(-1.0, 0.5, 0.5), Vec3A::new(-0.1, 0.5, 0.5)));

@@ -52,9 +52,9 @@ impl Layer for PerPixel {
         let busy = Busy::default();
         let visibility = Visibility::new(visible.frame, GATHER_RAYS);
         let light = PixelLight { visible, visibility, counts: &counts, compensates: self.compensates };
-        let picture = Picture { light, wanted, tolerance };
-        let block = || Block::new(tolerance);
-        let make = |block: &mut Block, columns, rows| block.light(&picture, columns, rows);
+        let picture = LitPicture { light, wanted, tolerance };
+        let block = || PixelBlock::new(tolerance);
+        let make = |block: &mut PixelBlock, columns, rows| block.light(&picture, columns, rows);
         let radiance = by_macroblock(visible.ranks, size, &busy, block, make);
         let mut lit = Lit {
             radiance: Some(radiance),
@@ -103,13 +103,13 @@ fn largest_of_ranks(ranks: &dyn Ranks, own: Vec<u32>) -> Vec<u32> {
 }
 
 /// A picture whose pixels are lit by many threads at once.
-struct Picture<'a> {
+struct LitPicture<'a> {
     light: PixelLight<'a>,
     wanted: Option<&'a Plane<bool>>,
     tolerance: &'a Tolerance<'a>,
 }
 
-impl Picture<'_> {
+impl LitPicture<'_> {
     /// The surface of a pixel whose light is wanted; none where nothing reflects.
     fn pixel(&self, (x, y): (usize, usize)) -> Option<MattePixel> {
         let is_wanted = self.wanted.is_none_or(|wanted| wanted.get(x, y));
@@ -134,7 +134,7 @@ impl Picture<'_> {
 
 /// Memory of a thread, and what the pixels that it is at are.
 #[derive(Default)]
-struct Block {
+struct PixelBlock {
     scratch: Scratch,
     together: Vec<MattePixel>,
     positions: Vec<Vec3A>,
@@ -145,7 +145,7 @@ struct Block {
     cuts: Vec<Cut>,
 }
 
-impl Block {
+impl PixelBlock {
     fn new(tolerance: &Tolerance) -> Self {
         // Calibrated cuts may need more clusters than the paper allows.
         let scratch = match tolerance.audits_per_macroblock() {
@@ -156,7 +156,7 @@ impl Block {
     }
 
     /// Radiance of a macroblock in raster order.
-    fn light(&mut self, picture: &Picture, columns: Range<usize>, rows: Range<usize>) -> Vec<Vec3> {
+    fn light(&mut self, picture: &LitPicture, columns: Range<usize>, rows: Range<usize>) -> Vec<Vec3> {
         let mut radiance = vec![Vec3::ZERO; columns.len() * rows.len()];
         let (left, top, width) = (columns.start, rows.start, columns.len());
         let mut put = |pixel: &MattePixel, light: Vec3| {
@@ -174,7 +174,7 @@ impl Block {
     /// Gives the radiance of each pixel of a block to `put`.
     fn light_block(
         &mut self,
-        picture: &Picture,
+        picture: &LitPicture,
         columns: Range<usize>,
         rows: Range<usize>,
         put: &mut impl FnMut(&MattePixel, Vec3),
@@ -217,7 +217,7 @@ impl Block {
     }
 
     /// Radiance of a pixel whose cut ends at a share of its own light; `stop` is that before calibration.
-    fn cut_alone(&mut self, picture: &Picture, pixel: &MattePixel, stop: Stop, relative: Stop) -> Vec3 {
+    fn cut_alone(&mut self, picture: &LitPicture, pixel: &MattePixel, stop: Stop, relative: Stop) -> Vec3 {
         let PixelLight { visible, ref visibility, .. } = picture.light;
         let sees = |lamp: &Light, _: usize| visibility.sees(&pixel.receiver, lamp);
         let cut = visible.frame.tree.lightcut(&pixel.lambert, relative, sees, &mut self.scratch);
@@ -226,7 +226,7 @@ impl Block {
     }
 
     /// The cuts of all that wait.
-    fn cut_together(&mut self, picture: &Picture) {
+    fn cut_together(&mut self, picture: &LitPicture) {
         let Self { scratch, together, positions, thresholds, lamberts, cuts, .. } = self;
         let PixelLight { visible, ref visibility, .. } = picture.light;
         let sees = |lamp: &Light, _: usize, rays: u64| {

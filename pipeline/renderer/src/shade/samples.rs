@@ -3,7 +3,7 @@
 use super::importance::ImportanceMap;
 use super::layer::{Lit, Visible};
 use super::lit_frame::{Reused, Sample};
-use super::movement::{Movement, Place};
+use super::movement::{InstancePose, Movement};
 use crate::frame::PreparedFrame;
 use glam::Vec3;
 use plane::Plane;
@@ -14,7 +14,7 @@ use render_core::{Busy, Coverage, GBuffer, PixelSample, PosedScene};
 #[derive(Default)]
 pub(super) struct SamplesLight {
     pub samples: Vec<Sample>,
-    /// The layers of pixels that show several, for each of several samples ([`Light::layers`](super::lit_frame::Light::layers)).
+    /// The layers of pixels that show several, for each of several samples ([`StoredLight::layers`](super::lit_frame::StoredLight::layers)).
     pub layers: Vec<Coverage>,
     /// Times and counts of all samples.
     pub direct: Lit,
@@ -22,7 +22,7 @@ pub(super) struct SamplesLight {
     pub reused: Reused,
     pub importance: Option<ImportanceMap>,
     /// Where the instances are.
-    pub places: Vec<Option<Place>>,
+    pub places: Vec<Option<InstancePose>>,
     /// CPU time of primary rays and importance.
     pub visibility: Busy,
 }

@@ -2,7 +2,7 @@
 
 use super::Shading;
 use super::importance::Before;
-use super::lit_frame::{Light, LitFrame, Reused};
+use super::lit_frame::{LitFrame, Reused, StoredLight};
 use super::movement::Movement;
 use crate::frame::PreparedFrame;
 use lighttree::Calibration;
@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 
 /// As it is written.
 #[derive(Serialize)]
-struct Written<'a> {
+struct WrittenState<'a> {
     /// Of the layers, in their order.
     layers: Vec<Vec<u8>>,
-    still: Option<&'a Light>,
+    still: Option<&'a StoredLight>,
     calibration: Option<&'a Calibration>,
     looking: Option<&'a Before>,
 }
@@ -24,7 +24,7 @@ struct Written<'a> {
 #[derive(Deserialize)]
 struct Read {
     layers: Vec<Vec<u8>>,
-    still: Option<Light>,
+    still: Option<StoredLight>,
     calibration: Option<Calibration>,
     looking: Option<Before>,
 }
@@ -33,7 +33,7 @@ pub(super) fn of(shading: &Shading) -> Vec<u8> {
     let Shading { layers, still, calibration, looking, .. } = shading;
     let still = still.as_ref().map(|frame| &frame.light);
     let looking = looking.as_ref().and_then(|looking| looking.state());
-    encode(&Written { layers: layers.states(), still, calibration: calibration.as_ref(), looking })
+    encode(&WrittenState { layers: layers.states(), still, calibration: calibration.as_ref(), looking })
 }
 
 /// Brings layers, still light and calibration to where they were after the frame `last`.
@@ -45,7 +45,7 @@ pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame)
     // A forged picture has other pixels.
     let pixels = &last.frame.seen.pixels;
     let (size, count) = ((pixels.width(), pixels.height()), pixels.samples().len());
-    let fits = |light: &Light| {
+    let fits = |light: &StoredLight| {
         light.coverage.as_ref().is_none_or(|coverage| coverage.fits(count))
             && light.layers.iter().all(|layers| layers.fits(count))
             && light.importance.as_ref().is_none_or(|map| map.fits(size))

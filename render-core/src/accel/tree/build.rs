@@ -4,7 +4,7 @@
 //! is the best way to share its eight places between two such forests (Ylitie, Karras & Laine 2017, section 3.1, after
 //! Wald, Benthin & Boulos 2008; cost by surface area).
 
-use super::{Child, LANES, Node, Tree};
+use super::{Child, LANES, Tree, WideNode};
 use obvhs::{aabb::Aabb, bvh2::Bvh2};
 
 /// Cost of a leaf of some number of primitives, in units of a node's.
@@ -40,7 +40,7 @@ impl Tree {
     pub(in super::super) fn new(binary: &Bvh2, costs: &Costs, mut leaf: impl FnMut(&[u32]) -> u32) -> Self {
         let mut tree = Self { nodes: Vec::new() };
         if binary.primitive_indices.is_empty() {
-            tree.nodes.push(Node::EMPTY);
+            tree.nodes.push(WideNode::EMPTY);
             return tree;
         }
         let root = binary.nodes[0].aabb();
@@ -54,7 +54,7 @@ impl Tree {
             if let Some((parent, lane)) = place {
                 tree.nodes[parent].children[lane] = Child(index as u32);
             }
-            tree.nodes.push(Node::EMPTY);
+            tree.nodes.push(WideNode::EMPTY);
             for (lane, child) in children(binary, &subtrees, top).into_iter().enumerate() {
                 tree.nodes[index].set_box(lane, binary.nodes[child as usize].aabb(), slack);
                 if subtrees[child as usize].leaf {
@@ -70,7 +70,7 @@ impl Tree {
     }
 }
 
-impl Node {
+impl WideNode {
     const EMPTY: Self = Self {
         planes: [
             [f32::INFINITY; LANES],
@@ -185,7 +185,7 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Kind;
+    use super::super::ChildKind;
     use super::*;
     use crate::sampling::hash_unit;
     use glam::Vec3A;
@@ -223,8 +223,8 @@ mod tests {
                     let mut within = above.clone();
                     within.push((corner(0), corner(3)));
                     match node.children[lane].kind() {
-                        Kind::Node(child) => open.push((child, within)),
-                        Kind::Leaf(content) => {
+                        ChildKind::Node(child) => open.push((child, within)),
+                        ChildKind::Leaf(content) => {
                             assert!((1..=costs.most).contains(&leaves[content as usize].len()));
                             for &primitive in &leaves[content as usize] {
                                 seen[primitive as usize] += 1;

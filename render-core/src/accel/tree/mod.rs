@@ -20,7 +20,7 @@ use lanes::{LANES, Lanes};
 /// Eight boxes and what is in them.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
-pub(super) struct Node {
+pub(super) struct WideNode {
     /// Least x, y, z and greatest x, y, z. An empty place has least = ∞ and greatest = −∞, which no ray meets.
     pub(super) planes: [[f32; LANES]; 6],
     pub(super) children: [Child; LANES],
@@ -32,7 +32,7 @@ pub(super) struct Child(u32);
 
 /// [`Child`] taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ChildKind {
     /// Index of a node.
     Node(usize),
     /// Content that the owner of the tree gave.
@@ -43,15 +43,15 @@ impl Child {
     const LEAF: u32 = 1 << 31;
 
     #[inline(always)]
-    pub(super) fn kind(self) -> Kind {
-        if self.0 & Self::LEAF == 0 { Kind::Node(self.0 as usize) } else { Kind::Leaf(self.0 & !Self::LEAF) }
+    pub(super) fn kind(self) -> ChildKind {
+        if self.0 & Self::LEAF == 0 { ChildKind::Node(self.0 as usize) } else { ChildKind::Leaf(self.0 & !Self::LEAF) }
     }
 }
 
 /// The tree. The first node is its root.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
-    pub(super) nodes: Vec<Node>,
+    pub(super) nodes: Vec<WideNode>,
 }
 
 /// As many entries as a [`Stack`] has room for without an allocation.
@@ -120,7 +120,7 @@ pub(super) trait Visit {
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32;
 }
 
-impl Node {
+impl WideNode {
     /// The planes of the eight boxes that a ray meets first, and those that it meets last.
     #[inline(always)]
     pub(super) fn slabs<L: Lanes>(&self, lanes: L, near_plane: [usize; 3]) -> ([L::F; 3], [L::F; 3]) {
@@ -175,8 +175,8 @@ impl Tree {
                 let near = f32::from_bits(near);
                 if near <= limit {
                     match child.kind() {
-                        Kind::Node(index) => break index,
-                        Kind::Leaf(content) => {
+                        ChildKind::Node(index) => break index,
+                        ChildKind::Leaf(content) => {
                             limit = visitor.leaf(lanes, content, near, limit);
                             if limit < 0.0 {
                                 return;

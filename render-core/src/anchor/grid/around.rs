@@ -71,7 +71,7 @@ impl Around {
 }
 
 /// The points that share what is left at a place, and their weights.
-pub(super) struct Near {
+pub(super) struct NearPoints {
     parts: [(u32, f32); MOST_NEAR],
     count: usize,
     sum: f32,
@@ -81,13 +81,13 @@ pub(super) struct Near {
     doubt: Doubt,
 }
 
-impl Default for Near {
+impl Default for NearPoints {
     fn default() -> Self {
         Self { parts: [(0, 0.0); MOST_NEAR], count: 0, sum: 0.0, own: 0, doubt: Doubt::Nothing }
     }
 }
 
-impl Near {
+impl NearPoints {
     /// Adds point `p` of `grid`.
     #[inline]
     pub fn add(&mut self, grid: &Grid, p: u32, weight: f32, is_own: bool) {

@@ -15,12 +15,12 @@ pub(super) struct Boxes {
     /// Places in [`Grid::points`], those of a node side by side.
     order: Vec<u32>,
     /// Parents first; the first child of a node comes right after it.
-    nodes: Vec<Node>,
+    nodes: Vec<PointNode>,
 }
 
 /// What a node holds: where its points are, which way they face, whose they are.
 #[derive(Clone, Debug)]
-struct Node {
+struct PointNode {
     positions: [Vec3A; 2],
     normals: [Vec3A; 2],
     instances: [u32; 2],
@@ -42,11 +42,11 @@ impl Boxes {
             }
             let place = boxes.nodes.len();
             if let Some(parent) = parent {
-                let parent: &mut Node = &mut boxes.nodes[parent];
+                let parent: &mut PointNode = &mut boxes.nodes[parent];
                 parent.second = place as u32;
             }
             let own = &mut boxes.order[range.clone()];
-            let node = Node::around(points, own, range.start as u32);
+            let node = PointNode::around(points, own, range.start as u32);
             let extent = (node.positions[1] - node.positions[0]).to_array();
             boxes.nodes.push(node);
             if own.len() > LEAF {
@@ -99,7 +99,7 @@ impl Boxes {
     }
 }
 
-impl Node {
+impl PointNode {
     /// A leaf with the points that `own` names.
     fn around(points: &[Anchor], own: &[u32], first: u32) -> Self {
         let mut node = Self {

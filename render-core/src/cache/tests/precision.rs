@@ -5,7 +5,7 @@ use crate::cache::group::weight_between;
 use crate::cache::illumination::{LocalIrradiance, Site};
 use crate::cache::predict::{Fit, Prediction};
 use crate::cache::radius::radius;
-use crate::cache::record::{Light, Record};
+use crate::cache::record::{Record, RecordLight};
 use crate::cache::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::sampling::{hash_unit, uniform_sphere};
 use crate::scene::{Projection, View};
@@ -99,7 +99,7 @@ fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> LocalI
 }
 
 fn record(site: Site, estimate: LocalIrradiance, radius: f32) -> Record<()> {
-    Record { radius, ..Record::new(site, 1.0, Light { estimate, note: 0, afresh: true }, 0, 0) }
+    Record { radius, ..Record::new(site, 1.0, RecordLight { estimate, note: 0, afresh: true }, 0, 0) }
 }
 
 /// Powers of ten between two.

@@ -204,14 +204,14 @@ pub(super) struct Area<'a> {
     pub search: &'a Search<'a>,
     pixel: Wanted,
     pub place: (usize, usize),
-    parts: Vec<Sum>,
+    parts: Vec<RaySum>,
     /// Triangles that rays have shown.
     known: Vec<Known>,
     beside: Vec<Wanted>,
 }
 
 /// Rays that show the same part.
-struct Sum {
+struct RaySum {
     source: Lender,
     /// Whether few centers around show it.
     is_thin: bool,
@@ -274,7 +274,7 @@ impl<'a> Area<'a> {
         let known = self.known.iter().find(|known| known.instance == instance && known.triangle == triangle).copied();
         let Some(shown) = known.map_or_else(|| self.show(ray, hit), |known| known.shown) else { return };
         self.count(&shown, 1.0);
-        let Sum { is_thin, source, .. } = self.parts[shown.part];
+        let RaySum { is_thin, source, .. } = self.parts[shown.part];
         if is_thin {
             self.follow(offset, source);
         }
@@ -336,7 +336,7 @@ impl<'a> Area<'a> {
         let place = self.parts.iter().position(|part| part.source == source);
         place.unwrap_or_else(|| {
             let is_thin = source.is_borrowed || self.search.seen.centers_alike(self.place, source.pixel) <= THIN;
-            self.parts.push(Sum { source, is_thin, rays: 0.0, tint: Vec3::ZERO, emission: Vec3::ZERO });
+            self.parts.push(RaySum { source, is_thin, rays: 0.0, tint: Vec3::ZERO, emission: Vec3::ZERO });
             self.parts.len() - 1
         })
     }
@@ -372,7 +372,7 @@ impl<'a> Area<'a> {
         let is_mixed = self.is_mixed();
         let Self { pixel, parts, beside, .. } = self;
         let whole: f32 = parts.iter().map(|part| part.rays).sum();
-        let of = |&Sum { source, rays, tint, emission, .. }: &Sum| SurfacePart {
+        let of = |&RaySum { source, rays, tint, emission, .. }: &RaySum| SurfacePart {
             share: rays / whole,
             pixel: source.pixel,
             tint: tint / rays,

@@ -6,7 +6,7 @@ mod order;
 mod patch;
 mod sampled;
 
-use super::emission::{Ball, Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use crate::accel::Hit;
 use crate::polygon::Polygon;
 use crate::sampling::{Distribution, Pick, centered_sobol, cosine_hemisphere, radical_inverse};
@@ -273,7 +273,7 @@ impl AreaLight {
     }
 }
 
-impl Emission for AreaLight {
+impl PhotonEmitter for AreaLight {
     fn power(&self, _: &Ball) -> Vec3 {
         Self::power(self)
     }

@@ -5,7 +5,7 @@ use super::{AreaLight, AreaSample};
 use crate::accel::{PACKET, Shadows, Shaft};
 use crate::light::receiver::{Disc, ShadingPoint};
 use crate::light::sampled::{Brdf, Lamp, Sampled, Source, Traced};
-use crate::light::tile::{Hidden, Tile, bits};
+use crate::light::tile::{Hidden, ReceiverTile, bits};
 use crate::polygon::Polygon;
 use crate::surface::Surfaces;
 use glam::{Vec3, Vec3A};
@@ -87,7 +87,7 @@ impl SampledArea {
 
 impl Sampled for SampledArea {
     /// Exact where all of it is visible, else by the visible share of its samples, each weighted by its unshadowed irradiance.
-    fn add_to(&self, tile: &Tile, sums: &mut [Vec3]) {
+    fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
         // A shadow ray votes for a receiver: whether this sample is visible there.
         let shafts = tile.shafts(&self.positions);
         let mut votes = TileVotes::NONE;

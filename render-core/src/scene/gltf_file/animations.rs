@@ -5,7 +5,7 @@ use super::lenient::PointerChannel;
 use super::materials::{self, SPECULAR_GLOSSINESS};
 use super::nodes::NodeOf;
 use super::pointers::{self, Target};
-use super::{LoadError, Loader, Source};
+use super::{DocumentSource, LoadError, Loader};
 use crate::scene::{
     CameraChannel, Channel, Interpolation, LightChannel, LightProperty, MaterialChannel, MaterialFactors,
     MaterialProperty, Scene, SlotName, Track,
@@ -50,7 +50,7 @@ impl Loader<'_> {
     pub(super) fn channels(
         &self,
         clip: &gltf::Animation,
-        source: Source,
+        source: DocumentSource,
         node_of: &NodeOf,
         scene: &mut Scene,
     ) -> Result<(), LoadError> {
@@ -139,7 +139,7 @@ impl Loader<'_> {
     fn material_channels(
         &self,
         (index, property): (usize, MaterialProperty),
-        source: Source,
+        source: DocumentSource,
         node_of: &NodeOf,
         keys: &Keys,
     ) -> Result<Vec<MaterialChannel>, LoadError> {
@@ -269,7 +269,7 @@ fn as_numbers(channel: Channel) -> Channel {
     Channel { track, ..channel }
 }
 
-impl Source<'_> {
+impl DocumentSource<'_> {
     /// Color and intensity of a light of the file, and the factor on their product.
     fn light(&self, index: usize) -> Option<(Vec3, f32, f32)> {
         let light = self.document.lights()?.nth(index)?;

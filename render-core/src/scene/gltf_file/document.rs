@@ -1,7 +1,7 @@
 //! The document and the bytes it refers to.
 
 use super::accessor::Buffers;
-use super::stored::Stored;
+use super::stored::StoredBuffers;
 use super::{LoadError, Loader, extensions, lenient};
 use gltf::json;
 use serde_json::Value;
@@ -27,7 +27,7 @@ impl Loader<'_> {
         let mut value: Value = serde_json::from_slice(text).or_else(|error| {
             self.bad(format!("not a whole glTF file ({}); export or copy it again", one_line(&error.to_string())))
         })?;
-        let mut stored = Stored::new(self, blob);
+        let mut stored = StoredBuffers::new(self, blob);
         let notes = self.unpack(&mut value, &mut stored)?;
         let mut found = lenient::normalize(&mut value, bytes.starts_with(b"glTF")).or_else(|why| self.bad(why))?;
         found.notes.extend(notes);

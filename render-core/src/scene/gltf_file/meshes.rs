@@ -4,7 +4,7 @@ use super::accessor::Buffers;
 use super::nodes::NodeOf;
 use super::strokes::{BYTES_PER_STROKE, Strokes, spread};
 use super::variants::material_of;
-use super::{LoadError, Loader, Source};
+use super::{DocumentSource, LoadError, Loader};
 use crate::scene::{Instance, Material, Mesh, MorphTarget, MorphedNode, Scene, Skinning};
 use glam::{Vec2, Vec3, Vec4};
 use gltf::{Semantic, mesh::Mode};
@@ -12,8 +12,13 @@ use std::collections::{HashMap, hash_map::Entry};
 
 impl Loader<'_> {
     /// Reads the meshes that nodes of the scene show, each once for each skin that bends it.
-    pub(super) fn meshes(&self, source: Source, node_of: &mut NodeOf, scene: &mut Scene) -> Result<(), LoadError> {
-        let Source { document, buffers, .. } = source;
+    pub(super) fn meshes(
+        &self,
+        source: DocumentSource,
+        node_of: &mut NodeOf,
+        scene: &mut Scene,
+    ) -> Result<(), LoadError> {
+        let DocumentSource { document, buffers, .. } = source;
         let mut read: HashMap<(usize, Option<usize>), std::ops::Range<usize>> = HashMap::new();
         let mut skin_of: HashMap<usize, usize> = HashMap::new();
         let mut has_strokes = false;
@@ -28,7 +33,7 @@ impl Loader<'_> {
                 let first = scene.meshes.len();
                 let mut shown = Vec::new();
                 for primitive in mesh.primitives() {
-                    let Drawn { mut mesh, sources } = self.primitive(&mesh, &primitive, source, scene)?;
+                    let DrawnPrimitive { mut mesh, sources } = self.primitive(&mesh, &primitive, source, scene)?;
                     if sources.is_some() && primitive.get(&Semantic::Normals).is_none() {
                         mesh.material = unlit(mesh.material, node_of, &mut scene.materials);
                     }
@@ -94,9 +99,9 @@ impl Loader<'_> {
         &self,
         mesh: &gltf::Mesh,
         primitive: &gltf::Primitive,
-        Source { document, buffers, variant, point_size, .. }: Source,
+        DocumentSource { document, buffers, variant, point_size, .. }: DocumentSource,
         scene: &Scene,
-    ) -> Result<Drawn, LoadError> {
+    ) -> Result<DrawnPrimitive, LoadError> {
         let place = format!("mesh {} primitive {}", mesh.index(), primitive.index());
         let get = |semantic: Semantic| primitive.get(&semantic);
         let Some(positions) = get(Semantic::Positions).and_then(|accessor| buffers.floats::<3>(&accessor)) else {
@@ -181,7 +186,7 @@ impl Loader<'_> {
             morph_targets,
             skinning: None,
         };
-        Ok(Drawn { mesh, sources })
+        Ok(DrawnPrimitive { mesh, sources })
     }
 }
 
@@ -199,7 +204,7 @@ fn colors(primitive: &gltf::Primitive, buffers: &Buffers, count: usize) -> Vec<V
 }
 
 /// A primitive as it is drawn.
-struct Drawn {
+struct DrawnPrimitive {
     mesh: Mesh,
     /// The vertex that each corner belongs to, for points and lines.
     sources: Option<Vec<u32>>,

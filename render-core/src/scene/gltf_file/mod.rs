@@ -248,7 +248,7 @@ fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
 
 /// A document as it is read.
 #[derive(Clone, Copy)]
-struct Source<'d> {
+struct DocumentSource<'d> {
     document: &'d gltf::Document,
     buffers: &'d Buffers,
     /// Number of the variant of the materials that is shown.
@@ -296,7 +296,7 @@ impl Loader<'_> {
             return self.bad(format!("material {index} glows with {glow:e}; {STRONGEST:e} is the most"));
         }
         let variant = self.variant(&document, settings.variant.name.as_deref(), &mut scene.warnings)?;
-        let source = Source {
+        let source = DocumentSource {
             document: &document,
             buffers: &buffers,
             variant,

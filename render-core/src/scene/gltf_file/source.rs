@@ -1,6 +1,6 @@
 //! A glTF file as bytes, for programs that write it anew with changes.
 
-use super::stored::Stored;
+use super::stored::StoredBuffers;
 use super::{LoadError, Loader};
 use crate::scene::files::{Reach, SceneFiles};
 use serde_json::Value;
@@ -45,7 +45,7 @@ impl GltfSource {
     pub fn unpack(&mut self) -> Result<Vec<Vec<u8>>, LoadError> {
         let files = SceneFiles::of(&self.path, self.reach);
         let loader = Loader { path: &self.path, files: &files };
-        let mut stored = Stored::new(&loader, self.binary.as_deref());
+        let mut stored = StoredBuffers::new(&loader, self.binary.as_deref());
         let Ok(mut root) = serde_json::from_slice::<Value>(&self.json) else { return Ok(Vec::new()) };
         let count = |root: &Value| root["buffers"].as_array().map_or(0, Vec::len);
         let first = count(&root);

@@ -35,7 +35,7 @@ impl Allowance {
 }
 
 /// The buffers of a document.
-pub(super) struct Stored<'a> {
+pub(super) struct StoredBuffers<'a> {
     loader: &'a Loader<'a>,
     /// Binary part of the file, until a buffer takes it.
     blob: Option<&'a [u8]>,
@@ -43,7 +43,7 @@ pub(super) struct Stored<'a> {
     pub allowance: Allowance,
 }
 
-impl<'a> Stored<'a> {
+impl<'a> StoredBuffers<'a> {
     /// With none of the buffers read.
     pub fn new(loader: &'a Loader<'a>, blob: Option<&'a [u8]>) -> Self {
         Self { loader, blob, held: Vec::new(), allowance: Allowance(Cell::new(Some(ALLOWANCE.0))) }

@@ -5,7 +5,7 @@ use super::image_decoder::decode;
 use super::image_limits::Texels;
 use super::materials::Older;
 use super::specular_glossiness::{self, OlderFactors};
-use super::{LoadError, Loader, Source};
+use super::{DocumentSource, LoadError, Loader};
 use crate::scene::{Encoding, Material, Scene, Texture, TextureSlot, Wrap};
 use std::collections::{BTreeMap, HashMap};
 
@@ -17,7 +17,7 @@ impl Loader<'_> {
     /// color and data is held twice: its mip levels differ.
     pub(super) fn textures(
         &self,
-        Source { document, buffers, .. }: Source,
+        DocumentSource { document, buffers, .. }: DocumentSource,
         plain_images: &BTreeMap<usize, usize>,
         older: &Older,
         scene: &mut Scene,

@@ -29,9 +29,9 @@ pub(crate) struct Head {
 }
 
 /// Numbers of four bytes, taken from the front.
-struct Reader<'a>(&'a [u8]);
+struct NumberReader<'a>(&'a [u8]);
 
-impl Reader<'_> {
+impl NumberReader<'_> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], FieldError> {
         let (first, rest) = self.0.split_first_chunk().ok_or(FieldError::Head)?;
         self.0 = rest;
@@ -77,7 +77,7 @@ pub(crate) fn write(head: &Head, tiles: &[Vec<u8>]) -> Vec<u8> {
 
 /// The head of a file, checked against all of its bytes. No more memory is taken than the bytes themselves take.
 pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
-    let mut reader = Reader(bytes);
+    let mut reader = NumberReader(bytes);
     if reader.take() != Ok(MAGIC) {
         return Err(FieldError::NotAField);
     }
@@ -91,7 +91,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
     // The list is as long as its number says, and has the sum that it should have.
     let list = reader.0.get(..tiles.min(MOST_TILES + 1) * ENTRY).ok_or(FieldError::Head)?;
     let end = START + list.len();
-    let mut sum = Reader(&bytes[end..]);
+    let mut sum = NumberReader(&bytes[end..]);
     let scale = if kind == 0 { None } else { Some(LogScale::new(unit).map_err(|_| FieldError::Head)?) };
     let fits = (1..=MOST_DIRECTIONS).contains(&directions) && kind <= 1 && delta <= LARGEST_DELTA;
     if sum.u32()? != crc32fast::hash(&bytes[..end]) || !fits || tiles > MOST_TILES {

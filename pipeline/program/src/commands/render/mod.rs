@@ -12,7 +12,7 @@ use crate::overwrite::Overwrite;
 use crate::print::single_line;
 use crate::print_config::ProgramOption;
 use crate::ranks::Ranks;
-use crate::source::{MemoryLimit, Source};
+use crate::source::{MemoryLimit, SceneSource};
 use crate::{notes, parts, print_config, progress};
 use anyhow::Result;
 use clap::Args;
@@ -41,7 +41,7 @@ use watching::{Watching, keep_for_page, write_page};
 pub(crate) struct Render {
     /// The scene.
     #[command(flatten)]
-    source: Source,
+    source: SceneSource,
     /// Settings of the film.
     #[command(flatten)]
     options: Options,
@@ -226,7 +226,7 @@ impl Render {
         if !self.quiet {
             notes::before(scene, settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
         }
-        let progress = progress::Progress::new(settings, scene, first, self.quiet || self.verbose > 0);
+        let progress = progress::ProgressLine::new(settings, scene, first, self.quiet || self.verbose > 0);
         // When a rank is gone the launcher ends all others, and waits for a second at most.
         let is_hasty = team.count() > 1;
         let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &progress, settings) })?;
@@ -318,7 +318,7 @@ impl Drop for Answer<'_> {
 }
 
 /// Reactions to signals: the first lets the frames that are begun be finished, the second does not.
-fn reactions(film: &Film, progress: &progress::Progress, settings: &Settings) -> Reactions {
+fn reactions(film: &Film, progress: &progress::ProgressLine, settings: &Settings) -> Reactions {
     let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
     let tell_again = progress.teller();
     let first = move || tell("stopping after this frame; again to stop now");

@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 /// Called with each reference to an object.
 type Visitor<'a> = &'a mut dyn FnMut(&mut Value);
 /// Calls a visitor with all references of one kind in a document.
-type References = fn(&mut Value, Visitor);
+type VisitReferences = fn(&mut Value, Visitor);
 
 /// Extensions of the document as a whole that name no object of the lists below.
 const KEPT: [&str; 3] = ["KHR_lights_punctual", "KHR_materials_variants", "KHR_xmp_json_ld"];
 
 /// Lists of objects, and how references to them are found. A list stands after those that refer to it.
-const LISTS: [(&str, References); 7] = [
+const LISTS: [(&str, VisitReferences); 7] = [
     ("meshes", |json, visit| each(json, "nodes", |node| refer(node, "mesh", visit))),
     ("materials", materials),
     ("textures", |json, visit| each(json, "materials", |material| textures(material, visit))),

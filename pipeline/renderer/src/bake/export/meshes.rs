@@ -3,8 +3,8 @@
 use super::apart;
 use super::document::{ARRAY_BUFFER, Document, ELEMENT_ARRAY_BUFFER, number};
 use super::materials::Materials;
-use super::places::{Place, primitives};
-use super::split::{Side, Split};
+use super::places::{PrimitiveSlot, primitives};
+use super::split::{SideTriangles, Split};
 use glam::Vec2;
 use pipeline::error::Result;
 use render_core::{Atlas, FineTexels, Surfaces};
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 struct Baked {
     instance: usize,
     /// Front and back, each with a place for each of its triangles.
-    sides: Vec<(bool, Side)>,
+    sides: Vec<(bool, SideTriangles)>,
 }
 
 /// A primitive with its vertices split; its accessors, but for coordinates of the baked texture.
@@ -32,7 +32,7 @@ struct Geometry {
 /// Writes the meshes of baked surfaces anew.
 pub(super) struct Meshes<'a> {
     pub document: &'a mut Document,
-    pub places: &'a [Place],
+    pub places: &'a [PrimitiveSlot],
     pub surfaces: &'a Surfaces<'a>,
     pub atlas: &'a Atlas,
     pub texels: &'a FineTexels<'a>,
@@ -77,7 +77,7 @@ impl Meshes<'_> {
             let mut sides = Vec::new();
             for back in [false, true] {
                 let place = |triangle| self.atlas.triangle_places(instance as u32, triangle, !back);
-                let side: Side = (0..triangles).map(place).collect();
+                let side: SideTriangles = (0..triangles).map(place).collect();
                 if side.iter().any(Option::is_some) {
                     sides.push((back, side));
                 }
@@ -150,7 +150,7 @@ impl Meshes<'_> {
     }
 
     /// The primitives of an instance: its front, and its back where that has charts too.
-    fn primitives(&mut self, baked: &Baked, place: Place, geometry: &mut Geometry) -> Result<Vec<Value>> {
+    fn primitives(&mut self, baked: &Baked, place: PrimitiveSlot, geometry: &mut Geometry) -> Result<Vec<Value>> {
         let found = primitives(self.document, place.mesh)[place.primitive].clone();
         let material = self.materials.baked(self.document, number(&found["material"]));
         let mut written = Vec::new();

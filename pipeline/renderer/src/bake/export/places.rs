@@ -11,30 +11,30 @@ const TRIANGLES: std::ops::RangeInclusive<u64> = 4..=6;
 
 /// A primitive of the mesh of a node: all are indices into the document's lists.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct PrimitiveSlot {
     pub node: usize,
     pub mesh: usize,
     pub primitive: usize,
 }
 
 /// The places of a scene's instances, in their order: that of nodes in the file, and of primitives in a mesh.
-pub(super) fn places(document: &Document, scene: &Scene) -> Result<Vec<Place>> {
+pub(super) fn places(document: &Document, scene: &Scene) -> Result<Vec<PrimitiveSlot>> {
     let mut places = Vec::new();
     for node in shown_nodes(document) {
         let Some(mesh) = document.list("nodes").get(node).and_then(|node| number(&node["mesh"])) else { continue };
         for (primitive, found) in primitives(document, mesh).iter().enumerate() {
             if TRIANGLES.contains(&found["mode"].as_u64().unwrap_or(4)) {
-                places.push(Place { node, mesh, primitive });
+                places.push(PrimitiveSlot { node, mesh, primitive });
             }
         }
     }
 
     // The scene was read by other code: both have found the same.
-    let vertices = |place: &Place| {
+    let vertices = |place: &PrimitiveSlot| {
         let position = number(&primitives(document, place.mesh)[place.primitive]["attributes"]["POSITION"])?;
         number(&document.list("accessors").get(position)?["count"])
     };
-    let is_same = |(place, mesh): (&Place, usize)| vertices(place) == Some(scene.meshes[mesh].positions.len());
+    let is_same = |(place, mesh): (&PrimitiveSlot, usize)| vertices(place) == Some(scene.meshes[mesh].positions.len());
     let meshes = scene.instances.iter().map(|instance| instance.mesh);
     if places.len() != scene.instances.len() || !places.iter().zip(meshes).all(is_same) {
         return Err(document.damaged("its list of meshes"));

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 /// Places of the triangles of one side of an instance; `None` for a triangle without a place.
-pub(super) type Side = Vec<Option<[Vec2; 3]>>;
+pub(super) type SideTriangles = Vec<Option<[Vec2; 3]>>;
 
 /// The vertices of a mesh, split so that each has one place on all sides of all instances.
 #[derive(Debug, PartialEq)]
@@ -18,7 +18,7 @@ pub(super) struct Split {
 
 impl Split {
     /// Splits the vertices of `triangles`. Each of `sides` has a place, or none, for each triangle.
-    pub fn new(triangles: &[[u32; 3]], sides: &[Side]) -> Self {
+    pub fn new(triangles: &[[u32; 3]], sides: &[SideTriangles]) -> Self {
         // At first corners are of one kind if they have the same vertex; then each side tells more of them apart.
         let mut kinds: Vec<u32> = triangles.as_flattened().to_vec();
         for side in sides {
@@ -48,7 +48,7 @@ impl Split {
     }
 
     /// The place of each vertex on one of the sides, (0, 0) where it has none.
-    pub fn places(&self, side: &Side) -> Vec<Vec2> {
+    pub fn places(&self, side: &SideTriangles) -> Vec<Vec2> {
         let mut places = vec![Vec2::ZERO; self.vertices.len()];
         for (triangle, corners) in self.triangles.iter().zip(side) {
             for (&vertex, place) in triangle.iter().zip(corners.iter().flatten()) {
@@ -59,7 +59,7 @@ impl Split {
     }
 
     /// The vertices of the triangles that have a place on a side, as one list; turned round for a `back`.
-    pub fn indices(&self, side: &Side, back: bool) -> Vec<u32> {
+    pub fn indices(&self, side: &SideTriangles, back: bool) -> Vec<u32> {
         let mut indices = Vec::with_capacity(3 * self.triangles.len());
         for (&[a, b, c], _) in self.triangles.iter().zip(side).filter(|(_, corners)| corners.is_some()) {
             indices.extend(if back { [a, c, b] } else { [a, b, c] });
@@ -79,8 +79,8 @@ mod tests {
         let triangles = [[0, 1, 2], [2, 1, 3]];
         let corners = |shift: f32| [vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(0.0, 1.0)].map(|corner| corner + shift);
         let (first, beside) = (corners(0.0), [vec2(0.0, 1.0), vec2(1.0, 0.0), vec2(1.0, 1.0)]);
-        let whole: Side = vec![Some(first), Some(beside)];
-        let cut: Side = vec![Some(first), Some(beside.map(|corner| corner + 8.0))];
+        let whole: SideTriangles = vec![Some(first), Some(beside)];
+        let cut: SideTriangles = vec![Some(first), Some(beside.map(|corner| corner + 8.0))];
 
         let one = Split::new(&triangles, std::slice::from_ref(&whole));
         assert_eq!(one, Split { vertices: vec![0, 1, 2, 3], triangles: triangles.to_vec() });

@@ -22,7 +22,7 @@ const HORIZON_COSINE: f32 = 0.4;
 /// ```text
 /// ∂E/∂n = Σ I ∂t/∂n − min(π Lₕ, E) nᵀ          Lₕ = Σ I t / cos θ over θ near the horizon / (2π h)          h  its cosine
 /// ```
-struct Sum {
+struct GradientSum {
     irradiance: Vec3,
     by_normal: Mat3A,
     by_position: Mat3A,
@@ -30,7 +30,7 @@ struct Sum {
     horizon: Vec3,
 }
 
-impl Sum {
+impl GradientSum {
     /// Of no light. (A matrix is the identity by default.)
     const ZERO: Self =
         Self { irradiance: Vec3::ZERO, by_normal: Mat3A::ZERO, by_position: Mat3A::ZERO, horizon: Vec3::ZERO };
@@ -52,7 +52,7 @@ impl TreeLight<'_> {
     pub fn estimate(&self, receiver: &ShadingPoint, recipe: &Recipe) -> LocalIrradiance {
         let frame = self.visible.frame;
         let (position, normal): (Vec3, Vec3) = (receiver.position.into(), receiver.normal.into());
-        let mut sum = Sum::ZERO;
+        let mut sum = GradientSum::ZERO;
         for cluster in recipe.seen_clusters() {
             let light = &frame.tree.lights()[cluster.light as usize];
             let term = irradiance_term(position, normal, light, frame.tree.geometry_term_bound());
@@ -68,14 +68,14 @@ impl TreeLight<'_> {
             sum.irradiance += missing.irradiance;
             sum.by_position += missing.by_position;
         }
-        let Sum { irradiance, by_normal, by_position, .. } = sum;
+        let GradientSum { irradiance, by_normal, by_position, .. } = sum;
         // A record's threshold is a share of that of its pixels.
         let tolerance = recipe.threshold / FINENESS;
         LocalIrradiance { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
     }
 
     /// Adds the light of the anchors on moving things, which are not in the tree.
-    fn add_moving_anchors(&self, receiver: &ShadingPoint, sum: &mut Sum) {
+    fn add_moving_anchors(&self, receiver: &ShadingPoint, sum: &mut GradientSum) {
         let dynamic = self.visible.frame.direct.dynamic();
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
         // Anchors that would add next to nothing count as seen, without a ray.

@@ -4,7 +4,7 @@ use super::recipe::Recipe;
 use crate::shade::audits::{MadeCut, is_record_audited};
 use crate::shade::counts::Counts;
 use crate::shade::layer::Visible;
-use crate::shade::movement::Around;
+use crate::shade::movement::MovingBox;
 use crate::shade::tolerance::{FootprintPixel, Tolerance};
 use crate::shade::visibility::Visibility;
 use glam::{Vec2, Vec3};
@@ -40,9 +40,9 @@ pub(super) struct TreeLight<'a> {
     pub visibility: Visibility<'a>,
     pub counts: &'a Counts,
     /// Around all that has moved since the frame before, where it was and where it is.
-    pub swept: &'a [Around],
+    pub swept: &'a [MovingBox],
     /// Around all that ever moves, where it is.
-    pub standing: Vec<Around>,
+    pub standing: Vec<MovingBox>,
     /// By instance, whether it ever moves.
     pub moving: &'a [bool],
     /// Whether the light that softening takes is found by final gather.
@@ -52,7 +52,7 @@ pub(super) struct TreeLight<'a> {
 }
 
 /// Clusters by draws of a record's own: a bit for each, a word for each [`PACKET`] of them.
-struct Drawn {
+struct DrawnClusters {
     clusters: Box<[Cluster]>,
     /// Bits of the clusters that are known to be seen.
     visible: Box<[u64]>,
@@ -87,7 +87,8 @@ impl Illumination for TreeLight<'_> {
         // The record draws its own lights of the clusters.
         let threshold = stop.threshold_at(luminance(cut.radiance));
         let least_bound = if later { 0.0 } else { DRAWN_ANEW * threshold };
-        let Drawn { clusters, visible, unknown } = self.drawn_anew(&white, scratch.kept(), site.key, least_bound);
+        let DrawnClusters { clusters, visible, unknown } =
+            self.drawn_anew(&white, scratch.kept(), site.key, least_bound);
         let mut recipe = Recipe {
             size: clusters.len() as u32,
             clusters,
@@ -192,9 +193,10 @@ impl TreeLight<'_> {
 
     /// Whether any of these things is so near that its own light has lost much by softening; a record's own carrier, which is
     /// always as near as it is, does not count.
-    fn is_near(&self, things: &[Around], site: &Site) -> bool {
+    fn is_near(&self, things: &[MovingBox], site: &Site) -> bool {
         let nearby = self.visible.frame.gather.dynamic_reach();
-        let near = |thing: &Around| thing.instance != site.carrier && thing.distance2(site.position) < nearby * nearby;
+        let near =
+            |thing: &MovingBox| thing.instance != site.carrier && thing.distance2(site.position) < nearby * nearby;
         things.iter().any(near)
     }
 
@@ -202,7 +204,7 @@ impl TreeLight<'_> {
     ///
     /// Those whose error bound is not above `least_bound` keep their lights, and what the cut found of their visibility; with 0
     /// it found nothing.
-    fn drawn_anew(&self, receiver: &Lambert, kept: &[KeptCluster], key: u64, least_bound: f32) -> Drawn {
+    fn drawn_anew(&self, receiver: &Lambert, kept: &[KeptCluster], key: u64, least_bound: f32) -> DrawnClusters {
         let tree = &self.visible.frame.tree;
         let is_drawn = |cluster| least_bound == 0.0 || tree.cluster_bound(receiver, cluster) > least_bound;
         let of_record = |kept: &KeptCluster| {
@@ -226,7 +228,7 @@ impl TreeLight<'_> {
                 unknown[k / PACKET] |= bit;
             }
         }
-        Drawn { clusters, visible: visible.into(), unknown }
+        DrawnClusters { clusters, visible: visible.into(), unknown }
     }
 
     /// Finds, among the clusters whose bits are set in `active`, those whose light arrives.

@@ -45,7 +45,7 @@ pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
     }
 
     // Parts that are left to be cut, the next one last.
-    let sums = Sums::new(cost);
+    let sums = CostSums::new(cost);
     let mut parts = vec![(whole, count.clamp(1, pixels))];
     while let Some((part, count)) = parts.pop() {
         match count {
@@ -85,9 +85,9 @@ impl Tile {
 }
 
 /// Sums of cost over all pixels above and to the left of a corner: a column and a row more than the picture has.
-struct Sums(Plane<f64>);
+struct CostSums(Plane<f64>);
 
-impl Sums {
+impl CostSums {
     fn new(cost: &Plane<f32>) -> Self {
         let mut sums = Plane::filled(cost.width() + 1, cost.height() + 1, 0.0);
         for (y, row) in cost.rows().enumerate() {
@@ -173,7 +173,7 @@ mod tests {
         }
         let (line, width) = dearest_line(picture, &part);
         let (total, mut tiles) = (cost_of(picture, &part), Vec::new());
-        for (half, k) in Sums::new(picture).halves(&part, n) {
+        for (half, k) in CostSums::new(picture).halves(&part, n) {
             let above = k.div_ceil(width) as f64 * line;
             let cost = cost_of(picture, &half);
             assert!(
@@ -229,7 +229,7 @@ mod tests {
             // A line has pixels enough for all tiles, so that each cut is allowed.
             prop_assume!(length > 1 && picture.width().min(picture.height()) >= n);
             let share = cost_of(&picture, &whole) * first as f64 / n as f64;
-            let [(half, k), _] = Sums::new(&picture).halves(&whole, n);
+            let [(half, k), _] = CostSums::new(&picture).halves(&whole, n);
             prop_assert_eq!(k, first);
             let distance = |half: &Tile| (cost_of(&picture, half) - share).abs();
             let best = (1..length).map(|at| distance(&whole.split(is_wide, at)[0])).fold(f64::INFINITY, f64::min);

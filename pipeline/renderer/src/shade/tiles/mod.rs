@@ -118,7 +118,7 @@ impl Tiling {
         let surfaces: Vec<SampleSurfaces> =
             (0..most).map(|sample| shading.surfaces(&prepared.frame, sample, &lit.visibility)).collect();
         let of_sample = |sample: usize| surfaces[sample].visible(prepared, sample, &movement, &Alone);
-        let frame = Samples { visible: (0..most).map(of_sample).collect(), tolerance };
+        let frame = FrameSamples { visible: (0..most).map(of_sample).collect(), tolerance };
         self.workers.begin(&mut shading.layers, &frame.visible[0], tolerance);
 
         // The importance of pixels is known, or found by the light of the first sample.
@@ -153,7 +153,7 @@ impl Tiling {
     fn light_some(
         &mut self,
         shading: &mut Shading,
-        (frame, samples): (&Samples, Range<usize>),
+        (frame, samples): (&FrameSamples, Range<usize>),
         lit: &mut SamplesLight,
         (counts, seconds): (&mut [Lit; 2], &mut Seconds),
     ) {
@@ -225,7 +225,7 @@ impl Tiling {
 }
 
 /// The samples of a frame.
-struct Samples<'a> {
+struct FrameSamples<'a> {
     visible: Vec<Visible<'a>>,
     tolerance: &'a Tolerance<'a>,
 }

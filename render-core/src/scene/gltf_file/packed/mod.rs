@@ -14,7 +14,7 @@ mod primitives;
 #[cfg(feature = "meshopt")]
 mod views;
 
-use super::stored::Stored;
+use super::stored::StoredBuffers;
 use super::{LoadError, Loader};
 use serde_json::Value;
 
@@ -23,7 +23,7 @@ impl Loader<'_> {
     ///
     /// # Errors
     /// Packed data is damaged, and has no plain copy.
-    pub(super) fn unpack(&self, root: &mut Value, stored: &mut Stored) -> Result<Vec<String>, LoadError> {
+    pub(super) fn unpack(&self, root: &mut Value, stored: &mut StoredBuffers) -> Result<Vec<String>, LoadError> {
         let mut notes = Vec::new();
         #[cfg(feature = "meshopt")]
         self.unpack_views(root, stored, &mut notes)?;

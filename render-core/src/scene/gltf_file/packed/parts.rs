@@ -1,6 +1,6 @@
 //! Parts of documents that no pass has checked yet.
 
-use super::Stored;
+use super::StoredBuffers;
 use crate::scene::gltf_file::LoadError;
 use serde_json::{Value, json};
 
@@ -16,7 +16,11 @@ pub(super) fn list<'a>(root: &'a Value, name: &str) -> &'a [Value] {
 }
 
 /// The bytes of an object with `buffer`, `byteOffset` and `byteLength`; `None` where there are none.
-pub(super) fn bytes<'s>(root: &Value, stored: &'s mut Stored, object: &Value) -> Result<Option<&'s [u8]>, LoadError> {
+pub(super) fn bytes<'s>(
+    root: &Value,
+    stored: &'s mut StoredBuffers,
+    object: &Value,
+) -> Result<Option<&'s [u8]>, LoadError> {
     let Some(index) = number(&object["buffer"]) else { return Ok(None) };
     let Some(buffer) = list(root, "buffers").get(index) else { return Ok(None) };
     let uri = buffer["uri"].as_str();
@@ -30,7 +34,7 @@ pub(super) fn bytes<'s>(root: &Value, stored: &'s mut Stored, object: &Value) ->
 }
 
 /// Adds a buffer of these bytes and returns its index.
-pub(super) fn add_buffer(root: &mut Value, stored: &mut Stored, data: Vec<u8>) -> usize {
+pub(super) fn add_buffer(root: &mut Value, stored: &mut StoredBuffers, data: Vec<u8>) -> usize {
     // The address is never read, but a buffer without one could be the binary part of the file.
     let buffer = json!({ "byteLength": data.len().max(1), "uri": "data:application/octet-stream;base64," });
     let index = add(root, "buffers", buffer);

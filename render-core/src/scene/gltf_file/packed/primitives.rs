@@ -2,7 +2,7 @@
 
 use super::draco::{Attribute, Most, Unpacked, decode};
 use super::parts::{add, add_buffer, bytes, list, number, unlist};
-use super::{LoadError, Loader, Stored};
+use super::{LoadError, Loader, StoredBuffers};
 use crate::scene::gltf_file::guarded;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashMap};
@@ -13,7 +13,7 @@ const NAME: &str = "KHR_draco_mesh_compression";
 const TRIANGLE: usize = 12;
 
 /// A primitive by its mesh and its index there.
-type Place = (usize, usize);
+type PrimitiveIndex = (usize, usize);
 
 /// Accessors of unpacked data: the indices, and the attributes by their names.
 #[derive(Clone)]
@@ -27,7 +27,7 @@ impl Loader<'_> {
     pub(super) fn unpack_primitives(
         &self,
         root: &mut Value,
-        stored: &mut Stored,
+        stored: &mut StoredBuffers,
         notes: &mut Vec<String>,
     ) -> Result<(), LoadError> {
         let shown: BTreeSet<usize> = list(root, "nodes").iter().filter_map(|node| number(&node["mesh"])).collect();
@@ -70,7 +70,13 @@ impl Loader<'_> {
     }
 
     /// Notes that the plain copy is read; without one, it is an error that the packed data is damaged.
-    fn keep_plain(&self, root: &Value, notes: &mut Vec<String>, place: Place, fault: &str) -> Result<(), LoadError> {
+    fn keep_plain(
+        &self,
+        root: &Value,
+        notes: &mut Vec<String>,
+        place: PrimitiveIndex,
+        fault: &str,
+    ) -> Result<(), LoadError> {
         let (mesh, index) = place;
         let primitive = &root["meshes"][mesh]["primitives"][index];
         let view = &primitive["extensions"][NAME]["bufferView"];
@@ -90,7 +96,7 @@ impl Loader<'_> {
 }
 
 /// The primitives with the extension.
-fn packed(root: &Value) -> Vec<Place> {
+fn packed(root: &Value) -> Vec<PrimitiveIndex> {
     let mut places = Vec::new();
     for (m, mesh) in list(root, "meshes").iter().enumerate() {
         for (p, primitive) in list(mesh, "primitives").iter().enumerate() {
@@ -102,12 +108,16 @@ fn packed(root: &Value) -> Vec<Place> {
     places
 }
 
-fn at(root: &mut Value, (mesh, primitive): Place) -> &mut Value {
+fn at(root: &mut Value, (mesh, primitive): PrimitiveIndex) -> &mut Value {
     &mut root["meshes"][mesh]["primitives"][primitive]
 }
 
 /// The unpacked mesh, or the reason why there is none.
-fn unpacked(root: &Value, stored: &mut Stored, primitive: &Value) -> Result<Result<Unpacked, String>, LoadError> {
+fn unpacked(
+    root: &Value,
+    stored: &mut StoredBuffers,
+    primitive: &Value,
+) -> Result<Result<Unpacked, String>, LoadError> {
     let extension = &primitive["extensions"][NAME];
     let mut ids = Vec::new();
     for id in extension["attributes"].as_object().into_iter().flat_map(Map::values) {
@@ -139,7 +149,7 @@ fn unpacked(root: &Value, stored: &mut Stored, primitive: &Value) -> Result<Resu
 }
 
 /// Adds a buffer, views and accessors.
-fn add_accessors(root: &mut Value, stored: &mut Stored, primitive: &Value, unpacked: Unpacked) -> Accessors {
+fn add_accessors(root: &mut Value, stored: &mut StoredBuffers, primitive: &Value, unpacked: Unpacked) -> Accessors {
     let Unpacked { indices, vertices, attributes } = unpacked;
     let count = indices.len();
     let indices: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
@@ -157,7 +167,7 @@ fn add_accessors(root: &mut Value, stored: &mut Stored, primitive: &Value, unpac
 
 fn add_accessor(
     root: &mut Value,
-    stored: &mut Stored,
+    stored: &mut StoredBuffers,
     attribute: Attribute,
     count: usize,
     is_normalized: bool,

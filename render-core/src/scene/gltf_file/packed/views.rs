@@ -2,7 +2,7 @@
 
 use super::meshopt::Layout;
 use super::parts::{add_buffer, bytes, list, number, unlist};
-use super::{LoadError, Loader, Stored};
+use super::{LoadError, Loader, StoredBuffers};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
@@ -14,7 +14,7 @@ impl Loader<'_> {
     pub(super) fn unpack_views(
         &self,
         root: &mut Value,
-        stored: &mut Stored,
+        stored: &mut StoredBuffers,
         notes: &mut Vec<String>,
     ) -> Result<(), LoadError> {
         let packed: Vec<(usize, &str, Value)> =
@@ -65,7 +65,11 @@ fn packed_by(place: usize, view: &Value) -> Option<(usize, &'static str, Value)>
 }
 
 /// The unpacked bytes, or the reason why there are none.
-fn unpacked(root: &Value, stored: &mut Stored, extension: &Value) -> Result<Result<Vec<u8>, &'static str>, LoadError> {
+fn unpacked(
+    root: &Value,
+    stored: &mut StoredBuffers,
+    extension: &Value,
+) -> Result<Result<Vec<u8>, &'static str>, LoadError> {
     let (Some(count), Some(stride)) = (number(&extension["count"]), number(&extension["byteStride"])) else {
         return Ok(Err("lacks a count or a stride"));
     };
@@ -85,7 +89,7 @@ fn unpacked(root: &Value, stored: &mut Stored, extension: &Value) -> Result<Resu
 }
 
 /// Whether the buffer of the view itself has data.
-fn has_plain_copy(root: &Value, stored: &Stored, place: usize) -> bool {
+fn has_plain_copy(root: &Value, stored: &StoredBuffers, place: usize) -> bool {
     let buffer = number(&root["bufferViews"][place]["buffer"]);
     let Some(buffer) = buffer.filter(|&buffer| buffer < list(root, "buffers").len()) else { return false };
     root["buffers"][buffer]["uri"].is_string() || (buffer == 0 && stored.has_binary())

@@ -32,7 +32,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
         return Err(SHORT);
     }
 
-    let mut reader = Reader { data, at: 1, end: 1 + body };
+    let mut reader = BlockReader { data, at: 1, end: 1 + body };
     let mut last = [[0; 4]; 64];
     last[..stride / 4].copy_from_slice(base.as_chunks().0);
     let mut out = vec![0; count * stride];
@@ -64,14 +64,14 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
 }
 
 /// Reads the bytes of blocks.
-struct Reader<'a> {
+struct BlockReader<'a> {
     data: &'a [u8],
     at: usize,
     /// Position of the tail.
     end: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> BlockReader<'a> {
     fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
         let taken = self.data[..self.end].get(self.at..).and_then(|rest| rest.get(..count)).ok_or(SHORT)?;
         self.at += count;

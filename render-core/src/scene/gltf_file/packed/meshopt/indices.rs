@@ -8,9 +8,9 @@ const TABLE: usize = 16;
 const PADDING: usize = 4;
 
 /// Bytes that follow the codes.
-struct Reader<'a>(&'a [u8]);
+struct CodeReader<'a>(&'a [u8]);
 
-impl Reader<'_> {
+impl CodeReader<'_> {
     fn byte(&mut self) -> Result<u8, Fault> {
         let (&first, rest) = self.0.split_first().ok_or(SHORT)?;
         self.0 = rest;
@@ -59,7 +59,7 @@ impl<T: Copy> Queue<T> {
 
 /// State of the decoder of triangles.
 struct Triangles<'a> {
-    data: Reader<'a>,
+    data: CodeReader<'a>,
     next: u32,
     last: u32,
     edges: Queue<(u32, u32)>,
@@ -76,7 +76,7 @@ pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
     let (codes, rest) = data[1..1 + body].split_at(count / 3);
     let table = &data[1 + body..];
     let mut state = Triangles {
-        data: Reader(rest),
+        data: CodeReader(rest),
         next: 0,
         last: 0,
         edges: Queue::new((u32::MAX, u32::MAX)),
@@ -168,7 +168,7 @@ pub(super) fn sequence(data: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
     }
     // A byte for each index.
     let body = data.len().checked_sub(1 + PADDING).filter(|&body| body >= count).ok_or(SHORT)?;
-    let mut reader = Reader(&data[1..1 + body]);
+    let mut reader = CodeReader(&data[1..1 + body]);
     let mut last = [0u32; 2];
     let mut out = Vec::with_capacity(count);
     for _ in 0..count {

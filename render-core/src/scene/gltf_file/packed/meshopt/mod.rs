@@ -16,7 +16,7 @@ const LONG: Fault = "has bytes left over";
 
 /// The bitstream of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Mode {
+pub(super) enum BufferMode {
     Attributes,
     Triangles,
     Indices,
@@ -35,7 +35,7 @@ pub(super) enum Filter {
 /// Format of a packed view.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
-    pub mode: Mode,
+    pub mode: BufferMode,
     pub filter: Filter,
     /// Number of elements.
     pub count: usize,
@@ -47,9 +47,9 @@ impl Layout {
     /// Reads `mode` and `filter`, and checks them ("JSON schema updates").
     pub fn new(mode: &str, filter: Option<&str>, count: usize, stride: usize) -> Result<Self, Fault> {
         let mode = match mode {
-            "ATTRIBUTES" => Mode::Attributes,
-            "TRIANGLES" => Mode::Triangles,
-            "INDICES" => Mode::Indices,
+            "ATTRIBUTES" => BufferMode::Attributes,
+            "TRIANGLES" => BufferMode::Triangles,
+            "INDICES" => BufferMode::Indices,
             _ => return Err("is of an unknown mode"),
         };
         let filter = match filter.unwrap_or("NONE") {
@@ -61,9 +61,9 @@ impl Layout {
             _ => return Err("has an unknown filter"),
         };
         let strides: &[usize] = match (mode, filter) {
-            (Mode::Attributes, Filter::None | Filter::Exponential) => &[],
-            (Mode::Attributes, Filter::Octahedral | Filter::Color) => &[4, 8],
-            (Mode::Attributes, Filter::Quaternion) => &[8],
+            (BufferMode::Attributes, Filter::None | Filter::Exponential) => &[],
+            (BufferMode::Attributes, Filter::Octahedral | Filter::Color) => &[4, 8],
+            (BufferMode::Attributes, Filter::Quaternion) => &[8],
             (_, Filter::None) => &[2, 4],
             _ => return Err("has a filter, which indices cannot have"),
         };
@@ -71,7 +71,7 @@ impl Layout {
         if !is_attribute && !strides.contains(&stride) {
             return Err("has a stride that its mode and filter do not allow");
         }
-        if mode == Mode::Triangles && !count.is_multiple_of(3) {
+        if mode == BufferMode::Triangles && !count.is_multiple_of(3) {
             return Err("has a number of indices that is no multiple of 3");
         }
         Ok(Self { mode, filter, count, stride })
@@ -85,9 +85,9 @@ impl Layout {
     /// Unpacks `data`. Checks that `data` is long enough for the stated number of elements before it allocates memory.
     pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>, Fault> {
         let mut out = match self.mode {
-            Mode::Attributes => attributes::decode(data, self.count, self.stride)?,
-            Mode::Triangles => narrowed(indices::triangles(data, self.count)?, self.stride),
-            Mode::Indices => narrowed(indices::sequence(data, self.count)?, self.stride),
+            BufferMode::Attributes => attributes::decode(data, self.count, self.stride)?,
+            BufferMode::Triangles => narrowed(indices::triangles(data, self.count)?, self.stride),
+            BufferMode::Indices => narrowed(indices::sequence(data, self.count)?, self.stride),
         };
         filters::apply(self.filter, self.stride, &mut out);
         Ok(out)
