@@ -51,7 +51,7 @@ impl Job {
             ..Options::default()
         };
         let (scene, settings) = load(&path, options);
-        let plan = Plan::new(&scene, &settings.renderer());
+        let plan = Plan::new(&scene, &settings.render);
         Self { scene, settings, plan, _folder: folder }
     }
 }
@@ -61,7 +61,7 @@ fn of_a_later_frame(room: &Glb, work: Work) -> usize {
     let of_film = |count: u32| {
         let Job { scene, settings, plan, _folder } = &Job::new(room, work, count);
         let region = Region::new(COUNTED);
-        let mut preparation = Preparation::new(scene, &settings.renderer(), plan);
+        let mut preparation = Preparation::new(scene, &settings.render, plan);
         assert_eq!((0..).map_while(|index| preparation.step(index)).count(), count as usize);
         region.change().bytes_allocated
     };

@@ -45,7 +45,7 @@ fn write_clip(name: &str, base: &Path, size: Size, frames: u32) {
         ..Options::default()
     };
     let (scene, settings) = tests::load(&path, options);
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\r{name}: frame {}   ", frame.index);
     let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
     render2mpeg::render(&scene, &settings, &plan, run).expect("the run succeeds");

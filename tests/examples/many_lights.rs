@@ -36,8 +36,8 @@ fn main() {
         ..Options::default()
     };
     let (scene, settings) = tests::load(scene.as_ref(), options);
-    let plan = Plan::new(&scene, &settings.renderer());
-    let frame = Preparation::new(&scene, &settings.renderer(), &plan).frame(0).frame;
+    let plan = Plan::new(&scene, &settings.render);
+    let frame = Preparation::new(&scene, &settings.render, &plan).frame(0).frame;
 
     let pixels = &frame.seen.pixels;
     let receiver = |x: usize, y: usize| {

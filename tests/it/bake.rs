@@ -49,7 +49,7 @@ pub(super) fn gray(albedo: f32) -> Material {
 fn baked(scene: &Scene, texels: usize) -> Bake {
     let options = Options { vpls: Some(1000), photons: Some(100_000), ..Options::default() };
     let settings = Settings::new("stage.glb".into(), scene, &options).expect("right settings");
-    bake::bake(scene, &settings.renderer(), texels, &|_, _| ()).expect("the scene can be baked")
+    bake::bake(scene, &settings.render, texels, &|_, _| ()).expect("the scene can be baked")
 }
 
 /// A box under a sky of radiance L from everywhere is lit by half of it at each point: E = π L.
@@ -170,7 +170,7 @@ fn things_that_move_are_lit_beside_baked_light() {
     // The pixels that show the blocks.
     let size = format!("{SIDE}x{SIDE}").parse().ok();
     let (scene, settings) = load(&path, Options { size, frames: Some(3), ..Options::default() });
-    let renderer = settings.renderer();
+    let renderer = settings.render.clone();
     let plan = Plan::new(&scene, &renderer);
     let mut preparation = Preparation::new(&scene, &renderer, &plan);
     for index in 0..3 {

@@ -41,7 +41,7 @@ fn settings(scene: &Scene, side: usize) -> Settings {
 }
 
 fn baked(scene: &Scene, texels: usize) -> Bake {
-    bake::bake(scene, &settings(scene, 16).renderer(), texels, &|_, _| ()).expect("the scene can be baked")
+    bake::bake(scene, &settings(scene, 16).render, texels, &|_, _| ()).expect("the scene can be baked")
 }
 
 /// Under a sky of the radiance L from everywhere the mean radiance that a coat reflects is L in every direction, whatever its lobe.
@@ -108,7 +108,7 @@ fn coats_that_look_their_light_up_are_those_of_paths() {
     let settings = settings(&scene, SIDE);
     let light = Arc::new(baked(&scene, 6000).texels);
     let frame = |lighting: Lighting| {
-        let renderer = renderer::settings::RenderSettings { lighting, ..settings.renderer() };
+        let renderer = renderer::settings::RenderSettings { lighting, ..settings.render.clone() };
         let plan = Plan::new(&scene, &renderer);
         let prepared = Preparation::new(&scene, &renderer, &plan).frame(0);
         let shading = Shading::new(&renderer, &plan);
@@ -117,7 +117,7 @@ fn coats_that_look_their_light_up_are_those_of_paths() {
     };
     let ((live, _), (looked_up, seen)) = (frame(Lighting::Lightcuts), frame(Lighting::Baked));
     let options = PathOptions { samples: 256, seed: 1, max_bounces: None, pixel: PixelSampling::Area };
-    let paths = by_paths(&scene, &settings.renderer(), 0, &options, |_, _| ()).radiance;
+    let paths = by_paths(&scene, &settings.render, 0, &options, |_, _| ()).radiance;
 
     // Pixels within one surface.
     let of = |picture: &Plane<[f32; 3]>, x, y| f64::from(luminance(picture.get(x, y).into()));

@@ -37,10 +37,10 @@ fn film_in(folder: &Path, glb: &Glb, settings: &str, options: Options) -> Result
         ..options
     };
     let settings = Settings::new(path, &scene, &options).map_err(|error| error.to_string())?;
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     let report = render2mpeg::render(&scene, &settings, &plan, Run::default());
     let report = report.map_err(|error| error.chain())?;
-    let last = exr.join(format!("frame_{:05}.exr", settings.frames - 1));
+    let last = exr.join(format!("frame_{:05}.exr", settings.render.frames - 1));
     Ok((read_exr(&last).unwrap(), report))
 }
 

@@ -72,7 +72,7 @@ fn film_with(panics: Panics, at: u32, more: fn(&mut Options)) -> Result<(), Stri
         options.output = Some(folder.path().join("film.m2v"));
         more(&mut options);
         let settings = Settings::new(path, &scene, &options).unwrap();
-        let plan = Plan::new(&scene, &settings.renderer());
+        let plan = Plan::new(&scene, &settings.render);
         let run = Run { observer: &Saboteur { panics, at }, ..Run::default() };
         let report = render(&scene, &settings, &plan, run);
         let names = sorted_names(folder.path());

@@ -64,9 +64,9 @@ fn thresholds_of(frame: u32, delta: f32) -> LuminanceThresholds {
 /// Cut sizes of frame 0 and of frame 1, which is given `delta` as the thresholds of frame 0.
 fn cuts_with(delta: f32) -> [f64; 2] {
     let (scene, settings) = small_film(2);
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     let (mut preparation, mut shading) =
-        (Preparation::new(&scene, &settings.renderer(), &plan), Shading::new(&settings.renderer(), &plan));
+        (Preparation::new(&scene, &settings.render, &plan), Shading::new(&settings.render, &plan));
     let first = shading.step(&preparation.step(0).unwrap(), LastThresholds::none());
     let (prepared, thresholds) = (preparation.step(1).unwrap(), thresholds_of(0, delta));
     let last = LastThresholds::new(1, Some(&thresholds), prepared.correspondence.as_deref());

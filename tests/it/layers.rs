@@ -67,7 +67,7 @@ fn scene() -> (Scene, RenderSettings) {
         ..Options::default()
     };
     let (scene, settings) = load(&cornell(), options);
-    (scene, settings.renderer())
+    (scene, settings.render.clone())
 }
 
 /// L = L_direct + ρ E / π at every pixel, where a constant E is all indirect light.

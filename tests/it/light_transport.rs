@@ -227,8 +227,8 @@ fn a_cut_is_within_its_bound_always() {
         ..Options::default()
     };
     let (scene, settings) = load(&cornell(), options);
-    let plan = Plan::new(&scene, &settings.renderer());
-    let frame = Preparation::new(&scene, &settings.renderer(), &plan).frame(0).frame;
+    let plan = Plan::new(&scene, &settings.render);
+    let frame = Preparation::new(&scene, &settings.render, &plan).frame(0).frame;
     let mut scratch = Scratch::default();
     let (mut pixels, mut lights) = (0, 0);
     for pixel in frame.seen.pixels.samples() {

@@ -443,7 +443,7 @@ fn survives(path: &Path, video: &Path) -> bool {
     };
     let options = Options { output: Some(video.into()), ..options };
     let Ok(settings) = Settings::new(path.into(), &scene, &options) else { return false };
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     let report = render2mpeg::render(&scene, &settings, &plan, Run::default());
     report.unwrap_or_else(|error| panic!("{}", error.chain()));
     true

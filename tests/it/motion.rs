@@ -3,7 +3,7 @@
 use glam::{Vec3, vec3};
 use mpeg2enc::{Packet, Picture, PictureType};
 use plane::Correspondence;
-use render2mpeg::{Options, Settings};
+use render2mpeg::Options;
 use renderer::settings::Thresholds;
 use std::path::Path;
 use std::sync::Arc;
@@ -40,7 +40,9 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
     let exact = correspondences(&scene, &settings);
     let still = Arc::new(Correspondence::still(SIZE.0, SIZE.1));
     let at = |qscale: u32, motion: &[Option<Arc<Correspondence>>]| {
-        predicted(&encode(&Settings { qscale, ..settings.clone() }, &frames, motion).1)
+        let mut coarser = settings.clone();
+        coarser.render.qscale = qscale;
+        predicted(&encode(&coarser, &frames, motion).1)
     };
     let (exact_bits, quality) = at(8, &exact);
     let kinds = [("searched", vec![None; frames.len()]), ("zero", vec![Some(still); frames.len()])];

@@ -53,7 +53,7 @@ impl Film {
 
     /// Makes or resumes the film on `count` ranks; returns the report of rank 0 and the results of the other ranks.
     fn made(&self, count: usize, run: Run<'_>) -> (Result<Report, Error>, Vec<Result<(), Error>>) {
-        let plan = Plan::new(&self.scene, &self.settings.renderer());
+        let plan = Plan::new(&self.scene, &self.settings.render);
         let job = job_of(&self.scene, &self.settings).unwrap();
         let checkpoints = Checkpoints::resume(&job, Some(Duration::ZERO)).unwrap();
         let mut teams = teams(count);
@@ -179,7 +179,7 @@ fn other_light_is_found_out() {
     });
     let checkpoints = Checkpoints::off();
     let teams = teams(2);
-    let [plan, other_plan] = [&film, &other].map(|film| Plan::new(&film.scene, &film.settings.renderer()));
+    let [plan, other_plan] = [&film, &other].map(|film| Plan::new(&film.scene, &film.settings.render.clone()));
     let (first, second) = std::thread::scope(|scope| {
         let follows = scope.spawn(|| Render::follow(&other.scene, &other.settings, &other_plan, &teams[1]));
         let film = Render::among(&film.scene, &film.settings, &plan, &checkpoints, &teams[0]).unwrap();

@@ -72,7 +72,7 @@ impl Film {
 
     /// The film by `count` ranks, each a thread.
     fn by_ranks(&self, count: usize) -> Made {
-        let plan = Plan::new(&self.scene, &self.settings.renderer());
+        let plan = Plan::new(&self.scene, &self.settings.render);
         let checkpoints = Checkpoints::off();
         let mail = ThreadMail::new(count).into_iter();
         let ranks = ThreadRanks::new(count).into_iter().zip(ThreadRanks::new(count));
@@ -98,7 +98,7 @@ impl Film {
 
     /// The film by `count` simulated ranks, and their times and counts.
     fn simulated(&self, count: usize, network: Network) -> (Made, Vec<SimulatedFrame>) {
-        let plan = Plan::new(&self.scene, &self.settings.renderer());
+        let plan = Plan::new(&self.scene, &self.settings.render);
         let checkpoints = Checkpoints::off();
         let ranks = SimulatedRanks::new(count, network);
         let mut film = Render::new(&self.scene, &self.settings, &plan, &checkpoints).unwrap();

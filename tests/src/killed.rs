@@ -54,7 +54,7 @@ impl KilledFilm {
         let [short, long] = [2, 3].map(|frames| {
             let options = Options { frames: Some(frames), ..options.clone() };
             let settings = Settings::new(scene_path.into(), &scene, &options).expect("settings");
-            let plan = Plan::new(&scene, &settings.renderer());
+            let plan = Plan::new(&scene, &settings.render);
             let checkpoints = Checkpoints::new(&job_of(&scene, &settings).expect("a job"), Some(Duration::ZERO));
             finish(&scene, &settings, &plan, &checkpoints).expect("a film");
             let bytes = fs::read(path_for(&settings.output)).expect("a checkpoint");

@@ -20,15 +20,16 @@ pub fn load(path: &Path, options: Options) -> (Scene, Settings) {
 
 /// Renders a film, with the frames as the encoder gets them in the y4m file of the options.
 pub fn render_as_coded(scene: &Scene, settings: &Settings) -> Report {
-    let settings = Settings { y4m_is_coded: true, ..settings.clone() };
-    let plan = Plan::new(scene, &settings.renderer());
+    let mut settings = settings.clone();
+    settings.files.y4m_is_coded = true;
+    let plan = Plan::new(scene, &settings.render);
     render2mpeg::render(scene, &settings, &plan, Run::default()).expect("the film is made")
 }
 
 /// Where the renderer knows each frame's pixels to have been in the frame before; nothing for the first.
 pub fn correspondences(scene: &Scene, settings: &Settings) -> Vec<Option<Arc<Correspondence>>> {
-    let plan = Plan::new(scene, &settings.renderer());
-    let mut preparation = Preparation::new(scene, &settings.renderer(), &plan);
+    let plan = Plan::new(scene, &settings.render);
+    let mut preparation = Preparation::new(scene, &settings.render, &plan);
     let frames = (0..).map_while(|index| preparation.step(index));
     frames.map(|frame| frame.correspondence).collect()
 }

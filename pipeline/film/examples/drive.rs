@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..Options::default()
     };
     let settings = Settings::new(path, &scene, &options)?;
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     let (news_out, news) = std::sync::mpsc::channel();
     let report = std::thread::scope(|scope| {
         scope.spawn(move || {

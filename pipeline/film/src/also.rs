@@ -63,7 +63,7 @@ impl Companion {
     /// # Errors
     /// There is no such ending, ffmpeg is not installed, or it was built without the encoder.
     pub fn new(path: &Path, settings: &Settings) -> Result<Self> {
-        let size = settings.size;
+        let size = settings.render.size;
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
         let wanted: Vec<&Encoder> = ENCODERS.iter().filter(|encoder| encoder.ending == ending).collect();
         if wanted.is_empty() {
@@ -75,7 +75,7 @@ impl Companion {
         let is_known =
             |encoder: &&Encoder| known.lines().any(|line| line.split_whitespace().nth(1) == Some(encoder.name));
         match wanted.iter().copied().filter(fits).find(is_known) {
-            Some(encoder) => Ok(Self { path: path.into(), encoder, size, is_mpeg1: settings.mpeg1 }),
+            Some(encoder) => Ok(Self { path: path.into(), encoder, size, is_mpeg1: settings.coding.mpeg1 }),
             None => {
                 let names = wanted.iter().map(|encoder| encoder.name).collect::<Vec<_>>().join(" or ");
                 Err(Error::content(

@@ -64,7 +64,7 @@ fn identity_of(settings: &str) -> serde_json::Result<String> {
 /// # Errors
 /// The baked light cannot be read.
 pub fn sum_of_inputs(scene: &Scene, settings: &Settings) -> Result<u32> {
-    let Some(path) = &settings.baked else { return Ok(scene.origin.sum) };
+    let Some(path) = &settings.files.baked else { return Ok(scene.origin.sum) };
     let baked = fs::read(path).map_err(Error::file(path, "cannot be read; make it with render2mpeg bake"))?;
     let mut sum = crc32fast::Hasher::new_with_initial(scene.origin.sum);
     sum.update(&baked);

@@ -75,10 +75,10 @@ impl Film {
         let options = Options { output: Some(output.as_ref().to_owned()), ..self.options.clone() };
         let settings = Settings::new(self.path.clone(), &self.scene, &options)?;
         let _ = settings.encoder_config()?;
-        for folder in settings.exr.iter().chain(&settings.png) {
+        for folder in settings.files.exr.iter().chain(&settings.files.png) {
             std::fs::create_dir_all(folder).map_err(Error::file(folder, "cannot be made"))?;
         }
-        let plan = Plan::new(&self.scene, &settings.renderer());
+        let plan = Plan::new(&self.scene, &settings.render);
         crate::render(&self.scene, &settings, &plan, run)
     }
 }

@@ -142,16 +142,16 @@ impl<'a> Render<'a> {
     fn exposure_before(&self) -> Option<f32> {
         let Self { scene, settings, start, .. } = self;
         let begins = start.first_frame() == settings.frame_range().start;
-        if !settings.auto_exposure || !begins {
+        if !settings.render.auto_exposure || !begins {
             return None;
         }
-        let of_lit_frames = exposure_of_lit_frames(scene, &settings.renderer());
+        let of_lit_frames = exposure_of_lit_frames(scene, &settings.render);
         of_lit_frames.or_else(|| settings.is_in_chunks().then(|| self.exposure_of_chunks()))
     }
 
     fn exposure_of_chunks(&self) -> f32 {
         let Self { scene, settings, .. } = self;
-        exposure_of_first_frame(scene, &settings.renderer(), |settings, plan| {
+        exposure_of_first_frame(scene, &settings.render, |settings, plan| {
             let shading = Shading::new(settings, plan);
             #[cfg(feature = "bake")]
             let shading = with_baked(shading, self.baked.as_ref());
@@ -170,11 +170,12 @@ struct LightParts<'a> {
 
 impl<'a> LightParts<'a> {
     fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<Self> {
-        let renderer = settings.renderer();
+        let renderer = settings.render.clone();
         let mut shade = Shading::among(&renderer, plan, team.shade.clone());
         shade.set_crew(Crew::Ranks(team.mail.clone(), team.shade.clone()));
         #[cfg(feature = "bake")]
-        let baked = settings.baked.as_deref().map(|path| renderer::bake::read(scene, path)).transpose()?.map(Arc::new);
+        let baked =
+            settings.files.baked.as_deref().map(|path| renderer::bake::read(scene, path)).transpose()?.map(Arc::new);
         #[cfg(feature = "bake")]
         let shade = with_baked(shade, baked.as_ref());
         Ok(Self {

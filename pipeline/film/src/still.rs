@@ -30,21 +30,21 @@ impl Still {
     /// Frame `frame` of `scene`, counted from 0, with the light that a film's first frame has.
     #[must_use]
     pub fn render(scene: &Scene, settings: &Settings, frame: u32) -> Self {
-        let renderer = settings.renderer();
+        let renderer = settings.render.clone();
         let plan = Plan::new(scene, &renderer);
         let prepared = Preparation::new(scene, &renderer, &plan).frame(frame);
         let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
 
         // Without an exposure of its own a film has that of its first frame, or of those that are lit.
         let of_lit_frames = || exposure_of_lit_frames(scene, &renderer);
-        let found = settings.auto_exposure.then(of_lit_frames).flatten();
-        let exposure = match (settings.auto_exposure, frame) {
-            (false, _) => settings.tone_map.exposure,
+        let found = settings.render.auto_exposure.then(of_lit_frames).flatten();
+        let exposure = match (settings.render.auto_exposure, frame) {
+            (false, _) => settings.render.tone_map.exposure,
             (true, _) if found.is_some() => found.unwrap_or(1.0),
             (true, 0) => exposure_for(&luminance_plane(&shaded.radiance)),
             (true, _) => exposure_of_first_frame(scene, &renderer, |settings, plan| Shading::new(settings, plan)),
         };
-        let tone_map = settings.tone_map.with_exposure(exposure);
+        let tone_map = settings.render.tone_map.with_exposure(exposure);
         let shown = shown(&shaded.blended(&tone_map), &tone_map);
         Self { radiance: shaded.radiance, shown, header: shaded.header }
     }

@@ -36,7 +36,7 @@ impl Lines {
     pub fn new(kind: ProgressKind, settings: &Settings, first_frame: u32) -> Self {
         let frames = settings.frame_range();
         let made = AtomicU32::new(first_frame - frames.start);
-        Self { kind, film_frames: settings.frames, frames: frames.len() as u32, first_frame, made }
+        Self { kind, film_frames: settings.render.frames, frames: frames.len() as u32, first_frame, made }
     }
 
     /// Announces the run.

@@ -26,8 +26,8 @@ pub(super) fn before(scene: &Scene, settings: &Settings) -> Vec<String> {
 
 /// A note that no level is right for size and rate, if none is.
 fn beyond_levels(settings: &Settings) -> Option<String> {
-    let (Size { width, height }, rate) = (settings.size, CodedRate::of(settings.fps).ok()?.rate);
-    if settings.mpeg1 || Level::lowest(width, height, rate.fps()).is_some() {
+    let (Size { width, height }, rate) = (settings.render.size, CodedRate::of(settings.render.fps).ok()?.rate);
+    if settings.coding.mpeg1 || Level::lowest(width, height, rate.fps()).is_some() {
         return None;
     }
     let fps = rate.fps();
@@ -39,12 +39,12 @@ fn beyond_levels(settings: &Settings) -> Option<String> {
 /// A note on frames that were coded coarser than at the quantiser of the settings, so that the level holds them.
 pub(super) fn on_level(report: &Report) -> Option<String> {
     let settings = &report.settings;
-    if settings.bitrate.is_some() {
+    if settings.coding.bitrate.is_some() {
         return None;
     }
-    let coarser = report.frames.iter().filter(|frame| frame.qscale > settings.qscale).count();
+    let coarser = report.frames.iter().filter(|frame| frame.qscale > settings.render.qscale).count();
     (coarser > 0).then(|| {
-        let qscale = settings.qscale;
+        let qscale = settings.render.qscale;
         format!(
             "{coarser} frames are coded coarser than at --qscale {qscale}, to keep to the bit rate that the film states"
         )
@@ -53,13 +53,13 @@ pub(super) fn on_level(report: &Report) -> Option<String> {
 
 /// Says that frames are beyond the end of what moves, if any are.
 fn beyond_the_end(scene: &Scene, settings: &Settings) -> Option<String> {
-    let (renderer, duration) = (settings.renderer(), f64::from(scene.duration()));
+    let (renderer, duration) = (settings.render.clone(), f64::from(scene.duration()));
     let last = settings.frame_range().end.checked_sub(1)?;
     let late = f64::from(renderer.time(last)) - duration;
-    if duration == 0.0 || late * settings.fps <= 1.0 {
+    if duration == 0.0 || late * settings.render.fps <= 1.0 {
         return None;
     }
-    let end = (duration * settings.fps).round();
+    let end = (duration * settings.render.fps).round();
     Some(format!("the animation ends after {duration:.2} s, before frame {end}: later frames stand still"))
 }
 
@@ -85,9 +85,9 @@ pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<
     if brightest? > BLACK {
         return None;
     }
-    let exposure = match settings.auto_exposure {
+    let exposure = match settings.render.auto_exposure {
         true => String::new(),
-        false => format!("the exposure is {}, --set exposure=… changes it; ", settings.tone_map.exposure),
+        false => format!("the exposure is {}, --set exposure=… changes it; ", settings.render.tone_map.exposure),
     };
     let scene = settings.scene.display();
     Some(format!(

@@ -60,13 +60,13 @@ impl ProgressLine {
             settings.scene.display(),
             scene.triangle_count(),
             settings.range.map_or_else(
-                || counted(settings.frames as usize, "frame"),
-                |range| format!("frames {range} of {}", settings.frames)
+                || counted(settings.render.frames as usize, "frame"),
+                |range| format!("frames {range} of {}", settings.render.frames)
             ),
-            settings.size.width,
-            settings.size.height,
-            settings.fps,
-            settings.qscale,
+            settings.render.size.width,
+            settings.render.size.height,
+            settings.render.fps,
+            settings.render.qscale,
         );
         let style = ProgressStyle::with_template("{spinner} {bar:20} {pos}/{len} frames  {wide_msg}");
         let style = style.expect("the template is correct");
@@ -141,7 +141,7 @@ pub fn of_long_work(quiet: bool) -> ProgressBar {
 pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     let s = &report.summary;
     let settings = &report.settings;
-    let rate = s.bits * report.settings.fps / 1000.0;
+    let rate = s.bits * report.settings.render.fps / 1000.0;
     let psnr = s.psnr_y.map_or("equal to the source".into(), |psnr| format!("{psnr:.1} dB"));
     let (all, made) = (s.frames, s.frames.saturating_sub(before));
     let of_all = if before > 0 { format!(" ({all} in all)") } else { String::new() };
@@ -168,7 +168,7 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
         tell!("  warning   {broken} pixels were not finite and are shown black");
     }
     tell!("video:  {}", settings.output.display());
-    let others = [("y4m:   ", &settings.y4m), ("frames:", &settings.exr), ("frames:", &settings.png)];
+    let others = [("y4m:   ", &settings.files.y4m), ("frames:", &settings.files.exr), ("frames:", &settings.files.png)];
     for (name, path) in others {
         path.iter().for_each(|path| tell!("{name} {}", path.display()));
     }

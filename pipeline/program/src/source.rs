@@ -126,6 +126,6 @@ impl MemoryLimit {
     /// # Errors
     /// It would take more.
     pub fn check(self, scene: &Scene, settings: &Settings) -> Result<()> {
-        memory::check(&settings.scene, scene, settings.size, self.max_memory)
+        memory::check(&settings.scene, scene, settings.render.size, self.max_memory)
     }
 }

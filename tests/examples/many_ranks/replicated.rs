@@ -67,7 +67,7 @@ fn film(arguments: &Arguments, team: &Team) -> anyhow::Result<f64> {
     let options = Options { output: Some(folder.path().join("film.m2v")), ..arguments.options.clone() };
     let scene = scene::load(&arguments.scene)?;
     let settings = Settings::new(arguments.scene.clone(), &scene, &options)?;
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     let checkpoints = Checkpoints::off();
     let mut render = Render::among(&scene, &settings, &plan, &checkpoints, team)?;
     render.write_to(&settings.output)?;

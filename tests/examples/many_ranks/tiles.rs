@@ -111,7 +111,7 @@ fn film(arguments: &Arguments, options: Options, ranks: Option<(usize, Network)>
     let options = Options { output: Some(folder.path().join("film.m2v")), ..options };
     let scene = scene::load(&arguments.scene)?;
     let settings = Settings::new(arguments.scene.clone(), &scene, &options)?;
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     let checkpoints = Checkpoints::off();
     let logged = [Arc::new(LoggedAlone::default()), Arc::new(LoggedAlone::default())];
     let team = Team { prepare: logged[0].clone(), shade: logged[1].clone(), ..Team::alone() };

@@ -13,9 +13,9 @@ fuzz_target!(|data: &[u8]| {
             let scene = Scene { settings, ..Scene::default() };
             match Settings::new("scene.glb".into(), &scene, &Options::default()) {
                 Ok(settings) => {
-                    assert!(settings.tone_map.check().is_ok());
+                    assert!(settings.render.tone_map.check().is_ok());
                     let _ = settings.encoder_config();
-                    let _ = Plan::new(&scene, &settings.renderer()).table();
+                    let _ = Plan::new(&scene, &settings.render).table();
                 }
                 Err(error) => assert_eq!(error.chain().lines().count(), 1, "{}", error.chain()),
             }

@@ -36,7 +36,7 @@ fuzz_target!(|data: &[u8]| {
         Options { frames: Some(2), size: "8x8".parse().ok(), vpls: Some(10), photons: Some(100), ..Options::default() };
     let options = Options { output: Some(folder.path().join("film.m2v")), ..options };
     let Ok(settings) = Settings::new(path, &scene, &options) else { return };
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     let check = OnFrame::new(|frame: &FrameReport| assert_eq!(frame.non_finite_pixels, 0, "light that is no number"));
     let run = Run { observer: &check, ..Run::default() };
     render2mpeg::render(&scene, &settings, &plan, run).expect("what loads can be filmed");

@@ -1,7 +1,7 @@
 //! The shape of the displayed picture.
 
+use super::FrameRange;
 use super::container::container_of;
-use super::{FrameRange, Settings};
 use crate::error::{Error, Result};
 use mpeg2enc::{AspectRatio, Container};
 use renderer::settings::{Size, parsed};
@@ -79,15 +79,6 @@ impl PictureAspect {
     fn nearest(size: Size) -> Self {
         // 14:9 is between the two.
         if 9 * size.width > 14 * size.height { Self::Display16x9 } else { Self::Display4x3 }
-    }
-}
-
-impl Settings {
-    /// Width of a pixel as a share of its height.
-    #[must_use]
-    pub fn pixel_aspect(&self) -> f32 {
-        let [width, height] = self.aspect.pixel(self.size);
-        width as f32 / height as f32
     }
 }
 

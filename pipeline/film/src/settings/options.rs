@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn the_renderer_has_the_defaults_of_films() {
         let options = Options { frames: Some(1), vpls: Some(4000), ..Options::default() };
-        let of_film = Settings::new("scene.glb".into(), &Scene::default(), &options).unwrap().renderer();
+        let of_film = Settings::new("scene.glb".into(), &Scene::default(), &options).unwrap().render;
         assert_eq!(format!("{of_film:?}"), format!("{:?}", RenderSettings::default()));
     }
 

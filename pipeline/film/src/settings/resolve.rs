@@ -8,12 +8,14 @@ use super::emphasis::AdaptiveQuantiser;
 use super::options::Options;
 use super::preset::Preset;
 use super::values::Switch;
-use super::{Effort, Settings};
+use super::{CodingSettings, Effort, FileSettings, FrameRange, Settings};
 use crate::error::{Error, Result};
 use lighttree::Calibration;
 use perceptual::ToneMap;
 use render_core::scene::{Scene, SceneSettings, SettingsError};
-use renderer::settings::{Aov, Lighting, MOVING_ANCHORS, PixelShading, Size, Stopping, Thresholds, photons_per_anchor};
+use renderer::settings::{
+    Aov, Lighting, MOVING_ANCHORS, PixelShading, RenderSettings, Size, Stopping, Thresholds, photons_per_anchor,
+};
 use std::path::{Path, PathBuf};
 
 /// Factor of importance on thresholds. Ours: half the error where all people look, twice the error where nobody does.
@@ -74,55 +76,61 @@ impl Options {
         let size = *self.size.get_or_insert_with(|| Size::of_camera(scene, 512));
         let aspect = *self.aspect.insert(PictureAspect::of(self.aspect, &output, self.range, size)?);
         check_disc(&output, self.range, fps)?;
-        Ok(Settings {
-            scene: path,
-            output,
+        let frame_range = self.range.map_or(0..frames, |FrameRange { first, last }| first..last + 1);
+        let [pixel_width, pixel_height] = aspect.pixel(size);
+        let render = RenderSettings {
             frames,
+            end: frame_range.end,
+            chunk: self.chunk,
+            fps,
+            rate: CodedRate::of(fps).ok().map(CodedRate::frames),
             from: self.from.unwrap_or(0),
             every: self.every.unwrap_or(1),
-            chunk: self.chunk,
-            range: self.range,
-            fps,
             size,
-            aspect,
-            qscale,
-            aq: *self.aq.get_or_insert(AdaptiveQuantiser::Off),
-            gop: *self.gop.get_or_insert(15),
-            bitrate: self.bitrate,
-            cbr: self.cbr,
-            bframes: *self.bframes.get_or_insert(0),
-            effort: *self.effort.get_or_insert(Effort::Balanced),
-            mpeg1: self.mpeg1,
-            thresholds,
-            kappa,
-            stopping,
-            within,
-            shading: *self.shading.get_or_insert(PixelShading::Adaptive),
+            pixel_aspect: pixel_width as f32 / pixel_height as f32,
             importance: self.importance,
-            importance_gain: self.importance_gain,
+            importance_gain: self.importance_gain.unwrap_or(1.0),
             tiles: self.tiles,
+            tone_map,
+            auto_exposure,
             samples,
             antialiasing: self.antialiasing.get_or_insert(Switch::On).is_on(),
-            bounces: self.bounces,
             lighting,
-            baked: self.baked.clone(),
             cache: self.cache.get_or_insert(Switch::On).is_on(),
+            shading: *self.shading.get_or_insert(PixelShading::Adaptive),
             compensation: self.compensation.get_or_insert(Switch::On).is_on(),
+            bounces: self.bounces,
             vpls,
             moving_vpls: MOVING_ANCHORS,
             photons: *self.photons.get_or_insert(photons_per_anchor(expected_qscale) * vpls as u64),
             seed: *self.seed.get_or_insert(1),
-            leave_out: !self.run_everything,
+            thresholds,
+            kappa,
+            stopping,
+            within,
+            qscale,
             motion: !self.no_motion,
-            tone_map,
-            auto_exposure,
+            bframes: *self.bframes.get_or_insert(0),
+            leave_out: !self.run_everything,
+            aov: self.aov.clone(),
+        };
+        let coding = CodingSettings {
+            aq: *self.aq.get_or_insert(AdaptiveQuantiser::Off),
+            gop: *self.gop.get_or_insert(15),
+            bitrate: self.bitrate,
+            cbr: self.cbr,
+            effort: *self.effort.get_or_insert(Effort::Balanced),
+            mpeg1: self.mpeg1,
+        };
+        let files = FileSettings {
+            baked: self.baked.clone(),
             png: self.png.clone(),
             exr: self.exr.clone(),
             exr_depth: self.exr_depth,
-            aov: self.aov.clone(),
             y4m: self.y4m.clone(),
             y4m_is_coded: false,
-        })
+        };
+        Ok(Settings { scene: path, output, range: self.range, aspect, render, coding, files })
     }
 
     /// What a preset says where nothing else does.

@@ -44,13 +44,13 @@ impl Display {
     /// # Errors
     /// The frame rate is not one of the standard's.
     pub fn of(settings: &Settings) -> crate::Result<Self> {
-        let y4m = settings.y4m.as_deref().map(|path| Y4m::new(path, settings)).transpose()?;
+        let y4m = settings.files.y4m.as_deref().map(|path| Y4m::new(path, settings)).transpose()?;
         // Chunks that are made apart have one exposure, which is found before: `set_exposure`.
-        let auto_exposure = settings.auto_exposure && !settings.is_in_chunks();
-        let (png, exr) = (settings.png.clone(), settings.exr.clone());
-        let exr_depth = settings.exr_depth.unwrap_or_default();
+        let auto_exposure = settings.render.auto_exposure && !settings.is_in_chunks();
+        let (png, exr) = (settings.files.png.clone(), settings.files.exr.clone());
+        let exr_depth = settings.files.exr_depth.unwrap_or_default();
         let matrix = settings.matrix();
-        Ok(Self { auto_exposure, matrix, png, exr, exr_depth, y4m, ..Self::new(settings.tone_map) })
+        Ok(Self { auto_exposure, matrix, png, exr, exr_depth, y4m, ..Self::new(settings.render.tone_map) })
     }
 
     /// Shows all frames with this factor on radiance.
@@ -130,11 +130,11 @@ pub struct Y4m {
 
 impl Y4m {
     fn new(path: &Path, settings: &Settings) -> crate::Result<Self> {
-        let (numerator, denominator) = CodedRate::of(settings.fps)?.frames();
-        let [wide, high] = settings.aspect.pixel(settings.size);
-        let Size { width, height } = settings.size;
+        let (numerator, denominator) = CodedRate::of(settings.render.fps)?.frames();
+        let [wide, high] = settings.aspect.pixel(settings.render.size);
+        let Size { width, height } = settings.render.size;
         let header = format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A{wide}:{high} C420mpeg2\n");
-        let matrix = if settings.y4m_is_coded { settings.matrix() } else { ColorMatrix::Bt601 };
+        let matrix = if settings.files.y4m_is_coded { settings.matrix() } else { ColorMatrix::Bt601 };
         Ok(Self { path: path.into(), header, matrix, output: None })
     }
 

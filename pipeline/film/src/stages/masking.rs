@@ -7,6 +7,7 @@ use pipeline::error::Result;
 use pipeline::parts::{Coding, Displayed, LuminanceThresholds, Mask};
 use pipeline::state::{decode, encode};
 use plane::Plane;
+use renderer::settings::RenderSettings;
 use renderer::settings::Thresholds;
 use std::sync::Arc;
 
@@ -33,7 +34,7 @@ impl Masking {
         let (intra_matrix, non_intra_matrix) = config.matrices();
         let intra_dc_step = f32::from(8u8 >> (config.intra_dc_precision() - 8));
         let steps = QuantiserSteps { intra_matrix, non_intra_matrix, intra_dc_step };
-        let &Settings { thresholds, kappa, chunk, .. } = settings;
+        let RenderSettings { thresholds, kappa, chunk, .. } = settings.render;
         Ok(Self { thresholds, kappa, chunk, steps, feedback: None, last: None })
     }
 

@@ -65,7 +65,7 @@ impl Video {
     /// The standard does not have what the settings request; the message names what it has.
     pub fn new(settings: &Settings) -> crate::Result<Self> {
         let config = settings.encoder_config()?;
-        let CodedRate { pictures, .. } = CodedRate::of(settings.fps)?;
+        let CodedRate { pictures, .. } = CodedRate::of(settings.render.fps)?;
         let frames = settings.frame_range();
         let (first, count) = (frames.start, frames.len() as u64);
         let multiplexer = Multiplexer::new(settings.container(), &config).with_pictures(count * u64::from(pictures));
@@ -74,19 +74,19 @@ impl Video {
             encoder: config.with_first_number(number).encoder()?,
             first,
             pictures,
-            chunk: settings.chunk,
+            chunk: settings.render.chunk,
             stream: Stream {
                 multiplexer,
                 first,
                 pictures,
                 is_immediate: !settings.looks_ahead(),
                 held: None,
-                quantiser_scale: settings.qscale as f32,
-                tells_outcome: settings.thresholds.follow_coding() && !settings.looks_ahead(),
+                quantiser_scale: settings.render.qscale as f32,
+                tells_outcome: settings.render.thresholds.follow_coding() && !settings.looks_ahead(),
             },
-            uses_motion: settings.motion,
-            masks: settings.aq == AdaptiveQuantiser::Masking,
-            waits: settings.bframes > 0,
+            uses_motion: settings.render.motion,
+            masks: settings.coding.aq == AdaptiveQuantiser::Masking,
+            waits: settings.render.bframes > 0,
             waiting: None,
         })
     }

@@ -61,14 +61,13 @@ pub(super) fn plain(value: &Value) -> String {
 /// `settings` with the names of files and without their folders.
 fn settings_without_folders(settings: &Settings) -> Settings {
     let name = |path: &PathBuf| PathBuf::from(file_name(&path.to_string_lossy()).as_ref());
-    Settings {
-        scene: name(&settings.scene),
-        output: name(&settings.output),
-        baked: settings.baked.as_ref().map(name),
-        exr: settings.exr.as_ref().map(name),
-        y4m: settings.y4m.as_ref().map(name),
-        ..settings.clone()
+    let mut named = settings.clone();
+    (named.scene, named.output) = (name(&settings.scene), name(&settings.output));
+    let files = &mut named.files;
+    for path in [&mut files.baked, &mut files.exr, &mut files.y4m].into_iter().flatten() {
+        *path = name(path);
     }
+    named
 }
 
 /// A report that says nothing about folders of the machine.

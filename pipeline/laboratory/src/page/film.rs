@@ -57,9 +57,9 @@ impl FilmWatch {
     pub fn new(settings: &Settings) -> Self {
         Self {
             frames: settings.frame_range(),
-            fps: settings.fps,
+            fps: settings.render.fps,
             matrix: settings.matrix(),
-            share_elsewhere: settings.thresholds.share_elsewhere(),
+            share_elsewhere: settings.render.thresholds.share_elsewhere(),
             held: Mutex::default(),
             importance: ImportanceSum::default(),
         }

@@ -46,10 +46,10 @@ impl Coder {
     /// Settings that fit no encoder.
     pub fn new(film: &Film, qscale: u32) -> Result<Self> {
         let mut settings = film.settings.clone();
-        settings.qscale = qscale;
+        settings.render.qscale = qscale;
         let encoder = settings.encoder_config()?.with_lookahead(0).encoder()?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")?;
-        let written = film.stream.as_ref().filter(|_| film.settings.qscale == qscale);
+        let written = film.stream.as_ref().filter(|_| film.settings.render.qscale == qscale);
         let open = |path: &PathBuf| File::open(path).map_err(Error::file(path, "cannot be read"));
         let sinks = Sinks { written: written.map(open).transpose()?.map(BufReader::new), copy: None };
         Ok(Self { settings, encoder, pool, sinks })
@@ -69,7 +69,7 @@ impl Coder {
     /// # Errors
     /// Another stream than the driver wrote.
     pub fn push(&mut self, frame: &FilmFrame) -> Result<CodedFrame> {
-        let known = frame.known.as_ref().filter(|_| self.settings.motion);
+        let known = frame.known.as_ref().filter(|_| self.settings.render.motion);
         let busy = Busy::default();
         let Self { encoder, pool, .. } = self;
         let mut packets = pool.install(|| busy.measure(|| encoder.push(&frame.picture, known.into())));

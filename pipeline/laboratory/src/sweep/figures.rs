@@ -186,5 +186,5 @@ pub fn set_beside_baselines(runs: &mut [MethodRun]) {
 
 /// The method's label with the multiplier in force.
 pub fn label(method: &Method, settings: &Settings) -> String {
-    method.label.replace("{κ}", &format!("{}", settings.kappa))
+    method.label.replace("{κ}", &format!("{}", settings.render.kappa))
 }

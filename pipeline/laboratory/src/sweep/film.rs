@@ -12,7 +12,7 @@ use render_core::{PathOptions, PixelSampling, image_file};
 use render2mpeg::Options;
 use render2mpeg::error::{Error, Result};
 use render2mpeg::report::process_cpu_seconds;
-use render2mpeg::settings::{ExrDepth, Settings};
+use render2mpeg::settings::{ExrDepth, FileSettings, Settings};
 use render2mpeg::stages::display::Y4m;
 use renderer::plan::Plan;
 use renderer::reference;
@@ -54,7 +54,7 @@ impl Film {
     /// The files are not there any more.
     pub fn frames(&self) -> Result<impl Iterator<Item = Result<FilmFrame>>> {
         let mut pictures = Pictures::open(&uncompressed(self.folder.path()))?;
-        Ok((0..self.settings.frames).map(move |n| {
+        Ok((0..self.settings.render.frames).map(move |n| {
             let Some(Picture::Video(picture, _)) = pictures.next().transpose()? else {
                 return Err(Error::content(&pictures.path, " ends early"));
             };
@@ -83,8 +83,8 @@ fn folder_in(workspace: &Path) -> Result<TempDir> {
 pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Option<f32>) -> Result<Settings> {
     let mut settings = Settings::new(path.into(), scene, options)?;
     if let Some(exposure) = exposure {
-        settings.tone_map = settings.tone_map.with_exposure(exposure);
-        settings.auto_exposure = false;
+        settings.render.tone_map = settings.render.tone_map.with_exposure(exposure);
+        settings.render.auto_exposure = false;
     }
     Ok(settings)
 }
@@ -107,17 +107,17 @@ pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut()
     let Workshop { scene, folder: workspace, stop } = workshop;
     let folder = folder_in(workspace)?;
     let video = folder.path().join("film.m2v");
-    let with_files = Settings {
-        output: video.clone(),
+    let mut with_files = Settings { output: video.clone(), ..settings.clone() };
+    with_files.render.aov = vec![Aov::Motion, Aov::Threshold, Aov::CutSize];
+    with_files.files = FileSettings {
         exr: Some(folder.path().to_owned()),
         // Errors are measured on these: halves would add theirs.
         exr_depth: Some(ExrDepth::Float),
-        aov: vec![Aov::Motion, Aov::Threshold, Aov::CutSize],
         y4m: Some(uncompressed(folder.path())),
         y4m_is_coded: true,
-        ..settings.clone()
+        ..with_files.files
     };
-    let plan = Plan::new(scene, &with_files.renderer());
+    let plan = Plan::new(scene, &with_files.render);
     let observer = OnFrame::new(|_: &FrameReport| each());
     let report = render2mpeg::render(scene, &with_files, &plan, Run { observer: &observer, stop })?;
     if report.summary.interrupted || stop.load(Ordering::Relaxed) {
@@ -163,16 +163,16 @@ pub fn by_paths(
             return Err(Error::Interrupted);
         }
         // A seed for each frame: with one for all, noise would stand still and cost no bits.
-        let seed = settings.seed.wrapping_add(u64::from(report.index) << 32);
-        let pixel = if settings.antialiasing { PixelSampling::Area } else { PixelSampling::Center };
-        let options = PathOptions { samples: spp, seed, max_bounces: settings.bounces, pixel };
+        let seed = settings.render.seed.wrapping_add(u64::from(report.index) << 32);
+        let pixel = if settings.render.antialiasing { PixelSampling::Area } else { PixelSampling::Center };
+        let options = PathOptions { samples: spp, seed, max_bounces: settings.render.bounces, pixel };
         let before = process_cpu_seconds();
-        let radiance = reference::by_paths(scene, &settings.renderer(), report.index, &options, |_, _| ()).radiance;
+        let radiance = reference::by_paths(scene, &settings.render, report.index, &options, |_, _| ()).radiance;
         let mut report = FrameReport { cut_size_mean: 0.0, cut_size_max: 0, shadow_rays: 0, ..report.clone() };
         report.seconds = Default::default();
         report.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
         (report.tree_swaps_share, report.threshold_mean_relative) = (0.0, 0.0);
-        pictures.write(&YCbCr::from_radiance(&radiance, &settings.tone_map).picture)?;
+        pictures.write(&YCbCr::from_radiance(&radiance, &settings.render.tone_map).picture)?;
         write_frame(&linear(folder.path(), report.index), &radiance, known?.known.as_ref())?;
         reports.push(report);
         each();

@@ -47,8 +47,8 @@ pub struct Ratios {
 impl Ratios {
     /// For `frames` of `film`. A film of fixed thresholds has its own share.
     pub fn of(film: &Film, frames: usize) -> Self {
-        let otherwise = f64::from(film.settings.thresholds.share_elsewhere());
-        let Size { width, height } = film.settings.size;
+        let otherwise = f64::from(film.settings.render.thresholds.share_elsewhere());
+        let Size { width, height } = film.settings.render.size;
         // Odd, so that not the same columns are taken again and again.
         let stride = (frames * width * height / MOST_PIXELS) | 1;
         Self { pairs: Vec::new(), otherwise, stride, pixels: 0 }

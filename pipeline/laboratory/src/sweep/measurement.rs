@@ -115,7 +115,7 @@ struct FrameSums {
 impl FrameSums {
     fn new(film: &Film, frames: usize) -> Self {
         let ratios = film.stream.is_some().then(|| Ratios::of(film, frames));
-        let exposure = film.settings.tone_map.exposure;
+        let exposure = film.settings.render.tone_map.exposure;
         Self { exposure, rendered: Vec::new(), decoded: Vec::new(), bits: 0, seconds: 0.0, ratios }
     }
 
@@ -141,14 +141,14 @@ impl FrameSums {
         seconds.encode = self.seconds / count;
         seconds.add_up();
         let lightcuts = film.stream.is_some();
-        let steered_by_masking = lightcuts && !matches!(film.settings.thresholds, Thresholds::Fixed(_));
+        let steered_by_masking = lightcuts && !matches!(film.settings.render.thresholds, Thresholds::Fixed(_));
         MethodRun {
             method: method.name,
             label: label(method, &film.settings),
             qscale,
             cache: method.cache,
             lightcuts,
-            kappa: steered_by_masking.then_some(film.settings.kappa),
+            kappa: steered_by_masking.then_some(film.settings.render.kappa),
             seconds,
             threshold_mean_relative: mean_of(&film.reports, |frame| frame.threshold_mean_relative),
             tree_swaps_share: mean_of(&film.reports, |frame| frame.tree_swaps_share),
@@ -166,13 +166,13 @@ impl FrameSums {
 
 /// Thresholds and cuts of `frame`, and how far it is from the reference.
 fn maps_of(settings: &Settings, frame: &FilmFrame, truth: &FilmFrame) -> Maps {
-    let share = settings.thresholds.share_elsewhere();
+    let share = settings.render.thresholds.share_elsewhere();
     let relative = |x, y| {
         let (threshold, light) = (frame.thresholds.get(x, y), luminance(frame.radiance.get(x, y)));
         if threshold > 0.0 && light > 0.0 { threshold / light } else { share }
     };
     let (width, height) = (frame.radiance.width(), frame.radiance.height());
-    let luma = |frame: &FilmFrame| YCbCr::from_radiance(&frame.radiance, &settings.tone_map).luma;
+    let luma = |frame: &FilmFrame| YCbCr::from_radiance(&frame.radiance, &settings.render.tone_map).luma;
     let (own, other) = (luma(frame), luma(truth));
     Maps {
         relative_threshold: Plane::from_fn(width, height, relative),

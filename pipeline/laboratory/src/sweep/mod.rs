@@ -176,7 +176,7 @@ impl Sweep {
             let settings = settings_for(path, scene, &Options { qscale: Some(qscale), ..common.clone() }, None)?;
             settings.encoder_config()?.with_lookahead(0).validate()?;
         }
-        Ok(Options { frames: Some(plain.frames), ..common })
+        Ok(Options { frames: Some(plain.render.frames), ..common })
     }
 
     /// The methods in the order of the table, each once, and what they are measured against.
@@ -316,8 +316,8 @@ impl ReferenceFilms {
             if exposure.is_none() {
                 exposure = Some(exposure_of(&film)?);
             }
-            film.settings.tone_map = film.settings.tone_map.with_exposure(exposure.unwrap_or(1.0));
-            film.settings.auto_exposure = false;
+            film.settings.render.tone_map = film.settings.render.tone_map.with_exposure(exposure.unwrap_or(1.0));
+            film.settings.render.auto_exposure = false;
             films[usize::from(compensates)] = Some(film);
         }
         Ok(Self { films, exposure })
@@ -336,7 +336,7 @@ impl ReferenceFilms {
 
 impl ReferenceCost {
     fn of(film: &Film) -> Self {
-        Self { compensation: film.settings.compensation, seconds: mean_seconds(&film.reports) }
+        Self { compensation: film.settings.render.compensation, seconds: mean_seconds(&film.reports) }
     }
 }
 
@@ -347,8 +347,8 @@ fn missing(what: &str) -> Error {
 
 /// The exposure that a film was shown with: as set, else as found in its first frame.
 fn exposure_of(film: &Film) -> Result<f32> {
-    if !film.settings.auto_exposure {
-        return Ok(film.settings.tone_map.exposure);
+    if !film.settings.render.auto_exposure {
+        return Ok(film.settings.render.tone_map.exposure);
     }
     let first = film.frames()?.next().ok_or_else(|| missing("there are no frames"))??;
     Ok(Picture::Linear { radiance: first.radiance, variance: None }.exposure())

@@ -40,10 +40,10 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
     let cheapest = outcome.references.iter().map(|reference| reference.seconds.total).fold(f64::INFINITY, f64::min);
     let ended = if outcome.interrupted { ", ended early" } else { "" };
     let tiles = vec![
-        ("picture", format!("{}×{}", settings.size.width, settings.size.height)),
-        ("frames", format!("{}", settings.frames)),
+        ("picture", format!("{}×{}", settings.render.size.width, settings.render.size.height)),
+        ("frames", format!("{}", settings.render.frames)),
         ("lights in the tree", format!("{}", outcome.lights)),
-        ("photons a frame", format!("{}", settings.photons)),
+        ("photons a frame", format!("{}", settings.render.photons)),
         ("every light", format!("{cheapest:.1} CPU s a frame")),
         ("this sweep", format!("{:.0} s{ended}", outcome.wall_seconds)),
     ];
@@ -56,7 +56,7 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
         context! {
             title => settings.scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
             scene => settings.scene.file_name().map(|name| name.to_string_lossy().into_owned()),
-            counted => settings.frames.saturating_sub(1).max(1),
+            counted => settings.render.frames.saturating_sub(1).max(1),
             findings => outcome.findings().into_iter().map(|finding| [finding.label, finding.text].to_vec()).collect::<Vec<_>>(),
             spread => format!("{:.0}", 100.0 * outcome.timing_spread()),
             headings => HEADINGS,
@@ -69,8 +69,8 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
             choices => choices.iter().map(|(label, _)| label.clone()).collect::<Vec<_>>(),
             chosen,
             first_pictures => [0, chosen].map(|i| choices[i].1.clone()),
-            width => settings.size.width,
-            height => settings.size.height,
+            width => settings.render.size.width,
+            height => settings.render.size.height,
             clip_label => clip.as_ref().map(|(label, _)| label.clone()),
             clip => clip.as_ref().map(|(_, uri)| uri.clone()),
             clip_fps => CLIP_FPS,

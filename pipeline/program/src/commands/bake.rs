@@ -126,7 +126,7 @@ impl BakeJob<'_> {
     fn bake(&self, texels: usize, output: Option<&Path>) -> Result<BakedTexels> {
         let begin = Instant::now();
         let bar = progress::of_work(self.quiet);
-        let baked = bake::bake(self.scene, &self.settings.renderer(), texels, &|done, all| {
+        let baked = bake::bake(self.scene, &self.settings.render, texels, &|done, all| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         })?;
@@ -165,7 +165,7 @@ impl BakeJob<'_> {
     fn export(&self, light: BakedTexels, path: &Path, side: Option<u32>) -> Result<()> {
         let begin = Instant::now();
         let export =
-            bake::export::export(self.scene, &self.settings.scene, &self.settings.renderer(), &Arc::new(light), side)?;
+            bake::export::export(self.scene, &self.settings.scene, &self.settings.render, &Arc::new(light), side)?;
         let bytes = export.write(path)?;
         if !self.quiet {
             let (width, height) = export.size;

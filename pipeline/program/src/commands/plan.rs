@@ -26,17 +26,17 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let scene = arguments.source.reading.load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
     let _ = settings.encoder_config()?;
-    let plan = renderer::plan::Plan::new(&scene, &settings.renderer());
+    let plan = renderer::plan::Plan::new(&scene, &settings.render);
     say!("{}", plan.table().trim_end());
     let (seconds, frames) = (plan.seconds_a_frame(), settings.frame_range().len());
     let all = frames as f64 * seconds / rayon::current_num_threads() as f64;
     let frames = counted(frames, "frame");
     say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} in some {}", rough_time(all));
-    let (needed, size) = (MemorySize(memory::estimate(&scene, settings.size)), settings.size);
+    let (needed, size) = (MemorySize(memory::estimate(&scene, settings.render.size)), settings.render.size);
     say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
-    let exposure = match settings.auto_exposure {
+    let exposure = match settings.render.auto_exposure {
         true => "the first frame sets it; where that is dark, or lamps move, the film's lit frames may".to_owned(),
-        false => format!("{}, as set", settings.tone_map.exposure),
+        false => format!("{}, as set", settings.render.tone_map.exposure),
     };
     say!("exposure: {exposure}");
     notes::before(&scene, &settings).iter().for_each(|note| say!("note: {}", single_line(note)));

@@ -109,12 +109,12 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     drop(Output::create(&output)?);
     let begin = std::time::Instant::now();
     let picture = match method {
-        ReferenceMethod::AllLights => reference::by_all_lights(&scene, &settings.renderer(), frame),
+        ReferenceMethod::AllLights => reference::by_all_lights(&scene, &settings.render, frame),
         ReferenceMethod::Path => {
             let pixel = if center { PixelSampling::Center } else { PixelSampling::Area };
-            let options = PathOptions { samples: spp, seed: settings.seed, max_bounces: bounces, pixel };
+            let options = PathOptions { samples: spp, seed: settings.render.seed, max_bounces: bounces, pixel };
             let bar = progress::of_work(quiet);
-            let picture = reference::by_paths(&scene, &settings.renderer(), frame, &options, |done, all| {
+            let picture = reference::by_paths(&scene, &settings.render, frame, &options, |done, all| {
                 bar.set_length(all as u64);
                 bar.set_position(done as u64);
             });
@@ -125,13 +125,14 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     match format {
         PictureFormat::Linear => picture.write(&output)?,
         PictureFormat::Shown(_) => {
-            let exposure = settings.auto_exposure.then(|| exposure_for(&luminance_plane(&picture.radiance)));
-            let tone_map = settings.tone_map.with_exposure(exposure.unwrap_or(settings.tone_map.exposure));
+            let exposure = settings.render.auto_exposure.then(|| exposure_for(&luminance_plane(&picture.radiance)));
+            let tone_map =
+                settings.render.tone_map.with_exposure(exposure.unwrap_or(settings.render.tone_map.exposure));
             write_shown(&output, &shown(&picture.radiance, &tone_map))?;
         }
     }
     if !quiet {
-        super::tell_of_picture(&output, settings.size, begin);
+        super::tell_of_picture(&output, settings.render.size, begin);
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -96,7 +96,7 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
             let dimness = notes::on_dimness(notes::mean_luminance(&still.radiance), &scene);
             let notes = notes::on_darkness(Some(bright), &settings).into_iter().chain(dimness);
             notes.for_each(|note| tell!("note: {}", single_line(&note)));
-            super::tell_of_picture(&path, settings.size, begin);
+            super::tell_of_picture(&path, settings.render.size, begin);
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -28,11 +28,11 @@ impl Files {
     /// Adds them to what is read, with the film itself.
     pub fn places(&self, read: FilePlaces, settings: &Settings) -> FilePlaces {
         let places = read
-            .reads("--baked", settings.baked.as_deref())
+            .reads("--baked", settings.files.baked.as_deref())
             .writes("-o", Some(&settings.output))
             .writes("the checkpoint", Some(&path_for(&settings.output)))
             .writes("--report", self.report.as_deref())
-            .writes("--y4m", settings.y4m.as_deref())
+            .writes("--y4m", settings.files.y4m.as_deref())
             .writes("--html", self.html.as_deref())
             .writes("--trace", self.trace.as_deref());
         self.also.iter().fold(places, |places, path| places.writes("--also", Some(path)))
@@ -70,7 +70,7 @@ impl Files {
         overwrite.check_for(&path_for(film), "is there: --resume goes on with its film")?;
         overwrite.check(film)?;
         let named = self.named_report.then_some(self.report.as_ref()).flatten();
-        let others = [&settings.y4m, &self.html, &self.trace].into_iter().flatten();
+        let others = [&settings.files.y4m, &self.html, &self.trace].into_iter().flatten();
         others.chain(named).chain(&self.also).try_for_each(|path| overwrite.check(path))?;
         first_frame_there(settings).map_or(Ok(()), |frame| overwrite.check(&frame))
     }
@@ -87,7 +87,7 @@ impl Files {
 
 /// The first of the pictures that the film is to write into folders which is there already.
 fn first_frame_there(settings: &Settings) -> Option<PathBuf> {
-    let folders = [(&settings.exr, "exr"), (&settings.png, "png")];
+    let folders = [(&settings.files.exr, "exr"), (&settings.files.png, "png")];
     for (folder, ending) in folders {
         let Some(folder) = folder else { continue };
         for index in settings.frame_range() {

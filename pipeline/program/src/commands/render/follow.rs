@@ -26,7 +26,7 @@ pub(super) fn run(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
     let is_made = muster(&*ranks.team().shade, &answer)?;
     let Some((scene, settings, _)) = film.ok().filter(|_| is_made) else { return Ok(ExitCode::SUCCESS) };
 
-    let plan = Plan::new(&scene, &settings.renderer());
+    let plan = Plan::new(&scene, &settings.render);
     match Film::follow(&scene, &settings, &plan, ranks.team()) {
         Ok(()) => Ok(ExitCode::SUCCESS),
         Err(error @ Error::Loop(pipeline::Error::Ranks(_))) => Err(error.into()),

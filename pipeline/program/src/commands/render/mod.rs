@@ -144,7 +144,7 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
     }
 
     arguments.memory.check(&scene, &settings)?;
-    settings.exr.iter().chain(&settings.png).try_for_each(|folder| make_folder(folder))?;
+    settings.files.exr.iter().chain(&settings.files.png).try_for_each(|folder| make_folder(folder))?;
     let checkpoints = arguments.checkpoints(&job)?;
     answer.ready(&job)?;
     if let Some(code) = arguments.make(&scene, &settings, (&files, answer.team), checkpoints)? {
@@ -215,7 +215,7 @@ impl Render {
         (files, team): (&Files, &Team),
         checkpoints: Checkpoints,
     ) -> Result<Option<ExitCode>> {
-        let plan = Plan::new(scene, &settings.renderer());
+        let plan = Plan::new(scene, &settings.render);
         let mut film = Film::among(scene, settings, &plan, &checkpoints, team)?;
         film.write_to(&settings.output)?;
         files.try_out()?;
