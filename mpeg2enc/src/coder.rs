@@ -203,21 +203,20 @@ impl Coder {
             size: (self.config.width, self.config.height),
         };
         let (width, height) = (job.source.width(), job.source.height());
-        let made = self.pool.filled(width, height, |out| picture.code(out));
-        self.pack(job, &header, made, vectors)
+        let (whole, coded) = self.pool.filled(width, height, |out| picture.code(out));
+
+        let mut writer = BitWriter::default();
+        header::put_picture_header(&mut writer, &header);
+        let header = writer.into_bytes();
+        let header_bytes = header.len();
+        let packet = self.pack(job, header, &whole, coded);
+        let reference = (job.picture_type != PictureType::B).then_some(whole);
+        CodedPacket { packet, reference, vectors, header_bytes }
     }
 
-    fn pack(
-        &mut self,
-        job: &PictureJob,
-        header: &PictureHeader,
-        (whole, coded): (Arc<Picture>, CodedPicture),
-        vectors: [Vec<HalfSample>; 2],
-    ) -> CodedPacket {
-        let mut writer = BitWriter::default();
-        header::put_picture_header(&mut writer, header);
-        let mut data = writer.into_bytes();
-        let header_bytes = data.len();
+    /// The packet of a picture, `whole` in its macroblocks, with this coded `header`.
+    fn pack(&mut self, job: &PictureJob, header: Vec<u8>, whole: &Arc<Picture>, coded: CodedPicture) -> Packet {
+        let mut data = header;
         data.extend(coded.slices);
         let (width, height) = (self.config.width, self.config.height);
         let (columns, rows) = (job.source.width() / 16, job.source.height() / 16);
@@ -225,13 +224,12 @@ impl Coder {
         let reconstruction = if (whole.width(), whole.height()) == (width, height) {
             whole.clone()
         } else {
-            self.pool.filled(width, height, |shown| copy(&whole, shown)).0
+            self.pool.filled(width, height, |shown| copy(whole, shown)).0
         };
-        let reference = (job.picture_type != PictureType::B).then_some(whole);
         let (kinds, levels) = coded.macroblocks.into_iter().unzip();
         let (in_force, of_levels) = coded.quantiser_scales.into_iter().unzip();
         let macroblocks = Macroblocks { coded: (columns, rows), shown: self.config.shown_macroblocks() };
-        let packet = Packet {
+        Packet {
             bits: 8 * data.len() as u64,
             data,
             display_index: job.display_index,
@@ -241,12 +239,11 @@ impl Coder {
             scales_of_levels: macroblocks.plane(of_levels),
             macroblock_kinds: macroblocks.plane(kinds),
             levels: macroblocks.plane(levels),
-            alternate_scan: header.quantisers.alternate_scan,
+            alternate_scan: self.quantisers.parameters.alternate_scan,
             psnr_y,
             reconstruction,
             statistics: coded.statistics,
-        };
-        CodedPacket { packet, reference, vectors, header_bytes }
+        }
     }
 
     /// Sequence and group headers, which stand in front of an I picture; `number` is the first picture of the group to

@@ -158,9 +158,9 @@ impl Multiplexer {
     pub fn push(&mut self, picture: impl Into<AccessUnit>) -> Vec<u8> {
         let AccessUnit { data, display_index, picture_type } = picture.into();
         if std::mem::take(&mut self.is_open)
-            && let Some(stated) = stated_rate(&data)
+            && let Some((bit_rate, buffer_size)) = stated_rate(&data)
         {
-            self.restate(stated);
+            self.restate(bit_rate, buffer_size);
         }
         let times = self.clock.next(display_index);
         let (is_entry, is_disposable) = (picture_type == PictureType::I, picture_type == PictureType::B);
@@ -195,11 +195,11 @@ impl Multiplexer {
     }
 
     /// Wraps for a decoder with this bit rate and buffer.
-    fn restate(&mut self, stated: (u32, u32)) {
+    fn restate(&mut self, bit_rate: u32, buffer_size: u32) {
         match &mut self.wrapper {
-            Wrapper::Program(writer) => self.clock.start = writer.restate(stated),
-            Wrapper::Transport(writer) => self.clock.start = writer.restate(stated),
-            Wrapper::Mp4(writer) => writer.restate(stated),
+            Wrapper::Program(writer) => self.clock.start = writer.restate(bit_rate, buffer_size),
+            Wrapper::Transport(writer) => self.clock.start = writer.restate(bit_rate, buffer_size),
+            Wrapper::Mp4(writer) => writer.restate(buffer_size),
             Wrapper::Elementary | Wrapper::Matroska(_) => {}
         }
     }

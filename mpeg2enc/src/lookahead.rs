@@ -14,7 +14,7 @@ pub(crate) mod weights;
 
 use crate::{
     Config, Effort, KnownMotion, Picture, RestoreError,
-    motion::{Candidates, all_candidates},
+    motion::{BlockPosition, Candidates, all_candidates},
     restore::ensure,
     vector::HalfSample,
 };
@@ -109,8 +109,7 @@ impl Lookahead {
         ensure((self.quick, self.transformed) == (fresh.quick, fresh.transformed), "the effort of the look-ahead")?;
         ensure(self.first < MOST_FRAMES, "the number of frames")?;
         ensure(self.first == 0 || !self.frames.is_empty(), "the waiting frames")?;
-        let counts = config.macroblock_counts();
-        self.frames.iter().try_for_each(|frame| frame.check(config, counts))?;
+        self.frames.iter().try_for_each(|frame| frame.check(config))?;
         // Groups are as long as they may be at most.
         let starts: Vec<usize> = (self.first..self.end()).filter(|&index| self.get(index).begins_group).collect();
         let before = starts.first().map_or(self.last_group, |&first| first.saturating_sub(config.gop as usize));
@@ -230,7 +229,8 @@ impl Lookahead {
                 let (candidates, before) = (&candidates, before.as_deref());
                 (0..columns).map(move |column| {
                     let i = row * columns + column;
-                    let found = search.best((column, row), left, &candidates[i], before.map(|b| b[i].vector));
+                    let block = BlockPosition { column, row };
+                    let found = search.best(block, left, &candidates[i], before.map(|b| b[i].vector));
                     left = found.vector;
                     found
                 })
@@ -256,7 +256,7 @@ impl Lookahead {
                 let both = mean_cost(
                     frame.half(),
                     references,
-                    (i % columns, i / columns),
+                    BlockPosition { column: i % columns, row: i / columns },
                     [f.vector, b.vector],
                     self.transformed,
                 );

@@ -9,7 +9,7 @@ pub use known::KnownMotion;
 pub(crate) use {
     coarse::{CoarseSearch, quarter},
     field::{Candidates, all_candidates},
-    search::Search,
+    search::{BlockPosition, Search},
 };
 
 use crate::{
@@ -66,7 +66,8 @@ impl Estimate<'_> {
         let poor = 256 * POOR_MATCH + 256 * POOR_MATCH_EIGHTHS * self.quantiser_scale / 8;
         let index = row * (self.source.width() / 16) + column;
         let candidates = self.candidates.get(index).unwrap_or(&Candidates::NONE);
-        let mut search = Search::<16>::new([source, reference], (column, row), range, left, self.quantiser_scale);
+        let block = BlockPosition { column, row };
+        let mut search = Search::<16>::new([source, reference], block, range, left, self.quantiser_scale);
         if self.effort == Effort::Fast
             && candidates.one_motion
             && let Some(&given) = candidates.vectors().first()

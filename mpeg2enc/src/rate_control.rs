@@ -163,14 +163,14 @@ impl RateControl {
             Rate::Constant { .. } => ((self.last_x16 * LEAST_OF_LAST_THIRDS / 3).max(FINEST_X16), self.start),
         };
         least(finest, |q| {
-            let first = tried.map(|tried| self.rescaled(upcoming[0], tried, q));
+            let first = tried.map(|(tried_x16, taken)| self.rescaled(upcoming[0], tried_x16, taken, q));
             let later = upcoming[usize::from(first.is_some())..].iter().map(|&picture| self.predicted(picture, q));
             self.fits(first.into_iter().chain(later), left)
         })
     }
 
     /// Bits of a picture with another quantiser than the one that was tried.
-    fn rescaled(&self, picture: Upcoming, (tried_x16, taken): (u32, Taken), quantiser_x16: u32) -> Taken {
+    fn rescaled(&self, picture: Upcoming, tried_x16: u32, taken: Taken, quantiser_x16: u32) -> Taken {
         let [(tried, _), (wanted, _)] = [tried_x16, quantiser_x16].map(|q| self.divisor(picture, q));
         // No levels at all may become many with a finer quantiser.
         let levels = taken.levels.max(taken.floor / LEVELS_OF_FLOOR);

@@ -23,6 +23,6 @@ pub(crate) fn ensure(holds: bool, what: &'static str) -> Result<(), RestoreError
 }
 
 /// Whether a frame consists of this many whole macroblocks.
-pub(crate) fn is_whole(frame: &Picture, (columns, rows): (usize, usize)) -> bool {
+pub(crate) fn is_whole(frame: &Picture, columns: usize, rows: usize) -> bool {
     (frame.width(), frame.height()) == (16 * columns, 16 * rows)
 }

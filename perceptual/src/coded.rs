@@ -115,7 +115,7 @@ impl CodedMasking {
         let losses: Vec<BlockLoss> = (0..columns * rows)
             .into_par_iter()
             .with_min_len(64)
-            .map(|k| self.block_loss(luma, coded, next, (k % columns, k / columns)))
+            .map(|k| self.block_loss(luma, coded, next, k))
             .collect();
         // In order, so that the number of threads does not change the sum.
         let mean = losses.iter().map(|loss| f64::from(loss.d2)).sum::<f64>() / losses.len().max(1) as f64;
@@ -126,13 +126,10 @@ impl CodedMasking {
         Plane::from_vec(columns, rows, e.collect())
     }
 
-    fn block_loss(
-        &self,
-        luma: &Plane<f32>,
-        coded: &Coded,
-        next: NextPicture,
-        (column, row): (usize, usize),
-    ) -> BlockLoss {
+    /// The effect on the k-th block in raster order.
+    fn block_loss(&self, luma: &Plane<f32>, coded: &Coded, next: NextPicture, k: usize) -> BlockLoss {
+        let columns = luma.block_counts().0;
+        let (column, row) = (k % columns, k / columns);
         let (across, down) = (coded.intra().width().max(1) - 1, coded.intra().height().max(1) - 1);
         let (x, y) = ((column / 2).min(across), (row / 2).min(down));
         let scale = f32::from(coded.quantiser_scales().get(x, y)) / 16.0;

@@ -127,7 +127,7 @@ impl Anchors {
         // Places are rated by the things at rest alone.
         let accelerator = &geometry.place_still();
         let outlooks_of = |anchors: &Self, places: &[Anchor]| {
-            Eye::of(anchors, surfaces, accelerator, (NEAR, OUTLOOK_RAYS)).outlooks(places)
+            Eye::of(anchors, surfaces, accelerator, NEAR, OUTLOOK_RAYS).outlooks(places)
         };
 
         // A first spread over all surfaces tells by probes which share of them is exposed.

@@ -207,7 +207,7 @@ impl CarriedLight {
 
     /// Light at the surface point of `pixel` by the samples around the place `from`, in raster order. Where it
     /// may begin anywhere, it is as bright as `usual`.
-    fn light_at(&self, pixel: &PixelSurface, (seen, usual): (&GBuffer, Option<f32>), from: usize) -> Option<Estimate> {
+    fn light_at(&self, pixel: &PixelSurface, seen: &GBuffer, usual: Option<f32>, from: usize) -> Option<Estimate> {
         // A light that has not been carried yet has no samples, whatever the pictures show.
         let (width, height) = (self.samples.width(), self.samples.height());
         if from >= width * height {
@@ -322,7 +322,7 @@ where
         }
 
         // Beyond the largest estimate that audits are kept of, even an audit would say nothing.
-        let Some(estimate) = self.light.light_at(pixel, (seen, self.usual), from as usize) else {
+        let Some(estimate) = self.light.light_at(pixel, seen, self.usual, from as usize) else {
             return Outcome::Lost;
         };
         let (luminance, error) = (luminance(estimate.irradiance), estimate.error);

@@ -118,26 +118,10 @@ impl GBuffer {
 
     /// As [`GBuffer::trace`], for this sample of each pixel.
     pub fn trace_at(sample: PixelSample, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
-        Timed::of(|busy| Self::traced(sample, scene, view, size, busy))
-    }
-
-    fn traced(
-        sample: PixelSample,
-        scene: PosedScene,
-        view: &View,
-        (width, height): (usize, usize),
-        busy: &Busy,
-    ) -> Self {
-        let shown = Shown::new(scene);
+        let (shown, mut pixels) = (Shown::new(scene), Plane::filled(size.0, size.1, EMPTY));
         let camera = Camera { shown: &shown, view, sample };
-        let mut pixels = Plane::filled(width, height, EMPTY);
-        let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width).enumerate();
-        let layered: Vec<Vec<LayeredPixel>> = strips
-            .map(|(tile_row, strip)| busy.measure(|| camera.strip(tile_row * MACROBLOCK, width, strip)))
-            .collect();
-        let mut layered = layered.concat();
-        layered.sort_unstable_by_key(|pixel| pixel.index);
-        Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) }
+        let layered = Timed::of(|busy| camera.trace(&mut pixels, busy));
+        layered.map(|layered| Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) })
     }
 
     /// `pixels` of `surfaces` as they stand now.
@@ -201,6 +185,17 @@ struct Camera<'a> {
 }
 
 impl Camera<'_> {
+    /// Traces all `pixels` of a picture. Returns those with several layers, in raster order.
+    fn trace(&self, pixels: &mut Plane<PixelSurface>, busy: &Busy) -> Vec<LayeredPixel> {
+        let width = pixels.width();
+        let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width).enumerate();
+        let layered: Vec<Vec<LayeredPixel>> =
+            strips.map(|(tile_row, strip)| busy.measure(|| self.strip(tile_row * MACROBLOCK, width, strip))).collect();
+        let mut layered = layered.concat();
+        layered.sort_unstable_by_key(|pixel| pixel.index);
+        layered
+    }
+
     /// Traces a row of macroblocks, from line `top` on, into `strip`. Returns its pixels with several layers.
     fn strip(&self, top: usize, width: usize, strip: &mut [PixelSurface]) -> Vec<LayeredPixel> {
         let rows = strip.len() / width;
@@ -241,7 +236,8 @@ impl Camera<'_> {
         for i in 0..count {
             // One of the layers, where there are any, is the surface of the pixel.
             let layers = shown.layers(rays[i], hits[i], view, sample.width);
-            let hit = if layers.is_empty() { hits[i] } else { center(&layers, pixels[i], sample) };
+            let (x, y) = pixels[i];
+            let hit = if layers.is_empty() { hits[i] } else { center(&layers, x, y, sample) };
             set(pixels[i], see(hit, rays[i], solid, &|depth| sample.width * view.pixel_width(depth), view), layers);
         }
     }
@@ -261,7 +257,8 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit
     }
     for (hit, ray) in hits.iter_mut().zip(rays) {
         let closest = |origin| scene.accelerator.closest(origin, ray.direction);
-        *hit = ray.cut(view.distances(ray.direction), *hit, closest);
+        let (near, far) = view.distances(ray.direction);
+        *hit = ray.cut(near, far, *hit, closest);
     }
     hits
 }

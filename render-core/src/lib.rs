@@ -43,7 +43,7 @@ pub use light::{
     AreaLight, AreaSample, DirectLights, DomeLight, DynamicLights, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, Lamps,
     PhotonSource, PointLight, ShadingPoint, Source, SunLight, Traced, dome_lights,
 };
-pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, path_traced};
+pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, Still, path_traced};
 pub use photon::{AnchorFlux, Guide, GuideSearch, Photons};
 pub use posed_scene::PosedScene;
 pub use ranks::{self, Busy, Timed, process_seconds};

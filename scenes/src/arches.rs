@@ -163,7 +163,7 @@ impl Opening {
     /// A band round the arch. The profile is (distance from the opening's edge, distance before the wall), from the outer
     /// edge inwards.
     pub fn archivolt(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize) {
-        let frames: Vec<Frame> = self.curve(steps).iter().map(|point| edge_frame(plane, point)).collect();
+        let frames: Vec<Frame> = self.curve(steps).into_iter().map(|(p, n)| edge_frame(plane, p, n)).collect();
         sweep(mesh, &frames, profile);
         close_ends(mesh, &frames, profile);
     }
@@ -173,7 +173,7 @@ impl Opening {
         let mut points = self.curve(steps);
         points.insert(0, (vec2(self.center - self.half, self.sill), Vec2::X));
         points.push((vec2(self.center + self.half, self.sill), Vec2::NEG_X));
-        let frames: Vec<Frame> = points.iter().map(|point| edge_frame(plane, point)).collect();
+        let frames: Vec<Frame> = points.into_iter().map(|(p, n)| edge_frame(plane, p, n)).collect();
         sweep(mesh, &frames, profile);
         close_ends(mesh, &frames, profile);
     }
@@ -209,7 +209,7 @@ pub struct Pane {
 }
 
 /// Frame of a profile at a point of an opening's edge, with the normal there into the opening.
-fn edge_frame(plane: &Plane, (p, n): &(Vec2, Vec2)) -> Frame {
+fn edge_frame(plane: &Plane, p: Vec2, n: Vec2) -> Frame {
     Frame { origin: plane.at(p.x, p.y, 0.0), x: -(plane.along * n.x + Vec3::Y * n.y), y: plane.out }
 }
 

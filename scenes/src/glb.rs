@@ -244,7 +244,7 @@ impl Scene {
                 "perspective": {"yfov": self.yfov, "aspectRatio": 1.0, "znear": 0.01, "zfar": 1000.0}
             }]),
         );
-        let meshes: Vec<Value> = self.meshes.iter().map(|m| self.mesh_json(m, &mut w)).collect();
+        let meshes: Vec<Value> = self.meshes.iter().map(|(name, model)| self.mesh_json(name, model, &mut w)).collect();
         root.insert("meshes".into(), meshes.into());
         root.insert("nodes".into(), self.nodes.iter().map(node_json).collect());
         self.animation_json(&mut root, &mut w);
@@ -285,7 +285,7 @@ impl Scene {
         w.finish(root)
     }
 
-    fn mesh_json(&self, (name, model): &(String, Model), w: &mut Writer) -> Value {
+    fn mesh_json(&self, name: &str, model: &Model, w: &mut Writer) -> Value {
         let primitives: Vec<Value> = model
             .0
             .iter()

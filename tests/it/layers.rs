@@ -36,7 +36,7 @@ struct Errors {
 impl Layer for Errors {
     fn light(&mut self, visible: &Visible<'_>, _: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
         self.frames += 1;
-        let error = |x, y| tolerance.at_pixel((x, y), visible.radiance.get(x, y)).threshold_at(0.0);
+        let error = |x, y| tolerance.at_pixel(x, y, visible.radiance.get(x, y)).threshold_at(0.0);
         Lit { radiance: Some(Plane::from_fn(SIDE, SIDE, |x, y| Vec3::splat(error(x, y)))), ..Lit::default() }
     }
 

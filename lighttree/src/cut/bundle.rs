@@ -18,7 +18,7 @@
 
 use glam::{Vec3, Vec4};
 
-use super::group::{Estimated, GROUP, Member, Receivers, Shares};
+use super::group::{GROUP, Member, Receivers, Shares};
 use super::halves::sum_of_seen;
 use super::{Cut, Scratch, ShadowRay, Stop, padded};
 use crate::error_bound::{ClusterBounds, error_bound, error_bound_of_bundle};
@@ -70,7 +70,7 @@ impl ShadowRays {
     }
 
     /// Adds the rays of a receiver.
-    fn add(&mut self, receiver: usize, (rays, radiance): Estimated) {
+    fn add(&mut self, receiver: usize, rays: &[ShadowRay], radiance: &[Vec4]) {
         self.rays.extend_from_slice(rays);
         self.radiance.extend_from_slice(radiance);
         for ray in rays {
@@ -155,8 +155,8 @@ impl LightTree {
                     Some(Cut { size: shared as u32 + own.size, ..plus(plus(common, begun[k]), own) })
                 }) {
                     Some(cut) => {
-                        let (cut, found) = self.estimate_shared(member, [of_all, of_group], scratch, cut);
-                        shadow_rays.add(which, found);
+                        let (cut, (rays, radiance)) = self.estimate_shared(member, [of_all, of_group], scratch, cut);
+                        shadow_rays.add(which, rays, radiance);
                         cut
                     }
                     None => {

@@ -58,7 +58,7 @@ impl Writer {
     }
 
     /// States this buffer.
-    pub fn restate(&mut self, (_, buffer_size): (u32, u32)) {
+    pub fn restate(&mut self, buffer_size: u32) {
         self.description.buffer = buffer_size.saturating_mul(2048);
     }
 
@@ -103,7 +103,7 @@ impl Writer {
         body.extend(words(&MATRIX));
         body.extend([0; 24]); // pre_defined
         body.extend(words(&[TRACK + 1])); // next_track_ID
-        full_atom(b"mvhd", (0, 0), &[&body])
+        full_atom(b"mvhd", 0, 0, &[&body])
     }
 
     /// `trak` (8.3.1).
@@ -113,7 +113,7 @@ impl Writer {
         header.extend([0; 16]); // reserved, layer, alternate_group, volume, reserved
         header.extend(words(&MATRIX));
         header.extend(words(&[self.description.display_width() << 16, height << 16]));
-        let header = full_atom(b"tkhd", (0, 3), &[&header]); // enabled, in the movie
+        let header = full_atom(b"tkhd", 0, 3, &[&header]); // enabled, in the movie
         atom(b"trak", &[&header, &self.edits(), &self.media()])
     }
 
@@ -124,7 +124,7 @@ impl Writer {
         }
         // entry_count, segment_duration of all fragments, media_time, media_rate
         let list = words(&[1, 0, self.ticks(self.begin) as u32, 0x1_0000]);
-        atom(b"edts", &[&full_atom(b"elst", (0, 0), &[&list])])
+        atom(b"edts", &[&full_atom(b"elst", 0, 0, &[&list])])
     }
 
     /// `mdia` (8.4.1).
@@ -132,22 +132,22 @@ impl Writer {
         let header = words(&[0, 0, self.timescale() as u32, 0, 0x55c4_0000]); // …, timescale, duration, language: und
         // Programs show any other name than this one as a title.
         let handler: [&[u8]; 4] = [&[0; 4], b"vide", &[0; 12], b"VideoHandler\0"];
-        let reference = full_atom(b"dref", (0, 0), &[&words(&[1]), &full_atom(b"url ", (0, 1), &[])]); // in this file
+        let reference = full_atom(b"dref", 0, 0, &[&words(&[1]), &full_atom(b"url ", 0, 1, &[])]); // in this file
         let none = words(&[0]);
         let samples = atom(
             b"stbl",
             &[
-                &full_atom(b"stsd", (0, 0), &[&words(&[1]), &self.sample_entry()]),
-                &full_atom(b"stts", (0, 0), &[&none]),
-                &full_atom(b"stsc", (0, 0), &[&none]),
-                &full_atom(b"stsz", (0, 0), &[&none, &none]),
-                &full_atom(b"stco", (0, 0), &[&none]),
+                &full_atom(b"stsd", 0, 0, &[&words(&[1]), &self.sample_entry()]),
+                &full_atom(b"stts", 0, 0, &[&none]),
+                &full_atom(b"stsc", 0, 0, &[&none]),
+                &full_atom(b"stsz", 0, 0, &[&none, &none]),
+                &full_atom(b"stco", 0, 0, &[&none]),
             ],
         );
         let information =
-            atom(b"minf", &[&full_atom(b"vmhd", (0, 1), &[&[0; 8]]), &atom(b"dinf", &[&reference]), &samples]);
-        let header = full_atom(b"mdhd", (0, 0), &[&header]);
-        atom(b"mdia", &[&header, &full_atom(b"hdlr", (0, 0), &handler), &information])
+            atom(b"minf", &[&full_atom(b"vmhd", 0, 1, &[&[0; 8]]), &atom(b"dinf", &[&reference]), &samples]);
+        let header = full_atom(b"mdhd", 0, 0, &[&header]);
+        atom(b"mdia", &[&header, &full_atom(b"hdlr", 0, 0, &handler), &information])
     }
 
     /// `mp4v` (12.1.3; 14496-14, 5.6), with the shape of samples and their color.
@@ -188,17 +188,17 @@ impl Writer {
         let mut stream = vec![0, 0, 0]; // ES_ID, flags and streamPriority
         stream.extend(descriptor(4, &decoder)); // DecoderConfigDescriptor (7.2.6.6)
         stream.extend(descriptor(6, &[2])); // SLConfigDescriptor: as 14496-14 has it
-        full_atom(b"esds", (0, 0), &[&descriptor(3, &stream)])
+        full_atom(b"esds", 0, 0, &[&descriptor(3, &stream)])
     }
 
     /// `mvex` (8.8.1): there are fragments, and how long all are together.
     fn extends(&self) -> Vec<u8> {
         let length = self.description.pictures.map_or(Vec::new(), |count| {
             let duration = self.ticks(count.saturating_mul(self.description.period()));
-            full_atom(b"mehd", (1, 0), &[&duration.to_be_bytes()])
+            full_atom(b"mehd", 1, 0, &[&duration.to_be_bytes()])
         });
         let defaults = words(&[TRACK, 1, 0, 0, 0]); // sample description 1; duration, size and flags are stated below
-        atom(b"mvex", &[&length, &full_atom(b"trex", (0, 0), &[&defaults])])
+        atom(b"mvex", &[&length, &full_atom(b"trex", 0, 0, &[&defaults])])
     }
 
     /// `moof` and `mdat` of the group (8.8.4, 8.1.1).
@@ -218,11 +218,11 @@ impl Writer {
 
     /// `moof`, behind whose first byte the data begin at `offset`.
     fn fragment_header(&self, offset: u32) -> Vec<u8> {
-        let number = full_atom(b"mfhd", (0, 0), &[&words(&[self.entries.len() as u32])]);
+        let number = full_atom(b"mfhd", 0, 0, &[&words(&[self.entries.len() as u32])]);
         let duration = self.ticks(self.description.period()) as u32;
-        let header = full_atom(b"tfhd", (0, FRAGMENT_HEADER_FLAGS), &[&words(&[TRACK, duration])]);
+        let header = full_atom(b"tfhd", 0, FRAGMENT_HEADER_FLAGS, &[&words(&[TRACK, duration])]);
         let decoding = self.group.first().map_or(0, |picture| self.ticks(picture.times.decoding));
-        let time = full_atom(b"tfdt", (1, 0), &[&decoding.to_be_bytes()]);
+        let time = full_atom(b"tfdt", 1, 0, &[&decoding.to_be_bytes()]);
 
         let mut run = words(&[self.group.len() as u32, offset]); // sample_count, data_offset
         for picture in &self.group {
@@ -230,7 +230,7 @@ impl Writer {
             // sample_size, sample_flags, sample_composition_time_offset
             run.extend(words(&[picture.data.len() as u32, self.flags(picture), self.ticks(wait) as u32]));
         }
-        let run = full_atom(b"trun", (0, RUN_FLAGS), &[&run]);
+        let run = full_atom(b"trun", 0, RUN_FLAGS, &[&run]);
         atom(b"moof", &[&number, &atom(b"traf", &[&header, &time, &run])])
     }
 
@@ -255,10 +255,10 @@ impl Writer {
             table.extend(place.to_be_bytes()); // moof_offset
             table.extend([1, 1, 1]); // traf_number, trun_number, sample_number
         }
-        let table = full_atom(b"tfra", (1, 0), &[&table]);
+        let table = full_atom(b"tfra", 1, 0, &[&table]);
         // Its own header, the table, and the box that tells the size of all three.
         let size = 8 + table.len() as u32 + 16;
-        atom(b"mfra", &[&table, &full_atom(b"mfro", (0, 0), &[&words(&[size])])])
+        atom(b"mfra", &[&table, &full_atom(b"mfro", 0, 0, &[&words(&[size])])])
     }
 
     /// Units of time in a second: the frame rate's numerator, or a thousand of it.
@@ -282,7 +282,7 @@ fn atom(kind: &[u8; 4], contents: &[&[u8]]) -> Vec<u8> {
 }
 
 /// A box with version and flags (4.2).
-fn full_atom(kind: &[u8; 4], (version, flags): (u8, u32), contents: &[&[u8]]) -> Vec<u8> {
+fn full_atom(kind: &[u8; 4], version: u8, flags: u32, contents: &[&[u8]]) -> Vec<u8> {
     let head = words(&[u32::from(version) << 24 | flags]);
     atom(kind, &[&head, &contents.concat()])
 }

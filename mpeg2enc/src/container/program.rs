@@ -52,8 +52,8 @@ impl Writer {
     }
 
     /// Fills a buffer that the stream states. Gives when the first picture is decoded then.
-    pub fn restate(&mut self, stated: (u32, u32)) -> u64 {
-        self.schedule = Schedule::of_stated(stated);
+    pub fn restate(&mut self, bit_rate: u32, buffer_size: u32) -> u64 {
+        self.schedule = Schedule::of_stated(bit_rate, buffer_size);
         self.bound();
         self.schedule.start()
     }

@@ -29,10 +29,11 @@ pub(super) struct Schedule {
 
 impl Schedule {
     pub fn new(config: &Config) -> Self {
+        let (bit_rate, buffer_size) = config.stated_rate();
         match config.rate {
-            Rate::ConstantQuantiser => Self::of_stated(config.stated_rate()),
+            Rate::ConstantQuantiser => Self::of_stated(bit_rate, buffer_size),
             rate => {
-                let (bytes_per_second, buffer) = in_bytes(config.stated_rate());
+                let (bytes_per_second, buffer) = in_bytes(bit_rate, buffer_size);
                 // The buffer is as full as rate control believes.
                 Self::filled(bytes_per_second, buffer, starting_fullness(rate, 8 * buffer as i64) as u64 / 8)
             }
@@ -40,8 +41,8 @@ impl Schedule {
     }
 
     /// For a variable rate of which a stream states the bounds: bit_rate and vbv_buffer_size.
-    pub fn of_stated(stated: (u32, u32)) -> Self {
-        let (bytes_per_second, buffer) = in_bytes(stated);
+    pub fn of_stated(bit_rate: u32, buffer_size: u32) -> Self {
+        let (bytes_per_second, buffer) = in_bytes(bit_rate, buffer_size);
         Self::filled(bytes_per_second, buffer, buffer.min(bytes_per_second / 2))
     }
 
@@ -109,7 +110,7 @@ impl Schedule {
 }
 
 /// Bytes a second and in the buffer, of bit_rate and vbv_buffer_size.
-fn in_bytes((bit_rate, buffer_size): (u32, u32)) -> (u64, u64) {
+fn in_bytes(bit_rate: u32, buffer_size: u32) -> (u64, u64) {
     // A rate of 0 is refused by the encoder, but may come here before.
     (50 * u64::from(bit_rate.max(1)), 2048 * u64::from(buffer_size))
 }

@@ -111,9 +111,9 @@ impl Writer {
     }
 
     /// Fills a buffer that the stream states. Gives when the first picture is decoded then.
-    pub fn restate(&mut self, stated: (u32, u32)) -> u64 {
-        self.schedule = Schedule::of_stated(stated);
-        self.schedule.bound(most_waiting(400 * u64::from(stated.0), stated.1.into()));
+    pub fn restate(&mut self, bit_rate: u32, buffer_size: u32) -> u64 {
+        self.schedule = Schedule::of_stated(bit_rate, buffer_size);
+        self.schedule.bound(most_waiting(400 * u64::from(bit_rate), buffer_size.into()));
         self.schedule.start()
     }
 

@@ -301,7 +301,7 @@ impl Ahead {
 
     /// Whether an encoder of these settings can continue from here.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
-        let counts = config.macroblock_counts();
+        let (columns, rows) = config.macroblock_counts();
         self.lookahead.check(config)?;
         let (first, end) = (self.lookahead.first(), self.lookahead.end());
         let last = self.last_anchor();
@@ -312,11 +312,11 @@ impl Ahead {
         ensure(before.is_some() == last.is_some_and(|last| last > 0), "the anchor before")?;
         let distance = config.b_pictures as usize + 1;
         ensure(before.is_none_or(|before| before < first && first - before <= distance), "the anchor before")?;
-        let whole = |anchor: &Anchor| is_whole(&anchor.reconstruction, counts);
+        let whole = |anchor: &Anchor| is_whole(&anchor.reconstruction, columns, rows);
         ensure(self.anchors.iter().flatten().all(whole), "the size of an anchor")?;
         let longest = (config.gop + config.b_pictures) as usize;
         ensure(self.group_start <= first && first - self.group_start <= longest, "the beginning of the group")?;
-        let fresh = RateControl::new(config, counts.0 * counts.1);
+        let fresh = RateControl::new(config, columns * rows);
         ensure(self.rate.is_some() == fresh.is_some(), "rate control")?;
         self.bounds.check(config, last.is_some())?;
         self.rate.iter().zip(fresh).try_for_each(|(rate, fresh)| rate.check(&fresh))

@@ -38,7 +38,7 @@ impl Immediate {
         let config = &coder.config;
         let (columns, rows) = config.macroblock_counts();
         let place_in_group = self.count % u64::from(config.gop);
-        let padded = (!is_whole(frame, (columns, rows))).then(|| coder.whole(frame));
+        let padded = (!is_whole(frame, columns, rows)).then(|| coder.whole(frame));
         let source = padded.as_deref().unwrap_or(frame);
         let reference = self.reference.take().filter(|_| place_in_group != 0);
         let candidates = match motion.filter(|_| reference.is_some()) {
@@ -108,12 +108,13 @@ impl Immediate {
 
     /// Whether an encoder of these settings can continue from here.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
-        let counts = config.macroblock_counts();
+        let (columns, rows) = config.macroblock_counts();
         let reference = self.reference.as_ref();
         ensure(reference.is_some() == (self.count > 0), "the reference picture")?;
-        ensure(reference.is_none_or(|reference| is_whole(reference, counts)), "the size of the reference picture")?;
+        let whole = reference.is_none_or(|reference| is_whole(reference, columns, rows));
+        ensure(whole, "the size of the reference picture")?;
         self.bounds.check(config, self.count > 0)?;
-        let complete = self.vectors.is_empty() || self.vectors.len() == counts.0 * counts.1;
+        let complete = self.vectors.is_empty() || self.vectors.len() == columns * rows;
         ensure(complete && self.vectors.iter().all(|vector| vector.is_plausible()), "vectors")
     }
 }

@@ -5,7 +5,7 @@ use super::{
     waiting::{Match, Waiting},
 };
 use crate::{
-    motion::{Candidates, CoarseSearch, Search},
+    motion::{BlockPosition, Candidates, CoarseSearch, Search},
     vector::{HalfSample, Range},
 };
 
@@ -27,19 +27,19 @@ pub(super) struct BlockSearch<'a> {
 }
 
 impl BlockSearch<'_> {
-    /// The best match of the block at `(column, row)`; `left` and `before` are vectors of the block on its left and of the
-    /// frame before.
+    /// The best match of a block; `left` and `before` are vectors of the block on its left and of the previous frame.
     pub fn best(
         &self,
-        (column, row): (usize, usize),
+        block: BlockPosition,
         left: HalfSample,
         candidates: &Candidates,
         before: Option<HalfSample>,
     ) -> Match {
         let &Self { frame, reference, wide, transformed } = self;
+        let BlockPosition { column, row } = block;
         let range = Range::of_block(reference.half(), BLOCK, column, row, REACH);
         let mut search =
-            Search::<BLOCK>::new([frame.half(), reference.half()], (column, row), range, left, SEARCH_QUANTISER_SCALE);
+            Search::<BLOCK>::new([frame.half(), reference.half()], block, range, left, SEARCH_QUANTISER_SCALE);
         search.try_vector(HalfSample::ZERO);
         for vector in candidates.vectors() {
             search.try_vector(HalfSample { x: (vector.x + 1) >> 1, y: (vector.y + 1) >> 1 });

@@ -2,6 +2,7 @@
 
 use crate::{
     kernel::{self, ReferenceBlock},
+    motion::BlockPosition,
     predict::place_of,
     vector::HalfSample,
 };
@@ -15,19 +16,19 @@ pub(super) const BLOCK: usize = 8;
 pub(super) fn mean_cost(
     source: &Plane<u8>,
     references: [&Plane<u8>; 2],
-    (column, row): (usize, usize),
+    block: BlockPosition,
     vectors: [HalfSample; 2],
     transformed: bool,
 ) -> u32 {
+    let (x2, y2) = ((2 * BLOCK * block.column) as i32, (2 * BLOCK * block.row) as i32);
     let mut predicted = [[[0u8; BLOCK]; BLOCK]; 2];
     for s in 0..2 {
-        let (x2, y2) = ((2 * BLOCK * column) as i32 + vectors[s].x, (2 * BLOCK * row) as i32 + vectors[s].y);
-        kernel::predict(&place_of(references[s], x2, y2), &mut predicted[s]);
+        let place = place_of(references[s], x2 + vectors[s].x, y2 + vectors[s].y);
+        kernel::predict(&place, &mut predicted[s]);
     }
     let mut mean = [[0; BLOCK]; BLOCK];
     kernel::mean(predicted[0].as_flattened(), predicted[1].as_flattened(), mean.as_flattened_mut());
-    let place = place_of(source, (2 * BLOCK * column) as i32, (2 * BLOCK * row) as i32);
-    difference(place, whole(&mean), transformed)
+    difference(place_of(source, x2, y2), whole(&mean), transformed)
 }
 
 /// Sum of absolute differences, transformed or plain.

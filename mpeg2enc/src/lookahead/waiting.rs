@@ -43,10 +43,11 @@ pub(crate) struct Waiting {
 }
 
 impl Waiting {
-    /// Checks that this is a frame of these columns and rows of macroblocks, analyzed by an encoder with these settings.
-    pub fn check(&self, config: &Config, counts: (usize, usize)) -> Result<(), RestoreError> {
-        let count = counts.0 * counts.1;
-        ensure(is_whole(&self.source, counts), "the size of a waiting frame")?;
+    /// Checks that this is a frame for an encoder with these settings, analyzed by one.
+    pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
+        let (columns, rows) = config.macroblock_counts();
+        let count = columns * rows;
+        ensure(is_whole(&self.source, columns, rows), "the size of a waiting frame")?;
         let known = self.known.iter().flatten();
         ensure(known.clone().all(|known| known.len() == count), "the number of given vectors")?;
         ensure(known.flat_map(|known| known.iter()).all(Candidates::is_plausible), "given vectors")?;

@@ -72,8 +72,8 @@ fn candidates(known: &Correspondence, column: usize, row: usize) -> Candidates {
 }
 
 /// A vector in 64ths of a pixel; none where nothing corresponds or the vector is too long.
-fn parts((motion_px, index): (&[f32; 2], &u32)) -> Option<[i32; 2]> {
-    let is_known = *index != NO_MATCH && motion_px.iter().all(|component| component.abs() < FARTHEST_PX); // false for NaN
+fn parts(motion_px: [f32; 2], index: u32) -> Option<[i32; 2]> {
+    let is_known = index != NO_MATCH && motion_px.iter().all(|component| component.abs() < FARTHEST_PX); // false for NaN
     is_known.then(|| motion_px.map(in_64ths))
 }
 
@@ -87,8 +87,8 @@ fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
     // A macroblock may lie wholly in the padding.
     for y in top..bottom.max(top) {
         let (motion_px, matches) = (&known.motion().row(y)[columns.clone()], &known.matches().row(y)[columns.clone()]);
-        for vector in motion_px.iter().zip(matches) {
-            let Some(parts) = parts(vector) else {
+        for (&motion_px, &index) in motion_px.iter().zip(matches) {
+            let Some(parts) = parts(motion_px, index) else {
                 unknown += 1;
                 continue;
             };

@@ -34,6 +34,13 @@ const SETTLED: usize = 4;
 const TRUSTED_16THS: u32 = 2;
 const LIGHT_16THS: u32 = 4;
 
+/// The position of a block in a grid of blocks.
+#[derive(Clone, Copy)]
+pub(crate) struct BlockPosition {
+    pub column: usize,
+    pub row: usize,
+}
+
 /// The search for one block of N×N samples.
 pub(crate) struct Search<'a, const N: usize> {
     source: ReferenceBlock<'a>,
@@ -52,19 +59,20 @@ pub(crate) struct Search<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> Search<'a, N> {
-    /// For the block of `source` at `(column, row)` of a grid of blocks; `quantiser_scale` says what bits are worth.
+    /// For a block of `source`; `quantiser_scale` determines the price of bits.
     pub fn new(
         [source, reference]: [&'a Plane<u8>; 2],
-        (column, row): (usize, usize),
+        block: BlockPosition,
         range: Range,
         predicted: HalfSample,
         quantiser_scale: u32,
     ) -> Self {
+        let (x2, y2) = ((2 * N * block.column) as i32, (2 * N * block.row) as i32);
         Self {
-            source: place_of(source, (2 * N * column) as i32, (2 * N * row) as i32),
+            source: place_of(source, x2, y2),
             reference,
-            x2: (2 * N * column) as i32,
-            y2: (2 * N * row) as i32,
+            x2,
+            y2,
             range,
             predicted,
             // The root of the price of a bit in squared errors, 0.4·quantiser_scale, in sixteenths.

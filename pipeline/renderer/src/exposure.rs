@@ -14,7 +14,7 @@ use perceptual::luminance_plane;
 use pipeline::exposure::{exposure_for, exposure_for_luminances};
 use pipeline::parts::{LastThresholds, Shade};
 use render_core::scene::Scene;
-use render_core::{PathOptions, path_traced};
+use render_core::{PathOptions, Still, path_traced};
 
 /// Larger side of the picture that an exposure is found from \[pixels\].
 const SIDE: usize = 128;
@@ -96,7 +96,8 @@ struct Look {
 fn look(scene: &Scene, settings: &RenderSettings, frame: u32) -> Look {
     let Size { width, height } = within(settings.size, SIDE_OF_A_LOOK);
     let options = PathOptions { samples: PATHS, max_bounces: settings.bounces, ..PathOptions::default() };
-    let radiance = path_traced(scene, settings.time(frame), (width, height), &options, |_, _| ()).mean;
+    let still = Still { time: settings.time(frame), width, height };
+    let radiance = path_traced(scene, still, &options, |_, _| ()).mean;
     let luminances = luminance_plane(&radiance).samples().to_vec();
     let mean = luminances.iter().sum::<f32>() / luminances.len() as f32;
     Look { luminances, mean }

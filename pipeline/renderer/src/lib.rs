@@ -27,7 +27,7 @@ pub use shade::{
     SimulatedRanks, Tolerance, Visible,
 };
 #[cfg(feature = "bake")]
-pub(crate) use shade::{GATHER_RAYS, TexelCoat, Visibility};
+pub(crate) use shade::{GATHER_RAYS, KnownScene, TexelCoat, Visibility};
 
 /// Perceptual roughness from which on the light of coats is baked: smoother ones show shapes that no texel holds.
 pub(crate) const BAKED_ROUGHNESS: f32 = 0.35;

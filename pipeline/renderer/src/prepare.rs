@@ -176,7 +176,9 @@ fn look_by_camera(
 fn guide_by_surfaces(
     surfaces: &Surfaces,
     pose: &Pose,
-    (geometry, anchors, units): (&Geometry, &Anchors, &Units),
+    geometry: &Geometry,
+    anchors: &Anchors,
+    units: &Units,
 ) -> Option<Guide> {
     let emitters = Emitters::new(surfaces, pose, units);
     let accelerator = geometry.place(pose);
@@ -223,7 +225,7 @@ impl<'s> PrepareState<'s> {
         }
         if has_photons && settings.photons > 0 {
             photons = photons.with_guide(match everywhere {
-                true => guide_by_surfaces(&surfaces, &rest, (&geometry, &anchors, &units)),
+                true => guide_by_surfaces(&surfaces, &rest, &geometry, &anchors, &units),
                 false => guide,
             });
         }

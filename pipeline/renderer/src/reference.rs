@@ -11,7 +11,7 @@ use render_core::image_file::FrameHeader;
 #[cfg(feature = "exr")]
 use render_core::image_file::{FrameChannel, SampleDepth, write_frame};
 use render_core::scene::Scene;
-use render_core::{PathOptions, path_traced};
+use render_core::{PathOptions, Still, path_traced};
 
 /// How a reference is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,8 +46,9 @@ pub fn by_paths(
     progress: impl Fn(usize, usize) + Sync,
 ) -> Reference {
     let Size { width, height } = settings.size;
-    let estimate = path_traced(scene, settings.time(frame), (width, height), options, progress);
-    let view = scene.view(&scene.pose(settings.time(frame)), width, height);
+    let time = settings.time(frame);
+    let estimate = path_traced(scene, Still { time, width, height }, options, progress);
+    let view = scene.view(&scene.pose(time), width, height);
     let header = FrameHeader { camera: Some(view.frame_camera()), place: settings.place(frame), texts: Vec::new() };
     Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean), header }
 }

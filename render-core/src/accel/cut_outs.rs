@@ -125,7 +125,7 @@ impl CutOuts {
         let texels = sheet.texels(triangle, share);
         match sheet.alpha {
             Alpha::Opaque => 1.0,
-            Alpha::Mask { cutoff } => sheet.mask(triangle, at, (texels, cutoff)),
+            Alpha::Mask { cutoff } => sheet.mask(triangle, at, texels, cutoff),
             Alpha::Blend => sheet.opacity(triangle, at, texels).clamp(0.0, 1.0),
         }
     }
@@ -244,7 +244,7 @@ impl Sheet {
     }
 
     /// Share of the texture around a point that is no hole: all or nothing within a texel, by area over two and more.
-    fn mask(&self, triangle: usize, at: [f32; 2], (texels, cutoff): (f32, f32)) -> f32 {
+    fn mask(&self, triangle: usize, at: [f32; 2], texels: f32, cutoff: f32) -> f32 {
         let sharp = || if self.opacity(triangle, at, 0.0) >= cutoff { 1.0 } else { 0.0 };
         let far = self.far.as_ref().filter(|_| texels > 1.0).zip(self.coordinates_at(triangle, at));
         let Some((far, uv)) = far else { return sharp() };

@@ -163,13 +163,13 @@ impl Accelerator {
     /// lamp by chance, each lamp by its own number, so that what lies side by side is lit alike.
     #[must_use]
     pub fn hidden_lamps(&self, place: Vec3A, lamps: &[Vec3A], active: u64) -> u64 {
-        self.hidden_by_chance((place, lamps), active, |end| lamps[end])
+        self.hidden_by_chance(place, lamps, active, |end| lamps[end])
     }
 
     /// The same for one `lamp` seen from `places`, at most [`PACKET`](super::PACKET).
     #[must_use]
     pub fn lamp_hidden(&self, lamp: Vec3A, places: &[Vec3A], active: u64) -> u64 {
-        self.hidden_by_chance((lamp, places), active, |_| lamp)
+        self.hidden_by_chance(lamp, places, active, |_| lamp)
     }
 
     /// Whether one `lamp` is hidden from one `place`, by the same chance.
@@ -183,7 +183,7 @@ impl Accelerator {
     }
 
     #[inline]
-    fn hidden_by_chance(&self, (from, to): (Vec3A, &[Vec3A]), active: u64, lamp: impl Fn(usize) -> Vec3A) -> u64 {
+    fn hidden_by_chance(&self, from: Vec3A, to: &[Vec3A], active: u64, lamp: impl Fn(usize) -> Vec3A) -> u64 {
         let shadows = Shadows::new(self);
         let mut hidden = shadows.opaque().occluded_packet(from, to, active);
         if let Some(blends) = shadows.blends() {

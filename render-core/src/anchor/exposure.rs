@@ -87,7 +87,8 @@ impl<'a> Eye<'a> {
         anchors: &Anchors,
         surfaces: &'a Surfaces<'a>,
         accelerator: &'a Accelerator,
-        (near, rays): (f32, u8),
+        near: f32,
+        rays: u8,
     ) -> Self {
         let (shares, bound) = (anchors.shares(), anchors.geometry_term_bound(true));
         Self { surfaces, accelerator, shares, bound, near, rays }

@@ -25,7 +25,7 @@ pub(crate) struct Sight<'a> {
 impl Sight<'_> {
     /// Bits of those `points`, at most [`PACKET`], that no light gets to from the place at `position` with the unit `normal`;
     /// `height` is h \[m\].
-    pub fn hidden(&self, (position, normal): (Vec3A, Vec3A), points: &[Anchor], height: f32) -> u64 {
+    pub fn hidden(&self, position: Vec3A, normal: Vec3A, points: &[Anchor], height: f32) -> u64 {
         // Straight ways first: they begin at one point, and nearly all are free.
         let from = position + normal * self.epsilon;
         let mut ends = [Vec3A::ZERO; PACKET];

@@ -22,7 +22,7 @@ use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches, Shares, Sight, Zones}
 use crate::Units;
 use crate::accel::Accelerator;
 use crate::surface::Surfaces;
-use glam::{Vec3, Vec3A};
+use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -71,6 +71,13 @@ pub(crate) struct SurfelMap {
     movable: Option<Arc<Movable>>,
 }
 
+/// Points of surfels, and the outlook of each where it was measured.
+#[derive(Clone, Copy)]
+struct SurfelPoints<'a> {
+    points: &'a [Anchor],
+    outlooks: &'a [Outlook],
+}
+
 /// The anchor that shines with a surfel's energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Owner {
@@ -83,8 +90,9 @@ impl Surfels {
     /// For the surfaces that `anchors` are spread over, all of them taken as open.
     pub fn of(anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
         let points = Self::points(surfaces, units, anchors);
-        let owners = Self::owners(anchors, &points, (&[], &[]), None);
-        let fixed = SurfelMap::new((&points, &[]), owners, shares(anchors), false, None);
+        let surfels = SurfelPoints { points: &points, outlooks: &[] };
+        let owners = Self::owners(anchors, surfels, &[], None);
+        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, None);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
@@ -97,15 +105,16 @@ impl Surfels {
         units: &Units,
     ) -> Self {
         let points = Self::points(surfaces, units, anchors);
-        let eye = Eye::of(anchors, surfaces, accelerator, (NEAR, OUTLOOK_RAYS));
+        let eye = Eye::of(anchors, surfaces, accelerator, NEAR, OUTLOOK_RAYS);
         let seen = eye.outlooks(&points);
         let (points, seen) = exposed(&points, seen);
+        let surfels = SurfelPoints { points: &points, outlooks: &seen };
 
         // Surfels belong to anchors of their room, and light is shared out within it.
         let sight = Some(&Sight { accelerator, epsilon: units.epsilon });
-        let mut owners = Self::owners(anchors, &points, (&seen, outlooks), sight);
-        add_anchors(&mut owners, (&points, &seen), anchors, &Sight { accelerator, epsilon: units.epsilon });
-        let fixed = SurfelMap::new((&points, &seen), owners, shares(anchors), false, sight);
+        let mut owners = Self::owners(anchors, surfels, outlooks, sight);
+        add_anchors(&mut owners, surfels, anchors, &Sight { accelerator, epsilon: units.epsilon });
+        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, sight);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
@@ -118,16 +127,16 @@ impl Surfels {
         patches.spread(count, units).iter().map(|point| point.in_world(surfaces)).collect()
     }
 
-    /// The owners of surfels at the fixed `points`, whose outlooks are `seen`; those of the anchors are `seen_by_anchors`.
+    /// The owners of fixed `surfels`; the outlooks of the anchors are `seen_by_anchors`.
     fn owners(
         anchors: &Anchors,
-        points: &[Anchor],
-        (seen, seen_by_anchors): (&[Outlook], &[Outlook]),
+        surfels: SurfelPoints,
+        seen_by_anchors: &[Outlook],
         sight: Option<&Sight>,
     ) -> Vec<Owner> {
         let grid = Grid::new(&anchors.fixed, &[], anchors.shares());
-        let owner = |(j, point)| Owner::of(point, openness(seen, j), &grid, seen_by_anchors, sight);
-        points.par_iter().enumerate().map(owner).collect()
+        let owner = |(j, point)| Owner::of(point, openness(surfels.outlooks, j), &grid, seen_by_anchors, sight);
+        surfels.points.par_iter().enumerate().map(owner).collect()
     }
 
     /// The `fixed` surfels, and new ones on surfaces that move or bend.
@@ -151,7 +160,8 @@ impl Surfels {
     /// Surfels of moving surfaces, at the pose that `surfaces` has.
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
-        SurfelMap::new((&points, &[]), self.dynamic_owners.clone(), self.dynamic_area_share.into(), true, None)
+        let surfels = SurfelPoints { points: &points, outlooks: &[] };
+        SurfelMap::new(surfels, self.dynamic_owners.clone(), self.dynamic_area_share.into(), true, None)
     }
 }
 
@@ -166,7 +176,8 @@ fn openness(outlooks: &[Outlook], i: usize) -> f32 {
 }
 
 /// Makes anchors of surfels that see no anchor near them, as in a room smaller than an anchor's share.
-fn add_anchors(owners: &mut [Owner], (points, seen): (&[Anchor], &[Outlook]), anchors: &mut Anchors, sight: &Sight) {
+fn add_anchors(owners: &mut [Owner], surfels: SurfelPoints, anchors: &mut Anchors, sight: &Sight) {
+    let SurfelPoints { points, outlooks } = surfels;
     let radius_in_zone_0 = kernel_radius(anchors.area_share);
     // Surfels that became anchors, with the numbers of these.
     let mut added: Vec<(usize, usize)> = Vec::new();
@@ -180,14 +191,15 @@ fn add_anchors(owners: &mut [Owner], (points, seen): (&[Anchor], &[Outlook]), an
         let radius = radius_in_zone_0 * anchors.zones.scale(point.position);
         let is_near = |(surfel, _): &&(usize, usize)| {
             let other = &points[*surfel];
-            spot.is_beside(other, radius) && sight.hidden(spot.place(), std::slice::from_ref(other), radius) == 0
+            let is_seen = || sight.hidden(spot.position, spot.normal, std::slice::from_ref(other), radius) == 0;
+            spot.is_beside(other, radius) && is_seen()
         };
         let (surfel, anchor) = added.iter().find(is_near).copied().unwrap_or_else(|| {
             anchors.fixed.push(*point);
             added.push((j, anchors.fixed.len() - 1));
             (j, anchors.fixed.len() - 1)
         });
-        *owner = Owner::with_openness(anchor, openness(seen, j), openness(seen, surfel));
+        *owner = Owner::with_openness(anchor, openness(outlooks, j), openness(outlooks, surfel));
     }
 }
 
@@ -210,11 +222,6 @@ impl Owner {
 }
 
 impl Spot {
-    /// Position and normal.
-    pub(super) fn place(&self) -> (Vec3A, Vec3A) {
-        (self.position, self.normal)
-    }
-
     /// Whether `point` is within `radius` meters and faces like the surface here.
     fn is_beside(&self, point: &Anchor, radius: f32) -> bool {
         point.position.distance_squared(self.position) < radius * radius && point.normal.dot(self.normal) > LEAST_COSINE
@@ -229,13 +236,14 @@ impl Spot {
 
 impl SurfelMap {
     fn new(
-        (points, outlooks): (&[Anchor], &[Outlook]),
+        surfels: SurfelPoints,
         owners: Vec<Owner>,
         shares: Shares,
         own_instance: bool,
         sight: Option<&Sight>,
     ) -> Self {
         // w_jk of the surfels k around each surfel j that no wall hides from it.
+        let SurfelPoints { points, outlooks } = surfels;
         let mut grid = Grid::new(points, outlooks, shares.clone());
         grid.find_walls(sight);
         let weights_of = |point: &Anchor| {

@@ -21,7 +21,8 @@ pub(super) fn packed(frames: &[ChartRect]) -> Packed {
     let mut skyline = Skyline(vec![Step { left: 0, right: side, top: 0 }]);
     let mut packed = Packed { corners: vec![[0; 2]; frames.len()], width: 0, height: 0 };
     for k in order {
-        let [left, top] = skyline.add(with_gap(&frames[k]));
+        let (width, height) = with_gap(&frames[k]);
+        let [left, top] = skyline.add(width, height);
         packed.corners[k] = [left, top];
         packed.width = packed.width.max(left + frames[k].columns);
         packed.height = packed.height.max(top + frames[k].rows);
@@ -50,7 +51,7 @@ struct Skyline(Vec<Step>);
 
 impl Skyline {
     /// Fills a rectangle, which is no wider than all steps together.
-    fn add(&mut self, (width, height): (u32, u32)) -> [u32; 2] {
+    fn add(&mut self, width: u32, height: u32) -> [u32; 2] {
         // The best place to begin is the left end of a step.
         let end = self.0.last().map_or(0, |step| step.right);
         let (mut best, mut best_top) = (0, u32::MAX);

@@ -175,7 +175,7 @@ fn thinned(picture: &SurfacePicture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
     let mut sites = Vec::new();
     for (x, y) in pixels {
         let Some(site) = picture.site(x, y) else { continue };
-        if !is_covered_by_taken(picture, &taken, (x, y), &site) {
+        if !is_covered_by_taken(picture, &taken, x, y, &site) {
             taken.row_mut(y)[x] = true;
             sites.push(site);
         }
@@ -184,7 +184,7 @@ fn thinned(picture: &SurfacePicture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
 }
 
 /// Whether a record at one of the `taken` pixels around (x, y) is certain to cover the `site` there, even with the least radius.
-fn is_covered_by_taken(picture: &SurfacePicture, taken: &Plane<bool>, (x, y): (usize, usize), site: &Site) -> bool {
+fn is_covered_by_taken(picture: &SurfacePicture, taken: &Plane<bool>, x: usize, y: usize, site: &Site) -> bool {
     let (width, height) = picture.size();
     let around = |v: usize, end: usize| v.saturating_sub(NEIGHBORHOOD)..(v + NEIGHBORHOOD + 1).min(end);
     for v in around(y, height) {

@@ -147,14 +147,15 @@ impl<R: Send + Sync> IrradianceCache<R> {
         changes: Changes,
         illumination: &I,
     ) -> Timed<CachedLight> {
-        Timed::of(|busy| self.lit(request, changes, (illumination, busy)))
+        Timed::of(|busy| self.lit(request, changes, illumination, busy))
     }
 
     fn lit<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
         changes: Changes,
-        (illumination, busy): (&I, &Busy),
+        illumination: &I,
+        busy: &Busy,
     ) -> CachedLight {
         // Openness of the picture's pixels. Records on moving things move to where the picture shows them.
         self.frame += 1;
@@ -163,7 +164,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let known = KnownNeighbors::default();
         let picture = SurfacePicture::new(request, &openness, &known, busy);
         busy.measure(|| self.carry_along(seen));
-        openness::renew(&mut self.records, seen, illumination, (request.ranks, busy));
+        openness::renew(&mut self.records, seen, illumination, request.ranks, busy);
 
         // Records that are hidden, or too far from every pixel, need no light.
         let mut tiles = Tiles::new(&picture);
@@ -174,7 +175,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         // Their radii follow from their new light: they are listed anew before gaps between them are filled.
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
         let update = self.update_by(changes);
-        let mut computed = self.bring_up_to_date(&needed, &update, illumination, (request.ranks, busy));
+        let mut computed = self.bring_up_to_date(&needed, &update, illumination, &picture);
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
         computed += self.fill(&picture, &mut tiles, carried, illumination);
@@ -362,14 +363,15 @@ impl<R: Send + Sync> IrradianceCache<R> {
         update
     }
 
-    /// Brings the `needed` records to this frame's light; returns how many were computed afresh.
+    /// Brings the `needed` records to the light of the picture's frame; returns how many were computed afresh.
     fn bring_up_to_date<I: Illumination<Recipe = R>>(
         &mut self,
         needed: &[usize],
         update: &Update,
         illumination: &I,
-        (ranks, busy): (&dyn Ranks, &Busy),
+        picture: &SurfacePicture,
     ) -> usize {
+        let (ranks, busy) = (picture.ranks(), picture.busy);
         // Outdated is what was last lit before the last change.
         let is_outdated = |&index: &usize| self.records[index].current < self.changed;
         let outdated: Vec<usize> = needed.iter().copied().filter(is_outdated).collect();
@@ -383,7 +385,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             }
             let chunks = self.records.par_chunks_mut(CHUNK).zip(own.par_chunks_mut(CHUNK));
             let bring = |scratch: &mut I::Scratch, (records, own): (&mut [Record<R>], &mut [Fate])| {
-                busy.measure(|| update.bring_all((records, own), illumination, scratch, meter));
+                busy.measure(|| update.bring_all(records.iter_mut().zip(own), illumination, scratch, meter));
             };
             chunks.for_each_init(I::Scratch::default, bring);
             let indices = places.iter().map(|&place| outdated[place]);
@@ -454,16 +456,16 @@ struct Update {
 }
 
 impl Update {
-    /// Brings those of `records` that are outdated to this frame's light, and notes how.
-    fn bring_all<I: Illumination>(
+    /// Brings those of `records` that are outdated to this frame's light, and notes how in their fates.
+    fn bring_all<'a, I: Illumination<Recipe: 'a>>(
         &self,
-        (records, fates): (&mut [Record<I::Recipe>], &mut [Fate]),
+        records: impl Iterator<Item = (&'a mut Record<I::Recipe>, &'a mut Fate)>,
         illumination: &I,
         scratch: &mut I::Scratch,
         meter: &Meter,
     ) {
         let mut laps = meter.laps();
-        for (record, fate) in records.iter_mut().zip(fates) {
+        for (record, fate) in records {
             if *fate == Fate::IsOutdated {
                 let computed = self.bring(record, illumination, scratch);
                 *fate = if computed { Fate::WasComputed } else { Fate::WasRelit };

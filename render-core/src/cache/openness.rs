@@ -179,7 +179,8 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     records: &mut [Record<R>],
     seen: &GBuffer,
     illumination: &I,
-    (ranks, busy): (&dyn Ranks, &Busy),
+    ranks: &dyn Ranks,
+    busy: &Busy,
 ) {
     // The scale that a record's openness is felt with anew, where it is.
     let new_scale = |record: &Record<R>| {

@@ -70,7 +70,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         Timed::of(|busy| {
             self.frame += 1;
             busy.measure(|| self.carry_along(seen));
-            openness::renew(&mut self.records, seen, illumination, (&Alone, busy));
+            openness::renew(&mut self.records, seen, illumination, &Alone, busy);
             self.parts.update = Some(self.update_by(changes));
 
             // Records of other ranks cannot be lit again: when the light has changed they are of no use.
@@ -108,7 +108,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             // Records that the part's pixels use are brought up to date.
             let carried: Vec<bool> = self.records.iter().map(|record| record.carried).collect();
             let update = self.parts.update.take().expect("the frame was begun");
-            let computed = self.bring_up_to_date(&needed, &update, illumination, (request.ranks, busy));
+            let computed = self.bring_up_to_date(&needed, &update, illumination, &picture);
             self.parts.update = Some(update);
 
             let mut lit = self.part_lit(&picture, tiles, &carried, illumination);

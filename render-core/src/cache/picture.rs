@@ -134,11 +134,11 @@ impl<'a> SurfacePicture<'a> {
         let rows = y.saturating_sub(reach)..height.min(y + reach + 1);
         rows.into_iter().any(|v| {
             let mut columns = x.saturating_sub(reach)..width.min(x + reach + 1);
-            columns.any(|u| self.shows_at((u, v), site, apart))
+            columns.any(|u| self.shows_at(u, v, site, apart))
         })
     }
 
-    fn shows_at(&self, (x, y): (usize, usize), site: &Site, apart: f32) -> bool {
+    fn shows_at(&self, x: usize, y: usize, site: &Site, apart: f32) -> bool {
         let shown = self.request.surface(x, y);
         shown.is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
     }

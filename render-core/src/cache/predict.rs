@@ -125,7 +125,7 @@ pub(super) fn predictions<R: Send + Sync>(
 ) -> Vec<Predicted> {
     let known = picture.known;
     let fresh = known.fresh(&tiles.listed, records);
-    let no_neighbors = || Neighbors { met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };
+    let no_neighbors = || Neighbors { picture, tiles, met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };
     let predict = |neighbors: &mut Neighbors, item: usize| {
         let place = places[item];
         let record = &records[tiles.listed[place] as usize];
@@ -133,7 +133,7 @@ pub(super) fn predictions<R: Send + Sync>(
         let mut fit = Fit::new(record, radius, &picture.seen.view);
         match known.of(record, radius, &fresh) {
             Some(before) => fit.go_on(&before, records),
-            None => neighbors.teach(&mut fit, place, picture, (tiles, records)),
+            None => neighbors.teach(&mut fit, place, records),
         }
         fit.solve()
     };
@@ -141,25 +141,21 @@ pub(super) fn predictions<R: Send + Sync>(
     picture.busy.take(share_each(picture.ranks(), &turns, CHUNK, no_neighbors, predict))
 }
 
-/// Working memory of a thread that looks for neighbors of records.
-struct Neighbors {
+/// A thread's search for neighbors of records, and its working memory.
+struct Neighbors<'a> {
+    picture: &'a SurfacePicture<'a>,
+    tiles: &'a Tiles,
     /// By place in the list, the last record that was found to be its neighbor, by place as well.
     met_by: Vec<u32>,
     /// Candidates of a tile near a record.
     near: Vec<u32>,
 }
 
-impl Neighbors {
+impl Neighbors<'_> {
     /// Adds to a `fit` the neighbors of the record at `place` in the list.
-    fn teach<R>(
-        &mut self,
-        fit: &mut Fit<R>,
-        place: usize,
-        picture: &SurfacePicture,
-        (tiles, records): (&Tiles, &[Record<R>]),
-    ) {
-        let site = &fit.record.site;
-        for tile in tiles_around(picture, tiles, site) {
+    fn teach<R>(&mut self, fit: &mut Fit<R>, place: usize, records: &[Record<R>]) {
+        let (tiles, site) = (self.tiles, &fit.record.site);
+        for tile in tiles_around(self.picture, tiles, site) {
             tile.candidates_near(tiles.lanes, site.position, fit.reach(), &mut self.near);
             for &candidate in &self.near {
                 // Each once, though most are listed by more than one tile.

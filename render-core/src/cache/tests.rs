@@ -276,7 +276,7 @@ fn openness_follows_the_picture() {
         Vec3::new(0.0, 5.0, 0.0),
     );
     seen.view = View::new(above, Projection::Orthographic { ymag: 0.5 }, SIDE, SIDE);
-    openness::renew(&mut cache.records, &seen, &Groove { openness: 0.7 }, (&Alone, &Busy::default()));
+    openness::renew(&mut cache.records, &seen, &Groove { openness: 0.7 }, &Alone, &Busy::default());
     assert!(openness(&cache).iter().all(|&o| o == 0.7));
     assert!(cache.records.iter().filter(|r| r.site.position.y == 0.0).all(|r| r.site.openness == 1.0));
 }

@@ -107,7 +107,7 @@ impl Finder<'_> {
         [self.map.texels.width(), self.map.texels.height()]
     }
 
-    fn luminance(&self, (x, y): (usize, usize)) -> f32 {
+    fn luminance(&self, x: usize, y: usize) -> f32 {
         luminance(self.map.texels.get(x, y)) * self.map.intensity
     }
 
@@ -115,13 +115,13 @@ impl Finder<'_> {
         // Those that are no candidates are left out at once: an image has millions.
         let [width, height] = self.size();
         let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        all.filter(|&texel| self.luminance(texel) >= BRIGHT * self.mean).collect()
+        all.filter(|&(x, y)| self.luminance(x, y) >= BRIGHT * self.mean).collect()
     }
 
     /// The spots among `texels` of at least this luminance that are small and bright enough; wide ones are looked through again
     /// for what is twice as bright.
     fn spots(&self, texels: &Texels, least: f32, doublings: u32) -> Vec<Spot> {
-        let mut left: Texels = texels.iter().copied().filter(|&texel| self.luminance(texel) >= least).collect();
+        let mut left: Texels = texels.iter().copied().filter(|&(x, y)| self.luminance(x, y) >= least).collect();
         let mut spots = Vec::new();
         while let Some(&first) = left.first() {
             let spot = self.connected(first, &mut left);
@@ -142,15 +142,15 @@ impl Finder<'_> {
     fn connected(&self, first: (usize, usize), left: &mut Texels) -> Texels {
         let (mut spot, mut next) = (Texels::new(), vec![first]);
         left.remove(&first);
-        while let Some(texel) = next.pop() {
-            spot.insert(texel);
-            next.extend(self.neighbors(texel).into_iter().filter(|neighbor| left.remove(neighbor)));
+        while let Some((x, y)) = next.pop() {
+            spot.insert((x, y));
+            next.extend(self.neighbors(x, y).into_iter().filter(|neighbor| left.remove(neighbor)));
         }
         spot
     }
 
     /// The eight texels around; columns continue around, rows end at the poles.
-    fn neighbors(&self, (x, y): (usize, usize)) -> Vec<(usize, usize)> {
+    fn neighbors(&self, x: usize, y: usize) -> Vec<(usize, usize)> {
         let [width, height] = self.size();
         let mut neighbors = Vec::new();
         for row in y.saturating_sub(1)..(y + 2).min(height) {
@@ -163,14 +163,14 @@ impl Finder<'_> {
 
     /// Mean of the texels around a spot.
     fn around(&self, spot: &Texels) -> Vec3 {
-        let near: Texels = spot.iter().flat_map(|&texel| self.neighbors(texel)).collect();
+        let near: Texels = spot.iter().flat_map(|&(x, y)| self.neighbors(x, y)).collect();
         let ring: Vec<Vec3> = near.difference(spot).map(|&(x, y)| self.map.texels.get(x, y)).collect();
         ring.iter().sum::<Vec3>() / ring.len().max(1) as f32
     }
 
     /// Share of the sky's light.
     fn share(&self, spot: &Texels) -> f32 {
-        let flux: f32 = spot.iter().map(|&texel| self.luminance(texel) * cell_solid_angle(self.size(), texel.1)).sum();
+        let flux: f32 = spot.iter().map(|&(x, y)| self.luminance(x, y) * cell_solid_angle(self.size(), y)).sum();
         flux / (self.mean * 4.0 * std::f32::consts::PI)
     }
 

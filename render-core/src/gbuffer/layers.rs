@@ -102,8 +102,8 @@ impl View {
 }
 
 /// The layer that represents the pixel at (x, y).
-pub(super) fn center(layers: &[Layer], (x, y): (usize, usize), sample: PixelSample) -> Option<Hit> {
-    let threshold = threshold((x, y), sample.offset);
+pub(super) fn center(layers: &[Layer], x: usize, y: usize, sample: PixelSample) -> Option<Hit> {
+    let threshold = threshold(x, y, sample.offset);
     let mut sum = 0.0;
     for layer in layers {
         sum += layer.share;
@@ -116,7 +116,7 @@ pub(super) fn center(layers: &[Layer], (x, y): (usize, usize), sample: PixelSamp
 }
 
 /// τ, 0…1; samples of a pixel have others.
-fn threshold((x, y): (usize, usize), offset: Vec2) -> f32 {
+fn threshold(x: usize, y: usize, offset: Vec2) -> f32 {
     let rank = (LATTICE[0] * x + LATTICE[1] * y) % RANKS;
     ((rank as f32 + 0.5) / RANKS as f32 + offset.x + 0.5).fract()
 }
@@ -134,7 +134,7 @@ mod tests {
     /// all.
     #[test]
     fn thresholds_are_even() {
-        let of = |x, y| threshold((x, y), PixelSample::WHOLE.offset);
+        let of = |x, y| threshold(x, y, PixelSample::WHOLE.offset);
         for stride in [1, 2, 4, 8] {
             let mut row: Vec<f32> = (0..RANKS).map(|i| of(3 + i * stride, 5)).collect();
             row.sort_by(f32::total_cmp);
@@ -157,7 +157,7 @@ mod tests {
         let layers = [(hit(0), 0.25), (hit(1), 0.125), (None, 0.625)].map(|(hit, share)| Layer { hit, share });
         let mut counts = [0; 3];
         for x in 0..RANKS {
-            let shown = center(&layers, (x, 7), PixelSample::WHOLE);
+            let shown = center(&layers, x, 7, PixelSample::WHOLE);
             counts[shown.map_or(2, |hit| hit.instance as usize)] += 1;
         }
         assert_eq!(counts, [24, 12, 61]);

@@ -41,16 +41,19 @@ impl CameraRay {
             return beside.or(Some((hit, surface)));
         }
         // From the same origin: a front that lies as far as the back is met too.
-        let hit = self.cut(distances, scene.accelerator.closest_shown(origin, direction), |origin| {
+        let (near, far) = distances;
+        let hit = self.cut(near, far, scene.accelerator.closest_shown(origin, direction), |origin| {
             scene.accelerator.closest_shown(origin, direction)
         })?;
         Some((hit, scene.surfaces.point(&hit, direction, width(&hit))))
     }
 
-    /// The first hit between these distances along the ray \[m\], where `hit` is the first of all; `closest` finds others.
+    /// The first hit between the distances `near` and `far` along the ray \[m\], where `hit` is the first of all; `closest` finds
+    /// others.
     pub(crate) fn cut(
         self,
-        (near, far): (f32, f32),
+        near: f32,
+        far: f32,
         hit: Option<Hit>,
         closest: impl Fn(Vec3A) -> Option<Hit>,
     ) -> Option<Hit> {

@@ -54,16 +54,11 @@ const GROUPS: u32 = 16;
 const TILE: usize = 16;
 
 impl PathTracer<'_> {
-    /// Renders `view` on `width × height` pixels. The result is the same for any number of threads.
+    /// Renders all pixels of `view`. The result is the same for any number of threads.
     ///
     /// `progress` is called from any thread with the number of finished tiles and that of all tiles.
-    pub fn render(
-        &self,
-        view: &View,
-        (width, height): (usize, usize),
-        options: &PathOptions,
-        progress: impl Fn(usize, usize) + Sync,
-    ) -> PathEstimate {
+    pub fn render(&self, view: &View, options: &PathOptions, progress: impl Fn(usize, usize) + Sync) -> PathEstimate {
+        let (width, height) = (view.size().x as usize, view.size().y as usize);
         let columns = width.div_ceil(TILE);
         let count = columns * height.div_ceil(TILE);
         let done = std::sync::atomic::AtomicUsize::new(0);
@@ -74,7 +69,8 @@ impl PathTracer<'_> {
         let tiles: Vec<Vec<[DVec3; 2]>> = (0..count)
             .into_par_iter()
             .map(|tile| {
-                let pixels = area(tile).map(|(x, y)| self.pixel(view, (x, y), y * width + x, options)).collect();
+                let corner = |x, y| Vec2::new(x as f32, y as f32);
+                let pixels = area(tile).map(|(x, y)| self.pixel(view, corner(x, y), y * width + x, options)).collect();
                 progress(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, count);
                 pixels
             })
@@ -90,15 +86,14 @@ impl PathTracer<'_> {
         estimate
     }
 
-    /// Mean and variance of the mean of one pixel.
+    /// Mean and variance of the mean of the pixel with this upper left `corner`; each `index` has other paths.
     ///
     /// ```text
     /// Var ≈ Σ n_k (m_k − m)² / ((K − 1) n)        of K independent groups of n_k samples with means m_k, n samples in all
     /// ```
-    fn pixel(&self, view: &View, (x, y): (usize, usize), index: usize, options: &PathOptions) -> [DVec3; 2] {
+    fn pixel(&self, view: &View, corner: Vec2, index: usize, options: &PathOptions) -> [DVec3; 2] {
         let samples = options.samples.max(1);
         let groups = GROUPS.min(samples);
-        let corner = Vec2::new(x as f32, y as f32);
         let sharp = options.pixel == PixelSampling::Area;
         let group = |k: u32| {
             let first = |k: u32| (u64::from(samples) * u64::from(k) / u64::from(groups)) as u32;

@@ -12,7 +12,7 @@ mod lights;
 mod still;
 
 pub use film::{PathEstimate, PathOptions, PixelSampling};
-pub use still::path_traced;
+pub use still::{Still, path_traced};
 
 use crate::accel::Hit;
 use crate::bsdf::Bsdf;
@@ -128,16 +128,16 @@ impl<'a> PathTracer<'a> {
         for bounce in 0.. {
             let hit = self.scene.accelerator.closest(origin, direction);
             let ray = CameraRay { origin, direction };
-            let distances = view.distances(direction);
+            let (near, far) = view.distances(direction);
             let hit = match drawn {
-                None => ray.cut(distances, hit, |origin| self.scene.accelerator.closest(origin, direction)),
+                None => ray.cut(near, far, hit, |origin| self.scene.accelerator.closest(origin, direction)),
                 Some(_) => hit,
             };
             let met = match drawn {
                 None => hit.and_then(|hit| {
                     let footprint = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
                     let width = |hit: &Hit| if sharp { 0.0 } else { footprint(hit) };
-                    let shown = ray.shown_within(distances, self.scene, hit, width);
+                    let shown = ray.shown_within((near, far), self.scene, hit, width);
                     shown.map(|(hit, point)| (hit, point.surface()))
                 }),
                 Some(_) => hit.map(|hit| (hit, self.scene.surfaces.at(&hit, direction, 0.0))),

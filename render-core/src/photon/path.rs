@@ -154,9 +154,9 @@ impl Walk<'_> {
             let point = Vec2::new(u(0), u(1));
             let (direction, weight) = match coat {
                 // Of photons that survive, u(2) / survival is uniform in 0…1.
-                Some(coat) => {
+                Some((bsdf, normal)) => {
                     let again = |k| hash_unit(self.seed, index, (bounce as u64) << 32 | k);
-                    leave(coat, direction, u(2) / survival, |k| match k {
+                    leave(bsdf, normal, direction, u(2) / survival, |k| match k {
                         0 => point,
                         _ => Vec2::new(again(2 * k), again(2 * k + 1)),
                     })
@@ -196,7 +196,7 @@ impl Walk<'_> {
 /// ```
 /// The luminance of both weights is that of the whole albedo. So photons keep their energy, however long they live; weights of
 /// single directions, F·G₂/G₁ over its mean, would make a few outshine all others.
-fn leave((bsdf, normal): (Bsdf, Vec3A), direction: Vec3A, choice: f32, point: impl Fn(u64) -> Vec2) -> (Vec3, Vec3) {
+fn leave(bsdf: Bsdf, normal: Vec3A, direction: Vec3A, choice: f32, point: impl Fn(u64) -> Vec2) -> (Vec3, Vec3) {
     let normal = Vec3::from(normal);
     let (x, y) = frame(normal);
     let outgoing = Vec3::from_array([x, y, normal].map(|axis| -axis.dot(direction.into())));

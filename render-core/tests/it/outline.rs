@@ -91,7 +91,7 @@ fn the_back_of_a_single_sided_surface_is_not_shown() {
         let tracer = PathTracer::new(PosedScene::new(&accelerator, &surfaces), &emitters, &units);
         for pixel in [PixelSampling::Center, PixelSampling::Area] {
             let options = PathOptions { samples: 4, max_bounces: Some(0), pixel, ..PathOptions::default() };
-            let traced = tracer.render(&view, (8, 8), &options, |_, _| ());
+            let traced = tracer.render(&view, &options, |_, _| ());
             let glow = if expected == 1 { 2.0 } else { 3.0 };
             assert!(traced.mean.samples().iter().all(|&rgb| rgb == [glow; 3]), "{:?}", traced.mean.get(0, 0));
         }

@@ -7,7 +7,7 @@ use render_core::scene::{
     Camera, Gradient, Material, Mesh, Node, Projection, PunctualKind, PunctualLight, Scene, Transform,
 };
 use render_core::{
-    Environment, GBuffer, Geometry, PathEstimate, PathOptions, PixelSampling, PosedScene, Surfaces, path_traced,
+    Environment, GBuffer, Geometry, PathEstimate, PathOptions, PixelSampling, PosedScene, Still, Surfaces, path_traced,
 };
 use std::f32::consts::FRAC_PI_2;
 
@@ -22,7 +22,7 @@ fn film(scene: &mut Scene, position: Vec3, rotation: Quat, projection: Projectio
 }
 
 fn render(scene: &Scene, size: usize, options: PathOptions) -> PathEstimate {
-    path_traced(scene, 0.0, (size, size), &options, |_, _| ())
+    path_traced(scene, Still { time: 0.0, width: size, height: size }, &options, |_, _| ())
 }
 
 fn mean(plane: &Plane<[f32; 3]>) -> Vec3 {

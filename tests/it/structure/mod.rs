@@ -5,6 +5,7 @@ mod layers;
 mod release;
 mod sentences;
 mod signatures;
+mod tuples;
 mod type_names;
 mod words;
 

@@ -11,8 +11,9 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// An axis that holds all `values`, with a little room; by ratio it leaves out what is not positive.
-    pub(super) fn holding(values: impl Iterator<Item = f64>, log: bool, (from, to): (f64, f64)) -> Self {
+    /// An axis drawn between `from` and `to` that holds all `values`, with a little room; by ratio it leaves out what is not
+    /// positive.
+    pub(super) fn holding(values: impl Iterator<Item = f64>, log: bool, from: f64, to: f64) -> Self {
         let known: Vec<f64> = values.filter(|v| v.is_finite() && (!log || *v > 0.0)).collect();
         let low = known.iter().copied().reduce(f64::min).unwrap_or(if log { 0.1 } else { 0.0 });
         let high = known.iter().copied().reduce(f64::max).unwrap_or(1.0);
@@ -109,15 +110,15 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_inside() {
-        let axis = Axis::holding([30.91, 48.66].into_iter(), false, (0.0, 100.0));
+        let axis = Axis::holding([30.91, 48.66].into_iter(), false, 0.0, 100.0);
         let ticks: Vec<String> = axis.ticks().into_iter().map(|(_, text)| text).collect();
         assert_eq!(ticks, ["30", "35", "40", "45"]);
         assert!(axis.ticks().iter().all(|(v, _)| (0.0..=100.0).contains(&axis.place(*v).unwrap())));
-        let axis = Axis::holding([2e-5, 3e-2, 0.0].into_iter(), true, (0.0, 100.0));
+        let axis = Axis::holding([2e-5, 3e-2, 0.0].into_iter(), true, 0.0, 100.0);
         let ticks: Vec<String> = axis.ticks().into_iter().map(|(_, text)| text).collect();
         assert_eq!(ticks, ["10⁻⁴", "0.001", "0.01"]);
         let texts = |low, high| -> Vec<String> {
-            let axis = Axis::holding([low, high].into_iter(), true, (0.0, 100.0));
+            let axis = Axis::holding([low, high].into_iter(), true, 0.0, 100.0);
             axis.ticks().into_iter().map(|(_, text)| text).collect()
         };
         assert_eq!(texts(2.0, 48.0), ["2", "5", "10", "20", "50"]);
@@ -127,7 +128,7 @@ mod tests {
         // No values, one value: still an axis.
         for values in [vec![], vec![5.0], vec![0.0, 0.0]] {
             for log in [false, true] {
-                let axis = Axis::holding(values.clone().into_iter(), log, (0.0, 100.0));
+                let axis = Axis::holding(values.clone().into_iter(), log, 0.0, 100.0);
                 assert!(axis.ticks().len() < 20 && axis.place(1.0).is_some_and(f64::is_finite));
             }
         }

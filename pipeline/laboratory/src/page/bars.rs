@@ -1,8 +1,8 @@
 //! Columns that are made of parts.
 
 use super::axis::Axis;
-use super::line_plot::{AREA, LegendEntry, SIZE, frame, height_and_bottom, legend};
-use super::svg::{Svg, TextStyle};
+use super::line_plot::{AREA, Labels, LegendEntry, SIZE, frame, height_and_bottom, legend};
+use super::svg::{Rectangle, Svg, TextStyle, at};
 
 /// Of more columns the numbers do not show when they are pointed at: they would take most of a page.
 const MOST_TITLED: usize = 150;
@@ -32,8 +32,9 @@ impl StackedBars {
         let (height, bottom) = height_and_bottom(named);
         let mut svg = Svg::new(SIZE.0, height, &self.title);
         let heights = self.columns.iter().map(|column| column.iter().sum::<f64>());
-        let y = Axis::holding(heights.chain([0.0]), false, (bottom, top));
-        frame(&mut svg, (&self.title, &self.x_label, &self.y_label), (None, &y), bottom);
+        let y = Axis::holding(heights.chain([0.0]), false, bottom, top);
+        let labels = Labels { title: &self.title, x: &self.x_label, y: &self.y_label };
+        frame(&mut svg, labels, None, &y, bottom);
         let width = (right - left) / self.columns.len().max(1) as f64;
         let gap = if width > 8.0 { 0.16 * width } else { 0.0 };
         let every = (self.columns.len() as f64 * 34.0 / (right - left)).ceil().max(1.0) as usize;
@@ -50,12 +51,13 @@ impl StackedBars {
                     } else {
                         String::new()
                     };
-                    svg.bar((x + 0.5 * gap, high), (width - gap, low - high), *color, &about);
+                    let bar = Rectangle { x: x + 0.5 * gap, y: high, width: width - gap, height: low - high };
+                    svg.bar(bar, *color, &about);
                 }
             }
             if i % every == 0 {
                 svg.text(
-                    (x + 0.5 * width, bottom + 18.0),
+                    at(x + 0.5 * width, bottom + 18.0),
                     TextStyle { class: "soft", anchor: "middle", size: 13.0 },
                     &self.names[i],
                 );

@@ -1,7 +1,7 @@
 //! Lines through points.
 
 use super::axis::{Axis, short};
-use super::svg::{Svg, TextStyle};
+use super::svg::{Point, Rectangle, Svg, TextStyle, at};
 
 /// Size of a plot in units that are pixels where a page has room; narrow pages show it at three quarters, where 13 is still readable.
 pub(super) const SIZE: (f64, f64) = (520.0, 360.0);
@@ -60,15 +60,16 @@ impl LinePlot {
         let mut svg = Svg::new(SIZE.0, height, &self.title);
         let (left, right, top) = AREA;
         let values = || self.series.iter().flat_map(|series| &series.points);
-        let x = Axis::holding(values().map(|p| p.0), self.x_log, (left, right));
+        let x = Axis::holding(values().map(|p| p.0), self.x_log, left, right);
         let levels = self.level.iter().map(|(level, _)| *level);
-        let y = Axis::holding(values().map(|p| p.1).chain(levels), self.y_log, (bottom, top));
-        frame(&mut svg, (&self.title, &self.x_label, &self.y_label), (Some(&x), &y), bottom);
+        let y = Axis::holding(values().map(|p| p.1).chain(levels), self.y_log, bottom, top);
+        let labels = Labels { title: &self.title, x: &self.x_label, y: &self.y_label };
+        frame(&mut svg, labels, Some(&x), &y, bottom);
         if let Some((place, name)) = self.level.as_ref().and_then(|(level, name)| Some((y.place(*level)?, name))) {
-            svg.rule((left, place), (right, place), "axis");
-            svg.text((right - 4.0, place - 5.0), TextStyle { class: "soft", anchor: "end", size: 12.0 }, name);
+            svg.rule(at(left, place), at(right, place), "axis");
+            svg.text(at(right - 4.0, place - 5.0), TextStyle { class: "soft", anchor: "end", size: 12.0 }, name);
         }
-        self.series.iter().for_each(|series| self.draw_line(&mut svg, series, (&x, &y)));
+        self.series.iter().for_each(|series| self.draw_line(&mut svg, series, &x, &y));
         let entry = |series: &Series| LegendEntry {
             name: series.name.clone(),
             color: series.color,
@@ -80,10 +81,10 @@ impl LinePlot {
     }
 
     /// Draws a line and its marks: at each point, or at a few where there are many.
-    fn draw_line(&self, svg: &mut Svg, series: &Series, (x, y): (&Axis, &Axis)) {
-        let placed: Vec<(usize, (f64, f64))> =
-            (0..).zip(&series.points).filter_map(|(i, &(a, b))| Some((i, (x.place(a)?, y.place(b)?)))).collect();
-        let line: Vec<(f64, f64)> = placed.iter().map(|&(_, place)| place).collect();
+    fn draw_line(&self, svg: &mut Svg, series: &Series, x: &Axis, y: &Axis) {
+        let placed: Vec<(usize, Point)> =
+            (0..).zip(&series.points).filter_map(|(i, &(a, b))| Some((i, at(x.place(a)?, y.place(b)?)))).collect();
+        let line: Vec<Point> = placed.iter().map(|&(_, place)| place).collect();
         if line.len() > 1 {
             svg.polyline(&line, series.color, series.dashed);
         }
@@ -115,24 +116,30 @@ fn short3(value: f64) -> String {
     short((value * scale).round() / scale)
 }
 
+/// Text around a plot.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Labels<'a> {
+    /// Title above the plot.
+    pub title: &'a str,
+    /// Name and unit below the x axis.
+    pub x: &'a str,
+    /// Name and unit left of the y axis.
+    pub y: &'a str,
+}
+
 /// Title, axes, grid.
-pub(super) fn frame(
-    svg: &mut Svg,
-    (title, x_label, y_label): (&str, &str, &str),
-    (x, y): (Option<&Axis>, &Axis),
-    bottom: f64,
-) {
+pub(super) fn frame(svg: &mut Svg, labels: Labels, x: Option<&Axis>, y: &Axis, bottom: f64) {
     let (left, right, top) = AREA;
-    svg.text((left, 20.0), TextStyle { class: "ink", anchor: "start", size: 15.0 }, title);
+    svg.text(at(left, 20.0), TextStyle { class: "ink", anchor: "start", size: 15.0 }, labels.title);
     for (value, text) in y.ticks() {
         let Some(place) = y.place(value) else { continue };
-        svg.rule((left, place), (right, place), "grid");
-        svg.text((left - 7.0, place + 4.5), TextStyle { class: "soft", anchor: "end", size: 13.0 }, &text);
+        svg.rule(at(left, place), at(right, place), "grid");
+        svg.text(at(left - 7.0, place + 4.5), TextStyle { class: "soft", anchor: "end", size: 13.0 }, &text);
     }
     let mut free = 0.0;
     for (value, text) in x.map(Axis::ticks).unwrap_or_default() {
         let Some(place) = x.and_then(|x| x.place(value)) else { continue };
-        svg.rule((place, bottom), (place, bottom + 4.0), "axis");
+        svg.rule(at(place, bottom), at(place, bottom + 4.0), "axis");
         // No number stands on the one before.
         let room = DIGIT * text.chars().count() as f64;
         if place - 0.5 * room < free {
@@ -140,16 +147,16 @@ pub(super) fn frame(
         }
         free = place + 0.5 * room;
         let (place, anchor) = if free > SIZE.0 { (SIZE.0 - 1.0, "end") } else { (place, "middle") };
-        svg.text((place, bottom + 18.0), TextStyle { class: "soft", anchor, size: 13.0 }, &text);
+        svg.text(at(place, bottom + 18.0), TextStyle { class: "soft", anchor, size: 13.0 }, &text);
     }
-    svg.rule((left, bottom), (right, bottom), "axis");
-    let x_label = x.map_or_else(|| x_label.to_owned(), |x| x.label(x_label));
+    svg.rule(at(left, bottom), at(right, bottom), "axis");
+    let x_label = x.map_or_else(|| labels.x.to_owned(), |x| x.label(labels.x));
     svg.text(
-        (0.5 * (left + right), bottom + 36.0),
+        at(0.5 * (left + right), bottom + 36.0),
         TextStyle { class: "soft", anchor: "middle", size: 13.0 },
         &x_label,
     );
-    svg.text_upward((14.0, 0.5 * (top + bottom)), "soft", 13.0, &y.label(y_label));
+    svg.text_upward(at(14.0, 0.5 * (top + bottom)), "soft", 13.0, &y.label(labels.y));
 }
 
 /// Entries of the legend in a row.
@@ -177,11 +184,14 @@ pub(super) fn legend(svg: &mut Svg, entries: &[LegendEntry], top: f64) {
         let y = top + LEGEND_ROW * (i / columns) as f64;
         match *dashed {
             Some(dashed) => {
-                svg.polyline(&[(x, y - 4.0), (x + 22.0, y - 4.0)], *color, dashed);
-                svg.point((x + 11.0, y - 4.0), *color, !dashed, "");
+                svg.polyline(&[at(x, y - 4.0), at(x + 22.0, y - 4.0)], *color, dashed);
+                svg.point(at(x + 11.0, y - 4.0), *color, !dashed, "");
             }
-            None => svg.bar((x + 6.0, y - 10.0), (12.0, 12.0), *color, ""),
+            None => {
+                let square = Rectangle { x: x + 6.0, y: y - 10.0, width: 12.0, height: 12.0 };
+                svg.bar(square, *color, "");
+            }
         }
-        svg.text((x + 28.0, y), TextStyle { class: "entry", anchor: "start", size: 13.0 }, name);
+        svg.text(at(x + 28.0, y), TextStyle { class: "entry", anchor: "start", size: 13.0 }, name);
     }
 }

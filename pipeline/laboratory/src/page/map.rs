@@ -1,6 +1,6 @@
 //! A map of where people look, macroblock by macroblock, over a film.
 
-use super::svg::{Svg, TextStyle};
+use super::svg::{Rectangle, Svg, TextStyle, at};
 use plane::Plane;
 use std::sync::Mutex;
 
@@ -31,17 +31,21 @@ impl ImportanceSum {
         let scale = WIDTH / width.max(1) as f64;
         let title = "Where people look: mean importance";
         let mut svg = Svg::new(WIDTH, ABOVE + scale * height as f64, title);
-        svg.text((0.0, 20.0), TextStyle { class: "ink", anchor: "start", size: 16.0 }, title);
+        svg.text(at(0.0, 20.0), TextStyle { class: "ink", anchor: "start", size: 16.0 }, title);
         for top in (0..height).step_by(SQUARE) {
             for left in (0..width).step_by(SQUARE) {
                 let (right, bottom) = (width.min(left + SQUARE), height.min(top + SQUARE));
                 let whole: f32 = (top..bottom).map(|y| sum.row(y)[left..right].iter().sum::<f32>()).sum();
                 let mean = whole / (((right - left) * (bottom - top)) as f32 * *frames as f32);
                 let gray = (255.0 * mean.clamp(0.0, 1.0)).round() as u8;
-                let corner = (scale * left as f64, ABOVE + scale * top as f64);
-                let size = (scale * (right - left) as f64, scale * (bottom - top) as f64);
+                let square = Rectangle {
+                    x: scale * left as f64,
+                    y: ABOVE + scale * top as f64,
+                    width: scale * (right - left) as f64,
+                    height: scale * (bottom - top) as f64,
+                };
                 let about = format!("pixels from {left}, {top}: {mean:.2}");
-                svg.gray(corner, size, gray, &about);
+                svg.gray(square, gray, &about);
             }
         }
         Some(svg)

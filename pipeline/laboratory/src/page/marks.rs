@@ -64,8 +64,8 @@ const SHAPES: [&[(f64, f64)]; COLORS] = [
     &[(0.0, -1.3), (0.8, -0.3), (0.8, 1.1), (-0.8, 1.1), (-0.8, -0.3)],
 ];
 
-/// The outline of mark `number` at a place, as SVG has it; numbers beyond the last begin anew.
-pub(super) fn outline(number: usize, (x, y): (f64, f64), radius: f64) -> String {
+/// The outline of mark `number` at (x, y), as SVG has it; numbers beyond the last begin anew.
+pub(super) fn outline(number: usize, x: f64, y: f64, radius: f64) -> String {
     let mut path = String::new();
     for (i, (dx, dy)) in SHAPES[number % SHAPES.len()].iter().enumerate() {
         let step = if i == 0 { 'M' } else { 'L' };
@@ -83,7 +83,7 @@ mod tests {
     fn no_two_colors_have_one_mark() {
         for a in 0..COLORS {
             for b in 0..a {
-                assert_ne!(outline(a, (0.0, 0.0), 4.0), outline(b, (0.0, 0.0), 4.0), "{a} and {b}");
+                assert_ne!(outline(a, 0.0, 0.0, 4.0), outline(b, 0.0, 0.0, 4.0), "{a} and {b}");
             }
         }
     }

@@ -12,6 +12,27 @@ pub struct Svg {
     body: String,
 }
 
+/// A point of a drawing; y goes down.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Point {
+    pub x: f64,
+    pub y: f64,
+}
+
+/// The point (x, y).
+pub(super) fn at(x: f64, y: f64) -> Point {
+    Point { x, y }
+}
+
+/// A rectangle of a drawing, from its upper left corner.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rectangle {
+    pub x: f64,
+    pub y: f64,
+    pub width: f64,
+    pub height: f64,
+}
+
 /// How text stands on a drawing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TextStyle {
@@ -49,15 +70,16 @@ impl Svg {
     }
 
     /// A straight line of a class that says its color.
-    pub(super) fn rule(&mut self, (x1, y1): (f64, f64), (x2, y2): (f64, f64), class: &str) {
+    pub(super) fn rule(&mut self, from: Point, to: Point, class: &str) {
         self.draw(format_args!(
-            r#"<line class="{class}" x1="{x1:.1}" y1="{y1:.1}" x2="{x2:.1}" y2="{y2:.1}" stroke-width="1"/>"#
+            r#"<line class="{class}" x1="{:.1}" y1="{:.1}" x2="{:.1}" y2="{:.1}" stroke-width="1"/>"#,
+            from.x, from.y, to.x, to.y
         ));
     }
 
     /// A line through points, in a color of the palette.
-    pub(super) fn polyline(&mut self, points: &[(f64, f64)], color: usize, dashed: bool) {
-        let list: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+    pub(super) fn polyline(&mut self, points: &[Point], color: usize, dashed: bool) {
+        let list: Vec<String> = points.iter().map(|Point { x, y }| format!("{x:.1},{y:.1}")).collect();
         let dash = if dashed { r#" stroke-dasharray="5 4""# } else { "" };
         let (list, color) = (list.join(" "), palette::stroke_class(color));
         self.draw(format_args!(
@@ -66,42 +88,43 @@ impl Svg {
     }
 
     /// The mark of a color, filled or hollow; `about` shows when it is pointed at.
-    pub(super) fn point(&mut self, place: (f64, f64), color: usize, filled: bool, about: &str) {
+    pub(super) fn point(&mut self, place: Point, color: usize, filled: bool, about: &str) {
         let fill = if filled { palette::fill_class(color) } else { "hollow".into() };
-        let (about, outline, stroke) = (titled(about), marks::outline(color, place, 4.2), palette::stroke_class(color));
+        let outline = marks::outline(color, place.x, place.y, 4.2);
+        let (about, stroke) = (titled(about), palette::stroke_class(color));
         self.draw(format_args!(r#"<path class="{stroke} {fill}" d="{outline}" stroke-width="1.5">{about}</path>"#));
     }
 
     /// A cross where a point does not count; `about` shows when it is pointed at.
-    pub(super) fn cross(&mut self, (x, y): (f64, f64), color: usize, about: &str) {
+    pub(super) fn cross(&mut self, place: Point, color: usize, about: &str) {
         let (about, stroke, r) = (titled(about), palette::stroke_class(color), 4.2);
-        let (left, right, top, bottom) = (x - r, x + r, y - r, y + r);
+        let (left, right, top, bottom) = (place.x - r, place.x + r, place.y - r, place.y + r);
         self.draw(format_args!(
             r#"<path class="{stroke}" d="M{left:.1} {top:.1}L{right:.1} {bottom:.1}M{left:.1} {bottom:.1}L{right:.1} {top:.1}" fill="none" stroke-width="2">{about}</path>"#
         ));
     }
 
     /// A rectangle filled with a color of the palette; `about` shows when it is pointed at.
-    pub(super) fn bar(&mut self, corner: (f64, f64), size: (f64, f64), color: usize, about: &str) {
+    pub(super) fn bar(&mut self, bar: Rectangle, color: usize, about: &str) {
         let class = palette::fill_class(color);
-        self.rectangle(corner, size, &format!(r#"class="{class}""#), about);
+        self.rectangle(bar, &format!(r#"class="{class}""#), about);
     }
 
     /// A square of a map, with its own gray, 0 to 255.
-    pub(super) fn gray(&mut self, corner: (f64, f64), size: (f64, f64), gray: u8, about: &str) {
-        self.rectangle(corner, size, &format!(r##"fill="#{gray:02x}{gray:02x}{gray:02x}""##), about);
+    pub(super) fn gray(&mut self, square: Rectangle, gray: u8, about: &str) {
+        self.rectangle(square, &format!(r##"fill="#{gray:02x}{gray:02x}{gray:02x}""##), about);
     }
 
-    fn rectangle(&mut self, (x, y): (f64, f64), (width, height): (f64, f64), fill: &str, about: &str) {
-        let about = titled(about);
+    fn rectangle(&mut self, rectangle: Rectangle, fill: &str, about: &str) {
+        let (Rectangle { x, y, width, height }, about) = (rectangle, titled(about));
         self.draw(format_args!(
             r#"<rect {fill} x="{x:.2}" y="{y:.2}" width="{width:.2}" height="{height:.2}">{about}</rect>"#
         ));
     }
 
     /// Text from left to right.
-    pub(super) fn text(&mut self, (x, y): (f64, f64), style: TextStyle, text: &str) {
-        let TextStyle { class, anchor, size } = style;
+    pub(super) fn text(&mut self, place: Point, style: TextStyle, text: &str) {
+        let (Point { x, y }, TextStyle { class, anchor, size }) = (place, style);
         let text = escaped(text);
         self.draw(format_args!(
             r#"<text class="{class}" x="{x:.1}" y="{y:.1}" font-size="{size}" text-anchor="{anchor}">{text}</text>"#
@@ -109,8 +132,8 @@ impl Svg {
     }
 
     /// Text that runs upward.
-    pub(super) fn text_upward(&mut self, (x, y): (f64, f64), class: &str, size: f64, text: &str) {
-        let text = escaped(text);
+    pub(super) fn text_upward(&mut self, place: Point, class: &str, size: f64, text: &str) {
+        let (Point { x, y }, text) = (place, escaped(text));
         self.draw(format_args!(
             r#"<text class="{class} up" transform="translate({x:.1} {y:.1}) rotate(-90)" font-size="{size}" text-anchor="middle">{text}</text>"#
         ));

@@ -45,7 +45,7 @@ enum Letter {
 
 impl Post {
     /// Starts the thread, with a communicator of its own. All ranks are to do so at the same place in the order of communicators.
-    pub fn open((rank, count): (usize, usize)) -> Result<Self> {
+    pub fn open(rank: usize, count: usize) -> Result<Self> {
         let (letters_out, letters_in) = unbounded();
         let (ready_out, ready_in) = bounded(1);
         let inbox = Arc::new(Inbox::new(count - 1));

@@ -45,9 +45,9 @@ impl Processes {
         end_all_at_panic(rank);
 
         // One after the other: all ranks make their communicators in the same order.
-        let prepare = Process::served("ranks of prepare", (rank, count))?;
-        let shade = Process::served("ranks of shade", (rank, count))?;
-        let post = Arc::new(Post::open((rank, count))?);
+        let prepare = Process::served("ranks of prepare", rank, count)?;
+        let shade = Process::served("ranks of shade", rank, count)?;
+        let post = Arc::new(Post::open(rank, count)?);
         let team = Team { prepare: Arc::new(prepare), shade: Arc::new(shade), mail: post.clone() };
         Ok(Self { team, post, _universe: universe })
     }
@@ -121,7 +121,7 @@ struct Ends {
 
 impl Process {
     /// Starts a thread with a communicator of its own.
-    fn served(name: &str, (rank, count): (usize, usize)) -> Result<Self> {
+    fn served(name: &str, rank: usize, count: usize) -> Result<Self> {
         let (operations_out, operations_in) = bounded::<Operation>(1);
         let (results_out, results_in) = bounded(1);
         let serve = move || {

@@ -3,7 +3,7 @@
 use super::inside::Places;
 use super::light::TexelLight;
 use crate::coat_fields::{CoatField, CoatFields};
-use crate::{BAKED_ROUGHNESS, TexelCoat};
+use crate::{BAKED_ROUGHNESS, KnownScene, TexelCoat};
 use glam::Vec3;
 use lightfield::{Field, LogScale, NearLossless, OctahedralMap, Samples, TILE_SIDE, TexelTiles, map_side};
 use lighttree::Scratch;
@@ -117,7 +117,8 @@ impl CoatBake<'_> {
     fn codes(&self, texel: &CoatTexel, map: OctahedralMap, scale: LogScale, scratch: &mut Scratch) -> Vec<u16> {
         let CoatTexel { surface, point, .. } = texel;
         let known = |hit: &Hit, surface: &Surface| self.irradiance(hit, surface);
-        let coat = TexelCoat::trace((self.places.frame, &known), (*point, surface), map.len(), scratch);
+        let scene = KnownScene { frame: self.places.frame, known: &known };
+        let coat = TexelCoat::trace(scene, *point, surface, map.len(), scratch);
         let below = coat.as_ref().map_or(Vec3::ZERO, TexelCoat::mean_of_all);
         let mut codes = Vec::with_capacity(3 * map.len());
         for direction in 0..map.len() {

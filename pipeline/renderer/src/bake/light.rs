@@ -66,6 +66,19 @@ impl TexelLight {
     }
 }
 
+/// Irradiance of the texels of an atlas \[W·m⁻²\]; `None` where indirect light is still unknown.
+struct KnownLight {
+    direct: Vec<[f32; 3]>,
+    indirect: Vec<Option<[f32; 3]>>,
+}
+
+/// Memory that a thread reuses from block to block.
+#[derive(Default)]
+struct BlockScratch {
+    walk: Scratch,
+    cuts: Vec<Cut>,
+}
+
 /// Light of a texel after the first pass.
 struct FirstLight {
     texel: usize,
@@ -120,38 +133,38 @@ pub(super) fn light(
             lit
         })
         .collect();
-    let mut direct = vec![[0.0; 3]; atlas.len()];
-    let mut indirect: Vec<Option<[f32; 3]>> = vec![None; atlas.len()];
+    let mut known = KnownLight { direct: vec![[0.0; 3]; atlas.len()], indirect: vec![None; atlas.len()] };
     for lit in first.into_iter().flatten() {
-        (direct[lit.texel], indirect[lit.texel]) = (lit.direct, lit.indirect);
+        (known.direct[lit.texel], known.indirect[lit.texel]) = (lit.direct, lit.indirect);
     }
 
     // The rest, as exact as the light around it requires.
     let rest: Vec<Vec<(usize, [f32; 3])>> = blocks
         .par_iter()
-        .map_init(<(Scratch, Vec<Cut>)>::default, |scratch, block| {
-            let lit = bake.rest(block, (&direct, &indirect), scratch);
+        .map_init(BlockScratch::default, |scratch, block| {
+            let lit = bake.rest(block, &known, scratch);
             tell(block.texels.len());
             lit
         })
         .collect();
     for (texel, light) in rest.into_iter().flatten() {
-        indirect[texel] = Some(light);
+        known.indirect[texel] = Some(light);
     }
 
     // Texels unlike their surroundings, over more of their area.
     let finer: Vec<Vec<TwoLights>> = blocks
         .par_iter()
-        .map_init(<(Scratch, Vec<Cut>)>::default, |scratch, block| {
-            let lit = bake.finer(block, places, (&direct, &indirect), scratch);
+        .map_init(BlockScratch::default, |scratch, block| {
+            let lit = bake.finer(block, places, &known, scratch);
             tell(block.texels.len());
             lit
         })
         .collect();
     for lit in finer.into_iter().flatten() {
-        (direct[lit.texel], indirect[lit.texel]) = (lit.direct.to_array(), Some(lit.indirect.to_array()));
+        (known.direct[lit.texel], known.indirect[lit.texel]) = (lit.direct.to_array(), Some(lit.indirect.to_array()));
     }
     let filled = points.iter().filter(|point| point.is_none()).count();
+    let KnownLight { mut direct, mut indirect } = known;
     fill(atlas, points, &mut direct, &mut indirect);
     TexelLight { direct, indirect: indirect.into_iter().map(Option::unwrap_or_default).collect(), filled }
 }
@@ -184,12 +197,8 @@ impl TexelBaker<'_> {
     }
 
     /// Indirect light of a block's texels that have none yet.
-    fn rest(
-        &self,
-        block: &TexelBlock,
-        (direct, indirect): (&[[f32; 3]], &[Option<[f32; 3]>]),
-        scratch: &mut (Scratch, Vec<Cut>),
-    ) -> Vec<(usize, [f32; 3])> {
+    fn rest(&self, block: &TexelBlock, known: &KnownLight, scratch: &mut BlockScratch) -> Vec<(usize, [f32; 3])> {
+        let KnownLight { direct, indirect } = known;
         let mut lit = Vec::new();
 
         // Between texels that are known a threshold is; elsewhere texels are lit alone.
@@ -205,7 +214,7 @@ impl TexelBaker<'_> {
                     thresholds.push(TOGETHER * luminance(expected + of_direct));
                     waiting.push(receiver);
                 }
-                None => lit.push((texel, self.alone(&receiver, of_direct, &mut scratch.0).to_array())),
+                None => lit.push((texel, self.alone(&receiver, of_direct, &mut scratch.walk).to_array())),
             }
         }
 
@@ -220,9 +229,10 @@ impl TexelBaker<'_> {
         &self,
         block: &TexelBlock,
         places: &Places,
-        (direct, indirect): (&[[f32; 3]], &[Option<[f32; 3]>]),
-        scratch: &mut (Scratch, Vec<Cut>),
+        known: &KnownLight,
+        scratch: &mut BlockScratch,
     ) -> Vec<TwoLights> {
+        let KnownLight { direct, indirect } = known;
         // Further points of texels unlike those around them, and the light at the point that each was lit at.
         let (mut receivers, mut owners, mut sums) = (Vec::new(), Vec::new(), Vec::new());
         for &texel in &block.texels {
@@ -264,19 +274,15 @@ impl TexelBaker<'_> {
     }
 
     /// Indirect irradiance of at most 64 receivers that are close together, with thresholds known beforehand.
-    fn together(
-        &self,
-        waiting: &[Receiver],
-        thresholds: &[f32],
-        (scratch, cuts): &mut (Scratch, Vec<Cut>),
-    ) -> Vec<Vec3> {
+    fn together(&self, waiting: &[Receiver], thresholds: &[f32], scratch: &mut BlockScratch) -> Vec<Vec3> {
+        let BlockScratch { walk, cuts } = scratch;
         let whites: Vec<Lambert> = waiting.iter().map(|receiver| white(&receiver.point)).collect();
         let positions: Vec<Vec3A> = waiting.iter().map(|receiver| receiver.point.position).collect();
         let sees = |lamp: &Light, _: usize, rays: u64| {
             let points = waiting.iter().map(|receiver| &receiver.point);
             self.visibility.lit_among(lamp, points, &positions, rays)
         };
-        self.frame.tree.lightcuts(Receivers { receivers: &whites, thresholds }, sees, scratch, cuts);
+        self.frame.tree.lightcuts(Receivers { receivers: &whites, thresholds }, sees, walk, cuts);
         let light = |(receiver, cut): (&Receiver, &Cut)| cut.radiance + self.compensation(receiver);
         waiting.iter().zip(&*cuts).map(light).collect()
     }

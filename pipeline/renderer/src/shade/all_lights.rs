@@ -9,7 +9,6 @@ use super::visibility::Visibility;
 use crate::frame::Frame;
 use glam::Vec3;
 use plane::Plane;
-use render_core::Busy;
 use std::cell::Cell;
 
 /// Rays of a final gather. The noise of 64, as films take them, would be a tenth of a reference's error, and the cost of these is
@@ -31,23 +30,22 @@ impl AllLights {
 
 impl Layer for AllLights {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
-        let (busy, counts) = (Busy::default(), Counts::default());
-        let size = (visible.matte.pixels.width(), visible.matte.pixels.height());
+        let (counts, pixels) = (Counts::default(), &visible.matte.pixels);
         let visibility = Visibility::new(visible.frame, GATHER_RAYS);
         let light = PixelLight { visible, visibility, counts: &counts, compensates: self.compensates };
         let radiance = |(x, y): (usize, usize)| {
             let is_wanted = wanted.is_none_or(|wanted| wanted.get(x, y));
-            match is_wanted.then(|| light.pixel((x, y))).flatten() {
+            match is_wanted.then(|| light.pixel(x, y)).flatten() {
                 Some(pixel) => exhaustive(&light, &pixel) + light.compensation(&pixel),
                 None => Vec3::ZERO,
             }
         };
         let block = |(): &mut (), columns, rows| places(columns, rows).map(radiance).collect();
-        let radiance = by_macroblock(visible.ranks, size, &busy, || (), block);
+        let radiance = by_macroblock(visible.ranks, pixels.width(), pixels.height(), || (), block);
         Lit {
-            radiance: Some(radiance),
+            radiance: Some(radiance.value),
             rays: counts.rays(),
-            seconds: busy.seconds(),
+            seconds: radiance.seconds,
             cuts: counts.cuts(),
             ..Lit::default()
         }

@@ -67,7 +67,7 @@ impl MadeCut<'_> {
 }
 
 /// Whether the cut of a pixel is audited in a frame: as many in each macroblock, and in 256 frames all of them equally often.
-pub(super) fn is_pixel_audited((x, y): (usize, usize), width: usize, frame: u32, of_a_macroblock: usize) -> bool {
+pub(super) fn is_pixel_audited(x: usize, y: usize, width: usize, frame: u32, of_a_macroblock: usize) -> bool {
     let block = (y / MACROBLOCK) * width.div_ceil(MACROBLOCK) + x / MACROBLOCK;
     // Odd multipliers run through all 256 places.
     let first = (frame as usize * 151 + block * 89) % 256;
@@ -96,7 +96,7 @@ mod tests {
             let mut audits = vec![0; 32 * 32];
             for n in 0..256 {
                 for (i, audits) in audits.iter_mut().enumerate() {
-                    *audits += usize::from(is_pixel_audited((i % 32, i / 32), 32, n, of_a_macroblock));
+                    *audits += usize::from(is_pixel_audited(i % 32, i / 32, 32, n, of_a_macroblock));
                 }
             }
             assert!(audits.iter().all(|&times| times == of_a_macroblock));

@@ -29,7 +29,7 @@ impl Baked {
 impl Layer for Baked {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
         let pixels = &visible.matte.pixels;
-        let size = (pixels.width(), pixels.height());
+        let (width, height) = (pixels.width(), pixels.height());
         let is_lit = |x, y| pixels.get(x, y).reflects() && wanted.is_none_or(|wanted| wanted.get(x, y));
 
         // Surfaces of the atlas look their light up; for others there is none.
@@ -39,7 +39,7 @@ impl Layer for Baked {
             false => Some([0.0; 3]),
         };
         let block = |(): &mut (), columns, rows| places(columns, rows).map(of_pixel).collect();
-        let looked_up: Plane<Option<[f32; 3]>> = by_macroblock(&Alone, size, &busy, || (), block);
+        let looked_up: Plane<Option<[f32; 3]>> = busy.take(by_macroblock(&Alone, width, height, || (), block));
         let missing = looked_up.map(|light| light.is_none());
 
         // The others are lit as usual. Without a layer for them they stay dark.
@@ -48,7 +48,7 @@ impl Layer for Baked {
             _ => Lit::default(),
         };
         let found = lit.irradiance.take();
-        let irradiance = Plane::from_fn(size.0, size.1, |x, y| {
+        let irradiance = Plane::from_fn(width, height, |x, y| {
             let otherwise = || found.as_ref().map_or([0.0; 3], |found| found.get(x, y));
             looked_up.get(x, y).unwrap_or_else(otherwise)
         });

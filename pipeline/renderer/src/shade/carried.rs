@@ -73,7 +73,7 @@ impl<L: Carriable> Layer for Carried<L> {
             _ => reuse_in_turns(x, y, frame.index),
         };
         let of_pixel =
-            |x, y, irradiance| tolerance.of_irradiance((x, y), matte.pixels.get(x, y).albedo.into(), irradiance);
+            |x, y, irradiance| tolerance.of_irradiance(x, y, matte.pixels.get(x, y).albedo.into(), irradiance);
         let destination = Destination { seen: matte, known, unseen: L::UNSEEN, allowed: self.allowed };
         let carried = busy.take(self.light.carry(destination, reuse, of_pixel));
 

@@ -10,7 +10,7 @@ use crate::frame::Frame;
 use glam::Vec3A;
 use pipeline::error::Result;
 use plane::Plane;
-use render_core::{Busy, DirectLights, PixelSurface, ShadingPoint, Source, Unseen};
+use render_core::{DirectLights, PixelSurface, ShadingPoint, Source, Timed, Unseen};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -29,12 +29,12 @@ pub(super) struct Direct {
 
 impl Layer for Direct {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
-        let (busy, rays) = (Busy::default(), AtomicU64::new(0));
-        let size = (visible.matte.pixels.width(), visible.matte.pixels.height());
-        let irradiance = by_macroblock(
+        let rays = AtomicU64::new(0);
+        let pixels = &visible.matte.pixels;
+        let Timed { value: irradiance, seconds } = by_macroblock(
             visible.ranks,
-            size,
-            &busy,
+            pixels.width(),
+            pixels.height(),
             || (),
             |(), columns, rows| {
                 let (light, cast) = macroblock(visible, wanted, columns, rows);
@@ -42,7 +42,7 @@ impl Layer for Direct {
                 light
             },
         );
-        Lit { rays: rays.into_inner(), seconds: busy.seconds(), ..Lit::of_irradiance(irradiance) }
+        Lit { rays: rays.into_inner(), seconds, ..Lit::of_irradiance(irradiance) }
     }
 
     fn forget(&mut self) {

@@ -54,7 +54,7 @@ impl ImportanceMap {
     }
 
     /// Whether it is one of a picture of this size.
-    pub fn fits(&self, (width, height): (usize, usize)) -> bool {
+    pub fn fits(&self, width: usize, height: usize) -> bool {
         let (importance, samples) = (&self.importance, &self.samples);
         [(importance.width(), importance.height()), (samples.width(), samples.height())] == [(width, height); 2]
     }
@@ -243,7 +243,7 @@ mod tests {
         let gain = map.gain(4.0);
         assert_eq!((gain.get(0, 0), gain.get(3, 0), gain.get(4, 0)), (0.25, 1.0, 4.0));
         assert!(map.gain(1.0).samples().iter().all(|&gain| gain == 1.0));
-        assert!(map.fits((5, 1)) && !map.fits((1, 5)));
+        assert!(map.fits(5, 1) && !map.fits(1, 5));
     }
 
     /// A surface that was not seen before takes the light that was at its place, and moves like its neighbor.

@@ -2,18 +2,18 @@
 
 use plane::Plane;
 use render_core::ranks::{Portable, Ranks, Turn, share_each};
-use render_core::{Busy, MACROBLOCK};
+use render_core::{MACROBLOCK, Timed};
 use std::ops::Range;
 
-/// A picture whose macroblocks are `make(scratch, columns, rows)`, in raster order; adds the work to `busy`. `scratch`
-/// makes memory for a thread. The `ranks` make macroblocks in turns.
+/// A picture whose macroblocks are `make(scratch, columns, rows)`, in raster order. `scratch` makes memory for a thread. The
+/// `ranks` make macroblocks in turns.
 pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
     ranks: &dyn Ranks,
-    (width, height): (usize, usize),
-    busy: &Busy,
+    width: usize,
+    height: usize,
     scratch: impl Fn() -> S + Sync + Send,
     make: impl Fn(&mut S, Range<usize>, Range<usize>) -> Vec<T> + Sync,
-) -> Plane<T> {
+) -> Timed<Plane<T>> {
     let across = width.div_ceil(MACROBLOCK);
     let area = |index: usize| {
         let (left, top) = (index % across * MACROBLOCK, index / across * MACROBLOCK);
@@ -26,15 +26,16 @@ pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
     // Along diagonals: a rank with columns of its own would have all of a dark wall.
     let turn = |index: usize| Turn::InOrder((index % across + index / across) as u32);
     let turns: Vec<Turn> = (0..across * height.div_ceil(MACROBLOCK)).map(turn).collect();
-    let blocks: Vec<Vec<T>> = busy.take(share_each(ranks, &turns, 1, scratch, block));
-    let mut picture = Plane::filled(width, height, T::default());
-    for (index, pixels) in blocks.iter().enumerate() {
-        let (columns, rows) = area(index);
-        for (y, row) in rows.zip(pixels.chunks_exact(columns.len())) {
-            picture.row_mut(y)[columns.clone()].copy_from_slice(row);
+    share_each(ranks, &turns, 1, scratch, block).map(|blocks: Vec<Vec<T>>| {
+        let mut picture = Plane::filled(width, height, T::default());
+        for (index, pixels) in blocks.iter().enumerate() {
+            let (columns, rows) = area(index);
+            for (y, row) in rows.zip(pixels.chunks_exact(columns.len())) {
+                picture.row_mut(y)[columns.clone()].copy_from_slice(row);
+            }
         }
-    }
-    picture
+        picture
+    })
 }
 
 /// The places of a macroblock in raster order.

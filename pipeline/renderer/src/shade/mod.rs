@@ -42,7 +42,7 @@ mod visibility;
 
 pub use audits::Audits;
 #[cfg(feature = "bake")]
-pub(crate) use coats::TexelCoat;
+pub(crate) use coats::{KnownScene, TexelCoat};
 pub use counts::{CutCounts, RecordCounts};
 pub use layer::{Layer, Lit, PartSample, Visible};
 pub use tiles::{Crew, SimulatedFrame, SimulatedRanks};

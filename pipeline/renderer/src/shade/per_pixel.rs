@@ -18,7 +18,6 @@ use crate::settings::Aov;
 use glam::{Vec3, Vec3A};
 use lighttree::{Calibration, Cut, Lambert, Light, Receivers, Scratch, Stop};
 use plane::Plane;
-use render_core::Busy;
 use render_core::ranks::{Portable, Ranks};
 use std::ops::Range;
 
@@ -42,24 +41,23 @@ impl PerPixel {
 
 impl Layer for PerPixel {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
-        let size = (visible.matte.pixels.width(), visible.matte.pixels.height());
+        let (width, height) = (visible.matte.pixels.width(), visible.matte.pixels.height());
         // Sizes are the largest over the samples of a pixel.
         let counts = match &mut self.sizes {
             None => Counts::default(),
             Some(sizes) if visible.sample > 0 => Counts::by_pixel(sizes),
-            Some(_) => Counts::by_pixel(&vec![0; size.0 * size.1]),
+            Some(_) => Counts::by_pixel(&vec![0; width * height]),
         };
-        let busy = Busy::default();
         let visibility = Visibility::new(visible.frame, GATHER_RAYS);
         let light = PixelLight { visible, visibility, counts: &counts, compensates: self.compensates };
         let picture = LitPicture { light, wanted, tolerance };
         let block = || PixelBlock::new(tolerance);
         let make = |block: &mut PixelBlock, columns, rows| block.light(&picture, columns, rows);
-        let radiance = by_macroblock(visible.ranks, size, &busy, block, make);
+        let radiance = by_macroblock(visible.ranks, width, height, block, make);
         let mut lit = Lit {
-            radiance: Some(radiance),
+            radiance: Some(radiance.value),
             rays: counts.rays(),
-            seconds: busy.seconds(),
+            seconds: radiance.seconds,
             cuts: counts.cuts(),
             ..Lit::default()
         };
@@ -111,9 +109,9 @@ struct LitPicture<'a> {
 
 impl LitPicture<'_> {
     /// The surface of a pixel whose light is wanted; none where nothing reflects.
-    fn pixel(&self, (x, y): (usize, usize)) -> Option<MattePixel> {
+    fn pixel(&self, x: usize, y: usize) -> Option<MattePixel> {
         let is_wanted = self.wanted.is_none_or(|wanted| wanted.get(x, y));
-        is_wanted.then(|| self.light.pixel((x, y))).flatten()
+        is_wanted.then(|| self.light.pixel(x, y)).flatten()
     }
 
     /// Counts a cut, and measures its error where its pixel is audited.
@@ -122,7 +120,7 @@ impl LitPicture<'_> {
         let PixelLight { visible, ref visibility, counts, .. } = self.light;
         let width = visible.matte.pixels.width();
         let audits = self.tolerance.audits_per_macroblock();
-        if audits.is_some_and(|audits| is_pixel_audited((x, y), width, visible.frame.index, audits)) {
+        if audits.is_some_and(|audits| is_pixel_audited(x, y, width, visible.frame.index, audits)) {
             let class = self.tolerance.class_at(x, y);
             let made = MadeCut { tree: &visible.frame.tree, class, stop, radiance: cut.radiance };
             made.audit(lambert, |lamp, _| visibility.sees(receiver, lamp), scratch, counts);
@@ -182,10 +180,10 @@ impl PixelBlock {
         self.clear();
 
         // A threshold that is known lets a pixel wait for its neighbors.
-        for place in places(columns, rows) {
-            let Some(pixel) = picture.pixel(place) else { continue };
-            let stop = picture.tolerance.at_pixel(place, picture.light.visible.radiance.get(pixel.x, pixel.y));
-            match picture.tolerance.calibrated(stop, picture.tolerance.class_at(pixel.x, pixel.y)) {
+        for (x, y) in places(columns, rows) {
+            let Some(pixel) = picture.pixel(x, y) else { continue };
+            let stop = picture.tolerance.at_pixel(x, y, picture.light.visible.radiance.get(x, y));
+            match picture.tolerance.calibrated(stop, picture.tolerance.class_at(x, y)) {
                 Stop::Absolute(threshold) => self.wait(pixel, stop, threshold),
                 relative => put(&pixel, self.cut_alone(picture, &pixel, stop, relative)),
             }

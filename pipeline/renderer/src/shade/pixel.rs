@@ -28,7 +28,7 @@ pub(super) struct PixelLight<'a> {
 
 impl PixelLight<'_> {
     /// The surface of a pixel; none where nothing reflects.
-    pub fn pixel(&self, (x, y): (usize, usize)) -> Option<MattePixel> {
+    pub fn pixel(&self, x: usize, y: usize) -> Option<MattePixel> {
         let pixel = self.visible.matte.pixels.get(x, y);
         let albedo = Vec3::from(pixel.albedo);
         if pixel.instance == NOTHING || albedo == Vec3::ZERO {

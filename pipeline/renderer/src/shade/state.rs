@@ -44,11 +44,11 @@ pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame)
 
     // A forged picture has other pixels.
     let pixels = &last.frame.seen.pixels;
-    let (size, count) = ((pixels.width(), pixels.height()), pixels.samples().len());
+    let (width, height, count) = (pixels.width(), pixels.height(), pixels.samples().len());
     let fits = |light: &StoredLight| {
         light.coverage.as_ref().is_none_or(|coverage| coverage.fits(count))
             && light.layers.iter().all(|layers| layers.fits(count))
-            && light.importance.as_ref().is_none_or(|map| map.fits(size))
+            && light.importance.as_ref().is_none_or(|map| map.fits(width, height))
     };
     if !still.iter().all(fits) {
         return Err(Error::Checkpoint(NONSENSE.into()));
@@ -56,7 +56,7 @@ pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame)
     shading.still = still.map(|light| LitFrame::new(&last.frame, light, Reused::default()));
     shading.calibration = calibration;
     if let Some(own) = &mut shading.looking {
-        own.restore(looking, size)?;
+        own.restore(looking, (width, height))?;
     }
     Ok(())
 }

@@ -99,7 +99,7 @@ impl<'a> Tolerance<'a> {
 
     /// Error at which the cut of a pixel ends, if errors of clusters did not add up, given the radiance that is known before.
     #[must_use]
-    pub fn at_pixel(&self, (x, y): (usize, usize), radiance: Vec3) -> Stop {
+    pub fn at_pixel(&self, x: usize, y: usize, radiance: Vec3) -> Stop {
         match self.absolute(x, y) {
             Some(error) => Stop::Absolute(error),
             None => Stop::Relative { fraction: self.share / self.gain(x, y), known_luminance: luminance(radiance) },
@@ -138,7 +138,7 @@ impl<'a> Tolerance<'a> {
 
     /// Error that the luminance of a pixel's irradiance may have \[W·m⁻²\], given that it is `irradiance`.
     #[must_use]
-    pub fn of_irradiance(&self, (x, y): (usize, usize), albedo: Vec3, irradiance: f32) -> f32 {
+    pub fn of_irradiance(&self, x: usize, y: usize, albedo: Vec3, irradiance: f32) -> f32 {
         let reflectance = luminance(albedo).max(LEAST_REFLECTANCE);
         match self.absolute(x, y) {
             Some(error) => error * PI / reflectance,
@@ -232,13 +232,13 @@ mod tests {
         let (thresholds, known) = thresholds();
         let last = LastThresholds::new(1, Some(&thresholds), Some(&known));
         let tolerance = Tolerance::new(last, Thresholds::Codec, SIZE, None);
-        assert_eq!(tolerance.at_pixel((0, 0), Vec3::ONE), Stop::Absolute(0.5));
-        assert_eq!(tolerance.at_pixel((1, 0), Vec3::ONE), Stop::Relative { fraction: 0.02, known_luminance: 1.0 });
+        assert_eq!(tolerance.at_pixel(0, 0, Vec3::ONE), Stop::Absolute(0.5));
+        assert_eq!(tolerance.at_pixel(1, 0, Vec3::ONE), Stop::Relative { fraction: 0.02, known_luminance: 1.0 });
         // A gray of 25 % sends back E · 0.25 / π.
-        assert_eq!(tolerance.of_irradiance((0, 0), Vec3::splat(0.25), 1.0), 0.5 * PI / 0.25);
-        assert_eq!(tolerance.of_irradiance((1, 0), Vec3::splat(0.25), 3.0), 0.06);
+        assert_eq!(tolerance.of_irradiance(0, 0, Vec3::splat(0.25), 1.0), 0.5 * PI / 0.25);
+        assert_eq!(tolerance.of_irradiance(1, 0, Vec3::splat(0.25), 3.0), 0.06);
         let fixed = Tolerance::new(last, Thresholds::Fixed(0.1), SIZE, None);
-        assert_eq!(fixed.at_pixel((0, 0), Vec3::ONE), Stop::Relative { fraction: 0.1, known_luminance: 1.0 });
+        assert_eq!(fixed.at_pixel(0, 0, Vec3::ONE), Stop::Relative { fraction: 0.1, known_luminance: 1.0 });
     }
 
     #[test]
@@ -267,9 +267,9 @@ mod tests {
             for radiance in [0.0, 2.0] {
                 let of = |tolerance: &Tolerance| {
                     [
-                        tolerance.at_pixel((x, 0), Vec3::ONE).threshold_at(radiance),
+                        tolerance.at_pixel(x, 0, Vec3::ONE).threshold_at(radiance),
                         tolerance.over_footprint(pixel()).threshold_at(radiance),
-                        tolerance.of_irradiance((x, 0), albedo, radiance),
+                        tolerance.of_irradiance(x, 0, albedo, radiance),
                     ]
                 };
                 let expected = of(&plain).map(|error| error / gain);

@@ -52,7 +52,7 @@ impl Walls {
                     places.push(k);
                 }
             });
-            let hidden = sight.hidden(spot.place(), &later, grid.height_at(spot.position));
+            let hidden = sight.hidden(spot.position, spot.normal, &later, grid.height_at(spot.position));
             places.into_iter().enumerate().filter(|(i, _)| hidden >> i & 1 == 1).map(|(_, k)| k).collect::<Vec<u32>>()
         };
         let later: Vec<Vec<u32>> = (0..grid.points.len() as u32).into_par_iter().map(later_hidden).collect();
@@ -132,7 +132,7 @@ impl Grid {
         for (point, &(p, _)) in points.iter_mut().zip(parts) {
             *point = self.points[p as usize];
         }
-        sight.hidden(spot.place(), &points[..parts.len()], self.height_at(spot.position))
+        sight.hidden(spot.position, spot.normal, &points[..parts.len()], self.height_at(spot.position))
     }
 
     /// By the list of the nearest point in sight: whoever that sees is seen from here. Rays find that point, and what lies beyond

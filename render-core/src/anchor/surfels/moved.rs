@@ -76,13 +76,14 @@ impl SurfelMap {
         // Which surfels around it are in sight.
         let spot = Spot::of(&movable.points[surfel as usize], false);
         let around: Vec<Anchor> = self.row(surfel).iter().map(|&(k, _)| movable.points[k as usize]).collect();
-        let hidden = sight.hidden(spot.place(), &around, self.grid.height_at(spot.position));
+        let hidden = sight.hidden(spot.position, spot.normal, &around, self.grid.height_at(spot.position));
 
         // Whether the own anchor is; else one that is.
         let mut owner = self.owners[surfel as usize];
         let sees = |anchor: u32| {
             let anchor = &movable.anchors[anchor as usize..=anchor as usize];
-            sight.hidden(spot.place(), anchor, movable.anchor_grid.height_at(spot.position)) == 0
+            let height = movable.anchor_grid.height_at(spot.position);
+            sight.hidden(spot.position, spot.normal, anchor, height) == 0
         };
         if owner.anchor.is_some_and(|anchor| !sees(anchor)) {
             let other = movable.anchor_grid.best(&spot, Some(sight), |_| 1.0);

@@ -32,11 +32,7 @@ impl Lender {
 }
 
 /// The 3×3 pixels around one in raster order; none where the picture ends.
-pub(super) fn around(
-    x: usize,
-    y: usize,
-    (width, height): (usize, usize),
-) -> impl Iterator<Item = Option<(usize, usize)>> {
+pub(super) fn around(x: usize, y: usize, width: usize, height: usize) -> impl Iterator<Item = Option<(usize, usize)>> {
     (0..AROUND).map(move |k| {
         let (u, v) = ((x + k % 3).checked_sub(1)?, (y + k / 3).checked_sub(1)?);
         (u < width && v < height).then_some((u, v))
@@ -79,20 +75,21 @@ impl GBuffer {
     /// hit; if none does, the one that shows it farther away, where that is `known`.
     pub(super) fn nearest_alike(
         &self,
-        (x, y): (usize, usize),
+        x: usize,
+        y: usize,
         seen: &PixelSurface,
         known: Option<Lender>,
     ) -> Option<Lender> {
-        let size = (self.pixels.width(), self.pixels.height());
+        let (width, height) = (self.pixels.width(), self.pixels.height());
         if shows(&self.pixels.row(y)[x], seen) {
-            return Some(Lender::center((y * size.0 + x) as u32));
+            return Some(Lender::center((y * width + x) as u32));
         }
         let mut nearest: Option<(f32, usize)> = None;
-        for (u, v) in around(x, y, size).flatten() {
+        for (u, v) in around(x, y, width, height).flatten() {
             let other = &self.pixels.row(v)[u];
             let apart = other.distance_squared(seen);
             if nearest.is_none_or(|(least, _)| apart < least) && shows(other, seen) {
-                nearest = Some((apart, v * size.0 + u));
+                nearest = Some((apart, v * width + u));
             }
         }
         let center = nearest.map(|(_, index)| Lender::center(index as u32));
@@ -100,9 +97,9 @@ impl GBuffer {
     }
 
     /// How many of the 3×3 centers around a place show what pixel `index` shows.
-    pub(super) fn centers_alike(&self, (x, y): (usize, usize), index: u32) -> usize {
+    pub(super) fn centers_alike(&self, x: usize, y: usize, index: u32) -> usize {
         let seen = self.pixels.samples()[index as usize];
-        let pixels = around(x, y, (self.pixels.width(), self.pixels.height())).flatten();
+        let pixels = around(x, y, self.pixels.width(), self.pixels.height()).flatten();
         pixels.filter(|&(u, v)| shows(&self.pixels.get(u, v), &seen)).count()
     }
 
@@ -110,7 +107,7 @@ impl GBuffer {
     ///
     /// The nearest ring of pixels that shows the surface, or else the nearest that shows one that faces the same way;
     /// of the ring, the pixel nearest in the scene.
-    pub(super) fn lender(&self, (x, y): (usize, usize), seen: &PixelSurface) -> Option<Lender> {
+    pub(super) fn lender(&self, x: usize, y: usize, seen: &PixelSurface) -> Option<Lender> {
         if seen.is_unlit() {
             return None;
         }

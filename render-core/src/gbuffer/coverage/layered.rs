@@ -17,11 +17,11 @@ impl Search<'_> {
     /// Whether an outline runs between two pixels, where one or both show several layers.
     pub(super) fn layers_differ(&self, a: usize, b: usize) -> bool {
         let (first, second) = (self.seen.layers(a), self.seen.layers(b));
-        first.len() != second.len() || first.iter().zip(second).any(|(p, q)| !self.are_alike((a, p), (b, q)))
+        first.len() != second.len() || first.iter().zip(second).any(|(p, q)| !self.are_alike(a, p, b, q))
     }
 
-    /// Whether layers of two pixels show the same surface.
-    fn are_alike(&self, (a, p): (usize, &Layer), (b, q): (usize, &Layer)) -> bool {
+    /// Whether layer p of pixel a and layer q of pixel b show the same surface.
+    fn are_alike(&self, a: usize, p: &Layer, b: usize, q: &Layer) -> bool {
         let (Some(first), Some(second)) = (p.hit, q.hit) else { return p.hit == q.hit };
         if first.instance != second.instance || first.triangle == second.triangle {
             return first.instance == second.instance;
@@ -61,12 +61,12 @@ impl Search<'_> {
 
     /// Light of a surface that shares a ray with others: that of the nearest center that shows it, as far as their colors are
     /// alike. A texture keeps its texels where only every other pixel has found light.
-    pub(super) fn layer_light(&self, place: (usize, usize), surface: &PixelSurface) -> Option<(Lender, Vec3, Vec3)> {
+    pub(super) fn layer_light(&self, x: usize, y: usize, surface: &PixelSurface) -> Option<(Lender, Vec3, Vec3)> {
         let emission = Vec3::from(surface.emission);
         if surface.instance == NOTHING {
             return None;
         }
-        let source = self.seen.nearest_alike(place, surface, None)?;
+        let source = self.seen.nearest_alike(x, y, surface, None)?;
         let lender = &self.seen.pixels.samples()[source.pixel as usize];
         // L = E + t (L(q) − E(q))
         let tint = surface.layer_tint(lender);
@@ -88,7 +88,7 @@ impl Area<'_> {
         let Search { seen, shown, .. } = self.search;
         let width = |depth| seen.view.pixel_width(depth);
         let surface = see(layer.hit, ray, shown.solid(), &width, &seen.view);
-        let light = match self.search.layer_light(self.place, &surface) {
+        let light = match self.search.layer_light(self.x, self.y, &surface) {
             Some((source, tint, emission)) => Some(Shown { part: self.part(source), tint, emission }),
             None => self.borrow(&surface),
         };

@@ -98,11 +98,11 @@ impl Search<'_> {
 
     /// The pixel at (x, y), if another surface is around it that differs in light.
     fn wanted(&self, x: usize, y: usize) -> Option<Wanted> {
-        let (size, pixels) = (self.size(), &self.seen.pixels);
+        let ((width, height), pixels) = (self.size(), &self.seen.pixels);
         let center = &pixels.row(y)[x];
         let light = self.light.get(x, y);
         let mut contrast = 0.0f32;
-        for (u, v) in around(x, y, size).flatten() {
+        for (u, v) in around(x, y, width, height).flatten() {
             let other = &pixels.row(v)[u];
             // Pixels with several layers differ in what their centers are.
             if let Some(differ) = self.layered_apart((x, y), (u, v)) {
@@ -120,7 +120,7 @@ impl Search<'_> {
             contrast = contrast.max((light - beyond).abs().max_element() / brightest);
         }
         let density = RAYS.iter().rev().find(|density| contrast >= density.contrast)?;
-        Some(Wanted { index: (y * size.0 + x) as u32, rays: density.rays, from: None })
+        Some(Wanted { index: (y * width + x) as u32, rays: density.rays, from: None })
     }
 
     /// Whether two pixels show different layers; `None` if neither has several.
@@ -163,7 +163,7 @@ impl Search<'_> {
         for areas in areas.chunks_mut(PACKET / offsets.len()) {
             rays.clear();
             for area in &*areas {
-                let corner = Vec2::new(area.place.0 as f32, area.place.1 as f32);
+                let corner = Vec2::new(area.x as f32, area.y as f32);
                 rays.extend(offsets.iter().map(|&offset| CameraRay::through(corner + offset, view)));
             }
             let hits = first_hits(self.shown.solid(), &rays, view);
@@ -203,7 +203,8 @@ impl Rays {
 pub(super) struct Area<'a> {
     pub search: &'a Search<'a>,
     pixel: Wanted,
-    pub place: (usize, usize),
+    pub x: usize,
+    pub y: usize,
     parts: Vec<RaySum>,
     /// Triangles that rays have shown.
     known: Vec<Known>,
@@ -241,8 +242,8 @@ pub(super) struct Shown {
 
 impl<'a> Area<'a> {
     pub fn new(search: &'a Search<'a>, pixel: Wanted) -> Self {
-        let place = search.place(pixel.index);
-        Self { search, pixel, place, parts: Vec::new(), known: Vec::new(), beside: Vec::new() }
+        let (x, y) = search.place(pixel.index);
+        Self { search, pixel, x, y, parts: Vec::new(), known: Vec::new(), beside: Vec::new() }
     }
 
     /// Whether its rays have shown anything but the surface of its center.
@@ -295,7 +296,7 @@ impl<'a> Area<'a> {
             triangle: hit.triangle,
             ..EMPTY
         });
-        let shown = match seen.nearest_alike(self.place, &surface, self.pixel.from) {
+        let shown = match seen.nearest_alike(self.x, self.y, &surface, self.pixel.from) {
             Some(source) => Some(Shown { part: self.part(source), tint: Vec3::ONE, emission: Vec3::ZERO }),
             None => {
                 let width = |depth| seen.view.pixel_width(depth);
@@ -320,7 +321,7 @@ impl<'a> Area<'a> {
     pub fn borrow(&mut self, surface: &PixelSurface) -> Option<Shown> {
         let seen = self.search.seen;
         let emission = Vec3::from(surface.emission);
-        if let Some(lender) = seen.lender(self.place, surface) {
+        if let Some(lender) = seen.lender(self.x, self.y, surface) {
             let tint = surface.tint(&seen.pixels.samples()[lender.pixel as usize]);
             return Some(Shown { part: self.part(lender), tint, emission });
         }
@@ -335,7 +336,8 @@ impl<'a> Area<'a> {
     pub fn part(&mut self, source: Lender) -> usize {
         let place = self.parts.iter().position(|part| part.source == source);
         place.unwrap_or_else(|| {
-            let is_thin = source.is_borrowed || self.search.seen.centers_alike(self.place, source.pixel) <= THIN;
+            let alike = |pixel| self.search.seen.centers_alike(self.x, self.y, pixel);
+            let is_thin = source.is_borrowed || alike(source.pixel) <= THIN;
             self.parts.push(RaySum { source, is_thin, rays: 0.0, tint: Vec3::ZERO, emission: Vec3::ZERO });
             self.parts.len() - 1
         })
@@ -343,7 +345,7 @@ impl<'a> Area<'a> {
 
     /// Wants the pixels beyond the border that `offset` is near.
     fn follow(&mut self, offset: Vec2, source: Lender) {
-        let ((x, y), (width, height)) = (self.place, self.search.size());
+        let (x, y, (width, height)) = (self.x, self.y, self.search.size());
         let rays = self.pixel.rays;
         let mut want = |x: usize, y: usize| {
             if x >= width || y >= height {

@@ -72,10 +72,9 @@ impl Loader<'_> {
         let weights_of = |node| morphed_places.get(&node).map(|&place| scene.morphed_nodes[place].weights.len());
         let (mut channels, mut lenses, mut lights, mut materials) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (target, sampler) in targets {
-            let keys = Keys { sampler, buffers: source.buffers };
+            let keys = Keys { place: target.to_string(), sampler, buffers: source.buffers };
             match target {
                 Target::Node(index, property) => {
-                    let place = format!("animation of node {index}");
                     let Some(&node) = node_of.get(&index) else { continue };
                     // Copies of a mesh, and nodes that hide it, have its weights.
                     let nodes = match property {
@@ -83,16 +82,15 @@ impl Loader<'_> {
                         _ => vec![node],
                     };
                     for node in nodes {
-                        channels.extend(self.channel(&place, node, (&keys, property), weights_of(node))?);
+                        channels.extend(self.channel(node, &keys, property, weights_of(node))?);
                     }
                 }
                 Target::Visible(index) => {
-                    let place = format!("animation of the visibility of node {index}");
                     for node in node_of.hiding(index) {
-                        channels.extend(self.visibility(&place, node, &keys)?);
+                        channels.extend(self.visibility(node, &keys)?);
                     }
                     for (light, of_file) in node_of.lights_below(index, scene) {
-                        let Some(channel) = self.visibility(&place, scene.punctual_lights[light].node, &keys)? else {
+                        let Some(channel) = self.visibility(scene.punctual_lights[light].node, &keys)? else {
                             continue;
                         };
                         let Some(rest) = source.light(of_file) else { continue };
@@ -102,15 +100,17 @@ impl Loader<'_> {
                 }
                 Target::Hint => {}
                 Target::Material(index, property) => {
-                    materials.extend(self.material_channels((index, property), source, node_of, &keys)?);
+                    let Some(channel) = self.material_channel(index, property, source, &keys)? else { continue };
+                    let copy = copy_for_strokes(&channel, node_of);
+                    materials.push(channel);
+                    materials.extend(copy);
                 }
                 Target::Light(index, property) => {
-                    let place = format!("animation of light {index}");
                     let kind = match property {
                         LightProperty::Color => Property::Translation,
                         _ => Property::MorphTargetWeights,
                     };
-                    let keys = self.channel(&place, 0, (&keys, kind), Some(1))?;
+                    let keys = self.channel(0, &keys, kind, Some(1))?;
                     let (Some(keys), Some(rest)) = (keys, source.light(index)) else { continue };
                     for light in node_of.lights(index) {
                         let keys = Channel { node: scene.punctual_lights[light].node, ..keys.clone() };
@@ -118,8 +118,7 @@ impl Loader<'_> {
                     }
                 }
                 Target::Camera(index, property) => {
-                    let place = format!("animation of camera {index}");
-                    let keys = self.channel(&place, 0, (&keys, Property::MorphTargetWeights), Some(1))?;
+                    let keys = self.channel(0, &keys, Property::MorphTargetWeights, Some(1))?;
                     let Some(keys) = keys else { continue };
                     for camera in node_of.cameras(index) {
                         let keys = Channel { node: scene.cameras[camera].node, ..keys.clone() };
@@ -135,16 +134,15 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// The keys of a property of a material, and of the copy that points and lines have; none where there is no such material.
-    fn material_channels(
+    /// The keys of a property of a material; none where there is no such material.
+    fn material_channel(
         &self,
-        (index, property): (usize, MaterialProperty),
+        index: usize,
+        property: MaterialProperty,
         source: DocumentSource,
-        node_of: &NodeOf,
         keys: &Keys,
-    ) -> Result<Vec<MaterialChannel>, LoadError> {
-        let place = format!("animation of material {index}");
-        let Some(material) = source.document.materials().nth(index) else { return Ok(Vec::new()) };
+    ) -> Result<Option<MaterialChannel>, LoadError> {
+        let Some(material) = source.document.materials().nth(index) else { return Ok(None) };
         // The older model is shown instead of these factors.
         let is_older = material.extension_value(SPECULAR_GLOSSINESS).is_some();
         let is_replaced = matches!(
@@ -157,7 +155,7 @@ impl Loader<'_> {
                 | MaterialProperty::Scale(SlotName::BaseColor | SlotName::MetallicRoughness)
         );
         if is_older && is_replaced {
-            return Ok(Vec::new());
+            return Ok(None);
         }
         let (output, buffers) = (keys.sampler.output(), keys.buffers);
         let numbers: Option<Vec<f32>> = match property.width() {
@@ -167,23 +165,17 @@ impl Loader<'_> {
             _ => buffers.floats::<4>(&output).map(|list| list.concat()),
         };
         let Some(numbers) = numbers else {
-            return self.bad(format!("{place} needs keys of {} numbers each", property.width()));
+            return self.bad(format!("{} needs keys of {} numbers each", keys.place, property.width()));
         };
-        let keys = self.timed(&place, (0, keys), Track::Weights(numbers), property.width())?;
-        let rest = materials::factors(&material);
-        let mut channels = vec![MaterialChannel { material: index, property, rest, keys: keys.clone() }];
-        if let Some(&copy) = node_of.unlit.get(&index) {
-            let rest = MaterialFactors { shows_sum: true, ..rest };
-            channels.push(MaterialChannel { material: copy, property, rest, keys });
-        }
-        Ok(channels)
+        let keys = self.timed(0, keys, Track::Weights(numbers), property.width())?;
+        Ok(Some(MaterialChannel { material: index, property, rest: materials::factors(&material), keys }))
     }
 
     /// The visibility of a node as the scale of one that hides it: 1 or 0, until the next key.
-    fn visibility(&self, place: &str, node: usize, keys: &Keys) -> Result<Option<Channel>, LoadError> {
-        let output = keys.sampler.output();
+    fn visibility(&self, node: usize, keys: &Keys) -> Result<Option<Channel>, LoadError> {
+        let Keys { place, sampler, buffers } = keys;
         // "The output accessor of a boolean property is of unsigned bytes": zero is false.
-        let (times, values) = (keys.buffers.floats::<1>(&keys.sampler.input()), keys.buffers.floats::<1>(&output));
+        let (times, values) = (buffers.floats::<1>(&sampler.input()), buffers.floats::<1>(&sampler.output()));
         let (Some(times), Some(values)) = (times, values) else {
             return self.bad(format!("{place} has no keys"));
         };
@@ -199,12 +191,12 @@ impl Loader<'_> {
     /// A track of keys for a node with so many `weights`; `None` for weights of a node that has nothing to morph.
     fn channel(
         &self,
-        place: &str,
         node: usize,
-        (keys, property): (&Keys, Property),
+        keys: &Keys,
+        property: Property,
         weights: Option<usize>,
     ) -> Result<Option<Channel>, LoadError> {
-        let Keys { sampler, buffers } = keys;
+        let Keys { place, sampler, buffers } = keys;
         let output = sampler.output();
         let vectors = || buffers.floats::<3>(&output).map(|keys| keys.into_iter().map(Vec3::from).collect());
         let track = match property {
@@ -225,18 +217,12 @@ impl Loader<'_> {
             },
             _ => 1,
         };
-        self.timed(place, (node, keys), track, width).map(Some)
+        self.timed(node, keys, track, width).map(Some)
     }
 
     /// A track with the times of its keys, checked; each key has `width` weights.
-    fn timed(
-        &self,
-        place: &str,
-        (node, keys): (usize, &Keys),
-        track: Track,
-        width: usize,
-    ) -> Result<Channel, LoadError> {
-        let Keys { sampler, buffers } = keys;
+    fn timed(&self, node: usize, keys: &Keys, track: Track, width: usize) -> Result<Channel, LoadError> {
+        let Keys { place, sampler, buffers } = keys;
         let interpolation = match sampler.interpolation() {
             gltf::animation::Interpolation::Step => Interpolation::Step,
             gltf::animation::Interpolation::Linear => Interpolation::Linear,
@@ -277,8 +263,17 @@ impl DocumentSource<'_> {
     }
 }
 
+/// The same channel for the copy of the material that points and lines have, if there is one.
+fn copy_for_strokes(channel: &MaterialChannel, node_of: &NodeOf) -> Option<MaterialChannel> {
+    let material = *node_of.unlit.get(&channel.material)?;
+    let rest = MaterialFactors { shows_sum: true, ..channel.rest };
+    Some(MaterialChannel { material, rest, ..channel.clone() })
+}
+
 /// The keys of a track.
 struct Keys<'d> {
+    /// The animation in messages, with its target.
+    place: String,
     sampler: gltf::animation::Sampler<'d>,
     buffers: &'d Buffers,
 }

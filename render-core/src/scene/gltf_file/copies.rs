@@ -1,7 +1,6 @@
 //! `EXT_mesh_gpu_instancing`: copies of a node's mesh, each with its own place.
 
-use super::accessor::Buffers;
-use super::{LoadError, Loader};
+use super::{DocumentSource, LoadError, Loader};
 use crate::scene::{Node, Scene, Transform};
 use glam::{Quat, Vec3};
 use serde_json::Value;
@@ -14,9 +13,10 @@ impl Loader<'_> {
         &self,
         node: &gltf::Node,
         parent: usize,
-        (document, buffers): (&gltf::Document, &Buffers),
+        source: DocumentSource,
         scene: &mut Scene,
     ) -> Result<Option<std::ops::Range<usize>>, LoadError> {
+        let DocumentSource { document, buffers, .. } = source;
         let Some(extension) = node.extension_value("EXT_mesh_gpu_instancing") else { return Ok(None) };
         let place = format!("node {}: EXT_mesh_gpu_instancing", node.index());
         let accessor = |name: &str| {

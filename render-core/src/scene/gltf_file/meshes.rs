@@ -68,7 +68,7 @@ impl Loader<'_> {
                 entry.insert(first..scene.meshes.len());
             }
             let meshes = read[&key].clone();
-            let copies = self.copies(&node, index, (document, buffers), scene)?;
+            let copies = self.copies(&node, index, source, scene)?;
             let is_skinned = meshes.clone().any(|mesh| scene.meshes[mesh].skinning.is_some());
             let places = node_of.hide(index, copies.unwrap_or(index..index + 1).collect(), is_skinned, scene);
             let targets = meshes.clone().map(|mesh| scene.meshes[mesh].morph_targets.len()).max().unwrap_or(0);

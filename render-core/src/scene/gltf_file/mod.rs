@@ -286,7 +286,7 @@ impl Loader<'_> {
                 blinking.insert(node);
             }
         }
-        let mut node_of = self.nodes(&document, (lamps, &blinking), &mut scene)?;
+        let mut node_of = self.nodes(&document, lamps, &blinking, &mut scene)?;
         let (materials, older, notes) = materials::materials(&document);
         scene.materials = materials;
         scene.warnings.extend(notes);

@@ -96,11 +96,13 @@ impl NodeOf {
 }
 
 impl Loader<'_> {
-    /// Fills in the hierarchy, parents first.
+    /// Fills in the hierarchy, parents first. `lamps` is the factor on candela and lux; the visibility of `blinking` nodes is
+    /// animated.
     pub(super) fn nodes(
         &self,
         document: &gltf::Document,
-        (lamps, blinking): (f32, &BTreeSet<usize>),
+        lamps: f32,
+        blinking: &BTreeSet<usize>,
         scene: &mut Scene,
     ) -> Result<NodeOf, LoadError> {
         let Some(root) = document.default_scene().or_else(|| document.scenes().next()) else {

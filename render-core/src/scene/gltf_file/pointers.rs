@@ -20,6 +20,19 @@ pub(super) enum Target {
     Hint,
 }
 
+impl std::fmt::Display for Target {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Node(index, _) => write!(f, "animation of node {index}"),
+            Self::Camera(index, _) => write!(f, "animation of camera {index}"),
+            Self::Light(index, _) => write!(f, "animation of light {index}"),
+            Self::Visible(index) => write!(f, "animation of the visibility of node {index}"),
+            Self::Material(index, _) => write!(f, "animation of material {index}"),
+            Self::Hint => f.write_str("animation of a hint"),
+        }
+    }
+}
+
 /// The property of a JSON pointer; `None` for those that are left out.
 pub(super) fn target(pointer: &str) -> Option<Target> {
     let short = pointer.strip_prefix("/extensions/KHR_lights_punctual/").map(|rest| format!("/{rest}"));

@@ -1,7 +1,7 @@
 //! A file of Blender's exporter, lit as Blender's Cycles lights it.
 
 use render_core::scene::{self, Reach};
-use render_core::{PathOptions, path_traced};
+use render_core::{PathOptions, Still, path_traced};
 use std::path::Path;
 
 /// Radiance of the floor around some points, by Cycles of Blender 5.0.1: 4096 samples, direct light alone, means over 4×4 pixels.
@@ -16,7 +16,7 @@ fn lamps_of_blender_are_as_bright_as_in_cycles() {
     let radiance = |settings: &[scene::Setting]| {
         let scene = scene::load_with(&path, Reach::Folder, settings).unwrap();
         let options = PathOptions { samples: 256, max_bounces: Some(1), ..PathOptions::default() };
-        let picture = path_traced(&scene, 0.0, (128, 32), &options, |_, _| ()).mean;
+        let picture = path_traced(&scene, Still { time: 0.0, width: 128, height: 32 }, &options, |_, _| ()).mean;
         CYCLES.map(|(_, x, _)| {
             let column = ((x / 32.0 + 0.5) * 128.0).round() as usize;
             let block = (14..18).flat_map(|y| (column - 2..column + 2).map(move |x| (x, y)));

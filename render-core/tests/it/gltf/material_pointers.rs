@@ -3,7 +3,7 @@
 use super::file::{File, notes};
 use glam::{Vec2, Vec3, vec3};
 use render_core::scene::{Alpha, Material, Scene};
-use render_core::{Geometry, Hit, PathOptions, Surfaces, path_traced};
+use render_core::{Geometry, Hit, PathOptions, Still, Surfaces, path_traced};
 use serde_json::{Value, json};
 
 /// The target of a channel that animates the property at `pointer`.
@@ -148,7 +148,7 @@ fn pictures_show_the_glow_of_their_time() {
     let scene = file.load();
     for (time, expected) in [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0)] {
         let options = PathOptions { samples: 4, max_bounces: Some(1), ..PathOptions::default() };
-        let found = path_traced(&scene, time, (8, 8), &options, |_, _| ()).mean.get(4, 4)[0];
+        let found = path_traced(&scene, Still { time, width: 8, height: 8 }, &options, |_, _| ()).mean.get(4, 4)[0];
         assert!((found - expected).abs() < 1e-6, "{found} at {time} s, not {expected}");
     }
 }

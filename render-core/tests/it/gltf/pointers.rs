@@ -3,7 +3,7 @@
 use super::file::{File, notes};
 use glam::{Vec3, Vec3A, vec3};
 use render_core::scene::{DepthRange, Projection, PunctualKind, Scene};
-use render_core::{PathOptions, path_traced};
+use render_core::{PathOptions, Still, path_traced};
 use serde_json::{Value, json};
 
 /// The target of a channel that animates the property at `pointer`.
@@ -142,7 +142,7 @@ fn pictures_show_the_light_of_their_time() {
     let scene = file.load();
     for (time, intensity) in [(0.0, 8.0f32), (0.5, 4.0), (1.0, 0.0)] {
         let options = PathOptions { samples: 16, max_bounces: Some(1), ..PathOptions::default() };
-        let found = path_traced(&scene, time, (8, 8), &options, |_, _| ()).mean.get(4, 4)[0];
+        let found = path_traced(&scene, Still { time, width: 8, height: 8 }, &options, |_, _| ()).mean.get(4, 4)[0];
         // A white Lambert surface 2 m below a point of I cd: I / (4 π).
         let expected = intensity / (4.0 * std::f32::consts::PI);
         assert!((found - expected).abs() < 0.01 * expected.max(0.01), "{found} at {time} s, not {expected}");

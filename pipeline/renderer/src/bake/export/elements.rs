@@ -78,7 +78,7 @@ impl Document {
             view => {
                 let view = number(view)?;
                 let stride = number(&self.list("bufferViews").get(view)?["byteStride"]).unwrap_or(size);
-                strided(self.view(view)?, offset(accessor)?, stride, (size, count))?
+                strided(self.view(view)?, offset(accessor)?, stride, size, count)?
             }
         };
 
@@ -88,7 +88,7 @@ impl Document {
             let replaced = number(sparse.get("count")?)?;
             let index = Layout::of(&json!({ "componentType": places["componentType"], "type": "SCALAR" }))?;
             let bytes = |part: &Value, size: usize| {
-                strided(self.view(number(&part["bufferView"])?)?, offset(part)?, size, (size, replaced))
+                strided(self.view(number(&part["bufferView"])?)?, offset(part)?, size, size, replaced)
             };
             let (places, values) = (bytes(places, index.size())?, bytes(values, size)?);
             for (place, value) in places.chunks_exact(index.size()).zip(values.chunks_exact(size)) {
@@ -146,7 +146,7 @@ impl Document {
 }
 
 /// `count` elements of `size` bytes, `stride` apart, one after the other; `None` if they do not fit into `bytes`.
-fn strided(bytes: &[u8], first: usize, stride: usize, (size, count): (usize, usize)) -> Option<Vec<u8>> {
+fn strided(bytes: &[u8], first: usize, stride: usize, size: usize, count: usize) -> Option<Vec<u8>> {
     if count == 0 {
         return Some(Vec::new());
     }

@@ -76,9 +76,10 @@ pub fn export(
     side: Option<u32>,
 ) -> Result<Export> {
     let atlas = &baked.atlas;
-    let side = side_for(atlas.size(), side)?;
     let (columns, rows) = atlas.size();
-    let fine = atlas.fine(side as f32 / columns.max(rows) as f32);
+    let longer = columns.max(rows);
+    let side = side_for(longer, side)?;
+    let fine = atlas.fine(side as f32 / longer as f32);
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
 
@@ -104,9 +105,8 @@ pub fn export(
     Ok(Export { file, settings, size: (fine.width(), fine.height()), tone_map })
 }
 
-/// The longer side of the picture of an atlas of this size: as wished, but no less than the atlas has.
-fn side_for((columns, rows): (u32, u32), wish: Option<u32>) -> Result<u32> {
-    let least = columns.max(rows);
+/// The longer side of the picture of an atlas: as wished, but no less than `least`, that of the atlas.
+fn side_for(least: u32, wish: Option<u32>) -> Result<u32> {
     let side = wish.unwrap_or_else(|| (4 * least).clamp(*USUAL.start(), *USUAL.end())).max(least);
     if side > LARGEST_SIDE {
         let text = format!("--texture {side}: {LARGEST_SIDE} is the most; with it goes light of fewer --texels");

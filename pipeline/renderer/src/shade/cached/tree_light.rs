@@ -60,12 +60,20 @@ struct DrawnClusters {
     unknown: Vec<u64>,
 }
 
+/// Memory that a thread reuses from record to record.
+#[derive(Default)]
+pub(super) struct CutScratch {
+    cuts: Scratch,
+    /// Memory of the larger cuts of audits; `None` before the first.
+    audits: Option<Scratch>,
+}
+
 impl Illumination for TreeLight<'_> {
     type Recipe = Recipe;
-    /// For cuts, and for those of audits.
-    type Scratch = (Scratch, Option<Scratch>);
+    type Scratch = CutScratch;
 
-    fn compute(&self, site: &Site, (scratch, finer): &mut Self::Scratch) -> Computed<Recipe> {
+    fn compute(&self, site: &Site, scratch: &mut CutScratch) -> Computed<Recipe> {
+        let CutScratch { cuts, audits } = scratch;
         let tree = &self.visible.frame.tree;
         let receiver = self.receiver(site);
         let surroundings = self.visibility.final_gather(&receiver, site.key);
@@ -81,14 +89,13 @@ impl Illumination for TreeLight<'_> {
         let class = self.class_of(site);
         let later = matches!(stop, Stop::Absolute(_));
         let sees = |lamp: &Light, _: usize| later || self.visibility.sees(&receiver, lamp);
-        let cut = tree.lightcut_kept(&white, self.tolerance.calibrated(stop, class), sees, scratch);
+        let cut = tree.lightcut_kept(&white, self.tolerance.calibrated(stop, class), sees, cuts);
         self.counts.count(cut.size, cut.shadow_rays);
 
         // The record draws its own lights of the clusters.
         let threshold = stop.threshold_at(luminance(cut.radiance));
         let least_bound = if later { 0.0 } else { DRAWN_ANEW * threshold };
-        let DrawnClusters { clusters, visible, unknown } =
-            self.drawn_anew(&white, scratch.kept(), site.key, least_bound);
+        let DrawnClusters { clusters, visible, unknown } = self.drawn_anew(&white, cuts.kept(), site.key, least_bound);
         let mut recipe = Recipe {
             size: clusters.len() as u32,
             clusters,
@@ -109,7 +116,7 @@ impl Illumination for TreeLight<'_> {
         self.counts.count_rays(rays);
 
         if self.is_audited(site) {
-            let finer = finer.get_or_insert_with(|| Scratch::with_max_size(Calibration::LARGEST_CUT));
+            let finer = audits.get_or_insert_with(|| Scratch::with_max_size(Calibration::LARGEST_CUT));
             let sees = |lamp: &Light, _| self.visibility.sees(&receiver, lamp);
             let made = MadeCut { tree, class, stop, radiance: self.cut_irradiance(&receiver, &recipe) };
             made.audit(&white, sees, finer, self.counts);

@@ -49,7 +49,7 @@ use render_core::{Busy, GBuffer, PixelSurface};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(feature = "bake")]
-pub(crate) use texel::TexelCoat;
+pub(crate) use texel::{KnownScene, TexelCoat};
 
 /// Reflection rays that each pixel traces, in smooth coats and in rough ones. On a flat coat, two and those of the pixels around
 /// leave as much noise as 36.
@@ -98,59 +98,55 @@ impl Coats {
     }
 
     /// Light of a pixel, as far as its own rays find it; nothing where there is no coat.
-    fn own_lobe(&self, reflections: &mut Reflections, seen: &GBuffer, place: (usize, usize)) -> Lobe {
-        let Some(coated) = coated(reflections, seen, place) else { return Lobe::default() };
-        let pixel = seen.pixels.get(place.0, place.1);
-        self.looked_up(reflections, &coated, &pixel).unwrap_or_else(|| own_rays(reflections, &coated, place))
+    fn own_lobe(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Lobe {
+        let Some(coated) = coated(reflections, seen, x, y) else { return Lobe::default() };
+        let pixel = seen.pixels.get(x, y);
+        self.looked_up(reflections, &coated, &pixel).unwrap_or_else(|| own_rays(reflections, &coated, x, y))
     }
 }
 
 impl Layer for Coats {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
         let Visible { frame, surfaces: seen, ranks, .. } = *visible;
-        let size = (seen.pixels.width(), seen.pixels.height());
+        let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let (busy, shadow_rays) = (Busy::default(), AtomicU64::new(0));
-        let is_wanted = |(x, y): (usize, usize)| wanted.is_none_or(|wanted| wanted.get(x, y));
+        let is_wanted = |x, y| wanted.is_none_or(|wanted| wanted.get(x, y));
 
         // Each pixel traces a few rays of its own.
-        let own = by_macroblock(ranks, size, &busy, Scratch::default, |scratch, columns, rows| {
+        let own = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
             let mut lobes = Vec::with_capacity(columns.len() * rows.len());
-            for place in places(columns, rows) {
-                lobes.push(if is_wanted(place) {
-                    self.own_lobe(&mut reflections, seen, place)
-                } else {
-                    Lobe::default()
-                });
+            for (x, y) in places(columns, rows) {
+                lobes.push(if is_wanted(x, y) { self.own_lobe(&mut reflections, seen, x, y) } else { Lobe::default() });
             }
             shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
             lobes
-        });
+        }));
 
         // A part of its light may be far from what is typical around it.
-        let beyond = by_macroblock(
+        let beyond = busy.take(by_macroblock(
             &Alone,
-            size,
-            &busy,
+            width,
+            height,
             || (),
             |(), columns, rows| {
                 let of = |(x, y)| if own.get(x, y).has_rays() { excess(&own, x, y) } else { Vec3::ZERO };
                 places(columns, rows).map(of).collect()
             },
-        );
+        ));
 
         // Pixels share their rays; where too few are alike, they trace more.
         let traced = Traced { own, beyond };
-        let reflected = by_macroblock(ranks, size, &busy, Scratch::default, |scratch, columns, rows| {
+        let reflected = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
-            let pixels = places(columns, rows).map(|place| traced.reflected(&mut reflections, seen, place)).collect();
+            let pixels = places(columns, rows).map(|(x, y)| traced.reflected(&mut reflections, seen, x, y)).collect();
             shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
             pixels
-        });
+        }));
 
         // Sparks go to the pixels around them.
         let sparks = sparks::spread(&reflected.map(|pixel| pixel.spark), seen, &busy);
-        let radiance = Plane::from_fn(size.0, size.1, |x, y| reflected.get(x, y).light + sparks.get(x, y));
+        let radiance = Plane::from_fn(width, height, |x, y| reflected.get(x, y).light + sparks.get(x, y));
         Lit { radiance: Some(radiance), rays: shadow_rays.into_inner(), seconds: busy.seconds(), ..Lit::default() }
     }
 }
@@ -164,13 +160,13 @@ struct Traced {
 
 impl Traced {
     /// Light of a pixel by its own rays and those of the pixels around.
-    fn reflected(&self, reflections: &mut Reflections, seen: &GBuffer, (x, y): (usize, usize)) -> Reflected {
+    fn reflected(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Reflected {
         let lobe = self.own.get(x, y);
         if !lobe.has_rays() {
             return Reflected { light: lobe.known, spark: Vec3::ZERO };
         }
         let (mut brought, enough) = shared(&self.own, &self.beyond, x, y);
-        if !enough && let Some(coated) = coated(reflections, seen, (x, y)) {
+        if !enough && let Some(coated) = coated(reflections, seen, x, y) {
             let rough = usize::from(coated.is_rough());
             let points = Points::of_pixel(x, y).rest(OWN_RAYS[rough], RAYS[rough]);
             brought.add(1.0, &more_rays(reflections, &coated, points, RAYS[rough]));
@@ -181,12 +177,12 @@ impl Traced {
 }
 
 /// The coat that a pixel shows, if there is one.
-fn coated(reflections: &Reflections, seen: &GBuffer, (x, y): (usize, usize)) -> Option<Coated> {
+fn coated(reflections: &Reflections, seen: &GBuffer, x: usize, y: usize) -> Option<Coated> {
     Coated::of_pixel(&seen.pixels.get(x, y), seen, reflections.prepared.epsilon)
 }
 
 /// Light of a coat by the own rays of its pixel alone.
-fn own_rays(reflections: &mut Reflections, coated: &Coated, (x, y): (usize, usize)) -> Lobe {
+fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) -> Lobe {
     let known = reflections.sources(coated);
     if coated.is_mirror() {
         return Lobe::without_rays(known + reflections.mirrored(coated));

@@ -84,7 +84,7 @@ impl Lobe {
 pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
     let own = lobes.get(x, y);
     let mut typical = Typical::default();
-    for_neighbors(lobes, (x, y), NEXT, |weight, (u, v)| {
+    for_neighbors(lobes, x, y, NEXT, |weight, (u, v)| {
         let other = lobes.get(u, v);
         if (u, v) != (x, y) || !own.is_rough {
             typical.add(weight * other.brought.rays, other.brought.luminance());
@@ -101,7 +101,7 @@ pub(super) fn shared(lobes: &Plane<Lobe>, excess: &Plane<Vec3>, x: usize, y: usi
     let mut sum = Brought::default();
     // Σ k r and Σ k² r over pixels with r rays: (Σ k r)² / Σ k² r rays of equal weight have the same variance.
     let mut squares = 0.0;
-    for_neighbors(lobes, (x, y), REACH, |weight, (u, v)| {
+    for_neighbors(lobes, x, y, REACH, |weight, (u, v)| {
         let brought = lobes.get(u, v).brought;
         sum.add(weight, &brought.with_excess(excess.get(u, v)));
         squares += weight * weight * brought.rays;
@@ -110,7 +110,7 @@ pub(super) fn shared(lobes: &Plane<Lobe>, excess: &Plane<Vec3>, x: usize, y: usi
 }
 
 /// Calls `of` with k and the place of each pixel up to `reach` away whose rays count for (x, y), and of that itself.
-fn for_neighbors(lobes: &Plane<Lobe>, (x, y): (usize, usize), reach: usize, mut of: impl FnMut(f32, (usize, usize))) {
+fn for_neighbors(lobes: &Plane<Lobe>, x: usize, y: usize, reach: usize, mut of: impl FnMut(f32, (usize, usize))) {
     let around = |center: usize, end: usize| center.saturating_sub(reach)..(center + reach + 1).min(end);
     let tent = |apart: usize| (reach + 1 - apart) as f32 / (reach + 1) as f32;
     let own = &lobes.row(y)[x];

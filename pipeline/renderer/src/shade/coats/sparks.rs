@@ -33,13 +33,13 @@ enum Line {
 
 /// Spreads `light` along rows or columns.
 fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) -> Plane<Vec3> {
-    let size = (light.width(), light.height());
+    let (width, height) = (light.width(), light.height());
     // Places in reach of the same coat, with their weights.
     let alike = |(x, y): (usize, usize)| {
         let own = carriers.get(x, y);
         let (center, end) = match line {
-            Line::Row => (x, size.0),
-            Line::Column => (y, size.1),
+            Line::Row => (x, width),
+            Line::Column => (y, height),
         };
         let reach = center.saturating_sub(REACH)..(center + REACH + 1).min(end);
         let place = move |k: usize| match line {
@@ -50,7 +50,8 @@ fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) ->
         with_weight.filter(move |&((u, v), _)| own != NOTHING && carriers.get(u, v) == own)
     };
     let picture = |of: &(dyn Fn((usize, usize)) -> Vec3 + Sync)| {
-        by_macroblock(&Alone, size, busy, || (), |(), columns, rows| places(columns, rows).map(of).collect())
+        let block = |(): &mut (), columns, rows| places(columns, rows).map(of).collect();
+        busy.take(by_macroblock(&Alone, width, height, || (), block))
     };
     let share = picture(&|(x, y)| match alike((x, y)).map(|(_, weight)| weight).sum::<f32>() {
         0.0 => Vec3::ZERO,

@@ -25,6 +25,13 @@ const LEAST_RAYS: usize = 256;
 /// just above it read them.
 const HORIZON: f32 = 0.02;
 
+/// The frame that rays of texels are traced in, and the irradiance that is known of its surfaces.
+#[derive(Clone, Copy)]
+pub(crate) struct KnownScene<'a> {
+    pub frame: &'a Frame<'a>,
+    pub known: KnownIrradiance<'a>,
+}
+
 /// A texel's coat, and the rays that found its light.
 pub(crate) struct TexelCoat {
     coated: Coated,
@@ -38,8 +45,9 @@ impl TexelCoat {
     /// Traces rays from `surface`, lit at `receiver`, for a map with this number of `directions`. A surface without a coat gives
     /// none.
     pub fn trace(
-        (frame, known): (&Frame<'_>, KnownIrradiance<'_>),
-        (receiver, surface): (ShadingPoint, &Surface),
+        scene: KnownScene,
+        receiver: ShadingPoint,
+        surface: &Surface,
         directions: usize,
         scratch: &mut Scratch,
     ) -> Option<Self> {
@@ -52,6 +60,7 @@ impl TexelCoat {
 
         // Textures are averaged over the share of the hemisphere that a ray stands for. What leads into the triangle brings nothing.
         let (spread, share) = ((TAU / count as f32).sqrt(), luminance(coated.albedo()));
+        let KnownScene { frame, known } = scene;
         let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
         let mut light = Vec::with_capacity(rays.len());
         for &local in &rays {

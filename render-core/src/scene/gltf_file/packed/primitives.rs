@@ -13,7 +13,11 @@ const NAME: &str = "KHR_draco_mesh_compression";
 const TRIANGLE: usize = 12;
 
 /// A primitive by its mesh and its index there.
-type PrimitiveIndex = (usize, usize);
+#[derive(Clone, Copy)]
+struct PrimitiveIndex {
+    mesh: usize,
+    primitive: usize,
+}
 
 /// Accessors of unpacked data: the indices, and the attributes by their names.
 #[derive(Clone)]
@@ -34,7 +38,7 @@ impl Loader<'_> {
         let all = packed(root);
         let mut read: HashMap<String, Accessors> = HashMap::new();
         let mut replaced = BTreeSet::new();
-        for &place in all.iter().filter(|(mesh, _)| shown.contains(mesh)) {
+        for &place in all.iter().filter(|place| shown.contains(&place.mesh)) {
             let primitive = at(root, place).clone();
             let extension = &primitive["extensions"][NAME];
             // Primitives that differ in their material alone share their vertices.
@@ -42,9 +46,9 @@ impl Loader<'_> {
             if !read.contains_key(&key) {
                 let unpacked = unpacked(root, stored, &primitive)?;
                 if stored.allowance.is_exhausted() {
-                    let (mesh, index) = place;
+                    let PrimitiveIndex { mesh, primitive } = place;
                     return self.bad(format!(
-                        "mesh {mesh} primitive {index} unpacks to far more bytes than the file has; export it again"
+                        "mesh {mesh} primitive {primitive} unpacks to far more bytes than the file has; export it again"
                     ));
                 }
                 match unpacked {
@@ -63,7 +67,7 @@ impl Loader<'_> {
             }
         }
         free(root, replaced);
-        if all.iter().all(|(mesh, _)| shown.contains(mesh)) {
+        if all.iter().all(|place| shown.contains(&place.mesh)) {
             unlist(root, &[NAME]);
         }
         Ok(())
@@ -77,7 +81,7 @@ impl Loader<'_> {
         place: PrimitiveIndex,
         fault: &str,
     ) -> Result<(), LoadError> {
-        let (mesh, index) = place;
+        let PrimitiveIndex { mesh, primitive: index } = place;
         let primitive = &root["meshes"][mesh]["primitives"][index];
         let view = &primitive["extensions"][NAME]["bufferView"];
         let attributes = primitive["attributes"].as_object().into_iter().flat_map(Map::values);
@@ -101,15 +105,15 @@ fn packed(root: &Value) -> Vec<PrimitiveIndex> {
     for (m, mesh) in list(root, "meshes").iter().enumerate() {
         for (p, primitive) in list(mesh, "primitives").iter().enumerate() {
             if primitive["extensions"][NAME].is_object() {
-                places.push((m, p));
+                places.push(PrimitiveIndex { mesh: m, primitive: p });
             }
         }
     }
     places
 }
 
-fn at(root: &mut Value, (mesh, primitive): PrimitiveIndex) -> &mut Value {
-    &mut root["meshes"][mesh]["primitives"][primitive]
+fn at(root: &mut Value, place: PrimitiveIndex) -> &mut Value {
+    &mut root["meshes"][place.mesh]["primitives"][place.primitive]
 }
 
 /// The unpacked mesh, or the reason why there is none.
