@@ -122,7 +122,7 @@ fn a_renderer_gets_the_thresholds_of_the_frame_before() {
         let allowed = film.shade.allowed.clone();
         let report = run(film, &seen).unwrap();
         assert_eq!(report.iter().map(|frame| frame.index).collect::<Vec<_>>(), (0..FRAMES).collect::<Vec<_>>());
-        assert!(report.iter().all(|frame| frame.bits > 0 && frame.seconds.encode > 0.0));
+        assert!(report.iter().all(|frame| frame.bits > 0 && frame.figures.seconds.encode > 0.0));
         let order: String = (0..FRAMES).map(|n| format!("p{n}f{n}t{n}")).collect();
         assert_eq!(*seen.order.lock().unwrap(), order);
         // 2 % before anything was seen; then the thresholds of the frame before.

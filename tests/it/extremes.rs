@@ -53,7 +53,7 @@ fn assert_sound((picture, report): &(Plane<Vec3>, Report), what: &str) {
     let bad = picture.samples().iter().filter(|c| !c.is_finite() || c.min_element() < 0.0).count();
     assert_eq!(bad, 0, "{what}: {bad} pixels that are no light");
     assert!(
-        report.frames.iter().all(|frame| frame.non_finite_pixels == 0),
+        report.frames.iter().all(|frame| frame.figures.non_finite == 0),
         "{what}: pixels that are counted as broken"
     );
 }

@@ -104,7 +104,9 @@ fn films_of_several_ranks_are_those_of_one() {
             assert!(together == alone, "{name}: {count} ranks make another film");
             for (a, b) in report.frames.iter().zip(&shared.frames) {
                 // Counts are of all ranks.
-                let counts = |frame: &FrameReport| (frame.shadow_rays, frame.photons_traced, frame.cut_size_max);
+                let counts = |frame: &FrameReport| {
+                    (frame.figures.shadow_rays, frame.figures.photons_traced, frame.figures.cut_size_max)
+                };
                 assert_eq!(counts(a), counts(b), "{name}: frame {}", a.index);
             }
         }

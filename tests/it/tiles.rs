@@ -173,14 +173,14 @@ fn imagined_ranks_do_what_ranks_do() {
             let (made, frames) = film(tiles).simulated(4, INSTANT);
             assert!(psnr(&made, &whole) > 38.0, "{tiles}: {} dB", psnr(&made, &whole));
             for (frame, reported) in frames.iter().zip(&made.report.frames) {
-                assert_eq!((frame.records, frame.tiles), (reported.cache_new, 32), "{tiles}");
+                assert_eq!((frame.records, frame.tiles), (reported.figures.cache_new, 32), "{tiles}");
                 assert!(frame.most_busy <= frame.seconds + 1e-9 && frame.all_busy <= 4.0 * frame.most_busy + 1e-9);
             }
             computed.push(frames[0].records);
         }
         // Ranks that share nothing find the most out by themselves.
         assert!(computed[0] > computed[1] && computed[0] > computed[2], "{computed:?}");
-        assert!(computed[2] >= alone.report.frames[0].cache_new, "{computed:?}");
+        assert!(computed[2] >= alone.report.frames[0].figures.cache_new, "{computed:?}");
     }
 }
 

@@ -97,19 +97,19 @@ impl Summary {
         let count = frames.len().max(1) as f64;
         let mean = |f: &dyn Fn(&FrameReport) -> f64| frames.iter().map(f).sum::<f64>() / count;
         let psnrs: Vec<f64> = frames.iter().filter_map(|frame| frame.psnr_y).collect();
-        let steered: Vec<f64> = frames.iter().skip(1).map(|frame| frame.threshold_mean_relative).collect();
+        let steered: Vec<f64> = frames.iter().skip(1).map(|frame| frame.figures.threshold_mean_relative).collect();
         Self {
             frames: frames.len() as u32,
             interrupted,
             bits_total: frames.iter().map(|frame| frame.bits).sum(),
             bits: mean(&|frame| frame.bits as f64),
             psnr_y: (!psnrs.is_empty()).then(|| psnrs.iter().sum::<f64>() / psnrs.len() as f64),
-            seconds: Seconds::mean(frames.iter().map(|frame| &frame.seconds)),
-            cut_size_mean: mean(&|frame| frame.cut_size_mean),
-            cut_size_max: frames.iter().map(|frame| frame.cut_size_max).max().unwrap_or(0),
-            shadow_rays: mean(&|frame| frame.shadow_rays as f64),
+            seconds: Seconds::mean(frames.iter().map(|frame| &frame.figures.seconds)),
+            cut_size_mean: mean(&|frame| frame.figures.cut_size_mean),
+            cut_size_max: frames.iter().map(|frame| frame.figures.cut_size_max).max().unwrap_or(0),
+            shadow_rays: mean(&|frame| frame.figures.shadow_rays as f64),
             threshold_mean_relative: (0.0 + steered.iter().sum::<f64>()) / steered.len().max(1) as f64,
-            tree_swaps_share: mean(&|frame| frame.tree_swaps_share),
+            tree_swaps_share: mean(&|frame| frame.figures.tree_swaps_share),
             wall_seconds,
             cpu_seconds: process_cpu_seconds(),
             peak_memory_bytes: peak_memory_bytes(),

@@ -54,41 +54,40 @@ impl Seconds {
 pub struct FrameFigures {
     /// CPU seconds of the stages.
     pub seconds: Seconds,
-    /// Photons that were traced; the others' energy was known from the frames before.
+    /// Photons traced; the energy of the others is known from the first frame.
     pub photons_traced: u64,
-    /// Share of the tree's inner nodes whose children changed places.
-    pub tree_swaps_share: f64,
-    /// Over the cuts that were made for this frame.
+    /// Mean number of clusters in a cut, over the cuts made for this frame.
     pub cut_size_mean: f64,
-    /// Largest of them.
+    /// Largest number of clusters in a cut.
     pub cut_size_max: u32,
     /// Shadow rays of direct light and cuts.
     pub shadow_rays: u64,
-    /// Records of the irradiance cache that pixels took light from.
+    /// Records of the irradiance cache in use at pixels of this frame.
     pub cache_records: u64,
-    /// Records that were computed.
+    /// Records of the irradiance cache computed or recomputed for this frame.
     pub cache_new: u64,
     /// Share of the lit pixels for which some light was computed.
     pub shaded_share: f64,
-    /// Share of the lit pixels whose light was all carried from the frame before.
+    /// Share of the lit pixels whose light was reprojected from the previous frame.
     pub carried_share: f64,
-    /// Share of the audited pixels that carried light would have made wrong by no more than they may be; none if none was
-    /// audited.
+    /// Share of the audited pixels whose reprojected light would be within the error they may have; none if none was audited.
     pub audit_carried_within: Option<f64>,
-    /// Mean of threshold by luminance over the pixels that see a surface.
+    /// Share of the light tree's inner nodes whose children changed.
+    pub tree_swaps_share: f64,
+    /// Mean threshold by luminance, over the pixels that show a surface.
     pub threshold_mean_relative: f64,
-    /// Mean importance of the pixels, 0…1; none where it steers nothing.
+    /// Mean importance of the pixels, 0…1; none without importance, as the next two.
     pub importance_mean: Option<f64>,
-    /// Mean number of samples of the pixels that importance leads to.
+    /// Mean samples of a pixel.
     pub samples_mean: Option<f64>,
-    /// Mean difference of that number from the number that the same surface had in the frame before; none where nothing was seen
-    /// before.
+    /// Mean change in samples of a surface since the previous frame; none where no surface was seen before.
     pub samples_change: Option<f64>,
-    /// Error, in thresholds, that 95 in a hundred of the checked pixels keep within; none if none was checked.
-    pub audit_error_p95: Option<f64>,
-    /// Multiplier on the thresholds that cuts ended at, on average over these pixels.
+    /// Mean multiplier on thresholds: κ of masking, or that of calibrated stopping.
     pub kappa: Option<f64>,
+    /// 95th percentile of true error by threshold; none where no pixel was audited.
+    pub audit_error_p95: Option<f64>,
     /// Pixels whose radiance was not finite; shown black.
+    #[serde(rename = "non_finite_pixels")]
     pub non_finite: usize,
 }
 

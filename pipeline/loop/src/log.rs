@@ -6,8 +6,9 @@ use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
 use crate::output::{Output, Written};
 use crate::parts::{Coding, Encoded};
-use crate::report::FrameReport;
+use crate::report::{FrameReport, PictureTypeName, picture_type};
 use crate::state::{NONSENSE, decode, encode};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
@@ -27,15 +28,42 @@ pub(super) struct FilmLog {
     waiting: BTreeMap<u32, FrameFigures>,
 }
 
-/// As it is stored: bytes of the film, reports, figures that wait, and the state of the encoder.
-type StoredLog = (Written, Vec<FrameReport>, BTreeMap<u32, FrameFigures>, Vec<u8>);
+/// The log in a checkpoint: bytes of the film, reports, figures that wait, and the state of the encoder.
+type StoredLog = (Written, Vec<StoredLine>, BTreeMap<u32, FrameFigures>, Vec<u8>);
+
+/// A report without names, which bincode does not store.
+#[derive(Serialize, Deserialize)]
+struct StoredLine {
+    index: u32,
+    #[serde(deserialize_with = "picture_type")]
+    picture_type: PictureTypeName,
+    bits: u64,
+    qscale: u32,
+    psnr_y: Option<f64>,
+    figures: FrameFigures,
+}
+
+impl From<&FrameReport> for StoredLine {
+    fn from(report: &FrameReport) -> Self {
+        let FrameReport { index, picture_type, bits, qscale, psnr_y, figures } = report.clone();
+        Self { index, picture_type, bits, qscale, psnr_y, figures }
+    }
+}
+
+impl From<StoredLine> for FrameReport {
+    fn from(line: StoredLine) -> Self {
+        let StoredLine { index, picture_type, bits, qscale, psnr_y, figures } = line;
+        Self { index, picture_type, bits, qscale, psnr_y, figures }
+    }
+}
 
 impl FilmLog {
     /// How much of the film there is, once that is on the disk, with the `encoder`'s state.
     pub fn state(&self, encoder: Vec<u8>) -> Result<Vec<u8>> {
         self.output.as_ref().map_or(Ok(()), Output::sync)?;
         let written = self.output.as_ref().map(Output::written).unwrap_or_default();
-        Ok(encode(&(written, &self.reports, &self.waiting, encoder)))
+        let lines: Vec<StoredLine> = self.reports.iter().map(StoredLine::from).collect();
+        Ok(encode(&(written, lines, &self.waiting, encoder)))
     }
 
     /// Nothing yet of a film, or of a part of one, whose first frame is `begin`.
@@ -46,7 +74,8 @@ impl FilmLog {
     /// Continues from a [`state`](Self::state) that was left when the frames `done` were; gives the encoder's state too.
     pub fn restored(state: &[u8], done: Range<u32>) -> Result<(Self, Vec<u8>)> {
         let begin = done.start;
-        let (written, reports, waiting, encoder): StoredLog = decode(state)?;
+        let (written, lines, waiting, encoder): StoredLog = decode(state)?;
+        let reports: Vec<FrameReport> = lines.into_iter().map(FrameReport::from).collect();
         // Each frame that is done has its line, or waits for it.
         let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(waiting.keys().copied()).collect();
         frames.sort_unstable();

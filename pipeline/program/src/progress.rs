@@ -163,7 +163,7 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     if let Some(bytes) = s.peak_memory_bytes {
         tell!("  memory    {:.0} MB at most", bytes as f64 / 1e6);
     }
-    let broken: usize = report.frames.iter().map(|frame| frame.non_finite_pixels).sum();
+    let broken: usize = report.frames.iter().map(|frame| frame.figures.non_finite).sum();
     if broken > 0 {
         tell!("  warning   {broken} pixels were not finite and are shown black");
     }

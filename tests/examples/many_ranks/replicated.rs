@@ -73,5 +73,5 @@ fn film(arguments: &Arguments, team: &Team) -> anyhow::Result<f64> {
     render.write_to(&settings.output)?;
     let report = render.finish(Run::default())?;
     let of_frame = |seconds: &pipeline::figures::Seconds| seconds.tone_map + seconds.encode + seconds.thresholds;
-    Ok(report.frames.iter().map(|frame| of_frame(&frame.seconds)).sum())
+    Ok(report.frames.iter().map(|frame| of_frame(&frame.figures.seconds)).sum())
 }

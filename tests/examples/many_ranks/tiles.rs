@@ -132,7 +132,7 @@ fn film(arguments: &Arguments, options: Options, ranks: Option<(usize, Network)>
     let in_tiles: f64 = frames.iter().map(|frame| frame.all_busy).sum();
     let mut run = LoggedRun { cpu: process_seconds() - before - in_tiles, ..LoggedRun::default() };
     for frame in &report.frames {
-        let seconds = &frame.seconds;
+        let seconds = &frame.figures.seconds;
         run.of_first_rank += seconds.tone_map + seconds.encode + seconds.thresholds;
     }
     for one in &logged {

@@ -37,7 +37,7 @@ fuzz_target!(|data: &[u8]| {
     let options = Options { output: Some(folder.path().join("film.m2v")), ..options };
     let Ok(settings) = Settings::new(path, &scene, &options) else { return };
     let plan = Plan::new(&scene, &settings.render);
-    let check = OnFrame::new(|frame: &FrameReport| assert_eq!(frame.non_finite_pixels, 0, "light that is no number"));
+    let check = OnFrame::new(|frame: &FrameReport| assert_eq!(frame.figures.non_finite, 0, "light that is no number"));
     let run = Run { observer: &check, ..Run::default() };
     render2mpeg::render(&scene, &settings, &plan, run).expect("what loads can be filmed");
 });

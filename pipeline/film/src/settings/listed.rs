@@ -4,6 +4,9 @@ use super::{CodingSettings, FileSettings, Settings};
 use renderer::settings::RenderSettings;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 
+/// Number of keys where none is left out.
+const MOST_KEYS: usize = 46;
+
 impl Serialize for Settings {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let Self { scene, output, range, aspect, render, coding, files } = self;
@@ -14,7 +17,7 @@ impl Serialize for Settings {
         let RenderSettings { end: _, rate: _, pixel_aspect: _, .. } = render;
         let r = render;
 
-        let mut table = serializer.serialize_struct("Settings", 0)?;
+        let mut table = serializer.serialize_struct("Settings", MOST_KEYS)?;
         // A key is there if its value is not the usual one.
         macro_rules! list {
             ($($key:ident $(if ($listed:expr))?: $value:expr),* $(,)?) => {

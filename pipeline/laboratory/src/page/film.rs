@@ -37,16 +37,16 @@ pub struct FilmWatch {
 
 #[derive(Debug, Default)]
 struct Held {
-    first: Option<Still>,
-    middle: Option<Still>,
-    last: Option<Still>,
+    first: Option<KeptPicture>,
+    middle: Option<KeptPicture>,
+    last: Option<KeptPicture>,
     strip: BTreeMap<u32, Rgb>,
     maps: Option<FrameMaps>,
 }
 
 /// A frame as decoders show it.
 #[derive(Clone, Debug)]
-struct Still {
+struct KeptPicture {
     index: u32,
     picture: Picture,
 }
@@ -82,17 +82,17 @@ impl FilmWatch {
     /// The single frames, in order, each once: names and addresses.
     pub(super) fn stills(&self) -> Result<Vec<Value>> {
         let held = self.held();
-        let mut stills: Vec<(&str, &Still)> = Vec::new();
+        let mut stills: Vec<(&str, &KeptPicture)> = Vec::new();
         let [first, last] = [held.first.as_ref(), held.last.as_ref()];
         for (name, still) in [("First", first), ("Middle", held.middle.as_ref()), ("Last", last)] {
             // The middle of a film that was ended early is its end.
-            let is_other = |still: &&Still| stills.iter().all(|(_, other)| other.index != still.index);
+            let is_other = |still: &&KeptPicture| stills.iter().all(|(_, other)| other.index != still.index);
             let is_end = name == "Middle" && still.zip(last).is_some_and(|(still, last)| still.index == last.index);
             if let Some(still) = still.filter(is_other).filter(|_| !is_end) {
                 stills.push((name, still));
             }
         }
-        let shown = |(name, still): (&str, &Still)| {
+        let shown = |(name, still): (&str, &KeptPicture)| {
             let uri = jpeg(&to_rgb8_by(&still.picture, self.matrix), QUALITY.0)?;
             Ok(context! { name, index => still.index, uri })
         };
@@ -146,7 +146,7 @@ impl Observer for FilmWatch {
     }
 
     fn decoded(&self, index: u32, picture: &Picture) {
-        let still = || Some(Still { index, picture: picture.clone() });
+        let still = || Some(KeptPicture { index, picture: picture.clone() });
         let is_of_strip = index.wrapping_sub(self.frames.start).is_multiple_of(self.every());
         let small = is_of_strip.then(|| {
             let factor = factor(picture.width(), picture.height(), STRIP.1);

@@ -146,7 +146,7 @@ pub fn steered<T>(frames: &[T]) -> &[T] {
 
 /// Mean CPU seconds of the stages.
 pub fn mean_seconds(frames: &[FrameReport]) -> Seconds {
-    Seconds::mean(steered(frames).iter().map(|frame| &frame.seconds))
+    Seconds::mean(steered(frames).iter().map(|frame| &frame.figures.seconds))
 }
 
 impl MethodRun {

@@ -4,6 +4,7 @@ use super::method::{Method, Way};
 use crate::compare::{Picture, Pictures};
 use perceptual::YCbCr;
 use pipeline::Run;
+use pipeline::figures::Seconds;
 use pipeline::observe::OnFrame;
 use pipeline::report::FrameReport;
 use plane::{Correspondence, Plane};
@@ -168,10 +169,13 @@ pub fn by_paths(
         let options = PathOptions { samples: spp, seed, max_bounces: settings.render.bounces, pixel };
         let before = process_cpu_seconds();
         let radiance = reference::by_paths(scene, &settings.render, report.index, &options, |_, _| ()).radiance;
-        let mut report = FrameReport { cut_size_mean: 0.0, cut_size_max: 0, shadow_rays: 0, ..report.clone() };
-        report.seconds = Default::default();
-        report.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
-        (report.tree_swaps_share, report.threshold_mean_relative) = (0.0, 0.0);
+        // Path tracing has neither cuts nor thresholds.
+        let mut report = report.clone();
+        let figures = &mut report.figures;
+        (figures.cut_size_mean, figures.cut_size_max, figures.shadow_rays) = (0.0, 0, 0);
+        (figures.tree_swaps_share, figures.threshold_mean_relative) = (0.0, 0.0);
+        figures.seconds = Seconds::default();
+        figures.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
         pictures.write(&YCbCr::from_radiance(&radiance, &settings.render.tone_map).picture)?;
         write_frame(&linear(folder.path(), report.index), &radiance, known?.known.as_ref())?;
         reports.push(report);

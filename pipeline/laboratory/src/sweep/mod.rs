@@ -145,7 +145,7 @@ impl Sweep {
             schema: 1,
             program: concat!("render2mpeg ", env!("CARGO_PKG_VERSION")).into(),
             settings: of_all.settings.clone(),
-            lights: of_all.reports.iter().map(|frame| frame.cut_size_max).max().unwrap_or(0),
+            lights: of_all.reports.iter().map(|frame| frame.figures.cut_size_max).max().unwrap_or(0),
             references: references.films.iter().flatten().map(ReferenceCost::of).collect(),
             runs: found.runs,
             decoder_check: found.decoder_check,

@@ -36,20 +36,10 @@ pub trait Layer: Send {
         None
     }
 
-    /// Begins a frame whose pixels are lit part by part: each call of [`light`](Layer::light) is for one part, one sample of its pixels
-    /// after the other. Layers that light each pixel by itself have nothing to begin.
-    fn begin_parts(&mut self, _visible: &Visible<'_>, _tolerance: &Tolerance<'_>) {}
-
-    /// Ends a frame that was begun so.
-    fn end_parts(&mut self, _visible: &Visible<'_>) {}
-
-    /// The records of an irradiance cache that were made in parts since they were last taken.
-    fn take_records(&mut self) -> Vec<SharedRecord> {
-        Vec::new()
+    /// This layer in frames that are lit part by part, if it keeps records for them.
+    fn in_parts(&mut self) -> Option<&mut dyn PartLayer> {
+        None
     }
-
-    /// Adds records that layers of the same film on other ranks have made.
-    fn adopt(&mut self, _records: Vec<SharedRecord>) {}
 
     /// Forgets the frames before: the next one is lit as the first of a film. Layers that keep nothing have nothing to forget.
     fn forget(&mut self) {}
@@ -66,6 +56,22 @@ pub trait Layer: Send {
     fn restore(&mut self, _state: &[u8], _last: &Frame<'_>) -> Result<()> {
         Ok(())
     }
+}
+
+/// A layer that keeps records in frames that are lit part by part: each call of [`light`](Layer::light) is for one part, one sample
+/// of its pixels after the other. Other layers light each pixel by itself and need no preparation.
+pub trait PartLayer: Layer {
+    /// Begins a frame.
+    fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>);
+
+    /// Ends the frame.
+    fn end_parts(&mut self, visible: &Visible<'_>);
+
+    /// The records that were made since they were last taken.
+    fn take_records(&mut self) -> Vec<SharedRecord>;
+
+    /// Adds records that layers of the same film on other ranks have made.
+    fn adopt(&mut self, records: Vec<SharedRecord>);
 }
 
 /// A call of [`Layer::light`] for a part of a picture.
@@ -88,7 +94,7 @@ pub struct Visible<'a> {
     pub matte: &'a GBuffer,
     /// Which of the places in its pixels the picture goes through, from 0; the first is that of thresholds and motion.
     pub sample: usize,
-    /// The part of the picture that is lit, between [`Layer::begin_parts`] and [`Layer::end_parts`]; none if it is the whole.
+    /// The part of the picture that is lit, between [`PartLayer::begin_parts`] and [`PartLayer::end_parts`]; none if it is the whole.
     pub part: Option<PartSample>,
     /// Where each pixel was in the frame before; none for the first frame and after a cut.
     pub motion: Option<&'a Correspondence>,

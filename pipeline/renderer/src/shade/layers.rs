@@ -5,7 +5,7 @@ use super::cached::Cached;
 use super::carried::{Carriable, Carried};
 use super::coats::Coats;
 use super::direct::Direct;
-use super::layer::{Layer, Lit, Visible};
+use super::layer::{Layer, Lit, PartLayer, Visible};
 use super::lit_frame::Sample;
 use super::per_pixel::PerPixel;
 use super::tolerance::Tolerance;
@@ -89,14 +89,14 @@ impl Layers {
 
     /// Begins a frame that is lit part by part.
     pub fn begin_parts(&mut self, visible: &Visible, tolerance: &Tolerance) {
-        for layer in self.lit(visible.frame) {
+        for layer in self.lit_in_parts(visible.frame) {
             layer.begin_parts(visible, tolerance);
         }
     }
 
     /// Ends it.
     pub fn end_parts(&mut self, visible: &Visible) {
-        for layer in self.lit(visible.frame) {
+        for layer in self.lit_in_parts(visible.frame) {
             layer.end_parts(visible);
         }
     }
@@ -105,21 +105,24 @@ impl Layers {
     pub fn take_records(&mut self) -> Vec<SharedRecord> {
         let mut records = Vec::new();
         for layer in &mut self.indirect {
-            records.extend(layer.take_records());
+            if let Some(layer) = layer.in_parts() {
+                records.extend(layer.take_records());
+            }
         }
         records
     }
 
     /// Adds records that other ranks have made.
     pub fn adopt(&mut self, records: Vec<SharedRecord>) {
-        if let [first, ..] = &mut self.indirect[..] {
+        if let Some(first) = self.indirect.first_mut().and_then(|first| first.in_parts()) {
             first.adopt(records);
         }
     }
 
-    /// Layers that have light of this frame.
-    fn lit(&mut self, frame: &Frame) -> impl Iterator<Item = &mut Box<dyn Layer>> {
-        self.direct.iter_mut().chain(&mut self.indirect).filter(|layer| !layer.is_dark(frame))
+    /// Layers with records that have light of this frame.
+    fn lit_in_parts(&mut self, frame: &Frame) -> impl Iterator<Item = &mut dyn PartLayer> {
+        let lit = self.direct.iter_mut().chain(&mut self.indirect).filter(|layer| !layer.is_dark(frame));
+        lit.filter_map(|layer| layer.in_parts())
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn Layer> {

@@ -7,7 +7,7 @@ mod tree_light;
 use super::audits::Audits;
 use super::carried::{Carriable, Holding};
 use super::counts::{Counts, RecordCounts};
-use super::layer::{Layer, Lit, PartSample, Visible};
+use super::layer::{Layer, Lit, PartLayer, PartSample, Visible};
 use super::pixel::is_dark;
 use super::tolerance::Tolerance;
 use super::visibility::{GATHER_RAYS, Visibility};
@@ -130,23 +130,8 @@ impl Layer for Cached {
         }
     }
 
-    fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>) {
-        let counts = Counts::default();
-        let (light, changes) = (self.tree_light(visible, tolerance, &counts), changes(&self.intensities, visible));
-        let _ = self.records.begin_parts(visible.matte, changes, &light);
-        self.intensities = intensities(visible.frame);
-    }
-
-    fn end_parts(&mut self, visible: &Visible<'_>) {
-        self.records.end_parts(visible.matte, visible.frame.surfaces.moving());
-    }
-
-    fn take_records(&mut self) -> Vec<SharedRecord> {
-        self.records.take_new()
-    }
-
-    fn adopt(&mut self, records: Vec<SharedRecord>) {
-        self.records.adopt(records);
+    fn in_parts(&mut self) -> Option<&mut dyn PartLayer> {
+        Some(self)
     }
 
     fn is_dark(&self, frame: &Frame<'_>) -> bool {
@@ -197,6 +182,27 @@ impl Layer for Cached {
         records.keep_own(&*self.ranks);
         (self.records, self.intensities) = (records, intensities);
         Ok(())
+    }
+}
+
+impl PartLayer for Cached {
+    fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>) {
+        let counts = Counts::default();
+        let (light, changes) = (self.tree_light(visible, tolerance, &counts), changes(&self.intensities, visible));
+        let _ = self.records.begin_parts(visible.matte, changes, &light);
+        self.intensities = intensities(visible.frame);
+    }
+
+    fn end_parts(&mut self, visible: &Visible<'_>) {
+        self.records.end_parts(visible.matte, visible.frame.surfaces.moving());
+    }
+
+    fn take_records(&mut self) -> Vec<SharedRecord> {
+        self.records.take_new()
+    }
+
+    fn adopt(&mut self, records: Vec<SharedRecord>) {
+        self.records.adopt(records);
     }
 }
 
