@@ -447,3 +447,9 @@ fn help_answers_what_users_ask() {
     let plan = run(folder.path(), &["plan", "-h"]).stdout;
     assert!(plan.contains("--qscale") && !plan.contains("--output"), "{plan}");
 }
+
+#[test]
+fn the_page_of_options_is_that_of_the_program() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference/options.md"));
+    assert!(page.unwrap() == ::program::options_page(), "write docs/reference/options.md again by its command");
+}

@@ -7,10 +7,11 @@ use pipeline::report::FrameReport;
 use render_core::scene::Scene;
 use renderer::plan::Step;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The whole report.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Report {
     /// Version of the layout.
     pub schema: u32,
@@ -19,6 +20,7 @@ pub struct Report {
     /// The rendered scene.
     pub scene: SceneReport,
     /// Every choice of the run, defaults filled in.
+    #[schemars(with = "BTreeMap<String, serde_json::Value>")]
     pub settings: Settings,
     /// The stages that ran, the stages that were left out, and why.
     pub plan: Vec<Step>,
@@ -32,7 +34,7 @@ pub struct Report {
 }
 
 /// The rendered scene.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct SceneReport {
     /// The scene file.
     pub file: PathBuf,
@@ -49,7 +51,7 @@ pub struct SceneReport {
 }
 
 /// Means over the frames, and totals.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Summary {
     /// Frames in the stream.
     pub frames: u32,

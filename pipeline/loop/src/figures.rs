@@ -1,7 +1,7 @@
 //! CPU seconds and counts of one frame, collected on its way through the loop.
 
 /// CPU seconds of the stages of a frame, summed over threads: waiting, and other programs, do not count.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct Seconds {
     /// Placing of objects and the ray tree.
     pub update: f64,
@@ -50,7 +50,7 @@ impl Seconds {
 }
 
 /// CPU seconds of the stages and counts of one frame; each stage fills in its part.
-#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct FrameFigures {
     /// CPU seconds of the stages.
     pub seconds: Seconds,

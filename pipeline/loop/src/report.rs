@@ -9,12 +9,13 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub(crate) type PictureTypeName = &'static str;
 
 /// One frame.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FrameReport {
     /// From 0, in display order.
     pub index: u32,
     /// "I", "P" or "B".
     #[serde(deserialize_with = "picture_type")]
+    #[schemars(extend("enum" = ["I", "P", "B"]))]
     pub picture_type: PictureTypeName,
     /// Size of the coded picture, headers included.
     pub bits: u64,

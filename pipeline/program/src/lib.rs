@@ -38,6 +38,7 @@ mod print;
 mod print_config;
 mod progress;
 mod ranks;
+mod reference;
 mod source;
 mod trace;
 
@@ -46,6 +47,7 @@ use args::Command;
 use clap::CommandFactory;
 use print::single_line;
 use ranks::Ranks;
+pub use reference::{options_page, progress_schema, report_schema};
 use std::process::ExitCode;
 
 /// Exit code where the same arguments fail everywhere and always, as clap has it. All other failures are 1.

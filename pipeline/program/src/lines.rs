@@ -3,8 +3,9 @@
 use clap::ValueEnum;
 use pipeline::report::FrameReport;
 use render2mpeg::Settings;
-use render2mpeg::report::Report;
-use serde_json::{Value, json};
+use render2mpeg::report::{Report, Summary};
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::io::Write;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -17,6 +18,29 @@ pub(crate) enum ProgressKind {
     Json,
     /// openjd_progress and openjd_status, for Open Job Description: OpenJD, Deadline Cloud
     Openjd,
+}
+
+/// A line of `--progress json`.
+#[derive(Serialize, JsonSchema)]
+#[serde(tag = "event", rename_all = "lowercase")]
+pub(crate) enum Event {
+    /// The run begins.
+    Begin {
+        /// Frames of the film.
+        frames: u32,
+        /// The first frame that is still to be made, from 0.
+        first_frame: u32,
+    },
+    /// A frame is in the stream.
+    Frame {
+        /// Its line of the report, up to here.
+        frame: Box<FrameReport>,
+    },
+    /// The run has ended.
+    End {
+        /// Means and totals over the frames.
+        summary: Box<Summary>,
+    },
 }
 
 /// Lines of a run, in one of the forms; none where a bar is wanted.
@@ -41,26 +65,28 @@ impl Lines {
 
     /// Announces the run.
     pub fn begin(&self) {
-        let Self { film_frames, first_frame, .. } = self;
-        self.print_json(|| json!({ "event": "begin", "frames": film_frames, "first_frame": first_frame }));
+        let &Self { film_frames, first_frame, .. } = self;
+        self.print_json(|| Event::Begin { frames: film_frames, first_frame });
         self.print_progress();
     }
 
     /// A frame is in the stream, with all that the report says of it up to here.
     pub fn frame(&self, frame: &FrameReport) {
         self.made.fetch_add(1, Ordering::Relaxed);
-        self.print_json(|| json!({ "event": "frame", "frame": frame }));
+        self.print_json(|| Event::Frame { frame: frame.clone().into() });
         self.print_progress();
     }
 
     /// All is done.
     pub fn end(&self, report: &Report) {
-        self.print_json(|| json!({ "event": "end", "summary": report.summary }));
+        self.print_json(|| Event::End { summary: report.summary.clone().into() });
     }
 
-    fn print_json(&self, line: impl FnOnce() -> Value) {
-        if self.kind == ProgressKind::Json {
-            print(&line().to_string());
+    fn print_json(&self, event: impl FnOnce() -> Event) {
+        if self.kind == ProgressKind::Json
+            && let Ok(line) = serde_json::to_string(&event())
+        {
+            print(&line);
         }
     }
 

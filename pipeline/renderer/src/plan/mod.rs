@@ -19,9 +19,10 @@ use rules::{Decision, decisions};
 use serde::Serialize;
 
 /// A line of the plan.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Step {
     /// The stage.
+    #[schemars(with = "String")]
     pub stage: Stage,
     /// How often it runs.
     pub state: State,

@@ -1,0 +1,108 @@
+//! The reference of all commands and options, as Markdown: the page `docs/reference/options.md`.
+
+use crate::args::Arguments;
+use crate::lines::Event;
+use clap::builder::StyledStr;
+use clap::{Arg, Command, CommandFactory};
+use render2mpeg::report::Report;
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, Schema};
+use std::fmt::Write;
+
+/// The first lines of the page.
+const HEAD: &str = "# Commands and options
+
+`cargo run -p render2mpeg-cli --example reference` writes this page from the program's own help; a test compares it.
+Options may also come from a TOML file, by `--config`: the key is the option's name.
+
+| Exit code | Meaning | The same command again |
+|---|---|---|
+| 0 | success | |
+| 1 | a file that cannot be read or written, bad input, or a fault of the program | may work after the cause is removed |
+| 2 | wrong arguments | always fails |
+| 130, 143, 129 | ended by Ctrl-C, SIGTERM or SIGHUP; the video plays | continues with `--resume` |
+";
+
+/// Commands, arguments and options of the program, as Markdown. Hidden ones are left out.
+#[must_use]
+pub fn options_page() -> String {
+    let mut program = Arguments::command();
+    program.build();
+    let mut page = HEAD.to_owned();
+    for command in program.get_subcommands().filter(|command| !command.is_hide_set() && command.get_name() != "help") {
+        add_command(&mut page, command);
+    }
+    page
+}
+
+/// JSON Schema (draft 2020-12) of `report.json`.
+#[must_use]
+pub fn report_schema() -> Schema {
+    schema_of::<Report>()
+}
+
+/// JSON Schema (draft 2020-12) of a line of `--progress json`.
+#[must_use]
+pub fn progress_schema() -> Schema {
+    schema_of::<Event>()
+}
+
+/// The schema of values as they are written.
+fn schema_of<T: JsonSchema>() -> Schema {
+    SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<T>()
+}
+
+/// Adds a section with a table for each group of options, in the order of the help.
+fn add_command(page: &mut String, command: &Command) {
+    let about = command.get_about().map(text_of).unwrap_or_default();
+    let _ = write!(page, "\n## `render2mpeg {}`\n\n{about}\n", command.get_name());
+    let mut headings: Vec<Option<&str>> = Vec::new();
+    for argument in arguments_of(command) {
+        if !headings.contains(&argument.get_help_heading()) {
+            headings.push(argument.get_help_heading());
+        }
+    }
+    for heading in headings {
+        let _ = write!(page, "\n| {} | Meaning |\n|---|---|\n", heading.unwrap_or("Argument"));
+        for argument in arguments_of(command).filter(|argument| argument.get_help_heading() == heading) {
+            let _ = writeln!(page, "| `{}` | {} |", name_of(argument), meaning_of(argument));
+        }
+    }
+}
+
+/// The arguments of a command that its help shows, except the help itself.
+fn arguments_of(command: &Command) -> impl Iterator<Item = &Arg> {
+    command.get_arguments().filter(|argument| !argument.is_hide_set() && argument.get_id() != "help")
+}
+
+/// Short and long name with the names of values, as they are typed.
+fn name_of(argument: &Arg) -> String {
+    let mut names = Vec::new();
+    names.extend(argument.get_short().map(|short| format!("-{short}")));
+    names.extend(argument.get_long().map(|long| format!("--{long}")));
+    let takes_value = argument.get_action().takes_values();
+    let values = argument.get_value_names().filter(|_| takes_value).map(|names| names.join(" "));
+    let value = values.map(|values| format!("<{values}>"));
+    [names.join(", ")].into_iter().chain(value).filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+/// The help of an argument, and its possible values with theirs.
+fn meaning_of(argument: &Arg) -> String {
+    let help = argument.get_long_help().or(argument.get_help());
+    let mut meaning = help.map(text_of).unwrap_or_default();
+    if argument.get_action().takes_values() && !argument.is_hide_possible_values_set() {
+        for value in argument.get_possible_values().iter().filter(|value| !value.is_hide_set()) {
+            let _ = write!(meaning, "<br>`{}`", value.get_name());
+            if let Some(help) = value.get_help() {
+                let _ = write!(meaning, ": {}", text_of(help));
+            }
+        }
+    }
+    meaning
+}
+
+/// A help text in one line, with the signs of tables escaped.
+fn text_of(help: &StyledStr) -> String {
+    let words = help.to_string();
+    words.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
+}
