@@ -1,12 +1,16 @@
-//! Opacity: where a triangle is there, and where rays pass through.
+//! Opacity of triangles: where they stop rays and where rays pass through.
 //!
-//! A mask's holes are where its opacity is below the cutoff. Far away, where a ray's cone covers several texels, a mask has the
-//! share of them that is no hole. A blended surface hides its opacity's share of what is behind it. Rays that cannot be
-//! divided (photons, rays of indirect light) meet it by chance: a point is part of it if its opacity exceeds a threshold that
-//! is drawn once for each small cell of the object's own space \[Wyman17\].
+//! A mask has holes where its opacity is below the cutoff. Where a ray's cone covers several texels, the opacity of a
+//! mask is the fraction of texels that are not holes. A blended surface blocks a fraction of the light behind it, equal
+//! to its opacity.
+//!
+//! Photons and rays of indirect light cannot be split, so they hit blended surfaces stochastically. A point stops a ray
+//! if its opacity exceeds a threshold. The threshold is drawn once for each small cell of the object's local space
+//! \[Wyman17\].
 //!
 //! # Differs from the paper
-//! * The cells are far smaller than pixels: camera rays and shadow rays see no grain, as they divide (`sheets.rs`).
+//! * The cells are far smaller than pixels. Camera rays and shadow rays show no noise, because they are split
+//!   (`sheets.rs`).
 
 use super::triangles::Owner;
 use crate::sampling::hash_unit;
@@ -15,44 +19,45 @@ use glam::{Vec2, Vec3, Vec3A};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Cells across the scene: each ray meets another, but rounding leaves a point in its own.
+/// Cells across the scene: small enough that each ray hits another cell, large enough that rounding keeps a point in
+/// its cell.
 const CELLS: f32 = 131_072.0;
-/// Flat surfaces often lie at round coordinates: there no border of a cell may be.
+/// Offset of the cell borders from round coordinates, where flat surfaces often lie.
 const OFF_ROUND: f32 = 0.381_966;
 
-/// Where sheets stop the rays of an [`Accelerator`](super::Accelerator).
+/// Rule by which sheets stop the rays of an [`Accelerator`](super::Accelerator).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sheets {
-    /// Masks where they are no holes, blended surfaces by chance: each in its share of places.
+    /// Masks stop rays outside their holes; blended surfaces stop them stochastically, in proportion to their opacity.
     ByChance,
-    /// Everywhere.
+    /// Sheets stop rays everywhere.
     AsWholes,
 }
 
-/// The opacity of all instances that have holes.
+/// The opacity of all instances with holes.
 pub(crate) struct CutOuts {
-    /// One per instance: its sheet, and cells per unit of its mesh.
+    /// For each instance, its sheet and the number of cells per unit length of its mesh.
     sheets: Vec<Option<(Arc<Sheet>, f32)>>,
 }
 
-/// The opacity of a mesh. Lists are per triangle, and empty where they are not needed.
+/// The opacity of a mesh. Lists are indexed by triangle, and empty where they are not needed.
 #[derive(Clone)]
 struct Sheet {
-    /// Index of its material where that changes, and the coordinates of its texture before their transform.
+    /// Index of its material if that is animated, and the texture coordinates before their transform.
     changing: Option<(usize, Vec<[Vec2; 3]>)>,
     alpha: Alpha,
     opacity: f32,
     texture: Option<Texture>,
-    /// Of a mask: shares of areas two texels wide, and wider, that are no holes.
+    /// For a mask: fraction of areas without holes, for areas two texels wide and wider.
     far: Option<Texture>,
     coordinates: Vec<[Vec2; 3]>,
     vertex_opacity: Vec<[f32; 3]>,
-    /// Corners at rest in the mesh's own space, for the cells.
+    /// Undeformed corners in the mesh's local space, for the cells.
     places: Vec<[Vec3; 3]>,
 }
 
 impl CutOuts {
-    /// Finds the holes in all instances of `scene`; `None` if there is not one. `pose` tells how large things are.
+    /// Collects the holes of all instances of `scene`; returns `None` if it has none. Sizes are measured in `pose`.
     pub(super) fn new(scene: &Scene, pose: &Pose, extent: f32) -> Option<Self> {
         let changing = scene.changing_materials();
         let mut of_mesh: HashMap<usize, Option<Arc<Sheet>>> = HashMap::new();
@@ -63,7 +68,7 @@ impl CutOuts {
                 let mesh = &scene.meshes[index];
                 let new = || Sheet::new(scene, mesh, changing[mesh.material], &mut far).map(Arc::new);
                 let sheet = of_mesh.entry(index).or_insert_with(new).clone()?;
-                // As large as its shape is in the world, compared with its mesh: skins often change the scale.
+                // Size of the shape in the world, relative to its mesh: skins often change the scale.
                 let world = scene.instance_world(pose, instance);
                 let shape = pose.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
                 let placed = diagonal(shape.iter().map(|&p| world.transform_point3a(p.into())));
@@ -75,7 +80,7 @@ impl CutOuts {
         sheets.iter().any(Option::is_some).then_some(Self { sheets })
     }
 
-    /// The holes with these `materials`; `None` where they are the same.
+    /// Returns the holes with these `materials`; `None` if they are unchanged.
     pub(super) fn at(&self, materials: &[Material]) -> Option<Self> {
         let changes = |(sheet, _): &(Arc<Sheet>, f32)| sheet.changing.is_some();
         if materials.is_empty() || !self.sheets.iter().flatten().any(changes) {
@@ -89,23 +94,23 @@ impl CutOuts {
         Some(Self { sheets: sheets.collect() })
     }
 
-    /// Whether the holes of `instance` change.
+    /// Returns whether the holes of `instance` are animated.
     pub(super) fn has_changing_holes(&self, instance: usize) -> bool {
         self.sheets[instance].as_ref().is_some_and(|(sheet, _)| sheet.changing.is_some())
     }
 
-    /// Whether rays may pass through parts of `instance`.
+    /// Returns whether rays may pass through `instance` somewhere.
     pub(super) fn has_holes(&self, instance: usize) -> bool {
         self.sheets[instance].is_some()
     }
 
-    /// Whether `instance` is a blended surface.
+    /// Returns whether `instance` is a blended surface.
     pub(super) fn is_blended(&self, instance: usize) -> bool {
         self.sheets[instance].as_ref().is_some_and(|(sheet, _)| sheet.alpha == Alpha::Blend)
     }
 
-    /// Whether a point of a triangle stops a ray, where sheets do so as `sheets` says. `at` has the barycentric weights of the second and
-    /// third corner.
+    /// Returns whether a point of a triangle stops a ray, under the rule `sheets`. `at` contains the barycentric
+    /// weights of the second and third corner.
     pub(super) fn stops(&self, owner: Owner, at: [f32; 2], sheets: Sheets) -> bool {
         let Some((sheet, cells)) = &self.sheets[owner.instance as usize] else { return true };
         let triangle = owner.triangle as usize;
@@ -117,8 +122,8 @@ impl CutOuts {
         }
     }
 
-    /// Share of what is behind a triangle that it hides, 0…1, around a point: over an area that is this `share` of the
-    /// parallelogram of two of its sides.
+    /// Returns the opacity of a triangle around a point, 0…1, filtered over an area. The area is a fraction `share` of
+    /// the parallelogram of two of its sides.
     pub(super) fn opacity(&self, owner: Owner, at: [f32; 2], share: f32) -> f32 {
         let Some((sheet, _)) = &self.sheets[owner.instance as usize] else { return 1.0 };
         let triangle = owner.triangle as usize;
@@ -130,14 +135,14 @@ impl CutOuts {
         }
     }
 
-    /// Opacity of a blended surface at a point, 0…1; 0 of all other sheets.
+    /// Returns the opacity of a blended surface at a point, 0…1; 0 for all other sheets.
     pub(super) fn blended_opacity(&self, owner: Owner, at: [f32; 2]) -> f32 {
         let sheet = self.sheets[owner.instance as usize].as_ref().filter(|(sheet, _)| sheet.alpha == Alpha::Blend);
         sheet.map_or(0.0, |(sheet, _)| sheet.opacity(owner.triangle as usize, at, 0.0).clamp(0.0, 1.0))
     }
 }
 
-/// The images of masks as they are from afar, by texture and by the bits of the opacity from which on they are no hole.
+/// Coverage images of masks, indexed by texture and by the bits of the minimum opacity outside holes.
 #[derive(Default)]
 struct FarMasks(HashMap<(usize, u32), Texture>);
 
@@ -155,7 +160,7 @@ fn diagonal(points: impl Iterator<Item = Vec3A>) -> f32 {
 }
 
 impl Sheet {
-    /// `None` for a mesh without holes.
+    /// Returns the opacity of a mesh; `None` for a mesh without holes.
     fn new(scene: &Scene, mesh: &Mesh, changes: bool, far: &mut FarMasks) -> Option<Self> {
         let material = &scene.materials[mesh.material];
         let needed = match material.alpha {
@@ -163,11 +168,13 @@ impl Sheet {
             Alpha::Mask { cutoff } => cutoff,
             Alpha::Blend => 1.0,
         };
+        // A texture without transparent texels needs no coordinates.
         let has_coordinates = |slot: &TextureSlot| !mesh.uvs[slot.uv_set].is_empty();
         let textured = material.base_color_texture.filter(has_coordinates).and_then(|slot| {
             let texture = &scene.textures[slot.texture];
             (texture.least_opacity() < 1.0).then_some((slot, texture.clone()))
         });
+        // A mesh needs a sheet only if some point may be transparent.
         let by_vertex = mesh.colors.iter().map(|color| color.w).fold(1.0, f32::min);
         let least = material.opacity * by_vertex * textured.as_ref().map_or(1.0, |(_, t)| t.least_opacity());
         if least >= needed && !changes {
@@ -181,6 +188,7 @@ impl Sheet {
             triangles().map(|t| t.map(|vertex| mesh.uvs[slot.uv_set][vertex as usize])).collect()
         };
         let changing = changes.then(|| (mesh.material, textured.as_ref().map_or_else(Vec::new, of_file)));
+        // Opacity by vertex, and undeformed corners for the cells of blended surfaces.
         let vertex_opacity = if by_vertex < 1.0 {
             triangles().map(|t| t.map(|vertex| mesh.colors[vertex as usize].w)).collect()
         } else {
@@ -191,7 +199,7 @@ impl Sheet {
         } else {
             Vec::new()
         };
-        // Where vertices have opacities of their own, or the cutoff changes, no image holds what is cut.
+        // If vertices have their own opacities or the cutoff is animated, no image represents the coverage.
         let far = match (&textured, material.alpha) {
             (Some((slot, _)), Alpha::Mask { cutoff })
                 if vertex_opacity.is_empty() && material.opacity > 0.0 && !changes =>
@@ -212,7 +220,7 @@ impl Sheet {
         })
     }
 
-    /// The same mesh with another material.
+    /// Returns the same mesh with another material.
     fn with(&self, material: &Material) -> Self {
         let mut sheet = Self { alpha: material.alpha, opacity: material.opacity, far: None, ..self.clone() };
         if let (Some(slot), Some((_, of_file))) = (&material.base_color_texture, &self.changing)
@@ -223,14 +231,15 @@ impl Sheet {
         sheet
     }
 
-    /// Width \[texels\] of an area that is this `share` of the parallelogram of two sides of a triangle.
+    /// Returns the width \[texels\] of an area that is a fraction `share` of the parallelogram of two sides of a
+    /// triangle.
     fn texels(&self, triangle: usize, share: f32) -> f32 {
         let (Some(texture), Some([a, b, c])) = (&self.texture, self.coordinates.get(triangle)) else { return 0.0 };
         let size = texture.size();
         (share * ((*b - *a) * size).perp_dot((*c - *a) * size).abs()).sqrt()
     }
 
-    /// Opacity of its material at a point, over a width of the texture \[texels\].
+    /// Returns the opacity of the material at a point, over a width in the texture \[texels\].
     fn opacity(&self, triangle: usize, [u, v]: [f32; 2], texels: f32) -> f32 {
         let w = 1.0 - u - v;
         let mut opacity = self.opacity;
@@ -243,7 +252,8 @@ impl Sheet {
         opacity
     }
 
-    /// Share of the texture around a point that is no hole: all or nothing within a texel, by area over two and more.
+    /// Returns the coverage of a mask around a point. It is 0 or 1 within a texel, and the fraction of the area without
+    /// holes over two texels or more.
     fn mask(&self, triangle: usize, at: [f32; 2], texels: f32, cutoff: f32) -> f32 {
         let sharp = || if self.opacity(triangle, at, 0.0) >= cutoff { 1.0 } else { 0.0 };
         let far = self.far.as_ref().filter(|_| texels > 1.0).zip(self.coordinates_at(triangle, at));
@@ -257,11 +267,11 @@ impl Sheet {
         self.coordinates.get(triangle).map(|[a, b, c]| *a * (1.0 - u - v) + *b * u + *c * v)
     }
 
-    /// The threshold at a point, 0…1.
+    /// Returns the threshold at a point, 0…1.
     fn threshold(&self, triangle: usize, [u, v]: [f32; 2], cells: f32) -> f32 {
         let [a, b, c] = self.places[triangle];
         let cell = ((a * (1.0 - u - v) + b * u + c * v) * cells + OFF_ROUND).floor();
-        // 21 bits for each axis: the pattern repeats far outside of the scene.
+        // Each axis has 21 bits; the pattern repeats far outside of the scene.
         let bits = |x: f32| (x as i64 as u64) & 0x1f_ffff;
         hash_unit(0, bits(cell.x) | bits(cell.y) << 21 | bits(cell.z) << 42, 0)
     }

@@ -1,6 +1,8 @@
-//! The trees that rays walk: everything that never moves is one, every moving instance has its own, built once; what changes
-//! its shape is built anew for each frame. Surfaces with holes stand in trees of their own, so that rays need not test all others for holes.
-//! Instances of one mesh share its tree where they move, and where they stand if they are many triangles together.
+//! The bottom-level trees. Static geometry is one tree, and each moving mesh has its own; these are built once.
+//! Deforming instances are rebuilt each frame.
+//!
+//! Surfaces with holes have separate trees, so that rays need not test other surfaces for holes. Instances of one mesh
+//! share its tree if they move, or if they are static and have many triangles together.
 
 use super::cut_outs::CutOuts;
 use super::group::Group;
@@ -15,14 +17,14 @@ use obvhs::{BvhBuildParams, triangle::Triangle};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// How trees are built that last. Splitting large triangles saves Sponza's rays a quarter of the leaves they visit and a
-/// tenth of the nodes.
+/// Build settings of trees that are kept. On Sponza, splitting large triangles saves a quarter of the visited leaves
+/// and a tenth of the visited nodes.
 const QUALITY: BvhBuildParams = BvhBuildParams { pre_split: true, ..BvhBuildParams::medium_build() };
 
-/// The parts that never change while a scene is rendered.
+/// The trees and holes of a scene that stay constant while it is rendered.
 pub struct Geometry {
     parts: Vec<Part>,
-    /// Holes of all parts that have some.
+    /// Opacity of all instances with holes.
     cut_outs: Option<Arc<CutOuts>>,
     sides: Arc<AllSides>,
     scale: f32,
@@ -34,17 +36,17 @@ impl std::fmt::Debug for Geometry {
     }
 }
 
-/// Triangles that stand, move or bend together.
+/// Triangles with a common transform or deformation.
 enum Part {
-    /// Where it stands in the scaled world.
+    /// Static geometry in the scaled world.
     Fixed(PlacedGroup),
-    /// The tree of a mesh in its own space, and the node that carries it; none for a skin that keeps its shape.
+    /// The tree of a mesh in its local space, and the node that moves it; no node for a skin that keeps its shape.
     Carried { group: Arc<Group>, instance: usize, node: Option<usize> },
-    /// Built when it is placed: the instance, and the node it hangs from unless a skin places it.
+    /// A tree built for each pose: the instance, and its parent node unless a skin positions it.
     Deforming { instance: usize, node: Option<usize> },
 }
 
-/// Triangles on their way into a tree.
+/// Triangles collected for a tree.
 #[derive(Default)]
 struct Soup {
     triangles: Vec<Triangle>,
@@ -55,7 +57,7 @@ impl Soup {
     fn add(&mut self, instance: usize, to_tree: &Affine3A, corners: impl Iterator<Item = [Vec3; 3]>) {
         for (t, corners) in corners.enumerate() {
             let [v0, v1, v2] = corners.map(|corner| to_tree.transform_point3a(corner.into()));
-            // Triangles without area can never be hit, and only spoil the tree; nor can those that reach to infinity.
+            // Triangles without area can never be hit and only degrade the tree. Infinite triangles cannot be in it.
             let area = (v1 - v0).cross(v2 - v0).length_squared();
             if area > 0.0 && area.is_finite() {
                 self.triangles.push(Triangle { v0, v1, v2 });
@@ -64,8 +66,9 @@ impl Soup {
         }
     }
 
-    /// Without triangles that lie exactly where an earlier one does: rays never meet them, and each would test them all. With
-    /// `cut_outs` they stay, as the earlier one may have a hole there; so do those with other `sides`.
+    /// Builds the tree, or returns `None` without triangles. Drops triangles that duplicate an earlier one: they are
+    /// never hit, but every ray would test them. Duplicates stay with `cut_outs`, because the earlier triangle may have
+    /// a hole, and where their `sides` differ.
     fn group(mut self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>, sides: &AllSides) -> Option<Arc<Group>> {
         if cut_outs.is_none() {
             let is_copy = copies(&self.triangles, |index| sides.code(self.owners[index].instance));
@@ -78,14 +81,15 @@ impl Soup {
     }
 }
 
-/// For each triangle, whether an earlier one has the same corners in the same order, and sides of the same code.
+/// Returns, for each triangle, whether an earlier one has the same corners in the same order and the same code of its
+/// sides.
 fn copies(triangles: &[Triangle], sides: impl Fn(usize) -> u32) -> Vec<bool> {
     let bits = |index: u32| {
         let Triangle { v0, v1, v2 } = &triangles[index as usize];
         let corners = [v0, v1, v2].map(|corner| corner.to_array().map(f32::to_bits));
         (corners, sides(index as usize))
     };
-    // Sorted by a short key first, so that few pairs are compared in full.
+    // A short key is compared first, so that few pairs are compared in full.
     let mut order: Vec<(u32, u32)> = Vec::with_capacity(triangles.len());
     for index in 0..triangles.len() as u32 {
         let key = bits(index).0.into_iter().flatten().fold(0u32, |key, bits| key.rotate_left(5).wrapping_add(bits));
@@ -103,24 +107,25 @@ fn copies(triangles: &[Triangle], sides: impl Fn(usize) -> u32) -> Vec<bool> {
     is_copy
 }
 
-/// Corners of all triangles of an instance, as its mesh has them or as they are bent.
+/// Returns the corners of all triangles of an instance, deformed if `pose` deforms it.
 fn corners<'a>(mesh: &'a Mesh, pose: &'a Pose, instance: usize) -> impl Iterator<Item = [Vec3; 3]> + 'a {
     let positions = pose.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
     mesh.triangles.iter().map(|triangle| triangle.map(|vertex| positions[vertex as usize]))
 }
 
 impl Geometry {
-    /// Builds the trees of everything in `scene` that keeps its shape; instances under a moving node get one each.
+    /// Builds the trees of everything in `scene` that keeps its shape. Instances under a moving node get one tree each.
     pub fn new(scene: &Scene) -> Self {
         let pose = scene.pose(0.0);
         let (moving, deforming) = (scene.moving_instances(), scene.deforming_instances());
+        // Lengths are scaled by a power of two, so that the scene spans 64…128 units.
         let extent = scene.bounds(&pose).map_or(1.0, |(min, max)| (max - min).max_element());
         let extent = if extent > 0.0 && extent.is_finite() { extent } else { 64.0 };
         let scale = (64.0 / extent).log2().ceil().exp2();
         let cut_outs = CutOuts::new(scene, &pose, extent).map(Arc::new);
         let holes_of = |instance| cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(instance));
         let (sharing, sides) = (Sharing::of(scene, &pose), AllSides::new(scene, &pose));
-        // The tree of a mesh in its own space, if it has any triangles.
+        // The tree of each mesh in its local space; `None` for a mesh without triangles.
         let mut of_mesh: HashMap<usize, Option<Arc<Group>>> = HashMap::new();
         let mut own_tree = |index: usize, mesh: usize| {
             let build = || {
@@ -128,10 +133,11 @@ impl Geometry {
                 own.add(index, &Affine3A::IDENTITY, corners(&scene.meshes[mesh], &pose, index));
                 own.group(QUALITY, holes_of(index), &sides)
             };
-            // What a skin or weights bend differs from one instance to the next.
+            // A skin or morph weights deform each instance differently.
             if pose.deformed(index).is_some() { build() } else { of_mesh.entry(mesh).or_insert_with(build).clone() }
         };
 
+        // Static triangles go into three common trees: without holes, masks, and blended surfaces.
         let [mut whole, mut masked, mut blended] = [(); 3].map(|()| Soup::default());
         let mut parts = Vec::new();
         for (index, &Instance { mesh, .. }) in scene.instances.iter().enumerate() {
@@ -160,8 +166,8 @@ impl Geometry {
         Self { parts, cut_outs, sides: Arc::new(sides), scale }
     }
 
-    /// Triangles that the trees of `scene` hold at the beginning, each as often as it is held: a mesh whose instances share a
-    /// tree counts once. Nothing is built for it.
+    /// Returns the number of triangles in the trees of `scene` at the first frame. A mesh shared by several instances
+    /// counts once. Builds no tree.
     #[must_use]
     pub fn triangles_to_hold(scene: &Scene) -> usize {
         let pose = scene.pose(0.0);
@@ -176,7 +182,7 @@ impl Geometry {
         triangles
     }
 
-    /// Places what stands still, and nothing else.
+    /// Returns an accelerator of the static geometry only.
     pub(crate) fn place_still(&self) -> Accelerator {
         let still = self.parts.iter().filter_map(|part| match part {
             Part::Fixed(placed) => Some(placed.clone()),
@@ -185,11 +191,11 @@ impl Geometry {
         Accelerator::new(still.collect(), self.sides.clone(), self.scale)
     }
 
-    /// Places the trees as `pose` says, builds those of what bends, and the top level over all.
+    /// Places the trees for `pose`, builds the trees of deforming instances, and builds the top-level tree over all.
     #[must_use]
     pub fn place(&self, pose: &Pose) -> Accelerator {
         let scaling = Affine3A::from_scale(Vec3::splat(self.scale));
-        // Holes of materials that change are those of the pose.
+        // Animated materials have holes that depend on the pose.
         let changed = self.cut_outs.as_ref().and_then(|cut_outs| cut_outs.at(pose.animated_materials()).map(Arc::new));
         let cut_outs = changed.clone().or(self.cut_outs.clone());
         let with_holes = |group: &Arc<Group>, instance: usize| match &changed {
@@ -215,7 +221,7 @@ impl Geometry {
         Accelerator::new(groups, self.sides.clone(), self.scale)
     }
 
-    /// Triangles of all trees that are built once.
+    /// Returns the number of triangles in all trees that are built once.
     #[cfg(test)]
     pub(super) fn triangles_held(&self) -> usize {
         let mut groups = HashMap::new();

@@ -1,4 +1,4 @@
-//! A tree of triangles that move as one, and what a ray meets in it.
+//! A tree of triangles with a common transform, and its intersection with rays.
 
 use super::cut_outs::{CutOuts, Sheets};
 use super::ray::Ray;
@@ -9,34 +9,34 @@ use lanes::{LANES, Lanes};
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
 use std::{sync::Arc, time::Duration};
 
-/// Costs of leaves in visits of a node. Eight triangles cost a ray alone no more than two, but the rays of a packet
-/// meet them one by one. On Sponza, 0.3…1.5 for a leaf and 0…0.12 for a triangle change the number of nodes and leaves that
-/// a ray visits by 3 % at most.
+/// Costs of leaves in units of a node visit. For a single ray, eight triangles cost no more than two, but the rays of a
+/// packet test them one by one. On Sponza, values of 0.3…1.5 per leaf and 0…0.12 per triangle change the number of
+/// visited nodes and leaves by at most 3 %.
 const COSTS: Costs = Costs { leaf: 0.6, primitive: 0.12, most: LANES };
 
-/// A triangle may be in several leaves, large ones being split; but no more than this many parts to a triangle on average.
+/// Maximum mean number of pieces per triangle. Large triangles are split, so a triangle may be in several leaves.
 const MOST_PARTS: usize = 2;
 
-/// A bottom-level tree and what its triangles belong to.
+/// A bottom-level tree and the owners of its triangles.
 pub(super) struct Group {
-    /// Its leaves are places in `blocks`, see [`Group::leaf`].
+    /// Tree with leaves that are indices into `blocks`, see [`Group::leaf`].
     pub(super) tree: Tree,
     pub(super) blocks: Vec<TriangleBlock>,
-    /// The place of each triangle in the scene; its instance does not count where a mesh is shared, see [`Group::owner`].
+    /// The owner of each triangle in the scene. The instance is ignored where a mesh is shared, see [`Group::owner`].
     pub(super) owners: Vec<Owner>,
     pub(super) bounds: Aabb,
-    /// `None` if every triangle is there as a whole.
+    /// Opacity of the triangles; `None` if all of them are opaque.
     pub(super) cut_outs: Option<Arc<CutOuts>>,
-    /// Whether all its triangles are of blended surfaces. No group has these and others.
+    /// Whether all triangles belong to blended surfaces. A group never mixes these with others.
     pub(super) is_blended: bool,
 }
 
-/// A triangle that a ray met.
+/// A triangle hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Met {
-    /// In lengths of the direction.
+    /// Distance in lengths of the direction.
     pub(super) t: f32,
-    /// Place in [`Group::owners`].
+    /// Index into [`Group::owners`].
     pub(super) triangle: u32,
     /// Barycentric weights of the second and third corner.
     pub(super) u: f32,
@@ -44,7 +44,7 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// Nothing yet.
+    /// No hit.
     pub(super) const NOTHING: Self = Self { t: f32::MAX, triangle: NO_TRIANGLE, u: 0.0, v: 0.0 };
 
     pub(super) fn is_something(&self) -> bool {
@@ -52,28 +52,28 @@ impl Met {
     }
 }
 
-/// The largest index, as a signed number too.
+/// The largest index, also if read as a signed number.
 pub(super) const NO_TRIANGLE: u32 = u32::MAX >> 1;
-/// Before every index, as a signed number.
+/// Less than every index if read as a signed number.
 pub(super) const BEFORE_ALL: u32 = u32::MAX;
 
-/// The nearest hit of a walk so far.
+/// The nearest hit of a traversal so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
     pub(super) met: Met,
-    /// Whether another triangle was met within `reach` of it.
+    /// Whether another triangle was hit within `reach` of it.
     pub(super) contested: bool,
     pub(super) reach: Reach,
 }
 
 impl Nearest {
-    /// Nothing yet.
+    /// Returns the state before the first hit.
     #[inline(always)]
     pub(super) fn nothing(reach: Reach) -> Self {
         Self { met: Met::NOTHING, contested: false, reach }
     }
 
-    /// Takes a hit into account that lies within reach of the nearest.
+    /// Updates the nearest hit with another hit within its reach.
     #[inline(always)]
     fn take(&mut self, met: Met) {
         let best = self.met;
@@ -91,7 +91,7 @@ impl Nearest {
 }
 
 impl Group {
-    /// Builds the tree. `owners` are the places of the `triangles` in the scene, all of them finite.
+    /// Builds the tree. `owners` are the owners of the `triangles` in the scene; all coordinates must be finite.
     pub(super) fn new(
         triangles: &[Triangle],
         owners: Vec<Owner>,
@@ -100,6 +100,7 @@ impl Group {
     ) -> Self {
         let params = BvhBuildParams { max_prims_per_leaf: 1, ..params };
         let build = |params| build_bvh2_from_tris(triangles, params, &mut Duration::default());
+        // Triangles are not split if that would multiply them too much.
         let mut binary = build(params);
         if params.pre_split && binary.primitive_indices.len() > MOST_PARTS * triangles.len() {
             binary = build(BvhBuildParams { pre_split: false, ..params });
@@ -107,7 +108,7 @@ impl Group {
         let mut blocks = Vec::new();
         let tree = Tree::new(&binary, &COSTS, |members| {
             let first = blocks.len();
-            // A split triangle may have come back together.
+            // Pieces of a split triangle may be in one leaf.
             let mut members = members.to_vec();
             members.sort_unstable();
             members.dedup();
@@ -127,28 +128,28 @@ impl Group {
         Self { tree, blocks, owners, bounds, cut_outs, is_blended }
     }
 
-    /// The same triangles with other holes.
+    /// Returns the same triangles with other holes.
     pub(super) fn with_cut_outs(&self, cut_outs: Arc<CutOuts>) -> Self {
         let Self { tree, blocks, owners, bounds, is_blended, .. } = self;
         let (tree, blocks, owners) = (tree.clone(), blocks.clone(), owners.clone());
         Self { tree, blocks, owners, bounds: *bounds, cut_outs: Some(cut_outs), is_blended: *is_blended }
     }
 
-    /// The triangles of a leaf of the tree.
+    /// Returns the triangles of a leaf of the tree.
     #[inline(always)]
     pub(super) fn leaf(&self, content: u32) -> Leaf<'_> {
         Leaf::new(&self.blocks[content as usize / LANES..], content as usize % LANES + 1)
     }
 
-    /// What a triangle is part of in the scene: of `shown`, if that instance shows the group.
+    /// Returns the owner of a triangle in the scene. `shown` replaces its instance if the group shows one instance.
     #[inline(always)]
     pub(super) fn owner(&self, triangle: u32, shown: Option<u32>) -> Owner {
         let owner = self.owners[triangle as usize];
         Owner { instance: shown.unwrap_or(owner.instance), ..owner }
     }
 
-    /// The first triangle before `best` that is there ([`Group::is_there`]). `shown` is the instance that shows the group, if
-    /// one does, and where sheets stop the ray.
+    /// Returns the first triangle before `best` that stops the ray ([`Group::is_there`]). `shown` contains the instance
+    /// shown by the group, if any, and the rule for sheets.
     #[inline(always)]
     pub(super) fn closest<L: Lanes>(
         &self,
@@ -165,14 +166,14 @@ impl Group {
         }
     }
 
-    /// Whether the point of a triangle with barycentric weights `at` of the second and third corner stops a ray, where
-    /// sheets do so as `sheets` says.
+    /// Returns whether a triangle stops a ray at a point, under the rule `sheets`. `at` contains the barycentric
+    /// weights of the second and third corner.
     #[inline(always)]
     pub(super) fn is_there(&self, triangle: u32, at: [f32; 2], shown: Option<u32>, sheets: Sheets) -> bool {
         self.cut_outs.as_ref().is_none_or(|cut_outs| cut_outs.stops(self.owner(triangle, shown), at, sheets))
     }
 
-    /// Whether any triangle that is there ([`Group::is_there`]) is met before `limit`.
+    /// Returns whether a triangle stops the ray ([`Group::is_there`]) before `limit`.
     #[inline(always)]
     pub(super) fn blocks<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, shown: (Option<u32>, Sheets)) -> bool {
         match &self.cut_outs {
@@ -183,7 +184,7 @@ impl Group {
         }
     }
 
-    /// The first triangle before `best` that `accept` (leaf, lane, u, v) lets count.
+    /// Returns the first triangle before `best` for which `accept` (leaf, lane, u, v) is true.
     #[inline(always)]
     pub(super) fn closest_where<L: Lanes>(
         &self,
@@ -197,7 +198,7 @@ impl Group {
         visitor.best
     }
 
-    /// Calls `each` (leaf, lane, hit) for all triangles that are met within `limit`, and from then on within what it returns.
+    /// Calls `each` (leaf, lane, hit) for all triangles hit within `limit`. Each call returns the new limit.
     #[inline(always)]
     pub(super) fn each_within<L: Lanes>(
         &self,
@@ -209,7 +210,7 @@ impl Group {
         self.tree.walk(lanes, ray, limit, &mut EachOf { group: self, ray, each });
     }
 
-    /// Whether any triangle that `accept` (index, u, v) lets count is met before `limit`.
+    /// Returns whether a triangle for which `accept` (index, u, v) is true is hit before `limit`.
     #[inline(always)]
     fn blocks_where<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, accept: impl Fn(u32, f32, f32) -> bool) -> bool {
         let mut visitor = AnyOf { group: self, ray, accept, found: false };

@@ -1,11 +1,14 @@
 //! Ray queries: two levels of bounding volumes over the triangles of the scene.
 //!
-//! Everything that never moves is one tree in world space, built once; every mesh that moves, or is shown very often, has a
-//! tree in its local space, built once too; what bends is built for each frame, and surfaces with holes stand apart. Over
-//! these stands a small tree that is rebuilt for each frame.
-//! `obvhs` builds binary trees; [`tree`] makes them eight wide and walks them, a ray alone or a [`packet`] of up to 64.
-//! Inside, lengths are scaled by a power of two so that the scene spans 64…128 units: products of four lengths then
-//! neither overflow nor vanish, whatever the unit.
+//! Static geometry is one tree in world space, built once. Each moving mesh, and each static mesh with many instances,
+//! has a tree in its local space, also built once. Trees of deforming meshes are rebuilt each frame. Surfaces with
+//! holes have trees of their own. A small top-level tree over all of these is rebuilt each frame.
+//!
+//! `obvhs` builds binary trees. [`tree`] widens them to eight boxes a node and traverses them with single rays or with
+//! a [`packet`] of up to 64.
+//!
+//! Internally, lengths are scaled by a power of two, so that the scene spans 64…128 units. Products of four lengths
+//! then neither overflow nor underflow, in any unit of the scene.
 
 mod cut_outs;
 mod found;
@@ -40,10 +43,10 @@ use ties::AllSides;
 use tree::{Costs, Tree};
 use triangles::Owner;
 
-/// Where a ray meets a surface.
+/// Intersection of a ray with a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Meters along the ray.
+    /// Distance along the ray \[m\].
     pub distance: f32,
     /// Index into [`crate::scene::Scene::instances`].
     pub instance: u32,
@@ -55,17 +58,18 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// The scene at one time, ready for rays.
+/// Acceleration structure of the scene at one time, ready for ray queries.
 ///
-/// The same ray has the same hit to the last bit, alone or in a packet, with vector instructions or without.
+/// A ray has the same hit to the last bit in all cases: traced alone or in a packet, with or without vector
+/// instructions.
 pub struct Accelerator {
     groups: Vec<PlacedGroup>,
-    /// Over the groups; its leaves are places in `groups`.
+    /// Top-level tree; its leaves are indices into `groups`.
     top: Tree,
     sides: Arc<AllSides>,
-    /// Where sheets stop its rays.
+    /// Rule by which sheets stop rays.
     sheets: Sheets,
-    /// The scene with and without its sheets, if it has any.
+    /// The scene with and without its sheets; `None` if it has no sheets.
     views: Option<Arc<Views>>,
     scale: f32,
     lanes: lanes::Choice,
@@ -77,27 +81,28 @@ impl std::fmt::Debug for Accelerator {
     }
 }
 
-/// The boxes of groups are this much larger than what they hold, in units of the largest coordinate.
+/// Slack of the boxes of groups, as a fraction of the largest coordinate.
 const GROUP_SLACK: f32 = 1e-5;
 
 #[derive(Clone)]
 struct PlacedGroup {
     group: Arc<Group>,
-    /// The instance that is shown here; `None` if each triangle of the group knows its own.
+    /// The instance shown by this group; `None` if each triangle of the group has its own instance.
     instance: Option<u32>,
-    /// Scaled world from local, and back; `None` for the identity.
+    /// Transforms between local space and the scaled world; `None` for the identity.
     to_world: Option<Affine3A>,
     to_local: Option<Affine3A>,
     bounds: Aabb,
 }
 
 impl PlacedGroup {
-    /// A group in the scaled world.
+    /// Returns a group with triangles in the scaled world.
     fn in_world(group: Arc<Group>) -> Self {
         Self { bounds: group.bounds, instance: None, to_world: None, to_local: None, group }
     }
 
-    /// A group in the space of a mesh that `instance` shows. `None` for an object squeezed flat: it has no inside to shoot at.
+    /// Returns a group in the local space of a mesh, shown as `instance`. Returns `None` for a transform that flattens
+    /// the mesh or is not finite.
     fn carried(group: Arc<Group>, instance: usize, to_world: Affine3A) -> Option<Self> {
         if to_world.matrix3.determinant() == 0.0 || !to_world.is_finite() {
             return None;
@@ -110,8 +115,8 @@ impl PlacedGroup {
         Some(Self { group, instance, to_world: Some(to_world), to_local, bounds })
     }
 
-    /// A ray in the group's own space. Its direction is not made a unit vector again, so that lengths of it mean the
-    /// same in both spaces.
+    /// Transforms a ray to the group's local space. The direction is not normalized again, so that its lengths have the
+    /// same meaning in both spaces.
     #[inline(always)]
     fn local(&self, origin: Vec3A, direction: Vec3A) -> (Vec3A, Vec3A) {
         match &self.to_local {
@@ -122,14 +127,14 @@ impl PlacedGroup {
 }
 
 impl Accelerator {
-    /// Builds the tree over `groups`. Inside, lengths are `scale` times what they are outside.
+    /// Builds the top-level tree over `groups`. Internal lengths are `scale` times the lengths in meters.
     fn new(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, scale: f32) -> Self {
         let views = Views::of(&groups, |groups, sheets| Self::of_part(groups, sides.clone(), sheets, scale));
         Self { views: views.map(Arc::new), ..Self::of_part(groups, sides, Sheets::ByChance, scale) }
     }
 
     fn of_part(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, sheets: Sheets, scale: f32) -> Self {
-        // A box in the world may be entered a rounding later than the triangles in it are met in their own space.
+        // In world space, rounding can put a box entry slightly beyond a triangle hit computed in local space.
         let boxes: Vec<Aabb> = groups
             .iter()
             .map(|PlacedGroup { bounds: Aabb { min, max }, .. }| {
@@ -146,9 +151,10 @@ impl Accelerator {
         Self { groups, top, sides, sheets, views: None, scale, lanes: lanes::Choice::best() }
     }
 
-    /// The first surface along the ray from `origin` in the unit `direction`.
+    /// Returns the first surface along the ray from `origin` in the unit `direction`.
     ///
-    /// Of surfaces that only rounding tells apart, fronts come first, then those that glow, then the first in the file.
+    /// Among surfaces at distances that differ only by rounding, fronts win, then emissive surfaces, then the first in
+    /// the file.
     #[must_use]
     pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let origin = origin * self.scale;
@@ -156,28 +162,29 @@ impl Accelerator {
         self.hit(self.settled::<false>(origin, direction, found))
     }
 
-    /// As [`Accelerator::closest`], through the backs of single-sided surfaces: what the ray shows.
+    /// Returns the first surface as [`Accelerator::closest`] does, but passes through the backs of single-sided
+    /// surfaces.
     pub(crate) fn closest_shown(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let origin = origin * self.scale;
         let found = self.lanes.run(Closest::<true> { scene: self, origin, direction });
         self.hit(self.settled::<true>(origin, direction, found))
     }
 
-    /// The hit that counts of those as near as the one `found`; `origin` in the scaled world.
+    /// Resolves a contested hit: selects one of the hits as near as `found`. `origin` is in the scaled world.
     #[inline]
     fn settled<const SHOWN: bool>(&self, origin: Vec3A, direction: Vec3A, found: Found) -> Found {
         if found.contested { self.settle::<SHOWN>(origin, direction, found) } else { found }
     }
 
-    /// The same for a contested one: few are, and their code stays out of the way of all others.
+    /// Resolves one contested hit. Few hits are contested, so this code is kept out of the common path.
     #[cold]
     #[inline(never)]
     fn settle<const SHOWN: bool>(&self, origin: Vec3A, direction: Vec3A, nearest: Found) -> Found {
         self.lanes.run(Settle::<SHOWN> { scene: self, origin, direction, nearest })
     }
 
-    /// As [`Accelerator::closest`] for each of the unit `directions` into its place of `hits`: much faster where
-    /// neighbors in the list go nearly the same way, [`PACKET`] of them at a time.
+    /// Stores the result of [`Accelerator::closest`] for each of the unit `directions` in the same slot of `hits`.
+    /// Traces [`PACKET`] rays at a time, which is much faster where neighbors in the list have similar directions.
     pub fn closest_packet(&self, origin: Vec3A, directions: &[Vec3A], hits: &mut [Option<Hit>]) {
         assert_eq!(directions.len(), hits.len(), "a place for the hit of each direction");
         for (directions, hits) in directions.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
@@ -195,7 +202,7 @@ impl Accelerator {
         }
     }
 
-    /// Whether anything stands between `from` and `to`. Both ends should be a little off their surfaces.
+    /// Returns whether a surface lies between `from` and `to`. Both ends should be slightly off their surfaces.
     #[inline]
     #[must_use]
     pub fn occluded(&self, from: Vec3A, to: Vec3A) -> bool {
@@ -203,10 +210,10 @@ impl Accelerator {
         self.lanes.run(Blocked { scene: self, origin: from * self.scale, direction, limit: 1.0 })
     }
 
-    /// As [`Accelerator::occluded`] for the segments from one point to many, of which there are at most [`PACKET`]:
-    /// bit i is set where `to[i]` is hidden. Those whose bit in `active` is 0 are not traced and count as visible.
+    /// Tests the segments from one point to at most [`PACKET`] others as [`Accelerator::occluded`] does. Bit i of the
+    /// result is set if `to[i]` is hidden. Segments with bit 0 in `active` are not traced and count as visible.
     ///
-    /// One end of all segments must be the same, and that may be a light or what it lights.
+    /// All segments must have one end in common: either a light or a lit point.
     #[must_use]
     pub fn occluded_packet(&self, from: Vec3A, to: &[Vec3A], active: u64) -> u64 {
         assert!(to.len() <= PACKET, "{} segments in a packet of at most {PACKET}", to.len());
@@ -222,14 +229,14 @@ impl Accelerator {
         self.lanes.run(Together::<false> { scene: self, origin, rays: &rays[..count], found: &mut [] })
     }
 
-    /// Whether anything stands in the unit `direction` from `from`, however far.
+    /// Returns whether a surface lies in the unit `direction` from `from`, at any distance.
     #[inline]
     #[must_use]
     pub fn occluded_towards(&self, from: Vec3A, direction: Vec3A) -> bool {
         self.lanes.run(Blocked { scene: self, origin: from * self.scale, direction, limit: f32::MAX })
     }
 
-    /// The same scene without vector instructions: what these are tested and measured against.
+    /// Returns the same scene without vector instructions: the reference for tests and measurements.
     #[must_use]
     pub fn without_vector_instructions(mut self) -> Self {
         self.lanes = lanes::Choice::SCALAR;
@@ -245,7 +252,7 @@ impl Accelerator {
         })
     }
 
-    /// Every triangle in turn, in double precision: what [`Accelerator::closest`] is tested against.
+    /// Tests every triangle in double precision: the reference for tests of [`Accelerator::closest`].
     pub fn closest_by_exhaustion(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let mut best: Option<(f64, Hit)> = None;
         for placed in &self.groups {
@@ -274,7 +281,7 @@ impl Accelerator {
     }
 }
 
-/// Distance and barycentric weights of the second and third corner (Möller & Trumbore 1997).
+/// Returns the distance and the barycentric weights of the second and third corner (Möller & Trumbore 1997).
 fn meet_exactly(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, f64, f64)> {
     let (e1, e2, to) = (b - a, c - a, origin - a);
     let (p, q) = (direction.cross(e2), to.cross(e1));

@@ -1,9 +1,9 @@
-//! Up to 64 rays from one point, on their way through a tree together.
+//! Traversal of a tree by up to 64 rays with a common origin.
 //!
-//! Eight rays make a row, one register wide. A node's eight boxes are first held against the whole packet at once, by
-//! interval arithmetic on the inverse directions (Boulos, Wald & Shirley 2006); when the walk comes to one of the boxes,
-//! rows are tested, from the first that still was inside of the box above (Wald, Boulos & Shirley 2007). Triangles are
-//! tested for all rows that enter their leaf.
+//! Eight rays form a row, one register wide. First, interval arithmetic on the inverse directions tests the eight boxes
+//! of a node against the whole packet (Boulos, Wald & Shirley 2006). When the traversal reaches one of these boxes,
+//! rows are tested, starting with the first row inside the parent box (Wald, Boulos & Shirley 2007). Triangles are
+//! tested against all rows that enter their leaf.
 
 use super::group::{Group, Met, NO_TRIANGLE, Nearest};
 use super::ray::{LEAST_COMPONENT, LENGTHENING, Octant};
@@ -13,7 +13,7 @@ use super::triangles::{Meeting, meet};
 use glam::Vec3A;
 use lanes::{LANES, Lanes};
 
-/// As many rays as walk together at most.
+/// Maximum number of rays in a packet.
 pub const PACKET: usize = 64;
 
 pub(super) const ROWS: usize = PACKET / LANES;
@@ -21,11 +21,11 @@ pub(super) const ROWS: usize = PACKET / LANES;
 /// A ray of a packet.
 #[derive(Clone, Copy)]
 pub(super) struct PacketRay {
-    /// Index of the ray for the caller.
+    /// Index of the ray in the caller's list.
     pub(super) index: usize,
     pub(super) direction: Vec3A,
-    /// How far it goes, in lengths of its direction. Of triangles at just that distance, only those below the index `triangle`
-    /// count.
+    /// Maximum distance, in lengths of `direction`. At exactly this distance, only triangles with an index below
+    /// `triangle` count.
     pub(super) limit: f32,
     pub(super) triangle: u32,
 }
@@ -33,7 +33,7 @@ pub(super) struct PacketRay {
 impl PacketRay {
     pub(super) const NONE: Self = Self { index: 0, direction: Vec3A::ZERO, limit: -1.0, triangle: 0 };
 
-    /// The hit that a ray alone must beat to find the same.
+    /// Returns the hit that a single ray must beat to give the same result.
     #[inline(always)]
     pub(super) fn to_beat(self, reach: Reach) -> Nearest {
         let met = Met { t: self.limit, triangle: self.triangle, ..Met::NOTHING };
@@ -45,31 +45,31 @@ impl PacketRay {
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 struct PacketRow {
-    /// As in [`super::ray::Ray`].
+    /// Inverse directions and shear as in [`super::ray::Ray`].
     inverse_near: [[f32; LANES]; 3],
     inverse_far: [[f32; LANES]; 3],
     shear: [[f32; LANES]; 2],
-    /// How far the ray goes: [`Reach`] of t. Negative where it need not be traced any more.
+    /// Maximum distance of each ray: [`Reach`] of t. Negative for rays that need no further tracing.
     reach: [f32; LANES],
-    /// The nearest hit of each ray so far, as in [`Met`].
+    /// Nearest hit of each ray so far, as in [`Met`].
     t: [f32; LANES],
-    /// Bits of an index.
+    /// Index of the triangle, stored as bits.
     triangle: [f32; LANES],
     u: [f32; LANES],
     v: [f32; LANES],
-    /// Bits of the rays that have met another triangle within their reach.
+    /// Mask of the rays that hit another triangle within their reach.
     contested: u32,
 }
 
-/// Rays of one origin and one [`Octant`].
+/// Rays with a common origin and a common [`Octant`].
 pub(super) struct Packet {
     origin: [f32; 3],
     axes: [usize; 3],
     near_plane: [usize; 3],
     rows: [PacketRow; ROWS],
-    /// How many rows there are rays in.
+    /// Number of rows with rays.
     used: usize,
-    /// Least and greatest 1 / component, and the same lengthened.
+    /// Minimum and maximum of 1 / component, plain and lengthened.
     near_range: [[f32; 3]; 2],
     far_range: [[f32; 3]; 2],
     /// Reach of the longest ray.
@@ -82,8 +82,8 @@ pub(super) trait VisitTogether {
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered);
 }
 
-/// Finds the first triangles of a group that the rays meet. Not `CLOSEST`: gives a negative limit to all rays that meet
-/// any.
+/// Finds the first triangles of a group that the rays hit. If `CLOSEST` is false, rays that hit any triangle get a
+/// negative limit.
 pub(super) struct Triangles<'a, const CLOSEST: bool>(pub(super) &'a Group);
 
 impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
@@ -95,14 +95,14 @@ impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
     }
 }
 
-/// The rays that enter a leaf's box: the ways to it, ∞ for rays that miss it; and the rows that have some.
+/// The rays that enter a leaf's box: the distance to the box, ∞ for rays that miss it, and the mask of rows with hits.
 pub(super) struct Entered {
     near: [[f32; LANES]; ROWS],
     rows: u32,
 }
 
 impl Entered {
-    /// The rays that enter, as bits.
+    /// Returns the mask of the rays that enter.
     pub(super) fn rays(&self) -> u64 {
         (0..ROWS).filter(|row| self.rows >> row & 1 == 1).fold(0, |bits, row| {
             (0..LANES)
@@ -112,7 +112,7 @@ impl Entered {
 }
 
 impl Packet {
-    /// Makes a packet of rays whose directions share an octant, 1 to [`PACKET`] of them.
+    /// Builds a packet of 1 to [`PACKET`] rays with directions in one octant.
     #[inline(always)]
     pub(super) fn new<L: Lanes>(lanes: L, origin: Vec3A, octant: Octant, rays: &[PacketRay], reach: Reach) -> Self {
         let row = PacketRow {
@@ -137,9 +137,10 @@ impl Packet {
             farthest: reach.of(rays.iter().fold(-1.0, |farthest: f32, ray| farthest.max(ray.limit))),
             reach,
         };
+        // Rows without rays never enter a box: their limits stay negative.
         let mut range = [[lanes.splat(f32::INFINITY), lanes.splat(f32::NEG_INFINITY)]; 3];
         for (row, rays) in packet.rows.iter_mut().zip(rays.chunks(LANES)) {
-            // Places without a ray repeat the first one's direction.
+            // Unused lanes repeat the direction of the row's first ray.
             let mut components = rays[0].direction.to_array().map(|x| [x; LANES]);
             for (lane, ray) in rays.iter().enumerate() {
                 for (column, x) in components.iter_mut().zip(ray.direction.to_array()) {
@@ -168,20 +169,20 @@ impl Packet {
             let low = lanes.store(low).into_iter().fold(f32::INFINITY, f32::min);
             let high = lanes.store(high).into_iter().fold(f32::NEG_INFINITY, f32::max);
             (packet.near_range[0][axis], packet.near_range[1][axis]) = (low, high);
-            // Rounding keeps order: no lengthened inverse lies outside of these.
+            // Rounding is monotonic, so no lengthened inverse lies outside this range.
             (packet.far_range[0][axis], packet.far_range[1][axis]) = (low * LENGTHENING, high * LENGTHENING);
         }
         packet
     }
 
-    /// Sets the limit of ray `index`; [`Self::measure`] is to follow.
+    /// Sets the limit of ray `index`. The caller must call [`Self::measure`] afterwards.
     pub(super) fn set_limit(&mut self, index: usize, t: f32) {
         let row = &mut self.rows[index / LANES];
         row.reach[index % LANES] = if t < 0.0 { t } else { self.reach.of(t) };
         row.t[index % LANES] = t;
     }
 
-    /// Updates the limit of the longest ray.
+    /// Updates the reach of the longest ray.
     #[inline(always)]
     pub(super) fn measure<L: Lanes>(&mut self, lanes: L) {
         let mut farthest = lanes.splat(-1.0);
@@ -191,26 +192,26 @@ impl Packet {
         self.farthest = lanes.store(farthest).into_iter().fold(-1.0, f32::max);
     }
 
-    /// The nearest hit of ray `index`.
+    /// Returns the nearest hit of ray `index`.
     pub(super) fn nearest(&self, index: usize) -> Nearest {
         let (row, lane) = (&self.rows[index / LANES], index % LANES);
         let met = Met { t: row.t[lane], triangle: row.triangle[lane].to_bits(), u: row.u[lane], v: row.v[lane] };
         Nearest { met, contested: row.contested >> lane & 1 == 1, reach: self.reach }
     }
 
-    /// Whether ray `index` has met anything, where any triangle will do.
+    /// Returns whether ray `index` is blocked, in a packet where any hit suffices.
     pub(super) fn is_blocked(&self, index: usize) -> bool {
         self.rows[index / LANES].reach[index % LANES] < 0.0
     }
 
-    /// Takes the rays to the leaves whose boxes they enter.
+    /// Visits the leaves with boxes that the rays enter.
     #[inline(always)]
     pub(super) fn walk<L: Lanes>(&mut self, lanes: L, tree: &Tree, visitor: &mut impl VisitTogether) {
         let origin = lanes.splat3(self.origin);
         let (near_low, near_high) = (lanes.splat3(self.near_range[0]), lanes.splat3(self.near_range[1]));
         let (far_low, far_high) = (lanes.splat3(self.far_range[0]), lanes.splat3(self.far_range[1]));
         let mut entered = Entered { near: [[f32::INFINITY; LANES]; ROWS], rows: 0 };
-        // Way to the box; node and place in it; rows that may enter.
+        // Distance to the box, its node and lane, and the rows that may enter it.
         let mut stack = Stack::<(u32, u32, u32)>::new();
         let (mut at, mut rows) = (0, (1u32 << self.used) - 1);
         loop {
@@ -233,6 +234,7 @@ impl Packet {
                 if f32::from_bits(near) > self.farthest {
                     continue;
                 }
+                // Rows are only tested against boxes that the packet may enter.
                 let (node, lane) = (&tree.nodes[place as usize / LANES], place as usize % LANES);
                 let [x, y, z] = self.near_plane;
                 let [from_x, from_y, from_z] = self.origin;
@@ -281,7 +283,7 @@ impl Packet {
         }
     }
 
-    /// Holds the triangles of a leaf against the rays that entered it; whether any ray's limit changed.
+    /// Tests the triangles of a leaf against the rays that entered it. Returns whether any ray's limit changed.
     #[inline(always)]
     pub(super) fn meet_block<L: Lanes, const CLOSEST: bool>(
         &mut self,
@@ -295,6 +297,7 @@ impl Packet {
         let mut changed = false;
         for k in 0..leaf.count {
             let (block, k) = leaf.place(k);
+            // Corners are relative to the common origin, in the order of the axes.
             let [x, y, z] = self.axes;
             let [a, b, c] = &block.corners;
             let from = [self.origin[x], self.origin[y], self.origin[z]];
@@ -331,7 +334,8 @@ impl Packet {
 }
 
 impl PacketRow {
-    /// Rays that enter a box before their limits, and distances to it; the same arithmetic as [`Tree::walk`]'s.
+    /// Returns the mask of rays that enter a box before their limits, and their distances to it. The arithmetic is the
+    /// same as in [`Tree::walk`].
     #[inline(always)]
     fn enters<L: Lanes>(&self, lanes: L, to_near: [L::F; 3], to_far: [L::F; 3]) -> (L::Mask, L::F) {
         let [near_x, near_y, near_z] = &self.inverse_near;
@@ -341,8 +345,8 @@ impl PacketRow {
         (lanes.le(entry, exit), entry)
     }
 
-    /// Takes the hits into account of the rays that have `met` a triangle within their reach, `inside`: [`Nearest::take`] for
-    /// eight. Whether any of them is the nearest now.
+    /// Updates the nearest hits of eight rays, as [`Nearest::take`] does for one. `met.inside` is the mask of rays that
+    /// hit `triangle` within their reach. Returns whether it is now the nearest hit of any ray.
     #[inline(always)]
     fn take<L: Lanes>(&mut self, lanes: L, met: Meeting<L>, triangle: L::F, reach: Reach) -> bool {
         let Meeting { t, u, v, inside: met } = met;
@@ -352,7 +356,7 @@ impl PacketRow {
         let new_reach = reach.of_eight(lanes, t);
         let (nearer_bits, mut close) = (lanes.bits(nearer), lanes.bits(lanes.and(met, lanes.le(limit, new_reach))));
 
-        // Parts of a split triangle do not contest each other.
+        // Pieces of a split triangle do not contest each other.
         let (mut left, mut same) = (close, 0);
         while left != 0 {
             let lane = left.trailing_zeros() as usize & (LANES - 1);

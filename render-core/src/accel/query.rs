@@ -1,4 +1,4 @@
-//! Rays through both levels: the tree over the groups, and in each the group's own.
+//! Traversal of both levels: the tree over the groups, then the tree of each group.
 
 use super::found::Found;
 use super::group::{Group, Met, Nearest};
@@ -12,7 +12,7 @@ use glam::Vec3A;
 use lanes::{Kernel, Lanes};
 
 impl Accelerator {
-    /// The only group, where there is one, it stands in world space and has no holes.
+    /// Returns the only group, if the scene has just one, in world space and without holes.
     #[inline(always)]
     fn sole_group(&self) -> Option<&Group> {
         match &self.groups[..] {
@@ -22,9 +22,9 @@ impl Accelerator {
     }
 }
 
-/// The first surface along a ray in a unit direction, from `origin` in scaled world space.
+/// Finds the first surface along a ray in a unit direction, from `origin` in the scaled world.
 ///
-/// `SHOWN`: backs of single-sided surfaces are passed.
+/// `SHOWN`: passes through the backs of single-sided surfaces.
 pub(super) struct Closest<'a, const SHOWN: bool> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -80,9 +80,9 @@ impl<const SHOWN: bool> Visit for ClosestGroup<'_, SHOWN> {
     }
 }
 
-/// The hit that counts of all that lie within reach of the `nearest`, as [`choose`] finds it.
+/// Selects one of all hits within reach of the `nearest` by the rule of [`choose`].
 ///
-/// `SHOWN`: backs of single-sided surfaces are passed.
+/// `SHOWN`: passes through the backs of single-sided surfaces.
 pub(super) struct Settle<'a, const SHOWN: bool> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -130,7 +130,7 @@ impl Visit for Rivals<'_> {
     }
 }
 
-/// Whether anything stands between `origin`, in scaled world space, and `limit` lengths of `direction`.
+/// Tests whether a surface lies between `origin`, in the scaled world, and `limit` lengths of `direction`.
 pub(super) struct Blocked<'a> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -172,13 +172,13 @@ impl Visit for AnyGroup<'_> {
     }
 }
 
-/// Fewer shadow rays than this go alone: to make a packet ready takes as long as some walks.
+/// Minimum number of shadow rays for a packet: setting up a packet takes as long as several single traversals.
 const WORTH_A_PACKET: usize = 8;
 
-/// Rays from one `origin` in scaled world space, at most [`PACKET`].
+/// Traces at most [`PACKET`] rays from one `origin` in the scaled world.
 ///
-/// `CLOSEST`: `found` (by [`PacketRay::index`]) becomes the first surface along each. Otherwise `found` is not used, and
-/// the answer has the bits (by [`PacketRay::index`]) of the rays that meet a surface within their limits.
+/// `CLOSEST`: sets `found` (indexed by [`PacketRay::index`]) to the first surface along each ray. Otherwise `found` is
+/// not used, and the output is the mask (by [`PacketRay::index`]) of the rays that hit a surface within their limits.
 pub(super) struct Together<'a, const CLOSEST: bool> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -194,6 +194,7 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
         let Self { scene, origin, rays, found } = self;
         let mut blocked = 0;
         let reach = if CLOSEST { Reach::from(origin) } else { Reach::NONE };
+        // A packet needs rays of one octant; few shadow rays are faster as single rays.
         let mut octants = Octants::of(rays);
         while let Some((octant, rays)) = octants.next() {
             if !CLOSEST && rays.len() < WORTH_A_PACKET {
@@ -225,11 +226,11 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
     }
 }
 
-/// Takes the rays of a packet through the groups whose boxes they enter.
+/// Traces the rays of a packet through the groups with boxes that they enter.
 struct Groups<'a, const CLOSEST: bool> {
     scene: &'a Accelerator,
     origin: Vec3A,
-    /// As they stand in the packet.
+    /// The rays in the packet's order.
     rays: &'a [PacketRay],
     found: &'a mut [Found],
     reach: Reach,
@@ -241,10 +242,11 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         let place = content as usize;
         let placed = &self.scene.groups[place];
         if !CLOSEST && placed.to_local.is_none() && !self.scene.may_pass(placed) {
-            // The packet itself can go on; which group stopped a ray does not matter.
+            // The packet itself can traverse this group. It does not matter which group stops a ray.
             packet.walk(lanes, &placed.group.tree, &mut Triangles::<false>(&placed.group));
             return;
         }
+        // The rays that enter are transformed to the group's local space.
         let (mut local, mut count) = ([PacketRay::NONE; PACKET], 0);
         let mut bits = entered.rays();
         while bits != 0 {
@@ -262,7 +264,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         }
         let origin = placed.local(self.origin, Vec3A::X).0;
         if self.scene.may_pass(placed) || !CLOSEST && count < WORTH_A_PACKET {
-            // Each hit is tested whether it counts, and few rays are faster alone.
+            // Each hit must be tested for holes, and few rays are faster as single rays.
             let shown = (placed.instance, self.scene.sheets);
             for local in &local[..count] {
                 let ray = Ray::new(origin, local.direction);
@@ -276,6 +278,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             packet.measure(lanes);
             return;
         }
+        // Transformed rays may have other octants, so they form new packets.
         let mut octants = Octants::of(&local[..count]);
         while let Some((octant, rays)) = octants.next() {
             let mut within = Packet::new(lanes, origin, octant, rays, self.reach);
@@ -293,7 +296,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
 }
 
 impl<const CLOSEST: bool> Groups<'_, CLOSEST> {
-    /// Notes what a ray of `packet`, `local` to group `place`, has found there.
+    /// Stores the result of a ray of `packet` in group `place`. `local` is the ray in the group's space.
     #[inline(always)]
     fn take(&mut self, packet: &mut Packet, place: usize, local: &PacketRay, nearest: &Nearest) {
         let found = &mut self.found[self.rays[local.index].index];
@@ -303,13 +306,13 @@ impl<const CLOSEST: bool> Groups<'_, CLOSEST> {
     }
 }
 
-/// Rays sorted by octant. Where they go to pixels all have the same, and are handed on as they are.
+/// Rays sorted by octant. Camera rays mostly share one octant and are passed on without a copy.
 pub(super) struct Octants<'a> {
     all: &'a [PacketRay],
-    /// Bits of the rays that are left.
+    /// Mask of the remaining rays.
     left: u64,
     octants: [Octant; PACKET],
-    /// The rays that were taken from a mixed lot last.
+    /// Copies of the rays that the last call returned, if octants were mixed.
     together: Vec<PacketRay>,
 }
 
@@ -324,7 +327,7 @@ impl<'a> Octants<'a> {
         Self { all: rays, left, octants, together: Vec::new() }
     }
 
-    /// The rays that share an octant with the first that is left.
+    /// Returns the rays in the same octant as the first remaining one.
     #[inline(always)]
     pub(super) fn next(&mut self) -> Option<(Octant, &[PacketRay])> {
         if self.left == 0 {

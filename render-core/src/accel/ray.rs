@@ -1,19 +1,19 @@
-//! Numbers of a ray that are computed once, before the first box and the first triangle.
+//! Values of a ray that are computed once, before the first box and triangle test.
 
 use glam::Vec3A;
 
-/// A component smaller than this counts as this: 1/0 would make 0 · ∞ of a ray that runs within a plane. Over the
-/// length of a scene (2⁷ units, see [`super`]) it displaces a ray by less than any rounding.
+/// Minimum magnitude of a direction component; smaller ones are replaced by it. Otherwise, rays within a plane would
+/// compute 0 · ∞. Over the length of a scene (2⁷ units, see [`super`]) the displacement is below any rounding error.
 pub(super) const LEAST_COMPONENT: f32 = 1e-20;
 
-/// Ways to the far planes of boxes are lengthened by this, to be no shorter than exact ones (Ize 2013, section 3: three
-/// roundings each way).
+/// Factor on the distances to the far planes of boxes. It makes them no shorter than the exact distances (Ize 2013,
+/// section 3: three roundings each way).
 pub(super) const LENGTHENING: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// Octant and main axis of a direction: rays that walk together must have them in common.
+/// Octant and main axis of a direction. The rays of a packet must have the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Octant {
-    /// Bits 0…2: whether x, y, z go down. Bits 3…4: the axis that it goes along most.
+    /// Bits 0…2: signs of x, y and z (1 = negative). Bits 3…4: index of the largest component.
     code: u8,
 }
 
@@ -36,19 +36,19 @@ impl Octant {
         self.code >> axis & 1 == 1
     }
 
-    /// Planes of a [`super::tree::WideNode`] that a ray meets first along each axis.
+    /// Indices of the planes of a [`super::tree::WideNode`] that a ray crosses first on each axis.
     #[inline(always)]
     pub(super) fn near_planes(self) -> [usize; 3] {
         std::array::from_fn(|axis| axis + if self.goes_down(axis) { 3 } else { 0 })
     }
 
-    /// The axes in cyclic order, the main one last.
+    /// The axes in cyclic order, the main axis last.
     #[inline(always)]
     pub(super) fn axes(self) -> [usize; 3] {
         Self::axes_of(usize::from(self.code >> 3))
     }
 
-    /// The same where the main axis is known.
+    /// The axes in cyclic order, with axis `main` last.
     #[inline(always)]
     pub(super) fn axes_of(main: usize) -> [usize; 3] {
         match main {
@@ -59,19 +59,19 @@ impl Octant {
     }
 }
 
-/// A single ray, made ready.
+/// A single ray with its precomputed values.
 pub(super) struct Ray {
     pub(super) origin: Vec3A,
-    /// 1 / component.
+    /// Reciprocals of the direction's components.
     pub(super) inverse_near: [f32; 3],
-    /// The same times [`LENGTHENING`].
+    /// `inverse_near` times [`LENGTHENING`].
     pub(super) inverse_far: [f32; 3],
-    /// See [`Octant::near_planes`].
+    /// Result of [`Octant::near_planes`].
     pub(super) near_plane: [usize; 3],
-    /// See [`Octant::axes`].
+    /// Result of [`Octant::axes`].
     pub(super) axes: [usize; 3],
-    /// Shear that turns the direction into the last of `axes`, with length 1 (Woop, Benthin & Wald 2013): the slopes
-    /// of the first two axes over the last, and 1 / the last component.
+    /// Shear that maps the direction to the last of `axes` with length 1 (Woop, Benthin & Wald 2013). It contains the
+    /// slopes of the first two axes over the last, and 1 / the last component.
     pub(super) shear: [f32; 3],
 }
 

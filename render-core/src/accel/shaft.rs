@@ -1,15 +1,16 @@
-//! Occluders between two small sets of points: found once, then tested against all rays between them.
+//! Occluders between two small sets of points: collected once, then tested against all rays between the sets.
 //!
-//! A shaft is the hull of the boxes around both sets (Haines & Wallace 1991). Most of the time nothing at all reaches into
-//! it, or a few triangles do, and rays between the sets need not be tested against anything else.
+//! A shaft is the hull of the boxes around both sets (Haines & Wallace 1991). Usually it contains few triangles or
+//! none, and rays between the sets need not be tested against anything else.
 //!
-//! On the shipped cornell, whose lamp hangs in a frame that stands in the way a little everywhere, shafts of ten to thirty
-//! triangles halve the time of direct light: 0.19 instead of 0.38 CPU s a frame of 512×512 pixels (AMD Zen 5).
+//! In the bundled cornell scene, the frame around the lamp blocks a little light everywhere. There, shafts of ten to
+//! thirty triangles halve the time of direct light: 0.19 instead of 0.38 CPU s per frame of 512×512 pixels (AMD Zen 5).
 //!
 //! # Differs from the paper
-//! Sides of the hull are tangent planes all around its axis, not the exact ones: any plane with both sets on one side rules
-//! out what lies on the other. And a triangle whose own plane has both sets on one side is ruled out however near it is, so
-//! that the walls of a room do not count.
+//!
+//! The sides of the hull are tangent planes all around its axis instead of the exact ones. Any plane with both sets on
+//! one side excludes everything on its other side. A triangle with both sets on one side of its own plane is also
+//! excluded, at any distance. The walls of a room therefore do not count.
 
 use super::group::Group;
 use super::packet::{PACKET, ROWS};
@@ -22,18 +23,19 @@ use lanes::{Kernel, LANES, Lanes};
 use obvhs::aabb::Aabb;
 use std::f32::consts::TAU;
 
-/// Planes around the axis of a shaft.
+/// Number of planes around the axis of a shaft.
 const AROUND: usize = 8;
-/// Blocks of triangles that a list may have: with more, a walk through the trees finds those that matter sooner.
+/// Maximum number of leaves in a list. Beyond it, a traversal of the trees is faster than testing the list.
 const MOST_BLOCKS: usize = 12;
-/// A shaft is wider by this share of the largest coordinate, for roundings: a ray is off by some units of 2⁻²⁴.
+/// Widening of a shaft for rounding errors, as a fraction of the largest coordinate: a ray is off by a few units of
+/// 2⁻²⁴.
 const SLACK: f32 = 4e-6;
 
-/// Triangles that the segments between two sets of points may meet.
+/// Triangles that segments between two sets of points may hit.
 pub struct Shaft {
-    /// In order of their groups.
+    /// Leaves, in the order of their groups.
     blocks: Vec<Listed>,
-    /// There is more than a list may hold, or what has holes.
+    /// Whether the list would be too long, or contain surfaces with holes.
     crowded: bool,
 }
 
@@ -46,19 +48,19 @@ impl std::fmt::Debug for Shaft {
     }
 }
 
-/// Triangles of a leaf.
+/// Triangles of one leaf.
 #[derive(Clone, Copy)]
 struct Listed {
-    /// Place in [`Accelerator::groups`].
+    /// Index into [`Accelerator::groups`].
     place: usize,
-    /// See [`Group::leaf`].
+    /// Content of the leaf, see [`Group::leaf`].
     content: u32,
-    /// Bits of the leaf's triangles.
+    /// Mask of the leaf's triangles.
     lanes: u32,
 }
 
 impl Shaft {
-    /// Whether nothing can stand between the two sets.
+    /// Returns whether no surface can lie between the two sets.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.blocks.is_empty() && !self.crowded
@@ -66,14 +68,14 @@ impl Shaft {
 }
 
 impl Accelerator {
-    /// The shaft between two sets of points, none of them empty. Points should be a little off their surfaces.
+    /// Returns the shaft between two nonempty sets of points. Points should be slightly off their surfaces.
     #[must_use]
     pub fn shaft(&self, from: &[Vec3A], to: &[Vec3A]) -> Shaft {
         let mut points = [from, to].map(|points| points.iter().map(|&point| point * self.scale).collect());
         self.lanes.run(Finding { scene: self, points: &mut points })
     }
 
-    /// As [`Accelerator::shaft`] where nothing mostly lies between: boxes are compared first.
+    /// Returns the shaft between two sets of points that are usually unobstructed: tests the boxes of the groups first.
     pub(crate) fn shaft_if_near(&self, from: &[Vec3A], to: &[Vec3A]) -> Shaft {
         let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for &point in from.iter().chain(to) {
@@ -90,8 +92,9 @@ impl Accelerator {
         }
     }
 
-    /// As [`Accelerator::occluded_packet`] for segments within `shaft`: those between the two sets of points it was made for.
-    /// The ends `to` are given by axis; those that are not `active` may be anything, but narrow is fast.
+    /// Tests segments within `shaft` as [`Accelerator::occluded_packet`] does. Segments must connect the two sets that
+    /// the shaft was built for. The ends `to` are given by axis. Ends that are not `active` may have any position, but
+    /// a narrow spread is fast.
     #[must_use]
     pub fn occluded_packet_within(&self, shaft: &Shaft, from: Vec3A, to: &[[f32; PACKET]; 3], active: u64) -> u64 {
         if shaft.crowded {
@@ -102,7 +105,7 @@ impl Accelerator {
     }
 }
 
-/// The `active` of the segments from one point, held against what is listed: bits of those that meet any of it.
+/// Tests the `active` segments from one point against a list of leaves; outputs the mask of the segments that hit one.
 struct Within<'a> {
     scene: &'a Accelerator,
     blocks: &'a [Listed],
@@ -119,9 +122,10 @@ impl Kernel for Within<'_> {
         let Self { scene, blocks, from, to, active } = self;
         let start = lanes.splat3(from.to_array());
         let scale = lanes.splat(scene.scale);
-        // Segments that have met nothing so far, eight to a row.
+        // Segments without a hit so far, eight to a row.
         let mut free: [u32; ROWS] = std::array::from_fn(|row| (active >> (row * LANES)) as u32 & EVERY_LANE);
         for blocks in blocks.chunk_by(|a, b| a.place == b.place) {
+            // Segments in the local space of the group, with a mask for each main axis.
             let placed = &scene.groups[blocks[0].place];
             let origin = placed.local(from * scene.scale, Vec3A::X).0.to_array();
             let mut directions = [[scale; 3]; ROWS];
@@ -141,7 +145,7 @@ impl Kernel for Within<'_> {
                     along[axis][row] = main[axis] & free[row];
                 }
             }
-            // The test turns the main axis of a segment into z: nearly always all have the same.
+            // The test maps the main axis of a segment to z. Nearly always, all segments have the same.
             for (main, alike) in along.iter().enumerate() {
                 if alike.iter().any(|&bits| bits != 0) {
                     let slopes = Slopes::new(lanes, origin, &directions, alike, main);
@@ -158,20 +162,20 @@ impl Kernel for Within<'_> {
 
 const EVERY_LANE: u32 = (1 << LANES) - 1;
 
-/// Segments with a main axis in common, as [`meet`] takes them.
+/// Segments with a common main axis, in the form that [`meet`] takes.
 struct Slopes<'a, L: Lanes> {
     axes: [usize; 3],
-    /// The point where all begin, by `axes`.
+    /// Common origin, in the order of `axes`.
     from: [f32; 3],
-    /// The segments in each row, as bits.
+    /// Mask of the segments in each row.
     alike: &'a [u32; ROWS],
     rows: [[L::F; 3]; ROWS],
-    /// Least and greatest over all.
+    /// Minimum and maximum of both slopes over all segments.
     range: [[L::F; 2]; 2],
 }
 
 impl<'a, L: Lanes> Slopes<'a, L> {
-    /// Prepares the segments `alike`, which go from `origin` along axis `main` most.
+    /// Prepares the segments `alike` from `origin`, with main axis `main`.
     #[inline(always)]
     fn new(lanes: L, origin: [f32; 3], directions: &[[L::F; 3]; ROWS], alike: &'a [u32; ROWS], main: usize) -> Self {
         let axes = Octant::axes_of(main);
@@ -196,7 +200,7 @@ impl<'a, L: Lanes> Slopes<'a, L> {
         Self { axes, from: axes.map(|axis| origin[axis]), alike, rows, range }
     }
 
-    /// Takes the segments that meet a listed triangle from those that are `free`.
+    /// Removes the segments that hit a listed triangle from `free`.
     #[inline(always)]
     fn hold_against(&self, lanes: L, group: &Group, listed: &Listed, free: &mut [u32; ROWS]) {
         let leaf = group.leaf(listed.content);
@@ -222,8 +226,8 @@ impl<'a, L: Lanes> Slopes<'a, L> {
         }
     }
 
-    /// Triangles of a leaf that lie to one side of all segments: a corner's place after the shear lies between those for the
-    /// least and the greatest slope, in rounded numbers too.
+    /// Returns the mask of the leaf's triangles that lie to one side of all segments. After the shear, a corner lies
+    /// between its positions for the least and the greatest slope, even under rounding.
     #[inline(always)]
     fn aside(&self, lanes: L, leaf: &Leaf) -> u32 {
         let from = lanes.splat3(self.from);
@@ -244,13 +248,13 @@ impl<'a, L: Lanes> Slopes<'a, L> {
     }
 }
 
-/// Eight of the numbers.
+/// Returns the eight numbers of a row.
 #[inline(always)]
 fn eight<L: Lanes>(lanes: L, numbers: &[f32; PACKET], row: usize) -> L::F {
     lanes.load(&numbers.as_chunks().0[row])
 }
 
-/// A direction in a group's own space; the same operations as [`Affine3A::transform_vector3a`].
+/// Returns a direction in a group's local space, by the same operations as [`Affine3A::transform_vector3a`].
 #[inline(always)]
 fn turned<L: Lanes>(lanes: L, to_local: &Affine3A, [x, y, z]: [L::F; 3]) -> [L::F; 3] {
     let m = &to_local.matrix3;
@@ -263,7 +267,7 @@ fn turned<L: Lanes>(lanes: L, to_local: &Affine3A, [x, y, z]: [L::F; 3]) -> [L::
     ]
 }
 
-/// Lanes whose direction goes along x, y or z most, as [`Octant::of`] decides it.
+/// Returns the masks of directions with main axis x, y and z, by the rule of [`Octant::of`].
 #[inline(always)]
 fn main_axes<L: Lanes>(lanes: L, direction: [L::F; 3]) -> [u32; 3] {
     let magnitude = |x: L::F| lanes.max(x, lanes.sub(lanes.splat(0.0), x));
@@ -273,7 +277,7 @@ fn main_axes<L: Lanes>(lanes: L, direction: [L::F; 3]) -> [u32; 3] {
     [along_x, along_y, !(along_x | along_y) & EVERY_LANE]
 }
 
-/// As [`super::ray::Ray`] does before it divides.
+/// Replaces tiny components before a division, as [`super::ray::Ray`] does.
 #[inline(always)]
 fn not_zero<L: Lanes>(lanes: L, x: L::F) -> L::F {
     let least =
@@ -282,7 +286,7 @@ fn not_zero<L: Lanes>(lanes: L, x: L::F) -> L::F {
     lanes.select(lanes.lt(magnitude, lanes.splat(LEAST_COMPONENT)), least, x)
 }
 
-/// Lists what reaches into the shaft between two sets of points in scaled world space.
+/// Collects the triangles that intersect the shaft between two sets of points in the scaled world.
 struct Finding<'a> {
     scene: &'a Accelerator,
     points: &'a mut [Vec<Vec3A>; 2],
@@ -321,7 +325,7 @@ impl Kernel for Finding<'_> {
     }
 }
 
-/// Bits of the triangles of a leaf that reach into the hull and do not have all of the points on one side.
+/// Returns the mask of a leaf's triangles that intersect the hull and have points on both sides of their plane.
 #[inline(always)]
 fn reaching<L: Lanes>(lanes: L, group: &Group, content: u32, hull: &Hull, points: &[Vec<Vec3A>; 2]) -> u32 {
     let leaf = group.leaf(content);
@@ -335,7 +339,7 @@ fn reaching<L: Lanes>(lanes: L, group: &Group, content: u32, hull: &Hull, points
     which
 }
 
-/// Whether all points are on one side of the triangle's plane.
+/// Returns whether all points are on one side of the triangle's plane.
 #[inline(always)]
 fn is_beside([a, b, c]: [Vec3A; 3], points: &[Vec<Vec3A>; 2], slack: f32) -> bool {
     let Some(normal) = (b - a).cross(c - a).try_normalize() else { return false };
@@ -347,11 +351,11 @@ fn is_beside([a, b, c]: [Vec3A; 3], points: &[Vec<Vec3A>; 2], slack: f32) -> boo
     low > slack || high < -slack
 }
 
-/// A walk to the leaves whose boxes reach into a hull.
+/// Traversal of the leaves with boxes that intersect a hull.
 struct Touched<'a> {
     tree: &'a Tree,
     stack: Stack<u32>,
-    /// Node, and the children that are still to be visited.
+    /// Node, and the mask of its children still to be visited.
     at: (usize, u32),
 }
 
@@ -362,7 +366,7 @@ impl<'a> Touched<'a> {
         Self { tree, stack, at: (0, 0) }
     }
 
-    /// Content of the next such leaf: an index that the owner of the tree chose.
+    /// Returns the content of the next leaf that intersects the hull.
     #[inline(always)]
     fn next<L: Lanes>(&mut self, lanes: L, hull: &Hull) -> Option<u32> {
         loop {
@@ -388,7 +392,7 @@ struct HalfSpace {
     h: f32,
 }
 
-/// Half-spaces that all hold two sets of points, and with them all segments between these.
+/// Half-spaces that all contain two sets of points, and therefore all segments between them.
 struct Hull {
     low: Vec3A,
     high: Vec3A,
@@ -396,7 +400,7 @@ struct Hull {
     slack: f32,
 }
 
-/// The box around some points.
+/// The box around a set of points.
 #[derive(Clone, Copy)]
 struct Bounds {
     low: Vec3A,
@@ -409,7 +413,7 @@ impl Bounds {
         points.iter().fold(empty, |Self { low, high }, &p| Self { low: low.min(p), high: high.max(p) })
     }
 
-    /// The corner that lies farthest in direction `n`.
+    /// Returns the corner that lies farthest in direction `n`.
     #[inline(always)]
     fn farthest(&self, n: Vec3A) -> Vec3A {
         Vec3A::select(n.cmpge(Vec3A::ZERO), self.high, self.low)
@@ -417,15 +421,15 @@ impl Bounds {
 }
 
 impl Hull {
-    /// Around both sets.
+    /// Builds the hull of both sets.
     ///
-    /// A plane that touches both boxes has n = u + t d, where u is square to the axis d between their centers, such that the
-    /// farthest corners a and b of the two boxes lie in it:
+    /// A plane that touches both boxes has n = u + t d. Here d is the axis between their centers and u is perpendicular
+    /// to d. The farthest corners a and b of the two boxes lie in the plane:
     ///
     /// ```text
     /// n · a = n · b        t = u · (a − b) / d · (b − a)
     /// ```
-    /// The farthest corners depend on t again: two steps of that are near enough, since any n will do.
+    /// Since a and b depend on t, two fixed-point steps are made. They suffice: any n gives a valid plane.
     fn around(points: &[Vec<Vec3A>; 2]) -> Self {
         let [from, to] = points.each_ref().map(|points| Bounds::of(points));
         let (low, high) = (from.low.min(to.low), from.high.max(to.high));
@@ -451,7 +455,7 @@ impl Hull {
         Self { low: low - slack, high: high + slack, sides, slack }
     }
 
-    /// Bits of the boxes (as in [`super::tree::WideNode`]) that reach into it. Places without a box do not.
+    /// Returns the mask of the boxes (as in [`super::tree::WideNode`]) that intersect the hull; empty slots do not.
     #[inline(always)]
     fn boxes<L: Lanes>(&self, lanes: L, planes: &[[f32; LANES]; 6]) -> u32 {
         let mut inside = lanes.le(lanes.splat(0.0), lanes.splat(0.0));
@@ -460,7 +464,7 @@ impl Hull {
             inside = lanes.and(inside, lanes.le(lanes.splat(self.low[axis]), lanes.load(&planes[axis + 3])));
         }
         for HalfSpace { n, h } in &self.sides {
-            // The corner that reaches in farthest.
+            // The box corner deepest inside the half-space.
             let corner = std::array::from_fn::<usize, 3, _>(|axis| if n[axis] > 0.0 { axis } else { axis + 3 });
             let corner = lanes.load3([&planes[corner[0]], &planes[corner[1]], &planes[corner[2]]]);
             inside = lanes.and(inside, lanes.le(height(lanes, *n, corner), lanes.splat(*h)));
@@ -468,7 +472,7 @@ impl Hull {
         lanes.bits(inside)
     }
 
-    /// Bits of the triangles that reach into it, as far as its sides can tell.
+    /// Returns the mask of the triangles that intersect the hull, conservatively.
     #[inline(always)]
     fn triangles<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> u32 {
         let mut inside = lanes.le(lanes.splat(0.0), lanes.splat(0.0));
@@ -488,7 +492,7 @@ impl Hull {
     }
 }
 
-/// n · x.
+/// Returns n · x.
 #[inline(always)]
 fn height<L: Lanes>(lanes: L, n: [f32; 3], x: [L::F; 3]) -> L::F {
     let [x, y, z] = lanes.mul3(lanes.splat3(n), x);

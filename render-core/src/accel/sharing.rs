@@ -1,32 +1,32 @@
-//! Which instances that stand still share the tree of their mesh.
+//! Static instances that share the tree of their mesh.
 //!
-//! Rays find their way fastest through one tree over all that stands. But a small file may show one mesh a million times, and
-//! a tree over all of that would take memory for each.
+//! Rays are fastest with one tree over all static geometry. But a small file may show one mesh a million times, and one
+//! tree over all its copies would take memory for each.
 
 use crate::scene::{Instance, Pose, Scene};
 use glam::Affine3A;
 
-/// Meshes that are shown more than once stand in the one tree while they have at most so many triangles together, all of their
-/// instances counted: 400 MB while it is built.
+/// Maximum number of triangles of meshes with several static instances in the common tree, counted over all instances.
+/// Building this tree takes 400 MB.
 const MOST_TOGETHER: usize = 1 << 20;
-/// Smaller meshes are never shared: a place for each instance takes as much memory as its triangles.
+/// Minimum number of triangles of a shared mesh: an instance takes as much memory as this many triangles.
 const LEAST_TRIANGLES: usize = 16;
-/// Least volume of a unit cube's image beside the product of its edges: what is squeezed flatter has no space of its own.
+/// Minimum volume of a transformed unit cube, relative to the product of its edges. Flatter meshes get no local space.
 const LEAST_VOLUME: f32 = 1e-3;
 
-/// For each mesh, whether its standing instances share a tree.
+/// For each mesh, whether its static instances share a tree.
 pub(crate) struct Sharing(Vec<bool>);
 
 impl Sharing {
     pub(crate) fn of(scene: &Scene, pose: &Pose) -> Self {
-        // How often each mesh is shown in the shape that it has in the file, without motion.
+        // Count the static, undeformed instances of each mesh.
         let moving = scene.moving_instances();
         let mut shown = vec![0usize; scene.meshes.len()];
         for (index, &Instance { mesh, .. }) in scene.instances.iter().enumerate() {
             shown[mesh] += usize::from(!moving[index] && pose.deformed(index).is_none());
         }
 
-        // Shared where it saves something, if all that could be is much.
+        // Trees are shared where this saves memory, and only if the total is large.
         let mut shared = Vec::with_capacity(shown.len());
         let mut together = 0usize;
         for (&times, mesh) in shown.iter().zip(&scene.meshes) {
@@ -41,14 +41,14 @@ impl Sharing {
         Self(shared)
     }
 
-    /// Whether an `instance` that stands still uses the tree of its mesh.
+    /// Returns whether a static `instance` uses the tree of its mesh.
     pub(crate) fn shares(&self, scene: &Scene, pose: &Pose, instance: usize) -> bool {
         let world = scene.instance_world(pose, instance);
         self.0[scene.instances[instance].mesh] && pose.deformed(instance).is_none() && has_volume(&world)
     }
 }
 
-/// Is the image of a cube a solid?
+/// Returns whether the image of a cube has volume.
 fn has_volume(world: &Affine3A) -> bool {
     let m = &world.matrix3;
     let edges = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
@@ -67,7 +67,7 @@ mod tests {
         Vec3::new(hash_unit(key, dimension, 0), hash_unit(key, dimension, 1), hash_unit(key, dimension, 2))
     }
 
-    /// A cloud of `triangles` in the unit cube.
+    /// Returns a cloud of `triangles` in the unit cube.
     fn cloud(triangles: u32) -> Mesh {
         let corner = |k| random(u64::from(k / 3), 0) + random(u64::from(k), 1) * 0.1;
         Mesh {
@@ -77,7 +77,7 @@ mod tests {
         }
     }
 
-    /// `times` clouds, turned and scaled, at random places of a cube.
+    /// Returns `times` clouds, rotated and scaled, at random positions in a cube.
     fn many(triangles: u32, times: usize) -> Scene {
         let mut scene = Scene::of_mesh(cloud(triangles), Material::default());
         scene.instances.clear();
@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(Geometry::triangles_to_hold(&scene), 2000);
         let accelerator = geometry.place(&scene.pose(0.0));
         for key in 0..24 {
-            // To the middle of a triangle: that is met, or one before it.
+            // The ray aims at the middle of a triangle, so it hits that triangle or one before it.
             let (origin, instance) = (Vec3A::from(random(key, 5) * 40.0), 25 * key as usize);
             let middle = scene.meshes[0].corners(key as usize).into_iter().sum::<Vec3>() / 3.0;
             let towards = scene.instance_world(&scene.pose(0.0), instance).transform_point3a(middle.into());
@@ -129,11 +129,11 @@ mod tests {
             mesh.triangles = mesh.triangles.repeat(copies);
             Scene::of_mesh(mesh, Material::default())
         };
-        // Sorting them takes some n log n comparisons, and no more is done for each.
+        // Sorting takes some n log n comparisons. No other work per triangle is allowed.
         let steps = steps::taken(|| assert_eq!(Geometry::new(&pile(30_000)).triangles_held(), 3));
         assert!(steps < 90_000 * 20, "{steps} steps");
 
-        // Rays meet the first of each pile.
+        // Rays hit the first triangle of each pile.
         let scene = pile(100);
         let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
         for t in 0..3 {

@@ -1,6 +1,6 @@
-//! Sheets, surfaces with holes or that hide a share of what is behind them: all that a ray passes, in their order.
+//! Sheets (surfaces with holes or partial opacity): all sheets along a ray, front to back.
 //!
-//! A camera ray and a shadow ray need no chance: the surfaces along them are listed, each with its opacity αᵢ.
+//! Camera rays and shadow rays are not stochastic: the surfaces along them are listed, each with its opacity αᵢ.
 //!
 //! ```text
 //! wᵢ = αᵢ Π_{j<i} (1 − αⱼ)        share of the pixel that layer i fills, front to back
@@ -17,17 +17,17 @@ use crate::sampling::hash_unit;
 use glam::Vec3A;
 use lanes::{Kernel, Lanes};
 
-/// Parts of a scene with sheets, each with a tree of its own over its groups.
+/// Subsets of a scene with sheets, each with a top-level tree over its groups.
 #[derive(Debug)]
 pub(super) struct Views {
-    /// All but the sheets, and these alone.
+    /// The groups without holes, and the groups with holes.
     solid: [Accelerator; 2],
-    /// All but blended surfaces, and these alone, if there are any.
+    /// The groups of opaque surfaces and masks, and the groups of blended surfaces; `None` without blended surfaces.
     blends: Option<[Accelerator; 2]>,
 }
 
 impl Views {
-    /// The parts of a scene of these groups; `None` without sheets. `build` makes the accelerator of a part.
+    /// Splits the groups of a scene; returns `None` without sheets. `build` makes the accelerator of a subset.
     pub fn of(groups: &[PlacedGroup], build: impl Fn(Vec<PlacedGroup>, Sheets) -> Accelerator) -> Option<Self> {
         let part = |is_in: fn(&Group) -> bool, sheets| {
             let groups = groups.iter().filter(|placed| is_in(&placed.group));
@@ -47,40 +47,41 @@ impl Views {
     }
 }
 
-/// A sheet that a ray meets.
+/// A sheet hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetHit {
-    /// Where it is met.
+    /// Position of the hit.
     pub hit: Hit,
-    /// Share of the ray's light that it hides, 0…1.
+    /// Fraction of the ray's light that the sheet blocks, 0…1.
     pub opacity: f32,
 }
 
-/// The part of the world that a camera ray stands for: its width is `at_origin + slope · distance` \[m\].
+/// Footprint of a camera ray, of width `at_origin + slope · distance` \[m\].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RayCone {
     pub at_origin: f32,
     pub slope: f32,
 }
 
-/// Layers that hide less than this are left out, and what is behind those that let no more than this through.
+/// Opacity below which a layer is ignored. Layers behind a surface that transmits less than this are ignored too.
 const LEAST_SHARE: f32 = 1.0 / 512.0;
 
 impl Accelerator {
-    /// Whether a ray may pass through a triangle that it meets in a group.
+    /// Returns whether a ray may pass through a triangle that it hits in a group.
     #[inline(always)]
     pub(super) fn may_pass(&self, placed: &PlacedGroup) -> bool {
         placed.group.cut_outs.is_some() && self.sheets != Sheets::AsWholes
     }
 
-    /// The same scene without its sheets, and these alone, if it has any. Without them, a ray is stopped by the surfaces that are
-    /// opaque as a whole.
+    /// Returns the scene without its sheets, and the sheets alone; `None` without sheets. The first stops rays only at
+    /// fully opaque surfaces.
     pub(crate) fn without_sheets(&self) -> Option<&[Self; 2]> {
         self.views.as_ref().map(|views| &views.solid)
     }
 
-    /// The surfaces of an accelerator of sheets alone, along the ray from `origin` in the unit `direction` up to `distance` \[m\], front to back, their opacity
-    /// filtered over the `cone`. Backs of single-sided surfaces are passed; nothing follows what hides all behind it.
+    /// Returns the sheets along the ray from `origin` in the unit `direction` up to `distance` \[m\], front to back.
+    /// The accelerator must contain only sheets. Opacity is filtered over the `cone`. Rays pass through the backs of
+    /// single-sided surfaces. The list ends at the first opaque layer.
     pub(crate) fn layers(&self, origin: Vec3A, direction: Vec3A, distance: f32, cone: RayCone) -> Vec<SheetHit> {
         let origin = origin * self.scale;
         let reach = Reach::from(origin);
@@ -90,7 +91,7 @@ impl Accelerator {
         let mut met = self.lanes.run(list);
         sort(&mut met, reach);
 
-        // Front to back, until all is hidden.
+        // Layers are listed front to back until one is opaque.
         let mut layers = Vec::new();
         for Passed { met, place, opacity, .. } in met {
             let placed = &self.groups[place];
@@ -106,7 +107,8 @@ impl Accelerator {
         layers
     }
 
-    /// Share of light that blended surfaces let through, in the scaled world, within `limit` lengths of `direction`.
+    /// Returns the fraction of light that blended surfaces transmit within `limit` lengths of `direction`, in the
+    /// scaled world.
     fn transmitted(&self, origin: Vec3A, direction: Vec3A, limit: f32) -> f32 {
         let mut met = self.lanes.run(Listing { scene: self, origin, direction, limit, kind: SheetKind::Blended });
         let length = direction.length().max(f32::MIN_POSITIVE);
@@ -115,11 +117,11 @@ impl Accelerator {
     }
 }
 
-/// A scene for shadow rays, of which blended surfaces let their share through.
+/// A scene for shadow rays, in which blended surfaces transmit some of the light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shadows<'a> {
     scene: &'a Accelerator,
-    /// The same scene without its blended surfaces, and these alone, if it has any.
+    /// The scene without its blended surfaces, and the blended surfaces alone; `None` without blended surfaces.
     apart: Option<&'a [Accelerator; 2]>,
 }
 
@@ -128,28 +130,28 @@ impl<'a> Shadows<'a> {
         Self { scene, apart: scene.views.as_ref().and_then(|views| views.blends.as_ref()) }
     }
 
-    /// All that hides a light as a whole.
+    /// Returns the surfaces that block light completely.
     pub fn opaque(&self) -> &'a Accelerator {
         self.apart.map_or(self.scene, |[opaque, _]| opaque)
     }
 
-    /// All that hides a light in part, if there is anything.
+    /// Returns the surfaces that block light partially, if the scene has any.
     pub fn blends(&self) -> Option<&'a Accelerator> {
         self.apart.map(|[_, blends]| blends)
     }
 
-    /// Share of light that arrives from `from` at `to`, 0…1, where nothing opaque hides it.
+    /// Returns the fraction of light from `from` that arrives at `to`, 0…1, where no opaque surface blocks it.
     pub fn passed(&self, from: Vec3A, to: Vec3A) -> f32 {
         let Accelerator { scale, .. } = *self.scene;
         self.blends().map_or(1.0, |blends| blends.transmitted(from * scale, (to - from) * scale, 1.0))
     }
 
-    /// Share of light that arrives from `from` at `to`, 0…1.
+    /// Returns the fraction of light from `from` that arrives at `to`, 0…1.
     pub fn visible(&self, from: Vec3A, to: Vec3A) -> f32 {
         if self.opaque().occluded(from, to) { 0.0 } else { self.passed(from, to) }
     }
 
-    /// Share of light that arrives at `from` from far away in the unit direction `towards`, 0…1.
+    /// Returns the fraction of light that arrives at `from` from infinity in the unit direction `towards`, 0…1.
     pub fn visible_towards(&self, from: Vec3A, towards: Vec3A) -> f32 {
         if self.opaque().occluded_towards(from, towards) {
             return 0.0;
@@ -159,20 +161,21 @@ impl<'a> Shadows<'a> {
 }
 
 impl Accelerator {
-    /// As [`Accelerator::occluded_packet`] for `lamps` seen from one `place`: bits of those that are hidden. Blended surfaces hide a
-    /// lamp by chance, each lamp by its own number, so that what lies side by side is lit alike.
+    /// Tests the segments from `place` to `lamps` as [`Accelerator::occluded_packet`] does; returns the mask of hidden
+    /// lamps. Blended surfaces hide a lamp stochastically. The threshold depends only on the lamp's position, so
+    /// neighboring points are lit alike.
     #[must_use]
     pub fn hidden_lamps(&self, place: Vec3A, lamps: &[Vec3A], active: u64) -> u64 {
         self.hidden_by_chance(place, lamps, active, |end| lamps[end])
     }
 
-    /// The same for one `lamp` seen from `places`, at most [`PACKET`](super::PACKET).
+    /// Tests one `lamp` from at most [`PACKET`](super::PACKET) `places` as [`Accelerator::hidden_lamps`] does.
     #[must_use]
     pub fn lamp_hidden(&self, lamp: Vec3A, places: &[Vec3A], active: u64) -> u64 {
         self.hidden_by_chance(lamp, places, active, |_| lamp)
     }
 
-    /// Whether one `lamp` is hidden from one `place`, by the same chance.
+    /// Returns whether one `lamp` is hidden from one `place`, with the same threshold as [`Accelerator::hidden_lamps`].
     #[inline]
     #[must_use]
     pub fn hides_lamp(&self, lamp: Vec3A, place: Vec3A) -> bool {
@@ -198,22 +201,22 @@ impl Accelerator {
     }
 }
 
-/// A number in 0…1 for a place.
+/// Returns a pseudorandom number in 0…1 for a position.
 fn number_of(place: Vec3A) -> f32 {
     let [x, y, z] = place.to_array().map(|c| u64::from(c.to_bits()));
     hash_unit(x, y, z)
 }
 
-/// Which sheets are listed, and how their opacity is found.
+/// Which sheets are listed, and how their opacity is sampled.
 #[derive(Clone, Copy)]
 enum SheetKind {
-    /// All that a camera ray shows, over its cone in the scaled world.
+    /// All sheets visible to a camera ray, filtered over its cone in the scaled world.
     Shown(RayCone),
-    /// Blended surfaces, at points.
+    /// Blended surfaces, sampled at points.
     Blended,
 }
 
-/// A sheet that a ray passes.
+/// A sheet that a ray passes through.
 struct Passed {
     met: Met,
     place: usize,
@@ -221,8 +224,8 @@ struct Passed {
     opacity: f32,
 }
 
-/// Sorts by distance; of one instance's triangles at the same distance, which meet at an edge or are parts of one that was
-/// split, one is kept.
+/// Sorts by distance. Among hits of one instance at the same distance, keeps one: triangles share edges, and large
+/// triangles are split.
 fn sort(met: &mut Vec<Passed>, reach: Reach) {
     met.sort_by(|a, b| {
         let by_place = || (b.instance, b.place, b.met.triangle).cmp(&(a.instance, a.place, a.met.triangle));
@@ -231,13 +234,13 @@ fn sort(met: &mut Vec<Passed>, reach: Reach) {
     met.dedup_by(|later, kept| later.instance == kept.instance && later.met.t <= reach.of(kept.met.t));
 }
 
-/// Lists the sheets along a ray.
+/// Kernel that lists the sheets along a ray.
 struct Listing<'a> {
     scene: &'a Accelerator,
-    /// In the scaled world.
+    /// Origin in the scaled world.
     origin: Vec3A,
     direction: Vec3A,
-    /// In lengths of the direction.
+    /// Maximum distance, in lengths of the direction.
     limit: f32,
     kind: SheetKind,
 }
@@ -284,7 +287,7 @@ impl Visit for SheetGroups<'_> {
                 let instance = owner.instance;
                 self.passed.push(Passed { met, place, instance, opacity });
             }
-            // Nothing behind a surface that hides all is needed.
+            // Surfaces behind an opaque one are not needed.
             if opacity > 1.0 - LEAST_SHARE {
                 nearest = nearest.min(met.t);
             }
@@ -295,8 +298,8 @@ impl Visit for SheetGroups<'_> {
 }
 
 impl RayCone {
-    /// Area in which it meets a triangle at the distance `t`, as a share of the parallelogram of two of its sides, whose product
-    /// is `area_vector`.
+    /// Returns the area where the cone intersects a triangle at the distance `t`, as a fraction of a parallelogram. The
+    /// parallelogram is spanned by two sides of the triangle, with the cross product `area_vector`.
     fn share(self, t: f32, direction: Vec3A, area_vector: Vec3A) -> f32 {
         // w² / cos θ / |n|, where n · ω = |n| cos θ
         let width = self.at_origin + self.slope * t;

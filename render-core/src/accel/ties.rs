@@ -1,17 +1,18 @@
-//! Surfaces in one place: which of several hits counts that only rounding tells apart.
+//! Coincident surfaces: selection among hits with distances that differ only by rounding.
 //!
-//! Sheets in one plane, back to back or one upon the other, are met at distances that differ by roundings. The nearest of them
-//! would change from ray to ray. So a walk notes whether anything else lies close behind the nearest hit, which is rare; only
-//! then does a second walk list all that is there and choose by a rule that depends on no order of visits:
+//! Sheets in one plane, back to back or on top of each other, are hit at distances that differ by rounding errors. The
+//! nearest would vary from ray to ray. A traversal therefore notes whether another surface lies close behind the
+//! nearest hit, which is rare. Only then, a second traversal lists all hits there and selects one by a rule independent
+//! of their order:
 //!
 //! ```text
 //! (t − t₁) ≤ τ m (1/cos θ + 1/cos θ₁)        a hit as near as the nearest, t₁
 //!   m   largest coordinate of the ray's origin and both triangles        θ   angle between ray and normal
 //! ```
 //!
-//! 1. Of surfaces in one plane, those that are no backs of single-sided ones come first, then those that glow: a lamp in the
-//!    plane of a ceiling is seen. Then follow the indices of instance and triangle: the first in the file wins.
-//! 2. Where that is a back, a front at an angle to it wins: the near side of a body along its outline.
+//! 1. Among surfaces in one plane, backs of single-sided surfaces lose. Then emissive surfaces win, so that a lamp in
+//!    the plane of a ceiling is visible. Then the lower indices of instance and triangle win: the first in the file.
+//! 2. If the selected surface is a back, a front at an angle to it wins: the near side of a body along its outline.
 
 use super::found::Found;
 use super::group::Met;
@@ -20,21 +21,21 @@ use super::{Accelerator, PlacedGroup};
 use crate::scene::{Pose, Scene};
 use glam::Vec3A;
 
-/// τ: eight roundings, of corners, origin and the terms of a distance.
+/// τ: eight rounding errors, from the corners, the origin and the terms of a distance.
 const ROUNDINGS: f32 = 8.0 * f32::EPSILON / 2.0;
-/// Cosine between the normals of triangles in one plane, at least: 0.26°.
+/// Minimum cosine between the normals of triangles in one plane: 0.26°.
 const PARALLEL: f32 = 1.0 - 1e-5;
 
-/// The sides of an instance.
+/// Properties of the sides of an instance.
 #[derive(Clone, Copy, Debug)]
 struct Sides {
     double_sided: bool,
     glows: bool,
-    /// Its transform turns corners round.
+    /// Whether its transform reverses the orientation of triangles.
     mirrored: bool,
 }
 
-/// The sides of all instances. Those that move in a space of their own may be mirrored at one time and not at another.
+/// The sides of all instances. Whether a moving instance is mirrored may change over time.
 #[derive(Clone, Debug)]
 pub(super) struct AllSides(Vec<Sides>);
 
@@ -49,37 +50,37 @@ impl AllSides {
         Self(sides.collect())
     }
 
-    /// A number that instances have in common whose sides are alike.
+    /// Returns a code that is equal for instances with equal sides.
     pub(super) fn code(&self, instance: u32) -> u32 {
         let Sides { double_sided, glows, mirrored } = self.0[instance as usize];
         [double_sided, glows, mirrored].into_iter().fold(0, |code, bit| code << 1 | u32::from(bit))
     }
 }
 
-/// A hit that may be as near as the nearest.
+/// A hit that may be as near as the nearest one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rival {
     pub(super) found: Found,
     owner: Owner,
-    /// Unit normal in the world, towards the file's front.
+    /// Unit normal in world space, towards the front as defined by the file.
     normal: Vec3A,
     /// Cosine between normal and ray, 0…1.
     cosine: f32,
-    /// Largest coordinate that its distance was computed from.
+    /// Largest coordinate in the computation of its distance.
     largest: f32,
     pub(super) is_back: bool,
     glows: bool,
 }
 
 impl Rival {
-    /// Which of two in one plane is seen: the lesser.
+    /// Returns the sort key among hits in one plane; the least is visible.
     fn rank(&self) -> (bool, bool, u32, u32) {
         (self.is_back, !self.glows, self.owner.instance, self.owner.triangle)
     }
 }
 
 impl Accelerator {
-    /// A hit of group `place`, with its corners in the space of the group.
+    /// Returns a hit of group `place`; `corners` are in the local space of the group.
     pub(super) fn rival(&self, met: Met, place: usize, corners: [Vec3A; 3], direction: Vec3A) -> Rival {
         let placed = &self.groups[place];
         let owner = placed.group.owner(met.triangle, placed.instance);
@@ -87,7 +88,7 @@ impl Accelerator {
         let Sides { double_sided, glows, mirrored } = self.sides.0[owner.instance as usize];
         let mirrored = placed.to_world.map_or(mirrored, |m| m.matrix3.determinant() < 0.0);
 
-        // The same arithmetic as that of `Interaction`: both see the same side.
+        // The arithmetic is the same as in `Interaction`, so both use the same side.
         let area_vector = (b - a).cross(c - a);
         let normal = (area_vector * if mirrored { -1.0 } else { 1.0 }).try_normalize().unwrap_or(-direction);
         let towards = normal.dot(direction);
@@ -97,7 +98,8 @@ impl Accelerator {
         Rival { found, owner, normal, cosine: towards.abs(), largest, is_back: towards > 0.0 && !double_sided, glows }
     }
 
-    /// Whether a ray in the unit `direction` meets the back of a single-sided triangle; `corners` in the space of the group.
+    /// Returns whether a ray in the unit `direction` hits the back of a single-sided triangle. `corners` are in the
+    /// local space of the group.
     pub(super) fn is_back(&self, triangle: u32, place: usize, corners: [Vec3A; 3], direction: Vec3A) -> bool {
         let met = Met { triangle, ..Met::NOTHING };
         self.rival(met, place, corners, direction).is_back
@@ -105,7 +107,7 @@ impl Accelerator {
 }
 
 impl PlacedGroup {
-    /// Corners in the scaled world, the same bits as those of [`crate::Surfaces::corners`], scaled.
+    /// Returns the corners in the scaled world: bit for bit the scaled [`crate::Surfaces::corners`].
     pub(super) fn world_corners(&self, corners: [Vec3A; 3]) -> [Vec3A; 3] {
         match &self.to_world {
             None => corners,
@@ -114,7 +116,7 @@ impl PlacedGroup {
     }
 }
 
-/// The one of `rivals` that counts. `nearest` is among them; `origin` is that of the ray.
+/// Selects one of the `rivals`. They include `nearest`; `origin` is the ray's origin.
 pub(super) fn choose(nearest: Found, origin: Vec3A, rivals: &[Rival]) -> Found {
     let is_nearest =
         |rival: &&Rival| (rival.found.place, rival.found.met.triangle) == (nearest.place, nearest.met.triangle);
@@ -126,7 +128,7 @@ pub(super) fn choose(nearest: Found, origin: Vec3A, rivals: &[Rival]) -> Found {
     };
     let parallel = |rival: &&Rival| rival.normal.dot(first.normal).abs() >= PARALLEL;
 
-    // Parts of a split triangle are one: the nearest counts.
+    // Pieces of a split triangle count as one; the nearest is used.
     let nearer = |a: &&Rival, b: &&Rival| a.found.met.t.total_cmp(&b.found.met.t);
     let in_plane = rivals.iter().filter(as_near).filter(parallel);
     let seen = in_plane.min_by(|a, b| a.rank().cmp(&b.rank()).then(nearer(a, b))).unwrap_or(&first);

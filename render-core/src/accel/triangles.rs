@@ -1,10 +1,10 @@
-//! Triangles, four to a block, and their meeting with rays.
+//! Blocks of four triangles, and their intersection with rays.
 
 use super::ray::Ray;
 use glam::Vec3A;
 use lanes::{LANES, Lanes};
 
-/// Triangles of a block.
+/// Number of triangles in a block.
 pub(super) const BLOCK: usize = LANES / 2;
 
 /// A triangle of the scene.
@@ -16,13 +16,14 @@ pub(super) struct Owner {
     pub(super) triangle: u32,
 }
 
-/// Half of what a leaf holds, which is what most hold: blocks of eight would be twice the memory for a ray to wait for.
+/// Block of triangles, half the capacity of a leaf. Most leaves need only one block, and blocks of eight would double
+/// the memory that a ray loads.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct TriangleBlock {
-    /// By corner, axis, triangle. Places without a triangle hold no numbers, which meet nothing.
+    /// Coordinates by corner, axis and triangle. Empty slots contain NaN, which no ray hits.
     pub(super) corners: [[[f32; BLOCK]; 3]; 3],
-    /// Numbers of the triangles in the group.
+    /// Indices of the triangles in the group.
     pub(super) triangles: [u32; BLOCK],
 }
 
@@ -38,25 +39,25 @@ impl TriangleBlock {
         self.triangles[lane] = triangle;
     }
 
-    /// The corners of one of the triangles.
+    /// Returns the corners of one of the triangles.
     pub(super) fn corners(&self, lane: usize) -> [Vec3A; 3] {
         std::array::from_fn(|c| Vec3A::from_array(std::array::from_fn(|axis| self.corners[c][axis][lane])))
     }
 }
 
-/// The triangles of a leaf: those of one block, or of two.
+/// The triangles of a leaf: one block, or two.
 #[derive(Clone, Copy)]
 pub(super) struct Leaf<'a> {
     low: &'a TriangleBlock,
-    /// The same block again where there is no other.
+    /// The second block; the first one again if the leaf has only one.
     high: &'a TriangleBlock,
-    /// How many triangles there are, 1…8.
+    /// Number of triangles, 1…8.
     pub(super) count: usize,
 }
 
-/// Where eight rays meet a triangle, or a ray eight triangles.
+/// Intersections of eight rays with a triangle, or of one ray with eight triangles.
 pub(super) struct Meeting<L: Lanes> {
-    /// In lengths of the direction; NaN where the ray lies within the triangle's plane.
+    /// Distance in lengths of the direction; NaN if the ray lies in the triangle's plane.
     pub(super) t: L::F,
     /// Barycentric weights of the second and third corner.
     pub(super) u: L::F,
@@ -76,8 +77,8 @@ pub(super) struct Meeting<L: Lanes> {
 ///
 /// # Differs from the paper
 ///
-/// An edge function that rounds to 0 counts as either sign instead of being computed again in double precision: two
-/// triangles may both be hit then, but never neither, since a difference of products that is not 0 has the right sign.
+/// An edge function that rounds to 0 counts as either sign; the paper recomputes it in double precision. A ray may then
+/// hit both neighboring triangles, but never neither: a nonzero difference of products keeps its sign under rounding.
 #[inline(always)]
 pub(super) fn meet<L: Lanes>(lanes: L, corners: [[L::F; 3]; 3], shear: [L::F; 3]) -> Option<Meeting<L>> {
     let [a, b, c] = corners;
@@ -102,34 +103,35 @@ pub(super) fn meet<L: Lanes>(lanes: L, corners: [[L::F; 3]; 3], shear: [L::F; 3]
     })
 }
 
-/// A coordinate after the shear that makes the ray an axis.
+/// Returns a coordinate after the shear that aligns the ray with an axis.
 #[inline(always)]
 fn slant<L: Lanes>(lanes: L, x: L::F, z: L::F, slope: L::F) -> L::F {
     lanes.sub(x, lanes.mul(slope, z))
 }
 
 impl<'a> Leaf<'a> {
-    /// A leaf of `count` triangles, from the first of `blocks` on.
+    /// Returns a leaf of `count` triangles, starting with the first of `blocks`.
     #[inline(always)]
     pub(super) fn new(blocks: &'a [TriangleBlock], count: usize) -> Self {
         let low = &blocks[0];
         Self { low, high: if count > BLOCK { &blocks[1] } else { low }, count }
     }
 
-    /// The block that holds a triangle, and its place there.
+    /// Returns the block that contains a triangle, and its slot in the block.
     #[inline(always)]
     pub(super) fn place(&self, lane: usize) -> (&'a TriangleBlock, usize) {
         (if lane < BLOCK { self.low } else { self.high }, lane % BLOCK)
     }
 
-    /// Number of the triangle in the group.
+    /// Returns the index of the triangle in the group.
     #[inline(always)]
     pub(super) fn triangle(&self, lane: usize) -> u32 {
         let (block, lane) = self.place(lane);
         block.triangles[lane]
     }
 
-    /// Where one ray meets the leaf's triangles, at no less than `near` and at most `limit`: bits of the lanes that hold.
+    /// Intersects one ray with the leaf's triangles, at distances from `near` to `limit`. Returns the mask of the lanes
+    /// with hits.
     #[inline(always)]
     pub(super) fn meet<L: Lanes>(&self, lanes: L, ray: &Ray, near: f32, limit: f32) -> Option<(u32, Meeting<L>)> {
         let axes = ray.axes;
@@ -147,7 +149,7 @@ impl<'a> Leaf<'a> {
         (bits != 0).then_some((bits, meeting))
     }
 
-    /// One corner of all triangles, its coordinates in the order of `axes`.
+    /// Returns one corner of all triangles, with coordinates in the order of `axes`.
     #[inline(always)]
     pub(super) fn column<L: Lanes>(&self, lanes: L, corner: usize, [x, y, z]: [usize; 3]) -> [L::F; 3] {
         let (low, high) = (&self.low.corners[corner], &self.high.corners[corner]);
@@ -158,13 +160,13 @@ impl<'a> Leaf<'a> {
         ]
     }
 
-    /// Bits of the lanes that hold a triangle of their own.
+    /// Returns the mask of the lanes with triangles.
     #[inline(always)]
     pub(super) fn lanes(&self) -> u32 {
         (1 << self.count) - 1
     }
 
-    /// The corners of one of the triangles.
+    /// Returns the corners of one of the triangles.
     pub(super) fn corners(&self, lane: usize) -> [Vec3A; 3] {
         let (block, lane) = self.place(lane);
         block.corners(lane)

@@ -1,19 +1,19 @@
-//! From a binary tree to one of eight boxes a node, at the least expected cost.
+//! Conversion of a binary tree to eight boxes per node at the least expected cost.
 //!
-//! For each subtree of the binary tree: what does it cost as a forest of at most i trees, i = 1…7? A node of eight children
-//! is the best way to share its eight places between two such forests (Ylitie, Karras & Laine 2017, section 3.1, after
-//! Wald, Benthin & Boulos 2008; cost by surface area).
+//! For each subtree of the binary tree, the cost as a forest of at most i trees is computed, i = 1…7. A node with eight
+//! children is the best distribution of its eight slots over two of these forests. The cost is by surface area. The
+//! method is described by Ylitie, Karras & Laine (2017, section 3.1), after Wald, Benthin & Boulos (2008).
 
 use super::{Child, LANES, Tree, WideNode};
 use obvhs::{aabb::Aabb, bvh2::Bvh2};
 
-/// Cost of a leaf of some number of primitives, in units of a node's.
+/// Cost of a leaf with a given number of primitives, in units of the cost of a node.
 pub(in super::super) struct Costs {
-    /// Cost of a leaf as such.
+    /// Cost of a leaf without its primitives.
     pub(in super::super) leaf: f32,
-    /// Cost of each primitive in it.
+    /// Cost of each primitive in the leaf.
     pub(in super::super) primitive: f32,
-    /// As many as a leaf holds at most.
+    /// Maximum number of primitives in a leaf.
     pub(in super::super) most: usize,
 }
 
@@ -21,22 +21,22 @@ pub(in super::super) struct Costs {
 #[derive(Clone, Copy)]
 struct Subtree {
     primitives: u32,
-    /// Least cost as at most i + 1 trees.
+    /// Least cost as a forest of at most i + 1 trees.
     cost: [f32; LANES],
-    /// Places of the i + 1 that go to the first child; 0: as with one place less.
+    /// Number of the i + 1 slots that the first child gets; 0 if the forest is the same as with one slot less.
     first_share: [u8; LANES],
-    /// Whether, as one tree, it is a leaf.
+    /// Whether the subtree is a leaf if it is one tree.
     leaf: bool,
-    /// How many of the eight places of its node go to the first child.
+    /// Number of the node's eight slots that the first child gets.
     node_share: u8,
 }
 
-/// Boxes are this much larger than what they hold, in units of the largest coordinate: as much as the arithmetic of
-/// [`super::super::triangles`] may be off by.
+/// Slack of boxes as a fraction of the largest coordinate: the maximum error of the arithmetic in
+/// [`super::super::triangles`].
 const SLACK: f32 = 1.0 / (1 << 20) as f32;
 
 impl Tree {
-    /// Widens `binary`. `leaf` is given the primitives of each leaf and answers with what to keep for it, below 2³¹.
+    /// Widens `binary`. `leaf` receives the primitives of each leaf and returns its content, below 2³¹.
     pub(in super::super) fn new(binary: &Bvh2, costs: &Costs, mut leaf: impl FnMut(&[u32]) -> u32) -> Self {
         let mut tree = Self { nodes: Vec::new() };
         if binary.primitive_indices.is_empty() {
@@ -47,7 +47,7 @@ impl Tree {
         let slack = root.min.abs().max(root.max.abs()).max_element() * SLACK;
         let subtrees = subtrees(binary, costs);
         let mut primitives = Vec::new();
-        // A subtree and the place of a node that is to point at it.
+        // Subtrees to convert, each with the slot of the node that will refer to it.
         let mut open: Vec<(u32, Option<(usize, usize)>)> = vec![(0, None)];
         while let Some((top, place)) = open.pop() {
             let index = tree.nodes.len();
@@ -92,12 +92,12 @@ impl WideNode {
     }
 }
 
-/// The binary nodes that become the children of a node for subtree `top`.
+/// Returns the binary nodes that become the children of the wide node for subtree `top`.
 fn children(binary: &Bvh2, subtrees: &[Subtree], top: u32) -> Vec<u32> {
     let mut out = Vec::with_capacity(LANES);
     let subtree = &subtrees[top as usize];
     if subtree.leaf {
-        // Only a root can be visited as a node and yet be a leaf.
+        // Only the root can be visited as a node and still be a leaf.
         out.push(top);
     } else {
         let first = binary.nodes[top as usize].first_index;
@@ -107,7 +107,7 @@ fn children(binary: &Bvh2, subtrees: &[Subtree], top: u32) -> Vec<u32> {
     out
 }
 
-/// The roots of the best forest of at most `places` trees for subtree `top`.
+/// Collects the roots of the best forest of at most `places` trees for subtree `top`.
 fn roots(binary: &Bvh2, subtrees: &[Subtree], top: u32, places: u8, out: &mut Vec<u32>) {
     let share = subtrees[top as usize].first_share[places as usize - 1];
     match places {
@@ -134,7 +134,7 @@ fn gather(binary: &Bvh2, top: u32, out: &mut Vec<u32>) {
     }
 }
 
-/// The costs of all subtrees, from the leaves up.
+/// Returns the costs of all subtrees, computed bottom-up.
 fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
     let mut order = Vec::with_capacity(binary.nodes.len());
     let mut open = vec![0u32];
@@ -148,7 +148,7 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
     let unknown =
         Subtree { primitives: 0, cost: [f32::INFINITY; LANES], first_share: [0; LANES], leaf: true, node_share: 1 };
     let mut subtrees = vec![unknown; binary.nodes.len()];
-    // Children come after their parents in the order: backwards they come first.
+    // Parents precede their children in this order, so the reverse order visits children first.
     for &index in order.iter().rev() {
         let node = &binary.nodes[index as usize];
         let area = node.aabb().half_area();
@@ -158,6 +158,7 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
         } else {
             let (a, b) = (subtrees[node.first_index as usize], subtrees[node.first_index as usize + 1]);
             let mut own = Subtree { primitives: a.primitives + b.primitives, ..unknown };
+            // Cheapest distribution of the slots over both children.
             let best_share = |places: usize| {
                 (1..places)
                     .map(|share| (a.cost[share - 1] + b.cost[places - share - 1], share as u8))

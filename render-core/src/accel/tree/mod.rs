@@ -1,14 +1,17 @@
-//! A tree of boxes, eight to a node, and the way of one ray through it.
+//! BVH with eight boxes per node, and its traversal by one ray.
 //!
-//! The boxes of a node lie side by side, so that a ray meets all eight at once (Wald, Benthin & Boulos 2008).
+//! The boxes of a node are stored side by side: one step tests a ray against all eight (Wald, Benthin & Boulos 2008).
 //!
-//! # What makes every walk find the same
+//! # Why all traversals return the same hit
 //!
-//! A walk alone, one in a packet, and one without vector instructions visit boxes in different orders, and skip what
-//! lies beyond the nearest hit so far. They agree to the last bit because (a) a ray enters a box no later than any
-//! box within it: subtracting, multiplying, minimum and maximum keep order when they round; (b) a hit counts as no
-//! nearer than its leaf's box is entered; (c) of equally near hits the one of the lower index wins; (d) where others lie
-//! within roundings, [`super::ties`] chooses among all of them, in no order of visits.
+//! A single ray, a ray in a packet and a ray without vector instructions visit boxes in different orders. Each skips
+//! boxes beyond its nearest hit so far. They agree to the last bit for four reasons:
+//!
+//! - A ray enters a box no later than any box inside it: subtraction, multiplication, minimum and maximum are monotonic
+//!   under rounding.
+//! - The distance of a hit is never less than the ray's entry into its leaf's box.
+//! - Among equally near hits, the one with the lower index wins.
+//! - Where other hits lie within rounding errors, [`super::ties`] selects one by a rule independent of the order of visits.
 
 mod build;
 
@@ -17,25 +20,25 @@ pub(super) use build::Costs;
 use super::ray::Ray;
 use lanes::{LANES, Lanes};
 
-/// Eight boxes and what is in them.
+/// Eight boxes and their contents.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct WideNode {
-    /// Least x, y, z and greatest x, y, z. An empty place has least = ∞ and greatest = −∞, which no ray meets.
+    /// Minimum x, y, z and maximum x, y, z. An empty slot has minimum = ∞ and maximum = −∞, so no ray hits it.
     pub(super) planes: [[f32; LANES]; 6],
     pub(super) children: [Child; LANES],
 }
 
-/// A node, or a leaf and what its owner keeps there.
+/// Index of a node, or the content of a leaf.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Child(u32);
 
-/// [`Child`] taken apart.
+/// Decoded [`Child`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ChildKind {
     /// Index of a node.
     Node(usize),
-    /// Content that the owner of the tree gave.
+    /// Content assigned by the owner of the tree.
     Leaf(u32),
 }
 
@@ -48,20 +51,20 @@ impl Child {
     }
 }
 
-/// The tree. The first node is its root.
+/// The tree; node 0 is the root.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     pub(super) nodes: Vec<WideNode>,
 }
 
-/// As many entries as a [`Stack`] has room for without an allocation.
+/// Capacity of a [`Stack`] without allocation.
 const COMMON: usize = 32;
 
-/// Where walks keep what they have yet to visit: nearly always short, and never too short.
+/// Stack of the boxes still to be visited. It is nearly always short, and it grows if needed.
 pub(super) struct Stack<T> {
     entries: [T; COMMON],
     length: usize,
-    /// Trees as deep as this needs come from scenes made to be hostile.
+    /// Overflow entries; only trees of adversarial scenes are this deep.
     spill: Vec<T>,
 }
 
@@ -94,7 +97,8 @@ impl<T: Copy + Default> Stack<T> {
     }
 }
 
-/// The boxes among `bits` with the way to each, farthest first: a distance that is no less than 0 orders as its bits do.
+/// Returns sort keys of the boxes in `bits`, farthest first, and their count. Nonnegative distances have the same order
+/// as their bit patterns.
 #[inline(always)]
 pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES], usize) {
     let (mut keys, mut count) = ([0u64; LANES], 0);
@@ -115,13 +119,13 @@ pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES
 
 /// A visitor of the leaves of a [`Tree::walk`].
 pub(super) trait Visit {
-    /// Is given a leaf, the way to its box and the limit; answers with the limit from there on. A negative one ends
-    /// the walk.
+    /// Receives a leaf, the distance to its box and the current limit. Returns the new limit; a negative one ends the
+    /// traversal.
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32;
 }
 
 impl WideNode {
-    /// The planes of the eight boxes that a ray meets first, and those that it meets last.
+    /// Returns the near and the far planes of the eight boxes, for a ray with these near planes.
     #[inline(always)]
     pub(super) fn slabs<L: Lanes>(&self, lanes: L, near_plane: [usize; 3]) -> ([L::F; 3], [L::F; 3]) {
         let [x, y, z] = near_plane;
@@ -133,7 +137,7 @@ impl WideNode {
 }
 
 impl Tree {
-    /// Takes the ray to every leaf whose box it enters within `limit`, the nearer ones first.
+    /// Visits every leaf with a box that the ray enters within `limit`, the nearer ones first.
     #[inline(always)]
     pub(super) fn walk<L: Lanes>(&self, lanes: L, ray: &Ray, mut limit: f32, visitor: &mut impl Visit) {
         let from = lanes.splat3(ray.origin.to_array());
@@ -151,11 +155,11 @@ impl Tree {
             let mut next = if bits == 0 {
                 stack.pop()
             } else if bits & (bits - 1) == 0 {
-                // Most often one box is left, and then there is nothing to sort.
+                // Usually only one box is hit, which needs no sorting.
                 let lane = bits.trailing_zeros() as usize & (LANES - 1);
                 Some((near[lane].to_bits(), node.children[lane]))
             } else if bits.count_ones() == 2 {
-                // Nor much to sort of two.
+                // Two boxes need one comparison.
                 let entry = |lane: usize| (near[lane].to_bits(), node.children[lane]);
                 let a = entry(bits.trailing_zeros() as usize & (LANES - 1));
                 let b = entry((31 - bits.leading_zeros()) as usize & (LANES - 1));
