@@ -1,8 +1,9 @@
-//! Records to trust less and pixels that need one of their own: those where predictions are contradicted.
+//! Contradictions between records: which records shrink, and which pixels get their own record.
 //!
-//! A record that its neighbors differ from answers for less of what is around it, and what it gives up is given records anew.
-//! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
-//! foresaw, and are spared where it is smooth. No pixel gets one where records are dense already.
+//! A record that differs from its neighbors keeps only a fraction of its radius. New records cover the area it loses.
+//! Finally, a pixel with records that predict different irradiance gets its own record. Records are therefore dense
+//! where irradiance changes unpredictably, and sparse where it is smooth. Where records are dense, pixels get no
+//! further record.
 
 use super::picture::{ShownSurface, SurfacePicture};
 use super::predict::{Predicted, predictions};
@@ -11,25 +12,25 @@ use super::tile::{DENSE, Tile, Tiles};
 use crate::luminance;
 use rayon::prelude::*;
 
-/// Difference from its neighbors from which on a record is doubted, in tolerances.
+/// Difference from its neighbors above which a record shrinks, in tolerances.
 const DOUBTED: f32 = 1.65;
-/// Root mean square of the differences between a pixel's predictions from which on it gets a record, in tolerances. In a
-/// simulation of `nave` the same number of records leaves 3 % more error without. On the scene itself, 1.55 and 2.0 for this and
-/// the one before need 3 % more records than 1.75 and 2.1, and leave 3 % less error.
+/// Root mean square difference between a pixel's predictions above which the pixel gets a record, in tolerances. In a
+/// simulation of `nave`, the same number of records leaves 3 % more error without this rule. In the scene itself, 1.55
+/// for [`DOUBTED`] and 2.0 here need 3 % more records than 1.75 and 2.1, and leave 3 % less error.
 const CONTRADICTED: f32 = 2.0;
-/// Least share of its radius that a contradicted record keeps.
+/// Minimum fraction of its radius that a contradicted record keeps.
 pub(super) const LEAST_SHARE: f32 = 0.25;
-/// In the dark, differences count as if it were so bright: as a share of the mean tolerance.
+/// Addend to every tolerance, as a fraction of the mean tolerance: it limits the effort in the dark.
 const IN_THE_DARK: f32 = 0.5;
 
-/// Differences that matter at a record: luminance of irradiance \[W·m⁻²\].
+/// Tolerated differences at records: luminance of irradiance \[W·m⁻²\].
 pub(super) struct Tolerances {
-    /// Addend for the dark.
+    /// Addend for dark areas.
     floor: f32,
 }
 
 impl Tolerances {
-    /// Tolerances of a picture with the listed records.
+    /// Computes the tolerances of a picture from its listed records.
     pub fn of<R>(tiles: &Tiles, records: &[Record<R>]) -> Self {
         let sum: f64 = tiles.listed.iter().map(|&index| f64::from(records[index as usize].estimate.tolerance)).sum();
         Self { floor: IN_THE_DARK * (sum / tiles.listed.len().max(1) as f64) as f32 }
@@ -39,21 +40,23 @@ impl Tolerances {
         record.estimate.tolerance + self.floor
     }
 
-    /// How much of its radius a record keeps when its neighbors differ by `difference` from what it predicts.
+    /// Returns the fraction of its radius that a record keeps if its neighbors differ by `difference` from its
+    /// prediction.
     pub fn share<R>(&self, record: &Record<R>, difference: f32) -> f32 {
         let allowed = DOUBTED * self.at(record);
         if difference > allowed { (allowed / difference).max(LEAST_SHARE) } else { 1.0 }
     }
 }
 
-/// Pixels for which records predict different things, in the tiles that one of the records listed at these `places` reaches.
+/// Returns the pixels for which records predict different irradiance, in the tiles reached by the records listed at
+/// `places`.
 pub(super) fn contradicted_pixels<R: Send + Sync>(
     picture: &SurfacePicture,
     tiles: &Tiles,
     records: &[Record<R>],
     places: &[usize],
 ) -> Vec<(usize, usize)> {
-    // Tiles that none of these records reaches are passed over.
+    // Skip tiles that none of these records reaches.
     let mut is_chosen = vec![false; tiles.listed.len()];
     for &place in places {
         is_chosen[place] = true;
@@ -62,14 +65,14 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     let wanted = picture.wanted_tiles.iter().copied();
     let chosen: Vec<usize> = wanted.filter(|&index| is_reached(&tiles.all[index])).collect();
 
-    // Predictions of all the records that count there, each found once.
+    // Each record with a weight in these tiles is predicted once.
     let mut candidates = tiles.used_in(picture, &chosen);
     candidates.sort_unstable();
     candidates.dedup();
     let predicted =
         predictions(picture, tiles, records, &Vec::from_iter(candidates.iter().map(|&place| place as usize)));
 
-    // They stand in the order of `candidates`; tiles look them up by place.
+    // Predictions are in the order of `candidates`; tiles need them by position in the list.
     let mut number = vec![0; tiles.listed.len()];
     for (k, &place) in candidates.iter().enumerate() {
         number[place as usize] = k;
@@ -87,12 +90,12 @@ struct Opinions<'a, R> {
     records: &'a [Record<R>],
     tolerances: Tolerances,
     predicted: Vec<Predicted>,
-    /// By the place of a record in the list, where its prediction is in `predicted`.
+    /// For each position in the list, the index into `predicted`.
     number: Vec<usize>,
 }
 
 impl<R> Opinions<'_, R> {
-    /// Pixels of a tile for which its records predict different things.
+    /// Returns the pixels of a tile for which its records predict different irradiance.
     fn contradicted_in(&self, picture: &SurfacePicture, index: usize) -> Vec<(usize, usize)> {
         let tile = &self.tiles.all[index];
         let (mut contradicted, mut weights) = (Vec::new(), Vec::new());
@@ -107,9 +110,9 @@ impl<R> Opinions<'_, R> {
         contradicted
     }
 
-    /// Whether the candidates of `tile` with these `weights` at a pixel predict different things for it.
+    /// Returns whether the candidates of `tile` with these `weights` at a pixel predict different irradiance.
     fn are_contradictory(&self, tile: &Tile, shown: &ShownSurface, weights: &[(usize, f32)]) -> bool {
-        // Σ w, Σ w v, Σ w v² of the luminances v that are predicted, and Σ w t of the tolerances t.
+        // Σ w, Σ w v, Σ w v² of the predicted luminances v, and Σ w t of the tolerances t.
         let (mut whole, mut sum, mut squares, mut tolerance) = (0.0, 0.0, 0.0, 0.0);
         for &(k, weight) in weights {
             let place = tile.candidates[k] as usize;
@@ -120,7 +123,7 @@ impl<R> Opinions<'_, R> {
             tolerance += weight * self.tolerances.at(&self.records[self.tiles.listed[place] as usize]);
         }
 
-        // Where records are dense, more of them would not settle it.
+        // Where records are dense, further ones would not settle the contradiction.
         if whole >= DENSE {
             return false;
         }

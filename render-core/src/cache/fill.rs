@@ -1,4 +1,4 @@
-//! New records where a picture needs them, coarse to fine.
+//! Placement of new records in a picture, coarse to fine.
 
 use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
 use super::group::weight_between;
@@ -14,19 +14,19 @@ use plane::Plane;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Steps of the lattices \[pixels\].
+/// Steps of the pixel lattices \[pixels\].
 const STEPS: [usize; 5] = [16, 8, 4, 2, 1];
-/// A pixel is covered when the weights of its records sum to at least this: one record reaches it at e = 0.67.
+/// Minimum sum of weights that covers a pixel: one record reaches it at e = 0.67.
 const COVERED: f32 = 0.3;
-/// Pixels around a candidate in which another can cover it, at the least radius and seen face on.
+/// Distance within which a candidate can cover another one, with the least radius and seen head-on \[pixels\].
 const NEIGHBORHOOD: usize = 3;
 
-/// Times that new records are held against their neighbors.
+/// Number of times that new records are compared with their neighbors.
 const DOUBTS: usize = 3;
 
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Adds records until every pixel of the picture is covered and none is contradicted; returns how many. Those listed at the
-    /// places `carried` may fit in no longer.
+    /// Adds records until every pixel of the picture is covered and none is contradicted. Returns the number of new
+    /// records. The records listed at the positions `carried` have moved and may contradict their neighbors.
     pub(super) fn fill<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
@@ -34,14 +34,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
         carried: Vec<usize>,
         illumination: &I,
     ) -> usize {
-        // Records that came here with a moving thing meet new neighbors, which may contradict them.
+        // Records attached to moving geometry have new neighbors, which may contradict them.
         let (first, first_place) = (self.records.len(), tiles.listed.len());
         if !carried.is_empty() {
             self.doubt(picture, tiles, &carried);
             tiles.list_again(picture, &self.records, 0);
         }
 
-        // New records cover what is bare. Held against each other, some give up a part of that, which is bare again.
+        // Add records in uncovered areas. Comparing them shrinks some and uncovers area again.
         let mut bare = vec![true; tiles.all.len()];
         for doubts_left in (0..=DOUBTS).rev() {
             let place = tiles.listed.len();
@@ -49,12 +49,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
             if doubts_left == 0 || tiles.listed.len() == place {
                 break;
             }
-            // The newest are not yet known to fit in.
+            // The newest records have not been compared with their neighbors yet.
             self.doubt(picture, tiles, &Vec::from_iter(place..tiles.listed.len()));
             bare = tiles.list_again(picture, &self.records, place);
         }
 
-        // All is covered. Pixels whose records still predict different things get one of their own, for its close surroundings.
+        // All pixels are covered. Pixels with contradictory predictions get their own small record.
         let unsettled: Vec<usize> = carried.into_iter().chain(first_place..tiles.listed.len()).collect();
         if !unsettled.is_empty() {
             let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled);
@@ -63,13 +63,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 record.share = LEAST_SHARE;
             }
             tiles.list(picture, &self.records, new);
-            // What no pixel takes light from is not known in the next frame, where the same is to come out.
+            // Drop records without weight at any pixel: the next frame ignores them, and it must get the same result.
             tiles.keep_used(picture, &self.records, first_place);
         }
         self.records.len() - first
     }
 
-    /// Holds the records listed at these `places` against their neighbors.
+    /// Compares the records listed at these `places` with their neighbors, and shrinks contradicted ones.
     pub(super) fn doubt(&mut self, picture: &SurfacePicture, tiles: &Tiles, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
         let found = predictions(picture, tiles, &self.records, places);
@@ -81,8 +81,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
     /// Adds records until every pixel of the `bare` tiles is covered.
     ///
-    /// Each pass finds the pixels of its lattice that the records of the passes before leave bare, and gives them records of
-    /// their own, but for those that a neighbor of the same pass is certain to cover. So the last pass leaves none.
+    /// Each pass gives records to the uncovered pixels of its lattice. It skips pixels that a neighbor of the same pass
+    /// is certain to cover. After the last pass, all pixels are covered.
     fn cover<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
@@ -97,20 +97,21 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
     }
 
-    /// Makes records at those of `pixels` that no other of them is certain to cover. Returns their indices.
+    /// Makes records at `pixels`, except at pixels that another of them is certain to cover. Returns the indices of the
+    /// records.
     fn make<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
         pixels: Vec<(usize, usize)>,
         illumination: &I,
     ) -> Range<usize> {
-        // Numbers follow the order of the sites, whichever rank and thread takes them.
+        // Numbers follow the order of the sites, independent of ranks and threads.
         let sites = picture.busy.measure(|| thinned(picture, pixels));
         let (ranks, before, made) = (picture.ranks(), self.records.len(), self.made);
         let number = |place: usize| made.wrapping_add(place as u32);
         let turns: Vec<Turn> = (0..sites.len()).map(|place| Turn::Golden(number(place))).collect();
 
-        // Light goes to all ranks; its recipe stays where it was computed.
+        // All ranks receive the light; the recipe stays on the rank that computed it.
         let mut recipes = Vec::new();
         let lights = share(ranks, &turns, |own, meter| {
             let compute = |scratch: &mut I::Scratch, &place: &usize| {
@@ -138,7 +139,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.records.push(record);
         }
 
-        // A surface near to one record is near to its neighbors, too: their radii are clamped.
+        // A surface close to one record is close to its neighbors too: clamp their radii.
         self.made = number(sites.len());
         let among = self.parts.around();
         clamp_to_neighbors(&mut self.records, before, among, picture.busy);
@@ -146,7 +147,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 }
 
-/// Pixels of the lattice of this step that no record covers, in raster order of the tiles that may be `bare` and within them.
+/// Returns the uncovered pixels of the lattice with this step, in the tiles that may be `bare`. Tiles and their pixels
+/// are in raster order.
 fn bare_pixels(picture: &SurfacePicture, tiles: &Tiles, bare: &[bool], step: usize) -> Vec<(usize, usize)> {
     let in_tile = |index: usize| {
         let mut pixels = Vec::new();
@@ -167,9 +169,9 @@ fn bare_pixels(picture: &SurfacePicture, tiles: &Tiles, bare: &[bool], step: usi
     pixels.concat()
 }
 
-/// The sites of `pixels`, without those that an earlier one covers whatever its radius turns out to be.
+/// Returns the sites of `pixels`, except sites that an earlier one is certain to cover.
 fn thinned(picture: &SurfacePicture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
-    // A record is made at the first pixel of each place, and marks it.
+    // The first pixel at each position gets a record and is marked.
     let (width, height) = picture.size();
     let mut taken = Plane::filled(width, height, false);
     let mut sites = Vec::new();
@@ -183,7 +185,8 @@ fn thinned(picture: &SurfacePicture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
     sites
 }
 
-/// Whether a record at one of the `taken` pixels around (x, y) is certain to cover the `site` there, even with the least radius.
+/// Returns whether a record at one of the `taken` pixels around (x, y) is certain to cover the `site` there. The record
+/// is assumed to have the least radius.
 fn is_covered_by_taken(picture: &SurfacePicture, taken: &Plane<bool>, x: usize, y: usize, site: &Site) -> bool {
     let (width, height) = picture.size();
     let around = |v: usize, end: usize| v.saturating_sub(NEIGHBORHOOD)..(v + NEIGHBORHOOD + 1).min(end);

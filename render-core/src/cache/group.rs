@@ -1,4 +1,4 @@
-//! Groups of records, laid out for loops over the lanes of vectors: which of them have a weight at a pixel.
+//! Error measure of groups of records, in structure-of-arrays layout for vector instructions.
 
 use super::Vec3A;
 use super::illumination::Site;
@@ -6,7 +6,7 @@ use super::picture::ShownSurface;
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use lanes::{Kernel, LANES, Lanes};
 
-/// Terms of the error measure for [`LANES`] records.
+/// Parameters of the error measure for [`LANES`] records.
 pub(super) struct RecordGroup {
     position: [[f32; LANES]; 3],
     normal: [[f32; LANES]; 3],
@@ -16,7 +16,7 @@ pub(super) struct RecordGroup {
 }
 
 impl RecordGroup {
-    /// Infinitely far from everything.
+    /// A group of empty lanes, infinitely far from everything.
     pub const NOWHERE: Self = Self {
         position: [[1e18; LANES]; 3],
         normal: [[0.0; LANES]; 3],
@@ -25,7 +25,7 @@ impl RecordGroup {
         openness: [0.0; LANES],
     };
 
-    /// e² of each record at a pixel:
+    /// Returns e² of each record at a pixel:
     ///
     /// ```text
     /// e² = (|d|² + k² (d · n̄)²) / R² + (1 − n · nᵢ) / c + (o − oᵢ)² / t²
@@ -36,7 +36,7 @@ impl RecordGroup {
     fn error2(&self, shown: &ShownSurface) -> [f32; LANES] {
         let (p, n) = (shown.position().to_array(), shown.normal().to_array());
         let mut error2 = [0.0; LANES];
-        // |d|², d · (n + nᵢ), which is twice d · n̄, and n · nᵢ.
+        // |d|², d · (n + nᵢ) = 2 d · n̄, and n · nᵢ.
         for (k, error2) in error2.iter_mut().enumerate() {
             let (mut d2, mut along, mut cosine) = (0.0, 0.0, 0.0);
             for axis in 0..3 {
@@ -45,7 +45,7 @@ impl RecordGroup {
                 along += d * (n[axis] + self.normal[axis][k]);
                 cosine += n[axis] * self.normal[axis][k];
             }
-            // A record on another thing has no weight: its e² is 2 or more.
+            // A record on another instance has no weight: its e² is 2 or more.
             let other = if self.carrier[k] == shown.carrier { 0.0 } else { 2.0 };
             let opener = (shown.openness - self.openness[k]) * (1.0 / OPENNESS_TOLERANCE);
             *error2 = (d2 + ACROSS * ACROSS / 4.0 * along * along) * self.inverse_radius2[k]
@@ -57,14 +57,14 @@ impl RecordGroup {
     }
 }
 
-/// Weight of a record by its e².
+/// Returns the weight of a record from its e².
 #[inline(always)]
 pub(super) fn weight(error2: f32) -> f32 {
     let rest = (1.0 - error2).max(0.0);
     rest * rest
 }
 
-/// Weight that a record at `from` with this radius has at `to`, on the same footing as
+/// Returns the weight at `to` of a record at `from` with this radius, comparable with
 /// [`Tile::weights`](super::tile::Tile::weights).
 pub(super) fn weight_between(from: &Site, radius: f32, to: &Site) -> f32 {
     let mut group = RecordGroup::NOWHERE;
@@ -73,7 +73,7 @@ pub(super) fn weight_between(from: &Site, radius: f32, to: &Site) -> f32 {
 }
 
 impl RecordGroup {
-    /// Square of each record's distance \[m²\].
+    /// Returns the squared distance of each record \[m²\].
     #[inline(always)]
     fn distance2(&self, position: [f32; 3]) -> [f32; LANES] {
         let mut distance2 = [0.0; LANES];
@@ -104,10 +104,10 @@ impl RecordGroup {
     }
 }
 
-// The loops over candidates are kernels, though they are written as for one lane after the other: compiled for the vector
-// instructions that the processor has, they take half the time.
+// The loops over candidates are kernels although they use no vector types. Compiled for the vector instructions of the
+// processor, they take half the time.
 
-/// See [`Tile::weights`](super::tile::Tile::weights).
+/// Kernel of [`Tile::weights`](super::tile::Tile::weights).
 pub(super) struct Weigh<'a> {
     pub groups: &'a [RecordGroup],
     pub shown: &'a ShownSurface,
@@ -120,7 +120,7 @@ impl Kernel for Weigh<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         for (g, group) in self.groups.iter().enumerate() {
-            // Most groups have no record with a weight; their weights are never computed.
+            // Most groups have no record with a weight, so weights are only computed for e² < 1.
             let error2 = group.error2(self.shown);
             let mut bits = below(&error2, 1.0);
             while bits != 0 {
@@ -132,7 +132,7 @@ impl Kernel for Weigh<'_> {
     }
 }
 
-/// See [`Tile::is_covered`](super::tile::Tile::is_covered).
+/// Kernel of [`Tile::is_covered`](super::tile::Tile::is_covered).
 pub(super) struct SumUpTo<'a> {
     pub groups: &'a [RecordGroup],
     pub shown: &'a ShownSurface,
@@ -147,7 +147,7 @@ impl Kernel for SumUpTo<'_> {
         let mut sum = 0.0;
         for group in self.groups {
             let error2 = group.error2(self.shown);
-            // Lanes without a weight add 0: no branches.
+            // Lanes without a weight add 0, without branches.
             if below(&error2, 1.0) != 0 {
                 for e in error2 {
                     sum += weight(e);
@@ -161,10 +161,10 @@ impl Kernel for SumUpTo<'_> {
     }
 }
 
-/// Margin in the comparison of squares of distances, which callers may round in another way.
+/// Factor on squared distances that are compared: callers may round differently.
 pub(super) const ROUNDING: f32 = 1.0001;
 
-/// See [`Tile::candidates_near`](super::tile::Tile::candidates_near).
+/// Kernel of [`Tile::candidates_near`](super::tile::Tile::candidates_near).
 pub(super) struct NearRecords<'a> {
     pub groups: &'a [RecordGroup],
     pub candidates: &'a [u32],
@@ -180,7 +180,7 @@ impl Kernel for NearRecords<'_> {
     fn run<L: Lanes>(self, _: L) {
         let position = self.position.to_array();
         for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
-            // Groups are filled up with records that are nowhere.
+            // Unused lanes are infinitely far away.
             let mut bits = below(&group.distance2(position), self.reach2);
             while bits != 0 {
                 self.near.push(candidates[bits.trailing_zeros() as usize % LANES]);
@@ -190,7 +190,8 @@ impl Kernel for NearRecords<'_> {
     }
 }
 
-/// See [`Tile::candidates_in_use`](super::tile::Tile::candidates_in_use); bits of those of a group, of which `all` are records.
+/// Kernel of [`Tile::candidates_in_use`](super::tile::Tile::candidates_in_use) for one group. `all` is the mask of its
+/// used lanes.
 pub(super) struct InUse<'a> {
     pub group: &'a RecordGroup,
     pub shown: &'a [ShownSurface],
@@ -204,7 +205,7 @@ impl Kernel for InUse<'_> {
     fn run<L: Lanes>(self, _: L) -> u32 {
         let mut used = 0;
         for shown in self.shown {
-            // Once all of the group are in use, other pixels have nothing to add.
+            // When all records of the group are in use, no further pixels are needed.
             used |= below(&self.group.error2(shown), 1.0);
             if used & self.all == self.all {
                 break;
@@ -214,7 +215,7 @@ impl Kernel for InUse<'_> {
     }
 }
 
-/// Bits of the lanes whose value is below `most`.
+/// Returns the mask of the lanes with values below `most`.
 #[inline(always)]
 fn below(values: &[f32; LANES], most: f32) -> u32 {
     let mut bits = 0;

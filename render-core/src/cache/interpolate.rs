@@ -1,4 +1,4 @@
-//! Light between records.
+//! Interpolation of light between records.
 
 use super::picture::SurfacePicture;
 use super::predict::Predicted;
@@ -7,7 +7,8 @@ use glam::Vec3A;
 use plane::Plane;
 use rayon::prelude::*;
 
-/// Irradiance of every pixel by what the listed records predict, and the records it came from, ascending.
+/// Interpolates the irradiance of every pixel from the predictions of the listed records. Also returns the indices of
+/// the records used, ascending.
 pub(super) fn picture(
     picture: &SurfacePicture,
     tiles: &Tiles,
@@ -17,7 +18,7 @@ pub(super) fn picture(
     let light = |&index: &usize| picture.busy.measure(|| tile(picture, tiles, index, predicted));
     let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = picture.wanted_tiles.par_iter().map(light).collect();
 
-    // Tiles hold their pixels row by row. The picture has them side by side.
+    // Tiles store their pixels row by row; copy the rows into the picture.
     let mut plane = Plane::filled(width, height, [0.0; 3]);
     let mut used = Vec::new();
     for (&index, (light, of_tile)) in picture.wanted_tiles.iter().zip(lit) {
@@ -31,7 +32,7 @@ pub(super) fn picture(
 }
 
 fn tile(picture: &SurfacePicture, tiles: &Tiles, index: usize, predicted: &[Predicted]) -> (Vec<[f32; 3]>, Vec<u32>) {
-    // Which of the candidates give light to any pixel is found on the way.
+    // Candidates that light any pixel are marked on the way.
     let tile = &tiles.all[index];
     let shown = picture.shown(index);
     let mut is_used = vec![false; tile.candidates.len()];

@@ -1,20 +1,20 @@
-//! Sums over the neighbors of a frame's records, kept for further pictures of that frame: through other places of its pixels,
-//! records have the same neighbors and a few new ones.
+//! Regression sums over the neighbors of a frame's records, kept for further pictures of that frame. Further pictures
+//! sample other positions within the pixels: their records have the same neighbors and a few new ones.
 
 use super::record::Record;
 use glam::{Mat3A, Vec3A};
 use ranks::portable;
 
-/// The sums of a record's regression, over its neighbors.
+/// Sums of a record's regression over its neighbors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taught {
     /// Radius of the record in the picture \[m\].
     pub radius: f32,
-    /// Σ w f fᵀ, with f the way along both axes in radii and the change of openness in tolerances.
+    /// Σ w f fᵀ. f is the offset along both axes in radii and the change of openness in tolerances.
     pub square: Mat3A,
-    /// Σ w f r, with r what the record alone leaves unexplained: a column for each of f.
+    /// Σ w f r: one column per component of f. r is the residual of the record's own prediction.
     pub unexplained: Mat3A,
-    /// Σ w, and by luminance Σ w r², Σ w f fᵀ and Σ w f r, of all neighbors, from however different a light.
+    /// Sums over all neighbors without outlier rejection: Σ w, and from luminance Σ w r², Σ w f fᵀ and Σ w f r.
     pub weights: f32,
     pub variance: f32,
     pub all_square: Mat3A,
@@ -24,7 +24,7 @@ pub(super) struct Taught {
 portable!(Taught { radius, square, unexplained, weights, variance, all_square, all_unexplained });
 
 impl Taught {
-    /// No neighbors.
+    /// Returns the sums without neighbors.
     pub const fn nothing(radius: f32) -> Self {
         Self {
             radius,
@@ -38,7 +38,7 @@ impl Taught {
     }
 }
 
-/// The neighbors of a frame's records, as its pictures so far have found them.
+/// The neighbors of a frame's records, from its pictures so far.
 #[derive(Default)]
 pub(super) struct KnownNeighbors {
     pictures: Vec<OfPicture>,
@@ -49,44 +49,44 @@ struct OfPicture {
     /// Numbers of the records, ascending.
     numbers: Vec<u32>,
     taught: Vec<Taught>,
-    /// Number of the first record that was made afterwards.
+    /// Number of the first record made after this picture.
     next: u32,
 }
 
-/// A listed record that was made after the first picture of the frame.
+/// A listed record made after the first picture of the frame.
 pub(super) struct Fresh {
     number: u32,
     position: Vec3A,
-    /// Its index among the records.
+    /// Index of the record.
     pub index: usize,
 }
 
-/// The sums of a record by its neighbors before, and the fresh records that came later.
+/// The earlier sums of a record, and the fresh records made since.
 pub(super) struct Before<'a> {
     pub taught: &'a Taught,
     pub since: &'a [Fresh],
 }
 
 impl Fresh {
-    /// Whether it is less than `reach` away from `position` \[m\].
+    /// Returns whether it is less than `reach` from `position` \[m\].
     pub fn is_within(&self, reach: f32, position: Vec3A) -> bool {
         self.position.distance_squared(position) < reach * reach
     }
 }
 
 impl KnownNeighbors {
-    /// Keeps the sums of the `listed` records, by their indices, before the record with the number `next` is made.
+    /// Stores the sums of the records with the indices `listed`. `next` is the number of the next record to be made.
     pub fn keep<R>(&mut self, listed: &[u32], records: &[Record<R>], taught: Vec<Taught>, next: u32) {
         let numbers = listed.iter().map(|&index| records[index as usize].number).collect();
         self.pictures.push(OfPicture { numbers, taught, next });
     }
 
-    /// Adds what is known of further pictures.
+    /// Appends the sums of further pictures.
     pub fn join(&mut self, further: Self) {
         self.pictures.extend(further.pictures);
     }
 
-    /// Listed records that were made after the first picture of the frame, in the order of `listed`.
+    /// Returns the listed records that were made after the first picture of the frame, in the order of `listed`.
     pub fn fresh<R>(&self, listed: &[u32], records: &[Record<R>]) -> Vec<Fresh> {
         let Some(first) = self.pictures.first() else { return Vec::new() };
         let of = |&index: &u32| {
@@ -96,7 +96,7 @@ impl KnownNeighbors {
         listed.iter().map(of).filter(|fresh| is_since(fresh.number, first.next)).collect()
     }
 
-    /// The latest sums of `record`, if its radius was the same then \[m\].
+    /// Returns the latest sums of `record`, if its radius was the same then \[m\].
     pub fn of<'a, R>(&'a self, record: &Record<R>, radius: f32, fresh: &'a [Fresh]) -> Option<Before<'a>> {
         for picture in self.pictures.iter().rev() {
             let Ok(place) = picture.numbers.binary_search(&record.number) else { continue };
@@ -108,7 +108,7 @@ impl KnownNeighbors {
     }
 }
 
-/// Whether the record with this `number` was made when `next` was the next number, or later. Numbers wrap around.
+/// Returns whether the record `number` was made when `next` was the next number, or later. Numbers wrap around.
 fn is_since(number: u32, next: u32) -> bool {
     number.wrapping_sub(next) < 1 << 31
 }

@@ -1,22 +1,27 @@
-//! An irradiance cache: indirect light varies slowly over a surface, so it is computed at few places and interpolated
-//! between them, from pixel to pixel and from frame to frame.
+//! Irradiance cache: indirect light varies slowly over a surface. It is computed at few points and interpolated between
+//! them, across pixels and frames.
 //!
-//! After \[Ward88\] and \[WardHeckbert92\] with the practice of \[Krivanek08\]; the light at a place comes from an
-//! [`Illumination`].
+//! The method follows \[Ward88\] and \[WardHeckbert92\], with the practice of \[Krivanek08\]. An [`Illumination`]
+//! computes the light at a point.
 //!
-//! A frame goes like this: records on moving things are carried along; the records that the picture needs are brought up
-//! to date; lattices of pixels, coarse to fine, are looked through for pixels that no record covers, and get one; records and
-//! pixels where what is known is contradicted get more; at last every pixel is the weighted mean of what the records around it
-//! predict.
+//! The steps of a frame:
+//!
+//! 1. Records on moving geometry move with it.
+//! 2. Records in use are updated.
+//! 3. Lattices of pixels, coarse to fine, are searched for uncovered pixels, which get records.
+//! 4. Contradicted records shrink, and contradicted pixels get records.
+//! 5. Every pixel gets the weighted mean of the predictions of its records.
 //!
 //! # Differs from the papers
-//! * The weight is `(1 − e²)²` of the error measure e and ends smoothly at e = 1, so that a record's border is no edge.
-//! * A record is made where the weights sum to less than a minimum, not where none is left. What a pass adds depends on
-//!   earlier passes alone, so the result does not depend on the number of threads.
-//! * A record serves places that are about as open as its own, by a few rays at each: see `openness.rs`.
-//! * Derivatives by the position are fitted to neighboring records, where these know better: see `predict.rs`. What the fit
-//!   leaves decides how far a record is used: see `doubt.rs`.
-//! * The turn of the normal is accounted for exactly by the vector irradiance, as long as no light crosses the horizon.
+//!
+//! * The weight is `(1 − e²)²` of the error measure e. It is smooth at e = 1, so that a record has no visible border.
+//! * A record is made where the sum of weights is below a minimum, not only where it is zero. Each pass adds records
+//!   depending on earlier passes only, so the result does not depend on the number of threads.
+//! * A record is used only at points of similar openness, which is measured by a few rays at each point: see
+//!   `openness.rs`.
+//! * Derivatives by the position are fitted to neighboring records where these are more accurate: see `predict.rs`. The
+//!   residual of the fit limits the radius of the record: see `doubt.rs`.
+//! * Rotation of the normal is exact by the vector irradiance, as long as no light crosses the horizon.
 
 mod doubt;
 mod fill;
@@ -55,40 +60,40 @@ use rayon::prelude::*;
 use record::{Record, RecordLight};
 use tile::Tiles;
 
-/// Frames that a record may stay unseen before it is dropped.
+/// Number of frames that a record may stay unseen before it is dropped.
 const PATIENCE: u32 = 50;
-/// Most records kept for each one that the picture uses, or for a number of pixels where it shows little; beyond, those unseen
-/// for longest go first.
+/// Maximum number of records kept for each one in use, and number of pixels for each kept record if few are in use.
+/// Above the larger limit, the records unseen for longest are dropped.
 const KEPT_FOR_EACH_USED: usize = 3;
 const PIXELS_FOR_EACH_KEPT: usize = 16;
-/// While things move, each record in view is computed afresh once in this number of frames, in turns.
+/// Refresh period \[frames\]: while geometry moves, each record in view is recomputed once in this period.
 const TURN: u32 = 32;
 
-/// Records that a thread takes at a time.
+/// Number of records that a thread takes at a time.
 const CHUNK: usize = 16;
-/// The same for what takes no rays.
+/// Number of records that a thread takes at a time, for work without rays.
 const LARGE_CHUNK: usize = 512;
 
-/// Records of light on surfaces, kept from frame to frame. `R` is what an [`Illumination`] keeps with each.
+/// Irradiance records on surfaces, kept across frames. `R` is the recipe that an [`Illumination`] stores with each.
 ///
-/// With the feature `serde` it can be written and read back, and goes on as if nothing had been in between. Where several ranks
-/// share the work, each keeps the recipes of its own records: [`kept`](Self::kept) and [`complete`](Self::complete) bring them
-/// together.
+/// With the feature `serde`, the cache can be written and read back without any effect on the results. If several ranks
+/// share the work, each stores the recipes of its own records. [`kept`](Self::kept) and [`complete`](Self::complete)
+/// collect them.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct IrradianceCache<R> {
     records: Vec<Record<R>>,
     frame: u32,
-    /// Frame of the last change of light or things.
+    /// Frame of the last change of light or geometry.
     changed: u32,
     made: u32,
-    /// Where the instances stood in the last frame.
+    /// Transforms of the instances in the previous frame.
     world: Vec<Affine3A>,
-    /// Openness in the last picture.
+    /// Openness of the previous picture.
     openness: Openness,
-    /// Neighbors of the records of this frame, for further pictures of it.
+    /// Neighbors of the records of this frame, for its further pictures.
     #[cfg_attr(feature = "serde", serde(skip))]
     known: KnownNeighbors,
-    /// The frame that is being lit part by part, if one is.
+    /// State of a frame that is lit in regions.
     #[cfg_attr(feature = "serde", serde(skip))]
     parts: FrameParts,
 }
@@ -102,23 +107,23 @@ impl<R> std::fmt::Debug for IrradianceCache<R> {
     }
 }
 
-/// Changes since the frame before.
+/// Changes since the previous frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Changes {
-    /// The lights have other flux.
+    /// Whether the flux of the lights has changed.
     pub light: bool,
-    /// Something that blocks or reflects light has moved.
+    /// Whether geometry that blocks or reflects light has moved.
     pub geometry: bool,
 }
 
-/// Irradiance of a picture, and what it took.
+/// Irradiance of a picture, and its cost.
 #[derive(Clone, Debug)]
 pub struct CachedLight {
-    /// \[W·m⁻²\], linear RGB, on the side of each pixel's shading normal; zero where no surface reflects.
+    /// Irradiance \[W·m⁻²\], linear RGB, on the side of each pixel's shading normal; zero where no surface reflects.
     pub irradiance: Plane<[f32; 3]>,
-    /// Records that some pixel took its light from.
+    /// Number of records that light any pixel.
     pub in_use: usize,
-    /// Records computed, new ones and old ones afresh.
+    /// Number of records computed or recomputed.
     pub computed: usize,
 }
 
@@ -140,7 +145,7 @@ impl<R> Default for IrradianceCache<R> {
 impl<R: Send + Sync> IrradianceCache<R> {
     /// Lights a picture.
     ///
-    /// The result depends on the arguments of this call and the calls before it, not on the number of threads.
+    /// The result depends on the arguments of this call and of all previous calls, not on the number of threads.
     pub fn light<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
@@ -157,7 +162,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
         busy: &Busy,
     ) -> CachedLight {
-        // Openness of the picture's pixels. Records on moving things move to where the picture shows them.
+        // Measure the openness of the pixels. Records on moving geometry follow it.
         self.frame += 1;
         let seen = request.seen;
         let openness = Openness::new(&request, &self.openness, illumination, busy);
@@ -166,13 +171,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, request.ranks, busy);
 
-        // Records that are hidden, or too far from every pixel, need no light.
+        // Hidden records, and records too far from every pixel, need no light.
         let mut tiles = Tiles::new(&picture);
         tiles.list(&picture, &self.records, 0..self.records.len());
         let needed = self.needed(&picture, &tiles, request.is_first_of_many);
         let needed = self.without_superfluous(&picture, &tiles, needed);
 
-        // Their radii follow from their new light: they are listed anew before gaps between them are filled.
+        // Radii depend on the new light, so records are listed again before gaps between them are filled.
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
         let update = self.update_by(changes);
         let mut computed = self.bring_up_to_date(&needed, &update, illumination, &picture);
@@ -181,7 +186,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         computed += self.fill(&picture, &mut tiles, carried, illumination);
         let predicted = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
 
-        // Pixels take their light, and what they took it from stays known.
+        // Interpolate the light, and keep the sums for further pictures.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
         self.known = KnownNeighbors::default();
         if request.is_first_of_many {
@@ -199,8 +204,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         CachedLight { irradiance, in_use, computed }
     }
 
-    /// Lights another picture of the frame that [`IrradianceCache::light`] was last called for, such as one through other
-    /// places of its pixels, from the records there are and those it still needs.
+    /// Lights a further picture of the frame of the last [`IrradianceCache::light`] call, such as one with other sample
+    /// positions. Uses the existing records and adds missing ones.
     pub fn light_more<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
@@ -219,14 +224,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut known = std::mem::take(&mut self.known);
         let picture = SurfacePicture::new(request, &openness, &known, busy);
 
-        // What this frame has not brought up to date is light of another.
+        // Records not updated in this frame have outdated light.
         let mut tiles = Tiles::new(&picture);
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
         tiles.list(&picture, &self.records, current);
         let computed = self.fill(&picture, &mut tiles, Vec::new(), illumination);
         let predicted = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
 
-        // Pixels take their light, and what they took it from stays known.
+        // Interpolate the light, and keep the sums for further pictures.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
         known.keep(&tiles.listed, &self.records, taught(&predicted), self.made);
         self.known = known;
@@ -237,23 +242,23 @@ impl<R: Send + Sync> IrradianceCache<R> {
         CachedLight { irradiance, in_use, computed }
     }
 
-    /// Places and recipes of the records, without those whose recipes other ranks have.
+    /// Returns the sites and recipes of the records with recipes on this rank.
     pub fn recipes(&self) -> impl Iterator<Item = (&Site, &R)> {
         self.records.iter().filter_map(|record| Some((&record.site, record.recipe.as_ref()?)))
     }
 
-    /// Places of all records.
+    /// Returns the sites of all records.
     pub fn sites(&self) -> impl Iterator<Item = &Site> {
         self.records.iter().map(|record| &record.site)
     }
 
-    /// Places of the records that the last picture took light from, and the [`note`](Illumination::note) of each.
+    /// Returns the positions of the records used by the last picture, each with its [`note`](Illumination::note).
     pub fn records_in_use(&self) -> impl Iterator<Item = (Vec3A, u32)> {
         let frame = self.frame;
         self.records.iter().filter(move |record| record.seen == frame).map(|record| (record.site.position, record.note))
     }
 
-    /// The recipes that this rank keeps, in the order of their records.
+    /// Returns the recipes of this rank, in the order of their records.
     #[must_use]
     pub fn kept(&self) -> Vec<KeptRecipe<&R>> {
         let mut kept = Vec::new();
@@ -265,9 +270,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         kept
     }
 
-    /// Adds recipes that another rank has [`kept`](Self::kept).
+    /// Adds recipes from [`kept`](Self::kept) of another rank.
     pub fn complete(&mut self, kept: Vec<KeptRecipe<R>>) {
-        // Both are in the same order.
+        // Both lists are in the same order.
         let mut kept = kept.into_iter().peekable();
         for record in &mut self.records {
             if let Some(own) = kept.next_if(|kept| kept.number == record.number) {
@@ -276,7 +281,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
     }
 
-    /// Drops the recipes of records that are not this rank's.
+    /// Drops the recipes of records that other ranks own.
     pub fn keep_own(&mut self, ranks: &dyn Ranks) {
         for record in &mut self.records {
             if record.owner(ranks) != ranks.rank() {
@@ -285,8 +290,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
     }
 
-    /// Indices of the listed records that a picture takes light from. Its first picture brings all of a frame's records up to date:
-    /// those that only further ones needed in the frame before are among them.
+    /// Returns the indices of the listed records that light the picture. The first picture of a frame updates all
+    /// records of that frame, including records that only further pictures of the previous frame used.
     fn needed(&self, picture: &SurfacePicture, tiles: &Tiles, is_first_of_many: bool) -> Vec<usize> {
         let mut needed = tiles.in_use(picture);
         if is_first_of_many {
@@ -299,14 +304,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
         needed
     }
 
-    /// Drops those of the `needed` records that add nothing to the others; returns the indices of the others.
+    /// Drops `needed` records that are superfluous next to others; returns the new indices of the remaining ones.
     fn without_superfluous(&mut self, picture: &SurfacePicture, tiles: &Tiles, needed: Vec<usize>) -> Vec<usize> {
         let superfluous = tiles.superfluous(picture, &self.records, &needed);
         if superfluous.is_empty() {
             return needed;
         }
 
-        // Drop them. The others keep their order.
+        // The remaining records keep their order.
         let mut is_dropped = vec![false; self.records.len()];
         for &index in &superfluous {
             is_dropped[index] = true;
@@ -314,7 +319,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut dropped = is_dropped.into_iter();
         self.records.retain(|_| dropped.next() == Some(false));
 
-        // Each record moved down by as many places as records before it are gone.
+        // Each index decreases by the number of records dropped before it.
         let mut left = Vec::with_capacity(needed.len());
         for index in needed {
             if let Err(dropped_before) = superfluous.binary_search(&index) {
@@ -324,10 +329,10 @@ impl<R: Send + Sync> IrradianceCache<R> {
         left
     }
 
-    /// Records on moving things move with them.
+    /// Moves records on moving geometry with it.
     fn carry_along(&mut self, seen: &GBuffer) {
         if self.world.len() == seen.world.len() {
-            // From where an instance stood to where it stands: M' M⁻¹; none if it has not moved.
+            // Motion of each instance, M' M⁻¹; `None` if it has not moved.
             let mut carry = Vec::with_capacity(seen.world.len());
             for (now, then) in seen.world.iter().zip(&self.world) {
                 carry.push((now != then).then(|| *now * then.inverse()));
@@ -342,7 +347,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 }
             }
 
-            // What bends does not keep its points in place: records there are made anew.
+            // Points on deforming geometry do not stay in place, so its records are dropped and made again.
             let bends = |carrier: u32| matches!(seen.deformed.get(carrier as usize), Some(Some(_)));
             self.records.retain(|Record { site, .. }| {
                 site.position.is_finite()
@@ -353,9 +358,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.world.clone_from(&seen.world);
     }
 
-    /// The way from the frame before to this one, in which so much has changed.
+    /// Returns the update from the previous frame to this one, and notes the frame of the `changes`.
     fn update_by(&mut self, changes: Changes) -> Update {
-        // A record that was up to date at the change before this one has missed nothing but this one.
+        // A record that was current at the previous change has missed only the changes of this frame.
         let update = Update { frame: self.frame, geometry: changes.geometry, changed_before: self.changed };
         if changes.light || changes.geometry {
             self.changed = self.frame;
@@ -363,7 +368,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         update
     }
 
-    /// Brings the `needed` records to the light of the picture's frame; returns how many were computed afresh.
+    /// Updates the `needed` records to the light of the picture's frame; returns the number of recomputed records.
     fn bring_up_to_date<I: Illumination<Recipe = R>>(
         &mut self,
         needed: &[usize],
@@ -372,12 +377,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         picture: &SurfacePicture,
     ) -> usize {
         let (ranks, busy) = (picture.ranks(), picture.busy);
-        // Outdated is what was last lit before the last change.
+        // Records last lit before the last change are outdated.
         let is_outdated = |&index: &usize| self.records[index].current < self.changed;
         let outdated: Vec<usize> = needed.iter().copied().filter(is_outdated).collect();
         let turns: Vec<Turn> = outdated.iter().map(|&index| self.records[index].turn()).collect();
 
-        // This rank lights its own, a few at a time: to look at the clock for each would take longer than to light some of them.
+        // This rank lights its own records in chunks: reading the clock for each would take longer than lighting some
+        // of them.
         let lights: Vec<RecordLight> = share(ranks, &turns, |places, meter| {
             let mut own = vec![Fate::Stays; self.records.len()];
             for &place in places {
@@ -392,7 +398,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             indices.map(|index| self.records[index].light(own[index] == Fate::WasComputed)).collect()
         });
 
-        // All others come from their ranks.
+        // The light of the other records comes from their ranks.
         let mut computed = 0;
         for ((&index, turn), light) in outdated.iter().zip(turns).zip(lights) {
             if turn.owner(ranks.count()) != ranks.rank() {
@@ -403,7 +409,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         computed
     }
 
-    /// Where only parts of the picture are lit, its other parts will want their records again.
+    /// Marks the records that the picture shows as seen: if only regions are lit, other regions will need them.
     fn keep_shown(&mut self, picture: &SurfacePicture) {
         let frame = self.frame;
         self.records.par_chunks_mut(LARGE_CHUNK).for_each(|records| {
@@ -415,12 +421,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
         });
     }
 
-    /// Drops records that were not seen for long, and those unseen for longest of more than the picture's needs explain.
+    /// Drops records that were unseen for too long. If too many remain, drops those unseen for longest.
     fn forget(&mut self, in_use: usize, pixels: usize) {
         let frame = self.frame;
         self.records.retain(|record| frame - record.seen <= PATIENCE);
 
-        // If still too many are left, those seen longest ago go, but none that this frame has seen.
+        // If too many remain, drop those seen longest ago, but none seen in this frame.
         let most = (KEPT_FOR_EACH_USED * in_use).max(pixels / PIXELS_FOR_EACH_KEPT);
         if self.records.len() > most {
             let mut last_seen: Vec<u32> = self.records.iter().map(|record| record.seen).collect();
@@ -430,33 +436,33 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 }
 
-/// The sums behind predictions.
+/// Returns the regression sums of predictions.
 fn taught(predicted: &[Predicted]) -> Vec<Taught> {
     predicted.iter().map(|predicted| predicted.taught).collect()
 }
 
-/// Fate of a record when all that are needed are brought up to date.
+/// Progress of a record during an update.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fate {
-    /// It is up to date, not needed, or another rank's.
+    /// The record is up to date, not needed, or owned by another rank.
     Stays,
     IsOutdated,
-    /// It was lit again from its recipe.
+    /// The record was relit from its recipe.
     WasRelit,
     WasComputed,
 }
 
-/// The changes since the frame before, by which a record is brought up to date.
+/// The changes since the previous frame, which determine the update of a record.
 struct Update {
     frame: u32,
-    /// Whether something that blocks or reflects light has moved.
+    /// Whether geometry that blocks or reflects light has moved.
     geometry: bool,
     /// Frame of the last change before this one.
     changed_before: u32,
 }
 
 impl Update {
-    /// Brings those of `records` that are outdated to this frame's light, and notes how in their fates.
+    /// Updates the outdated ones of `records` to this frame's light, and stores the result in their fates.
     fn bring_all<'a, I: Illumination<Recipe: 'a>>(
         &self,
         records: impl Iterator<Item = (&'a mut Record<I::Recipe>, &'a mut Fate)>,
@@ -474,24 +480,24 @@ impl Update {
         }
     }
 
-    /// Takes the light that another rank has found.
+    /// Stores the light computed by another rank.
     fn take<R>(&self, record: &mut Record<R>, light: RecordLight) {
         (record.current, record.carried) = (self.frame, false);
         record.relit(light.estimate);
         record.note = light.note;
     }
 
-    /// Brings a record to this frame's light; returns whether it was computed afresh.
+    /// Updates a record to this frame's light; returns whether it was recomputed.
     fn bring<I: Illumination>(
         &self,
         record: &mut Record<I::Recipe>,
         illumination: &I,
         scratch: &mut I::Scratch,
     ) -> bool {
-        // While things move, each record has its turn to be computed afresh, however well it could be lit again.
+        // While geometry moves, each record is recomputed once per period, even if it could be relit.
         let is_its_turn = self.geometry && record.number.wrapping_add(self.frame).is_multiple_of(TURN);
 
-        // Relighting costs less, least where only the latest motion can have changed something.
+        // Relighting costs less; it costs least if only the latest motion can have changed anything.
         let kept_up = !record.carried && record.current >= self.changed_before;
         let known = if kept_up { LastUpdate::LastFrame } else { LastUpdate::Earlier };
         (record.current, record.carried) = (self.frame, false);

@@ -1,15 +1,15 @@
-//! How open each pixel's place is: what tells a groove from the wall beside it.
+//! Openness of the surroundings of each pixel, which distinguishes a groove from the wall next to it.
 //!
-//! A record knows what is around it, and nothing of a groove a pixel wide beside it, which would take its light all the same.
-//! Position and normal cannot tell them apart, a few rays can:
+//! A record measures its own surroundings, not a groove one pixel wide next to it. Position and normal are too similar
+//! to separate the two, so a pixel in the groove would use the record. A few rays distinguish them:
 //!
 //! ```text
 //! o(x) = mean of d / (d + D) over cosine-distributed rays, d long each      D  SCALE pixels
 //! ```
 //!
-//! runs from 0 in a crack to 1 in the open, smoothly. Places of different openness are no neighbors: see
-//! `OPENNESS_TOLERANCE` in `tolerance.rs`. Where the picture shows nothing around a pixel that rises above its surface, it is
-//! taken as open, without a ray.
+//! The value varies smoothly from 0 in a crack to 1 in the open. Records are not used at points of different openness:
+//! see `OPENNESS_TOLERANCE` in `tolerance.rs`. If no surface around a pixel in the picture rises above the pixel's
+//! surface, the pixel counts as open without tracing rays.
 
 use super::illumination::{Illumination, Site};
 use super::record::Record;
@@ -23,24 +23,27 @@ use plane::Plane;
 use ranks::portable;
 use rayon::prelude::*;
 
-/// Distance of what halves the light of a direction \[pixels\]. From 8 to 32 the simulated error on `nave` is the same to 3 %.
+/// D, the distance of a surface that halves the contribution of a direction \[pixels\]. From 8 to 32, the simulated
+/// error of `nave` varies by at most 3 %.
 const SCALE: f32 = 16.0;
-/// Pixels so far to all sides are looked at for what rises above the surface of the one between them. On `nave` 3 and 1 leave 1 %
-/// more error with 6 % more records, and 16, 6, 3 and 1 the same with 1 % fewer, for 7 % more rays.
+/// Offsets to all sides where surfaces are tested for rising above a pixel's own \[pixels\]. The alternative {3, 1}
+/// leaves 1 % more error on `nave`, with 6 % more records. {16, 6, 3, 1} leaves the same error with 1 % fewer records,
+/// for 7 % more rays.
 const LOOKED_AT: [usize; 3] = [10, 4, 1];
-/// Sine of the angle above the surface from which on it rises.
+/// Sine of the minimum angle above the surface that counts as rising.
 const RISES: f32 = 0.05;
-/// Distance up to which it does, in distances D: beyond, it hides the less. With 2 it is 1 % more error on `nave`.
+/// Maximum distance of a rising surface, in units of D: farther ones hide little. A value of 2 leaves 1 % more error on
+/// `nave`.
 const NEAR: f32 = 8.0;
-/// Ratio of distances D at which what was found for one is not taken for the other.
+/// Maximum ratio of two values of D for which one measurement is valid for both.
 const OTHER_SCALE: f32 = 1.25;
 
-/// Openness of a glowing surface, which shares no records with others: it outshines what it reflects, and may be lit by what
-/// is a hair's breadth from it.
+/// Openness of an emissive surface, which excludes it from sharing records with others. Its emission outshines its
+/// reflected light, and surfaces very close to it may light it.
 const GLOWING: f32 = 2.0;
 
-/// How far from a pixel's place, along its surface and off it, what was felt in an earlier picture holds \[pixels\]. Openness
-/// changes over [`SCALE`] of them.
+/// Maximum distance, along and off the surface, at which an earlier measurement is reused \[pixels\]. Openness varies
+/// on a scale of [`SCALE`] pixels.
 const STILL_HOLDS: f32 = 1.0;
 const STILL_HOLDS_OFF_PLANE: f32 = 0.25;
 
@@ -49,18 +52,18 @@ const STILL_HOLDS_OFF_PLANE: f32 = 0.25;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Openness {
     pixels: Plane<Felt>,
-    /// How they were seen; none before the first picture.
+    /// View of the picture; `None` before the first picture.
     view: Option<View>,
 }
 
-/// Openness of one place, as rays found it.
+/// Openness of one point, measured by rays.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Felt {
-    /// Where, though perhaps for an earlier picture; NaN where nothing was looked for.
+    /// Position, possibly in an earlier picture; NaN if no rays were traced.
     position: [f32; 3],
     openness: f32,
-    /// D \[m\].
+    /// D at the point \[m\].
     scale: f32,
 }
 
@@ -73,10 +76,10 @@ impl Default for Felt {
 }
 
 impl Felt {
-    /// Whether it tells how open `site` is, with D = `scale`.
+    /// Returns whether the measurement is valid for `site`, with D = `scale`.
     fn holds_at(&self, site: &Site, scale: f32) -> bool {
         let (way, pixel) = (Vec3A::from(self.position) - site.position, scale / SCALE);
-        // False for NaN.
+        // Comparisons with NaN are false.
         way.length_squared() <= (STILL_HOLDS * pixel).powi(2)
             && way.dot(site.geometric_normal).abs() <= STILL_HOLDS_OFF_PLANE * pixel
             && is_alike(scale / self.scale)
@@ -84,8 +87,8 @@ impl Felt {
 }
 
 impl Openness {
-    /// The openness of the wanted pixels of a picture. Values of `before` hold for pixels whose place is less than a pixel from
-    /// where they were found, and where `illumination` finds the surroundings undisturbed.
+    /// Measures the openness of the wanted pixels of a picture. Reuses values of `before` from positions less than a
+    /// pixel away, if `illumination` reports the surroundings as undisturbed.
     pub fn new<I: Illumination>(request: &Request, before: &Self, illumination: &I, busy: &Busy) -> Self {
         let seen = request.seen;
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
@@ -95,19 +98,19 @@ impl Openness {
                 return Some(Felt { openness: GLOWING, ..Felt::default() });
             }
 
-            // Most pixels have nothing above them, and need no rays.
+            // Most pixels have no surface above them and need no rays.
             let scale = || scale(&site, seen);
             if !is_below_something(seen, x, y, scale) {
                 return Some(Felt::default());
             }
 
-            // Openness that rays felt here in the picture before still holds, unless something has moved.
+            // A value from the previous picture stays valid unless geometry has moved.
             let scale = scale();
             let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
             known.filter(|_| illumination.is_undisturbed(&site, scale))
         };
 
-        // Rows of macroblocks side by side; the places where rays have to be cast.
+        // Process rows of macroblocks in parallel; collect the pixels that need rays.
         let mut pixels = Plane::filled(width, height, Felt::default());
         let strips = pixels.samples_mut().par_chunks_mut((MACROBLOCK * width).max(1)).enumerate();
         let look = |(strip, samples): (usize, &mut [Felt])| {
@@ -125,7 +128,7 @@ impl Openness {
         };
         let unknown = strips.map(look).collect::<Vec<_>>().concat();
 
-        // Each rank casts those of its own.
+        // Each rank traces the rays of its own pixels.
         let feel = |(): &mut (), place: usize| {
             let (x, y) = unknown[place];
             let site = request.bare_site(x, y).expect("rays are for places that reflect");
@@ -140,7 +143,7 @@ impl Openness {
         Self { pixels, view: Some(seen.view) }
     }
 
-    /// Nothing known as yet of a picture.
+    /// Returns the state before anything was measured for a picture.
     pub fn of_nothing(seen: &GBuffer) -> Self {
         Self {
             pixels: Plane::filled(seen.pixels.width(), seen.pixels.height(), Felt::default()),
@@ -148,7 +151,7 @@ impl Openness {
         }
     }
 
-    /// Takes over the wanted pixels of the same picture.
+    /// Copies the wanted pixels from another state of the same picture.
     pub fn take_wanted(&mut self, request: &Request, other: &Self) {
         for (index, felt) in other.pixels.samples().iter().enumerate() {
             if request.wanted.is_none_or(|wanted| wanted.samples()[index]) {
@@ -157,7 +160,7 @@ impl Openness {
         }
     }
 
-    /// Openness of the pixel that a point falls on.
+    /// Returns the measurement at the pixel that a point projects to.
     fn at(&self, point: Vec3A) -> Option<Felt> {
         let place = self.view.as_ref()?.project(point)?.pixel;
         let inside = place.x >= 0.0
@@ -167,14 +170,14 @@ impl Openness {
         inside.then(|| self.pixels.get(place.x as usize, place.y as usize))
     }
 
-    /// At a pixel, 0…1; [`GLOWING`] on what glows.
+    /// Returns the openness of a pixel, 0…1; [`GLOWING`] for emissive surfaces.
     pub fn get(&self, x: usize, y: usize) -> f32 {
         self.pixels.get(x, y).openness
     }
 }
 
-/// Brings the openness of records to this picture, where it is seen from nearer or farther than when they were made, and where
-/// something has moved.
+/// Updates the openness of records for this picture. A record is measured again if it is seen from nearer or farther
+/// than before, or if geometry near it has moved.
 pub(super) fn renew<R: Send + Sync, I: Illumination>(
     records: &mut [Record<R>],
     seen: &GBuffer,
@@ -182,15 +185,15 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     ranks: &dyn Ranks,
     busy: &Busy,
 ) {
-    // The scale that a record's openness is felt with anew, where it is.
+    // D for measuring the record again; `None` if its value stays valid.
     let new_scale = |record: &Record<R>| {
         if record.site.openness >= OPEN {
             return None;
         }
 
-        // Felt anew where the same rays would not be as long on the screen, or may meet something else.
+        // Measure again if the rays would have another length on screen, or may hit other surfaces.
         let scale = scale(&record.site, seen);
-        // Out of sight it may stay what it was.
+        // Records outside of the view keep their value.
         let is_known =
             || is_alike(scale / record.scale) && !record.carried && illumination.is_undisturbed(&record.site, scale);
         (scale > 0.0 && !is_known()).then_some(scale)
@@ -205,7 +208,7 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     let chunks = records.par_chunks(super::CHUNK).enumerate();
     let due = chunks.map(|chunk| busy.measure(|| look(chunk))).collect::<Vec<_>>().concat();
 
-    // Each rank casts the rays of its own.
+    // Each rank traces the rays of its own records.
     let feel = |(): &mut (), place: usize| {
         let (index, scale) = due[place];
         illumination.openness(&records[index].site, scale)
@@ -217,17 +220,17 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     }
 }
 
-/// Whether openness for two distances D of this ratio is about the same.
+/// Returns whether openness is about the same for two values of D with this ratio.
 fn is_alike(ratio: f32) -> bool {
     (OTHER_SCALE.recip()..OTHER_SCALE).contains(&ratio)
 }
 
-/// D at a site \[m\].
+/// Returns D at a site \[m\].
 pub(super) fn scale(site: &Site, seen: &GBuffer) -> f32 {
     SCALE * site.pixel_width(&seen.view)
 }
 
-/// Whether something that the picture shows around a pixel rises above its surface; `scale` is D there.
+/// Returns whether a visible surface around a pixel rises above the pixel's surface; `scale` returns D there.
 fn is_below_something(seen: &GBuffer, x: usize, y: usize, scale: impl Fn() -> f32) -> bool {
     let (width, height) = (seen.pixels.width(), seen.pixels.height());
     let samples = seen.pixels.samples();
@@ -237,14 +240,14 @@ fn is_below_something(seen: &GBuffer, x: usize, y: usize, scale: impl Fn() -> f3
         let other = &samples[v * width + u];
         let way = Vec3A::from(other.position) - position;
         let (above, far2) = (way.dot(normal), way.length_squared());
-        // sin α = above / |way| > RISES, in squares. D takes longest to know.
+        // sin α = above / |way| > RISES, in squares. D is tested last because it costs most.
         above > 0.0
             && above * above > RISES * RISES * far2
             && other.instance != NOTHING
             && far2 < (NEAR * scale()).powi(2)
     };
 
-    // Eight pixels around it at each distance. What is left of or above the picture wraps to huge numbers.
+    // Test eight pixels at each offset. Coordinates left of or above the picture wrap to huge values.
     for r in LOOKED_AT {
         for v in [y.wrapping_sub(r), y, y + r] {
             for u in [x.wrapping_sub(r), x, x + r] {

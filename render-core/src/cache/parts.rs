@@ -1,11 +1,12 @@
-//! A picture that is lit part by part, such as tiles of it, each when its turn comes.
+//! Lighting of a picture in regions, such as tiles, one after the other.
 //!
 //! ```text
 //! begin_parts ──► light_part, light_more_of_part … for each part ──► end_parts
 //!                     └── records made since go to other caches: take_new ──► adopt
 //! ```
-//! Parts know the records that parts before them have made, so the light of a picture depends on their order. A part looks at
-//! records around it, too: neighbors teach those that its pixels use.
+//!
+//! A region uses the records of earlier regions, so the light of a picture depends on their order. A region also uses
+//! records around it, because neighbors contribute to the fits of its own records.
 
 use super::illumination::{Illumination, LocalIrradiance, Site};
 use super::interpolate;
@@ -22,23 +23,24 @@ use crate::ranks::Alone;
 use crate::{Busy, Timed};
 use ranks::portable;
 
-/// Pixels around a part whose records teach those of its own: neighbors count up to 12 pixels away (`predict.rs`).
+/// Width of the border around a region with records that contribute to its fits \[pixels\]. Neighbors count up to 12
+/// pixels away (`predict.rs`).
 const MARGIN: usize = 12;
 
-/// A frame whose parts are being lit.
+/// State of a frame that is lit in regions.
 #[derive(Default)]
 pub(super) struct FrameParts {
     update: Option<Update>,
-    /// Openness of the parts so far.
+    /// Openness of the regions so far.
     openness: Openness,
-    /// Records in and around the part that was lit last.
+    /// Indices of the records in and around the latest region.
     near: Vec<usize>,
-    /// Numbers of the records that were made here since they were last taken, ascending.
+    /// Numbers of the records made here since the last [`take_new`](IrradianceCache::take_new), ascending.
     new: Vec<u32>,
 }
 
 impl FrameParts {
-    /// The records around the part that is being lit, if one is.
+    /// Returns the records around the current region; `None` if no frame was begun.
     pub fn around(&self) -> Option<&[usize]> {
         self.update.is_some().then_some(&self.near)
     }
@@ -53,14 +55,14 @@ pub struct SharedRecord {
     radius_by_neighbors: f32,
     share: f32,
     scale: f32,
-    /// Frame whose light it has.
+    /// Frame of its light.
     current: u32,
 }
 
 portable!(SharedRecord { site, estimate, note, radius_by_neighbors, share, scale, current });
 
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Begins the next frame, whose picture is to be lit part by part; `seen` is all of it.
+    /// Begins the next frame, to be lit in regions; `seen` is the whole picture.
     pub fn begin_parts<I: Illumination<Recipe = R>>(
         &mut self,
         seen: &GBuffer,
@@ -73,7 +75,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             openness::renew(&mut self.records, seen, illumination, &Alone, busy);
             self.parts.update = Some(self.update_by(changes));
 
-            // Records of other ranks cannot be lit again: when the light has changed they are of no use.
+            // Records without a recipe cannot be relit: after a change of light they are useless.
             let changed = self.changed;
             self.records.retain(|record| record.recipe.is_some() || record.current >= changed);
             self.parts.openness = Openness::of_nothing(seen);
@@ -83,14 +85,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
     /// Lights the wanted pixels of the frame's picture.
     ///
     /// # Panics
-    /// Unless the frame was begun with [`begin_parts`](Self::begin_parts).
+    /// If the frame was not begun with [`begin_parts`](Self::begin_parts).
     pub fn light_part<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
         illumination: &I,
     ) -> Timed<CachedLight> {
         Timed::of(|busy| {
-            // The records in and around the part, but for those that crowd it.
+            // List the records in and around the region, without superfluous ones.
             self.known = KnownNeighbors::default();
             let openness = Openness::new(&request, &self.openness, illumination, busy);
             let nothing_known = KnownNeighbors::default();
@@ -105,7 +107,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             }
             self.parts.near = tiles.candidates();
 
-            // Records that the part's pixels use are brought up to date.
+            // Records used by the region's pixels are updated.
             let carried: Vec<bool> = self.records.iter().map(|record| record.carried).collect();
             let update = self.parts.update.take().expect("the frame was begun");
             let computed = self.bring_up_to_date(&needed, &update, illumination, &picture);
@@ -118,7 +120,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         })
     }
 
-    /// Lights the pixels of the same part, or some of them, through other places.
+    /// Lights pixels of the same region again, at other sample positions.
     pub fn light_more_of_part<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
@@ -131,7 +133,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             let tiles = Tiles::around(&picture, MARGIN);
             let lit = self.part_lit(&picture, tiles, &[], illumination);
 
-            // Sums of this picture join those of the ones before.
+            // Sums of this picture are appended to the sums of earlier ones.
             let mut known = known;
             known.join(std::mem::take(&mut self.known));
             self.known = known;
@@ -139,7 +141,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         })
     }
 
-    /// Ends a frame whose parts are lit: by this cache, or by others. Records that `seen` shows are kept for them.
+    /// Ends a frame after all its regions were lit, by this cache or by others. Records visible in `seen` are kept.
     pub fn end_parts(&mut self, seen: &GBuffer, moving: &[bool]) {
         let busy = Busy::default();
         let (openness, known) = (std::mem::take(&mut self.parts.openness), KnownNeighbors::default());
@@ -151,11 +153,11 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.parts.update = None;
     }
 
-    /// The records that were made here since they were last taken, for other caches to [`adopt`](Self::adopt).
+    /// Returns the records made here since the last call, for other caches to [`adopt`](Self::adopt).
     pub fn take_new(&mut self) -> Vec<SharedRecord> {
         let mut taken = Vec::new();
         for number in std::mem::take(&mut self.parts.new) {
-            // Some may have been dropped meanwhile.
+            // Some may have been dropped since.
             let Ok(index) = self.records.binary_search_by_key(&number, |record| record.number) else { continue };
             let Record { site, estimate, note, radius_by_neighbors, share, scale, current, .. } = self.records[index];
             taken.push(SharedRecord { site, estimate, note, radius_by_neighbors, share, scale, current });
@@ -163,9 +165,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         taken
     }
 
-    /// Adds records that other caches have made of the same scene, without their recipes. The radii that their neighbors there leave
-    /// them hold here. Those whose light or place may have
-    /// changed since are left out.
+    /// Adds records that other caches have made of the same scene, without their recipes. The radii set by their
+    /// neighbors in the other cache are kept. Records are skipped if their light or position may have changed since.
     pub fn adopt(&mut self, shared: Vec<SharedRecord>) {
         for SharedRecord { site, estimate, note, radius_by_neighbors, share, scale, current } in shared {
             let is_late = current < self.changed || current < self.frame && site.carrier != NOTHING;
@@ -181,7 +182,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
     }
 
-    /// The light of a part, from the current ones of the records near it and those it still needs.
+    /// Lights a region with the current records near it and with new ones.
     fn part_lit<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
@@ -189,7 +190,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         carried: &[bool],
         illumination: &I,
     ) -> CachedLight {
-        // The records near it that have this frame's light.
+        // Records near the region that have this frame's light.
         let mut near = Vec::with_capacity(self.parts.near.len());
         for &index in &self.parts.near {
             if self.records[index].current >= self.changed {
@@ -201,13 +202,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         tiles.clear();
         tiles.list(picture, &self.records, near);
 
-        // New ones where these leave something bare.
+        // New records where these leave pixels uncovered.
         let (first, first_number) = (self.records.len(), self.made);
         let computed = self.fill(picture, &mut tiles, carried, illumination);
         self.parts.near.extend(first..self.records.len());
         self.parts.new.extend((0..computed as u32).map(|k| first_number.wrapping_add(k)));
 
-        // Pixels take their light from those that reach them: what the others predict is not asked for.
+        // Only records that reach the region's pixels need predictions.
         let places = tiles.places_in_use(picture);
         let found = predictions(picture, &tiles, &self.records, &places);
         let mut predicted = vec![Predicted::NOTHING; tiles.listed.len()];
@@ -216,7 +217,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
         let (irradiance, used) = interpolate::picture(picture, &tiles, &predicted);
 
-        // Sums of these predictions stay known for further samples.
+        // Keep the sums of these predictions for further samples.
         let mut known = KnownNeighbors::default();
         let listed: Vec<u32> = places.iter().map(|&place| tiles.listed[place]).collect();
         known.keep(&listed, &self.records, taught(&found), self.made);

@@ -1,4 +1,4 @@
-//! The picture that is lit, and what of each pixel says which records serve it.
+//! The picture to light, and the surface properties of each pixel that select its records.
 
 use super::illumination::Site;
 use super::known::KnownNeighbors;
@@ -11,28 +11,29 @@ use glam::Vec3A;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Centers so far to all sides may show another layer of a pixel: of 4×4 one is of a layer that has a sixteenth of each.
+/// Radius of the search for another layer of a pixel \[pixels\]. Of 4×4 pixel centers, one shows a layer that covers a
+/// sixteenth of each pixel.
 const LAYERED: usize = 3;
-/// Distance from a record up to which a pixel counts as showing it \[pixels\].
+/// Maximum distance from a record at which a pixel counts as showing it \[pixels\].
 const NEARBY: f32 = 8.0;
 
-/// The picture that is lit.
+/// The picture to light.
 pub(super) struct SurfacePicture<'a> {
     pub seen: &'a GBuffer,
-    /// Counts the work on it.
+    /// Timer of the work on the picture.
     pub busy: &'a Busy,
     request: Request<'a>,
     openness: &'a Openness,
-    /// Neighbors of records that earlier pictures of the frame have found.
+    /// Neighbors of records, found by earlier pictures of the frame.
     pub known: &'a KnownNeighbors,
-    /// Surfaces of all pixels, by macroblock, in raster order: a whole frame's sites are looked through several times,
-    /// and the G-buffer holds three times as much of each.
+    /// Surfaces of all pixels, by macroblock and in raster order. They are read several times per frame, and the
+    /// G-buffer uses three times as much memory per pixel.
     shown: Vec<ShownSurface>,
-    /// Macroblocks that may have wanted pixels, ascending.
+    /// Indices of the macroblocks that may contain wanted pixels, ascending.
     pub wanted_tiles: Vec<usize>,
 }
 
-/// The surface that a pixel shows.
+/// The surface visible at a pixel.
 #[derive(Clone, Copy)]
 pub(super) struct ShownSurface {
     position: [f32; 3],
@@ -42,7 +43,7 @@ pub(super) struct ShownSurface {
 }
 
 impl ShownSurface {
-    /// Nothing that reflects: no record is near it.
+    /// No reflecting surface: no record is near it.
     const NOTHING: Self = Self { position: [f32::NAN; 3], openness: 0.0, normal: [0.0; 3], carrier: NOTHING };
 
     pub fn is_something(&self) -> bool {
@@ -71,7 +72,7 @@ impl<'a> SurfacePicture<'a> {
         let mut picture = Self { seen: request.seen, busy, request, openness, known, shown, wanted_tiles };
         picture.wanted_tiles = picture.tiles_around(0);
 
-        // Each macroblock has places for all its pixels, though at the right and lower border it has fewer.
+        // Each macroblock has slots for all its pixels, even if it is clipped at the right or lower border.
         let mut shown = vec![ShownSurface::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
         let mut is_wanted = vec![false; picture.tiles()];
         for &tile in &picture.wanted_tiles {
@@ -90,7 +91,7 @@ impl<'a> SurfacePicture<'a> {
         picture
     }
 
-    /// Who shares the work.
+    /// Returns the ranks that share the work.
     pub fn ranks(&self) -> &'a dyn Ranks {
         self.request.ranks
     }
@@ -99,13 +100,13 @@ impl<'a> SurfacePicture<'a> {
         (self.seen.pixels.width(), self.seen.pixels.height())
     }
 
-    /// How many macroblocks it has.
+    /// Returns the number of macroblocks.
     pub fn tiles(&self) -> usize {
         let (width, height) = self.size();
         width.div_ceil(MACROBLOCK) * height.div_ceil(MACROBLOCK)
     }
 
-    /// Columns and rows of macroblock `tile`, in raster order of macroblocks.
+    /// Returns the columns and rows of macroblock `tile`, an index in raster order.
     pub fn tile_area(&self, tile: usize) -> (Range<usize>, Range<usize>) {
         let (width, height) = self.size();
         let across = width.div_ceil(MACROBLOCK);
@@ -113,20 +114,20 @@ impl<'a> SurfacePicture<'a> {
         (left..width.min(left + MACROBLOCK), top..height.min(top + MACROBLOCK))
     }
 
-    /// The pixels of a macroblock, in raster order.
+    /// Returns the pixels of a macroblock, in raster order.
     pub fn pixels(&self, tile: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
         let (columns, rows) = self.tile_area(tile);
         rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
     }
 
-    /// Surfaces that the pixels of a macroblock show, in raster order.
+    /// Returns the surfaces visible at the pixels of a macroblock, in raster order.
     pub fn shown(&self, tile: usize) -> &[ShownSurface] {
         let (columns, rows) = self.tile_area(tile);
         &self.shown[tile * MACROBLOCK * MACROBLOCK..][..columns.len() * rows.len()]
     }
 
-    /// Whether the pixel that a place falls on shows the same surface, no farther than `apart` from it \[m\]; outside of the
-    /// picture it counts as shown. Where the pixel shows several layers, the centers around it are asked too.
+    /// Returns whether the pixel of a site shows the same surface, less than `apart` \[m\] from the site. Sites outside
+    /// of the picture count as shown. If the pixel shows several layers, the surrounding pixels are tested too.
     pub fn shows(&self, site: &Site, apart: f32) -> bool {
         let Some((x, y)) = self.pixel_of(site) else { return true };
         let (width, height) = self.size();
@@ -143,12 +144,12 @@ impl<'a> SurfacePicture<'a> {
         shown.is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
     }
 
-    /// Whether the pixel that a place falls on shows it, or what is beside it within a few pixels.
+    /// Returns whether the pixel of a site shows its surface, within a few pixels of the site.
     pub fn has(&self, site: &Site) -> bool {
         self.pixel_of(site).is_some() && self.shows(site, NEARBY * site.pixel_width(&self.seen.view))
     }
 
-    /// The pixel that a place falls on, if the picture has it.
+    /// Returns the pixel that a site projects to; `None` outside of the picture.
     pub fn pixel_of(&self, site: &Site) -> Option<(usize, usize)> {
         let place = self.seen.view.project(site.position)?.pixel;
         let (width, height) = self.size();
@@ -156,12 +157,12 @@ impl<'a> SurfacePicture<'a> {
         inside.then_some((place.x as usize, place.y as usize))
     }
 
-    /// The surface of a pixel, wanted or not, open whatever is around.
+    /// Returns the surface of any pixel, wanted or not, with openness 1.
     pub fn surface(&self, x: usize, y: usize) -> Option<Site> {
         self.request.surface(x, y)
     }
 
-    /// Columns and rows of the smallest rectangle with all wanted pixels, and `margin` pixels around it.
+    /// Returns the columns and rows of the bounding rectangle of all wanted pixels, extended by `margin` pixels.
     pub fn wanted_area(&self, margin: usize) -> (Range<usize>, Range<usize>) {
         let (width, height) = self.size();
         let Some(wanted) = self.request.wanted else { return (0..width, 0..height) };
@@ -177,7 +178,7 @@ impl<'a> SurfacePicture<'a> {
         (widened(columns, width), widened(rows, height))
     }
 
-    /// Macroblocks that have a part of that rectangle, ascending.
+    /// Returns the macroblocks that overlap this rectangle, ascending.
     pub fn tiles_around(&self, margin: usize) -> Vec<usize> {
         let (columns, rows) = self.wanted_area(margin);
         let has_part = |&tile: &usize| {
@@ -187,7 +188,7 @@ impl<'a> SurfacePicture<'a> {
         (0..self.tiles()).filter(has_part).collect()
     }
 
-    /// Where light is wanted at a pixel, if it is and anything there reflects.
+    /// Returns the site at a wanted pixel; `None` if no surface reflects there.
     pub fn site(&self, x: usize, y: usize) -> Option<Site> {
         self.request.bare_site(x, y).map(|site| Site { openness: self.openness.get(x, y), ..site })
     }

@@ -1,15 +1,16 @@
 //! Predictions of irradiance around records.
 //!
-//! A record's own derivatives hold who sees whom fixed. Where things are near, irradiance changes mostly because they hide
-//! more or less of the rest, and its neighbors know better: their light fits
+//! A record's analytic derivatives ignore changes of visibility. Near occluders, irradiance changes mostly because they
+//! hide more or less of their surroundings. Neighboring records measure this change, so the derivatives are fitted to
+//! them:
 //!
 //! ```text
 //! E(x) = Eᵢ + (∂E/∂n)ᵢ (n − nᵢ) + b · (x − xᵢ) + c (o − oᵢ)          o  openness
 //!   b, c minimize  Σⱼ wⱼ |E(xⱼ) − Eⱼ|² + ρ |(b − bᵢ) R|² + σ |c t|²      bᵢ  the record's own derivative     R  its radius
 //! ```
 //!
-//! a ridge regression per record, along the surface; wⱼ is the weight that neighbor j would have for record i at some more
-//! than its radius. What is left of the sum tells how far the record is to be trusted: see `doubt.rs`.
+//! This is one ridge regression per record, along the surface. wⱼ is the weight of neighbor j for record i at a radius
+//! larger than the record's own. The residual determines how far the record is used: see `doubt.rs`.
 
 use super::group::weight;
 use super::illumination::Site;
@@ -27,25 +28,25 @@ use crate::{MACROBLOCK, luminance};
 use glam::{Mat3A, Vec3, Vec3A};
 use ranks::portable;
 
-/// Neighbors count up to this distance \[pixels\], but no nearer than the first number and no farther than the second times the
-/// record's radius. In a simulation of `nave` 2 instead of 1.25 leaves 4 % less error and needs 4 % more records; on `cornell` it
-/// leaves half as much again.
+/// Maximum distance of neighbors \[pixels\]. [`BY_RADIUS`] clamps it to a range of multiples of the record's radius. In a
+/// simulation of `nave`, a minimum of 2 instead of 1.25 leaves 4 % less error and needs 4 % more records. On `cornell`,
+/// it leaves 1.5 times the error.
 const ON_SCREEN: f32 = 12.0;
 const BY_RADIUS: (f32, f32) = (1.25, 2.0);
-/// ρ and σ. Three times the first leaves 1 % less error of the simulated `nave`, with 4 % more records.
+/// ρ and σ. Three times the value of ρ leaves 1 % less error on the simulated `nave`, with 4 % more records.
 const STIFFNESS: f32 = 0.1;
 const STIFFNESS_BY_OPENNESS: f32 = 0.5;
-/// Neighbors teach the less the more their light differs from what the record alone predicts, and nothing from this share of
-/// its luminance on: they are across a border.
+/// Residual of a neighbor at which its weight in the fit becomes zero, as a fraction of the record's luminance. Such a
+/// neighbor is across a border; smaller residuals reduce the weight smoothly.
 const OTHER_LIGHT: f32 = 0.7;
-/// Difference at which a record learns half of what there is to learn, in tolerances: below, its own derivatives are better than
-/// the chords to its neighbors.
+/// Difference at which half of the fitted correction is applied, in tolerances. Below it, the record's own derivatives
+/// are more accurate than the chords to its neighbors.
 const SETTLED: f32 = 0.5;
-/// Change of luminance over the radius that is followed at most, as a share of the luminance. In a simulation of
-/// `cornell` 0.4 left a quarter less error than no limit.
+/// Maximum change of luminance over the radius, as a fraction of the luminance. In a simulation of `cornell`, 0.4 left
+/// a quarter less error than no limit.
 const MOST_CHANGE: f32 = 0.5;
 
-/// The light around a record.
+/// Model of the irradiance around a record.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prediction {
     position: Vec3A,
@@ -58,7 +59,7 @@ pub(super) struct Prediction {
 }
 
 impl Prediction {
-    /// By the record's own derivatives, as far as they are followed over this `radius`.
+    /// Returns the prediction from the record's own derivatives, limited over this `radius`.
     fn alone<R>(record: &Record<R>, radius: f32) -> Self {
         let Record { site, estimate, .. } = record;
         let trust = trust(estimate, record.radius, radius);
@@ -73,7 +74,7 @@ impl Prediction {
         }
     }
 
-    /// Irradiance at a pixel nearby.
+    /// Returns the irradiance at a nearby pixel.
     #[inline]
     pub fn at(&self, shown: &ShownSurface) -> Vec3A {
         let light = self.irradiance
@@ -86,20 +87,20 @@ impl Prediction {
 
 portable!(Prediction { position, normal, irradiance, by_position, by_normal, by_openness, openness });
 
-/// The prediction of a record for a picture, by itself and its neighbors.
+/// The prediction of a record for a picture, fitted to its neighbors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Predicted {
     pub prediction: Prediction,
-    /// Difference of the neighbors from it: root mean square of the luminance \[W·m⁻²\].
+    /// Root mean square difference of the neighbors from the prediction, in luminance \[W·m⁻²\].
     pub difference: f32,
-    /// By its neighbors.
+    /// Regression sums over its neighbors.
     pub taught: Taught,
 }
 
 portable!(Predicted { prediction, difference, taught });
 
 impl Predicted {
-    /// In the place of what nobody asks for.
+    /// Placeholder for records without a prediction.
     pub const NOTHING: Self = Self {
         prediction: Prediction {
             position: Vec3A::ZERO,
@@ -115,8 +116,8 @@ impl Predicted {
     };
 }
 
-/// Predictions of the records listed at these `places`. Where their neighbors are known of an earlier picture of the frame, only
-/// those that were made since are looked for.
+/// Predicts the irradiance around the records listed at these `places`. If an earlier picture of the frame has found
+/// the neighbors of a record, only neighbors made since are searched for.
 pub(super) fn predictions<R: Send + Sync>(
     picture: &SurfacePicture,
     tiles: &Tiles,
@@ -141,24 +142,24 @@ pub(super) fn predictions<R: Send + Sync>(
     picture.busy.take(share_each(picture.ranks(), &turns, CHUNK, no_neighbors, predict))
 }
 
-/// A thread's search for neighbors of records, and its working memory.
+/// Search for neighbors of records, with the working memory of a thread.
 struct Neighbors<'a> {
     picture: &'a SurfacePicture<'a>,
     tiles: &'a Tiles,
-    /// By place in the list, the last record that was found to be its neighbor, by place as well.
+    /// For each position in the list, the position of the last record that it was found to be a neighbor of.
     met_by: Vec<u32>,
     /// Candidates of a tile near a record.
     near: Vec<u32>,
 }
 
 impl Neighbors<'_> {
-    /// Adds to a `fit` the neighbors of the record at `place` in the list.
+    /// Adds the neighbors of the record at position `place` in the list to a `fit`.
     fn teach<R>(&mut self, fit: &mut Fit<R>, place: usize, records: &[Record<R>]) {
         let (tiles, site) = (self.tiles, &fit.record.site);
         for tile in tiles_around(self.picture, tiles, site) {
             tile.candidates_near(tiles.lanes, site.position, fit.reach(), &mut self.near);
             for &candidate in &self.near {
-                // Each once, though most are listed by more than one tile.
+                // Most neighbors are listed by several tiles; add each once.
                 if std::mem::replace(&mut self.met_by[candidate as usize], place as u32) != place as u32 {
                     fit.add(&records[tiles.listed[candidate as usize] as usize]);
                 }
@@ -167,10 +168,10 @@ impl Neighbors<'_> {
     }
 }
 
-/// Records that a thread takes at a time, at least.
+/// Minimum number of records that a thread takes at a time.
 const CHUNK: usize = 128;
 
-/// The macroblock that a site is seen in and those around it; none if it is beside the picture.
+/// Returns the macroblock of a site and the macroblocks around it; none for a site outside of the picture.
 fn tiles_around<'a>(picture: &SurfacePicture, tiles: &'a Tiles, site: &Site) -> impl Iterator<Item = &'a Tile> {
     let (width, height) = picture.size();
     let (across, down) = (width.div_ceil(MACROBLOCK), height.div_ceil(MACROBLOCK));
@@ -187,11 +188,11 @@ pub(super) struct Fit<'a, R> {
     record: &'a Record<R>,
     alone: Prediction,
     radius: f32,
-    /// How many radii away neighbors count.
+    /// Maximum distance of neighbors, in radii.
     widened: f32,
     /// Axes along the surface.
     axes: [Vec3A; 2],
-    /// Change over the radius along both axes that the record alone predicts.
+    /// Change over the radius along both axes, from the record's own derivatives.
     own: [Vec3A; 2],
     taught: Taught,
 }
@@ -212,12 +213,12 @@ impl<'a, R> Fit<'a, R> {
         }
     }
 
-    /// Distance up to which neighbors count \[m\].
+    /// Returns the maximum distance of neighbors \[m\].
     fn reach(&self) -> f32 {
         self.radius * self.widened
     }
 
-    /// Goes on from what neighbors have taught `before`.
+    /// Continues from the sums of an earlier picture.
     fn go_on(&mut self, before: &Before, records: &[Record<R>]) {
         self.taught = *before.taught;
         let (reach, position) = (self.reach(), self.record.site.position);
@@ -229,7 +230,7 @@ impl<'a, R> Fit<'a, R> {
     }
 
     pub fn add(&mut self, neighbor: &Record<R>) {
-        // Only other records of the same thing, within reach.
+        // Only other records on the same instance and within reach count.
         let (site, other) = (&self.record.site, &neighbor.site);
         if std::ptr::eq(self.record, neighbor) || site.carrier != other.carrier {
             return;
@@ -241,7 +242,7 @@ impl<'a, R> Fit<'a, R> {
             return;
         }
 
-        // w: the weight that the neighbor would have for this record, were its radius that of the reach.
+        // w: the weight that the neighbor would have for this record if its radius were the reach.
         let across = ACROSS / 2.0 * way.dot(site.normal + other.normal) / reach;
         let opener = (other.openness - site.openness) / OPENNESS_TOLERANCE;
         let turn = (1.0 - site.normal.dot(other.normal)) / NORMAL_TOLERANCE;
@@ -250,14 +251,15 @@ impl<'a, R> Fit<'a, R> {
             return;
         }
 
-        // r = Eⱼ − Eᵢ − (∂E/∂n)ᵢ (nⱼ − nᵢ) − bᵢ · (xⱼ − xᵢ), the light that the record alone leaves unexplained.
+        // r = Eⱼ − Eᵢ − (∂E/∂n)ᵢ (nⱼ − nᵢ) − bᵢ · (xⱼ − xᵢ), the residual of the record's own prediction.
         let f = Vec3A::new(way.dot(self.axes[0]) / self.radius, way.dot(self.axes[1]) / self.radius, opener);
         let r = Vec3A::from(neighbor.estimate.irradiance)
             - self.alone.irradiance
             - self.alone.by_normal * (other.normal - site.normal)
             - (self.own[0] * f.x + self.own[1] * f.y);
 
-        // Other light is across a border: the more it differs, the less it teaches. The last sums have all of it, nevertheless.
+        // Neighbors with very different light are across a border and get less weight in the fit. The last sums include
+        // all of them.
         let square = Mat3A::from_cols(f * f.x, f * f.y, f * f.z);
         let light = luminance(r.into());
         let border = OTHER_LIGHT * luminance(self.record.estimate.irradiance);
@@ -271,7 +273,7 @@ impl<'a, R> Fit<'a, R> {
         sums.all_unexplained += f * (w * light);
     }
 
-    /// The prediction, and by how much neighbors differ from it.
+    /// Solves the regression; returns the prediction and the remaining difference of the neighbors.
     pub fn solve(self) -> Predicted {
         let Self { alone, axes, own, taught, .. } = self;
         let Taught { square, unexplained, weights, variance, all_square, all_unexplained, .. } = taught;
@@ -279,15 +281,15 @@ impl<'a, R> Fit<'a, R> {
             return Predicted { prediction: alone, difference: 0.0, taught };
         }
 
-        // (Σ w f fᵀ + ρ) s = Σ w f r, with a ridge ρ of its own for slopes and for openness.
+        // (Σ w f fᵀ + ρ) s = Σ w f r, with separate ridge terms for slopes and for openness.
         let ridge = Vec3A::new(STIFFNESS, STIFFNESS, STIFFNESS_BY_OPENNESS);
-        // A record whose own derivatives say what its neighbors say has nothing to learn from them.
+        // If the record's own derivatives agree with its neighbors, no correction is needed.
         let mean_variance = variance / weights;
         let settled = (SETTLED * self.record.estimate.tolerance).powi(2);
         let open_to_learn = mean_variance / (mean_variance + settled).max(f32::MIN_POSITIVE);
         let learnt = unexplained * (square + Mat3A::from_diagonal(ridge.into())).inverse() * open_to_learn;
 
-        // Slopes along both axes, own and learnt, followed only as far as they change the light by a part of itself.
+        // Slopes along both axes, own and fitted, are limited to a fraction of the luminance over the radius.
         let along = [own[0] + learnt.x_axis, own[1] + learnt.y_axis];
         let light = |v: Vec3A| luminance(v.into());
         let (change, most) =
@@ -295,12 +297,12 @@ impl<'a, R> Fit<'a, R> {
         let followed = if change > most { most / change } else { 1.0 };
         let along = along.map(|slope| slope * followed);
 
-        // Remaining difference of neighbors, in luminance:  Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
-        // Here s is all that was added to what the record alone predicts.
+        // Remaining difference of neighbors, in luminance; s is the total correction of the record's own prediction:
+        // Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
         let s = Vec3A::new(light(along[0] - own[0]), light(along[1] - own[1]), light(learnt.z_axis));
         let left = variance - 2.0 * s.dot(all_unexplained) + s.dot(all_square * s);
 
-        // From changes over the radius along both axes to a derivative by x, y and z.
+        // Convert changes over the radius along both axes to a derivative by x, y and z.
         let by_axis = |k: usize| (along[0] * axes[0][k] + along[1] * axes[1][k]) / self.radius;
         let prediction = Prediction {
             by_position: Mat3A::from_cols(by_axis(0), by_axis(1), by_axis(2)),

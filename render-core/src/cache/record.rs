@@ -1,4 +1,4 @@
-//! A record: where it is, what light was found there, and how far around it that holds.
+//! A record: its site, its light and its radius.
 
 use super::illumination::{Computed, LocalIrradiance, Site};
 use super::radius::radius;
@@ -10,51 +10,51 @@ use ranks::portable;
 pub(super) struct Record<R> {
     pub site: Site,
     pub estimate: LocalIrradiance,
-    /// On other ranks than the record's own there is none.
+    /// Recipe of the light; `None` on ranks that do not own the record.
     pub recipe: Option<R>,
     /// [`Illumination::note`](super::Illumination::note) of the recipe.
     pub note: u32,
-    /// How far around it may be used, before the picture has a say \[m\].
+    /// Radius before limits by the picture \[m\].
     pub radius: f32,
-    /// The most that its neighbors allowed when it was made \[m\].
+    /// Maximum radius allowed by the neighbors when it was made \[m\].
     pub radius_by_neighbors: f32,
-    /// How much of its radius remains, 0…1, since its neighbors contradict what it predicts (`doubt.rs`).
+    /// Fraction of its radius that remains after contradictions by neighbors, 0…1 (`doubt.rs`).
     pub share: f32,
     /// `scale` of the last call of [`openness`](super::Illumination::openness) \[m\].
     pub scale: f32,
-    /// Number in the order in which records were made.
+    /// Number in the order of creation.
     pub number: u32,
-    /// Whether it was carried along since it was last brought up to date.
+    /// Whether it has moved since its last update.
     pub carried: bool,
-    /// Frame it was last brought up to date in.
+    /// Frame of its last update.
     pub current: u32,
-    /// Frame in which a pixel last took light from it.
+    /// Frame in which it last lit a pixel.
     pub seen: u32,
 }
 
-/// The recipe of a record, as it goes from one rank to another.
+/// The recipe of a record, for transfer between ranks.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct KeptRecipe<R> {
     /// Number of the record.
     pub number: u32,
-    /// See [`Illumination::Recipe`](super::Illumination::Recipe).
+    /// Recipe, see [`Illumination::Recipe`](super::Illumination::Recipe).
     pub recipe: R,
 }
 
-/// Light that a record was given by its rank, as all others get it.
+/// Light of a record, for transfer from its rank to all others.
 #[derive(Clone, Copy)]
 pub(super) struct RecordLight {
     pub estimate: LocalIrradiance,
     pub note: u32,
-    /// Whether it was computed from nothing.
+    /// Whether it was recomputed rather than relit.
     pub afresh: bool,
 }
 
 portable!(RecordLight { estimate, note, afresh });
 
 impl<R> Record<R> {
-    /// A record that `frame` needs, with the `scale` of its openness; its recipe is added where it was computed.
+    /// Returns a record needed in `frame`, with the `scale` of its openness. The rank that computed it adds the recipe.
     pub fn new(
         site: Site,
         scale: f32,
@@ -79,29 +79,30 @@ impl<R> Record<R> {
         }
     }
 
-    /// New light, and what else is known now of the surroundings. What neighbors knew of them holds on.
+    /// Sets new light and updates the radius. The limit by neighbors stays.
     pub fn relit(&mut self, estimate: LocalIrradiance) {
         self.radius = radius(&estimate).min(self.radius_by_neighbors);
         self.estimate = estimate;
     }
 
-    /// Everything new but the place.
+    /// Replaces everything except the site.
     pub fn computed_afresh(&mut self, Computed { light: estimate, recipe }: Computed<R>) {
         self.relit(estimate);
         self.recipe = Some(recipe);
     }
 
-    /// The rank that computes its light, and has its recipe.
+    /// Returns the rank that computes its light and stores its recipe.
     pub fn owner(&self, ranks: &dyn Ranks) -> usize {
         self.turn().owner(ranks.count())
     }
 
-    /// By its number, golden: records are computed afresh in turns of 32, which these spread, too.
+    /// Returns its owner assignment: a golden sequence over its number. It also spreads the records of one refresh
+    /// frame (every 32nd) evenly over the ranks.
     pub fn turn(&self) -> Turn {
         Turn::Golden(self.number)
     }
 
-    /// Its light as other ranks get it.
+    /// Returns its light for transfer to other ranks.
     pub fn light(&self, afresh: bool) -> RecordLight {
         RecordLight { estimate: self.estimate, note: self.note, afresh }
     }

@@ -1,42 +1,42 @@
-//! The pictures, and parts of pictures, that a cache is requested to light.
+//! Requests to light pictures, or regions of pictures.
 
 use super::illumination::Site;
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::ranks::{Alone, Ranks};
 use plane::Plane;
 
-/// Openness of a place with nothing around.
+/// Openness of a point without surfaces around it.
 pub(super) const OPEN: f32 = 1.0;
 
 /// A picture to be lit.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
-    /// Its surfaces.
+    /// Surfaces of the picture.
     pub seen: &'a GBuffer,
-    /// By instance, whether it ever moves.
+    /// For each instance, whether it ever moves.
     pub moving: &'a [bool],
-    /// The pixels whose light is wanted; all if there is none.
+    /// Mask of the wanted pixels; `None` for all pixels.
     pub wanted: Option<&'a Plane<bool>>,
-    /// Whether further pictures of the frame may follow, by [`light_more`](super::IrradianceCache::light_more): records that only
-    /// those needed in the frame before are brought up to date, too.
+    /// Whether further pictures of the frame may follow, by [`light_more`](super::IrradianceCache::light_more). If so,
+    /// records that only further pictures of the previous frame used are updated too.
     pub is_first_of_many: bool,
-    /// Who shares the work. Each rank requests the same.
+    /// The ranks that share the work. Each rank makes the same request.
     pub ranks: &'a dyn Ranks,
 }
 
 impl<'a> Request<'a> {
-    /// All of a picture, lit by this process alone.
+    /// Returns a request for a whole picture, lit by this process alone.
     #[must_use]
     pub fn whole(seen: &'a GBuffer, moving: &'a [bool]) -> Self {
         Self { seen, moving, wanted: None, is_first_of_many: false, ranks: &Alone }
     }
 
-    /// Where light is wanted at a pixel, open whatever is around; none if nothing there reflects.
+    /// Returns the site at a wanted pixel, with openness 1; `None` if no surface reflects there.
     pub(super) fn bare_site(&self, x: usize, y: usize) -> Option<Site> {
         self.wanted.is_none_or(|wanted| wanted.get(x, y)).then(|| self.surface(x, y)).flatten()
     }
 
-    /// The surface of a pixel, wanted or not, open whatever is around; none if nothing there reflects.
+    /// Returns the site at any pixel, wanted or not, with openness 1; `None` if no surface reflects there.
     pub(super) fn surface(&self, x: usize, y: usize) -> Option<Site> {
         let pixel = self.seen.pixels.get(x, y);
         pixel.reflects().then(|| Site {

@@ -9,50 +9,51 @@ use crate::scene::View;
 use glam::Vec3A;
 use rayon::prelude::*;
 
-/// Radius on the screen at least and at most \[pixels\] \[Tabellion04\].
+/// Minimum and maximum radius on screen \[pixels\] \[Tabellion04\].
 const ON_SCREEN: (f32, f32) = (8.0, 40.0);
-/// The least radius of a record to which something is nearer than that \[pixels\]: light must not leak past thin walls.
+/// Minimum radius of a record with a surface nearer than this \[pixels\]: light must not leak through thin walls.
 const BESIDE_WALLS: f32 = 4.0;
-/// Least radius of a record that is contradicted \[pixels\].
+/// Minimum radius of a contradicted record \[pixels\].
 const DOUBTED: f32 = 2.2;
 
-/// Radius on the screen that a record at `site` is going to have at most \[pixels\], by what is around it: the part of the
-/// picture that it answers for.
+/// Returns the expected maximum radius on screen of a record at `site` \[pixels\], from its surroundings. This is the
+/// region of the picture that it will light.
 #[must_use]
 pub fn footprint(site: &Site, harmonic_mean: f32, nearest: f32, view: &View) -> f32 {
     let radius = (BY_HARMONIC_MEAN * harmonic_mean).min(BY_NEAREST * nearest);
     (radius / site.pixel_width(view)).clamp(BESIDE_WALLS, ON_SCREEN.1)
 }
 
-/// Smallest radius that a record at `site` can come to have in this view \[m\].
+/// Returns the smallest possible radius of a record at `site` in this view \[m\].
 pub(super) fn least_radius(site: &Site, view: &View) -> f32 {
     BESIDE_WALLS * site.pixel_width(view)
 }
 
-/// Radius of `record` in this picture \[m\].
+/// Returns the radius of `record` in this picture \[m\].
 ///
-/// The picture raises it where it shows the surroundings of the record. Where something else is seen in its place, as when a
-/// thing has moved over it, it keeps its own.
+/// The picture raises the radius if it shows the surroundings of the record. If another surface is visible in its
+/// position, for example after geometry has moved in front of it, the record keeps its own radius.
 pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &SurfacePicture) -> f32 {
-    // Beside a wall a record may be small on the screen; elsewhere it would serve too few pixels.
+    // Near a wall, a record may be small on screen; elsewhere it would serve too few pixels.
     let pixel = record.site.pixel_width(&picture.seen.view);
     let beside_wall = record.estimate.nearest < BESIDE_WALLS * pixel;
     let least = pixel * if beside_wall { BESIDE_WALLS } else { ON_SCREEN.0 };
 
-    // The picture has a say where it shows the record. Out of the picture, or behind something, a record may be in another room:
-    // its rays tell of a wall only if that is close.
+    // The picture limits the radius where it shows the record. A hidden record, or one outside of the picture, may be
+    // in another room. Its rays detect a wall only if that is close.
     let shown = picture.shows(&record.site, least);
     let on_picture = shown && picture.pixel_of(&record.site).is_some();
     let most = if on_picture { ON_SCREEN.1 * pixel } else { least };
     let kept_up = record.radius >= least || shown;
     let radius = if kept_up { record.radius.clamp(least, most) } else { record.radius };
 
-    // A contradicted record answers for a share of that, but for some pixels in any case.
+    // A contradicted record keeps a fraction of its radius, but serves at least a few pixels.
     (radius * record.share).max(radius.min(DOUBTED * pixel))
 }
 
-/// Neighbor clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its
-/// rays have missed it. Applied to the records from `first` on, against these and those `among` the others, or all:
+/// Neighbor clamping \[Krivanek08, section 4.3.2\]: a surface near one record is also near the next one, even if its
+/// rays have missed it. Clamps the records from `first` on. They are compared with each other and with the records
+/// `among`, or all records:
 ///
 /// ```text
 /// R_x ← min(R_x, min_y (|x − y| + R_y))
@@ -80,12 +81,12 @@ pub(super) fn clamp_to_neighbors<R: Send + Sync>(
     });
 }
 
-/// Records that a thread takes at a time.
+/// Number of records that a thread takes at a time.
 const CHUNK: usize = 64;
-/// Spheres that are compared at a time.
+/// Number of spheres compared at a time.
 const TOGETHER: usize = 8;
 
-/// Places and radii of records, the smallest radius first.
+/// Positions and radii of records, the smallest radius first.
 struct Spheres {
     radii: Vec<f32>,
     /// x, y and z of the centers \[m\].
@@ -94,23 +95,23 @@ struct Spheres {
 
 impl Spheres {
     fn of<'a, R: 'a>(records: impl Iterator<Item = &'a Record<R>>) -> Self {
-        // The smallest come first: those that can clamp a radius end where radii are as large as it.
+        // In this order, the spheres that can clamp a radius are a prefix of the list.
         let mut sorted: Vec<(f32, Vec3A)> = records.map(|r| (r.radius, r.site.position)).collect();
         sorted.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
         let axis = |k: usize| sorted.iter().map(|(_, center)| center[k]).collect();
         Self { radii: sorted.iter().map(|&(radius, _)| radius).collect(), centers: [axis(0), axis(1), axis(2)] }
     }
 
-    /// Least |x − y| + R_y over the spheres whose R_y is below `radius`; infinite without any.
+    /// Returns the minimum of |x − y| + R_y over the spheres with R_y below `radius`; infinite if there are none.
     fn reach(&self, place: Vec3A, radius: f32) -> f32 {
-        // A sphere with R_y ≥ R_x cannot make R_x smaller.
+        // A sphere with R_y ≥ R_x cannot reduce R_x.
         let smaller = self.radii.partition_point(|&other| other < radius);
         let reach = |r: f32, x: f32, y: f32, z: f32| {
             let (dx, dy, dz) = (x - place.x, y - place.y, z - place.z);
             r + (dx * dx + dy * dy + dz * dz).sqrt()
         };
 
-        // Eight spheres at a time, without branches, in one minimum for each lane.
+        // Compare eight spheres at a time without branches, with one minimum per lane.
         let (radii, radii_left) = self.radii[..smaller].as_chunks::<TOGETHER>();
         let [(x, x_left), (y, y_left), (z, z_left)] =
             self.centers.each_ref().map(|axis| axis[..smaller].as_chunks::<TOGETHER>());
@@ -124,7 +125,7 @@ impl Spheres {
             }
         }
 
-        // The minimum of the lanes and of what is left of the spheres.
+        // Combine the lanes with the remaining spheres.
         let mut whole = least.into_iter().fold(f32::INFINITY, f32::min);
         for k in 0..radii_left.len() {
             whole = whole.min(reach(radii_left[k], x_left[k], y_left[k], z_left[k]));
@@ -138,7 +139,7 @@ mod tests {
     use super::*;
     use crate::sampling::{sobol_point, uniform_sphere};
 
-    /// Spheres sorted and compared together give the minimum over each and every one.
+    /// The sorted, vectorized search gives the same minimum as a search over all spheres.
     #[test]
     fn spheres_reach_as_far_as_one_by_one() {
         let place = |k: u64| Vec3A::from(uniform_sphere(sobol_point(k))) * (1.0 + (k % 7) as f32);

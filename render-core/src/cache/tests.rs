@@ -1,4 +1,4 @@
-//! The cache against environments whose irradiance is known in closed form.
+//! Tests of the cache in environments with irradiance in closed form.
 
 mod precision;
 mod shared;
@@ -13,10 +13,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const SIDE: usize = 64;
-/// The light of the tests hangs this high above the floor \[m\].
+/// Height of the tests' lamp above the floor \[m\].
 const HEIGHT: f32 = 1.0;
 
-/// Gray light that a record takes to be the same all around, with everything `distance` away.
+/// Returns gray light without derivatives, with all surfaces `distance` meters away.
 fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
     LocalIrradiance {
         irradiance: Vec3::splat(irradiance),
@@ -28,12 +28,12 @@ fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
     }
 }
 
-/// The floor y = 0 from straight above, 2 m across; `split` turns all beyond x = 0 into another surface.
+/// Returns the floor y = 0 seen from straight above, 2 m wide; `split` changes the pixels beyond x = 0.
 fn floor(split: impl Fn(&mut PixelSurface)) -> GBuffer {
     floor_from(Vec3::new(0.0, 5.0, 0.0), split)
 }
 
-/// The same from straight above at `eye`.
+/// Returns the floor seen from straight above at `eye`.
 fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
     let above = Affine3A::from_rotation_translation(glam::Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2), eye);
     let view = View::new(above, Projection::Orthographic { ymag: 1.0 }, SIDE, SIDE);
@@ -59,14 +59,14 @@ fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
     GBuffer { pixels, view, world: vec![Affine3A::IDENTITY; 2], deformed: Vec::new(), layered: Arc::default() }
 }
 
-/// A lamp of intensity `1 W/sr` in the middle above the floor: E = cos θ / r².
+/// A lamp of intensity `1 W/sr` above the middle of the floor: E = cos θ / r².
 #[derive(Default)]
 struct Lamp {
-    /// Factor on its light.
+    /// Factor on its light; 1 if `None`.
     power: Option<f32>,
-    /// Share of its light that may be wrong; 3 % unless told.
+    /// Relative error that its light may have; 3 % if `None`.
     tolerance: Option<f32>,
-    /// Whether all on the far side of x = 0 is dark: a thin wall stands there, which the rays of a record may well see.
+    /// Whether a thin wall at x = 0 darkens the far side. Rays of records may hit the wall.
     wall: bool,
     computed: AtomicUsize,
     relit: AtomicUsize,
@@ -121,7 +121,7 @@ fn light(cache: &mut IrradianceCache<()>, seen: &GBuffer, changes: Changes, lamp
     cache.light(Request::whole(seen, &[false, true]), changes, lamp).value
 }
 
-/// Largest error of the picture, as a share of the lamp's closed form at its brightest.
+/// Returns the largest error of the picture, relative to the lamp's maximum irradiance in closed form.
 fn largest_error(lit: &CachedLight, seen: &GBuffer, lamp: &Lamp) -> f32 {
     let pairs = lit.irradiance.samples().iter().zip(seen.pixels.samples());
     let brightest = lamp.power.unwrap_or(1.0) / (HEIGHT * HEIGHT);
@@ -131,8 +131,8 @@ fn largest_error(lit: &CachedLight, seen: &GBuffer, lamp: &Lamp) -> f32 {
         / brightest
 }
 
-/// Second order is all that is lost: below the lamp half E″ is 1.5 E, so a record of radius 0.6 m is wrong by up to 0.5 E
-/// at its border, where it has no weight, and by 0.05 E at 0.18 m. Measured: 4.7 % at worst, with 52 records.
+/// The error is of second order. Below the lamp, half E″ is 1.5 E. A record of radius 0.6 m has an error of 0.05 E at
+/// 0.18 m. At its border, where its weight is zero, the error is up to 0.5 E. Measured: at most 4.7 %, with 52 records.
 #[test]
 fn a_smooth_light_is_interpolated() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());
@@ -144,8 +144,8 @@ fn a_smooth_light_is_interpolated() {
     assert_eq!(lit.computed, lamp.computed.into_inner());
 }
 
-/// A tilted normal takes its light from the vector irradiance: exact where no light crosses the horizon. Records made for the
-/// flat floor go on serving; the few that join them fill the gaps between, where the tilt leaves too little weight.
+/// Light on a tilted normal follows from the vector irradiance, exactly if no light crosses the horizon. Records of the
+/// flat floor stay in use. A few new ones fill the gaps, where the tilt reduces the weights too much.
 #[test]
 fn turned_normals_are_exact() {
     let mut seen = floor(|_| ());
@@ -161,7 +161,7 @@ fn turned_normals_are_exact() {
     assert!(after < before + 0.01, "{before} became {after}");
 }
 
-/// Full light on one side of a thin wall, none on the other: only pixels within the least radius of a record may mix.
+/// A thin wall separates full light from darkness: light may mix only within the least radius of a record.
 #[test]
 fn no_light_leaks_past_a_thin_wall() {
     let (seen, lamp) = (floor(|_| ()), Lamp { wall: true, ..Lamp::default() });
@@ -178,13 +178,13 @@ fn no_light_leaks_past_a_thin_wall() {
     }
 }
 
-/// A step of a few centimeters, the underside of a sheet and what moves are each another surface.
+/// A step of a few centimeters, the underside of a sheet and a moving instance each count as another surface.
 #[test]
 fn other_surfaces_have_records_of_their_own() {
     let changes: [fn(&mut PixelSurface); 3] =
         [|pixel| pixel.position[1] += 0.3, |pixel| pixel.shading_normal = [0.0, -1.0, 0.0], |pixel| pixel.instance = 1];
     for (k, change) in changes.into_iter().enumerate() {
-        /// Light that depends on what it falls on alone.
+        /// Light that depends only on the surface.
         struct BySurface;
         impl Illumination for BySurface {
             type Recipe = ();
@@ -206,13 +206,13 @@ fn other_surfaces_have_records_of_their_own() {
     }
 }
 
-/// Light that depends on the place alone, in steps that neither position nor normal tell of.
+/// Light in a groove, which position and normal do not distinguish from the floor.
 struct Groove {
     openness: f32,
 }
 
 impl Groove {
-    /// One pixel wide, and so shallow that records beside it would count for it.
+    /// Depth \[m\]. The groove is one pixel wide, and so shallow that records next to it would count in it.
     const DEPTH: f32 = 0.005;
     const LIGHT: f32 = 0.1;
 
@@ -239,7 +239,7 @@ impl Illumination for Groove {
     }
 }
 
-/// A dark groove among light is as dark as it is where it is less open, and takes the light beside it where it is not.
+/// A dark groove stays dark if its openness differs from the floor's; otherwise it takes the light next to it.
 #[test]
 fn a_groove_keeps_its_own_light() {
     let mut seen = floor(|_| ());
@@ -257,7 +257,7 @@ fn a_groove_keeps_its_own_light() {
     assert!(wrong(1.0) > SIDE / 2, "the same without openness");
 }
 
-/// The openness of what is seen from far nearer than before is computed again; that of open floor never is.
+/// Openness is measured again where surfaces are seen from much nearer than before, but not on open floor.
 #[test]
 fn openness_follows_the_picture() {
     let mut seen = floor(|_| ());
@@ -281,7 +281,7 @@ fn openness_follows_the_picture() {
     assert!(cache.records.iter().filter(|r| r.site.position.y == 0.0).all(|r| r.site.openness == 1.0));
 }
 
-/// Without news nothing is computed; with news of light all is lit again, at once and exactly as if new.
+/// Without changes, no record is computed; after a change of light, all are relit at once, exactly as if they were new.
 #[test]
 fn light_that_changes_is_followed_at_once() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());
@@ -297,13 +297,13 @@ fn light_that_changes_is_followed_at_once() {
     for (now, before) in lit.irradiance.samples().iter().zip(first.irradiance.samples()) {
         assert!((now[0] - 10.0 * before[0]).abs() < 1e-3 * before[0], "{} after {}", now[0], before[0]);
     }
-    // While things move, every record is computed afresh within TURN frames.
+    // While geometry moves, every record is recomputed within TURN frames.
     let changes = Changes { light: true, geometry: true };
     let computed: usize = (0..TURN).map(|_| light(&mut cache, &seen, changes, &brighter).computed).sum();
     assert_eq!(computed, cache.records.len());
 }
 
-/// Records that no pixel takes light from cost nothing, and are lit again when they are needed.
+/// Records that light no pixel cost nothing, and are relit when they are needed.
 #[test]
 fn only_what_is_needed_is_brought_up_to_date() {
     let seen = floor(|_| ());
@@ -320,7 +320,7 @@ fn only_what_is_needed_is_brought_up_to_date() {
     assert!(largest_error(&lit, &seen, &bright) < 0.05);
 }
 
-/// A wall that comes and goes makes the records beside it small only while it is there.
+/// A wall that appears and disappears shrinks the records next to it only while it is present.
 #[test]
 fn records_grow_again() {
     let (seen, open) = (floor(|_| ()), Lamp::default());
@@ -340,7 +340,7 @@ fn records_grow_again() {
     assert_eq!(radii(&cache, count), before);
 }
 
-/// Records on something that moves go with it.
+/// Records on moving geometry move with it.
 #[test]
 fn records_are_carried() {
     let lamp = Lamp { tolerance: Some(0.02), ..Lamp::default() };
@@ -362,7 +362,7 @@ fn records_are_carried() {
     assert!(error < 0.2, "{error}: light half a meter higher, four times as bright");
 }
 
-/// Any number of threads makes the same records and the same picture.
+/// The records and the picture do not depend on the number of threads.
 #[test]
 fn threads_do_not_matter() {
     let film = |threads: usize| {
@@ -395,7 +395,7 @@ fn unseen_records_are_forgotten() {
     assert!(cache.records.is_empty());
 }
 
-/// Light that records cannot foresee: it changes along x by a law of their own neighborhood alone.
+/// Light along x that records cannot predict: each record contains only its local value.
 struct Unforeseen<F: Fn(f32) -> f32> {
     light: F,
 }
@@ -413,8 +413,8 @@ impl<F: Fn(f32) -> f32 + Sync> Illumination for Unforeseen<F> {
     }
 }
 
-/// Irradiance that rises evenly while every record says that it does not: neighbors tell its slope, and pixels come out three
-/// times as near to it as by the light of the nearest record.
+/// Irradiance is a ramp, but every record has a zero gradient. Slopes fitted to neighbors are three times as accurate
+/// as the light of the nearest record.
 #[test]
 fn neighbors_teach_slopes() {
     let light = |x: f32| 1.0 + 0.3 * x;
@@ -436,13 +436,14 @@ fn neighbors_teach_slopes() {
     assert!(learnt * 9.0 < blind, "{learnt} and {blind}");
 }
 
-/// A further picture of a frame goes on from known neighbors as if it had looked for them anew. Their light is all that tells slopes.
+/// A further picture that uses the known neighbors of its frame has the same result as a new search for neighbors.
+/// Slopes follow only from their light.
 #[test]
 fn known_neighbors_change_nothing() {
     let rising = Unforeseen { light: |x: f32| 1.0 + 0.3 * x + 0.1 * (9.0 * x).sin() };
     let first = floor(|_| ());
     let beside = floor_from(Vec3::new(0.006, 5.0, 0.006), |_| ());
-    // The first picture is lit in part: beyond, the second one needs new records.
+    // Only a region of the first picture is lit; the second picture needs new records in the rest.
     let left = Plane::from_fn(SIDE, SIDE, |x, _| x < 40);
     let lit = |forgets: bool| {
         let mut cache = IrradianceCache::default();
@@ -461,7 +462,7 @@ fn known_neighbors_change_nothing() {
     }
 }
 
-/// Where irradiance changes in ways not predicted, records stand at least three times as close as where it is even.
+/// Where irradiance changes unpredictably, records are at least three times as dense as where it is even.
 #[test]
 fn records_crowd_where_they_are_contradicted() {
     // A soft step, a fifth of the floor wide.
@@ -477,8 +478,8 @@ fn records_crowd_where_they_are_contradicted() {
     assert!(worst < 0.1, "{worst} of a step of 1");
 }
 
-/// Light that no record predicts, five tolerances up and down from one hand's breadth to the next, seen on a walk of 80 frames:
-/// at its end a picture uses hardly more records than after a few of its own widths, and is as near to the mean light.
+/// The light is unpredictable and varies by five tolerances within a few centimeters. After a walk of 80 frames, a
+/// picture uses hardly more records than after a few picture widths, and its mean is as accurate.
 #[test]
 fn a_walk_does_not_gather_records() {
     let light = |x: f32| 1.0 + 0.1 * (x * 131.0).sin() * (x * 37.0).cos();

@@ -1,4 +1,4 @@
-//! Records that the pixels of each macroblock may take light from.
+//! Lists of the records that may light the pixels of each macroblock.
 
 use super::Vec3A;
 use super::group::{InUse, NearRecords, ROUNDING, RecordGroup, SumUpTo, Weigh};
@@ -10,44 +10,50 @@ use crate::MACROBLOCK;
 use lanes::{Choice, LANES};
 use rayon::prelude::*;
 
-/// Sum of the weights of records at a place from which on they are dense there: another record would settle nothing.
+/// Minimum sum of the weights of records at a point where they count as dense: another record would settle nothing.
 ///
-/// While the camera moves, every frame contradicts some records anew, and without this bound each contradiction adds another.
-/// On 25 frames of `conference` at 160×160 (relative MSE of indirect light against cuts for each pixel, records in use and
-/// indirect time at the end): no bound 1.02e-2, 34 600, 9.3 s; 2 gives 1.11e-2, 13 400, 1.6 s; 1 gives 1.21e-2, 9 000, 1.0 s.
+/// While the camera moves, every frame contradicts some records. Without this bound, each contradiction adds another
+/// record. Measured on 25 frames of `conference` at 160×160. The error is the relative MSE of indirect light against
+/// one lightcut per pixel; records in use and indirect time are from the last frame.
+///
+/// | bound | error | records in use | indirect time |
+/// |---|---|---|---|
+/// | none | 1.02e-2 | 34 600 | 9.3 s |
+/// | 2 | 1.11e-2 | 13 400 | 1.6 s |
+/// | 1 | 1.21e-2 | 9 000 | 1.0 s |
 pub(super) const DENSE: f32 = 2.0;
-/// The same sum from which on a record is dropped: a camera that goes away from a surface brings its records together. Pictures
-/// that nothing went before have one record in a hundred where it is more than 2.3. With 4, `conference` at 160×160 has 19 900
-/// records after 150 frames; with 2.5 it has 18 500, and a frame takes four fifths of the time.
+/// Sum of the weights at which a record is dropped, because a receding camera moves records closer together on screen.
+/// In a picture without previous frames, 1 % of the records exceed 2.3. With 4, `conference` at 160×160 has 19 900
+/// records after 150 frames. With 2.5 it has 18 500, and a frame takes four fifths of the time.
 const CROWDED: f32 = 2.5;
 
 /// A macroblock of the picture.
 #[derive(Default)]
 pub(super) struct Tile {
-    /// Box around its surfaces; empty if there are none.
+    /// Minimum corner of the box around its surfaces; the box is empty without surfaces.
     low: Vec3A,
     high: Vec3A,
-    /// Groups of candidates; the last is filled up with records that are nowhere.
+    /// Groups of candidates; unused lanes of the last group are infinitely far away.
     groups: Vec<RecordGroup>,
-    /// Place of each candidate in [`Tiles::listed`], ascending.
+    /// For each candidate, its position in [`Tiles::listed`], ascending.
     pub candidates: Vec<u32>,
 }
 
 impl Tile {
-    /// Puts the candidates whose weight at a pixel is above zero into `weights`, in their order.
+    /// Sets `weights` to the candidates with a weight above zero at a pixel, in their order.
     #[inline]
     pub fn weights(&self, lanes: Choice, shown: &ShownSurface, weights: &mut Vec<(usize, f32)>) {
         weights.clear();
         lanes.run(Weigh { groups: &self.groups, shown, weights });
     }
 
-    /// Whether the weights at a pixel sum to at least `enough`.
+    /// Returns whether the weights at a pixel sum to at least `enough`.
     #[inline]
     pub fn is_covered(&self, lanes: Choice, shown: &ShownSurface, enough: f32) -> bool {
         lanes.run(SumUpTo { groups: &self.groups, shown, enough })
     }
 
-    /// Puts the candidates less than `reach` meters from `position` into `near`; some may lie a little farther away.
+    /// Sets `near` to the candidates less than `reach` meters from `position`; a few may be slightly farther away.
     #[inline]
     pub fn candidates_near(&self, lanes: Choice, position: Vec3A, reach: f32, near: &mut Vec<u32>) {
         near.clear();
@@ -64,9 +70,9 @@ impl Tile {
         self.candidates.push(place as u32);
     }
 
-    /// Forgets the candidates from `place` on; whether there were any.
+    /// Removes the candidates at list positions from `place` on; returns whether it had any.
     fn forget_from(&mut self, place: usize) -> bool {
-        // Candidates ascend: those from `place` on are the last ones. Their lanes in a group that stays are emptied.
+        // Candidates ascend, so the removed ones are last. Their lanes in the remaining group are cleared.
         let (before, kept) = (self.candidates.len(), self.candidates.partition_point(|&c| (c as usize) < place));
         self.candidates.truncate(kept);
         self.groups.truncate(kept.div_ceil(LANES));
@@ -78,11 +84,11 @@ impl Tile {
         kept < before
     }
 
-    /// Candidates with a weight above zero at any of these pixels.
+    /// Returns the candidates with a weight above zero at any of these pixels.
     fn candidates_in_use(&self, lanes: Choice, shown: &[ShownSurface]) -> Vec<u32> {
         let mut used = Vec::new();
         for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
-            // Lanes that are filled up with nothing are never in use.
+            // Empty lanes are never in use.
             let bits = lanes.run(InUse { group, shown, all: (1 << candidates.len()) - 1 });
             for (lane, &candidate) in candidates.iter().enumerate() {
                 if bits >> lane & 1 == 1 {
@@ -94,7 +100,7 @@ impl Tile {
     }
 
     fn reached_by(&self, position: Vec3A, radius: f32) -> bool {
-        // How far outside of the box the center is, by axis.
+        // Distance of the center from the box on each axis.
         let outside = (self.low - position).max(position - self.high).max(Vec3A::ZERO);
         outside.length_squared() < radius * radius
     }
@@ -104,12 +110,12 @@ impl Tile {
 pub(super) struct Tiles {
     pub all: Vec<Tile>,
     pub lanes: Choice,
-    /// Index of each record that is listed.
+    /// Index of each listed record.
     pub listed: Vec<u32>,
 }
 
 impl Tiles {
-    /// Tiles without records.
+    /// Returns tiles without records.
     pub fn new(picture: &SurfacePicture) -> Self {
         let empty = |tile| {
             let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -124,7 +130,8 @@ impl Tiles {
         Self { all, lanes: Choice::best(), listed: Vec::new() }
     }
 
-    /// Tiles that records reach up to `margin` pixels around the wanted pixels; the others nothing reaches.
+    /// Returns tiles that list records up to `margin` pixels around the wanted pixels. No record reaches tiles farther
+    /// away.
     pub fn around(picture: &SurfacePicture, margin: usize) -> Self {
         let (columns, rows) = picture.wanted_area(margin);
         let reached = |&tile: &usize| {
@@ -149,7 +156,7 @@ impl Tiles {
         Self { all, lanes: Choice::best(), listed: Vec::new() }
     }
 
-    /// Indices of the listed records that reach any tile, ascending.
+    /// Returns the indices of the listed records that reach any tile, ascending.
     pub fn candidates(&self) -> Vec<usize> {
         let mut candidates = Vec::new();
         for tile in &self.all {
@@ -158,7 +165,7 @@ impl Tiles {
         self.records(candidates)
     }
 
-    /// Forgets all candidates.
+    /// Removes all candidates.
     pub fn clear(&mut self) {
         self.listed.clear();
         for tile in &mut self.all {
@@ -183,13 +190,14 @@ impl Tiles {
         };
         let spheres: Vec<(&Site, f32)> = picture.busy.measure(|| self.listed[first..].iter().map(sphere).collect());
 
-        // Eight tiles in a row at a time: their boxes together rule out what none of them needs.
+        // Tiles are processed in runs of eight. Their common box excludes records that none of them needs.
         let across = picture.size().0.div_ceil(MACROBLOCK).max(1);
         let add_to = |tiles: &mut [Tile]| picture.busy.measure(|| add_to_all(tiles, first, &spheres));
         self.all.par_chunks_mut(across.min(8)).for_each(add_to);
     }
 
-    /// Lists the records from `place` on again, whose radii are others now. Returns for each tile whether it had any.
+    /// Lists the records from position `place` on again, with their new radii. Returns for each tile whether it had any
+    /// of them.
     pub fn list_again<R: Sync + Send>(
         &mut self,
         picture: &SurfacePicture,
@@ -202,9 +210,9 @@ impl Tiles {
         had
     }
 
-    /// Keeps, among the records listed from `place` on, those that any pixel takes light from.
+    /// Keeps only the used ones of the records listed from position `place` on.
     pub fn keep_used<R: Sync + Send>(&mut self, picture: &SurfacePicture, records: &[Record<R>], place: usize) {
-        // Late candidates that any pixel of a tile takes light from. Tiles without late ones are passed over.
+        // Late candidates that light any pixel of a tile. Tiles without late candidates are skipped.
         let is_late = |&candidate: &u32| candidate as usize >= place;
         let in_tile = |index: usize| {
             let mut used = if self.all[index].candidates.last().is_some_and(is_late) {
@@ -218,7 +226,7 @@ impl Tiles {
         let wanted = picture.wanted_tiles.par_iter();
         let used: Vec<Vec<u32>> = wanted.map(|&index| picture.busy.measure(|| in_tile(index))).collect();
 
-        // All late ones are taken from the list, and those in use put back.
+        // Remove all late records from the list, and add the used ones again.
         let used = self.records(used.concat());
         for tile in &mut self.all {
             tile.forget_from(place);
@@ -227,12 +235,12 @@ impl Tiles {
         self.list(picture, records, used);
     }
 
-    /// Listed records, ascending, that any pixel takes light from.
+    /// Returns the indices of the listed records that light any pixel, ascending.
     pub fn in_use(&self, picture: &SurfacePicture) -> Vec<usize> {
         self.records(self.candidates_in_use(picture))
     }
 
-    /// Their places in the list, ascending.
+    /// Returns the list positions of the records that light any pixel, ascending.
     pub fn places_in_use(&self, picture: &SurfacePicture) -> Vec<usize> {
         let mut places: Vec<usize> = self.candidates_in_use(picture).into_iter().map(|place| place as usize).collect();
         places.sort_unstable();
@@ -244,9 +252,9 @@ impl Tiles {
         self.used_in(picture, &picture.wanted_tiles)
     }
 
-    /// Candidates of the `chosen` tiles that any of their pixels takes light from, some more than once.
+    /// Returns the candidates of the `chosen` tiles that light any of their pixels; some appear more than once.
     pub fn used_in(&self, picture: &SurfacePicture, chosen: &[usize]) -> Vec<u32> {
-        // Where only a part is wanted most macroblocks show nothing.
+        // If only a region is wanted, most macroblocks show nothing.
         let in_tile = |&index: &usize| {
             let mut shown = picture.shown(index).to_vec();
             shown.retain(ShownSurface::is_something);
@@ -256,9 +264,10 @@ impl Tiles {
         used.concat()
     }
 
-    /// The listed records of `chosen` at places where earlier ones of them sum to [`CROWDED`] already.
+    /// Returns the superfluous ones of the `chosen` records: at their positions, the weights of earlier records sum to
+    /// at least [`CROWDED`].
     ///
-    /// A record beside the picture is none of them: the picture does not tell how dense the records are there.
+    /// A record outside of the picture is never superfluous, because the density of records there is unknown.
     pub fn superfluous<R>(&self, picture: &SurfacePicture, records: &[Record<R>], chosen: &[usize]) -> Vec<usize> {
         let mut kept = vec![false; records.len()];
         let mut weights = Vec::new();
@@ -270,7 +279,7 @@ impl Tiles {
             let tile = &self.all[y / MACROBLOCK * across + x / MACROBLOCK];
             tile.weights(self.lanes, &site.into(), &mut weights);
 
-            // Only records that are kept cover the place: two that lie together must not rule each other out.
+            // Only kept records cover the position: two records close together must not exclude each other.
             let mut covered = 0.0;
             for &(k, weight) in &weights {
                 if kept[self.listed[tile.candidates[k] as usize] as usize] {
@@ -286,7 +295,7 @@ impl Tiles {
         superfluous
     }
 
-    /// Indices of the records of `candidates`, ascending and each once.
+    /// Returns the indices of the records of `candidates`, ascending and without duplicates.
     pub fn records(&self, candidates: Vec<u32>) -> Vec<usize> {
         let mut records: Vec<usize> =
             candidates.into_iter().map(|candidate| self.listed[candidate as usize] as usize).collect();
@@ -296,7 +305,8 @@ impl Tiles {
     }
 }
 
-/// Adds records to the tiles that they reach: those listed from the place `first` on, by their sites and radii.
+/// Adds records to the tiles that they reach. `spheres` are the sites and radii of the records listed from position
+/// `first` on.
 fn add_to_all(tiles: &mut [Tile], first: usize, spheres: &[(&Site, f32)]) {
     let low = tiles.iter().fold(Vec3A::INFINITY, |low, tile| low.min(tile.low));
     let high = tiles.iter().fold(Vec3A::NEG_INFINITY, |high, tile| high.max(tile.high));

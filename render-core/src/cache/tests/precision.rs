@@ -1,5 +1,5 @@
-//! Weights, radii, fits and interpolation of the cache against the same definitions in `f64`: from contact to 10⁶ m, from the
-//! faintest light to the brightest, and for neighbors that lie on a needle, where the fit has hardly anything to go by.
+//! Weights, radii, fits and interpolation of the cache, compared with the same definitions in `f64`. Distances range
+//! from contact to 10⁶ m, and light from very faint to very bright. Neighbors on a needle make the fit ill-conditioned.
 
 use crate::cache::group::weight_between;
 use crate::cache::illumination::{LocalIrradiance, Site};
@@ -11,7 +11,7 @@ use crate::sampling::{hash_unit, uniform_sphere};
 use crate::scene::{Projection, View};
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Quat, Vec2, Vec3, Vec3A};
 
-/// Numbers from 0 to 1 that follow from a key, one after the other.
+/// Sequence of random numbers from 0 to 1 for a key.
 struct Random(u64, u64);
 
 impl Random {
@@ -20,12 +20,12 @@ impl Random {
         hash_unit(11, self.0, self.1)
     }
 
-    /// From −1 to 1.
+    /// Returns a random number from −1 to 1.
     fn signed(&mut self) -> f32 {
         2.0 * self.unit() - 1.0
     }
 
-    /// A unit vector at most `angle` or so from `axis`.
+    /// Returns a unit vector at most about `angle` from `axis`.
     fn near(&mut self, axis: Vec3A, angle: f32) -> Vec3A {
         let way = Vec3A::from(uniform_sphere(Vec2::new(self.unit(), self.unit())));
         (axis + way * (angle * self.unit())).normalize()
@@ -44,7 +44,8 @@ fn matrix(m: &Mat3A) -> DMat3 {
     DMat3::from_cols(wide(m.x_axis), wide(m.y_axis), wide(m.z_axis))
 }
 
-/// Weight of a record at `from` at the place `to`: the formula above `Group::error2`. Openness may differ by `tolerance`.
+/// Returns the weight at `to` of a record at `from`: the formula above `RecordGroup::error2`. Openness may differ by
+/// `tolerance`.
 fn weight(from: &Site, radius: f64, tolerance: f64, to: &Site) -> f64 {
     let d = wide(to.position) - wide(from.position);
     let along = d.dot(wide(to.normal) + wide(from.normal)) / 2.0;
@@ -54,7 +55,7 @@ fn weight(from: &Site, radius: f64, tolerance: f64, to: &Site) -> f64 {
     (1.0 - e2).max(0.0).powi(2)
 }
 
-/// A place `radius` or so from `around`: all over its surface, or on a needle of this thickness.
+/// Returns a site about `radius` from `around`: anywhere on its surface, or on a needle of this thickness.
 fn place(random: &mut Random, around: &Site, radius: f32, needle: Option<f32>) -> Site {
     let (x, y) = crate::sampling::frame(around.normal.into());
     let spread = Vec3::new(1.0, needle.unwrap_or(1.0), 0.1 * needle.unwrap_or(1.0));
@@ -67,21 +68,21 @@ fn place(random: &mut Random, around: &Site, radius: f32, needle: Option<f32>) -
     }
 }
 
-/// Somewhere within a hundred radii of the origin.
+/// Returns a site within a hundred radii of the origin.
 fn somewhere(random: &mut Random, radius: f32) -> Site {
     let normal = random.near(Vec3A::Y, 2.0);
     let position = Vec3A::new(random.signed(), random.signed(), random.signed()) * (100.0 * radius);
     Site { position, normal, geometric_normal: normal, carrier: 0, openness: 0.5, key: 0 }
 }
 
-/// Light that differs by half from place to place, and derivatives that fit it no better; that by the position runs along the
+/// Returns light that varies by half between sites, with random derivatives. The derivative by position runs along the
 /// surface of `site`.
 fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> LocalIrradiance {
     let color = |random: &mut Random| {
         let color = Vec3::new(1.0 + 0.2 * random.unit(), 1.0, 0.7 + 0.3 * random.unit());
         Vec3A::from(color * light * random.signed())
     };
-    // Σ c dᵀ of the directions d that the light changes along by c.
+    // Σ c dᵀ over the directions d, along which the light changes by c.
     let slope = |directions: [Vec3A; 2], random: &mut Random| {
         let [c, d] = [color(random), color(random)];
         let by_axis = |k: usize| c * directions[0][k] + d * directions[1][k];
@@ -102,7 +103,7 @@ fn record(site: Site, estimate: LocalIrradiance, radius: f32) -> Record<()> {
     Record { radius, ..Record::new(site, 1.0, RecordLight { estimate, note: 0, afresh: true }, 0, 0) }
 }
 
-/// Powers of ten between two.
+/// Returns the powers of ten in a range of exponents.
 fn decades(from: i32, to: i32) -> impl Iterator<Item = f32> {
     (from..=to).map(|power| 10f32.powi(power))
 }
@@ -126,17 +127,17 @@ fn weights_are_those_of_f64_from_contact_to_far_away() {
         assert!((weight_between(&here, 0.0, &here) - 1.0).abs() < 1e-5, "a radius of 0 still has its own place");
     }
     println!("farthest from f64: {worst:.1e}");
-    // 1 − n · n′ has the rounding of 1, five times as much after the division.
+    // 1 − n · n′ has the rounding error of 1, and division makes it five times as large.
     assert!(worst < 1e-5, "{worst:.1e}");
 }
 
-/// The radius is the least of three terms; each may be 0, infinite, or 0/0 in the dark.
+/// The radius is the minimum of three terms; each may be 0, infinite, or 0/0 in the dark.
 #[test]
 fn radii_are_those_of_f64() {
     let mut worst = 0.0f64;
     for (key, length) in (0..).zip(decades(-12, 12)) {
         let mut random = Random(key, 1);
-        // The square of a derivative has to be a number: of more than 10¹⁹ W/m³ the radius is 0.
+        // The square of a derivative must be finite: above 10¹⁹ W/m³, the radius is 0.
         for light in decades(-12, 12).filter(|light| light / length < 1e18) {
             let site = somewhere(&mut random, length);
             let mut of = estimate(&mut random, &site, light, length);
@@ -164,8 +165,8 @@ fn radii_are_those_of_f64() {
     assert_eq!(radius(&LocalIrradiance { harmonic_mean: 0.0, ..dark }), 0.0, "contact");
 }
 
-/// Prediction of a record, in `f64`: the minimum at the head of `predict.rs`, by elimination instead of an inverse, with axes
-/// of its own.
+/// Prediction of a record in `f64`: the minimum defined at the top of `predict.rs`. It is solved by elimination instead
+/// of an inverse, with other axes.
 struct Exact {
     position: DVec3,
     normal: DVec3,
@@ -173,15 +174,15 @@ struct Exact {
     irradiance: DVec3,
     by_normal: DMat3,
     axes: [DVec3; 2],
-    /// \[W·m⁻³\]
+    /// Derivative along both axes \[W·m⁻³\].
     along: [DVec3; 2],
     by_openness: DVec3,
 }
 
 impl Exact {
-    /// By the record's own derivatives.
+    /// Returns the prediction from the record's own derivatives.
     fn alone(record: &Record<()>, radius: f64) -> Self {
-        // How far the record's own derivatives are followed: until they change the light by a part of itself.
+        // The derivatives are limited: they may change the light by a fraction of itself.
         let Record { site, estimate, .. } = record;
         let light = luminance(estimate.irradiance.as_dvec3());
         let length = |m: &DMat3| DVec3::new(luminance(m.x_axis), luminance(m.y_axis), luminance(m.z_axis)).length();
@@ -189,7 +190,7 @@ impl Exact {
         let most = light * if radius > f64::from(record.radius) { 0.25 } else { 0.7 };
         let trust = (most / (length(&by_position) * radius).max(length(&by_normal) * 0.632)).min(1.0);
 
-        // They are taken along axes of this test's own.
+        // This test uses its own axes.
         let normal = wide(site.normal).normalize();
         let x = normal.any_orthonormal_vector();
         let axes = [x, normal.cross(x)];
@@ -205,28 +206,28 @@ impl Exact {
         }
     }
 
-    /// By what the `neighbors` teach a record.
+    /// Returns the prediction fitted to the `neighbors`.
     fn new<'r>(record: &Record<()>, radius: f64, pixel: f64, neighbors: impl Iterator<Item = &'r Record<()>>) -> Self {
         let Record { site, estimate, .. } = record;
         let light = luminance(estimate.irradiance.as_dvec3());
         let mut exact = Self::alone(record, radius);
         let (axes, own) = (exact.axes, exact.along.map(|slope| slope * radius));
 
-        // Neighbors count within twelve pixels, or the nearest bound: 1.25 to 2 radii.
+        // Neighbors count within twelve pixels, clamped to 1.25…2 radii.
         let (widened, tolerance) = ((12.0 * pixel / radius).clamp(1.25, 2.0), f64::from(OPENNESS_TOLERANCE));
-        // The left side of the normal equations, with the ridge, and the right one.
+        // The left side of the normal equations, with the ridge, and the right side.
         let mut rows = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.5]];
         let mut right = [DVec3::ZERO; 3];
         let (mut weights, mut variance) = (0.0, 0.0);
         for neighbor in neighbors {
             let other = &neighbor.site;
             let way = wide(other.position) - exact.position;
-            // All that may differ counts over the wider reach.
+            // All tolerances are widened with the reach.
             let w = weight(site, radius * widened, tolerance * widened, other);
             let opener = (f64::from(other.openness) - exact.openness) / tolerance;
             let f = [way.dot(axes[0]) / radius, way.dot(axes[1]) / radius, opener];
 
-            // r: the light that the record alone leaves unexplained. The more it differs, the less it teaches.
+            // r: the residual of the record's own prediction. Large residuals have less weight.
             let alone = exact.irradiance + exact.by_normal * (wide(other.normal) - exact.normal);
             let r = neighbor.estimate.irradiance.as_dvec3() - alone - own[0] * f[0] - own[1] * f[1];
             let taught = w * (1.0 - (luminance(r) / (0.7 * light)).powi(2)).max(0.0).powi(2);
@@ -243,7 +244,7 @@ impl Exact {
             return exact;
         }
 
-        // Solve, and follow the slopes as far as they change the light by half of itself.
+        // Solve, and limit the slopes to a change of the light by half of itself.
         variance /= weights;
         let learns = variance / (variance + (0.5 * f64::from(estimate.tolerance)).powi(2));
         let learnt = eliminated(rows, right).map(|slope| slope * learns);
@@ -266,10 +267,10 @@ impl Exact {
     }
 }
 
-/// Solves three equations for three right sides, by Gauss with the largest pivot.
+/// Solves three equations for three right sides, by Gaussian elimination with partial pivoting.
 fn eliminated(mut rows: [[f64; 3]; 3], mut right: [DVec3; 3]) -> [DVec3; 3] {
     for k in 0..3 {
-        // The largest of what is left of column k, so that no factor is above 1. Then nothing but it is left of the column.
+        // The largest remaining entry of column k is the pivot, so that no factor exceeds 1. The others become 0.
         let pivot = (k..3).max_by(|&a, &b| rows[a][k].abs().total_cmp(&rows[b][k].abs())).expect("a row");
         rows.swap(k, pivot);
         right.swap(k, pivot);
@@ -284,15 +285,15 @@ fn eliminated(mut rows: [[f64; 3]; 3], mut right: [DVec3; 3]) -> [DVec3; 3] {
     [0, 1, 2].map(|k| right[k] / rows[k][k])
 }
 
-/// A view from above whose pixels are so wide at the origin.
+/// Returns a view from above with pixels of this width at the origin.
 fn view(pixel: f32) -> View {
     let above = Affine3A::from_rotation_translation(Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2), Vec3::ZERO);
     View::new(above, Projection::Orthographic { ymag: 32.0 * pixel }, 64, 64)
 }
 
-/// Prediction of a record, by the code under test and in `f64`, with the others of `records` as its neighbors.
+/// Returns the prediction of a record by the code under test and in `f64`, with the other `records` as neighbors.
 fn predicted(one: &Record<()>, records: &[Record<()>], radius: f32, view: &View) -> (Prediction, Exact) {
-    // A fit passes over its own record.
+    // A fit ignores its own record.
     let mut fit = Fit::new(one, radius, view);
     records.iter().for_each(|other| fit.add(other));
     let others = records.iter().filter(|other| !std::ptr::eq(*other, one));
@@ -300,8 +301,8 @@ fn predicted(one: &Record<()>, records: &[Record<()>], radius: f32, view: &View)
     (fit.solve().prediction, Exact::new(one, radius.into(), pixel, others))
 }
 
-/// Fits of up to sixty neighbors, all around or on a needle down to a millionth as thick as long, and what a pixel interpolates
-/// from them.
+/// Fits of up to sixty neighbors, and pixels interpolated from them. The neighbors are all around, or on a needle down
+/// to a millionth as thick as long.
 #[test]
 fn predictions_and_what_is_interpolated_are_those_of_f64() {
     let tolerance = f64::from(OPENNESS_TOLERANCE);
@@ -340,7 +341,7 @@ fn predictions_and_what_is_interpolated_are_those_of_f64() {
                         }
                     }
 
-                    // Below that a pixel gets a record of its own.
+                    // Pixels with less weight would get their own record.
                     if exact_whole > 0.3 {
                         let error = wide(sum / whole) - exact_sum / exact_whole;
                         worst_mean = worst_mean.max((error / f64::from(light)).abs().max_element());

@@ -1,11 +1,11 @@
-//! Records that several ranks make together are those of one.
+//! Several ranks together make the same records as one.
 
 use super::*;
 use crate::PixelSurface;
 use crate::ranks::{Alone, LoggedAlone, ThreadRanks, Turn};
 use glam::Vec3;
 
-/// Light that no record foresees, and that its recipe knows again: where and how bright it was computed.
+/// Unpredictable light; its recipe contains the position and the brightness of the computation.
 struct Shimmer {
     power: f32,
 }
@@ -19,7 +19,8 @@ impl Illumination for Shimmer {
         Computed { light: even(light, 0.7), recipe: (site.position, light / self.power) }
     }
 
-    /// By the recipe alone, so that a record without its own would have other light; every seventh one is to be computed.
+    /// Relights from the recipe alone, so that a missing recipe would change the light. Every seventh record must be
+    /// recomputed.
     fn relight(&self, site: &Site, (position, light): &mut Self::Recipe, _: LastUpdate) -> Option<LocalIrradiance> {
         assert_eq!(*position, site.position, "the recipe is that of the record");
         (!site.key.is_multiple_of(7)).then(|| even(*light * self.power, 0.6))
@@ -34,23 +35,24 @@ impl Illumination for Shimmer {
     }
 }
 
-/// Grooves that places beside them rise above.
+/// Makes grooves below the surface next to them.
 fn grooved(pixel: &mut PixelSurface) {
     if (9.0 * pixel.position[0]).sin() > 0.5 {
         pixel.position[1] -= 0.05;
     }
 }
 
-/// The parts of a frame that are seen from outside, bit by bit.
+/// The visible results of a frame, bit by bit.
 #[derive(Debug, PartialEq)]
 struct Outcome {
     irradiance: Vec<[u32; 3]>,
     counts: [usize; 2],
-    /// Place of each record; its note, share and openness.
+    /// Position of each record; its note, share and openness.
     records: Vec<[[u32; 3]; 2]>,
 }
 
-/// Five pictures of a walk: light stays, light changes, things move, light changes again with further pictures of the frame.
+/// Lights five pictures of a walk: constant light, changed light, moving geometry. Then the light changes again, with a
+/// further picture of the frame.
 fn film(ranks: &dyn Ranks) -> (Vec<Outcome>, Vec<u32>) {
     let mut cache = IrradianceCache::default();
     let mut outcomes = Vec::new();
@@ -98,7 +100,7 @@ fn records_of_several_ranks_are_those_of_one() {
         let mut kept = Vec::new();
         for (rank, (outcomes, own)) in results.into_iter().enumerate() {
             assert!(outcomes == alone, "rank {rank} of {count}");
-            // Each rank keeps the recipes of its own.
+            // Each rank stores the recipes of its own records.
             assert!(own.iter().all(|&number| Turn::Golden(number).owner(count) == rank));
             kept.extend(own);
         }
@@ -107,7 +109,7 @@ fn records_of_several_ranks_are_those_of_one() {
     }
 }
 
-/// With a log, too; there each item that has a result has been timed.
+/// A log changes no result, and it contains a time for each result.
 #[test]
 fn records_are_the_same_with_a_log() {
     let logged = LoggedAlone::default();
@@ -127,7 +129,7 @@ fn records_are_the_same_with_a_log() {
     }
 }
 
-/// Also those of one turn, and of any run of numbers.
+/// Records are spread evenly over ranks, also the records of one refresh frame, for any first number.
 #[test]
 fn records_are_spread_evenly() {
     for count in [1, 2, 3, 4, 16] {
@@ -165,7 +167,7 @@ fn recipes_come_together_again() {
     halves[0].complete(other);
     assert_eq!(halves[0].kept(), alone.kept());
 
-    // A rank that gets all of them keeps its own.
+    // A rank that receives all recipes keeps its own.
     let ranks = ThreadRanks::new(2);
     halves[0].keep_own(&ranks[1]);
     assert_eq!(halves[0].kept(), halves[1].kept());
