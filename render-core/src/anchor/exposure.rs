@@ -1,7 +1,7 @@
-//! Exposure: places of a surface that light can leave, and how far it gets from there.
+//! Exposure: whether light can leave a point of a surface, and how far it travels.
 //!
-//! Much of the area of a modeled scene is out of reach: the floor under a column, a wall behind its molding, the outside
-//! of a shell. An anchor there would take its share of the energy that photons leave around it, and lose that.
+//! Much of the area of a modeled scene is enclosed: the floor under a column, a wall behind its molding, the outside of
+//! a shell. An anchor there would take a share of the energy of photons around it and lose it.
 
 use super::{Anchor, Anchors, Shares};
 use crate::accel::Accelerator;
@@ -11,50 +11,50 @@ use glam::Vec2;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// A place is exposed if at least one ray in this number gets out.
+/// A point is exposed if at least one ray in this number is free.
 const ONE_IN: u64 = 8;
 
-/// How far light gets from a point, by cosine-distributed rays.
+/// Lengths of cosine-distributed rays from a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Outlook {
-    /// Share of the rays beyond the reach of the geometry term's bound s: mean of r² / (r² + s).
+    /// Fraction of light beyond the range of the geometry term's bound s: mean of r² / (r² + s).
     pub openness: f32,
-    /// Whether enough of them get out.
+    /// Whether enough rays are free.
     pub exposed: bool,
     /// Number of rays.
     rays: u8,
-    /// Rays by length, [`OCTAVES`] to a bin; the last holds those that meet nothing.
+    /// Histogram of ray lengths, [`OCTAVES`] per bin; the last bin counts rays without a hit.
     lengths: [u8; BINS],
 }
 
 const BINS: usize = 12;
-/// Octaves of distance in a bin.
+/// Width of a bin in octaves of distance.
 const OCTAVES: f32 = 2.0;
-/// log₂ of the length from which on the second bin begins, in radii of a kernel of surfels: no surfel is exposed that does not
-/// see four times as far.
+/// log₂ of the minimum length in the second bin, in kernel radii of surfels. A surfel is only exposed if it sees four
+/// times as far.
 const FIRST: f32 = -6.0;
-/// Weight of light that came as far as none of the rays of a place go, as a share of them.
+/// Weight of light from a distance that no ray of a point has, as a fraction of the rays.
 const UNLIKELY: f32 = 1.0 / 256.0;
 
 impl Outlook {
-    /// The bin of a length, in radii of a kernel of surfels: that of the disc that an anchor stands for.
+    /// Returns the bin of a length, in kernel radii of surfels: the radius of a disc with the area of an anchor.
     #[inline]
     pub fn bin(length: f32) -> usize {
-        // Negative values become 0; infinity the last.
+        // Negative values become 0; infinity becomes the last bin.
         (((length.log2() - FIRST) / OCTAVES + 1.0) as usize).min(BINS - 1)
     }
 
-    /// How likely light arrives from about as far as `bin` says, up to a factor: the rays of this bin and those beside it,
-    /// and never zero.
+    /// Returns an unnormalized likelihood of light from about the distance of `bin`: the number of rays in this bin and
+    /// its neighbors. It is never zero.
     #[inline]
     pub fn likelihood_of(&self, bin: usize) -> f32 {
-        // Few rays fill a bin by chance. With those beside it the count is smoother.
+        // Single bins have few rays; including the neighbors makes the count smoother.
         let about = &self.lengths[bin.saturating_sub(1)..(bin + 2).min(BINS)];
         about.iter().map(|&rays| f32::from(rays)).sum::<f32>() + UNLIKELY * f32::from(self.rays)
     }
 }
 
-/// Those of `places` that are exposed by their `outlooks`, and these.
+/// Returns the exposed ones of `places`, with their `outlooks`.
 pub(super) fn exposed(places: &[Anchor], outlooks: Vec<Outlook>) -> (Vec<Anchor>, Vec<Outlook>) {
     let (mut kept, mut seen) = (Vec::new(), Vec::new());
     for (&place, outlook) in places.iter().zip(outlooks) {
@@ -66,23 +66,23 @@ pub(super) fn exposed(places: &[Anchor], outlooks: Vec<Outlook>) -> (Vec<Anchor>
     (kept, seen)
 }
 
-/// Rays that measure how exposed a point is.
+/// Ray tracing settings for measuring exposure.
 pub(super) struct Eye<'a> {
     pub surfaces: &'a Surfaces<'a>,
     pub accelerator: &'a Accelerator,
-    /// Shares of the anchors.
+    /// Area shares of the anchors.
     pub shares: Shares,
     /// Bound of the anchors' geometry term \[m²\].
     pub bound: f32,
-    /// How far rays have to go to get out, in sides.
+    /// Minimum length of a free ray, in sides of an area share.
     pub near: f32,
-    /// Rays from a place.
+    /// Number of rays per point.
     pub rays: u8,
 }
 
 impl<'a> Eye<'a> {
-    /// Measures by `rays` rays from each point, over the distances that matter to `anchors`. A ray gets out if it is longer than
-    /// `near` times the side of an anchor's share.
+    /// Returns the settings for `rays` rays from each point, with distances relevant to `anchors`. A ray is free if it
+    /// is longer than `near` times the side of an anchor's area share.
     pub fn of(
         anchors: &Anchors,
         surfaces: &'a Surfaces<'a>,
@@ -98,23 +98,24 @@ impl<'a> Eye<'a> {
         places.par_iter().enumerate().map(|(index, place)| self.outlook(place, index as u64)).collect()
     }
 
-    /// The outlook from `place`, by rays turned by an angle that follows from `index`. What ends on a side that does not
-    /// reflect is lost.
+    /// Measures the outlook from `place`. `index` determines a rotation of the rays. Light that ends on a side without
+    /// reflection is lost.
     fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
-        // The radius is that of a disc of an anchor's share. All places have the same rays, each turned by an angle of its own.
+        // The disc of this radius has the area of an anchor. All points use the same ray pattern, each with its
+        // own rotation.
         let side = self.shares.at(place.position).sqrt();
         let (near, radius) = (self.near * side, side / PI.sqrt());
         let turn = hash_unit(index, 0, 0);
         let (mut found, mut out, mut openness) = (Outlook { rays: self.rays, ..Outlook::default() }, 0, 0.0);
         for u in centered_sobol(self.rays.into()) {
             let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
-            // A ray that meets nothing gets out. One that meets a back side, as within a shell, does not.
+            // A ray without a hit is free. A ray that hits a back side, for example inside a shell, is not.
             let (length, reflects) = match self.accelerator.closest(place.position, direction) {
                 None => (f32::INFINITY, true),
                 Some(hit) => (hit.distance, !self.surfaces.meet(&hit, direction, 0.0).is_back()),
             };
 
-            // o = mean of 1 / (1 + s / r²), which is that of r² / (r² + s). An infinite r counts as 1.
+            // o is the mean of 1 / (1 + s / r²) = r² / (r² + s). An infinite r counts as 1.
             if reflects {
                 out += u64::from(length >= near);
                 openness += 1.0 / (1.0 + self.bound / (length * length));
@@ -122,7 +123,7 @@ impl<'a> Eye<'a> {
             }
         }
 
-        // Exposed is a place that at least one ray in eight leaves.
+        // A point is exposed if at least one ray in eight is free.
         found.openness = openness / f32::from(self.rays);
         found.exposed = out * ONE_IN >= u64::from(self.rays);
         found

@@ -1,4 +1,4 @@
-//! Anchors or surfels near a point of a surface, and on the same side of it.
+//! Search for anchors or surfels near a point of a surface, on the same side.
 
 mod around;
 mod nearest;
@@ -14,16 +14,16 @@ use nearest::Boxes;
 use std::sync::OnceLock;
 use walls::Walls;
 
-/// Where anchors or surfels are: a grid of cells at least a kernel's radius wide over the box around them.
+/// Grid over the bounding box of anchors or surfels, with cells at least as wide as a kernel's radius.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Grid {
     points: Vec<Anchor>,
-    /// How far light gets from each; empty where that was not measured.
+    /// Outlook from each point; empty if not measured.
     outlooks: Vec<Outlook>,
     walls: Walls,
     /// Original index of each point.
     index: Vec<u32>,
-    /// First point of each cell, and the end of the last: cells in x, then y, then z.
+    /// First point of each cell, and the end of the last. Cells are ordered by x, then y, then z.
     first: Vec<u32>,
     low: Vec3A,
     size: [usize; 3],
@@ -31,27 +31,28 @@ pub(crate) struct Grid {
     /// Radius of the kernel in zone 0 \[m\].
     radius: f32,
     zones: Zones,
-    /// Largest scale of the zones that points are in.
+    /// Largest scale of the zones with points.
     largest_scale: f32,
-    /// For [`Grid::nearest`], made when it is first asked.
+    /// Index for [`Grid::nearest`], built on first use.
     boxes: OnceLock<Boxes>,
 }
 
-/// A place on a surface that is to be shared out among what is near.
+/// A point on a surface with light to distribute among its neighbors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
     pub position: Vec3A,
     pub normal: Vec3A,
-    /// Index into [`Scene::instances`](crate::scene::Scene::instances) of the surface. Its own points go before all others:
-    /// another sheet may lie right behind this one and face the same way.
+    /// Index into [`Scene::instances`](crate::scene::Scene::instances) of the surface. Points on the same instance are
+    /// preferred, because another sheet may lie just behind with the same orientation.
     pub instance: u32,
-    /// Whether no other instance may take.
+    /// Whether points of other instances are excluded.
     pub only_own: bool,
-    /// How far the light came that arrives there \[m\]; only those take that have something at about that distance.
+    /// Distance that the arriving light has traveled \[m\]. Points without surfaces at about this distance receive
+    /// almost nothing.
     pub came: Option<f32>,
 }
 
-/// Working memory of [`Grid::splat_all`], kept from one call to the next.
+/// Working memory of [`Grid::splat_all`], reused across calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SplatScratch {
     /// Cell and index of each spot.
@@ -59,34 +60,34 @@ pub(crate) struct SplatScratch {
     around: Around,
 }
 
-/// Points that a kernel is expected to hold: enough to be smooth, few enough to stay local.
+/// Expected number of points in a kernel: enough for smoothness, few enough for locality.
 const POINTS_PER_KERNEL: f32 = 8.0;
-/// Most cells for each point, and in any case: they take 4 bytes each.
+/// Maximum number of cells per point, and the lower limit of the total maximum. A cell takes 4 bytes.
 const CELLS_FOR_EACH_POINT: usize = 8;
 const FEW_CELLS: usize = 1 << 16;
-/// Ratio of the widths of cells that are tried.
+/// Factor between successive cell widths that are tried.
 const WIDER: f32 = 1.25;
-/// Half a right angle between normals, or well off the plane in radii: another wall, not this one.
+/// Minimum cosine between normals on the same wall (about 45°), and maximum height above the plane in radii.
 pub(super) const LEAST_COSINE: f32 = 0.7;
 const MOST_HEIGHT: f32 = 0.3;
-/// Height of a wall that light is shared out over, in radii: light gets over it from anywhere but its foot.
+/// Maximum height of a wall that does not block distribution, in radii. Light passes over it except at its foot.
 const LOW_WALL: f32 = 0.75;
-/// Weight of the points of other instances. With 1, a lampshade of two sheets keeps a third of its light between them.
+/// Weight of points of other instances. With 1, a lampshade of two sheets keeps a third of its light between them.
 const OTHER_INSTANCE: f32 = 1.0 / 256.0;
-/// Factor on squared distances to points of other instances, where the nearest point is looked for: they count as eight times as
-/// far away.
+/// Factor on squared distances to points of other instances in searches for the nearest point: they count as eight
+/// times as far away.
 const OTHER_FARTHER: f32 = 64.0;
-/// A point of the same instance up to so far away goes before all others, in radii.
+/// Maximum distance of a point of the same instance that is preferred to all others, in radii.
 const OWN_REACH: f32 = 2.0;
 
-/// Radius R \[m\] of the kernel over points that stand for `area_share` m² each.
+/// Returns the radius R \[m\] of the kernel over points that represent `area_share` m² each.
 pub(super) fn kernel_radius(area_share: f32) -> f32 {
-    // A disc of radius R holds as many points as its area has shares:  π R² = POINTS_PER_KERNEL · share.
+    // The disc of radius R contains POINTS_PER_KERNEL points:  π R² = POINTS_PER_KERNEL · share.
     (POINTS_PER_KERNEL * area_share / std::f32::consts::PI).sqrt().max(f32::MIN_POSITIVE)
 }
 
 impl Grid {
-    /// Sorts `points` that stand for these `shares`, with their `outlooks` if these are known.
+    /// Builds a grid of `points` with these area `shares`, and with their `outlooks` if measured.
     pub fn new(points: &[Anchor], outlooks: &[Outlook], shares: impl Into<Shares>) -> Self {
         let shares = shares.into();
         let (radius, zones) = (kernel_radius(shares.area), shares.zones().clone());
@@ -99,7 +100,8 @@ impl Grid {
         }
         let extent = if points.is_empty() { Vec3A::ZERO } else { high - low };
 
-        // Cells as wide as the kernel's radius, wider if they were too many: points lie on surfaces, and most cells are empty.
+        // Cells are as wide as the kernel's radius, or wider to limit their number: points lie on surfaces, so most
+        // cells are empty.
         let cells = |cell: f32| (extent / cell).to_array().map(|cells| (cells as usize).saturating_add(1));
         let most = FEW_CELLS.max(CELLS_FOR_EACH_POINT * points.len()) as f64;
         let count = |[x, y, z]: [usize; 3]| x as f64 * y as f64 * z as f64;
@@ -109,7 +111,7 @@ impl Grid {
         }
         let size = cells(cell);
 
-        // Points by cell, those of a cell in their old order.
+        // Points are sorted by cell; within a cell they keep their order.
         let mut grid = Self { low, size, cell, radius, zones, largest_scale, ..Self::default() };
         let mut order = Vec::with_capacity(points.len());
         for (index, point) in (0u32..).zip(points) {
@@ -127,28 +129,28 @@ impl Grid {
         grid
     }
 
-    /// Largest radius of a kernel \[m\].
+    /// Returns the largest radius of a kernel \[m\].
     pub fn reach(&self) -> f32 {
         self.radius * self.largest_scale
     }
 
-    /// Radius of the kernel around `position` \[m\].
+    /// Returns the radius of the kernel around `position` \[m\].
     #[inline]
     fn radius_at(&self, position: Vec3A) -> f32 {
         self.radius * self.zones.scale(position)
     }
 
-    /// Height of what light is shared out over at `position` \[m\].
+    /// Returns the height at `position` below which walls do not block distribution \[m\].
     pub fn height_at(&self, position: Vec3A) -> f32 {
         LOW_WALL * self.radius_at(position)
     }
 
-    /// How many points it holds.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// The cell of a point; outside of the box, the nearest.
+    /// Returns the cell of a point; outside of the box, the nearest cell.
     fn cell_of(&self, position: Vec3A) -> [usize; 3] {
         let at = ((self.zones.unfolded(position, self.radius) - self.low) / self.cell).to_array();
         // Negative values and NaN become 0.
@@ -159,11 +161,12 @@ impl Grid {
         (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// Calls `give(point, weight)` for the points near `spot` that face like it; the weights sum to 1.
-    /// Returns false if there is no point at all that may take anything.
+    /// Calls `give(point, weight)` for the points near `spot` on the same wall; the weights sum to 1. Returns false if
+    /// no point can receive anything.
     ///
-    /// An Epanechnikov kernel over the points within the radius. Where it holds none that fits, as on a
-    /// detail smaller than a point's share, the nearest that faces the same way takes all.
+    /// The weights are an Epanechnikov kernel over the points within the radius. If it contains no suitable point, the
+    /// nearest one with the same orientation receives everything. This occurs on details smaller than a point's area
+    /// share.
     pub fn splat(&self, spot: &Spot, sight: Option<&Sight>, mut give: impl FnMut(usize, f32)) -> bool {
         let mut near = NearPoints::default();
         self.near(spot, |p, weight| near.add(self, p, weight, self.points[p as usize].instance == spot.instance));
@@ -174,11 +177,12 @@ impl Grid {
         !parts.is_empty()
     }
 
-    /// As [`Grid::splat`] for many spots: `share(what, parts)` is given what comes with each spot, and the same weights, with
-    /// the points by where they stand here ([`Grid::by_index`] undoes that); no parts if there is no point.
+    /// Distributes many spots as [`Grid::splat`] does. `share(what, parts)` receives the payload of each spot, and the
+    /// same weights. Points are given by their position in the grid ([`Grid::by_index`] converts them). `parts` is
+    /// empty if there is no point.
     ///
-    /// Spots are taken cell by cell: what is around a cell is looked up once for all of them, and what they give to lies
-    /// close together. Photons come from everywhere, and one by one they would wait for memory most of the time.
+    /// Spots are processed by cell: the neighborhood of a cell is loaded once for all its spots, and the receivers are
+    /// close together in memory. In random order, photons would wait for memory most of the time.
     pub fn splat_all<T: Copy>(
         &self,
         spots: &[(Spot, T)],
@@ -186,7 +190,7 @@ impl Grid {
         scratch: &mut SplatScratch,
         mut share: impl FnMut(T, &[(u32, f32)]),
     ) {
-        // Spots by cell, those of a cell in their order.
+        // Spots are sorted by cell; within a cell they keep their order.
         let SplatScratch { order, around } = scratch;
         order.clear();
         for (index, (spot, _)) in (0..).zip(spots) {
@@ -196,12 +200,12 @@ impl Grid {
 
         let mut here = Vec::new();
         for same_cell in order.chunk_by(|a, b| a.0 == b.0) {
-            // First all spots of the cell: the waits for memory overlap then.
+            // Loading all spots of the cell first overlaps their memory accesses.
             here.clear();
             here.extend(same_cell.iter().map(|&(_, index)| spots[index as usize]));
             around.find(self, self.cell_of(here[0].0.position));
 
-            // Each spot is shared out among what is around the cell, by the kernel and by how likely its light gets there.
+            // Each spot is distributed among the points around the cell, by the kernel and the likelihood of its light.
             for &(spot, what) in &here {
                 let radius = self.radius_at(spot.position);
                 around.weigh(&spot, radius);
@@ -217,12 +221,12 @@ impl Grid {
         }
     }
 
-    /// The points in the order that they came in.
+    /// Returns the points in their original order.
     pub fn points_by_index(&self) -> Vec<Anchor> {
         self.by_index(&self.points)
     }
 
-    /// Sorts values, one for each point, from the order of the grid into the order that the points came in.
+    /// Reorders values, one per point, from grid order to the original order of points.
     pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
         let mut place = vec![0; self.index.len()];
         for (p, &index) in self.index.iter().enumerate() {
@@ -231,7 +235,7 @@ impl Grid {
         place.into_iter().map(|p| by_place[p].clone()).collect()
     }
 
-    /// How likely light that came from about as far as a bin says arrives at a point.
+    /// Returns the likelihood that light from the distance of a bin arrives at a point; 1 if unknown.
     #[inline]
     fn likelihood(&self, p: u32, about: Option<usize>) -> f32 {
         match (about, self.outlooks.get(p as usize)) {
@@ -240,8 +244,9 @@ impl Grid {
         }
     }
 
-    /// The point near `spot` that faces like it and has the largest product of kernel and `rating(point)`; else
-    /// the nearest that faces the same way. None that a wall hides by `sight`.
+    /// Returns the point on the same wall as `spot` with the largest product of kernel and `rating(point)`. If there is
+    /// none, returns the nearest point with the same orientation. Points hidden by a wall are excluded, as tested with
+    /// `sight`.
     pub fn best(&self, spot: &Spot, sight: Option<&Sight>, rating: impl Fn(usize) -> f32) -> Option<usize> {
         let mut near = NearPoints::default();
         self.near(spot, |p, weight| {
@@ -251,18 +256,18 @@ impl Grid {
         near.best(self, spot, sight).map(|p| self.index[p] as usize)
     }
 
-    /// Whether a point belongs to the instance of `spot` and is near: a detail may have its own points a little beyond the
-    /// kernel.
+    /// Returns whether a point belongs to the instance of `spot` and is near. The points of a detail may be slightly
+    /// beyond the kernel.
     fn is_own_beside(&self, p: usize, spot: &Spot) -> bool {
         let Anchor { instance, position, .. } = self.points[p];
         instance == spot.instance
             && position.distance_squared(spot.position) < (OWN_REACH * self.radius_at(spot.position)).powi(2)
     }
 
-    /// Calls `found(p, weight)` with the place in `points` and the kernel's weight of each point that takes from `spot`.
+    /// Calls `found(p, weight)` with the index in `points` and the kernel weight of each receiver of `spot`.
     #[inline]
     fn near(&self, spot: &Spot, mut found: impl FnMut(u32, f32)) {
-        // A kernel around the spot reaches no farther than the cells beside its own.
+        // A kernel around the spot reaches at most the adjacent cells.
         let Spot { position, normal, instance, only_own, came } = *spot;
         if self.points.is_empty() {
             return;
@@ -271,7 +276,7 @@ impl Grid {
         let about = came.map(|length| Outlook::bin(length / radius));
         self.rows(self.cell_of(position)).for_each(|row| {
             for p in row {
-                // Of the same wall is what is near, faces the same way, and lies neither before nor behind it.
+                // Points on the same wall are near, have the same orientation, and lie at the same height.
                 let point = &self.points[p as usize];
                 let d2 = point.position.distance_squared(position) / (radius * radius);
                 let is_own = instance == point.instance;
@@ -289,7 +294,7 @@ impl Grid {
         });
     }
 
-    /// The points of a cell and of those beside it: the cells of a row follow each other, and so do their points.
+    /// Returns the points of a cell and its neighbors. The cells of a row are adjacent, so their points form one range.
     #[inline]
     fn rows(&self, center: [usize; 3]) -> impl Iterator<Item = std::ops::Range<u32>> {
         let [xs, ys, zs] =
@@ -340,7 +345,7 @@ mod tests {
         let points: Vec<Anchor> = (0..400)
             .map(|k| {
                 let at = random(k) * Vec3A::new(1.0, 0.0, 1.0);
-                // Two floors, one above the other, facing up and down.
+                // The scene has two floors, one above the other, facing up and down.
                 let up = k % 2 == 0;
                 Anchor {
                     position: at + Vec3A::Y * if up { 0.0 } else { 0.02 },
@@ -364,7 +369,7 @@ mod tests {
         assert!(!none.splat(&spot(Vec3A::ZERO), None, |_, _| unreachable!("there is no anchor")));
     }
 
-    /// Two sheets that face the same way, closer together than their points: each keeps its own light.
+    /// Two sheets have the same orientation and are closer together than their points: each keeps its own light.
     #[test]
     fn nothing_is_given_to_a_sheet_behind() {
         let points: Vec<Anchor> = (0..400)

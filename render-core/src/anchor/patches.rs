@@ -1,4 +1,4 @@
-//! The surfaces that anchors and surfels are spread over, by area.
+//! The surfaces over which anchors and surfels are distributed by area.
 
 use super::grid::kernel_radius;
 use super::zones::Zones;
@@ -10,43 +10,43 @@ use crate::surface::Surfaces;
 use glam::{Vec2, Vec3A};
 use std::collections::HashMap;
 
-/// Most points in a cube with edges of the kernel's radius. A wall has three there, the densest foliage of the scenes tried
-/// some tens.
+/// Maximum number of points in a cube with edges of the kernel's radius. A wall has three points there; the densest
+/// foliage of the tested scenes has a few tens.
 const CROWD: usize = 256;
 
-/// All sides of triangles that reflect, of what stands still or of what moves. They are not listed: a small mesh may be shown
-/// many times over.
+/// All reflecting sides of the static or of the moving triangles. They are enumerated rather than stored, because a
+/// small mesh may have many instances.
 pub(super) struct Patches<'a> {
     surfaces: &'a Surfaces<'a>,
     on_moving: bool,
     zones: Zones,
-    /// Square meters, above 0; farther zones count for less.
+    /// Total area \[m²\], above 0; farther zones have less weight.
     area: f64,
 }
 
-/// A side of a triangle, or of a piece of it.
+/// A side of a triangle, or of a piece of one.
 struct Patch {
-    /// How many patches come before it.
+    /// Number of patches before it.
     number: usize,
     instance: usize,
     triangle: usize,
     front: bool,
     piece: Piece,
-    /// Square meters; farther zones count for less.
+    /// Area \[m²\]; farther zones have less weight.
     area: f64,
 }
 
-/// Barycentric weights of the second and the third corner of a triangle, at the corners of a piece of it.
+/// Barycentric weights of the second and third corner of a triangle, at the corners of a piece of it.
 type Piece = [Vec2; 3];
 
-/// A triangle as its only piece.
+/// A whole triangle as a single piece.
 const WHOLE: Piece = [Vec2::ZERO, Vec2::X, Vec2::Y];
 
-/// Times that a triangle is halved along its edges, at most.
+/// Maximum number of times that a triangle is subdivided along its edges.
 const MOST_HALVINGS: u32 = 12;
 
 impl<'a> Patches<'a> {
-    /// `None` if there is no area.
+    /// Enumerates the patches; returns `None` if their total area is zero.
     pub fn of(surfaces: &'a Surfaces<'a>, on_moving: bool, zones: &Zones) -> Option<Self> {
         let mut patches = Self { surfaces, on_moving, zones: zones.clone(), area: 0.0 };
         let mut area = 0.0;
@@ -55,7 +55,7 @@ impl<'a> Patches<'a> {
         (area > 0.0).then_some(patches)
     }
 
-    /// Calls `visit` with each in turn.
+    /// Calls `visit` with each patch.
     fn for_each(&self, mut visit: impl FnMut(Patch)) {
         let scene = self.surfaces.scene();
         let moving = self.surfaces.moving();
@@ -64,7 +64,7 @@ impl<'a> Patches<'a> {
             if moving[instance] != self.on_moving {
                 continue;
             }
-            // Both sides of a sheet reflect, each with its own anchors; unlit surfaces reflect nothing.
+            // Both sides of a sheet reflect and have their own anchors; unlit surfaces reflect nothing.
             let mesh = &scene.meshes[*mesh];
             let material = &scene.materials[mesh.material];
             let sides: &[bool] = match (material.unlit, material.double_sided) {
@@ -73,7 +73,7 @@ impl<'a> Patches<'a> {
                 (false, true) => &[true, false],
             };
 
-            // Each side is as likely to be chosen as it is large:  |(b − a) × (c − a)| / 2.
+            // The probability of each side is proportional to its area:  |(b − a) × (c − a)| / 2.
             for triangle in 0..mesh.triangles.len() {
                 let [a, b, c] = self.surfaces.corners(instance, triangle);
                 let area = f64::from((b - a).cross(c - a).length() / 2.0);
@@ -88,15 +88,15 @@ impl<'a> Patches<'a> {
         }
     }
 
-    /// Calls `visit` with the pieces that zones cut the `piece` of a triangle with these `corners` into, and with the share of the
-    /// triangle's area that each counts for.
+    /// Subdivides the `piece` of a triangle with these `corners` at the borders of zones. Calls `visit` with each
+    /// resulting piece, and with its weighted fraction of the triangle's area.
     fn pieces(&self, corners: [Vec3A; 3], piece: Piece, halvings: u32, visit: &mut impl FnMut(Piece, f64)) {
         let [a, b, c] = corners;
         let center = (a + b + c) / 3.0;
         let radius = corners.map(|corner| corner.distance(center)).into_iter().fold(0.0, f32::max);
         let is_cut = self.zones.part_ball(center, radius) && halvings > 0 && radius.is_finite();
         if !is_cut {
-            // A zone has one point in 8^z of those that its area would have in the first.
+            // The point density of zone z is 1 / 8^z of the density in zone 0.
             let scale = f64::from(self.zones.scale(center));
             visit(piece, 0.25f64.powi((MOST_HALVINGS - halvings) as i32) / (scale * scale));
             return;
@@ -112,15 +112,17 @@ impl<'a> Patches<'a> {
         self.pieces([ab, bc, ca], [pq, qr, rp], halvings - 1, visit);
     }
 
-    /// Square meters; farther zones count for less.
+    /// Returns the total area \[m²\]; farther zones have less weight.
     pub fn area(&self) -> f32 {
         self.area as f32
     }
 
-    /// `count` points, evenly by area; fewer where sheets lie so close together that their points would be a crowd.
+    /// Distributes `count` points evenly by area. Returns fewer points where sheets are so close together that their
+    /// points would be too dense.
     pub fn spread(&self, count: usize, units: &Units) -> Vec<DynamicAnchor> {
         let mut points = Vec::with_capacity(count);
-        // Even steps through the sum of the areas: points of a patch follow each other, and one walk finds them all.
+        // Points are at regular steps of the cumulative area, so the points of a patch are consecutive and one pass
+        // suffices.
         let step = |i: usize| (i as f64 + 0.5) / count as f64 * self.area;
         let (mut sum, mut last) = (0.0, None);
         self.for_each(|patch| {
@@ -133,7 +135,7 @@ impl<'a> Patches<'a> {
                 last = Some((patch, first));
             }
         });
-        // A step that was rounded up to the end belongs to the last.
+        // Steps rounded up to the total area belong to the last patch.
         if let Some((patch, first)) = last {
             while points.len() < count {
                 points.push(patch.point(points.len() - first, count, units));
@@ -148,8 +150,9 @@ impl<'a> Patches<'a> {
     }
 }
 
-/// For each of the `places`, whether `CROWD` (256) earlier ones lie in the same cell of a grid as wide as the kernel's
-/// `radius`. Whoever looks for points there goes through all of them; those that stay share the light of all.
+/// Returns for each of the `places` whether `CROWD` (256) earlier ones are in the same cell, in a grid as wide as the
+/// kernel's `radius`. Searches visit all points of a cell, so their number is limited; the remaining points receive the
+/// light of all.
 fn crowded(places: &[Vec3A], radius: f32) -> Vec<bool> {
     let mut counts: HashMap<[i64; 3], usize> = HashMap::new();
     let mut is_crowded = Vec::with_capacity(places.len());
@@ -162,10 +165,10 @@ fn crowded(places: &[Vec3A], radius: f32) -> Vec<bool> {
 }
 
 impl Patch {
-    /// Its point number `within`, of the `count` that all patches have together.
+    /// Returns point number `within` of the patch; all patches together have `count` points.
     fn point(&self, within: usize, count: usize, units: &Units) -> DynamicAnchor {
-        // Each patch has a sequence of its own: one for all would tie the place in a patch to its number, and front sides to
-        // one half of their triangles where each side has a single point.
+        // Each patch has its own sequence. A common one would correlate positions with patch numbers. With one point
+        // per side, all front sides would have it in the same half of their triangles.
         let key = hash(count as u64, self.number as u64, PLACEMENT);
         let (u, v) = triangle(owen_sobol_point(within as u32, key));
         let [p, q, r] = self.piece;
@@ -187,7 +190,7 @@ mod tests {
     use crate::scene::{Material, Mesh, Scene};
     use glam::Vec3;
 
-    /// `copies` of two triangles, the second one four times as large as the first.
+    /// Returns `copies` of two triangles; the second is four times as large as the first.
     fn pile(copies: usize) -> Scene {
         let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [3.0, 0.0], [5.0, 0.0], [3.0, 2.0]];
         let mesh = Mesh {
@@ -220,7 +223,7 @@ mod tests {
 
     #[test]
     fn points_on_many_sheets_in_one_place_are_no_crowd() {
-        // All sheets lie within a few cells, and each of these holds a limited number, however many sheets there are.
+        // All sheets lie within a few cells. Each cell contains a limited number of points, for any number of sheets.
         for copies in [1000, 4000] {
             let scene = pile(copies);
             let surfaces = Surfaces::new(&scene, &scene.pose(0.0));

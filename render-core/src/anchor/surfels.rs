@@ -1,7 +1,7 @@
-//! Surfels: where photons leave their energy.
+//! Surfels: the receivers of photon energy.
 //!
-//! Anchors are few, since each is a light. Light itself varies on a finer scale: at the edge of a sunlit patch, in the fold
-//! of a molding, in the gap above a lamp. So photons are shared out among surfels, which lie closer together, and
+//! Anchors are few, because each is a light. Light varies on a finer scale: at the edge of a sunlit patch, in the fold
+//! of a molding, in the gap above a lamp. Photon energy is therefore distributed among surfels, which are denser:
 //!
 //! ```text
 //! Φ_a = Σ Φ_j · o_j / o_a                    over the surfels j that belong to anchor a
@@ -11,8 +11,9 @@
 //!   w_jk  kernel            A_k  area that surfel k takes from, Σ_i A_i w_ik
 //! ```
 //!
-//! An anchor shines for what is far away, and what is near sees the surfels themselves ([`crate::gather`]). The ratio of the
-//! openness keeps what is caught in folds and gaps from shining out of an anchor that happens to lie outside of them.
+//! Distant surfaces are lit by anchors; nearby surfaces use the surfels directly ([`crate::gather`]). The ratio of
+//! openness accounts for light trapped in folds and gaps. Without it, an anchor outside of the fold would emit this
+//! light.
 
 mod moved;
 
@@ -30,24 +31,24 @@ use std::sync::Arc;
 use moved::Movable;
 pub use moved::Moved;
 
-/// Surfels to an anchor: a kernel that is expected to hold eight of them holds the share of two anchors.
+/// Number of surfels per anchor. A kernel is expected to contain eight surfels, which is the area of two anchors.
 ///
-/// With 40 000 anchors, 8 instead of 4 bring pictures of Sponza, a conference room and an office no nearer to paths, and
-/// take twice the memory; with 2, FLIP is a tenth to a fifth larger.
+/// With 40 000 anchors, 8 instead of 4 take twice the memory. They bring pictures of Sponza, a conference room and an
+/// office no closer to path tracing. With 2, FLIP is a tenth to a fifth larger.
 const PER_ANCHOR: f32 = 4.0;
-/// An anchor that lies deeper in a fold than a surfel that belongs to it shines at most this much more than that sends out.
+/// Maximum ratio of an anchor's light to a surfel's, if the anchor is deeper in a fold.
 const MOST_RATIO: f32 = 2.0;
-/// Distance at which a ray has left the surroundings of a surfel, in sides of an anchor's share: as for anchors, but for the
-/// finer share of surfels.
+/// Minimum length of a ray from a surfel that counts as free, in sides of an anchor's area share. The value for anchors
+/// is scaled to the smaller area of surfels.
 const NEAR: f32 = 0.03;
 
-/// Rays from a surfel that measure how exposed it is: few, as kernels average over eight surfels.
+/// Number of rays that measure the exposure of a surfel. Few suffice because kernels average over eight surfels.
 const OUTLOOK_RAYS: u8 = 8;
 
 /// The surfels of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Surfels {
-    /// Surfels of surfaces at rest.
+    /// Surfels of static surfaces.
     pub fixed: Arc<SurfelMap>,
     dynamic: Vec<DynamicAnchor>,
     dynamic_area_share: f32,
@@ -59,35 +60,35 @@ pub(crate) struct Surfels {
 pub(crate) struct SurfelMap {
     grid: Grid,
     owners: Vec<Owner>,
-    /// For each surfel, where its entries in `around` begin; and the end of the last.
+    /// First entry of each surfel in `around`, and the end of the last.
     first: Vec<u32>,
-    /// Surfels, and their radiance around here for a unit of flux \[m⁻²·sr⁻¹\].
+    /// Neighboring surfels, and their contributions to the radiance per unit of flux \[m⁻²·sr⁻¹\].
     around: Vec<(u32, f32)>,
-    /// A_k of each \[m²\].
+    /// A_k of each surfel \[m²\].
     areas: Vec<f32>,
-    /// A \[m²\] of each place.
+    /// A at each position \[m²\].
     shares: Shares,
-    /// Those that moving things get near.
+    /// Surfels near moving geometry, if any.
     movable: Option<Arc<Movable>>,
 }
 
-/// Points of surfels, and the outlook of each where it was measured.
+/// Positions of surfels, and the outlook of each if measured.
 #[derive(Clone, Copy)]
 struct SurfelPoints<'a> {
     points: &'a [Anchor],
     outlooks: &'a [Outlook],
 }
 
-/// The anchor that shines with a surfel's energy.
+/// The anchor that emits a surfel's energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Owner {
     anchor: Option<u32>,
-    /// Share of the energy that counts.
+    /// Factor on the surfel's energy.
     share: f32,
 }
 
 impl Surfels {
-    /// For the surfaces that `anchors` are spread over, all of them taken as open.
+    /// Creates surfels on the surfaces of `anchors`, all assumed to be open.
     pub fn of(anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
         let points = Self::points(surfaces, units, anchors);
         let surfels = SurfelPoints { points: &points, outlooks: &[] };
@@ -96,7 +97,8 @@ impl Surfels {
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
-    /// For the exposed parts of them; the `outlooks` are those of the fixed anchors. Adds anchors in rooms that have none.
+    /// Creates surfels on the exposed surfaces. `outlooks` belong to the fixed anchors. Adds anchors in rooms without
+    /// any.
     pub fn of_exposed(
         anchors: &mut Anchors,
         outlooks: &[Outlook],
@@ -110,7 +112,7 @@ impl Surfels {
         let (points, seen) = exposed(&points, seen);
         let surfels = SurfelPoints { points: &points, outlooks: &seen };
 
-        // Surfels belong to anchors of their room, and light is shared out within it.
+        // The owner of a surfel must be in the same room, and light is distributed within the room.
         let sight = Some(&Sight { accelerator, epsilon: units.epsilon });
         let mut owners = Self::owners(anchors, surfels, outlooks, sight);
         add_anchors(&mut owners, surfels, anchors, &Sight { accelerator, epsilon: units.epsilon });
@@ -118,7 +120,7 @@ impl Surfels {
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
-    /// Points over all that stands still; none without anchors.
+    /// Distributes points over static surfaces; returns none without anchors.
     fn points(surfaces: &Surfaces, units: &Units, anchors: &Anchors) -> Vec<Anchor> {
         let Some(patches) = Patches::of(surfaces, false, &anchors.zones).filter(|_| !anchors.fixed.is_empty()) else {
             return Vec::new();
@@ -127,7 +129,7 @@ impl Surfels {
         patches.spread(count, units).iter().map(|point| point.in_world(surfaces)).collect()
     }
 
-    /// The owners of fixed `surfels`; the outlooks of the anchors are `seen_by_anchors`.
+    /// Finds the owners of fixed `surfels`. `seen_by_anchors` are the outlooks of the anchors.
     fn owners(
         anchors: &Anchors,
         surfels: SurfelPoints,
@@ -139,14 +141,14 @@ impl Surfels {
         surfels.points.par_iter().enumerate().map(owner).collect()
     }
 
-    /// The `fixed` surfels, and new ones on surfaces that move or bend.
+    /// Combines the `fixed` surfels with new ones on moving or deforming surfaces.
     fn with_dynamic(fixed: SurfelMap, anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
-        // Points over all that moves; none without anchors there.
+        // Distribute points over moving surfaces, if these have anchors.
         let count = (PER_ANCHOR * anchors.dynamic.len() as f32) as usize;
         let patches = Patches::of(surfaces, true, &Zones::default()).filter(|_| !anchors.dynamic.is_empty());
         let dynamic = patches.map_or(Vec::new(), |patches| patches.spread(count, units));
 
-        // Each belongs to the best anchor of its own instance, and keeps to it: both move with the surface.
+        // The owner is the best anchor on the same instance. It is kept, because both move with the surface.
         let grid = Grid::new(&anchors.dynamic_in_world(surfaces), &[], anchors.dynamic_area_share);
         let mut dynamic_owners = Vec::with_capacity(dynamic.len());
         for point in &dynamic {
@@ -157,7 +159,7 @@ impl Surfels {
         Self { fixed: Arc::new(fixed), dynamic, dynamic_area_share, dynamic_owners }
     }
 
-    /// Surfels of moving surfaces, at the pose that `surfaces` has.
+    /// Returns the surfels of moving surfaces at the pose of `surfaces`.
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
         let surfels = SurfelPoints { points: &points, outlooks: &[] };
@@ -165,28 +167,28 @@ impl Surfels {
     }
 }
 
-/// Shares of the fixed surfels.
+/// Returns the area shares of the fixed surfels.
 fn shares(anchors: &Anchors) -> Shares {
     Shares::new(anchors.area_share / PER_ANCHOR, &anchors.zones)
 }
 
-/// o of the place i; 1 where it was not measured.
+/// Returns the openness o of point i; 1 if not measured.
 fn openness(outlooks: &[Outlook], i: usize) -> f32 {
     outlooks.get(i).map_or(1.0, |outlook| outlook.openness)
 }
 
-/// Makes anchors of surfels that see no anchor near them, as in a room smaller than an anchor's share.
+/// Makes anchors of surfels without a visible anchor nearby, as in a room smaller than an anchor's area share.
 fn add_anchors(owners: &mut [Owner], surfels: SurfelPoints, anchors: &mut Anchors, sight: &Sight) {
     let SurfelPoints { points, outlooks } = surfels;
     let radius_in_zone_0 = kernel_radius(anchors.area_share);
-    // Surfels that became anchors, with the numbers of these.
+    // Surfels that became anchors, with the anchors' indices.
     let mut added: Vec<(usize, usize)> = Vec::new();
     for (j, (owner, point)) in owners.iter_mut().zip(points).enumerate() {
         if owner.anchor.is_some() {
             continue;
         }
 
-        // One that was added before may be in the same room.
+        // An anchor added earlier may be in the same room.
         let spot = Spot::of(point, false);
         let radius = radius_in_zone_0 * anchors.zones.scale(point.position);
         let is_near = |(surfel, _): &&(usize, usize)| {
@@ -204,9 +206,9 @@ fn add_anchors(owners: &mut [Owner], surfels: SurfelPoints, anchors: &mut Anchor
 }
 
 impl Owner {
-    /// The anchor in `grid` that shines with the energy of a surfel at `point`, whose openness is `own`.
+    /// Selects the owner in `grid` for a surfel at `point` with openness `own`.
     fn of(point: &Anchor, own: f32, grid: &Grid, seen_by_anchors: &[Outlook], sight: Option<&Sight>) -> Self {
-        // An anchor as open as the surfel, rather than one deep in a fold beside it.
+        // Prefer an anchor as open as the surfel to one deep in a fold nearby.
         let rating = |a: usize| (openness(seen_by_anchors, a) / own.max(f32::MIN_POSITIVE)).min(1.0);
         let anchor = grid.best(&Spot::of(point, false), sight, rating);
 
@@ -214,20 +216,20 @@ impl Owner {
         anchor.map_or(nobody, |a| Self::with_openness(a, own, openness(seen_by_anchors, a)))
     }
 
-    /// Of a surfel whose openness is `own`, where that of the anchor is `of_anchor`.
+    /// Returns the owner of a surfel with openness `own`, for an anchor with openness `of_anchor`.
     fn with_openness(anchor: usize, own: f32, of_anchor: f32) -> Self {
-        // o_j / o_a: a surfel deep in a fold adds little to an anchor in the open, most of its light stays in the fold.
+        // o_j / o_a: most light of a surfel deep in a fold stays there, so it adds little to an open anchor.
         Self { anchor: Some(anchor as u32), share: (own / of_anchor).min(MOST_RATIO) }
     }
 }
 
 impl Spot {
-    /// Whether `point` is within `radius` meters and faces like the surface here.
+    /// Returns whether `point` is within `radius` meters and has the orientation of the surface here.
     fn is_beside(&self, point: &Anchor, radius: f32) -> bool {
         point.position.distance_squared(self.position) < radius * radius && point.normal.dot(self.normal) > LEAST_COSINE
     }
 
-    /// At `point`, for its own instance alone or for all.
+    /// Returns the spot at `point`, restricted to its own instance if `only_own`.
     pub(super) fn of(point: &Anchor, only_own: bool) -> Self {
         let Anchor { position, normal, instance } = *point;
         Self { position, normal, instance, only_own, came: None }
@@ -242,7 +244,7 @@ impl SurfelMap {
         own_instance: bool,
         sight: Option<&Sight>,
     ) -> Self {
-        // w_jk of the surfels k around each surfel j that no wall hides from it.
+        // w_jk of the surfels k around each surfel j, without surfels hidden by walls.
         let SurfelPoints { points, outlooks } = surfels;
         let mut grid = Grid::new(points, outlooks, shares.clone());
         grid.find_walls(sight);
@@ -253,7 +255,7 @@ impl SurfelMap {
         };
         let weights: Vec<Vec<(u32, f32)>> = points.par_iter().map(weights_of).collect();
 
-        // A_k = Σ_i A_i w_ik: photons leave at surfel k what is given all over this area.
+        // A_k = Σ_i A_i w_ik: surfel k receives the photons of this area.
         let mut areas = vec![0.0f32; points.len()];
         for (point, near) in points.iter().zip(&weights) {
             let share = shares.at(point.position);
@@ -262,7 +264,7 @@ impl SurfelMap {
             }
         }
 
-        // L_j = Σ w_jk Φ_k / (π Σ w_jk A_k). All but Φ_k is known here, and kept as one factor.
+        // L_j = Σ w_jk Φ_k / (π Σ w_jk A_k). All factors but Φ_k are constant and stored as one.
         let (mut first, mut around) = (vec![0], Vec::new());
         for near in &weights {
             let area: f32 = near.iter().map(|&(k, weight)| weight * areas[k as usize]).sum();
@@ -275,30 +277,30 @@ impl SurfelMap {
         Self { grid, owners, first, around, areas, shares, movable: None }
     }
 
-    /// How far around a place what is left there is shared out \[m\].
+    /// Returns the largest distance over which energy is distributed \[m\].
     pub fn reach(&self) -> f32 {
         self.grid.reach()
     }
 
-    /// How many there are.
+    /// Returns the number of surfels.
     pub fn len(&self) -> usize {
         self.grid.len()
     }
 
-    /// Calls `give(surfel, weight)` for the surfels that share what is left at `spot`; the weights sum to 1. Returns false
-    /// if there is none.
+    /// Calls `give(surfel, weight)` for the surfels that receive energy from `spot`; the weights sum to 1. Returns
+    /// false if there are none.
     #[inline]
     pub fn splat(&self, spot: &Spot, sight: Option<&Sight>, give: impl FnMut(usize, f32)) -> bool {
         self.grid.splat(spot, sight, give)
     }
 
-    /// The surfel that would take most of what is left at `spot`.
+    /// Returns the surfel that would receive most energy from `spot`.
     #[inline]
     pub fn nearest(&self, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
         self.grid.best(spot, sight, |_| 1.0)
     }
 
-    /// Shares out what is left at all `spots`: see [`Grid::splat_all`].
+    /// Distributes the energy of all `spots`, see [`Grid::splat_all`].
     pub fn splat_all<T: Copy>(
         &self,
         spots: &[(Spot, T)],
@@ -309,13 +311,13 @@ impl SurfelMap {
         self.grid.splat_all(spots, sight, scratch, share);
     }
 
-    /// Sorts values from the indices of [`SurfelMap::splat_all`] into the order of the surfels.
+    /// Reorders values from the indices of [`SurfelMap::splat_all`] to the order of the surfels.
     pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
         self.grid.by_index(by_place)
     }
 
-    /// Makes anchors of the surfels that belong to the `bright` ones of `anchors`: one takes the place of the old anchor, the
-    /// others come after the last.
+    /// Turns the surfels of `bright` anchors into anchors. The first one replaces the old anchor; the others are
+    /// appended.
     pub fn promote(&mut self, anchors: &mut Vec<Anchor>, bright: &[bool]) {
         let points = self.grid.points_by_index();
         let mut is_taken = vec![false; bright.len()];
@@ -325,7 +327,7 @@ impl SurfelMap {
                 continue;
             }
 
-            // The first surfel found takes the number of the old anchor, so that no other anchor's number changes.
+            // The first surfel takes the index of the old anchor, so that other indices stay valid.
             let anchor = if std::mem::replace(&mut is_taken[old], true) {
                 anchors.push(point);
                 anchors.len() - 1
@@ -333,13 +335,14 @@ impl SurfelMap {
                 anchors[old] = point;
                 old
             };
-            // It is its own anchor now, and sends out just what it holds.
+            // The surfel now owns itself and emits exactly its own energy.
             *owner = Owner { anchor: Some(anchor as u32), share: 1.0 };
         }
         self.take_anchors(anchors);
     }
 
-    /// Flux of each of `anchors` anchors, from that of the surfels \[W\]; what has `moved` gives some surfels other owners.
+    /// Returns the flux of each of `anchors` anchors \[W\], from the flux of the surfels. `moved` replaces the owners
+    /// of some surfels.
     pub fn anchor_flux(&self, flux: &[Vec3], moved: &Moved, anchors: usize) -> Vec<Vec3> {
         let mut sums = vec![Vec3::ZERO; anchors];
         let mut add = |owner: &Owner, flux: Vec3| {
@@ -357,14 +360,15 @@ impl SurfelMap {
         sums
     }
 
-    /// Radiance around each surfel \[W·m⁻²·sr⁻¹\], from the flux of all \[W\], where things have `moved` between some of them.
+    /// Returns the radiance around each surfel \[W·m⁻²·sr⁻¹\] from the flux of all \[W\], with the visibility changes
+    /// in `moved`.
     pub fn radiance(&self, flux: &[Vec3], moved: &Moved) -> Vec<Vec3> {
         let mut radiance = self.radiance_at_rest(flux);
         self.set_moved_radiance(flux, moved, &mut radiance);
         radiance
     }
 
-    /// Radiance where nothing has moved between surfels.
+    /// Returns the radiance without moving occluders.
     fn radiance_at_rest(&self, flux: &[Vec3]) -> Vec<Vec3> {
         let one = |bounds: &[u32]| {
             let around = &self.around[bounds[0] as usize..bounds[1] as usize];

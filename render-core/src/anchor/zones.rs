@@ -1,14 +1,16 @@
-//! Zones around the cameras of a film: what lies far beyond all that they see has fewer anchors.
+//! Zones around the cameras of a film: distant surfaces have fewer anchors.
 //!
-//! A room in the middle of a plain of 200 m has one in fifty of the anchors that are spread evenly by area. So
+//! If anchors are distributed evenly by area, a room in a plain of 200 m gets only one in fifty of them. Zones correct
+//! this:
 //!
 //! ```text
 //! z(x) = 0 where d(x) < D,   ⌈log₂ (d(x) / D)⌉ elsewhere        zone of a place
 //! A(x) = A · 8^z(x)           R(x) = R · √8^z(x)                 share of a point there, and radius of its kernel
 //!   d  distance to the nearest camera          D  distance that is seen in detail
 //! ```
-//! Each zone has half as many points as the one before, though four times as much of a plain is in it.
-//! A scene that is seen in detail whole has one zone, and all is as without.
+//!
+//! On a plain, each zone has half as many points as the previous one, although its area is four times as large. If all
+//! of a scene is seen in detail, it has one zone and its anchors are unchanged.
 
 use crate::PosedScene;
 use crate::gbuffer::CameraRay;
@@ -16,44 +18,44 @@ use crate::scene::View;
 use glam::{Vec2, Vec3A};
 use std::sync::Arc;
 
-/// D in distances within which nine of ten rays of the cameras end.
+/// D as a factor on the distance within which nine of ten camera rays end.
 const BEYOND_SEEN: f32 = 1.5;
 const SEEN: f32 = 0.9;
-/// Rays of a camera along a side of its picture.
+/// Number of rays of a camera along each side of its picture.
 const SIDE: u16 = 24;
-/// The last zone: beyond a million times D.
+/// The last zone: beyond half a million times D.
 const LAST: u32 = 20;
-/// Radius of a piece of surface that is in two zones, in distances to the camera.
+/// Minimum radius of a piece of surface that is split between zones, as a fraction of the distance to the camera.
 const NARROW: f32 = 0.05;
 
-/// Zones around the cameras of a film; one alone where none were looked through.
+/// Zones around the cameras of a film; a single zone without cameras.
 #[derive(Clone, Debug, Default)]
 pub struct Zones {
     cameras: Arc<[Vec3A]>,
     /// D \[m\].
     near: f32,
-    /// Largest distance between the first camera and another \[m\].
+    /// Largest distance between the first camera and any other \[m\].
     spread: f32,
 }
 
-/// The views of a film, which [`Zones`] follow from.
+/// The views of a film, from which [`Zones`] are computed.
 #[derive(Clone, Debug, Default)]
 pub struct ZoneSearch {
     cameras: Vec<Vec3A>,
-    /// Lengths of the rays that meet something \[m\].
+    /// Lengths of the rays with a hit \[m\].
     distances: Vec<f32>,
 }
 
-/// Square meters that points stand for.
+/// Area represented by each point, by position.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shares {
-    /// A \[m²\].
+    /// A in zone 0 \[m²\].
     pub area: f32,
     zones: Zones,
 }
 
 impl ZoneSearch {
-    /// Takes in what `view` shows.
+    /// Adds the surfaces visible in `view`.
     pub fn look(&mut self, scene: PosedScene, view: &View) {
         let (center, _) = view.ray(view.size() * 0.5);
         self.cameras.push(center);
@@ -68,7 +70,7 @@ impl ZoneSearch {
         }
     }
 
-    /// The zones; one alone where nothing was seen.
+    /// Returns the zones; a single zone if no surface was visible.
     #[must_use]
     pub fn finish(mut self) -> Zones {
         self.distances.sort_unstable_by(f32::total_cmp);
@@ -83,18 +85,18 @@ impl ZoneSearch {
 }
 
 impl Zones {
-    /// Whether all places are in one zone.
+    /// Returns whether there is a single zone.
     pub(super) fn is_one(&self) -> bool {
         self.cameras.is_empty()
     }
 
-    /// √8^z at `position`.
+    /// Returns √8^z at `position`.
     #[inline]
     pub(super) fn scale(&self, position: Vec3A) -> f32 {
         if self.is_one() { 1.0 } else { scale_of(self.zone(self.distance(position))) }
     }
 
-    /// Whether places within `radius` of `center` are in more than one zone, and the radius is no small one.
+    /// Returns whether the ball spans several zones and is not small.
     pub(super) fn part_ball(&self, center: Vec3A, radius: f32) -> bool {
         if self.is_one() {
             return false;
@@ -103,8 +105,8 @@ impl Zones {
         radius > NARROW * distance && self.zone(distance - radius) != self.zone(distance + radius)
     }
 
-    /// A place where neighbors of a zone are as far from each other as their kernels are wide, at `radius` \[m\] in zone 0, and
-    /// other zones are out of reach.
+    /// Maps a position to a space where all zones have the same kernel radius, `radius` \[m\]. Different zones are out
+    /// of reach of each other there.
     #[inline]
     pub(super) fn unfolded(&self, position: Vec3A, radius: f32) -> Vec3A {
         let Some(&center) = self.cameras.first() else { return position };
@@ -113,7 +115,7 @@ impl Zones {
         (position - center) / scale_of(zone) + Vec3A::X * (apart * zone as f32)
     }
 
-    /// d \[m\].
+    /// Returns d \[m\].
     fn distance(&self, position: Vec3A) -> f32 {
         let mut least = f32::INFINITY;
         for camera in self.cameras.iter() {
@@ -122,32 +124,32 @@ impl Zones {
         least.sqrt()
     }
 
-    /// z at a distance \[m\].
+    /// Returns z at a distance \[m\].
     fn zone(&self, distance: f32) -> u32 {
         // Negative values and NaN become 0.
         ((distance / self.near).log2().ceil() as u32).min(LAST)
     }
 }
 
-/// √8^z.
+/// Returns √8^z.
 fn scale_of(zone: u32) -> f32 {
     8f32.powi(zone as i32).sqrt()
 }
 
 impl From<f32> for Shares {
-    /// The same everywhere.
+    /// Creates equal area shares everywhere.
     fn from(area: f32) -> Self {
         Self { area, zones: Zones::default() }
     }
 }
 
 impl Shares {
-    /// Of `area` \[m²\] in the first of the `zones`.
+    /// Creates area shares of `area` \[m²\] in zone 0 of the `zones`.
     pub fn new(area: f32, zones: &Zones) -> Self {
         Self { area, zones: zones.clone() }
     }
 
-    /// A(x) \[m²\].
+    /// Returns A(x) \[m²\].
     #[inline]
     pub fn at(&self, position: Vec3A) -> f32 {
         let scale = self.zones.scale(position);
@@ -176,7 +178,7 @@ mod tests {
         Zones { cameras: cameras.into(), near: NEAR, spread: cameras[0].distance(cameras[cameras.len() - 1]) }
     }
 
-    /// A square of 200 m.
+    /// Returns a square plain of 200 m.
     fn plain() -> Scene {
         let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
         let positions = corners.map(|[x, z]| Vec3::new(x, 0.0, z) * REACH).into();
@@ -194,20 +196,20 @@ mod tests {
         assert!(shares.at(Vec3A::NAN).is_finite() && shares.at(Vec3A::INFINITY).is_finite());
     }
 
-    /// The rings of a plain, cut out of two triangles, count for π D² (1 + 3/8 + 3/16 + …) as long as they lie in it whole.
+    /// Rings of a plain have a weighted area of π D² (1 + 3/8 + 3/16 + …) while they lie completely within it.
     #[test]
     fn the_area_of_a_plain_is_that_of_its_rings() {
         let scene = plain();
         let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
         let found = Patches::of(&surfaces, false, &zones(&[Vec3A::ZERO])).unwrap().area();
-        // Beyond 80 m, what is left of the square is in zone 4; corners lie within 160 m.
+        // Beyond 80 m, the rest of the square is in zone 4; its corners are within 160 m.
         let (near, reach) = (f64::from(NEAR), f64::from(REACH));
         let rings = PI * near * near * (1.0 + 3.0 / 8.0 + 3.0 / 16.0 + 3.0 / 32.0);
         let corners = (4.0 * reach * reach - PI * 64.0 * near * near) / 4096.0;
         assert!((f64::from(found) / (rings + corners) - 1.0).abs() < 0.01, "{found} instead of {}", rings + corners);
     }
 
-    /// Anchors of each ring stand for all of its area, and neighbors share light across cells alike.
+    /// The anchors of each ring represent its whole area.
     #[test]
     fn anchors_of_each_ring_stand_for_its_area() {
         let scene = plain();
@@ -227,7 +229,7 @@ mod tests {
         }
     }
 
-    /// A kernel over points of a zone that lies in the plain whole holds some of them, and its weights sum to 1.
+    /// A kernel in a zone that lies completely within the plain contains some points, and its weights sum to 1.
     #[test]
     fn places_of_all_zones_have_neighbors() {
         let scene = plain();

@@ -1,28 +1,28 @@
-//! What is around a place: the points of the cells beside it, and those of them that share what is left there.
+//! Points around a cell, and the distribution of light among them.
 
 use super::walls::Doubt;
 use super::{Grid, LEAST_COSINE, MOST_HEIGHT, OTHER_INSTANCE, Sight, Spot};
 use crate::accel::PACKET;
 
-/// Most points that share what is left at one place: one packet of rays finds which of them it sees.
+/// Maximum number of points that share the light of one spot: one packet of rays tests their visibility.
 const MOST_NEAR: usize = PACKET;
 
-/// The points of a cell and of those beside it, by axis.
+/// The points of a cell and its neighbors, in structure-of-arrays layout.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Around {
-    /// Places in [`Grid::points`].
+    /// Indices into [`Grid::points`].
     pub places: Vec<u32>,
     position: [Vec<f32>; 3],
     normal: [Vec<f32>; 3],
     pub instance: Vec<u32>,
-    /// Weight of each in the kernel.
+    /// Kernel weight of each point.
     pub weights: Vec<f32>,
 }
 
 impl Around {
-    /// Finds what is in a cell of `grid` and in those beside it.
+    /// Collects the points in a cell of `grid` and in its neighbors.
     pub fn find(&mut self, grid: &Grid, cell: [usize; 3]) {
-        // The memory of the last cell is used again.
+        // The memory of the previous cell is reused.
         let Self { places, position, normal, instance, weights } = self;
         places.clear();
         instance.clear();
@@ -34,7 +34,7 @@ impl Around {
             grid.rows(cell).for_each(|row| places.extend(row));
         }
 
-        // By axis: one instruction takes a coordinate of many points.
+        // In this layout, one instruction processes a coordinate of many points.
         for &p in places.iter() {
             let point = &grid.points[p as usize];
             for axis in 0..3 {
@@ -46,9 +46,9 @@ impl Around {
         weights.resize(places.len(), 0.0);
     }
 
-    /// The weight of the kernel around `spot` for each: the same arithmetic as [`Grid::near`]'s, many side by side.
+    /// Computes the kernel weight of each point around `spot`, with the arithmetic of [`Grid::near`] but vectorized.
     pub fn weigh(&mut self, spot: &Spot, radius: f32) {
-        // Slices of one length, so that the loop checks no index.
+        // Slices of equal length avoid bounds checks in the loop.
         let ([x, y, z], [n_x, n_y, n_z]) = (spot.position.to_array(), spot.normal.to_array());
         let (others, instance) = (if spot.only_own { 0.0 } else { OTHER_INSTANCE }, spot.instance);
         let count = self.weights.len();
@@ -62,7 +62,7 @@ impl Around {
             let d2 = (d_x * d_x + d_y * d_y + d_z * d_z) / (radius * radius);
             let cosine = m_x[i] * n_x + m_y[i] * n_y + m_z[i] * n_z;
             let height = n_x * d_x + n_y * d_y + n_z * d_z;
-            // Without branches.
+            // No branches, so that the loop is vectorized.
             let same_wall = (d2 < 1.0) & (cosine > LEAST_COSINE) & (height.abs() < MOST_HEIGHT * radius);
             let share = if instances[i] == instance { 1.0 } else { others };
             *weight = if same_wall { (1.0 - d2) * share } else { 0.0 };
@@ -70,14 +70,14 @@ impl Around {
     }
 }
 
-/// The points that share what is left at a place, and their weights.
+/// The points that share the light of one spot, and their weights.
 pub(super) struct NearPoints {
     parts: [(u32, f32); MOST_NEAR],
     count: usize,
     sum: f32,
-    /// Bits of those that belong to the instance of the place.
+    /// Mask of the points on the instance of the spot.
     own: u64,
-    /// Largest doubt of any of them.
+    /// Largest doubt of any of these points.
     doubt: Doubt,
 }
 
@@ -100,15 +100,17 @@ impl NearPoints {
         }
     }
 
-    /// The points with weights that sum to 1: those of the kernel that no wall hides by `sight`, or one near by where there is none
-    /// of the own instance; none if there is no point at all that may take anything.
+    /// Returns the points with weights that sum to 1: the points of the kernel that no wall hides, as tested with
+    /// `sight`. If none belongs to the instance of the spot, a single point nearby may replace them. The result is
+    /// empty if no point can receive anything.
     #[inline]
     pub fn parts(&mut self, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> &[(u32, f32)] {
         if let Some(sight) = sight.filter(|_| self.doubt != Doubt::Nothing) {
             self.drop_hidden(grid, spot, sight);
         }
 
-        // A kernel that holds nothing of the own instance would give all to another sheet. One of its own may lie close by.
+        // A kernel without points of its own instance would give all light to another sheet, although an own point may
+        // be near.
         if self.own == 0
             && let Some(p) = nearest(grid, spot, sight)
             && (self.sum <= 0.0 || grid.is_own_beside(p, spot))
@@ -122,8 +124,8 @@ impl NearPoints {
         parts
     }
 
-    /// The point of the largest weight, of those that no wall hides: of the own instance if there is one, a little beyond the
-    /// kernel too; else of any.
+    /// Returns the visible point of the largest weight. Points of the own instance are preferred, even slightly beyond
+    /// the kernel.
     pub fn best(&self, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
         let mut left = u64::MAX >> (MOST_NEAR - self.count.max(1));
         if let Some(p) = self.best_seen(left & self.own, grid, spot, sight) {
@@ -131,7 +133,7 @@ impl NearPoints {
         }
         left &= !self.own;
 
-        // Points of the own instance a little beyond the kernel go before those of others within it.
+        // Points of the own instance slightly beyond the kernel precede other points within it.
         let nearest = nearest(grid, spot, sight);
         if let Some(p) = nearest.filter(|&p| grid.is_own_beside(p, spot)) {
             return Some(p);
@@ -139,7 +141,7 @@ impl NearPoints {
         self.best_seen(left, grid, spot, sight).or(nearest)
     }
 
-    /// The point of the largest weight among those of the bits `left` that is not hidden.
+    /// Returns the visible point of the largest weight in the mask `left`.
     fn best_seen(&self, mut left: u64, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
         loop {
             let mut best: Option<usize> = None;
@@ -158,7 +160,7 @@ impl NearPoints {
         }
     }
 
-    /// Leaves out the points that a wall hides.
+    /// Removes the points hidden by a wall.
     fn drop_hidden(&mut self, grid: &Grid, spot: &Spot, sight: &Sight) {
         let hidden = grid.hidden(spot, sight, &self.parts[..self.count], self.doubt);
         if hidden == 0 {
@@ -173,7 +175,7 @@ impl NearPoints {
     }
 }
 
-/// The nearest point that faces like `spot`, if no wall hides it.
+/// Returns the nearest point with the orientation of `spot`, unless a wall hides it.
 fn nearest(grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
     let p = grid.nearest(spot)?;
     let hides = |sight: &Sight| grid.hidden(spot, sight, &[(p as u32, 1.0)], Doubt::Anything) != 0;

@@ -1,40 +1,40 @@
-//! The nearest point that faces to one side: a tree of boxes over the points, so that what lies far off or faces away is passed
-//! over in large parts.
+//! Search for the nearest point with a given orientation. A bounding volume hierarchy over the points skips distant
+//! points and points that face away.
 
 use super::{Grid, OTHER_FARTHER, Spot};
 use crate::anchor::Anchor;
 use crate::steps;
 use glam::Vec3A;
 
-/// Points of a leaf.
+/// Maximum number of points in a leaf.
 const LEAF: usize = 8;
 
-/// Boxes within boxes over the points of a grid.
+/// Bounding volume hierarchy over the points of a grid.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Boxes {
-    /// Places in [`Grid::points`], those of a node side by side.
+    /// Indices into [`Grid::points`]; the points of a node are contiguous.
     order: Vec<u32>,
-    /// Parents first; the first child of a node comes right after it.
+    /// Parents precede children; the first child of a node directly follows it.
     nodes: Vec<PointNode>,
 }
 
-/// What a node holds: where its points are, which way they face, whose they are.
+/// Bounds of the positions, normals and instances of a node's points.
 #[derive(Clone, Debug)]
 struct PointNode {
     positions: [Vec3A; 2],
     normals: [Vec3A; 2],
     instances: [u32; 2],
-    /// Its points in [`Boxes::order`].
+    /// Range of its points in [`Boxes::order`].
     points: std::ops::Range<u32>,
-    /// Place of the second child in [`Boxes::nodes`]; 0 for a leaf.
+    /// Index of the second child in [`Boxes::nodes`]; 0 for a leaf.
     second: u32,
 }
 
 impl Boxes {
-    /// Halves the points at the middle of their widest axis, down to leaves.
+    /// Builds the hierarchy: splits the points at the median of their widest axis, down to leaves.
     pub fn over(points: &[Anchor]) -> Self {
         let mut boxes = Self { order: (0..points.len() as u32).collect(), nodes: Vec::new() };
-        // Ranges that wait for a node, each with the parent whose second child it is.
+        // Ranges without a node, each with its parent if it is a second child.
         let mut open = vec![(0..points.len(), None)];
         while let Some((range, parent)) = open.pop() {
             if range.is_empty() {
@@ -49,6 +49,7 @@ impl Boxes {
             let node = PointNode::around(points, own, range.start as u32);
             let extent = (node.positions[1] - node.positions[0]).to_array();
             boxes.nodes.push(node);
+            // The lower half is pushed last, so that its node follows this one.
             if own.len() > LEAF {
                 let axis = (1..3).fold(0, |widest, axis| if extent[axis] > extent[widest] { axis } else { widest });
                 let along = |&p: &u32| points[p as usize].position[axis];
@@ -61,13 +62,13 @@ impl Boxes {
         boxes
     }
 
-    /// The nearest of the `grid`'s points that `spot` may choose from, facing to its side or, if not `facing`, away from it. Of
-    /// those equally far the first.
+    /// Returns the nearest of the `grid`'s points that `spot` may use. It faces the side of `spot`, or away from it if
+    /// `facing` is false. At equal distances, the first point wins.
     fn nearest(&self, grid: &Grid, spot: &Spot, facing: bool) -> Option<usize> {
         let mut best: Option<(f32, u32)> = None;
         let mut open = vec![0u32];
         while let Some(place) = open.pop() {
-            // What holds nothing that is nearer, or that may be chosen, is passed over.
+            // Skip nodes that are too far away or contain no suitable point.
             steps::count(1);
             let Some(node) = self.nodes.get(place as usize) else { continue };
             let distance2 = node.distance2(spot);
@@ -75,7 +76,7 @@ impl Boxes {
                 continue;
             }
 
-            // The nearer child first: what it holds may rule out the other.
+            // Visit the nearer child first: its points may exclude the other child.
             if node.second != 0 {
                 let children = [place + 1, node.second];
                 let [a, b] = children.map(|child| self.nodes[child as usize].distance2(spot));
@@ -100,7 +101,7 @@ impl Boxes {
 }
 
 impl PointNode {
-    /// A leaf with the points that `own` names.
+    /// Returns a leaf with the points `own`.
     fn around(points: &[Anchor], own: &[u32], first: u32) -> Self {
         let mut node = Self {
             positions: [Vec3A::INFINITY, Vec3A::NEG_INFINITY],
@@ -122,16 +123,16 @@ impl PointNode {
         (self.instances[0]..=self.instances[1]).contains(&spot.instance)
     }
 
-    /// No point in it is nearer: squared distance, points of other instances counted as farther.
+    /// Returns a lower bound of the squared distance of its points; other instances count as farther.
     fn distance2(&self, spot: &Spot) -> f32 {
         let closest = spot.position.clamp(self.positions[0], self.positions[1]);
         closest.distance_squared(spot.position) * farther(self.may_hold_own(spot))
     }
 
-    /// Whether a point in it may face to the side of `spot`, or away from it, and be one of those it may choose from.
+    /// Returns whether it may contain a point that faces the side of `spot` (or away from it) and that `spot` may use.
     fn may_hold(&self, spot: &Spot, facing: bool) -> bool {
-        // The products n · m of all normals m in a box lie between the sums of the least and of the greatest terms, in rounded
-        // numbers too.
+        // For all normals m in a box, n · m lies between the sums of the smallest and of the largest terms. This also
+        // holds under rounding.
         let (a, b) = (spot.normal * self.normals[0], spot.normal * self.normals[1]);
         let (least, greatest) = (a.min(b).element_sum(), a.max(b).element_sum());
         let faces = if facing { greatest > 0.0 } else { least <= 0.0 };
@@ -139,13 +140,14 @@ impl PointNode {
     }
 }
 
-/// Factor on the squared distance: another sheet may lie closer than the next point of the own one.
+/// Returns the factor on the squared distance: another sheet may be nearer than the next point on the same sheet.
 fn farther(is_own: bool) -> f32 {
     if is_own { 1.0 } else { OTHER_FARTHER }
 }
 
 impl Grid {
-    /// The nearest point that faces to the side of `spot`, else the nearest at all; those of other instances count as farther.
+    /// Returns the nearest point that faces the side of `spot`, or else the nearest point. Other instances count as
+    /// farther.
     pub(super) fn nearest(&self, spot: &Spot) -> Option<usize> {
         let boxes = self.boxes.get_or_init(|| Boxes::over(&self.points));
         boxes.nearest(self, spot, true).or_else(|| boxes.nearest(self, spot, false))
@@ -157,7 +159,7 @@ mod tests {
     use super::*;
     use crate::sampling::hash_unit;
 
-    /// Places on the unit square of the plane y = 0, for points of a `count`.
+    /// Returns a pseudorandom point of the unit square in the plane y = 0.
     fn on_plane(key: u64, count: u64) -> Vec3A {
         Vec3A::new(hash_unit(count, key, 0), 0.0, hash_unit(count, key, 1))
     }
@@ -174,8 +176,8 @@ mod tests {
 
     #[test]
     fn searches_look_at_few_of_many_points() {
-        // A plane that faces up, seen from above, from below and from the side; half of the searches are for an instance, one in
-        // five of them for one that has no point.
+        // The plane faces up; searches view it from above, from below and from the side. Half of the searches are for
+        // one instance, and one in five of these for an instance without points.
         for normal in [Vec3A::Y, Vec3A::NEG_Y, Vec3A::X] {
             let mean_steps = |count| {
                 let grid = Grid::new(&points(count, |_| Vec3A::Y), &[], 1.0 / count as f32);
@@ -183,7 +185,7 @@ mod tests {
                 let search = || assert_eq!((0..200).filter_map(|k| grid.nearest(&spot(k, normal))).count(), 180);
                 steps::taken(search) / 200
             };
-            // Points of four instances lie among each other: four times as many are looked at as of one.
+            // Points of four instances are mixed, so four times as many are visited as of one.
             let (few, many) = (mean_steps(1000), mean_steps(64_000));
             assert!(many <= few + 400 && many < 600, "{normal}: {few} and {many} steps");
         }

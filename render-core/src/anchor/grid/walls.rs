@@ -1,48 +1,48 @@
-//! Walls between points that are near each other: which points do not see which.
+//! Walls between neighboring points, which hide them from each other.
 //!
-//! Most places have no wall near them. So each point has a list of those within the kernel around it that a wall hides, and what is
-//! shared out where all these lists are empty needs no ray.
+//! Most points have no wall near them. Each point therefore has a list of the points in its kernel that a wall hides.
+//! Light is distributed without rays where all these lists are empty.
 
 use super::{Grid, Spot};
 use crate::accel::PACKET;
 use crate::anchor::{Anchor, Sight};
 use rayon::prelude::*;
 
-/// Kind of obstacle between a point and others near it.
+/// Kind of occluder between a point and its neighbors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Doubt {
-    /// Nothing.
+    /// No occluder.
     Nothing,
-    /// A wall that stays where it is.
+    /// A static wall.
     Wall,
-    /// Something that moves, or that was not looked for.
+    /// A moving occluder, or an untested pair.
     Anything,
 }
 
-/// The lists of a grid, by the places of its points.
+/// The lists of a grid, by the indices of its points.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Walls {
     doubts: Vec<Doubt>,
-    /// Where the list of each point begins; and the end of the last.
+    /// First list entry of each point, and the end of the last list.
     first: Vec<u32>,
-    /// Points that a wall hides, in rising order for each.
+    /// Points hidden by a wall, ascending for each point.
     hidden: Vec<u32>,
 }
 
 impl Walls {
-    /// Nothing is known of walls between `count` points.
+    /// Returns the state before any test between `count` points.
     pub fn unknown(count: usize) -> Self {
         Self { doubts: vec![Doubt::Anything; count], first: vec![0; count + 1], hidden: Vec::new() }
     }
 
-    /// No wall between `count` points.
+    /// Returns empty lists for `count` points.
     fn none(count: usize) -> Self {
         Self { doubts: vec![Doubt::Nothing; count], ..Self::unknown(count) }
     }
 
-    /// By rays between the points of `grid`.
+    /// Tests the pairs of neighboring points of `grid` by rays.
     fn between(grid: &Grid, sight: &Sight) -> Self {
-        // Each pair is looked at once, from the point that comes first.
+        // Each pair is tested once, from its first point.
         let later_hidden = |p: u32| {
             let spot = Spot::of(&grid.points[p as usize], false);
             let (mut later, mut places) = (Vec::new(), Vec::new());
@@ -57,7 +57,7 @@ impl Walls {
         };
         let later: Vec<Vec<u32>> = (0..grid.points.len() as u32).into_par_iter().map(later_hidden).collect();
 
-        // Who is hidden from a point does not see it either.
+        // Visibility is symmetric.
         let mut lists = vec![Vec::new(); later.len()];
         for (p, later) in (0u32..).zip(&later) {
             for &k in later {
@@ -76,8 +76,8 @@ impl Walls {
         walls
     }
 
-    /// Doubts what is near a point with a wall, too: a place may be near the other side of the wall, and each point there too far
-    /// from its own side to have a list.
+    /// Marks the neighbors of points near a wall too. A spot may be close to the other side of the wall, where the
+    /// points are too far from the wall to have lists.
     fn doubt_neighbors(&mut self, grid: &Grid) {
         let is_near_wall = |p: u32| {
             let mut found = false;
@@ -87,13 +87,13 @@ impl Walls {
         self.doubts = (0..self.doubts.len() as u32).into_par_iter().map(is_near_wall).collect();
     }
 
-    /// Kind of obstacle near point `p`.
+    /// Returns the kind of occluder near point `p`.
     #[inline]
     pub fn doubt(&self, p: u32) -> Doubt {
         self.doubts[p as usize]
     }
 
-    /// Whether a wall stands between points `p` and `k`, of which one is within the kernel around the other.
+    /// Returns whether a wall separates points `p` and `k`. One must be within the kernel around the other.
     fn stand_between(&self, p: u32, k: u32) -> bool {
         let list = &self.hidden[self.first[p as usize] as usize..self.first[p as usize + 1] as usize];
         list.binary_search(&k).is_ok()
@@ -101,7 +101,7 @@ impl Walls {
 }
 
 impl Grid {
-    /// Finds the walls between the points, by rays if there is `sight`; else there are none.
+    /// Finds the walls between the points by rays; without `sight`, assumes that there are none.
     pub fn find_walls(&mut self, sight: Option<&Sight>) {
         self.walls = match sight {
             Some(sight) => Walls::between(self, sight),
@@ -109,7 +109,7 @@ impl Grid {
         };
     }
 
-    /// Notes that moving things may get near the points for whose index `may_meet` is true.
+    /// Marks the points that moving geometry may come near: `may_meet` is true for their index.
     pub fn expect_movement(&mut self, may_meet: &[bool]) {
         for (doubt, &index) in self.walls.doubts.iter_mut().zip(&self.index) {
             if may_meet[index as usize] {
@@ -118,7 +118,7 @@ impl Grid {
         }
     }
 
-    /// Bits of the points of `parts` that something hides from `spot`; their largest doubt is `doubt`.
+    /// Returns the mask of the points of `parts` that are hidden from `spot`. `doubt` is their largest doubt.
     pub(super) fn hidden(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)], doubt: Doubt) -> u64 {
         match doubt {
             Doubt::Nothing => 0,
@@ -135,8 +135,8 @@ impl Grid {
         sight.hidden(spot.position, spot.normal, &points[..parts.len()], self.height_at(spot.position))
     }
 
-    /// By the list of the nearest point in sight: whoever that sees is seen from here. Rays find that point, and what lies beyond
-    /// its reach.
+    /// Tests visibility by the list of the nearest visible point: points visible from there are visible from `spot`.
+    /// Rays find this nearest point, and test points outside of its kernel.
     fn hidden_by_lists(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)]) -> u64 {
         let is_hidden = |i: usize| self.hidden_by_rays(spot, sight, &parts[i..=i]) != 0;
         let all = u64::MAX >> (PACKET - parts.len().max(1));
@@ -181,7 +181,7 @@ mod tests {
     use crate::scene::{Material, Mesh, Scene};
     use glam::{Vec3, Vec3A};
 
-    /// A floor of 4×4 m with a wall along x = 0 and a curb of 1 cm along x = 1.
+    /// Returns a floor of 4×4 m with a wall along x = 0 and a curb of 1 cm along x = 1.
     fn parted_floor() -> Scene {
         let mut mesh = Mesh::default();
         for [corner, a, b] in [
@@ -228,7 +228,7 @@ mod tests {
             by_rays.splat(spot, Some(&sight), |point, weight| of_rays.push((point, weight)));
             of_lists.sort_by_key(|part| part.0);
             of_rays.sort_by_key(|part| part.0);
-            // Over a low curb one place may see what its neighbor does not.
+            // Across a low curb, one point may see another that its neighbor does not see.
             let near_curb = (spot.position.x - 1.0).abs() < 2.0 * by_lists.radius;
             let is_same = of_lists.iter().map(|part| part.0).eq(of_rays.iter().map(|part| part.0));
             differing += usize::from(!is_same && !near_curb);

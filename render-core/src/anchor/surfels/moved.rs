@@ -1,7 +1,7 @@
-//! Moving things among surfels at rest: a door that closes parts the light of two rooms.
+//! Dynamic geometry among static surfels: for example, a closing door separates the light of two rooms.
 //!
-//! A thing hides surfels from each other while it is between them. Near its way, each frame finds by rays which of the surfels k
-//! around a surfel j are in sight, and w_jk holds for these alone; and whether a surfel still sees the anchor that it belongs to.
+//! Moving geometry hides surfels from each other. Near its path, rays determine in each frame which surfels k around a
+//! surfel j are visible, and w_jk is restricted to these. They also test whether a surfel still sees its owner.
 
 use super::{Owner, SurfelMap};
 use crate::anchor::grid::{Grid, Spot};
@@ -13,37 +13,38 @@ use std::collections::HashMap;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Surfels that moving things may get near.
+/// Surfels near the paths of moving geometry.
 #[derive(Clone, Debug)]
 pub(super) struct Movable {
-    /// Indices of surfels, in rising order.
+    /// Indices of the surfels, ascending.
     surfels: Vec<u32>,
-    /// All surfels, by index.
+    /// Positions of all surfels, by index.
     points: Vec<Anchor>,
     anchors: Vec<Anchor>,
     anchor_grid: Grid,
-    /// Square meters that anchors stand for.
+    /// Areas represented by anchors \[m²\].
     anchor_shares: Shares,
 }
 
-/// Differences that moving things make in one frame.
+/// Changes by moving geometry in one frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Moved {
-    /// By surfel, in rising order.
+    /// Changed surfels, ascending by index.
     pub(super) changes: Vec<Change>,
 }
 
-/// A surfel that a moving thing is near.
+/// A surfel near moving geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Change {
     pub surfel: u32,
     pub owner: Owner,
-    /// Bits of the surfels around it that are hidden from it.
+    /// Mask of the neighboring surfels that are hidden from it.
     hidden: u64,
 }
 
 impl SurfelMap {
-    /// Expects moving things within the `swept` space. The surfels belong to these `anchors`, which stand for `shares`.
+    /// Prepares for moving geometry within the `swept` space. `anchors` own the surfels and represent the areas
+    /// `shares`.
     pub fn expect_movement(&mut self, swept: &SweptVolume, anchors: &[Anchor], shares: &Shares) {
         let points = self.grid.points_by_index();
         let near = swept.widened(self.reach());
@@ -56,7 +57,7 @@ impl SurfelMap {
         });
     }
 
-    /// Takes other `anchors`, whose surfels have new owners already.
+    /// Replaces the anchors after the surfels have received new owners.
     pub(super) fn take_anchors(&mut self, anchors: &[Anchor]) {
         if let Some(movable) = &mut self.movable {
             let movable = Arc::make_mut(movable);
@@ -65,7 +66,7 @@ impl SurfelMap {
         }
     }
 
-    /// Differences at the time of `sight`.
+    /// Returns the changes at the time of `sight`.
     pub fn moved(&self, sight: &Sight) -> Moved {
         let Some(movable) = &self.movable else { return Moved::default() };
         let change = |&surfel: &u32| self.change(surfel, movable, sight);
@@ -73,12 +74,12 @@ impl SurfelMap {
     }
 
     fn change(&self, surfel: u32, movable: &Movable, sight: &Sight) -> Option<Change> {
-        // Which surfels around it are in sight.
+        // Test which neighboring surfels are visible.
         let spot = Spot::of(&movable.points[surfel as usize], false);
         let around: Vec<Anchor> = self.row(surfel).iter().map(|&(k, _)| movable.points[k as usize]).collect();
         let hidden = sight.hidden(spot.position, spot.normal, &around, self.grid.height_at(spot.position));
 
-        // Whether the own anchor is; else one that is.
+        // Test whether the owner is visible; otherwise select another anchor that is.
         let mut owner = self.owners[surfel as usize];
         let sees = |anchor: u32| {
             let anchor = &movable.anchors[anchor as usize..=anchor as usize];
@@ -93,14 +94,14 @@ impl SurfelMap {
         is_changed.then_some(Change { surfel, owner, hidden })
     }
 
-    /// Surfels around one, and their radiance there for a unit of flux.
+    /// Returns the neighbors of a surfel, with their contributions per unit of flux.
     fn row(&self, surfel: u32) -> &[(u32, f32)] {
         &self.around[self.first[surfel as usize] as usize..self.first[surfel as usize + 1] as usize]
     }
 
-    /// L_j of the surfels that something has moved near, with w_jk and A_k of this frame.
+    /// Updates L_j of the changed surfels with w_jk and A_k of this frame.
     pub(super) fn set_moved_radiance(&self, flux: &[Vec3], moved: &Moved, radiance: &mut [Vec3]) {
-        // w_jk over their sum in sight; photons that would be left at those hidden are left at the others.
+        // w_jk is normalized over the visible surfels: these receive the photons of the hidden ones.
         let rows: Vec<(u32, Vec<(u32, f32)>)> = moved
             .changes
             .iter()
@@ -114,7 +115,7 @@ impl SurfelMap {
             })
             .collect();
 
-        // A_k = Σ_i A_i w_ik, by what has changed of it.
+        // A_k = Σ_i A_i w_ik, updated by the changes only.
         let Some(movable) = &self.movable else { return };
         let mut areas: HashMap<u32, f32> = HashMap::new();
         for (surfel, row) in &rows {
@@ -134,7 +135,7 @@ impl SurfelMap {
                 light += flux[k as usize] * weight;
                 area += weight * (self.areas[k as usize] + areas.get(&k).copied().unwrap_or(0.0));
             }
-            // Of a surfel that is covered whole, nothing is seen.
+            // A completely covered surfel is invisible.
             radiance[*surfel as usize] = if area > 0.0 { light / (PI * area) } else { Vec3::ZERO };
         }
     }
