@@ -1,11 +1,11 @@
-//! The texels that look-ups of a triangle's points may read.
+//! The texels that bilinear samples at a triangle's points may read.
 //!
-//! A look-up at a point reads the four texels whose centers are around it. So a texel is read if the triangle meets the square
-//! of two texels' side around its center.
+//! A sample reads the four texels with centers around the point. A texel may therefore be read if the triangle
+//! intersects a square around the texel's center, with sides of two texels.
 
 use glam::Vec2;
 
-/// Squares are larger by this on each side \[texels\]: far more than places of points are rounded.
+/// Enlargement of the squares on each side \[texels\]: far more than rounding errors of positions.
 const SLACK: f32 = 1.0 / 64.0;
 
 /// The rectangle of texels of a chart.
@@ -13,22 +13,23 @@ const SLACK: f32 = 1.0 / 64.0;
 pub(super) struct ChartRect {
     pub columns: u32,
     pub rows: u32,
-    /// Texels per meter in both directions.
+    /// Texels per meter on each axis.
     density: Vec2,
 }
 
 impl ChartRect {
-    /// For a chart of this size in meters, at a density in texels per meter.
+    /// Returns the rectangle for a chart of this size \[m\], at a density in texels per meter.
     ///
-    /// Along each direction the chart of width w is stretched so that its edges are centers of texels:
+    /// On each axis, a chart of width w is stretched so that its edges are at texel centers. Lengths are in texels at
+    /// the given density:
     ///
     /// ```text
     /// n = ⌊w + ½⌋ + 1                 one column for what is narrower than half a texel
     /// density' = (n − 1) / w          from two thirds of the density to twice, and 0 for one column
     /// ```
     ///
-    /// A rectangle then has texels inside of it alone. A chart in the middle of whole texels would have one column more, and on
-    /// `nave` most charts are narrower than a texel.
+    /// Every texel of a rectangular chart then has its center on the chart. Without stretching, a chart would need one
+    /// more column, and most charts of `nave` are narrower than a texel.
     pub fn new(size: Vec2, density: f32) -> Self {
         let steps = (size * density + 0.5).floor();
         Self {
@@ -38,12 +39,12 @@ impl ChartRect {
         }
     }
 
-    /// Where a point of the chart is, in texels from the corner of the rectangle.
+    /// Returns the position of a point of the chart, in texels from the corner of the rectangle.
     pub fn place(&self, point: Vec2) -> Vec2 {
         point * self.density + 0.5
     }
 
-    /// Calls `row(y, first, last)` for the texels that look-ups of a triangle may read, row by row, once each.
+    /// Calls `row(y, first, last)` for the texels that samples of a triangle may read, once per row.
     pub fn rows_of(&self, corners: [Vec2; 3], mut row: impl FnMut(u32, u32, u32)) {
         let [a, b, c] = corners;
         let (first, last) = texels(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), self.rows);
@@ -57,14 +58,15 @@ impl ChartRect {
     }
 }
 
-/// First and last of `count` texels along an axis whose squares meet what extends from `low` to `high`.
+/// Returns the first and last of `count` texels along an axis with squares that overlap the interval from `low` to
+/// `high`.
 fn texels(low: f32, high: f32, count: u32) -> (u32, u32) {
     let last = count - 1;
     let first = (low - 1.5 - SLACK).ceil().max(0.0) as u32;
     (first.min(last), ((high + 0.5 + SLACK).floor().max(0.0) as u32).min(last))
 }
 
-/// Least and largest x of the part of a triangle with y from `low` to `high`; `None` if there is no such part.
+/// Returns the minimum and maximum x of a triangle between y = `low` and `high`; `None` if the triangle is outside.
 pub(super) fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f32)> {
     let mut extent = (f32::INFINITY, f32::NEG_INFINITY);
     for k in 0..3 {
@@ -72,7 +74,7 @@ pub(super) fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f3
         if a.y.max(b.y) < low || a.y.min(b.y) > high {
             continue;
         }
-        // The ends of the part of this edge.
+        // Clip the edge to the interval.
         let way = b - a;
         let at = |y: f32| if way.y == 0.0 { 0.0 } else { ((y - a.y) / way.y).clamp(0.0, 1.0) };
         let (mut from, mut to) = (at(low), at(high));
@@ -86,12 +88,12 @@ pub(super) fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f3
     (extent.0 <= extent.1).then_some(extent)
 }
 
-/// A bit for each texel of a rectangle, used for one chart after another.
+/// A bit for each texel of a rectangle, reused for one chart after another.
 #[derive(Default)]
 pub(super) struct Bits(Vec<u64>);
 
 impl Bits {
-    /// How many texels of `frame` look-ups of these triangles may read.
+    /// Returns the number of texels of `frame` that samples of these triangles may read.
     pub fn count(&mut self, frame: &ChartRect, triangles: impl Iterator<Item = [Vec2; 3]>) -> usize {
         let words = frame.columns.div_ceil(64) as usize;
         self.0.clear();
@@ -100,7 +102,7 @@ impl Bits {
             frame.rows_of(corners, |y, first, last| {
                 let row = &mut self.0[words * y as usize..][..words];
                 for word in first / 64..=last / 64 {
-                    // The bits from `first` to `last` that this word has.
+                    // Set the bits from `first` to `last` in this word.
                     let from = first.max(word * 64) - word * 64;
                     let to = last.min(word * 64 + 63) - word * 64;
                     row[word as usize] |= u64::MAX << from & u64::MAX >> (63 - to);

@@ -1,43 +1,43 @@
-//! Surfaces cut into charts that lie flat, by `uvunwrap`: an instance at a time, in world space.
+//! Unwrapping of surfaces into flat charts by `uvunwrap`, one instance at a time, in world space.
 
 use crate::Surfaces;
 use glam::{DVec2, Vec2, Vec3, dvec2};
 use rayon::prelude::*;
 
-/// Side of what `uvunwrap` takes for the atlas of one instance \[texels\]. It packs charts for nothing here: few texels are fast.
+/// Width of the atlas that `uvunwrap` packs for one instance \[texels\]. This packing is not used; few texels are fast.
 const SIDE: f32 = 256.0;
 
-/// Why there is no atlas.
+/// Reasons why an atlas cannot be made.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AtlasError {
-    /// No instance has a surface that is lit and never moves.
+    /// No instance is static and lit.
     #[error(
         "nothing stands still in this scene, so no light of it can be baked; bake a scene with lit surfaces that never move"
     )]
     NothingStands,
-    /// Fewer texels than charts: each chart needs one.
+    /// Fewer texels than charts; each chart needs at least one.
     #[error("{texels} texels are too few for {charts} charts of surfaces; ask for {charts} or more")]
     TooFewTexels {
-        /// The wish.
+        /// The requested number.
         texels: usize,
-        /// Pieces of the scene's surfaces: the smallest wish that can be met.
+        /// Number of charts: the smallest number that can be requested.
         charts: usize,
     },
-    /// More than there is memory for.
+    /// More texels than an atlas can have.
     #[error("{texels} texels are more than an atlas takes; ask for {most} or less")]
     TooManyTexels {
-        /// The wish.
+        /// The requested number.
         texels: usize,
-        /// The largest wish.
+        /// The largest number that can be requested.
         most: usize,
     },
-    /// Surfaces could not be laid out flat.
+    /// Surfaces that cannot be flattened.
     #[error("surfaces of instance {instance} cannot be laid out flat ({reason}); export the scene without it")]
     Unwrap {
         /// Index into the scene's instances.
         instance: usize,
-        /// The reason, as `uvunwrap` states it.
+        /// The reason reported by `uvunwrap`.
         reason: String,
     },
 }
@@ -46,30 +46,31 @@ pub enum AtlasError {
 pub(super) struct FlatTriangle {
     /// Index into the mesh's triangles.
     pub index: u32,
-    /// Meters from the chart's corner.
+    /// Positions of the corners \[m\], from the chart's corner.
     pub corners: [Vec2; 3],
-    /// Whether it has an area there. `uvunwrap` puts triangles thinner than a millionth of their instance to one point.
+    /// Whether it has an area in the chart. `uvunwrap` maps triangles thinner than a millionth of their instance to a
+    /// point.
     pub has_area: bool,
 }
 
-/// A piece of surface laid out flat, no higher than wide.
+/// A flattened piece of surface, no higher than wide.
 pub(super) struct FlatChart {
-    /// Width and height in meters.
+    /// Width and height \[m\].
     pub size: Vec2,
     pub triangles: Vec<FlatTriangle>,
 }
 
-/// The surfaces of an instance.
+/// The flattened surfaces of an instance.
 pub(super) struct FlatMesh {
     pub instance: u32,
-    /// How many sides need texels: 2 if the material is double-sided.
+    /// Number of sides that need texels: 2 for double-sided materials, otherwise 1.
     pub sides: usize,
-    /// Triangles of the mesh, with those that have no chart.
+    /// Number of triangles of the mesh, including triangles without a chart.
     pub count: u32,
     pub charts: Vec<FlatChart>,
 }
 
-/// All lit surfaces that stand still.
+/// Flattens all static lit surfaces.
 pub(super) fn standing(surfaces: &Surfaces) -> Result<Vec<FlatMesh>, AtlasError> {
     let (scene, moving) = (surfaces.scene(), surfaces.moving());
     let is_baked = |instance: &usize| {
@@ -89,9 +90,9 @@ pub(super) fn standing(surfaces: &Surfaces) -> Result<Vec<FlatMesh>, AtlasError>
     if standing.is_empty() { Err(AtlasError::NothingStands) } else { Ok(standing) }
 }
 
-/// The surfaces of an instance.
+/// Flattens the surfaces of an instance.
 fn flattened(surfaces: &Surfaces, instance: usize) -> Result<FlatMesh, AtlasError> {
-    // World space, so that all instances have the same density.
+    // Work in world space, so that all instances have the same density.
     let scene = surfaces.scene();
     let mesh = &scene.meshes[scene.instances[instance].mesh];
     let rest = surfaces.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
@@ -108,7 +109,7 @@ fn flattened(surfaces: &Surfaces, instance: usize) -> Result<FlatMesh, AtlasErro
     let unwrapped = uvunwrap::generate(&[input], &options)
         .map_err(|error| AtlasError::Unwrap { instance, reason: error.to_string() })?;
 
-    // Its places, from 0…1 back to meters, by chart. Triangles without any area near them have no chart.
+    // Convert texture coordinates in 0…1 to meters, by chart. Isolated triangles without area have no chart.
     let density = f64::from(unwrapped.texels_per_unit);
     let meters = dvec2(f64::from(unwrapped.width), f64::from(unwrapped.height)) / density;
     let found = &unwrapped.meshes[0];
@@ -125,7 +126,7 @@ fn flattened(surfaces: &Surfaces, instance: usize) -> Result<FlatMesh, AtlasErro
     Ok(FlatMesh { instance, sides, count, charts: charts.into_iter().filter_map(chart).collect() })
 }
 
-/// Length of the longest side of the box around points, within the range of densities that are finite \[m\].
+/// Returns the longest side of the bounding box of points \[m\], clamped to the range of finite densities.
 fn length(positions: &[[f32; 3]]) -> f32 {
     let mut corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for &position in positions {
@@ -134,7 +135,7 @@ fn length(positions: &[[f32; 3]]) -> f32 {
     (corners.1 - corners.0).max_element().clamp(1e-30, 1e30)
 }
 
-/// The chart of triangles whose places are in one plane, turned so that it is no higher than wide; `None` if it is empty.
+/// Returns the chart of coplanar triangles, rotated to be no higher than wide; `None` if it is empty.
 fn chart(mut triangles: Vec<(u32, [DVec2; 3])>) -> Option<FlatChart> {
     let (mut least, mut most) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for corner in triangles.iter().flat_map(|(_, corners)| corners) {

@@ -1,4 +1,4 @@
-//! Charts in their places, and the texels that belong to them.
+//! Placement of charts in the atlas, and assignment of texels to triangles.
 
 use super::cover::ChartRect;
 use super::flatten::FlatMesh;
@@ -8,12 +8,13 @@ use super::tiles::Marks;
 use super::{Atlas, ChartTriangle, NONE, Sheet};
 use glam::Vec2;
 
-/// Centers of texels nearer than this to a triangle lie on it: rounding may put them between two triangles \[square texels\].
+/// Maximum squared distance of a texel center that lies on a triangle: rounding may put it between two triangles
+/// \[square texels\].
 const ON_CHART: f32 = 1e-6;
 
-/// The atlas of these surfaces at a density in texels per meter.
+/// Builds the atlas of these surfaces at a density in texels per meter.
 pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
-    // A rectangle for each chart of each side.
+    // Each side of a chart has its own rectangle.
     let mut frames = Vec::new();
     for mesh in meshes {
         for _ in 0..mesh.sides {
@@ -23,7 +24,7 @@ pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
     let places = packed(&frames);
     let Sheets { sheets, triangles, flat } = placed(meshes, &frames);
 
-    // Texels that look-ups may read.
+    // Mark the texels that samples may read.
     let mut marks = Marks::new(places.width, places.height);
     let charts = places.corners;
     for placed in flat.iter().map(|&index| &triangles[index as usize]) {
@@ -34,7 +35,7 @@ pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
     }
     let tiles = marks.numbered();
 
-    // To each the nearest triangle; of those as near the first.
+    // Assign each texel to its nearest triangle; ties go to the first.
     let mut owners = vec![NONE; tiles.texels()];
     let mut nearest = vec![f32::INFINITY; tiles.texels()];
     for &index in &flat {
@@ -60,7 +61,7 @@ pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
 struct Sheets {
     sheets: Vec<Sheet>,
     triangles: Vec<ChartTriangle>,
-    /// Indices of those that have an area in their chart.
+    /// Indices of the triangles with an area in their chart.
     flat: Vec<u32>,
 }
 
@@ -85,7 +86,7 @@ fn placed(meshes: &[FlatMesh], frames: &[ChartRect]) -> Sheets {
     placed
 }
 
-/// The point of a triangle nearest to the center of a texel, both in the rectangle of its chart.
+/// Returns the point of a triangle nearest to the center of a texel, both in the rectangle of its chart.
 fn from_center(corners: [Vec2; 3], x: u32, y: u32) -> Nearest {
     Nearest::in_plane(corners, Vec2::new(x as f32 + 0.5, y as f32 + 0.5))
 }

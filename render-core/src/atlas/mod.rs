@@ -1,12 +1,17 @@
-//! A texture atlas of all surfaces that stand still: a place for light that is computed once.
+//! Texture atlas of all static surfaces, for baked light.
 //!
-//! `flatten` cuts the surfaces into charts and lays these out flat. `density` finds the scale at which they take the wished
-//! number of texels, and `pack` gives each chart a rectangle. A texel is in use if a look-up of some point of a chart reads it:
-//! `cover` finds these, and `tiles` numbers them. `point` goes from a texel to surface points and back, and `fine` from a texel
-//! of a finer picture of the atlas to a surface point.
+//! The modules are steps of its construction and use:
 //!
-//! Of double-sided surfaces each side has charts of its own, since light differs between them. Others have a front alone.
-//! Unlit surfaces have no charts.
+//! - `flatten` unwraps the surfaces into flat charts.
+//! - `density` finds the scale at which these use the requested number of texels.
+//! - `pack` assigns a rectangle to each chart.
+//! - `cover` finds the texels in use: a sample at some point of a chart reads them.
+//! - `tiles` numbers the texels in use.
+//! - `point` converts texels to surface points and back.
+//! - `fine` converts texels of a finer image of the atlas to surface points.
+//!
+//! Each side of a double-sided surface has its own charts, because the light differs between them. Other surfaces have
+//! charts for the front only. Unlit surfaces have no charts.
 
 mod cover;
 mod density;
@@ -27,29 +32,28 @@ use crate::Surfaces;
 use glam::Vec2;
 use tiles::Tiles;
 
-/// Index of what is not there.
+/// Index of an absent item.
 const NONE: u32 = u32::MAX;
 
-/// A place for each surface point that stands still, in texels.
+/// Texture atlas: a position, in texels, for each point of the static surfaces.
 ///
-/// Texels in use have the indices 0 … [`Atlas::len`] − 1, in an order that is fixed by the scene and the wished number.
-/// Those of a chart touch no texel of another one: two unused texels at least lie between them, in rows, columns and
-/// diagonals.
+/// Texels in use have the indices 0 … [`Atlas::len`] − 1. The order depends only on the scene and the requested number.
+/// The texels of two charts are separated by at least two unused texels in rows, columns and diagonals.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Atlas {
     texels_per_meter: f32,
-    /// Texels whose centers lie on a chart.
+    /// Number of texels with centers on a chart.
     covered: u32,
-    /// In the order of instances, fronts before backs.
+    /// Sides of the instances, ordered by instance, fronts before backs.
     sheets: Vec<Sheet>,
-    /// For each chart, column and row of its first texel.
+    /// For each chart, the column and row of its first texel.
     charts: Vec<[u32; 2]>,
-    /// Those of the first sheet, of the second …
+    /// Triangles of all sheets, in the order of `sheets`.
     triangles: Vec<ChartTriangle>,
-    /// Which texels are in use.
+    /// The texels in use.
     tiles: Tiles,
-    /// For each texel in use the triangle of its chart that is nearest to its center: index into `triangles`.
+    /// For each texel in use, the triangle of its chart nearest to its center: index into `triangles`.
     owners: Vec<u32>,
 }
 
@@ -59,9 +63,9 @@ pub struct Atlas {
 struct Sheet {
     instance: u32,
     back: bool,
-    /// Index of its first triangle into [`Atlas::triangles`].
+    /// Index of its first triangle in [`Atlas::triangles`].
     first: u32,
-    /// How many triangles its mesh has.
+    /// Number of triangles of its mesh.
     count: u32,
 }
 
@@ -69,9 +73,10 @@ struct Sheet {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct ChartTriangle {
-    /// Texels from the upper left corner of the chart's rectangle. Triangles without area lie in one point.
+    /// Positions of the corners in texels, from the upper left corner of the chart's rectangle. Triangles without area
+    /// are one point.
     corners: [[f32; 2]; 3],
-    /// Index into [`Atlas::charts`], or [`NONE`] where no triangle beside this one has an area.
+    /// Index into [`Atlas::charts`]; [`NONE`] if neither this triangle nor any near it has an area.
     chart: u32,
 }
 
@@ -84,64 +89,64 @@ impl ChartTriangle {
 }
 
 impl Atlas {
-    /// Makes an atlas of the instances of a scene that never move or bend, with about `texels` texels in use.
+    /// Makes an atlas of the instances of a scene that never move or deform, with about `texels` texels in use.
     ///
-    /// The number is met within a few percent, unless the scene is so uneven that one chart would be more than 8192 texels
-    /// long. `surfaces` may be of any time.
+    /// The number is met within a few percent, except in scenes with one chart that would be longer than 8192 texels.
+    /// `surfaces` may be at any time.
     ///
     /// # Errors
     ///
-    /// If no lit surface stands still, if `texels` is too small for the number of charts or more than 2²⁶, or if surfaces
-    /// cannot be laid out flat.
+    /// If no lit surface is static, if `texels` is below the number of charts or above 2²⁶, or if surfaces cannot be
+    /// flattened.
     pub fn new(surfaces: &Surfaces, texels: usize) -> Result<Self, AtlasError> {
         let meshes = flatten::standing(surfaces)?;
         let density = density::fitting(&meshes, texels)?;
         Ok(layout::laid_out(&meshes, density))
     }
 
-    /// Texels in use.
+    /// Returns the number of texels in use.
     #[must_use]
     pub fn len(&self) -> usize {
         self.owners.len()
     }
 
-    /// Whether no texel is in use, which no atlas made by [`Atlas::new`] is.
+    /// Returns whether no texel is in use; never true after [`Atlas::new`].
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.owners.is_empty()
     }
 
-    /// Pieces of surface that lie in the atlas without a cut.
+    /// Returns the number of charts: contiguous pieces of surface in the atlas.
     #[must_use]
     pub fn charts(&self) -> usize {
         self.charts.len()
     }
 
-    /// Squares of 16×16 texels that have a texel in use.
+    /// Returns the number of tiles (16×16 texels) with a texel in use.
     #[must_use]
     pub fn tiles(&self) -> usize {
         self.tiles.len()
     }
 
-    /// Texels in use whose centers lie on a chart; the others lie around charts.
+    /// Returns the number of texels in use with centers on a chart; the others are around charts.
     #[must_use]
     pub fn covered(&self) -> usize {
         self.covered as usize
     }
 
-    /// Density of texels on flat surfaces \[1/m\]; on bent ones it differs from place to place.
+    /// Returns the texel density on flat surfaces \[1/m\]; on curved surfaces it varies.
     #[must_use]
     pub fn texels_per_meter(&self) -> f32 {
         self.texels_per_meter
     }
 
-    /// Width and height of the atlas, used or not \[texels\]; multiples of 16.
+    /// Returns the width and height of the atlas \[texels\], including unused texels; multiples of 16.
     #[must_use]
     pub fn size(&self) -> (u32, u32) {
         self.tiles.size()
     }
 
-    /// Column and row of a texel in use. Its center lies half a texel farther.
+    /// Returns the column and row of a texel in use. Its center is half a texel farther on both axes.
     ///
     /// # Panics
     ///
@@ -152,13 +157,13 @@ impl Atlas {
         self.tiles.place(texel as u32)
     }
 
-    /// The texel in use in this column and row, if there is one.
+    /// Returns the texel in this column and row; `None` if it is not in use.
     #[must_use]
     pub fn texel(&self, x: u32, y: u32) -> Option<u32> {
         self.tiles.index(x, y)
     }
 
-    /// Index of the chart that a texel in use belongs to, below [`Atlas::charts`].
+    /// Returns the index of the chart of a texel in use, below [`Atlas::charts`].
     ///
     /// # Panics
     ///
@@ -168,7 +173,8 @@ impl Atlas {
         self.triangles[self.owners[texel] as usize].chart
     }
 
-    /// Texels in use of the same chart around one: the row above from left to right, its left and its right, the row below.
+    /// Returns the neighboring texels in use of the same chart. They are ordered by rows: three above, left and right,
+    /// three below.
     ///
     /// # Panics
     ///
@@ -183,8 +189,8 @@ impl Atlas {
         })
     }
 
-    /// Places of the corners of a triangle's front or back \[texels from the upper left corner of the atlas\]; `None` where it
-    /// has none.
+    /// Returns the positions of the corners of a triangle's front or back, in texels from the upper left corner of the
+    /// atlas. Returns `None` for a triangle without a chart.
     #[must_use]
     pub fn triangle_places(&self, instance: u32, triangle: u32, front: bool) -> Option<[Vec2; 3]> {
         let placed = self.placed(instance, triangle, !front)?;
@@ -192,7 +198,7 @@ impl Atlas {
         Some(placed.corners().map(|corner| corner + Vec2::new(left as f32, top as f32)))
     }
 
-    /// One side of a triangle, if it has a chart.
+    /// Returns one side of a triangle, if it has a chart.
     fn placed(&self, instance: u32, triangle: u32, back: bool) -> Option<&ChartTriangle> {
         let found = self.sheets.binary_search_by_key(&(instance, back), |sheet| (sheet.instance, sheet.back));
         let sheet = self.sheets[found.ok()?];

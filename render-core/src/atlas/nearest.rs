@@ -1,20 +1,21 @@
-//! The point of a triangle that is nearest to another point.
+//! The point of a triangle nearest to another point.
 
 use glam::{Vec2, Vec3A};
 
-/// A point of a triangle.
+/// The point of a triangle nearest to a query point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
     /// Barycentric weights of the corners; they sum to 1.
     pub weights: [f32; 3],
-    /// Square of the distance within the triangle's plane: exactly 0 where the other point lies over the triangle.
+    /// Squared distance within the triangle's plane: exactly 0 if the query point projects into the triangle.
     pub distance2: f32,
 }
 
 impl Nearest {
-    /// Works for triangles of any shape, points and lines among them.
+    /// Finds the nearest point. Triangles may be degenerate: points or lines.
     pub fn new(corners: [Vec3A; 3], point: Vec3A) -> Self {
-        // Over the triangle, weights are shares of its area along its normal: none is negative.
+        // If the point projects into the triangle, the weights are fractions of its area along its normal, none
+        // negative.
         let [a, b, c] = corners.map(|corner| corner - point);
         let normal = (b - a).cross(c - a);
         let shares = [b.cross(c), c.cross(a), a.cross(b)].map(|area| area.dot(normal));
@@ -23,8 +24,8 @@ impl Nearest {
             return Self { weights: shares.map(|share| share / whole), distance2: 0.0 };
         }
 
-        // Elsewhere the nearest point lies on an edge. Of edges as near it is the mean: of a triangle that lies in a line, a point
-        // within, and not on its rim.
+        // Otherwise, the nearest point is on an edge. Among equally near edges, use the mean. A triangle degenerated to
+        // a line then yields an inner point rather than an end.
         let (corners, mut nearest) = ([a, b, c], Self { weights: [1.0, 0.0, 0.0], distance2: f32::INFINITY });
         let mut count = 0.0;
         for k in 0..3 {
@@ -47,12 +48,12 @@ impl Nearest {
         nearest
     }
 
-    /// The same in the plane.
+    /// Finds the nearest point in the plane.
     pub fn in_plane(corners: [Vec2; 3], point: Vec2) -> Self {
         Self::new(corners.map(|corner| corner.extend(0.0).into()), point.extend(0.0).into())
     }
 
-    /// Mean of values at the corners by the weights.
+    /// Returns the mean of values at the corners, with the barycentric weights.
     pub fn mix<T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>>(&self, [a, b, c]: [T; 3]) -> T {
         a * self.weights[0] + b * self.weights[1] + c * self.weights[2]
     }

@@ -1,4 +1,4 @@
-//! Rectangles side by side in a large one.
+//! Packing of rectangles into a larger one.
 
 use super::cover::ChartRect;
 use std::cmp::Reverse;
@@ -6,11 +6,12 @@ use std::cmp::Reverse;
 /// Unused texels between rectangles.
 const GAP: u32 = 2;
 
-/// A place for each rectangle: column and row of its first texel.
+/// Packs the rectangles; returns the column and row of the first texel of each.
 ///
-/// The highest come first, and each goes where its upper edge is the least far down below those that are there.
+/// Rectangles are placed in order of decreasing height. Each goes to the position where its upper edge is as far up as
+/// possible, below the rectangles already placed.
 pub(super) fn packed(frames: &[ChartRect]) -> Packed {
-    // A square has room for all if nine tenths of it can be filled.
+    // The square fits all rectangles if it can be filled to nine tenths.
     let with_gap = |frame: &ChartRect| (frame.columns + GAP, frame.rows + GAP);
     let area: u64 = frames.iter().map(with_gap).map(|(width, height)| u64::from(width) * u64::from(height)).sum();
     let widest = frames.iter().map(|frame| frame.columns).max().unwrap_or(0);
@@ -30,14 +31,14 @@ pub(super) fn packed(frames: &[ChartRect]) -> Packed {
     packed
 }
 
-/// Where rectangles are.
+/// Positions of packed rectangles, and the size of their bounding box.
 pub(super) struct Packed {
     pub corners: Vec<[u32; 2]>,
     pub width: u32,
     pub height: u32,
 }
 
-/// Columns that are filled down to the same row.
+/// Columns filled down to the same row.
 #[derive(Clone, Copy)]
 struct Step {
     left: u32,
@@ -46,13 +47,13 @@ struct Step {
     top: u32,
 }
 
-/// The lower edge of what is filled, from left to right.
+/// Lower edge of the filled area, from left to right.
 struct Skyline(Vec<Step>);
 
 impl Skyline {
-    /// Fills a rectangle, which is no wider than all steps together.
+    /// Places a rectangle, which must not be wider than all steps together.
     fn add(&mut self, width: u32, height: u32) -> [u32; 2] {
-        // The best place to begin is the left end of a step.
+        // The best position starts at the left end of a step.
         let end = self.0.last().map_or(0, |step| step.right);
         let (mut best, mut best_top) = (0, u32::MAX);
         for first in 0..self.0.len() {
@@ -67,7 +68,7 @@ impl Skyline {
             }
         }
 
-        // The steps below the rectangle become one, and the last of them may go on beyond it.
+        // The steps under the rectangle become one; the last of them may extend beyond it.
         let left = self.0[best].left;
         let right = left + width;
         let after = self.0.partition_point(|step| step.left < right);
@@ -80,7 +81,7 @@ impl Skyline {
         [left, best_top]
     }
 
-    /// Joins a step with those beside it that are as low.
+    /// Joins a step with adjacent steps of the same height.
     fn merge(&mut self, step: usize) {
         for left in [Some(step), step.checked_sub(1)].into_iter().flatten() {
             if left + 1 < self.0.len() && self.0[left].top == self.0[left + 1].top {

@@ -1,4 +1,4 @@
-//! Which texels of a large rectangle are in use, and their numbers.
+//! The texels in use in a large rectangle, and their indices.
 
 use super::NONE;
 
@@ -7,15 +7,15 @@ const SIDE: u32 = 16;
 /// Words of a tile's mask.
 const WORDS: usize = 4;
 
-/// A square of 16×16 texels, some of which are in use.
+/// A square of 16×16 texels with some in use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct TexelTile {
-    /// Its place among all squares, row by row.
+    /// Index of the square, row by row.
     cell: u32,
     /// Index of its first texel in use.
     first: u32,
-    /// A bit for each texel, row by row from the lowest bit of the first word on.
+    /// A bit for each texel, row by row, starting with the lowest bit of the first word.
     mask: [u64; WORDS],
 }
 
@@ -25,31 +25,32 @@ impl TexelTile {
     }
 }
 
-/// The tiles that have a texel in use, row by row. Texels have their numbers in the order of tiles, row by row within each.
+/// The tiles with a texel in use, row by row. Texel indices follow the order of tiles, and are row by row within each
+/// tile.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Tiles {
-    /// Squares in a row.
+    /// Number of squares in a row.
     columns: u32,
-    /// For each square, index of its tile, or [`NONE`].
+    /// For each square, the index of its tile, or [`NONE`].
     grid: Vec<u32>,
     tiles: Vec<TexelTile>,
 }
 
-/// Texels that are marked, before they have numbers.
+/// Marked texels, before they have indices.
 pub(super) struct Marks {
     columns: u32,
     masks: Vec<[u64; WORDS]>,
 }
 
-/// The word and the bit of a texel in its tile.
+/// Returns the word and the bit of a texel in its tile.
 fn bit(x: u32, y: u32) -> (usize, u32) {
     let bit = y % SIDE * SIDE + x % SIDE;
     ((bit / u64::BITS) as usize, bit % u64::BITS)
 }
 
 impl Marks {
-    /// None yet, in a rectangle of this many texels.
+    /// Returns an unmarked rectangle of this many texels.
     pub fn new(width: u32, height: u32) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         Self { columns, masks: vec![[0; WORDS]; columns as usize * rows as usize] }
@@ -60,7 +61,7 @@ impl Marks {
         self.masks[(y / SIDE * self.columns + x / SIDE) as usize][word] |= 1 << bit;
     }
 
-    /// Gives numbers to what is marked.
+    /// Assigns indices to the marked texels.
     pub fn numbered(self) -> Tiles {
         let mut tiles = Tiles { columns: self.columns, grid: vec![NONE; self.masks.len()], tiles: Vec::new() };
         let mut first = 0;
@@ -79,31 +80,31 @@ impl Tiles {
         self.tiles.len()
     }
 
-    /// Texels in use.
+    /// Returns the number of texels in use.
     pub fn texels(&self) -> usize {
         self.tiles.last().map_or(0, |last| (last.first + last.count()) as usize)
     }
 
-    /// Width and height in texels.
+    /// Returns the width and height in texels.
     pub fn size(&self) -> (u32, u32) {
         (self.columns * SIDE, (self.grid.len() as u32).checked_div(self.columns).unwrap_or(0) * SIDE)
     }
 
-    /// Index of a texel, if it is in use.
+    /// Returns the index of a texel, if it is in use.
     pub fn index(&self, x: u32, y: u32) -> Option<u32> {
         let column = x / SIDE;
         let cell = (y / SIDE) as usize * self.columns as usize + column as usize;
         let tile = *self.grid.get(cell).filter(|&&tile| column < self.columns && tile != NONE)?;
         let TexelTile { first, mask, .. } = self.tiles[tile as usize];
 
-        // Texels before it: in the words before its own, and in the lower bits of that.
+        // Texels before it are in the previous words, and in the lower bits of its own word.
         let (word, bit) = bit(x, y);
         let before: u32 = mask[..word].iter().map(|word| word.count_ones()).sum();
         let lower = mask[word] & ((1 << bit) - 1);
         (mask[word] >> bit & 1 == 1).then(|| first + before + lower.count_ones())
     }
 
-    /// Column and row of a texel in use, by its index.
+    /// Returns the column and row of a texel in use.
     pub fn place(&self, index: u32) -> (u32, u32) {
         let TexelTile { cell, first, mask } = self.tiles[self.tiles.partition_point(|tile| tile.first <= index) - 1];
         let (mut word, mut rest) = (0, index - first);
@@ -111,7 +112,7 @@ impl Tiles {
             (word, rest) = (word + 1, rest - mask[word].count_ones());
         }
 
-        // The lowest bit that is left after as many were taken away.
+        // Remove the lowest set bits before it.
         let mut bits = mask[word];
         for _ in 0..rest {
             bits &= bits - 1;
@@ -120,12 +121,12 @@ impl Tiles {
         (cell % self.columns * SIDE + bit % SIDE, cell / self.columns * SIDE + bit / SIDE)
     }
 
-    /// Whether grid and tiles tell the same, and tiles have their numbers in order.
+    /// Returns whether grid and tiles are consistent, and tiles are numbered in order.
     pub fn is_valid(&self) -> bool {
         let is_rectangle = self.columns > 0 && self.grid.len().is_multiple_of(self.columns as usize);
         let mut next = (0u32, 0);
         for (cell, &tile) in self.grid.iter().enumerate().filter(|&(_, &tile)| tile != NONE) {
-            // `next` are the index of the tile that comes now, and that of its first texel.
+            // `next` contains the index of the next tile, and the index of its first texel.
             let Some(found) = self.tiles.get(tile as usize) else { return false };
             let (index, first) = next;
             if tile != index || found.cell as usize != cell || found.first != first || found.count() == 0 {
@@ -137,7 +138,7 @@ impl Tiles {
         is_rectangle && next.0 as usize == self.tiles.len() && self.has_size()
     }
 
-    /// Whether columns and rows of texels can be counted.
+    /// Returns whether the numbers of columns and rows are within limits.
     fn has_size(&self) -> bool {
         let rows = self.grid.len() / self.columns as usize;
         [self.columns as usize, rows].iter().all(|&side| side < (1 << 24))

@@ -1,15 +1,15 @@
-//! Whether an atlas that was read from a file may be used.
+//! Validation of an atlas from a file.
 
 use super::{Atlas, ChartTriangle, NONE};
 use crate::scene::Scene;
 
-/// Places in charts are smaller than this \[texels\].
+/// Upper bound of positions in charts \[texels\].
 const FARTHEST: f32 = 16384.0;
 
 impl Atlas {
-    /// Whether all indices are in range for this scene, so that no look-up panics: a file may be forged.
+    /// Returns whether all indices are in range for this scene, so that no sample panics: a file may be malicious.
     ///
-    /// Whether triangles lie where [`Atlas::new`] would put them is not looked at.
+    /// The positions of triangles are not compared with the positions that [`Atlas::new`] computes.
     #[must_use]
     pub fn validate(&self, scene: &Scene) -> bool {
         let has_density = self.texels_per_meter.is_finite() && self.texels_per_meter > 0.0;
@@ -17,7 +17,7 @@ impl Atlas {
         has_density && has_counts && self.has_sheets_of(scene) && self.has_places() && self.has_owners()
     }
 
-    /// Whether sheets are those of the scene's lit surfaces that stand still, in order, and have all triangles.
+    /// Returns whether sheets match the scene's static lit surfaces, in order and with all triangles.
     fn has_sheets_of(&self, scene: &Scene) -> bool {
         let (moving, mut next, mut before) = (scene.moving_instances(), 0u32, None);
         for sheet in &self.sheets {
@@ -25,7 +25,7 @@ impl Atlas {
             let mesh = &scene.meshes[instance.mesh];
             let material = &scene.materials[mesh.material];
 
-            // Each front, and each back after its front.
+            // The order is by instance, each back after its front.
             let front = (sheet.instance, false);
             let follows = if sheet.back { before == Some(front) } else { before < Some(front) };
             let is_baked =
@@ -39,7 +39,7 @@ impl Atlas {
         next as usize == self.triangles.len()
     }
 
-    /// Whether charts and places of triangles are within the atlas.
+    /// Returns whether charts and positions of triangles are within the atlas.
     fn has_places(&self) -> bool {
         if !self.tiles.is_valid() {
             return false;
@@ -53,7 +53,7 @@ impl Atlas {
         self.charts.iter().all(is_within) && self.triangles.iter().all(is_placed)
     }
 
-    /// Whether each texel in use has a triangle, and a chart with it.
+    /// Returns whether each texel in use has a triangle with a chart.
     fn has_owners(&self) -> bool {
         let is_triangle = |&owner: &u32| self.triangles.get(owner as usize).is_some_and(|placed| placed.chart != NONE);
         self.tiles.texels() == self.len() && self.owners.iter().all(is_triangle)
