@@ -1,17 +1,18 @@
-//! Light of one picture on the surfaces of the next.
+//! Reprojection of irradiance from one picture to the next.
 //!
-//! The irradiance of a matte surface at rest does not depend on the viewer. Each pixel holds a sample of it: the point where it
-//! was computed, and its value there. The next picture takes the light of a pixel from the samples around the place where its
-//! surface point was seen before:
+//! The irradiance of a static matte surface does not depend on the viewer. Each pixel stores a sample: a point and its
+//! irradiance. The surface point of a pixel in the next picture is reprojected to the previous one. Its irradiance
+//! follows from the samples around this position:
 //!
 //! ```text
 //! E(x) ≈ E₀ + g · (x − x₀)      (x₀, E₀)  the nearest sample      g  slope of the plane fitted to the 3×3 samples around
 //! ```
 //!
-//! Samples are handed on and never mixed, so that light is not blurred however long it is carried \[Nehab07\], \[Walter99\].
-//! The residual of the plane estimates the error. What lies outside of the samples' convex hull, beside another surface, is
-//! estimated by its distance from the hull: light may change there. Audits tell which estimates hold ([`trust`]).
-//! A pixel whose error exceeds what they allow, as in penumbras, is lit anew. So is a pixel whose surface was not visible before.
+//! Samples are copied and never mixed, so light is not blurred over any number of frames \[Nehab07\], \[Walter99\]. The
+//! residual of the plane estimates the error. Next to another surface, a point may be outside of the samples' convex
+//! hull, where light may change. Its error is estimated from the distance to the hull. Audits determine which estimates
+//! are reliable ([`trust`]). A pixel is lit again if its estimated error exceeds the limit set by audits, as in
+//! penumbras. It is also lit if its surface was not visible before.
 
 mod near;
 mod sample;
@@ -27,16 +28,16 @@ use rayon::prelude::*;
 use sample::Sample;
 use trust::Trust;
 
-/// Distance of a sample, along the surface and off it, up to which it says something about a pixel \[pixels\]. In `nave` rows of
-/// benches lie a third of a pixel before others.
+/// Maximum distance of a sample along the surface, and off it, at which it is used \[pixels\]. In `nave`, rows of
+/// benches lie a third of a pixel in front of other rows.
 const REACH: f32 = 3.0;
 const OFF_PLANE: f32 = 0.1;
-/// Cosine of the angle up to which the normals of a sample and a pixel may differ: 18°.
+/// Minimum cosine of the angle between the normals of a sample and a pixel: 18°.
 const ALIKE_COSINE: f32 = 0.95;
-/// Cosine of the angle of view below which slanted surfaces are treated alike.
+/// Lower limit of the cosine of the viewing angle: more oblique surfaces are treated alike.
 const LEAST_COSINE: f32 = 0.05;
 
-/// Irradiance of the surfaces of a picture: a sample for each pixel, 20 bytes, and what audits found so far.
+/// Irradiance of the surfaces of a picture, and the audit results so far. Each pixel has a sample of 20 bytes.
 #[derive(Clone, Debug, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CarriedLight {
@@ -44,62 +45,62 @@ pub struct CarriedLight {
     trust: Trust,
 }
 
-/// Whether a pixel may take the light of the picture before.
+/// Whether a pixel may reuse the light of the previous picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reuse {
-    /// Its light is what it was.
+    /// Its light is unchanged.
     Allowed,
-    /// It is, but the pixel is lit anew, for comparison.
+    /// Its light is unchanged, but the pixel is lit again for comparison.
     Audited,
     /// Its light may have changed.
     Forbidden,
 }
 
-/// Irradiance of a picture, as far as it could be carried over.
+/// Irradiance of a picture, as far as it could be reprojected.
 #[derive(Clone, Debug)]
 pub struct Carried {
-    /// \[W·m⁻²\], linear RGB; zero where `missing`.
+    /// Irradiance \[W·m⁻²\], linear RGB; zero where `missing`.
     pub irradiance: Plane<[f32; 3]>,
-    /// Pixels that have to be lit. Pixels that show nothing are not missing.
+    /// Pixels that must be lit. Pixels without a surface are not missing.
     pub missing: Plane<bool>,
-    /// Light that audited pixels would have taken.
+    /// Reprojected light of the audited pixels.
     audits: Vec<Audit>,
 }
 
-/// Light that was not carried, though it could have been.
+/// Light that was reprojected for comparison only.
 #[derive(Clone, Copy, Debug)]
 struct Audit {
-    /// Raster index.
+    /// Index of the pixel in raster order.
     pixel: u32,
     luminance: f32,
     /// Estimated error.
     error: f32,
     tolerance: f32,
-    /// Whether the light would have been carried, by what is known of estimates.
+    /// Whether the light would have been reused, by the current limit.
     is_trusted: bool,
 }
 
-/// Irradiance of a whole picture, and what its audits found.
+/// Irradiance of a whole picture, and the results of its audits.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Completed {
-    /// \[W·m⁻²\], linear RGB.
+    /// Irradiance \[W·m⁻²\], linear RGB.
     pub irradiance: Plane<[f32; 3]>,
-    /// Audited pixels.
+    /// Counts of audited pixels.
     pub audits: AuditCounts,
 }
 
-/// Numbers of audited pixels whose light would have been carried.
+/// Counts of audited pixels with light that would have been reused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AuditCounts {
-    /// Those that carrying would have made wrong by no more than their tolerance.
+    /// Number of pixels with reprojection errors within their tolerance.
     pub within: usize,
-    /// All of them.
+    /// Number of all these pixels.
     pub all: usize,
 }
 
 impl Carried {
-    /// The whole picture's irradiance: `lit` has that of missing pixels, which `light` keeps.
+    /// Completes the irradiance with the missing pixels from `lit`, and stores their samples in `light`.
     ///
     /// # Panics
     /// If the pictures differ in size.
@@ -107,7 +108,7 @@ impl Carried {
         let Self { mut irradiance, missing, audits } = self;
         let lit = lit.samples();
 
-        // New light of missing pixels completes the picture, and becomes the sample that the next one takes.
+        // New light of missing pixels completes the picture and becomes the samples for the next one.
         let (surfaces, samples) = (seen.pixels.samples(), light.samples.samples_mut());
         let irradiances = irradiance.samples_mut();
         for (k, &is_missing) in missing.samples().iter().enumerate() {
@@ -117,8 +118,8 @@ impl Carried {
             }
         }
 
-        // Audited pixels were lit as well: how far off would the carried light have been? All of them say how far estimates can
-        // be trusted. Counted are those that would not have been lit without the audit.
+        // Audited pixels were lit too, so the error of their reprojected light is measured. All of them train the trust
+        // in estimates. Only pixels that would have been reused without the audit are counted.
         let mut counts = AuditCounts::default();
         light.trust.forget();
         for Audit { pixel, luminance: carried, error, tolerance, is_trusted } in audits {
@@ -131,51 +132,52 @@ impl Carried {
     }
 }
 
-/// The picture that light is carried to.
+/// The picture to which light is reprojected.
 #[derive(Clone, Copy, Debug)]
 pub struct Destination<'a> {
-    /// Its surfaces.
+    /// Surfaces of the picture.
     pub seen: &'a GBuffer,
-    /// Where its pixels were in the picture that the light comes from; none if nothing can be carried.
+    /// Positions of its pixels in the source picture; `None` if no light can be reprojected.
     pub known: Option<&'a Correspondence>,
-    /// Contrast of the light that the samples around a pixel may miss.
+    /// Contrast of light between and beyond the samples around a pixel.
     pub unseen: Unseen,
-    /// Mean square of the errors that carried light may have, in squares of the tolerance: audits steer by it.
+    /// Maximum mean square error of reprojected light, in squares of the tolerance. Audits adapt the reuse to it.
     pub allowed: f32,
 }
 
-/// Contrast that may be beyond the outermost samples around a pixel, and between fewer than five.
+/// Contrast of light beyond the outermost samples around a pixel, or between fewer than five samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unseen {
-    /// That of the light around the pixel.
+    /// Contrast of the light around the pixel.
     Smooth,
-    /// That of the whole picture: light may begin and end anywhere.
+    /// Contrast of the whole picture: shadows may begin and end anywhere.
     Shadows,
 }
 
 impl CarriedLight {
-    /// Carries the light to the next picture, where `reuse(x, y)` allows it. `tolerance(x, y, E)` is the error that the luminance
-    /// of an irradiance of luminance E may have \[W·m⁻²\].
+    /// Reprojects the light to the next picture, where `reuse(x, y)` allows it. `tolerance(x, y, E)` is the tolerable
+    /// error of luminance for an irradiance with luminance E \[W·m⁻²\].
     ///
-    /// From now on the samples are those of `to`; those of missing pixels follow by [`Carried::complete`].
+    /// Afterwards the samples belong to `to`. The samples of missing pixels are added by [`Carried::complete`].
     pub fn carry(
         &mut self,
         to: Destination,
         reuse: impl Fn(usize, usize) -> Reuse + Sync,
         tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
     ) -> Timed<Carried> {
-        // The next picture, before anything is carried to it.
+        // The next picture, initially without light.
         let (width, height) = (to.seen.pixels.width(), to.seen.pixels.height());
         let mut irradiance = Plane::filled(width, height, [0.0; 3]);
         let mut missing = Plane::filled(width, height, false);
         let mut samples = Plane::filled(width, height, Sample::NONE);
 
-        // What is the same for all pixels.
+        // Parameters common to all pixels.
         let (light, limit) = (&*self, self.trust.limit(to.allowed));
         let usual = (to.unseen == Unseen::Shadows).then(|| self.usual_luminance());
         let transfer = Transfer { light, to, reuse: &reuse, tolerance: &tolerance, limit, usual };
 
-        // Rows of macroblocks side by side. Each reads samples of the last picture anywhere, and writes to its own pixels.
+        // Process rows of macroblocks in parallel. Each reads samples of the previous picture anywhere, and writes only
+        // its own pixels.
         let strip = (MACROBLOCK * width).max(1);
         let strips = samples
             .samples_mut()
@@ -193,7 +195,7 @@ impl CarriedLight {
         audits.map(|audits| Carried { irradiance, missing, audits: audits.concat() })
     }
 
-    /// Mean luminance of the samples that have light.
+    /// Returns the mean luminance of the samples with light.
     fn usual_luminance(&self) -> f32 {
         let (mut sum, mut count) = (0.0, 0u32);
         for sample in self.samples.samples() {
@@ -205,16 +207,16 @@ impl CarriedLight {
         (sum / f64::from(count.max(1))) as f32
     }
 
-    /// Light at the surface point of `pixel` by the samples around the place `from`, in raster order. Where it
-    /// may begin anywhere, it is as bright as `usual`.
+    /// Estimates the light at the surface point of `pixel` from the samples around index `from` (raster order). `usual`
+    /// is the luminance of light that may begin anywhere.
     fn light_at(&self, pixel: &PixelSurface, seen: &GBuffer, usual: Option<f32>, from: usize) -> Option<Estimate> {
-        // A light that has not been carried yet has no samples, whatever the pictures show.
+        // Before the first reprojection there are no samples, even if the pictures have surfaces.
         let (width, height) = (self.samples.width(), self.samples.height());
         if from >= width * height {
             return None;
         }
 
-        // The very point has a sample where neither the camera nor the surface moved: nothing to estimate.
+        // If neither the camera nor the surface moved, the point has its own sample without error.
         let (column, row) = (from % width, from / width);
         let same = self.samples.get(column, row);
         let shading_normal = Vec3A::from(pixel.shading_normal);
@@ -222,7 +224,7 @@ impl CarriedLight {
             return Some(Estimate { sample: same, irradiance: same.irradiance(), error: 0.0 });
         }
 
-        // Distances count in widths of a pixel. Along a surface seen askew a pixel is wider by 1 / cos.
+        // Distances are in pixel widths. On an oblique surface, a pixel is wider by 1 / cos.
         let position = Vec3A::from(pixel.position);
         let normal = Vec3A::from(pixel.geometric_normal);
         let width_facing = seen.view.pixel_width(pixel.depth);
@@ -230,8 +232,8 @@ impl CarriedLight {
         let slant = to_viewer.dot(normal).abs().max(LEAST_COSINE).recip();
         let (reach, off_plane) = (REACH * width_facing * slant, OFF_PLANE * width_facing);
 
-        // Of the 3×3 samples only those of the same surface count, by their places along it. The others still say how bright
-        // the light beside it may be.
+        // Only the samples of the same surface among the 3×3 count, by their positions along it. The others still bound
+        // the brightness of the light next to it.
         let axes = <[Vec3; 2]>::from(frame(normal.into())).map(Vec3A::from);
         let mut near = NearSamples::new(usual);
         for y in row.saturating_sub(1)..(row + 2).min(height) {
@@ -239,7 +241,7 @@ impl CarriedLight {
                 let sample = self.samples.get(x, y);
                 near.brightest = near.brightest.max(luminance(sample.irradiance()));
                 let way = Vec3A::from(sample.position) - position;
-                // False for NaN, where there is no sample.
+                // Comparisons with NaN (no sample) are false.
                 if way.length_squared() <= reach * reach
                     && way.dot(normal).abs() <= off_plane
                     && sample.normal().dot(shading_normal) >= ALIKE_COSINE
@@ -252,32 +254,32 @@ impl CarriedLight {
     }
 }
 
-/// All that decides what the pixels of a picture take from the one before.
+/// Parameters of the reprojection to a picture.
 struct Transfer<'a, R, T> {
     light: &'a CarriedLight,
     to: Destination<'a>,
-    /// See [`CarriedLight::carry`].
+    /// Callback of [`CarriedLight::carry`].
     reuse: &'a R,
     tolerance: &'a T,
-    /// Largest estimated error that is carried, in tolerances.
+    /// Largest estimated error that is accepted, in tolerances.
     limit: f32,
-    /// Luminance of light that may begin anywhere; none if it does not.
+    /// Luminance of light that may begin anywhere; `None` if light is smooth.
     usual: Option<f32>,
 }
 
-/// A part of the next picture: some of its rows.
+/// Consecutive rows of the next picture.
 struct Strip<'a> {
     samples: &'a mut [Sample],
     irradiance: &'a mut [[f32; 3]],
     missing: &'a mut [bool],
 }
 
-/// What becomes of the light at a pixel.
+/// Result of the reprojection at a pixel.
 enum Outcome {
     Carried(Estimate),
-    /// The pixel is lit anew, and the carried light compared with that.
+    /// The pixel is lit again and compared with the reprojected light.
     Audited(Audit),
-    /// The pixel is lit anew.
+    /// The pixel is lit again.
     Lost,
 }
 
@@ -286,12 +288,12 @@ where
     R: Fn(usize, usize) -> Reuse,
     T: Fn(usize, usize, f32) -> f32,
 {
-    /// Carries light to a strip whose first row is `top`; returns the audits there.
+    /// Reprojects light to a strip with the first row `top`; returns its audits.
     fn carry_strip(&self, top: usize, strip: Strip) -> Vec<Audit> {
         let pixels = &self.to.seen.pixels;
         let mut audits = Vec::new();
         for k in 0..strip.samples.len() {
-            // The sky and the like reflect nothing: they need no light.
+            // The sky and other pixels without reflection need no light.
             let (x, y) = (k % pixels.width(), top + k / pixels.width());
             let pixel = pixels.get(x, y);
             if !pixel.reflects() {
@@ -311,9 +313,9 @@ where
         audits
     }
 
-    /// What becomes of the light at pixel (x, y), which shows `pixel`.
+    /// Determines the result at pixel (x, y), which shows `pixel`.
     fn outcome(&self, x: usize, y: usize, pixel: &PixelSurface) -> Outcome {
-        // A surface that was out of sight in the last picture, or whose light may be another now, has nothing to take.
+        // Surfaces that were not visible in the previous picture, and surfaces with changed light, cannot reuse light.
         let Destination { seen, known, .. } = self.to;
         let Some(from) = known.and_then(|known| known.match_of(x, y)) else { return Outcome::Lost };
         let reuse = (self.reuse)(x, y);
@@ -321,7 +323,7 @@ where
             return Outcome::Lost;
         }
 
-        // Beyond the largest estimate that audits are kept of, even an audit would say nothing.
+        // Above the largest estimate with audit statistics, even an audit would be useless.
         let Some(estimate) = self.light.light_at(pixel, seen, self.usual, from as usize) else {
             return Outcome::Lost;
         };
@@ -331,7 +333,7 @@ where
             return Outcome::Lost;
         }
 
-        // An audit also looks at light that is not trusted: else the limit could never rise again.
+        // Audits include estimates above the limit: otherwise it could never rise again.
         let is_trusted = error <= self.limit * tolerance;
         if reuse == Reuse::Audited {
             let pixel = (y * seen.pixels.width() + x) as u32;

@@ -1,35 +1,36 @@
-//! Light at a point by the samples around it, and how wrong it may be.
+//! Estimation of the light at a point from the samples around it, and of its error.
 
 use super::sample::Sample;
 use crate::luminance;
 use glam::{Mat2, Vec2, Vec3};
 
-/// Distance of the nearest sample at most \[pixels, seen face on\].
+/// Maximum distance of the nearest sample \[pixels, seen head-on\].
 const NEAREST: f32 = 1.0;
-/// Samples that a plane is fitted to at least.
+/// Minimum number of samples for fitting a plane.
 const LEAST_FITTED: usize = 5;
-/// Difference that is assumed of a sample that no other one can be compared with, as a share of its light.
+/// Assumed contrast around a single sample, as a fraction of its light.
 const UNKNOWN_CONTRAST: f32 = 0.25;
-/// Difference of light that the samples do not show, as a share of the brightest around them. Beside benches of `nave` irradiance
-/// falls to a third within half a pixel.
+/// Assumed contrast of light between or beyond the samples, as a fraction of the brightest light around them. Next to
+/// benches in `nave`, irradiance falls to a third within half a pixel.
 const UNSEEN_CONTRAST: f32 = 0.5;
-/// Share of the mean square distance of the samples that is added to the fit: nearly collinear samples give no steep slopes.
+/// Stabilization of the fit, as a fraction of the samples' mean square distance: nearly collinear samples get no steep
+/// slopes.
 const STIFFNESS: f32 = 0.01;
 
-/// Light at a point, as the samples have it.
+/// Estimated light at a point.
 pub(super) struct Estimate {
     /// The nearest sample.
     pub sample: Sample,
     pub irradiance: Vec3,
-    /// By which its luminance may be wrong.
+    /// Estimated error of the luminance \[W·m⁻²\].
     pub error: f32,
 }
 
-/// The samples near a point, which is the origin of their places.
+/// The samples near a point, with positions relative to it.
 #[derive(Default)]
 pub(super) struct NearSamples {
     count: usize,
-    /// Luminance of what is not seen, at most.
+    /// Maximum luminance of light outside of the samples.
     pub brightest: f32,
     /// Whether light may end between samples.
     has_borders: bool,
@@ -38,18 +39,18 @@ pub(super) struct NearSamples {
     samples: [Sample; 9],
 }
 
-/// How light varies from sample to sample.
+/// Variation of the light between samples.
 struct Variation {
-    /// Distance over which it varies by the contrast \[m\].
+    /// Distance over which light varies by the contrast \[m\].
     spread: f32,
     /// Slopes by channel \[W·m⁻³\].
     slopes: [Vec2; 3],
-    /// Luminance that the slopes do not explain \[W·m⁻²\].
+    /// Luminance not explained by the slopes \[W·m⁻²\].
     contrast: f32,
 }
 
 impl NearSamples {
-    /// No samples yet. Where light may end between them, what is not seen is as bright as `usual` at least.
+    /// Returns an empty set. If light may end between samples, the light outside has at least the luminance `usual`.
     pub fn new(usual: Option<f32>) -> Self {
         Self { brightest: usual.unwrap_or(0.0), has_borders: usual.is_some(), ..Self::default() }
     }
@@ -60,10 +61,10 @@ impl NearSamples {
         self.count += 1;
     }
 
-    /// Light at the origin; none if no sample is within [`NEAREST`] of it, in units of the samples' `spacing`. Where the samples
-    /// tell little, the light may differ by [`UNSEEN_CONTRAST`].
+    /// Estimates the light at the origin; returns `None` if no sample is within [`NEAREST`] of it, in units of the
+    /// samples' `spacing`. Where the samples are insufficient, the light may differ by [`UNSEEN_CONTRAST`].
     pub fn at_origin(&self, spacing: f32) -> Option<Estimate> {
-        // Light is handed on from the nearest sample, x₀. If even that is more than a pixel away, the light here is unknown.
+        // The nearest sample, x₀, is reused. If it is more than a pixel away, the light here is unknown.
         let (places, nearest) = (&self.places[..self.count], NEAREST * spacing);
         let distance2 = |k: usize| places[k].length_squared();
         let first = (0..self.count).min_by(|&a, &b| distance2(a).total_cmp(&distance2(b)))?;
@@ -71,13 +72,14 @@ impl NearSamples {
             return None;
         }
 
-        // The farther x₀ is away, the more of the variation that its neighbors show can lie between it and the origin.
+        // The farther x₀ is from the origin, the more of the observed variation can lie between them.
         let Variation { spread, slopes, contrast } = self.variation(spacing);
         let share = (distance2(first).sqrt() / spread).min(1.0);
 
         // Light can also change where no sample lies: beyond all of them, or anywhere if they are few.
         let unseen = if self.count < LEAST_FITTED { share } else { (self.beyond() / spacing).min(1.0) };
-        // A border of light is there or not. With p the probability of it, the root mean square of the error goes with √p.
+        // A border of light is present or not. With its probability p, the root mean square error is proportional to
+        // √p.
         let unseen = if self.has_borders { unseen.sqrt() } else { unseen };
         let error = contrast * share + UNSEEN_CONTRAST * unseen * self.brightest;
 
@@ -87,18 +89,19 @@ impl NearSamples {
         Some(Estimate { sample: self.samples[first], irradiance, error })
     }
 
-    /// How the light varies, by as good a model as the number of samples supports; `spacing` is their usual distance \[m\].
+    /// Returns the variation of the light, by the best model for the number of samples; `spacing` is their usual
+    /// distance \[m\].
     fn variation(&self, spacing: f32) -> Variation {
         // s² = Σ |x − x̄|² / n
         let (count, places) = (self.count, &self.places[..self.count]);
         let middle = places.iter().sum::<Vec2>() / count as f32;
         let spread2 = places.iter().map(|place| (place - middle).length_squared()).sum::<f32>() / count as f32;
 
-        // A single place shows no variation: some is assumed.
+        // A single position shows no variation, so some is assumed.
         if count == 1 || spread2 == 0.0 {
             return Variation { spread: spacing, slopes: [Vec2::ZERO; 3], contrast: UNKNOWN_CONTRAST * self.brightest };
         }
-        // Through a few samples a plane passes nearly exactly, whatever the light does. Their range is the safer measure.
+        // A plane fits a few samples nearly exactly, even if the light is irregular. Their range is the safer measure.
         if count < LEAST_FITTED {
             return Variation { spread: spread2.sqrt(), slopes: [Vec2::ZERO; 3], contrast: self.range() };
         }
@@ -106,7 +109,7 @@ impl NearSamples {
         Variation { spread: spread2.sqrt(), slopes, contrast }
     }
 
-    /// Difference of the brightest and the darkest sample's luminance.
+    /// Returns the difference between the luminances of the brightest and the darkest sample.
     fn range(&self) -> f32 {
         let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
         for &light in &self.light[..self.count] {
@@ -116,8 +119,8 @@ impl NearSamples {
         most - least
     }
 
-    /// Slopes g of the plane through the samples' light, by channel, and root mean square of the luminance that it leaves: the
-    /// least squares of
+    /// Fits a plane to the samples' light. Returns its slopes g by channel, and the root mean square residual in
+    /// luminance. The fit minimizes
     ///
     /// ```text
     /// Σ (E − Ē − g · d)² + ρ g²          d = x − x̄          ρ = STIFFNESS Σ d²
@@ -129,8 +132,8 @@ impl NearSamples {
         let count = self.count as f32;
         let mean = light.iter().sum::<Vec3>() / count;
 
-        // The normal equations A g = b:  A = Σ d dᵀ + ρ 1,  b = Σ d (E − Ē) for each channel.
-        // ρ keeps A invertible where all samples lie on a line.
+        // The normal equations A g = b:  A = Σ d dᵀ + ρ 1,  b = Σ d (E − Ē) for each channel. ρ keeps A invertible if
+        // all samples are collinear.
         let (mut a, mut b) = (Mat2::from_diagonal(Vec2::splat(STIFFNESS * spread2 * count)), [Vec2::ZERO; 3]);
         for (place, light) in places.iter().zip(light) {
             let (d, e) = (place - middle, light - mean);
@@ -142,7 +145,7 @@ impl NearSamples {
         let inverse = a.inverse();
         let g = b.map(|b| inverse * b);
 
-        // σ² = Σ (E − Ē − g · d)² / (n − 3), in luminance: three degrees of freedom went into the plane.
+        // σ² = Σ (E − Ē − g · d)² / (n − 3), in luminance: the plane has three degrees of freedom.
         let mut squares = 0.0;
         for (place, light) in places.iter().zip(light) {
             let plane = Vec3::from_array(g.map(|g| g.dot(place - middle)));
@@ -151,16 +154,17 @@ impl NearSamples {
         (g, (squares / (count - 3.0)).sqrt())
     }
 
-    /// Distance of the origin from the convex hull of the places.
+    /// Returns the distance of the origin from the convex hull of the positions.
     fn beyond(&self) -> f32 {
-        // Outside, all places are on one side of the line through the origin and one of them.
+        // If the origin is outside, all positions are on one side of the line through it and one of them.
         let places = &self.places[..self.count];
         let is_outside = places.iter().any(|a| places.iter().all(|&b| a.perp_dot(b) >= 0.0));
         if !is_outside {
             return 0.0;
         }
 
-        // The hull's nearest point lies on the line between two places. Lines within the hull are farther, and do no harm.
+        // The nearest point of the hull is on the line between two positions. Lines inside the hull are farther away
+        // and harmless.
         let mut least = f32::INFINITY;
         for (k, &a) in places.iter().enumerate() {
             for &b in &places[..=k] {

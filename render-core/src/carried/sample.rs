@@ -1,17 +1,17 @@
-//! Irradiance at a point, in 20 bytes.
+//! Irradiance at a point, packed into 20 bytes.
 
 use glam::{Vec2, Vec3, Vec3A};
 
-/// Bits of each channel's mantissa, of the exponent of 2 that they have in common, and of each coordinate of the normal.
+/// Bits of each channel's mantissa, of their common exponent of 2, and of each coordinate of the normal.
 const MANTISSA_BITS: u32 = 13;
 const EXPONENT_BITS: u32 = 9;
 const NORMAL_BITS: u32 = 8;
 const _: () = assert!(3 * MANTISSA_BITS + EXPONENT_BITS + 2 * NORMAL_BITS == 64);
 /// Largest mantissa.
 const WHOLE: f32 = ((1 << MANTISSA_BITS) - 1) as f32;
-/// The exponent of 1 as it is stored.
+/// Stored value of the exponent 0.
 const BIAS: i32 = 1 << (EXPONENT_BITS - 1);
-/// Largest coordinate of a normal, and its zero.
+/// Largest coordinate of a normal, and the stored value of 0.
 const NORMAL_SCALE: f32 = 127.0;
 const NORMAL_ZERO: f32 = 128.0;
 
@@ -19,22 +19,23 @@ const NORMAL_ZERO: f32 = 128.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Sample {
-    /// NaN where no light is known.
+    /// Position \[m\]; NaN if no light is known.
     pub position: [f32; 3],
-    /// From the lowest bits up: mantissas of R, G and B, exponent, normal (octahedral).
+    /// Mantissas of R, G and B, exponent and normal (octahedral), from the lowest bits up.
     packed: [u32; 2],
 }
 
 impl Sample {
-    /// No light is known.
+    /// No known light.
     pub const NONE: Self = Self { position: [f32::NAN; 3], packed: [0; 2] };
 
     pub fn new(position: [f32; 3], normal: Vec3, irradiance: Vec3) -> Self {
-        // All channels have the exponent e of the brightest: E ≈ m 2^e / WHOLE. Black, and what is no number, stays 0.
+        // All channels share the exponent e of the brightest: E ≈ m 2^e / WHOLE. Black and non-finite values are stored
+        // as 0.
         let most = irradiance.max_element();
         let mut packed = 0;
         if most.is_normal() && most > 0.0 {
-            // The bits of an f32 hold the least e with most < 2^e, plus 126.
+            // The exponent field of an f32 is the least e with most < 2^e, plus 126.
             let exponent = (most.to_bits() >> 23) as i32 - 126;
             let unit = exp2(-exponent) * WHOLE;
             for (k, channel) in (0..).zip(irradiance.to_array()) {
@@ -43,7 +44,8 @@ impl Sample {
             packed |= ((exponent + BIAS) as u64) << (3 * MANTISSA_BITS);
         }
 
-        // The normal's place on the unfolded octahedron, above the light. As −1…1 becomes 1…255, 0 is exact.
+        // The normal's position on the unfolded octahedron follows the light. −1…1 is mapped to 1…255, so that 0 is
+        // exact.
         for (k, coordinate) in (0..).zip(octahedral(normal).to_array()) {
             let stored = (coordinate * NORMAL_SCALE + NORMAL_ZERO).round() as u64;
             packed |= stored << (3 * MANTISSA_BITS + EXPONENT_BITS + k * NORMAL_BITS);
@@ -56,7 +58,7 @@ impl Sample {
         ((u64::from(high) << 32 | u64::from(low)) >> from) as u32 & ((1 << count) - 1)
     }
 
-    /// Unit vector, to a degree.
+    /// Returns the unit normal, accurate to a degree.
     pub fn normal(&self) -> Vec3A {
         let coordinate = |k: u32| {
             let stored = self.bits(3 * MANTISSA_BITS + EXPONENT_BITS + k * NORMAL_BITS, NORMAL_BITS);
@@ -77,7 +79,7 @@ impl Default for Sample {
     }
 }
 
-/// A unit vector on the square −1…1: the octahedron |x| + |y| + |z| = 1, its lower half folded outwards.
+/// Maps a unit vector to the square −1…1: the octahedron |x| + |y| + |z| = 1, with its lower half folded outwards.
 fn octahedral(v: Vec3) -> Vec2 {
     let v = v / v.abs().element_sum().max(f32::MIN_POSITIVE);
     if v.z >= 0.0 { v.truncate() } else { folded(v.truncate()) }
@@ -92,7 +94,7 @@ fn folded(p: Vec2) -> Vec2 {
     (Vec2::ONE - Vec2::new(p.y, p.x).abs()) * Vec2::ONE.copysign(p)
 }
 
-/// 2 to the power of `exponent`, for −126…127 exactly; beyond, the nearest of these.
+/// Returns 2 to the power of `exponent`, exactly for −126…127; clamps other exponents.
 fn exp2(exponent: i32) -> f32 {
     f32::from_bits(((exponent.clamp(-126, 127) + 127) as u32) << 23)
 }

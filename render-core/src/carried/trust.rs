@@ -1,35 +1,36 @@
-//! How far estimated errors of carried light can be trusted, by what audits find.
+//! Reliability of the estimated errors of reprojected light, measured by audits.
 //!
-//! The estimate comes from the samples around a pixel, and knows nothing of light that changes between them. It is also far too
-//! high where light only might change. So audits are kept by the share of the tolerance that was estimated, and
+//! The estimate is based on the samples around a pixel and ignores changes of light between them. It is also far too
+//! high where light only might change. Audit results are therefore kept in buckets by the estimate relative to the
+//! tolerance:
 //!
 //! ```text
 //! m_k = mean of (|L − L_lit| / tolerance)²      of the audits whose estimate is in bucket k
 //! carried is up to the first bucket with m_k > allowed
 //! ```
 //!
-//! Audits go on beyond that limit, so that it can rise again. Estimates of several tolerances are carried where audits find
-//! that they are too high.
+//! Audits continue beyond this limit, so that it can rise again. Estimates of several tolerances are accepted if audits
+//! show that they are too high.
 
-/// Octaves of the estimate by the tolerance that are told apart, and how many of them are above 1.
+/// Number of buckets, each one octave of the ratio of estimate to tolerance, and the number of buckets above 1.
 const BUCKETS: usize = 11;
 const ABOVE: usize = 3;
-/// Largest estimate that audits are kept of, in tolerances.
+/// Largest estimate with audit statistics, in tolerances.
 pub(super) const LARGEST: f32 = (1 << ABOVE) as f32;
-/// Square of an error that counts at most: one outlier of a hundred audits may close a bucket, one of a thousand may not.
+/// Maximum square of an error: one outlier in a hundred audits may close a bucket, but not one in a thousand.
 const MOST: f32 = 64.0;
-/// Audits of a bucket that say something.
+/// Minimum total weight of the audits of a bucket.
 const ENOUGH: f32 = 32.0;
-/// Factor on the weight of an audit from one frame to the next: half of it is left after seven frames.
+/// Factor on the weight of an audit per frame: half of it remains after seven frames.
 const MEMORY: f32 = 0.9;
-/// Buckets that are carried before audits say something: estimates up to a quarter of the tolerance.
+/// Number of open buckets before the first audits: estimates up to a quarter of the tolerance.
 const FIRST: usize = BUCKETS - ABOVE - 2;
 
-/// Audits of the light of one kind.
+/// Audit statistics.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Trust {
-    /// Weights of the audits, and sums of the weighted squares.
+    /// Weights and weighted squared errors of the audits, by bucket.
     found: [Audited; BUCKETS],
 }
 
@@ -47,38 +48,38 @@ impl Default for Trust {
 }
 
 impl Trust {
-    /// Largest estimate that is carried, in tolerances: [`LARGEST`] at most. `allowed` is the mean square of the errors, in
-    /// squares of the tolerance, up to which light of a bucket is carried.
+    /// Returns the largest estimate that is accepted, in tolerances; at most [`LARGEST`]. `allowed` is the maximum mean
+    /// square error of a bucket, in squares of the tolerance.
     pub fn limit(&self, allowed: f32) -> f32 {
         let is_bad = |found: &Audited| found.weight >= ENOUGH && found.squares > allowed * found.weight;
-        // Up to the first that fails, and no farther than audits reach.
+        // Accept buckets up to the first that fails, and only those with audits.
         let good = self.found.iter().position(is_bad).unwrap_or(BUCKETS);
         let known = self.found.iter().rposition(|found| found.weight >= ENOUGH).map_or(0, |last| last + 1);
         let buckets = good.min(known.max(FIRST));
         if buckets == 0 { 0.0 } else { upper_end(buckets - 1) }
     }
 
-    /// A frame has passed.
+    /// Reduces the weights after a frame.
     pub fn forget(&mut self) {
         for Audited { weight, squares } in &mut self.found {
             (*weight, *squares) = (MEMORY * *weight, MEMORY * *squares);
         }
     }
 
-    /// Takes in an audit: estimate and error, as shares of the tolerance.
+    /// Adds an audit: estimate and error, relative to the tolerance.
     pub fn note(&mut self, estimate: f32, error: f32) {
         let Audited { weight, squares } = &mut self.found[bucket(estimate)];
         let square = (error * error).min(MOST);
-        // 0/0 is no error.
+        // 0/0 counts as no error.
         *squares += if square.is_nan() { 0.0 } else { square };
         *weight += 1.0;
     }
 }
 
-/// The bucket of an estimate up to [`LARGEST`].
+/// Returns the bucket of an estimate up to [`LARGEST`].
 fn bucket(estimate: f32) -> usize {
     let place = (BUCKETS - ABOVE) as f32 + estimate.log2().ceil() - 1.0;
-    // NaN, 0/0, counts as none.
+    // NaN (0/0) falls into bucket 0.
     (place.max(0.0) as usize).min(BUCKETS - 1)
 }
 
@@ -90,16 +91,17 @@ fn upper_end(bucket: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// Allowed in these tests.
+    /// Mean square error allowed in these tests.
     const QUARTER: f32 = 0.25;
 
-    /// A film of 40 frames, 275 audits each, spread over all estimates; `error(estimate, k)` is what audit k finds.
+    /// Returns the limit after a film of 40 frames with 275 audits each, over all estimates. `error(estimate, k)` is
+    /// the result of audit k.
     fn limit_after(error: impl Fn(f32, usize) -> f32) -> f32 {
         let mut trust = Trust::default();
         for _ in 0..40 {
             trust.forget();
             for k in 0..275 {
-                // Evenly by octaves, from 8 to 1/256.
+                // The estimates are spaced evenly in octaves, from 8 to 1/256.
                 let estimate = LARGEST * (-11.0 * (k as f32 + 0.5) / 275.0).exp2();
                 trust.note(estimate, error(estimate, k));
             }
@@ -120,7 +122,7 @@ mod tests {
 
     #[test]
     fn few_large_errors_close_a_bucket_and_none_open_it_again() {
-        // Four of a hundred, by five tolerances: a mean square of 1.
+        // Four in a hundred have errors of five tolerances: a mean square of 1.
         let outliers = |estimate: f32, k: usize| if estimate > 0.125 && k.is_multiple_of(25) { 5.0 } else { 0.0 };
         assert_eq!(limit_after(outliers), 0.125);
         let mut trust = Trust::default();
