@@ -1,30 +1,30 @@
-//! The space that moving things pass through, in cells.
+//! The space that moving geometry passes through, as a grid of cells.
 
 use crate::Units;
 use crate::scene::Scene;
 use glam::{BVec3A, Vec3, Vec3A};
 
-/// Cells along each axis.
+/// Number of cells along each axis.
 const SIDE: i32 = 64;
 
-/// A grid of cells over the scene, each known to be entered by something that moves or not.
+/// A grid of cells over the scene; each cell is marked if moving geometry enters it.
 #[derive(Clone, Debug)]
 pub struct SweptVolume {
     low: Vec3A,
-    /// Cells to the meter.
+    /// Cells per meter.
     density: f32,
-    /// One bit per cell in x, a word per (y, z).
+    /// One bit per cell in x, one word per (y, z).
     rows: Vec<u64>,
 }
 
 impl SweptVolume {
-    /// Where a segment ends that goes on for ever: farther than any scene, and finite \[m\].
+    /// Length of a segment without an end: finite, but longer than any scene \[m\].
     pub(crate) const FAR: f32 = 1e16;
 
-    /// An empty space over the scene that `units` measures.
+    /// Returns an empty grid over the scene with the bounds in `units`.
     #[must_use]
     pub fn new(units: &Units) -> Self {
-        // A little wider than the scene, so that nothing that moves touches the border.
+        // The grid is slightly larger than the scene, so that moving geometry never touches its border.
         let side = 2.02 * units.radius;
         Self {
             low: units.center - Vec3A::splat(side / 2.0),
@@ -33,10 +33,10 @@ impl SweptVolume {
         }
     }
 
-    /// The space that the moving instances of `scene` pass through at `times` \[s\].
+    /// Returns the space that the moving instances of `scene` pass through at `times` \[s\].
     pub fn of(scene: &Scene, units: &Units, times: impl IntoIterator<Item = f32>) -> Self {
         let mut swept = Self::new(units);
-        // What keeps its shape is as large as it is at rest.
+        // Rigid shapes have the bounds of their mesh.
         let around = |positions: &[Vec3]| {
             let empty = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
             positions.iter().fold(empty, |[low, high], &p| [low.min(p.into()), high.max(p.into())])
@@ -46,6 +46,7 @@ impl SweptVolume {
             .filter(|(_, moves)| *moves)
             .map(|(index, _)| (index, around(&scene.meshes[scene.instances[index].mesh].positions)))
             .collect();
+        // At each time, mark the world-space box of each moving shape.
         for time in times {
             let pose = scene.pose(time);
             for &(index, at_rest) in &moving {
@@ -63,9 +64,9 @@ impl SweptVolume {
         swept
     }
 
-    /// Adds the cells that the box from `low` to `high` touches.
+    /// Marks the cells that the box from `low` to `high` touches.
     pub fn add(&mut self, low: Vec3A, high: Vec3A) {
-        // A thousandth of a cell wider: rounding must not decide.
+        // The box is enlarged by a thousandth of a cell, so that rounding cannot exclude cells.
         let first = self.cell((low - self.low) * self.density - 1e-3);
         let last = self.cell((high - self.low) * self.density + 1e-3);
         let bits = (u64::MAX << first[0]) & (u64::MAX >> (SIDE - 1 - last[0]));
@@ -76,7 +77,7 @@ impl SweptVolume {
         }
     }
 
-    /// The same space and all that is within `margin` meters of it, at least: whole cells are added along each axis.
+    /// Returns the space enlarged by at least `margin` meters: whole cells are added along each axis.
     #[must_use]
     pub fn widened(&self, margin: f32) -> Self {
         let cells = ((margin * self.density).ceil().max(0.0) as i32).min(SIDE);
@@ -86,7 +87,7 @@ impl SweptVolume {
                 *wide |= row.checked_shl(step as u32).unwrap_or(0) | row.checked_shr(step as u32).unwrap_or(0);
             }
         }
-        // A word is a row; those beside it in y, then in z.
+        // A word is a row in x; combine neighboring words in y, then in z.
         let beside = |from: &[u64], to: &mut [u64], stride: i32| {
             for place in 0..SIDE * SIDE {
                 let at = place / stride % SIDE;
@@ -100,7 +101,7 @@ impl SweptVolume {
         Self { rows, ..*self }
     }
 
-    /// Share of the grid that something enters.
+    /// Returns the fraction of marked cells.
     #[must_use]
     pub fn share(&self) -> f32 {
         self.rows.iter().map(|row| row.count_ones()).sum::<u32>() as f32 / (SIDE * SIDE * SIDE) as f32
@@ -110,29 +111,30 @@ impl SweptVolume {
         at.to_array().map(|x| (x as i32).clamp(0, SIDE - 1))
     }
 
-    /// Whether the segment from `from` to `to` passes through a cell that something enters (Amanatides & Woo 1987).
+    /// Returns whether the segment from `from` to `to` passes through a marked cell (Amanatides & Woo 1987).
     pub(crate) fn is_entered(&self, from: Vec3A, to: Vec3A) -> bool {
         let (from, way) = ((from - self.low) * self.density, (to - from) * self.density);
         let inverse = way.recip();
-        // The part of the segment inside of the grid, by slabs; 0 · ∞ is NaN, which min and max pass over.
+        // Clip the segment to the grid by slabs; min and max ignore NaN (0 · ∞).
         let (a, b) = (-from * inverse, (Vec3A::splat(SIDE as f32) - from) * inverse);
         let enter = a.min(b).max_element().max(0.0);
         let leave = a.max(b).min_element().min(1.0);
         if enter > leave {
             return false;
         }
+        // Step from cell to cell, beginning with the first one inside of the grid.
         let start = from + way * enter;
         let mut cell = self.cell(start);
         let last = self.cell(from + way * leave);
         let step = way.to_array().map(|x| if x > 0.0 { 1 } else { -1 });
         let length = inverse.abs().to_array();
-        // Where the segment passes the next border across each axis: never, if it goes along it.
+        // Position where the segment crosses the next border on each axis: infinite if it runs parallel to the border.
         let along = way.to_array();
         let mut next: [f32; 3] = std::array::from_fn(|axis| {
             let border = (cell[axis] + i32::from(step[axis] > 0)) as f32;
             if along[axis] == 0.0 { f32::INFINITY } else { (border - from[axis]) * inverse[axis] }
         });
-        // At most as many cells as the three axes have together.
+        // A segment crosses at most as many cells as the three axes have together.
         for _ in 0..3 * SIDE {
             if self.rows[(cell[2] * SIDE + cell[1]) as usize] >> cell[0] & 1 == 1 {
                 return true;
@@ -170,7 +172,7 @@ mod tests {
         Units { center: Vec3A::new(5.0, -3.0, 2.0), radius: 4.0, epsilon: 1e-4 }
     }
 
-    /// Every segment through a box enters the cells of that box, from wherever it comes.
+    /// A segment through a box enters the cells of that box, from any direction.
     #[test]
     fn no_segment_through_a_box_is_missed() {
         let u = |a, b| hash_unit(5, a, b);
