@@ -1,11 +1,11 @@
-//! Photons walk from the lights through the scene and leave their flux at surfels, which feed the anchors.
+//! Photon tracing: photons carry flux from the lights to surfels, which determine the flux of the anchors.
 //!
-//! The same Halton numbers are used for every frame: where nothing moves, the flux is the same to the last bit, and where
-//! something does, it changes as little as the scene \[Herzog08, 4.1.1\].
+//! Every frame uses the same Halton numbers. Where the scene is static, the flux is identical to the last bit;
+//! elsewhere, it changes as little as the scene \[Herzog08, 4.1.1\].
 //!
-//! Flux is counted in whole quanta. Sums of integers do not depend on their order: not on the threads, and not on
-//! which photons are traced again. So the ways of all are traced once up to where anything that moves could meet them
-//! ([`Photons::with_swept_volume`]), and the bits are those of tracing them whole.
+//! Flux is counted in integer quanta. Integer sums do not depend on their order. Results therefore do not depend on
+//! threads, or on which photons are retraced. All paths are traced once, up to the first possible contact with moving
+//! geometry ([`Photons::with_swept_volume`]). The results are bit-identical to tracing all paths completely.
 
 mod aims;
 mod boxes;
@@ -31,26 +31,26 @@ use std::sync::Arc;
 /// Flux of the photons of one frame, by anchor and by surfel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnchorFlux {
-    /// Flux of each fixed anchor \[W\], linear RGB: the part of its surfels' flux that leaves their neighborhood.
+    /// Flux of each fixed anchor \[W\], linear RGB: the flux of its surfels that leaves their neighborhood.
     pub fixed: Vec<Vec3>,
-    /// The same for the dynamic anchors.
+    /// Flux of each dynamic anchor \[W\], linear RGB.
     pub dynamic: Vec<Vec3>,
-    /// Reflected by the surface around each fixed surfel, then around each dynamic one \[W\].
+    /// Flux reflected around each fixed surfel, then around each dynamic one \[W\].
     pub surfels: [Vec<Vec3>; 2],
-    /// Emitted by the lights \[W\].
+    /// Flux emitted by the lights \[W\].
     pub emitted: Vec3,
-    /// Reflected by all surfaces \[W\]: the sum over the surfels, to the quantum.
+    /// Flux reflected by all surfaces \[W\]: exactly the sum over the surfels.
     pub reflected: Vec3,
-    /// Left the scene, met the back of a surface, or was reflected where there is no surfel \[W\].
+    /// Flux that left the scene, hit the back of a surface, or was reflected at a point without surfels \[W\].
     pub lost: Vec3,
-    /// Photons that this rank traced for the frame, whole or from where something may have moved into their way. The flux of all
-    /// others is known from the frames before, or from other ranks.
+    /// Number of photons that this rank traced for the frame, completely or from the first segment that may have
+    /// changed. The flux of other photons is known from previous frames or from other ranks.
     pub traced: u64,
-    /// Surfels that moving things hide from each other.
+    /// Changes of visibility between surfels by moving geometry.
     pub moved: Moved,
 }
 
-/// The photons of a scene, frame after frame.
+/// Photon tracing of a scene over successive frames.
 #[derive(Clone, Debug)]
 pub struct Photons {
     count: u64,
@@ -62,28 +62,28 @@ pub struct Photons {
     ranks: Arc<dyn Ranks>,
 }
 
-/// Photon paths up to where they may meet moving things.
+/// Photon paths up to their first possible contact with moving geometry.
 #[derive(Clone, Debug)]
 struct Settled {
-    /// Powers of the lights when they were traced: these decide which light a photon starts from.
+    /// Powers of the lights when the paths were traced: they determine the light that each photon starts from.
     powers: Vec<Vec3>,
-    /// Flux of the segments that no moving thing can change.
+    /// Flux of the segments that moving geometry cannot change.
     sums: Sums,
-    /// Segments from which this rank traces photons on in every frame.
+    /// Segments from which this rank continues paths in every frame.
     others: Vec<Other>,
 }
 
-/// A photon that moving things may meet.
+/// A photon that moving geometry may affect.
 #[derive(Clone, Copy, Debug)]
 enum Other {
-    /// Its light moves.
+    /// The whole path, because its light moves.
     Whole(u32),
-    /// From the first segment on that something may stand in the way of.
+    /// The path from the first segment that moving geometry may block.
     From(Leg),
 }
 
 impl Other {
-    /// Turn of the photon's batch.
+    /// Returns the owner assignment of the photon's batch.
     fn turn(&self) -> Turn {
         let photon = match self {
             Self::Whole(photon) => *photon,
@@ -93,16 +93,16 @@ impl Other {
     }
 }
 
-/// Photons that a thread takes at a time: enough that each surfel gets several, for then sharing out is fast.
+/// Number of photons that a thread takes at a time. Each surfel then gets several, which makes distribution efficient.
 const BATCH: u64 = 16_384;
 
-/// Turn of the batch that a photon is in.
+/// Returns the owner assignment of the batch of a photon.
 fn turn_of(photon: u64) -> Turn {
     Turn::InOrder((photon / BATCH) as u32)
 }
 
 impl Photons {
-    /// `count` photons a frame (at most 2³²), with numbers that follow from `seed`.
+    /// Returns a tracer of `count` photons per frame (at most 2³²), with random numbers derived from `seed`.
     #[must_use]
     pub fn new(count: u64, seed: u64) -> Self {
         Self {
@@ -116,32 +116,33 @@ impl Photons {
         }
     }
 
-    /// Paths end after `bounces` reflections at the latest; 1024 when not stated.
+    /// Limits paths to `bounces` reflections; the default is 1024.
     #[must_use]
     pub fn with_bounces(self, bounces: usize) -> Self {
         Self { bounces: bounces.min(LONGEST_PATH), ..self }
     }
 
-    /// Photons start by `guide`; by power alone where there is none.
+    /// Sets the `guide` for emission; without one, photons start in proportion to power.
     #[must_use]
     pub fn with_guide(self, guide: Option<Guide>) -> Self {
         Self { guide: guide.map(Arc::new), ..self }
     }
 
-    /// Photons are traced for the first frame only until they enter `swept`, the space that moving things pass through.
-    /// Later frames need the same anchors, and nothing that moves may leave that space.
+    /// Traces photons only in the first frame until they enter `swept`, the space that moving geometry passes through.
+    /// Later frames must have the same anchors, and moving geometry must not leave that space.
     #[must_use]
     pub fn with_swept_volume(self, swept: SweptVolume) -> Self {
         Self { swept: Some(swept), ..self }
     }
 
-    /// Shares the photons with other `ranks`: batch b of them is traced by rank b mod R.
+    /// Shares the photons among `ranks`: of R ranks, rank b mod R traces batch b.
     #[must_use]
     pub fn with_ranks(self, ranks: Arc<dyn Ranks>) -> Self {
         Self { ranks, ..self }
     }
 
-    /// Traces one frame. The same scene gives the same bits, for any number of threads and ranks, and whatever was kept.
+    /// Traces one frame. The result is bit-identical for any number of threads and ranks, and with or without reused
+    /// paths.
     pub fn trace(
         &mut self,
         PosedScene { accelerator, surfaces }: PosedScene,
@@ -152,10 +153,12 @@ impl Photons {
         Timed::of(|busy| {
             let dynamic = anchors.surfels.dynamic_in_world(surfaces);
             let surfels = [&anchors.surfels.fixed, &dynamic];
+            // Without emitters there is no flux.
             let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
             let Some(source) = source else {
                 return Sums::new(surfels).anchor_flux(Quantum::default(), anchors, surfels, Moved::default());
             };
+            // Scene and settings are common to all photons of the frame.
             let starts = Starts::new(&source, self.guide.clone());
             let walk = Walk {
                 accelerator,
@@ -163,13 +166,15 @@ impl Photons {
                 source: &source,
                 starts: &starts,
                 moving: surfaces.moving().clone(),
-                // An anchor sees its neighborhood blurred: so do the photons that feed it.
+                // Textures are averaged over an anchor's area, because anchors represent the mean of their
+                // neighborhood.
                 footprint: anchors.area_share.sqrt(),
                 epsilon: units.epsilon,
                 count: self.count,
                 seed: self.seed,
                 bounces: self.bounces,
             };
+            // Trace the photons; their flux at surfels determines the flux of the anchors.
             let quantum = Quantum::of(source.powers());
             let ranks = self.ranks.clone();
             let emission = FrameEmission { walk, quantum, surfels, busy, ranks: &*ranks };
@@ -179,18 +184,19 @@ impl Photons {
         })
     }
 
-    /// Flux of all photons of a frame, and how many of them this rank traced for it.
+    /// Returns the flux of all photons of a frame, and the number of photons that this rank traced for it.
     fn sums(&mut self, emission: &FrameEmission) -> (Sums, u64) {
         let powers = emission.walk.source.powers();
-        // With other powers photons start elsewhere: nothing that was kept holds.
+        // With other powers, photons start elsewhere and no previous path is valid.
         if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == powers) {
             let others = emission.of_all_ranks(|meter| emission.trace_others(&settled.others, meter));
             let sums = others.plus(settled.sums.clone());
             return (sums, settled.others.len() as u64);
         }
+        // Without a swept volume, every frame traces all photons.
         let count: u64 = emission.batches().map(|batch| batch.end - batch.start).sum();
         let Some(swept) = &self.swept else { return (emission.of_all_ranks(|meter| emission.trace_all(meter)), count) };
-        // The first frame with something to keep: photons that stay are summed apart from the others.
+        // The first reusable frame: paths that moving geometry cannot change are summed separately.
         let swept = &Swept { entered: swept.clone(), near: swept.widened(emission.surfels[0].reach()) };
         let (mut change, mut others) = (emission.no_sums(), Vec::new());
         let stay = emission.of_all_ranks(|meter| {
@@ -205,7 +211,7 @@ impl Photons {
     }
 }
 
-/// The photons that the lights emit for one frame.
+/// The photon emission of one frame.
 struct FrameEmission<'a> {
     walk: Walk<'a>,
     quantum: Quantum,
@@ -215,24 +221,24 @@ struct FrameEmission<'a> {
     ranks: &'a dyn Ranks,
 }
 
-/// Where moving things change the light of photons.
+/// The space in which moving geometry affects photons.
 struct Swept {
-    /// The space that they pass through.
+    /// Cells that moving geometry enters.
     entered: SweptVolume,
-    /// And what is near enough for a photon's light to be shared out across it.
+    /// Cells close enough that surfels receive energy across moving geometry.
     near: SweptVolume,
 }
 
-/// Flux of whole paths, apart from that of segments which moving things may change.
+/// Flux of whole paths, separated by whether moving geometry may change it.
 struct Parted {
     stay: Sums,
     change: Sums,
-    /// Segments that `change` was traced from.
+    /// Segments from which `change` was traced.
     others: Vec<Other>,
 }
 
 impl Parted {
-    /// Both together.
+    /// Returns the sum of both.
     fn plus(self, other: Self) -> Self {
         Self {
             stay: self.stay.plus(other.stay),
@@ -247,7 +253,7 @@ impl FrameEmission<'_> {
         Sums::new(self.surfels)
     }
 
-    /// Ranges of photons that this rank traces, one after the other.
+    /// Returns the ranges of photons that this rank traces.
     fn batches(&self) -> impl ParallelIterator<Item = Range<u64>> {
         let count = self.walk.count;
         let (rank, ranks) = (self.ranks.rank(), self.ranks.count());
@@ -256,7 +262,7 @@ impl FrameEmission<'_> {
         of_this_rank.map(move |begin| begin..(begin + BATCH).min(count))
     }
 
-    /// The sums of all ranks together, given those of each.
+    /// Sums the results of all ranks.
     fn of_all_ranks(&self, trace: impl FnOnce(&Meter) -> Sums) -> Sums {
         sum_of_all(self.ranks, trace, Sums::plus)
     }
@@ -277,7 +283,7 @@ impl FrameEmission<'_> {
         Sight { accelerator: self.walk.accelerator, epsilon: self.walk.epsilon }
     }
 
-    /// Traces every photon whole.
+    /// Traces every photon completely.
     fn trace_all(&self, meter: &Meter) -> Sums {
         let started = || (self.no_sums(), Left::default());
         let fold = self.batches().fold(started, |(mut sums, mut left), batch| {
@@ -296,7 +302,7 @@ impl FrameEmission<'_> {
         fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
     }
 
-    /// Traces the photons that moving things may meet, each from the segment where they first may.
+    /// Traces the photons that moving geometry may affect, each from its first affected segment.
     fn trace_others(&self, others: &[Other], meter: &Meter) -> Sums {
         let started = || (self.no_sums(), Left::default());
         let fold = others.par_chunks(BATCH as usize).fold(started, |(mut sums, mut left), others| {
@@ -318,7 +324,7 @@ impl FrameEmission<'_> {
         fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
     }
 
-    /// Traces every photon, and parts its path where it first enters `swept`.
+    /// Traces every photon, and splits its path where it first enters `swept`.
     fn trace_apart(&self, swept: &Swept, meter: &Meter) -> Parted {
         let nothing = || Parted { stay: self.no_sums(), change: self.no_sums(), others: Vec::new() };
         let fold = self.batches().fold(nothing, |mut parted, batch| {

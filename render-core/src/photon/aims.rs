@@ -1,51 +1,53 @@
-//! Guided reflection: photons that are far from what the camera sees aim at it.
+//! Guided reflection: photons far from the visible region are aimed at it.
 //!
-//! Photons that the ground outside a room reflects hardly ever meet its window, and each that does has the flux of thousands. Camera
-//! paths find that way from its other end. On an edge x → y of such a path light comes from y to x, so photons at y aim at x:
+//! Photons reflected by the ground outside a room rarely hit its window, and each that does has the flux of thousands.
+//! Camera paths find this connection from the other end. Light of an edge x → y of such a path travels from y to x, so
+//! photons at y aim at x:
 //!
 //! ```text
 //! p(ω) = ½ cos θ / π + ½ / Ω    within the cone Ω around a ball: most x of the edges whose y are close by lie in it
 //! p(ω) = ½ cos θ / π            beyond it
 //! ```
-//! A photon's weight is that of an even lobe over this, `cos θ / π / p(ω)` ≤ 2: the expected light is the same.
+//! The weight of a photon is the ratio of a cosine lobe to this density, `cos θ / π / p(ω)` ≤ 2. The expected light is
+//! unchanged.
 
 use crate::sampling::{cosine_hemisphere, frame};
 use glam::{Vec2, Vec3, Vec3A};
 use std::f32::consts::{PI, TAU};
 
-/// Edges of a leaf.
+/// Maximum number of edges in a leaf.
 const LEAF: usize = 24;
-/// Radius of the ball in standard deviations of the places that it holds.
+/// Radius of the ball in standard deviations of its positions.
 const DEVIATIONS: f32 = 1.5;
-/// A ball is aimed at from this many radii on: below, an even lobe meets it often.
+/// Minimum distance of a ball that is aimed at, in radii: a cosine lobe often hits nearer balls.
 const FAR: f32 = 2.0;
-/// Share of the photons that aim.
+/// Fraction of the photons that aim.
 const AIMED: f32 = 0.5;
 
-/// An edge of a camera path, against its way.
+/// An edge of a camera path, in the direction of light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
-    /// y: where a photon is reflected.
+    /// Point y, where a photon is reflected.
     pub from: Vec3A,
-    /// x: where it is to go.
+    /// Point x, the destination of the photon.
     pub to: Vec3A,
-    /// Luminance that the camera gets by this edge.
+    /// Luminance that the camera receives along this edge.
     pub light: f64,
 }
 
-/// Balls to aim at: a tree over the places that edges begin at.
+/// Balls to aim at, in a k-d tree over the start points of edges.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Aims(Vec<AimNode>);
 
 #[derive(Clone, Debug)]
 enum AimNode {
-    /// Parted at `at` along `axis`: the lower half is the next node.
+    /// Split at `at` along `axis`: the lower half is the next node.
     Halves { axis: usize, at: f32, upper: u32 },
-    /// The ball.
+    /// The ball to aim at.
     Leaf { center: Vec3A, radius: f32 },
 }
 
-/// A cone to aim into.
+/// A cone of directions to aim into.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AimCone {
     axis: Vec3A,
@@ -54,7 +56,7 @@ pub(super) struct AimCone {
 }
 
 impl Aims {
-    /// By these edges.
+    /// Builds the tree from these edges.
     pub fn new(mut edges: Vec<Edge>) -> Self {
         let mut aims = Self::default();
         if !edges.is_empty() {
@@ -63,7 +65,7 @@ impl Aims {
         aims
     }
 
-    /// Makes the node of these edges, and all below it.
+    /// Adds the node of these edges and all its descendants.
     fn add(&mut self, edges: &mut [Edge]) {
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for edge in edges.iter() {
@@ -71,7 +73,7 @@ impl Aims {
         }
         let extent = (high - low).to_array();
         let axis = (1..3).fold(0, |widest, axis| if extent[axis] > extent[widest] { axis } else { widest });
-        // Leaves are small; so are crowds at one place.
+        // Stop at small sets, and at sets with a single start point.
         if edges.len() <= LEAF || extent[axis] <= 0.0 {
             return self.0.push(ball(edges));
         }
@@ -86,7 +88,7 @@ impl Aims {
         self.add(upper);
     }
 
-    /// The cone that photons at `place` aim into; `None` where an even lobe does as well.
+    /// Returns the cone that photons at `place` aim into; `None` if a cosine lobe suffices.
     pub fn cone(&self, place: Vec3A) -> Option<AimCone> {
         let mut number = 0;
         loop {
@@ -100,7 +102,7 @@ impl Aims {
     }
 }
 
-/// Mean and spread of the places that `edges` lead to, by their light.
+/// Returns the mean and spread of the end points of `edges`, weighted by light.
 fn ball(edges: &[Edge]) -> AimNode {
     let light: f64 = edges.iter().map(|edge| edge.light).sum();
     let mut center = Vec3A::ZERO;
@@ -115,7 +117,7 @@ fn ball(edges: &[Edge]) -> AimNode {
 }
 
 impl AimCone {
-    /// Around a ball with its center at the end of `way`, if that is far.
+    /// Returns the cone around a ball with its center at the end of `way`; `None` for a near ball.
     fn around(way: Vec3A, radius: f32) -> Option<Self> {
         let distance = way.length();
         let is_far = distance.is_finite() && radius > 0.0 && distance > FAR * radius;
@@ -124,7 +126,7 @@ impl AimCone {
         is_far.then(|| Self { axis: way / distance, height: sine2 / (1.0 + (1.0 - sine2).sqrt()) })
     }
 
-    /// A direction for a photon that leaves along `normal`, and its weight; the numbers in 0…1 draw it.
+    /// Draws a direction for a photon that leaves along `normal`, and its weight, from numbers in 0…1.
     pub fn draw(&self, normal: Vec3, which: f32, point: Vec2) -> (Vec3, f32) {
         let is_aimed = which < AIMED;
         let direction = if is_aimed { self.within(point) } else { cosine_hemisphere(normal, point) };
@@ -135,7 +137,7 @@ impl AimCone {
         (direction, if even > 0.0 { even / density } else { 0.0 })
     }
 
-    /// A direction in the cone, all alike.
+    /// Returns a uniformly distributed direction in the cone.
     fn within(&self, point: Vec2) -> Vec3 {
         let low = point.x * self.height;
         let sine = (low * (2.0 - low)).max(0.0).sqrt();
@@ -150,7 +152,7 @@ mod tests {
     use super::*;
     use crate::sampling::hash_unit;
 
-    /// Edges from a ground of 100 m to a room of 2 m in its middle.
+    /// Returns edges from a ground of 100 m to a room of 2 m in its middle.
     fn aims() -> Aims {
         let edge = |k| {
             let u = |d| hash_unit(1, k, d) * 2.0 - 1.0;
@@ -160,8 +162,8 @@ mod tests {
         Aims::new((0..5000).map(edge).collect())
     }
 
-    /// Moments of the direction over an even lobe: ∫ cos θ / π dω = 1, of the direction's height 2/3, of its square 1/2; the same
-    /// with and without aim, whatever is aimed at, also below the horizon.
+    /// Tests moments over a cosine lobe: ∫ cos θ / π dω = 1, of the direction's height 2/3, of its square 1/2. The
+    /// moments do not depend on the aim, for any target, even below the horizon.
     #[test]
     fn aim_leaves_the_mean_as_it_is() {
         let normal = Vec3::Y;
@@ -188,7 +190,7 @@ mod tests {
         let aims = aims();
         for place in [Vec3A::new(40.0, 0.0, -30.0), Vec3A::new(-20.0, 0.0, 5.0), Vec3A::X * 1000.0] {
             let cone = aims.cone(place).expect("far enough");
-            // Half of them pass within 4 m of the middle of the room.
+            // About half of them pass within 4 m of the middle of the room.
             let passes = |k| {
                 let (direction, _) = cone.draw(Vec3::Y, hash_unit(3, k, 2), Vec2::new(hash_unit(3, k, 0), 0.3));
                 let way = Vec3A::Y - place;

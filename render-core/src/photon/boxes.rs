@@ -1,25 +1,26 @@
-//! A density over four numbers in 0…1, from weighted samples: a tree of boxes.
+//! A density over four numbers in 0…1, fitted to weighted samples: a tree of boxes.
 //!
-//! A box is cut where space without samples begins, and halved where half of the weight is, as long as that makes the density more
-//! uneven than chance would. The density is nowhere zero: empty space keeps a small share.
+//! A box is split where empty space begins. Otherwise it is split at half of its weight, if this makes the density more
+//! uneven than chance would. The density is positive everywhere: empty space keeps a small fraction.
 
 use glam::Vec4;
 
-/// Samples of a box that is not halved any more: their number is off by a quarter by chance.
+/// Minimum number of samples in each half of a split box: by chance, their number deviates by a quarter.
 const LEAF: usize = 16;
-/// Least side of a box that is cut.
+/// Minimum side of a box that is split.
 const NARROW: f32 = 1e-4;
-/// Least share of a side that is cut off as empty.
+/// Minimum fraction of a side that is split off as empty.
 const LARGE: f32 = 0.25;
-/// Share of the weight that empty space gets when it is cut off.
+/// Fraction of the weight that empty space gets when it is split off.
 const EMPTY: f32 = 0.03;
-/// Samples are taken to lie up to so far beyond the outermost of them, as a share of their spread, and at least twice the mean
-/// distance between them.
+/// Margin around the samples that counts as occupied, as a fraction of their spread. It is at least twice their mean
+/// distance.
 const MARGIN: f32 = 0.1;
-/// Least gain of a halving: the median of 32 samples of an even density lies off the middle by so much that it gains 0.016.
+/// Minimum gain of a split. The median of 32 uniformly distributed samples deviates from the middle by chance, with a
+/// gain of 0.016.
 const LEAST_GAIN: f32 = 0.04;
 
-/// The boxes, which fill the unit cube of four dimensions.
+/// The boxes, which fill the four-dimensional unit cube.
 #[derive(Clone, Debug)]
 pub(super) struct Boxes {
     nodes: Vec<BoxNode>,
@@ -27,22 +28,22 @@ pub(super) struct Boxes {
 
 #[derive(Clone, Copy, Debug)]
 enum BoxNode {
-    /// Parted at `at` along `axis`; the lower part has the share `low` of the weight and the first of the `children`.
+    /// Split at `at` along `axis`. The lower half has the fraction `low` of the weight and the first of the `children`.
     Halves { axis: usize, at: f32, low: f32, children: [u32; 2] },
-    /// Density here.
+    /// Density in this box.
     Leaf(f32),
 }
 
-/// A box that is not made yet.
+/// A box that has no node yet.
 struct Open {
     samples: Vec<(Vec4, f64)>,
     low: Vec4,
     high: Vec4,
-    /// Share of all weight.
+    /// Fraction of the total weight.
     share: f32,
 }
 
-/// Where a box is parted, and the share of its weight below.
+/// Position where a box is split, and the fraction of its weight below.
 struct Cut {
     axis: usize,
     at: f32,
@@ -50,7 +51,7 @@ struct Cut {
 }
 
 impl Boxes {
-    /// Around `samples` with their weights; `None` where they are too few.
+    /// Builds the tree around weighted `samples`; returns `None` for too few samples.
     pub fn around(samples: Vec<(Vec4, f64)>) -> Option<Self> {
         if samples.len() < 2 * LEAF {
             return None;
@@ -60,7 +61,7 @@ impl Boxes {
         Some(boxes)
     }
 
-    /// Makes a box and all that is in it; returns its number.
+    /// Adds a box and all its descendants; returns its index.
     fn add(&mut self, open: Open) -> u32 {
         let number = self.nodes.len() as u32;
         let extent = open.high - open.low;
@@ -79,7 +80,7 @@ impl Boxes {
         number
     }
 
-    /// Density at `point`; its mean over the cube is 1.
+    /// Returns the density at `point`; its mean over the cube is 1.
     #[cfg(test)]
     fn density(&self, point: Vec4) -> f32 {
         let mut number = 0;
@@ -91,7 +92,8 @@ impl Boxes {
         }
     }
 
-    /// A point drawn with this density: `which` in 0…1 chooses the box, `place` the point in it. And the density there.
+    /// Draws a point with this density, and returns the density there. `which` in 0…1 selects the box, `place` the
+    /// point in it.
     pub fn draw(&self, mut which: f32, place: Vec4) -> (Vec4, f32) {
         let (mut number, mut begin, mut end) = (0, Vec4::ZERO, Vec4::ONE);
         loop {
@@ -109,13 +111,14 @@ impl Boxes {
 }
 
 impl Open {
-    /// The largest side without samples, if that is large.
+    /// Returns the split at the largest empty side, if that is large enough.
     fn empty_side(&self) -> Option<Cut> {
         let Self { samples, low, high, .. } = self;
         let (mut least, mut most) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
         for (point, _) in samples {
             (least, most) = (least.min(*point), most.max(*point));
         }
+        // Further samples may lie slightly outside of the box of these.
         let margin = ((most - least) * MARGIN.max(2.0 / samples.len() as f32)).max(Vec4::splat(NARROW));
         let (least, most) = (least - margin, most + margin);
         let (mut largest, mut cut) = (LARGE, None);
@@ -133,8 +136,8 @@ impl Open {
         cut
     }
 
-    /// The halving that makes the density most uneven:  gain = Σ s ln(s / v) over both parts, with shares s of the weight and v of
-    /// the volume.
+    /// Returns the split that makes the density most uneven:  gain = Σ s ln(s / v) over both halves. s is the fraction
+    /// of the weight and v the fraction of the volume.
     fn halves(&self) -> Option<Cut> {
         let Self { samples, low, high, .. } = self;
         let count = samples.len();
@@ -144,7 +147,7 @@ impl Open {
         }
         let (mut most, mut best) = (LEAST_GAIN, None);
         for axis in 0..4 {
-            // Half of the weight lies below the cut, or about half: samples are not cut through.
+            // About half of the weight lies below the split; each sample is on one side.
             let mut sorted: Vec<(f32, f64)> = samples.iter().map(|(point, weight)| (point[axis], *weight)).collect();
             sorted.sort_by(|(a, _), (b, _)| a.total_cmp(b));
             let (mut below, mut number) = (0.0, 0);
@@ -153,6 +156,7 @@ impl Open {
                 number += 1;
             }
             let at = (sorted[number - 1].0 + sorted[number].0) / 2.0;
+            // Skip splits through equal coordinates, and of narrow or degenerate boxes.
             let (extent, share) = (high[axis] - low[axis], (below / total) as f32);
             let volume = (at - low[axis]) / extent;
             let parts = sorted[number - 1].0 < at && at <= sorted[number].0;
@@ -177,7 +181,7 @@ mod tests {
         Vec4::new(hash_unit(1, key, 0), hash_unit(1, key, 1), hash_unit(1, key, 2), hash_unit(1, key, 3))
     }
 
-    /// Half of the samples lie in a corner of a ten-thousandth of the cube.
+    /// Half of the samples are in a corner with a ten-thousandth of the cube's volume.
     fn crowded() -> Boxes {
         let samples = (0..2000).map(|k| (random(k) * if k % 2 == 0 { 1.0 } else { 0.1 }, 1.0));
         Boxes::around(samples.collect()).unwrap()

@@ -1,8 +1,8 @@
-//! Guided emission: photons start where their light gets to what the camera sees.
+//! Guided emission: photons start where their light reaches the visible region.
 //!
-//! Light from infinitely far away shines on a whole scene. Where the camera is in a room with a window, few of its photons get in.
-//! A small lamp has few next to the sky, though it may be all that a room has. So paths from the camera note which light their
-//! vertices get, and
+//! An infinitely distant light shines on a whole scene. If the camera is in a room with a window, few of its photons
+//! enter. A small lamp gets few photons compared with the sky, although it may be the only light of a room. Camera
+//! paths therefore record the light that reaches their vertices:
 //!
 //! ```text
 //! p(ℓ)     = μ P_ℓ / Σ P + (1 − μ) I_ℓ / Σ I          probability of light ℓ
@@ -10,9 +10,9 @@
 //!   P_ℓ  power          I_ℓ  share of the light that the paths found
 //!   u    the four numbers in 0…1 that its place and its way follow from          g_ℓ  density of the paths' light over u
 //! ```
-//! Each photon has flux in inverse proportion to p, so that the expected light is the same. Light counts as a share of what its part
-//! of the picture gets: a dim corner has its photons too. Far from the camera, reflected photons aim at it (`photon/aims.rs`). The
-//! same guide serves all frames of a film.
+//! The flux of each photon is inversely proportional to p, so the expected light is unchanged. Light is weighted
+//! relative to its region of the picture, so dim corners get photons too. Far from the camera, reflected photons are
+//! aimed (`photon/aims.rs`). One guide serves all frames of a film.
 
 use super::aims::{AimCone, Aims, Edge};
 use super::boxes::Boxes;
@@ -27,65 +27,66 @@ use glam::{Vec2, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// μ: a light that no path has found has at least a fifth of its photons.
+/// μ: the weight of power in the choice of a light. A light that no path has found keeps at least a fifth of its
+/// photons.
 const BY_POWER: f64 = 0.2;
-/// Paths from the camera, over all moments of a film.
+/// Number of paths from the camera, over all moments of a film.
 const PATHS: usize = 8192;
-/// Surfaces that a path goes on to at most from the one that the camera sees.
+/// Maximum number of surfaces on a path after the surface visible to the camera.
 const VERTICES: usize = 3;
-/// Parts of the picture along a side.
+/// Number of picture regions along each side.
 const PARTS: usize = 8;
 
-/// Where the photons of a film start: more of them where their light gets to what the camera sees.
+/// Distribution of photon starts in a film, denser where their light reaches the visible region.
 #[derive(Clone, Debug)]
 pub struct Guide {
-    /// I_ℓ / Σ I for each light of the [`PhotonSource`]; empty where nothing was found.
+    /// I_ℓ / Σ I for each light of the [`PhotonSource`]; empty if no light was found.
     shares: Vec<f64>,
-    /// g_ℓ of the lights that are infinitely far away, in the same order.
+    /// g_ℓ of the infinitely distant lights, in the same order.
     distant: Vec<Option<Boxes>>,
     aims: Aims,
 }
 
-/// Paths from the camera at some moments of a film, which a [`Guide`] follows from.
+/// Camera paths at some moments of a film, from which a [`Guide`] is computed.
 #[derive(Clone, Debug, Default)]
 pub struct GuideSearch {
     found: Vec<Found>,
     edges: Vec<PathEdge>,
-    /// Paths of a moment.
+    /// Number of paths per moment.
     paths: usize,
     moments: u64,
     lights: usize,
     distant: usize,
 }
 
-/// Light that a vertex of a path gets straight from a source.
+/// Direct light at a vertex of a path.
 #[derive(Clone, Copy, Debug)]
 struct Found {
-    /// Moment and part of the picture.
+    /// Index of the moment and the region of the picture.
     part: usize,
     light: usize,
-    /// Place and way of a photon that brings it, in 0…1; for lights that are infinitely far away.
+    /// Start of a photon that brings this light, in 0…1; used for infinitely distant lights.
     start: Vec4,
-    /// Luminance, as the camera gets it.
+    /// Luminance received by the camera.
     light_in_picture: f64,
 }
 
 /// An edge of a path.
 #[derive(Clone, Copy, Debug)]
 struct PathEdge {
-    /// Moment and part of the picture.
+    /// Index of the moment and the region of the picture.
     part: usize,
     edge: Edge,
 }
 
 impl GuideSearch {
-    /// A search at this number of moments, which share the paths.
+    /// Returns a search over this number of moments, which share the paths.
     #[must_use]
     pub fn over(moments: usize) -> Self {
         Self { paths: PATHS.div_ceil(moments.max(1)), ..Self::default() }
     }
 
-    /// Follows paths from the camera at one of the moments, with the lights of then.
+    /// Traces paths from the camera at one moment, with its lights.
     pub fn look(&mut self, scene: PosedScene, emitters: &Emitters, view: &View, units: &Units) {
         let moment = self.moments;
         let from_camera = |index: u32| {
@@ -99,10 +100,10 @@ impl GuideSearch {
         self.follow(scene, emitters, units, from_camera);
     }
 
-    /// Follows paths from places all over the surfaces at rest: for light that is looked at from anywhere.
+    /// Traces paths from points all over the static surfaces, for light that may be viewed from anywhere.
     pub fn look_everywhere(&mut self, scene: PosedScene, emitters: &Emitters, anchors: &Anchors, units: &Units) {
         let from_anchor = |index: u32| {
-            // Anchors that follow each other lie close together, mostly: parts are runs of them.
+            // Consecutive anchors are mostly close together, so runs of them replace the regions.
             let count = anchors.fixed.len();
             let Anchor { position, normal, .. } = anchors.fixed.get(index as usize * count / PATHS)?;
             let part = index as usize * PARTS * PARTS / PATHS;
@@ -111,7 +112,7 @@ impl GuideSearch {
         self.follow(scene, emitters, units, from_anchor);
     }
 
-    /// Follows the paths of a moment; `depart` gives the part of the picture and the first surface of each.
+    /// Traces the paths of a moment; `depart` returns the region and the first surface of each.
     fn follow(
         &mut self,
         scene: PosedScene,
@@ -134,10 +135,10 @@ impl GuideSearch {
         (self.lights, self.distant) = (source.powers().len(), source.near_lights());
     }
 
-    /// The guide; `None` where it would change nothing.
+    /// Returns the guide; `None` if it would change nothing.
     #[must_use]
     pub fn finish(mut self) -> Option<Guide> {
-        // Light as a share of what its part of the picture gets.
+        // Weight light relative to its region of the picture.
         let mut sums = vec![0.0; self.moments as usize * PARTS * PARTS];
         self.found.iter().for_each(|found| sums[found.part] += found.light_in_picture);
         self.found.iter_mut().for_each(|found| found.light_in_picture /= sums[found.part]);
@@ -146,6 +147,7 @@ impl GuideSearch {
             return None;
         }
 
+        // Fractions of the lights, and start densities of the distant ones.
         let mut shares = vec![0.0; self.lights];
         self.found.iter().for_each(|found| shares[found.light] += found.light_in_picture / lit);
         let boxes = |light: usize| {
@@ -154,7 +156,7 @@ impl GuideSearch {
         };
         let distant = (self.distant..self.lights).map(boxes).collect();
 
-        // Edges along which light comes.
+        // Only edges with light are kept.
         let mut edges = Vec::new();
         for PathEdge { part, edge } in self.edges {
             if edge.light > 0.0 {
@@ -172,9 +174,9 @@ struct Way {
     edges: Vec<PathEdge>,
 }
 
-/// Where a path leaves a surface.
+/// The start of a path segment at a surface.
 struct Departure {
-    /// A little off the surface.
+    /// Position slightly off the surface.
     origin: Vec3A,
     normal: Vec3A,
     geometric_normal: Vec3A,
@@ -188,7 +190,7 @@ impl Departure {
     }
 }
 
-/// Paths at one moment, against the way of the light.
+/// Camera paths at one moment, traced against the direction of light.
 struct Paths<'a> {
     scene: PosedScene<'a>,
     source: &'a PhotonSource<'a>,
@@ -197,7 +199,7 @@ struct Paths<'a> {
 }
 
 impl Paths<'_> {
-    /// Light that path `index` finds.
+    /// Traces path `index`; returns its light and edges.
     fn follow(&self, index: u32, part: usize, mut from: Departure) -> Way {
         let Way { mut found, mut edges } = Way::default();
         let mut dimension = 0;
@@ -207,7 +209,7 @@ impl Paths<'_> {
         };
         let mut throughput = Vec3::ONE;
         for _ in 0..VERTICES {
-            // The next surface, in a direction of an even lobe.
+            // The next surface, in a cosine-distributed direction.
             let direction = Vec3A::from(cosine_hemisphere(from.normal.into(), points()));
             if direction.dot(from.geometric_normal) <= 0.0 {
                 break;
@@ -219,12 +221,12 @@ impl Paths<'_> {
                 break;
             }
 
-            // Light that a photon would leave there is seen from the surface before.
+            // Light at the new vertex is visible from the previous surface.
             let (to, before) = (from.origin, found.len());
             from = Departure::from(&surface, self.units);
             self.light(&from, throughput, &mut points, &mut found);
 
-            // It comes to the camera along all edges so far.
+            // This light reaches the camera along all edges so far.
             edges.push(PathEdge { part, edge: Edge { from: from.origin, to, light: 0.0 } });
             let gain: f64 = found[before..].iter().map(|found| found.light_in_picture).sum();
             edges.iter_mut().for_each(|PathEdge { edge, .. }| edge.light += gain);
@@ -233,7 +235,7 @@ impl Paths<'_> {
         Way { found, edges }
     }
 
-    /// Light straight from its sources at a surface: of one light close by, and of all that are infinitely far away.
+    /// Samples direct light at a surface: from one near light, and from all infinitely distant ones.
     fn light(&self, at: &Departure, throughput: Vec3, points: &mut impl FnMut() -> Vec2, found: &mut Vec<Found>) {
         let PosedScene { accelerator, surfaces } = self.scene;
         for (light, chance) in self.source.some_lights(points().x) {
@@ -253,7 +255,7 @@ impl Paths<'_> {
 }
 
 impl Guide {
-    /// Weights that lights are chosen with, given those by power.
+    /// Returns the weights for choosing lights, given their probabilities by power.
     fn weights(&self, by_power: &Distribution, count: usize) -> Vec<f64> {
         let weight = |light: usize| {
             let power = by_power.probability(light);
@@ -264,29 +266,29 @@ impl Guide {
     }
 }
 
-/// Lights and starts that photons are drawn from.
+/// Distribution of lights and starts of photons.
 pub(super) struct Starts {
     choice: Distribution,
     guide: Option<Arc<Guide>>,
-    /// Lights before the first that is infinitely far away.
+    /// Number of lights before the first infinitely distant one.
     near: usize,
 }
 
 impl Starts {
-    /// For the lights of `source`.
+    /// Returns the distribution for the lights of `source`.
     pub fn new(source: &PhotonSource, guide: Option<Arc<Guide>>) -> Self {
         let by_power = source.choice();
         let choice = guide.as_ref().and_then(|guide| Distribution::new(guide.weights(by_power, source.powers().len())));
         Self { choice: choice.unwrap_or_else(|| by_power.clone()), guide, near: source.near_lights() }
     }
 
-    /// The cone that photons aim into that are reflected at `place`; `None` where they need not aim.
+    /// Returns the cone that photons reflected at `place` aim into; `None` if they need not aim.
     #[inline]
     pub fn cone(&self, place: Vec3A) -> Option<AimCone> {
         self.guide.as_ref()?.aims.cone(place)
     }
 
-    /// The start that these numbers in 0…1 draw.
+    /// Draws a start from numbers in 0…1.
     pub fn draw(&self, which: f64, place: Vec2, way: Vec2) -> Start {
         let Pick { index: light, probability, rest } = self.choice.pick(which);
         let boxes = self

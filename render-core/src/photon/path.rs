@@ -1,4 +1,4 @@
-//! The way of one photon: emission, reflections by roulette, end.
+//! Path of one photon: emission, reflections with Russian roulette, end.
 
 use super::guide::Starts;
 use crate::accel::Accelerator;
@@ -12,94 +12,94 @@ use crate::swept::SweptVolume;
 use glam::{Vec2, Vec3, Vec3A};
 use std::sync::Arc;
 
-/// Roulette ends paths long before; in a box of perfect walls, all have this length, and every one more takes time. What would
-/// come later is left out: 3·10⁻⁵ of all light at a reflectance of 0.99, 0.6 % at 0.995.
+/// Maximum number of reflections. Roulette normally ends paths much earlier, but in a box of perfect walls all paths
+/// have this length. The neglected light is 3·10⁻⁵ of all light at a reflectance of 0.99, and 0.6 % at 0.995.
 pub(super) const LONGEST_PATH: usize = 1024;
-/// Dimensions of a bounce: direction (2) and roulette (1).
+/// Random dimensions per bounce: direction (2) and roulette (1).
 const BOUNCE_DIMENSIONS: usize = 3;
-/// Reflections of a photon that may be aimed: each may double its flux.
+/// Maximum number of aimed reflections per photon: each may double its flux.
 const MOST_AIMS: usize = 2;
-/// Directions that are drawn from a coat until one leads away from the surface.
+/// Maximum number of directions drawn from a coat until one leaves the surface.
 const MOST_DRAWS: u64 = 8;
 
-/// The way of photons through one frame: scene, source and settings.
+/// Scene, source and settings of the photon paths of one frame.
 pub(super) struct Walk<'a> {
     pub accelerator: &'a Accelerator,
     pub surfaces: &'a Surfaces<'a>,
     pub source: &'a PhotonSource<'a>,
-    /// Lights and starts to draw from.
+    /// Distribution of lights and starts.
     pub starts: &'a Starts,
     /// For each instance, whether it moves.
     pub moving: Arc<[bool]>,
     /// Width over which textures are averaged \[m\].
     pub footprint: f32,
-    /// Rays start this far off their surface \[m\].
+    /// Offset of ray origins from their surface \[m\].
     pub epsilon: f32,
     pub count: u64,
     pub seed: u64,
     pub bounces: usize,
 }
 
-/// Where a photon was reflected.
+/// A reflection of a photon.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reflection {
     pub position: Vec3A,
     pub normal: Vec3A,
-    /// \[W\]
+    /// Reflected flux \[W\].
     pub flux: Vec3,
-    /// The instance it was reflected by.
+    /// Index of the reflecting instance.
     pub instance: u32,
-    /// Whether that moves.
+    /// Whether that instance moves.
     pub on_moving: bool,
-    /// How far it came from the reflection before, or from its light \[m\].
+    /// Distance from the previous reflection, or from the light \[m\].
     came: f32,
 }
 
 impl Reflection {
-    /// Where its energy is shared out.
+    /// Returns the spot where its energy is distributed.
     pub fn spot(&self) -> Spot {
         let Self { position, normal, instance, on_moving, came, .. } = *self;
         Spot { position, normal, instance, only_own: on_moving, came: Some(came) }
     }
 }
 
-/// The beginning of a segment of a photon's way: all that its rest follows from. Many are kept, so it is small.
+/// The start of a path segment, which determines the rest of the path. Many are kept, so it is small.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     index: u32,
-    /// Reflections before it.
+    /// Number of reflections before it.
     bounce: u16,
-    /// It begins at a light that is infinitely far away.
+    /// Whether it starts at an infinitely distant light.
     distant: bool,
     origin: Vec3,
     direction: Vec3,
-    /// \[W\]
+    /// Flux \[W\].
     flux: Vec3,
 }
 
 impl Leg {
-    /// Number of the photon.
+    /// Returns the index of the photon.
     pub fn photon(&self) -> u32 {
         self.index
     }
 }
 
-/// A photon's way, or the rest of one; kept from one photon to the next for its memory.
+/// A photon path, or the rest of one; reused for the next photon to keep its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Path {
-    /// Flux that its light emitted \[W\]; zero for the rest of a way.
+    /// Flux emitted by its light \[W\]; zero for the rest of a path.
     pub emitted: Vec3,
     pub reflections: Vec<Reflection>,
     /// Flux that left the scene or ended on the back of a surface \[W\].
     pub lost: Vec3,
-    /// Started from a light that moves.
+    /// Whether it starts at a moving light.
     pub from_moving: bool,
-    /// Where the last segment ends, if it went on beyond the last reflection.
+    /// End of the last segment, if it continues beyond the last reflection.
     end: Option<Vec3A>,
 }
 
 impl Walk<'_> {
-    /// Follows photon `index` to its end; `each` is told where the segments begin.
+    /// Traces photon `index` to its end; calls `each` with the start of each segment.
     pub fn follow(&self, index: u32, path: &mut Path, each: impl FnMut(Leg)) {
         let u = |dimension| halton(self.seed, index.into(), dimension);
         let start = self.starts.draw(f64::from(u(0)), Vec2::new(u(1), u(2)), Vec2::new(u(3), u(4)));
@@ -110,7 +110,7 @@ impl Walk<'_> {
         (path.emitted, path.from_moving) = (flux, from_moving);
     }
 
-    /// Follows a photon from the beginning of a segment on.
+    /// Traces a photon from the start of a segment.
     pub fn follow_from(&self, mut leg: Leg, path: &mut Path, mut each: impl FnMut(Leg)) {
         path.reflections.clear();
         *path = Path { reflections: std::mem::take(&mut path.reflections), ..Path::default() };
@@ -118,6 +118,7 @@ impl Walk<'_> {
         for bounce in usize::from(leg.bounce)..self.bounces {
             each(leg);
             let (origin, direction, flux) = (Vec3A::from(leg.origin), Vec3A::from(leg.direction), leg.flux);
+            // A photon that leaves the scene or hits a back side is lost.
             let Some(hit) = self.accelerator.closest(origin, direction) else {
                 path.lost = flux;
                 path.end = Some(origin + direction * SweptVolume::FAR);
@@ -129,6 +130,7 @@ impl Walk<'_> {
                 path.end = Some(surface.position);
                 return;
             }
+            // The albedo of a coat depends on the direction.
             let coat = surface.coat();
             let albedo = match &coat {
                 Some((bsdf, normal)) => bsdf.directional_albedo(-direction.dot(*normal)),
@@ -144,16 +146,17 @@ impl Walk<'_> {
                 came: if leg.distant { f32::INFINITY } else { hit.distance },
             });
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
-            // With the reflectance itself photons keep their energy. Held below it, those that live long would grow, and a
-            // few of them outshine all others: above √0.95 their variance has no bound.
+            // Survival by the reflectance keeps the energy of photons constant. With a lower probability, long-lived
+            // photons would grow and a few would outshine all others: above √0.95, their variance is unbounded.
             let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 1.0);
-            // A photon without energy divides 0 by 0.
+            // A photon without energy gives 0/0.
             if survival.is_nan() || u(2) >= survival {
                 return;
             }
+            // The next direction follows the lobes of a coat, or a cosine lobe that may be aimed.
             let point = Vec2::new(u(0), u(1));
             let (direction, weight) = match coat {
-                // Of photons that survive, u(2) / survival is uniform in 0…1.
+                // For surviving photons, u(2) / survival is uniform in 0…1.
                 Some((bsdf, normal)) => {
                     let again = |k| hash_unit(self.seed, index, (bounce as u64) << 32 | k);
                     leave(bsdf, normal, direction, u(2) / survival, |k| match k {
@@ -173,6 +176,7 @@ impl Walk<'_> {
                     }
                 }
             };
+            // Shading normals can send photons into the surface, where they end.
             if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;
             }
@@ -188,14 +192,14 @@ impl Walk<'_> {
     }
 }
 
-/// Direction in which a photon that came in `direction` leaves a coat or the base below it, and its weight:
+/// Draws the direction in which a photon from `direction` leaves a coat or the base below it, and its weight:
 ///
 /// ```text
 /// C/p  by the coat, with chance p        B/(1 − p)  by the base          p = Y(C) / Y(C + B)
 ///   C, B  albedo of the coat's single scattering and of all else for light from there      Y  luminance
 /// ```
-/// The luminance of both weights is that of the whole albedo. So photons keep their energy, however long they live; weights of
-/// single directions, F·G₂/G₁ over its mean, would make a few outshine all others.
+/// Both weights have the luminance of the total albedo, so photons keep their energy. Weights by direction, F·G₂/G₁
+/// over its mean, would make a few photons outshine all others.
 fn leave(bsdf: Bsdf, normal: Vec3A, direction: Vec3A, choice: f32, point: impl Fn(u64) -> Vec2) -> (Vec3, Vec3) {
     let normal = Vec3::from(normal);
     let (x, y) = frame(normal);
@@ -212,9 +216,8 @@ fn leave(bsdf: Bsdf, normal: Vec3A, direction: Vec3A, choice: f32, point: impl F
 }
 
 impl Path {
-    /// The first of its segments that anything that moves may ever stand in the way of, if there is one. `legs` are their
-    /// beginnings.
-    /// What is left within the `near` space is shared out among surfels that those may hide.
+    /// Returns the index of the first segment that moving geometry may ever block or affect. `legs` are the starts of
+    /// the segments. Reflections within the `near` space count too, because moving geometry may hide their surfels.
     pub fn first_met(&self, legs: &[Leg], swept: &SweptVolume, near: &SweptVolume) -> Option<usize> {
         let ends = self.reflections.iter().map(|reflection| reflection.position).chain(self.end);
         let meets = |(leg, end): (&Leg, Vec3A)| swept.is_entered(leg.origin.into(), end);
@@ -224,7 +227,7 @@ impl Path {
         entered.into_iter().chain(beside).min()
     }
 
-    /// Parts the way into what comes before a segment, which is left here, and what follows from there on.
+    /// Splits the path at a segment. The start stays here, and the rest is returned.
     pub fn split_off(&mut self, segment: usize) -> Path {
         let reflections = self.reflections.split_off(segment);
         Path { reflections, lost: std::mem::take(&mut self.lost), end: self.end.take(), ..Path::default() }

@@ -1,4 +1,4 @@
-//! Energy in whole quanta, so that sums are the same in any order.
+//! Flux in integer quanta, so that sums are independent of their order.
 
 use super::AnchorFlux;
 use super::path::Path;
@@ -7,11 +7,11 @@ use crate::ranks::Portable;
 use glam::{DVec3, Vec3};
 use ranks::portable;
 
-/// Quanta in the largest power of all lights together: 2⁴⁸ leave room for sums of 2¹⁵ times as much, and divide the
-/// share of one of a million photons into 2²⁸ parts, more than `f32` does.
+/// Number of quanta in the power of all lights together. 2⁴⁸ leave room for sums of 2¹⁵ times as much. One of a million
+/// photons has 2²⁸ quanta, a finer resolution than `f32`.
 const QUANTA: f64 = (1u64 << 48) as f64;
 
-/// Watts of a quantum.
+/// Size of a quantum \[W\].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Quantum(f64);
 
@@ -22,7 +22,7 @@ impl Default for Quantum {
 }
 
 impl Quantum {
-    /// For lights of these powers \[W\].
+    /// Returns the quantum for lights of these powers \[W\].
     pub fn of(powers: &[Vec3]) -> Self {
         let total: f64 = powers.iter().map(|power| f64::from(power.max_element())).sum();
         Self(if total > 0.0 { total / QUANTA } else { 1.0 })
@@ -32,7 +32,7 @@ impl Quantum {
         Quanta::round(self.exactly(flux))
     }
 
-    /// Not yet whole.
+    /// Returns the flux in quanta, not rounded.
     fn exactly(self, flux: Vec3) -> DVec3 {
         flux.as_dvec3() / self.0
     }
@@ -42,7 +42,7 @@ impl Quantum {
     }
 }
 
-/// Energy in red, green and blue.
+/// Quanta of red, green and blue.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Quanta([i64; 3]);
 
@@ -57,7 +57,7 @@ impl Portable for Quanta {
 }
 
 impl Quanta {
-    /// The conversion saturates; NaN becomes 0.
+    /// Rounds toward zero; saturates, and converts NaN to 0.
     fn round(exactly: DVec3) -> Self {
         Self(exactly.to_array().map(|count| count as i64))
     }
@@ -71,10 +71,10 @@ impl Quanta {
     }
 }
 
-/// Flux of some of the photons.
+/// Flux of a set of photons.
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
-    /// At the fixed and at the dynamic surfels, as [`SurfelMap::splat_all`] names them.
+    /// Flux at the fixed and at the dynamic surfels, in the order of [`SurfelMap::splat_all`].
     held: [Vec<Quanta>; 2],
     emitted: Quanta,
     reflected: Quanta,
@@ -83,33 +83,33 @@ pub(super) struct Sums {
 
 portable!(Sums { held, emitted, reflected, lost });
 
-/// Surfels that share what photons leave: at rest, and those that move.
+/// Surfels that receive the energy of photons: static and dynamic.
 pub(super) struct Receivers<'a> {
     pub surfels: [&'a SurfelMap; 2],
-    /// Among those at rest; moving things share with nobody.
+    /// Visibility for the static surfels; dynamic surfels receive energy without tests.
     pub sight: Sight<'a>,
 }
 
-/// Flux that photons left at surfaces, until it is shared out: at surfaces that stand still and at those that move.
+/// Flux of photons at surfaces, not distributed yet: at static and at moving surfaces.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Left {
     kinds: [Vec<(Spot, Vec3)>; 2],
     scratch: SplatScratch,
 }
 
-/// Most reflections that are kept before they are shared out: a batch of photons in a white room, each reflected thousands of
-/// times, would take gigabytes.
+/// Maximum number of reflections kept before they are distributed. A batch of photons in a white room, each reflected
+/// thousands of times, would take gigabytes.
 const MOST_LEFT: usize = 1 << 18;
 
 impl Sums {
-    /// Nothing.
+    /// Returns zero flux.
     pub fn new(surfels: [&SurfelMap; 2]) -> Self {
         let none = Quanta::default();
         Self { held: surfels.map(|surfels| vec![none; surfels.len()]), emitted: none, reflected: none, lost: none }
     }
 
-    /// Takes what the photon of `path` brought; what it left at surfaces is put down in `left` for [`Sums::settle`], which shares
-    /// out much of it faster than little.
+    /// Adds the flux of the photon of `path`. Its reflections are collected in `left` until [`Sums::settle`], because
+    /// distributing many at a time is faster.
     pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left, receivers: &Receivers) {
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
@@ -121,7 +121,7 @@ impl Sums {
         }
     }
 
-    /// Shares out what was `left` among the surfels near by, and leaves nothing.
+    /// Distributes the flux in `left` among nearby surfels, and clears it.
     pub fn settle(&mut self, left: &mut Left, quantum: Quantum, receivers: &Receivers) {
         let Left { kinds, scratch } = left;
         let Receivers { surfels, sight } = receivers;
@@ -136,7 +136,7 @@ impl Sums {
                     held[surfel as usize].add(part);
                     rest.subtract(part);
                 }
-                // The last takes what the others leave, and what rounding left of them: nothing gets lost.
+                // The last surfel gets the remainder, including rounding errors, so that no flux is lost.
                 held[last as usize].add(rest);
                 self.reflected.add(whole);
             });
@@ -144,7 +144,7 @@ impl Sums {
         }
     }
 
-    /// Both together.
+    /// Returns the sum of both.
     pub fn plus(mut self, other: Sums) -> Sums {
         for (mine, theirs) in self.held.iter_mut().zip(&other.held) {
             mine.iter_mut().zip(theirs).for_each(|(sum, part)| sum.add(*part));
@@ -155,7 +155,7 @@ impl Sums {
         self
     }
 
-    /// In watts, without the number of photons.
+    /// Converts the sums to watts; the number of traced photons is left at 0.
     pub fn anchor_flux(
         &self,
         quantum: Quantum,
