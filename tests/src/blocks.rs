@@ -1,4 +1,4 @@
-//! The light of a film next to that of paths, by blocks of 8×8 pixels: a mean over the picture hides local errors.
+//! Compares a film's light with path-traced light in blocks of 8×8 pixels, as a mean over the picture hides local errors.
 
 use crate::{render, render2mpeg};
 use glam::Vec3;
@@ -6,23 +6,23 @@ use plane::Plane;
 use render_core::{image_file::read_exr, luminance};
 use std::path::Path;
 
-/// Pixels along the side of a block.
+/// Side of a block \[pixels\].
 const BLOCK: usize = 8;
-/// Blocks darker than this share of the mean have no ratio: the noise of paths is too large there.
+/// Luminance relative to the mean, below which a block has no ratio: path tracing is too noisy there.
 const DARK: f32 = 0.05;
 
-/// A frame by the film's light and by paths.
+/// Settings that render one frame twice: as a film and by path tracing.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison<'a> {
     /// Side of the square picture \[pixels\].
     pub side: usize,
-    /// Number of the frame.
+    /// Index of the frame.
     pub frame: usize,
-    /// Paths for each pixel.
+    /// Paths per pixel.
     pub paths: u32,
-    /// More arguments of `render`; the film has one frame where they name no other number.
+    /// Additional arguments of `render`; without `--frames`, the film has one frame.
     pub film: &'a str,
-    /// More arguments of `reference`.
+    /// Additional arguments of `reference`.
     pub reference: &'a str,
 }
 
@@ -32,20 +32,20 @@ impl Default for Comparison<'_> {
     }
 }
 
-/// Mean luminance of each block, of its pixels that do not glow.
+/// Mean luminance of each block over its non-emissive pixels.
 #[derive(Clone, Debug)]
 pub struct Blocks {
-    /// By the film.
+    /// Luminance in the film.
     pub found: Vec<f32>,
-    /// By paths.
+    /// Luminance in the path-traced picture.
     pub expected: Vec<f32>,
 }
 
 impl Blocks {
-    /// Renders `scene` in `folder` both ways. Blocks of which more than three quarters glow are left out.
+    /// Renders `scene` in `folder` both ways. Skips blocks with more than three quarters of emissive pixels.
     ///
     /// # Panics
-    /// If either fails.
+    /// If one of the two programs fails.
     #[must_use]
     pub fn of(folder: &Path, scene: &Path, comparison: Comparison) -> Self {
         let Comparison { side, frame, paths, film, reference } = comparison;
@@ -54,7 +54,7 @@ impl Blocks {
         render(folder, "film", scene, &film);
         let film = read_exr(&folder.join(format!("linear/frame_{frame:05}.exr"))).expect("a linear frame");
 
-        // Paths, and what is seen without any reflection: what glows.
+        // The path-traced picture, and one without reflections, which shows only emissive surfaces.
         let paths_of = |more: &str| {
             let scene = scene.to_str().expect("a path in UTF-8");
             let arguments =
@@ -68,7 +68,7 @@ impl Blocks {
         Self::between(&film, &truth, &glowing)
     }
 
-    /// Of two pictures, and one of what glows.
+    /// Compares two pictures; pixels that are not black in `glowing` are left out.
     #[must_use]
     pub fn between(film: &Plane<Vec3>, truth: &Plane<Vec3>, glowing: &Plane<Vec3>) -> Self {
         let (width, height) = (film.width(), film.height());
@@ -93,7 +93,7 @@ impl Blocks {
         blocks
     }
 
-    /// Mean of the film over that by paths.
+    /// Ratio of the film's mean to the path-traced mean.
     #[must_use]
     pub fn mean_ratio(&self) -> f32 {
         self.found.iter().sum::<f32>() / self.expected.iter().sum::<f32>()
@@ -105,7 +105,7 @@ impl Blocks {
         self.found.iter().sum::<f32>() / self.found.len() as f32
     }
 
-    /// Film over paths, for each block that is not too dark, in rising order.
+    /// Ratio of film to path tracing for each block that is not too dark, in ascending order.
     #[must_use]
     pub fn ratios(&self) -> Vec<f32> {
         let mean = self.expected.iter().sum::<f32>() / self.expected.len() as f32;
@@ -115,7 +115,7 @@ impl Blocks {
         ratios
     }
 
-    /// A row of a table: mean, median, 5 % and 95 % of the blocks, extremes.
+    /// Formats a table row: mean, median, 5th and 95th percentile of the blocks, minimum and maximum.
     #[must_use]
     pub fn row(&self, name: &str) -> String {
         let ratios = self.ratios();

@@ -1,4 +1,4 @@
-//! ffmpeg and mpeg2dec: what others make of our streams.
+//! Decodes our streams with ffmpeg and mpeg2dec, which are independent of our code.
 
 use mpeg2enc::Picture;
 use plane::Plane;
@@ -14,7 +14,7 @@ fn run(decoder: &str, arguments: &[&str]) -> Output {
     })
 }
 
-/// ffmpeg's name of what a video is, by its ending.
+/// Returns ffmpeg's name of a video's format, by file extension.
 fn format_of(video: &str) -> &'static str {
     match video.rsplit('.').next() {
         Some("mpg") => "mpeg",
@@ -25,18 +25,18 @@ fn format_of(video: &str) -> &'static str {
     }
 }
 
-/// Decodes with ffmpeg; any warning is a failure.
+/// Decodes a video with ffmpeg; any warning is a failure.
 pub fn decode_ffmpeg(video: &Path, (width, height): (usize, usize)) -> Vec<Picture> {
     let video = video.to_str().expect("a path in UTF-8");
     let strict = ["-nostdin", "-v", "warning", "-xerror", "-f", format_of(video), "-i", video];
     let raw = ["-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "yuv420p", "-"];
     let output = run("ffmpeg", &[&strict[..], &raw].concat());
     let messages = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && messages.is_empty(), "ffmpeg has something to say: {messages}");
+    assert!(output.status.success() && messages.is_empty(), "ffmpeg printed messages: {messages}");
     pictures(&output.stdout, (width, height))
 }
 
-/// Pictures that ffmpeg finds in a stream that may be cut off anywhere.
+/// Counts the pictures that ffmpeg decodes from a stream that may be truncated anywhere.
 pub fn tolerant_frame_count(video: &Path, (width, height): (usize, usize)) -> usize {
     let video = video.to_str().expect("a path in UTF-8");
     let arguments = ["-nostdin", "-v", "quiet", "-f", format_of(video), "-i", video, "-fps_mode", "passthrough"];
@@ -44,14 +44,14 @@ pub fn tolerant_frame_count(video: &Path, (width, height): (usize, usize)) -> us
     pictures(&output.stdout, (width, height)).len()
 }
 
-/// Decodes with mpeg2dec (libmpeg2), which gives pictures in whole macroblocks.
+/// Decodes a video with mpeg2dec (libmpeg2), which outputs whole macroblocks.
 pub fn decode_mpeg2dec(video: &Path, (width, height): (usize, usize)) -> Vec<Picture> {
     let output = run("mpeg2dec", &["-o", "pgmpipe", video.to_str().expect("a path in UTF-8")]);
     assert!(output.status.success(), "mpeg2dec failed: {}", String::from_utf8_lossy(&output.stderr));
     let mut rest = &output.stdout[..];
     let mut frames = Vec::new();
     while !rest.is_empty() {
-        // A gray map of luma above both chroma planes side by side.
+        // Each picture is a gray map: luma on top, both chroma planes side by side below.
         let ([map_width, map_height], start) = pgm_header(rest);
         let samples = &rest[start..start + map_width * map_height];
         rest = &rest[start + map_width * map_height..];
@@ -65,7 +65,7 @@ pub fn decode_mpeg2dec(video: &Path, (width, height): (usize, usize)) -> Vec<Pic
     frames
 }
 
-/// Width and height, and where the samples start.
+/// Returns width and height, and the offset of the samples.
 fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
     let mut words = Vec::new();
     let mut position = 0;
@@ -78,7 +78,7 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
     ([words[1], words[2]].map(|word| word.parse().expect("a number")), position)
 }
 
-/// The frames of a YUV4MPEG2 file of 4:2:0 pictures.
+/// Reads the frames of a YUV4MPEG2 file with 4:2:0 chroma.
 pub fn read_y4m(path: &Path, size: (usize, usize)) -> Vec<Picture> {
     let mut file = y4m::decode(BufReader::new(File::open(path).expect("the y4m file is there"))).expect("a header");
     assert_eq!((file.get_width(), file.get_height()), size);
@@ -93,14 +93,14 @@ pub fn read_y4m(path: &Path, size: (usize, usize)) -> Vec<Picture> {
     }
 }
 
-/// A picture of these samples of luma and chroma.
+/// Builds a picture from the samples of luma and chroma.
 fn picture(planes: [&[u8]; 3], (width, height): (usize, usize)) -> Picture {
     let half = (width.div_ceil(2), height.div_ceil(2));
     let plane = |k: usize, (width, height)| Plane::from_vec(width, height, planes[k].to_vec());
     Picture::new(plane(0, (width, height)), plane(1, half), plane(2, half)).expect("planes that belong together")
 }
 
-/// Raw planar 4:2:0 pictures, one after the other.
+/// Splits concatenated raw planar 4:2:0 pictures.
 fn pictures(bytes: &[u8], (width, height): (usize, usize)) -> Vec<Picture> {
     let (luma, chroma) = (width * height, width.div_ceil(2) * height.div_ceil(2));
     let size = luma + 2 * chroma;

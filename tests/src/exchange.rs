@@ -1,24 +1,24 @@
-//! Messages of every rank to every rank, of known bytes.
+//! Messages with predictable bytes, from every rank to every rank.
 
 use render_core::ranks::{Mail, Message};
 
-/// Messages of each rank to each.
+/// Number of messages from each rank to each.
 const MESSAGES: usize = 40;
 
-/// An exchange of messages of up to `largest` bytes and a few more.
+/// An exchange of messages of up to about `largest` bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct Exchange {
-    /// Bytes of the longest message, about.
+    /// Approximate length of the longest message \[bytes\].
     pub largest: usize,
 }
 
 impl Exchange {
-    /// Sends all messages of this rank, and receives all that others send to it meanwhile.
+    /// Sends all messages of this rank, and receives all messages that arrive meanwhile.
     ///
     /// # Panics
-    /// If a message differs from what was sent, is out of order, or is one too many.
+    /// If a message differs from the one sent, is out of order, or is superfluous.
     pub fn run(&self, mail: &dyn Mail) {
-        // All are sent before any is received, so large ones pass each other.
+        // All messages are sent before any is received, so large ones pass each other.
         let (own, count) = (mail.rank(), mail.count());
         for k in 0..MESSAGES {
             for to in 0..count {
@@ -26,7 +26,8 @@ impl Exchange {
             }
         }
 
-        // Half of them are waited for, and half asked for. A rank that has the messages of all says so to all: its last word.
+        // Receive them half by waiting, half by polling. A rank that has every message sends its own number to all, as its
+        // last message.
         let (mut next, mut left) = (vec![0; count], MESSAGES * count);
         for received in 0..(MESSAGES + 1) * count {
             let Message { from, bytes } = if received % 2 == 0 { mail.receive() } else { asked_for(mail) };
@@ -45,7 +46,8 @@ impl Exchange {
         assert_eq!(mail.try_receive(), None);
     }
 
-    /// The bytes of message `k` between two ranks: none, few, more than go at once, and between ranks 1 and 2 the most.
+    /// Returns the bytes of message `k` between two ranks: empty, short, or longer than one transfer. The longest go between
+    /// ranks 1 and 2.
     fn message(&self, from: usize, to: usize, k: usize) -> Vec<u8> {
         let length = match k {
             7 if from + to == 3 => self.largest + from,
@@ -56,7 +58,7 @@ impl Exchange {
     }
 }
 
-/// The next message, without waiting inside of [`Mail`].
+/// Polls for the next message.
 fn asked_for(mail: &dyn Mail) -> Message {
     loop {
         match mail.try_receive() {

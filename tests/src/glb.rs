@@ -1,36 +1,36 @@
-//! Small scenes, written as .glb files: the shortest way from a few quads to a file that the loader has to read.
+//! Small scenes written as .glb files, so that tests read a few quads through the loader.
 
 use glam::{Vec3, vec3};
 use gltf::binary::Header;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// A parallelogram from a corner along two edges a and b, facing a × b.
+/// A parallelogram: a corner and two edges a and b; it faces a × b.
 pub type Quad = [Vec3; 3];
 
-/// A glTF document with one buffer; `json` is open, so that tests can damage it.
+/// A glTF document with one buffer; `json` is public, so that tests can damage it.
 #[derive(Clone, Debug)]
 pub struct Glb {
-    /// The document.
+    /// The JSON document.
     pub json: Value,
     /// The buffer.
     pub bin: Vec<u8>,
 }
 
-/// A ball of facets.
+/// A faceted ball.
 #[derive(Clone, Copy, Debug)]
 pub struct Ball {
-    /// \[m\]
+    /// Center \[m\].
     pub center: Vec3,
-    /// \[m\]
+    /// Radius \[m\].
     pub radius: f32,
-    /// Facets around +y.
+    /// Number of facets around +y.
     pub columns: u32,
-    /// Rows of facets.
+    /// Number of rows of facets.
     pub rows: u32,
-    /// Whether it ends at the equator.
+    /// Whether the ball is the upper half only, open at the equator.
     pub half: bool,
-    /// Whether its facets face inward.
+    /// Whether the facets face inward.
     pub inward: bool,
 }
 
@@ -51,7 +51,7 @@ impl Ball {
             for column in 0..self.columns {
                 let at = |row: u32, column: u32| row * self.columns + column % self.columns;
                 let [a, b, c, d] = [(0, 0), (0, 1), (1, 1), (1, 0)].map(|(r, k)| at(row + r, column + k));
-                // At a pole one of the two triangles has no area.
+                // One of the two triangles at a pole has no area.
                 let upper = (row > 0).then_some([a, b, c]);
                 let lower = (self.half || row + 1 < self.rows).then_some([a, c, d]);
                 for [a, b, c] in upper.into_iter().chain(lower) {
@@ -63,15 +63,15 @@ impl Ball {
     }
 }
 
-/// Numbers as an accessor describes them.
+/// Data of an accessor.
 struct Numbers {
-    /// As they lie in the buffer.
+    /// The encoded numbers.
     bytes: Vec<u8>,
-    /// Elements.
+    /// Number of elements.
     count: usize,
-    /// Type of an element: SCALAR or VEC3.
+    /// Element type: SCALAR, VEC2 or VEC3.
     kind: &'static str,
-    /// glTF's number of the type of a component.
+    /// glTF's code of the component type.
     component: u32,
 }
 
@@ -112,7 +112,7 @@ impl Glb {
         list.len() - 1
     }
 
-    /// Adds numbers to the buffer; `bounds` holds the accessor's min and max, if it has them.
+    /// Adds numbers to the buffer; `bounds` is an object with the accessor's min and max, or empty.
     fn accessor(&mut self, numbers: Numbers, bounds: Value) -> usize {
         let Numbers { bytes, count, kind, component } = numbers;
         let view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
@@ -125,7 +125,7 @@ impl Glb {
         self.push("accessors", accessor)
     }
 
-    /// Adds a root node that shows `quads`, all of one reflectance and emission; returns its index.
+    /// Adds a root node with `quads`, all of one reflectance and emission, and returns its index.
     pub fn add(&mut self, quads: &[Quad], base_color: Vec3, emission: Vec3) -> usize {
         let corners: Vec<Vec3> = quads.iter().flat_map(|[c, a, b]| [*c, *c + *a, *c + *a + *b, *c + *b]).collect();
         let low = corners.iter().fold(Vec3::INFINITY, |low, &corner| low.min(corner));
@@ -137,8 +137,7 @@ impl Glb {
         self.add_primitive(json!({ "POSITION": positions }), indices, base_color, emission)
     }
 
-    /// As [`Glb::add`], for the triangles of a ball whose facets face outward, or inward: `columns` around +y, `rows` from pole to
-    /// pole, or down to the equator alone.
+    /// Adds a root node with a faceted ball of one reflectance and emission, and returns its index.
     pub fn add_ball(&mut self, ball: Ball, base_color: Vec3, emission: Vec3) -> usize {
         let (corners, indices) = (ball.corners(), ball.indices());
         let reach = Vec3::splat(ball.radius);
@@ -148,8 +147,8 @@ impl Glb {
         self.add_primitive(json!({ "POSITION": positions }), indices, base_color, emission)
     }
 
-    /// A square that glows by `codes` of an image, `side` texels across, times `emission`, as [`Glb::add`] places one quad; the
-    /// image's first row is opposite to the corner. With `double_sided` the back glows too.
+    /// Adds a quad with an emissive texture of `side` × `side` gray `codes`, scaled by `emission`, and returns its node's
+    /// index. The image's first row is opposite the corner. With `double_sided`, the back emits too.
     pub fn add_screen(
         &mut self,
         [corner, x, y]: Quad,
@@ -191,9 +190,9 @@ impl Glb {
         self.add_node(json!({ "mesh": mesh }))
     }
 
-    /// Adds a camera that looks along −z; returns its node's index.
+    /// Adds a camera that looks along −z, and returns its node's index.
     pub fn add_camera(&mut self, position: Vec3) -> usize {
-        // Scenes of a millimeter are shown, too.
+        // The near plane suits scenes of a millimeter too.
         let perspective = json!({ "yfov": 0.9, "znear": 1e-6 });
         let camera = self.push("cameras", json!({ "type": "perspective", "perspective": perspective }));
         self.add_node(json!({ "camera": camera, "translation": position.to_array() }))
@@ -205,7 +204,7 @@ impl Glb {
         node
     }
 
-    /// Moves a node on a straight line for a second.
+    /// Animates a node along a straight line for one second.
     pub fn animate(&mut self, node: usize, from: Vec3, to: Vec3) {
         let input = self.accessor(Numbers::floats(&[0.0, 1.0]), json!({ "min": [0.0], "max": [1.0] }));
         let output = self.accessor(Numbers::vectors(&[from, to]), json!({}));
@@ -215,7 +214,7 @@ impl Glb {
         }]);
     }
 
-    /// Moves a node to places at times \[s\], where it stays until the next.
+    /// Moves a node to positions at times \[s\]; it is static until the next time.
     pub fn animate_in_steps(&mut self, node: usize, places: &[(f32, Vec3)]) {
         let (times, places): (Vec<f32>, Vec<Vec3>) = places.iter().copied().unzip();
         let bounds = json!({ "min": [times[0]], "max": [times[times.len() - 1]] });
@@ -227,10 +226,10 @@ impl Glb {
         }]);
     }
 
-    /// The file.
+    /// Returns the bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut document = self.json.clone();
-        // A test may have named a buffer of its own.
+        // A test may have set a buffer of its own.
         if document.get("buffers").is_none() && !self.bin.is_empty() {
             document["buffers"] = json!([{ "byteLength": self.bin.len() }]);
         }
@@ -243,10 +242,10 @@ impl Glb {
     }
 }
 
-/// A square image of `side` × `side` gray codes as a PNG file.
+/// Encodes a square image of `side` × `side` gray codes as PNG.
 fn gray_png(side: usize, codes: &[u8]) -> Vec<u8> {
     let mut file = Vec::new();
-    // 8 bits of gray.
+    // 8-bit gray.
     let encoder = png::Encoder::new(&mut file, side as u32, side as u32);
     let mut writer = encoder.write_header().expect("memory to write to");
     writer.write_image_data(codes).expect("memory to write to");
@@ -254,25 +253,25 @@ fn gray_png(side: usize, codes: &[u8]) -> Vec<u8> {
     file
 }
 
-/// A .glb file of this document and this binary part: header, JSON chunk, binary chunk (glTF 2.0, 4.4).
+/// Assembles a .glb file from a document and a binary chunk: header, JSON chunk, binary chunk (glTF 2.0, 4.4).
 pub(crate) fn glb_file(document: &str, bin: &[u8]) -> Vec<u8> {
     let header = Header { magic: *b"glTF", version: 2, length: 0 };
     let file = gltf::Glb { header, json: document.as_bytes().into(), bin: Some(bin.into()) };
     file.to_vec().expect("memory to write to")
 }
 
-/// The moving part of [`checkered_room`].
+/// The dynamic object of [`checkered_room`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Moving {
-    /// Nothing at all.
+    /// Everything is static.
     Nothing,
-    /// The camera, to the right, two meters a second.
+    /// The camera moves right at two meters per second.
     Camera,
-    /// A box, the same.
+    /// The box moves right at two meters per second.
     Box,
 }
 
-/// A room of checkered walls, open towards the camera, with a box in it and a panel that lights it.
+/// Builds a room with checkered walls, open towards the camera, with a box and an emissive panel on the ceiling.
 pub fn checkered_room(moving: Moving) -> Glb {
     let mut glb = Glb::default();
     let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
@@ -293,7 +292,7 @@ pub fn checkered_room(moving: Moving) -> Glb {
     let [dark, light] = checks(&sides, 4);
     glb.add(&dark, vec3(0.6, 0.1, 0.1), Vec3::ZERO);
     let thing = glb.add(&light, vec3(0.9, 0.6, 0.2), Vec3::ZERO);
-    // The red half hangs from the yellow one, so that both move.
+    // The red half is a child of the yellow half, so both move.
     let red = thing - 1;
     glb.json["nodes"][thing]["children"] = json!([red]);
     glb.json["scenes"][0]["nodes"].as_array_mut().expect("a list").retain(|node| node != red);
@@ -307,7 +306,7 @@ pub fn checkered_room(moving: Moving) -> Glb {
     glb
 }
 
-/// Splits each quad into `count` × `count`, black and white in turn.
+/// Splits each quad into `count` × `count` quads, alternately in the first and the second list.
 fn checks(quads: &[Quad], count: usize) -> [Vec<Quad>; 2] {
     let mut colors = [Vec::new(), Vec::new()];
     for &[corner, a, b] in quads {
@@ -319,7 +318,7 @@ fn checks(quads: &[Quad], count: usize) -> [Vec<Quad>; 2] {
     colors
 }
 
-/// A cube of side 2 around the camera, seen from inside; every wall glows.
+/// Builds a cube of side 2 around the camera; every wall emits.
 pub fn furnace(albedo: Vec3, emission: Vec3) -> Glb {
     let mut glb = Glb::default();
     for axis in 0..3 {
@@ -327,21 +326,21 @@ pub fn furnace(albedo: Vec3, emission: Vec3) -> Glb {
             let n = Vec3::AXES[axis] * sign;
             let [a, b] = [Vec3::AXES[(axis + 1) % 3] * 2.0, Vec3::AXES[(axis + 2) % 3] * 2.0];
             let corner = n - (a + b) / 2.0;
-            // Facing the middle: a × b = −n.
+            // Facing the center: a × b = −n.
             let wall: Quad = if sign < 0.0 { [corner, a, b] } else { [corner, b, a] };
             glb.add(&[wall], albedo, emission);
         }
     }
     glb.add_camera(Vec3::ZERO);
-    // Wide enough to see most of the wall in front.
+    // Wide enough for most of the front wall.
     glb.json["cameras"][0]["perspective"]["yfov"] = json!(1.5);
     glb
 }
 
-/// A texel, as PNG and base64.
+/// One texel, as base64 of a PNG file.
 const PNG: &str = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
 
-/// A lit square with a texture, a point of light, a camera that moves: small enough that most changes hit something.
+/// Builds a lit textured square, a spot light and a moving camera: a document so small that most changes affect the picture.
 pub fn textured_square() -> Glb {
     let mut glb = Glb::default();
     glb.add(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], Vec3::splat(0.5), Vec3::ZERO);

@@ -1,4 +1,4 @@
-//! Scene files made to harm: each breaks one rule of glTF, or claims more than it has.
+//! Malicious scene files: each breaks one rule of glTF, or claims more data than it has.
 
 use crate::{Glb, Moving, checkered_room};
 use serde_json::{Value, json};
@@ -6,23 +6,23 @@ use serde_json::{Value, json};
 /// A scene that the loader must refuse.
 #[derive(Clone, Debug)]
 pub struct Hostile {
-    /// The fault.
+    /// Name of the fault.
     pub name: &'static str,
     /// The file.
     pub bytes: Vec<u8>,
 }
 
-/// Every hostile scene, each wrong in one way.
+/// Returns every hostile scene, each with one fault.
 pub fn hostile_scenes() -> Vec<Hostile> {
     let scenes = [hierarchy(), indices(), accessors(), resources(), values()].concat();
     let scenes = scenes.into_iter().map(|(name, glb)| Hostile { name, bytes: glb.to_bytes() });
     let mut short = checkered_room(Moving::Camera).to_bytes();
-    // The length in the header, which is itself 12 bytes long (glTF 2.0, 4.4.2).
+    // The length in the header must include the header's own 12 bytes (glTF 2.0, 4.4.2).
     short[8..12].copy_from_slice(&5u32.to_le_bytes());
     scenes.chain([Hostile { name: "length-in-header", bytes: short }]).collect()
 }
 
-/// A room with one value of its document replaced.
+/// Builds a room with one replaced value in its document.
 fn room_with(pointer: &str, value: Value) -> Glb {
     let mut glb = checkered_room(Moving::Camera);
     let (parent, key) = pointer.rsplit_once('/').expect("a pointer has a slash");
@@ -34,10 +34,10 @@ fn room_with(pointer: &str, value: Value) -> Glb {
     glb
 }
 
-/// Names and scenes.
+/// Scenes with the names of their faults.
 type Scenes = Vec<(&'static str, Glb)>;
 
-/// Nodes that are no trees.
+/// Node hierarchies that are not trees, too deep, or in no scene.
 fn hierarchy() -> Scenes {
     let mut longer_cycle = room_with("/nodes/0/children", json!([1]));
     longer_cycle.json["nodes"][1]["children"] = json!([0]);
@@ -52,10 +52,10 @@ fn hierarchy() -> Scenes {
     ]
 }
 
-/// Indices of things that are not there, and parts that are missing.
+/// Indices out of range, and missing objects.
 fn indices() -> Scenes {
     let mut index = checkered_room(Moving::Camera);
-    // The indices of the first mesh lie after its positions.
+    // The first mesh's indices follow its positions.
     let place = index.json["bufferViews"][1]["byteOffset"].as_u64().expect("an offset") as usize;
     index.bin[place..place + 4].copy_from_slice(&u32::MAX.to_le_bytes());
     let orthographic = json!({ "xmag": 1.0, "ymag": 1.0, "zfar": 9.0, "znear": 0.1 });
@@ -77,7 +77,7 @@ fn indices() -> Scenes {
     ]
 }
 
-/// Accessors and views that claim more than there is.
+/// Accessors and views that claim more data than exists.
 fn accessors() -> Scenes {
     let part = |view: u32| json!({ "bufferView": view, "byteOffset": 0, "componentType": 5125 });
     let sparse = json!({ "count": 1u64 << 40, "indices": part(0), "values": { "bufferView": 0 } });
@@ -102,7 +102,7 @@ fn accessors() -> Scenes {
     ]
 }
 
-/// Buffers that are not there, are cut short or lie outside of the scene's folder.
+/// Buffers that are missing, truncated or outside the scene's folder.
 fn resources() -> Scenes {
     let buffer = |uri: &str| room_with("/buffers", json!([{ "byteLength": 12, "uri": uri }]));
     vec![
@@ -118,7 +118,7 @@ fn resources() -> Scenes {
     ]
 }
 
-/// Numbers out of range.
+/// Values out of range.
 fn values() -> Scenes {
     let mut nan = checkered_room(Moving::Camera);
     nan.bin[..4].copy_from_slice(&f32::NAN.to_le_bytes());
@@ -131,13 +131,14 @@ fn values() -> Scenes {
     ]
 }
 
-/// Bytes of a .glb file with one to four of its document changed, and which, by place and new value.
+/// Changes one to three bytes of a .glb file's document. Returns the file, and the position and new value of each changed
+/// byte.
 pub fn damaged(whole: &[u8], random: &mut Random) -> (Vec<u8>, Vec<(usize, u8)>) {
     let mut damaged = whole.to_vec();
     let json_length = u32::from_le_bytes([whole[12], whole[13], whole[14], whole[15]]) as usize;
     let mut places = Vec::new();
     for _ in 0..=random.below(3) {
-        // Mostly digits become other digits or signs: that keeps the JSON readable and leads further in.
+        // Mostly replace digits by digits or signs: the JSON stays readable, and the change reaches deeper code.
         let place = 20 + random.below(json_length);
         let digit = (place..20 + json_length).find(|&place| damaged[place].is_ascii_digit());
         let (place, byte) = match (random.below(8), digit) {
@@ -150,18 +151,18 @@ pub fn damaged(whole: &[u8], random: &mut Random) -> (Vec<u8>, Vec<(usize, u8)>)
     (damaged, places)
 }
 
-/// A cheap generator that is the same everywhere (xorshift).
+/// A fast generator with the same sequence on every platform (xorshift).
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// Begins from `seed`, which must not be 0.
+    /// Creates a generator from `seed`, which must not be 0.
     pub fn new(seed: u64) -> Self {
         assert_ne!(seed, 0, "a xorshift generator stays at 0");
         Self(seed)
     }
 
-    /// A number from 0 to `end` − 1.
+    /// Returns a number from 0 to `end` − 1.
     pub fn below(&mut self, end: usize) -> usize {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -169,12 +170,12 @@ impl Random {
         (self.0 % end as u64) as usize
     }
 
-    /// One of a list that is not empty.
+    /// Returns a random element of a list that is not empty.
     pub fn pick<'a, T>(&mut self, list: &'a [T]) -> &'a T {
         &list[self.below(list.len())]
     }
 
-    /// True once in `count` times.
+    /// Returns true with probability 1 / `count`.
     pub fn one_in(&mut self, count: usize) -> bool {
         self.below(count) == 0
     }

@@ -1,4 +1,4 @@
-//! A film that was killed after its second frame, and its checkpoint, for tests that damage it.
+//! A film killed after its second frame, and its checkpoint, for tests that damage it.
 
 use pipeline::Run;
 use pipeline::checkpoint::{Checkpoints, path_for};
@@ -11,18 +11,18 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// The body of a checkpoint, as `pipeline/loop/src/checkpoint/file.rs` stores it: the job (program, settings, sum of
-/// the inputs), the last frame that is done, the states of the parts.
+/// Body of a checkpoint, as `pipeline/loop/src/checkpoint/file.rs` stores it: the job (program, settings, checksum of the
+/// inputs), the last finished frame, the state sections.
 pub type Stored = ((String, String, u32), u32, Vec<Vec<u8>>);
 
-/// How checkpoints and their parts are encoded.
+/// Encoding of checkpoints and their state sections.
 pub const CONFIG: bincode::config::Configuration = bincode::config::standard();
-/// Bytes before the body: magic number, version, length, check sum. Light trees begin alike.
+/// Length of the header \[bytes\]: magic number, version, length, checksum. Light trees have the same header.
 pub const HEADER: usize = 20;
-/// The place of `Part::Prepare`, the light tree: its header has a check sum of its own.
+/// Index of the state section `Part::Prepare`, the light tree, which has a header and a checksum of its own.
 pub const TREE: usize = 0;
 
-/// A film of three frames that was killed after its second.
+/// A film of three frames, killed after its second.
 #[derive(Debug)]
 pub struct KilledFilm {
     /// The scene.
@@ -31,26 +31,26 @@ pub struct KilledFilm {
     pub settings: Settings,
     /// The plan of the film.
     pub plan: Plan,
-    /// The body of the checkpoint.
+    /// Body of the checkpoint.
     pub stored: Stored,
-    /// The video as it was left.
+    /// The unfinished video.
     pub part: Vec<u8>,
-    /// The video of all three frames.
+    /// The complete video of three frames.
     pub truth: Vec<u8>,
     /// Magic number and version of checkpoints.
     begin: [u8; 8],
 }
 
 impl KilledFilm {
-    /// Makes the film of a scene by `options`, whose number of frames is not read.
+    /// Renders a film of the scene with `options`; their number of frames is ignored.
     ///
     /// # Panics
     ///
-    /// If the film cannot be made.
+    /// If the film cannot be rendered.
     #[must_use]
     pub fn new(scene_path: &Path, options: &Options) -> Self {
         let scene = scene::load(scene_path).expect("a scene");
-        // A film of two frames leaves what one of three has after its second, but for its length.
+        // A film of two frames ends in the state of one of three frames after its second, except for its length.
         let [short, long] = [2, 3].map(|frames| {
             let options = Options { frames: Some(frames), ..options.clone() };
             let settings = Settings::new(scene_path.into(), &scene, &options).expect("settings");
@@ -66,7 +66,7 @@ impl KilledFilm {
         Self { scene, settings, plan, stored: (job, 1, short.2.2), part: short.3, truth, begin }
     }
 
-    /// The file of a checkpoint with this body, with the right sum.
+    /// Returns the file of a checkpoint with this body and a valid checksum.
     #[must_use]
     pub fn sealed(&self, body: &[u8]) -> Vec<u8> {
         let mut file = self.begin.to_vec();
@@ -76,11 +76,11 @@ impl KilledFilm {
         file
     }
 
-    /// The file of a checkpoint, with the right sum.
+    /// Encodes a checkpoint with a valid checksum.
     ///
     /// # Panics
     ///
-    /// If memory is short.
+    /// If memory runs out.
     #[must_use]
     pub fn file(&self, stored: &Stored) -> Vec<u8> {
         self.sealed(&bincode::serde::encode_to_vec(stored, CONFIG).expect("bytes"))
@@ -90,7 +90,7 @@ impl KilledFilm {
     ///
     /// # Errors
     ///
-    /// [`Error`] where the checkpoint is refused.
+    /// If the checkpoint is rejected.
     ///
     /// # Panics
     ///
@@ -100,11 +100,11 @@ impl KilledFilm {
         Ok(Checkpoints::resume(&job_of(&self.scene, &self.settings)?, None)?)
     }
 
-    /// Continues the film from `file` to its end.
+    /// Continues the film from the checkpoint `file` to its end.
     ///
     /// # Errors
     ///
-    /// [`Error`] where the checkpoint is refused or a stage fails.
+    /// If the checkpoint is rejected or a stage fails.
     ///
     /// # Panics
     ///
@@ -120,7 +120,7 @@ fn finish(scene: &Scene, settings: &Settings, plan: &Plan, checkpoints: &Checkpo
     film.finish(Run::default()).map(|_| ())
 }
 
-/// Puts the right length and check sum into the header of a light tree.
+/// Writes the right length and checksum into the header of a light tree.
 pub fn seal_tree(tree: &mut [u8]) {
     if let Some((header, body)) = tree.split_at_mut_checked(HEADER) {
         header[8..16].copy_from_slice(&(body.len() as u64).to_le_bytes());

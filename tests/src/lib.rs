@@ -1,4 +1,4 @@
-//! Shared parts of the tests across crates: the program as a user starts it, two decoders that are not ours, and small scenes.
+//! Shared code of the tests across crates: the program as users start it, two independent decoders, and small scenes.
 //!
 //! The decoders are `ffmpeg` and `mpeg2dec`, which `.ci/run` installs. The program is built with the tests.
 #![forbid(unsafe_code)]

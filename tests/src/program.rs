@@ -1,4 +1,4 @@
-//! `render2mpeg` as a process of its own.
+//! Runs `render2mpeg` as a separate process.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -6,15 +6,15 @@ use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// The binary of this package that is all of `render2mpeg`. Cargo builds it before the tests, two folders above them.
+/// Returns the path of this package's `render2mpeg` binary. Cargo builds it before the tests, two folders above them.
 ///
 /// # Panics
-/// Where it was not built: examples need `cargo build -p tests --bins` first.
+/// If the binary was not built: examples need `cargo build -p tests --bins` first.
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
-        let own = std::env::current_exe().expect("a test knows where it lies");
-        let folder = own.ancestors().nth(2).expect("tests lie in a folder of the profile's");
+        let own = std::env::current_exe().expect("the path of the test program");
+        let folder = own.ancestors().nth(2).expect("tests are in a folder of the profile's");
         let program = folder.join(format!("render2mpeg-under-test{}", std::env::consts::EXE_SUFFIX));
         assert!(program.is_file(), "{} is missing: cargo build -p tests --bins makes it", program.display());
         program
@@ -24,11 +24,11 @@ pub fn program() -> &'static Path {
 /// Exit code and output of a process.
 #[derive(Debug)]
 pub struct Finished {
-    /// Exit code; none when a signal ended it.
+    /// Exit code; none if a signal ended the process.
     pub code: Option<i32>,
-    /// All of standard output.
+    /// Standard output.
     pub stdout: String,
-    /// All of standard error.
+    /// Standard error.
     pub stderr: String,
 }
 
@@ -40,10 +40,10 @@ pub fn render2mpeg(folder: &Path, arguments: &[&str]) -> Finished {
     Finished { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
 }
 
-/// Starts `render2mpeg`, and returns once the checkpoint of `film` is there.
+/// Starts `render2mpeg`, and returns when the checkpoint of `film` exists.
 ///
 /// # Panics
-/// If none is made within two minutes.
+/// If no checkpoint is written within two minutes.
 pub fn start_until_checkpoint(folder: &Path, arguments: &[&str], film: &str) -> Child {
     let mut command = Command::new(program());
     let child = command.args(arguments).current_dir(folder).stdin(Stdio::null()).spawn().expect("render2mpeg starts");
@@ -64,7 +64,8 @@ pub struct Rendered {
 }
 
 impl Rendered {
-    /// A number of each frame, such as `["seconds", "photons"]`; null counts as infinite (a PSNR of equal pictures).
+    /// Returns a number of each frame, such as `["seconds", "photons"]`; null counts as infinite (the PSNR of equal
+    /// pictures).
     pub fn figures(&self, path: &[&str]) -> Vec<f64> {
         let frames = self.report["frames"].as_array().expect("a report has frames");
         let figure = |frame: &Value| path.iter().fold(frame, |value, key| &value[key]).as_f64();
@@ -72,8 +73,11 @@ impl Rendered {
     }
 }
 
-/// Renders `scene` into `folder/NAME.m2v`, or into `folder/NAME` if that has an ending, with `extra` arguments split at
-/// spaces. It must succeed without a word, and each number that the video states must hold.
+/// Renders `scene` into `folder/NAME.m2v`, or `folder/NAME` if the name has an extension. Splits the `extra` arguments at
+/// spaces.
+///
+/// # Panics
+/// If the run fails, writes to standard error, or produces a video with wrong header values.
 pub fn render(folder: &Path, name: &str, scene: &Path, extra: &str) -> Rendered {
     let (stem, ending) = name.split_once('.').unwrap_or((name, "m2v"));
     let (video, report) = (format!("{stem}.{ending}"), format!("{stem}.report.json"));
@@ -88,41 +92,41 @@ pub fn render(folder: &Path, name: &str, scene: &Path, extra: &str) -> Rendered 
     Rendered { stream, report: serde_json::from_slice(&report).expect("the report is JSON") }
 }
 
-/// Runs `render2mpeg` and checks that it fails as it should: a code, one line that says all the `words`, no panic.
+/// Checks that `render2mpeg` fails correctly: with a defined exit code, one line that contains all `words`, and no panic.
 pub fn assert_fails(folder: &Path, arguments: &[&str], words: &[&str]) {
     let Finished { code, stderr, .. } = render2mpeg(folder, arguments);
     let context = format!("render2mpeg {arguments:?}: exit code {code:?}, {stderr}");
     match code {
-        // Arguments that cannot be read: clap adds usage and a hint.
+        // Invalid arguments: clap adds usage and a hint.
         Some(2) if stderr.starts_with("error: ") => {}
         Some(1 | 2) => {
-            assert_eq!(stderr.trim_end().lines().count(), 1, "one line: {context}");
-            assert!(stderr.starts_with("render2mpeg: "), "it says who speaks: {context}");
+            assert_eq!(stderr.trim_end().lines().count(), 1, "not one line: {context}");
+            assert!(stderr.starts_with("render2mpeg: "), "no name of the program: {context}");
         }
         _ => panic!("neither 1 nor 2: {context}"),
     }
     assert!(!stderr.contains("panicked"), "{context}");
     for word in words {
-        assert!(stderr.contains(word), "\"{word}\" is not said: {context}");
+        assert!(stderr.contains(word), "\"{word}\" is missing: {context}");
     }
 }
 
-/// The Cornell box that ships with the project.
+/// Path of the Cornell box, which ships with the project.
 pub fn cornell() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/cornell/cornell.glb"))
 }
 
-/// A folder of scenes from elsewhere beside the workspace, where there is one; their licenses keep them out of it.
+/// Folder of scenes outside the workspace, if present; their licenses keep them out of the repository.
 pub fn shared_scenes() -> Option<PathBuf> {
     let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes"));
     let present = folder.is_dir();
     if !present {
-        println!("no folder shared/scenes beside the workspace: the checks with its scenes are left out");
+        println!("no folder shared/scenes next to the workspace: checks with its scenes are skipped");
     }
     present.then_some(folder)
 }
 
-/// Names of what lies in `folder`.
+/// Returns the sorted names of all entries of `folder`.
 pub fn sorted_names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("a folder");
     let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into()).collect();

@@ -1,4 +1,4 @@
-//! The renderer's motion and the encoder, outside of the pipeline.
+//! The renderer's motion and the encoder, outside the pipeline.
 
 use mpeg2enc::{Packet, Picture};
 use pipeline::Run;
@@ -11,14 +11,14 @@ use renderer::plan::Plan;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Loads a scene and fills in `options` for it.
+/// Loads a scene, and derives its settings from `options`.
 pub fn load(path: &Path, options: Options) -> (Scene, Settings) {
     let scene = scene::load(path).expect("the scene loads");
     let settings = Settings::new(path.into(), &scene, &options).expect("the settings are right");
     (scene, settings)
 }
 
-/// Renders a film, with the frames as the encoder gets them in the y4m file of the options.
+/// Renders a film; the y4m file of the options receives the frames as the encoder's input.
 pub fn render_as_coded(scene: &Scene, settings: &Settings) -> Report {
     let mut settings = settings.clone();
     settings.files.y4m_is_coded = true;
@@ -26,7 +26,7 @@ pub fn render_as_coded(scene: &Scene, settings: &Settings) -> Report {
     render2mpeg::render(scene, &settings, &plan, Run::default()).expect("the film is made")
 }
 
-/// Where the renderer knows each frame's pixels to have been in the frame before; nothing for the first.
+/// Returns each frame's exact correspondence to the previous frame; none for the first.
 pub fn correspondences(scene: &Scene, settings: &Settings) -> Vec<Option<Arc<Correspondence>>> {
     let plan = Plan::new(scene, &settings.render);
     let mut preparation = Preparation::new(scene, &settings.render, &plan);
@@ -34,7 +34,7 @@ pub fn correspondences(scene: &Scene, settings: &Settings) -> Vec<Option<Arc<Cor
     frames.map(|frame| frame.correspondence).collect()
 }
 
-/// Encodes `frames` with the encoder of these `settings`, each with its correspondence if there is one.
+/// Encodes `frames` with the encoder of `settings`, each with its correspondence if it has one.
 pub fn encode(
     settings: &Settings,
     frames: &[Picture],

@@ -1,4 +1,4 @@
-//! The program `render2mpeg` with a thread that panics once pictures are written, for tests of ranks.
+//! The program `render2mpeg` with a thread that panics after the first pictures are written, for tests of ranks.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ fn main() -> std::process::ExitCode {
         }
         panic!("on purpose");
     };
-    // As any thread of a stage, or of rayon.
+    // A panic outside the main thread, like one in a stage or in rayon.
     std::thread::spawn(fails);
     program::main()
 }

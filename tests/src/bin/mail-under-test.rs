@@ -3,7 +3,7 @@
 use program::mpi::Processes;
 use tests::Exchange;
 
-/// More bytes than one operation of MPI takes here.
+/// Length of the longest message \[bytes\]: more than one MPI operation transfers here.
 const LARGEST: usize = (1 << 26) + 12_345;
 
 fn main() {
@@ -18,8 +18,9 @@ fn main() {
             let mut senders = [mail.receive().from, mail.receive().from];
             senders.sort_unstable();
             println!("rank 0 has a message of rank {} and one of rank {}", senders[0], senders[1]);
-            // A panic of the main thread gives no reason.
-            std::thread::scope(|scope| scope.spawn(|| mail.receive()).join().map(drop)).expect("all ranks end before");
+            // A panic of the main thread prints no reason.
+            std::thread::scope(|scope| scope.spawn(|| mail.receive()).join().map(drop))
+                .expect("the other ranks have ended");
         }
         Some("alone") => mail.send(0, vec![1]),
         _ => panic!("exchange or alone"),

@@ -1,4 +1,4 @@
-//! Cases, each a function of the seed and its number.
+//! Test cases, each a function of the seed and its number.
 
 use super::verdict::Verdict;
 use super::{Draft, Film, Forger, mutate};
@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 use tempfile::TempDir;
 
-/// Of so many cases one is a checkpoint.
+/// One case in this many is a checkpoint.
 const CHECKPOINTS: u64 = 12;
 
-/// What all films are made with.
+/// Options of every film.
 const ALL: &str = "--output film.m2v --checkpoint off --threads 2";
-/// What films are made with whose options name no size.
+/// Options of films without an explicit size.
 const SMALL: &str = "--size 16x16 --vpls 20 --photons 200";
 
-/// What some are made with besides: the plain film most often.
+/// Additional options; the plain film is the most frequent.
 const OPTIONS: [&str; 15] = [
     "--frames 2",
     "--frames 2",
@@ -34,31 +34,31 @@ const OPTIONS: [&str; 15] = [
     "--frames 9 --fps 24 --no-motion",
 ];
 
-/// All that a frame is made of, in files of its own.
+/// Options that write every layer of a frame to files.
 const LAYERS: &str = "--frames 2 --exr frames --aov direct,indirect,albedo,normal,depth,position,motion,vector,\
     crypto-object,crypto-material,cut-size,threshold,shading";
 
-/// What a case was, and what came of it.
+/// A test case and its result.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Its number.
+    /// Number of the case.
     pub number: u64,
-    /// What was changed.
+    /// Name of the scene, or `checkpoint`.
     pub subject: String,
-    /// The changes, in their order.
+    /// Names of the changes, in order.
     pub changes: Vec<&'static str>,
-    /// The command.
+    /// The command line.
     pub command: String,
-    /// What came of it.
+    /// The result.
     pub verdict: Verdict,
 }
 
 /// A case whose verdict is a fault.
 #[derive(Clone, Debug)]
 pub struct Finding {
-    /// The folder that it is kept in.
+    /// The folder of its files.
     pub folder: PathBuf,
-    /// What must not be.
+    /// Description of the fault.
     pub fault: String,
 }
 
@@ -72,7 +72,7 @@ pub struct Fuzzer {
 }
 
 impl Fuzzer {
-    /// Cases that begin with `seeds`, which are not empty.
+    /// Creates cases from `seeds`, which must not be empty.
     pub fn new(seeds: Vec<Draft>, seed: u64) -> io::Result<Self> {
         assert!(!seeds.is_empty(), "cases begin with a scene");
         Ok(Self { seeds, seed, work: tempfile::tempdir()?, forger: None })
@@ -88,7 +88,7 @@ impl Fuzzer {
         }
     }
 
-    /// A scene that is changed, and rendered where it loads.
+    /// Changes a scene, and renders it if it loads.
     fn run_scene(&self, number: u64, random: &mut Random) -> io::Result<Case> {
         let mut draft = random.pick(&self.seeds).clone();
         let changes = mutate(&mut draft, random);
@@ -100,7 +100,7 @@ impl Fuzzer {
         let words = format!("render ../scene/{name} {ALL} {small} {options} {quiet}");
         film.arguments = words.split_whitespace().map(str::to_owned).collect();
 
-        // What the options promise, in the order of names.
+        // The outputs that the options promise, in order of their names.
         let mut outputs = vec!["film.m2v", "film.report.json"];
         outputs.extend(options.contains("--y4m").then_some("film.y4m"));
         outputs.extend((options == LAYERS).then_some("frames"));
@@ -112,7 +112,7 @@ impl Fuzzer {
         Ok(Case { number, subject: draft.name, changes, command: film.command(), verdict })
     }
 
-    /// A checkpoint that is changed, and continued where it is taken.
+    /// Changes a checkpoint, and continues the film if the checkpoint is accepted.
     fn run_checkpoint(&mut self, number: u64, random: &mut Random) -> io::Result<Case> {
         let forger = match &mut self.forger {
             Some(forger) => forger,
@@ -122,7 +122,7 @@ impl Fuzzer {
         Ok(Case { number, subject: "checkpoint".into(), changes, command: forger.film().command(), verdict })
     }
 
-    /// Writes the files of the case that ran last below `folder`, with a text that says what it was.
+    /// Writes the files of the last case below `folder`, with a text that describes it.
     pub fn keep(&self, case: &Case, folder: &Path) -> io::Result<Option<Finding>> {
         let Verdict::Fault(fault) = &case.verdict else { return Ok(None) };
         let folder = folder.join(format!("seed-{}-case-{}", self.seed, case.number));
@@ -135,7 +135,7 @@ impl Fuzzer {
     }
 }
 
-/// Renders the film again: one thread makes the same bytes.
+/// Renders the film again on one thread, which must produce the same bytes.
 fn again_on_one_thread(film: &mut Film) -> io::Result<Verdict> {
     let first = fs::read(film.out().join("film.m2v"))?;
     film.clear()?;
@@ -148,7 +148,7 @@ fn again_on_one_thread(film: &mut Film) -> io::Result<Verdict> {
     Ok(if first == second { Verdict::Rendered } else { Verdict::Fault(fault()) })
 }
 
-/// The numbers of a case: those of neighbors have nothing in common (splitmix64).
+/// Seeds the generator of a case; generators of consecutive cases are uncorrelated (splitmix64).
 fn random_of(seed: u64, number: u64) -> Random {
     let mut bits = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ number.wrapping_mul(0xd134_2543_de82_ef95);
     bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -156,7 +156,7 @@ fn random_of(seed: u64, number: u64) -> Random {
     Random::new((bits ^ bits >> 31).max(1))
 }
 
-/// Copies a folder with all in it.
+/// Copies a folder recursively.
 fn copy(from: &Path, to: &Path) -> io::Result<()> {
     fs::create_dir_all(to)?;
     for entry in fs::read_dir(from)? {

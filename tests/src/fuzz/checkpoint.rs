@@ -1,4 +1,4 @@
-//! Checkpoints of a film that was killed, changed so that their check sums are right or not.
+//! Checkpoints of a killed film, changed with and without valid checksums.
 
 use super::verdict::{Verdict, told};
 use super::{Film, Outcome};
@@ -8,7 +8,7 @@ use render2mpeg::Options;
 use std::path::Path;
 use std::{fs, io};
 
-/// What continues the film.
+/// Options that continue the film.
 const COMMAND: &str = "--frames 3 --size 8x8 --vpls 5 --photons 50 --bframes 1 --cache on --resume --quiet --threads 2";
 
 /// A killed film, and the program that continues it.
@@ -23,15 +23,15 @@ struct Forged {
     name: &'static str,
     file: Vec<u8>,
     part: Vec<u8>,
-    /// Whether the program can tell: the sums are wrong, or it is of another film.
+    /// Whether the program can detect the change: the checksums are wrong, or the checkpoint belongs to another film.
     is_noticed: bool,
 }
 
 impl Forger {
-    /// Makes the film in `folder`.
+    /// Renders the film in `folder`.
     ///
     /// # Panics
-    /// If it cannot be made, or does not go on to the same bits before anything is changed.
+    /// If the film cannot be rendered, or the unchanged checkpoint does not lead to the same bits.
     pub fn new(folder: &Path) -> io::Result<Self> {
         let mut film = Film::new(folder)?;
         let path = film.scene().join("scene.glb");
@@ -50,12 +50,12 @@ impl Forger {
         };
         let forger = Self { film, killed: KilledFilm::new(&path, &options) };
 
-        // What nobody changed goes on.
+        // The unchanged checkpoint continues the film.
         let KilledFilm { stored, part, .. } = &forger.killed;
         let file = forger.killed.file(stored);
         let whole = Forged { name: "nothing", file, part: part.clone(), is_noticed: true };
         let verdict = forger.continue_from(&whole)?;
-        assert_eq!(verdict, Verdict::Rendered, "the film itself goes on");
+        assert_eq!(verdict, Verdict::Rendered, "the unchanged film is continued");
         Ok(forger)
     }
 
@@ -70,7 +70,7 @@ impl Forger {
         Ok((vec![forged.name], self.continue_from(&forged)?))
     }
 
-    /// A changed checkpoint, or a changed film beside it.
+    /// Returns a changed checkpoint, or a changed film with the original checkpoint.
     fn forged(&self, random: &mut Random) -> Forged {
         let killed = &self.killed;
         let (mut stored, mut part) = (killed.stored.clone(), killed.part.clone());
@@ -103,7 +103,7 @@ impl Forger {
                 ("states change places", killed.file(&stored), false)
             }
             7 => {
-                // The film was cut or has other bytes: what stands in it was summed up.
+                // Truncate the film or flip one of its bits: the checkpoint has a checksum of it.
                 let place = random.below(part.len() / 2);
                 if random.one_in(2) {
                     part.truncate(place)
@@ -125,7 +125,7 @@ impl Forger {
         Forged { name, file, part, is_noticed }
     }
 
-    /// Puts the checkpoint beside what there was of the film, runs, and judges.
+    /// Writes the checkpoint and the unfinished film, runs the program, and judges the run.
     fn continue_from(&self, forged: &Forged) -> io::Result<Verdict> {
         let out = self.film.out();
         self.film.clear()?;
@@ -138,7 +138,7 @@ impl Forger {
     fn judged(&self, outcome: &Outcome, is_noticed: bool) -> Result<Verdict, String> {
         let film = fs::read(self.film.out().join("film.m2v"));
         match (told(outcome, true)?, film) {
-            // Where states are others and all sums are right, no program can know the true film.
+            // If the states differ and every checksum is valid, no program can detect the change.
             (true, Ok(film)) if film == self.killed.truth || (!is_noticed && !film.is_empty()) => Ok(Verdict::Rendered),
             (true, Ok(_)) => Err("another film at exit code 0".into()),
             (true, Err(error)) => Err(format!("no film: {error}")),
@@ -148,7 +148,7 @@ impl Forger {
     }
 }
 
-/// Other bytes at one to four places.
+/// Changes one to four bytes.
 fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..=random.below(4) {
@@ -158,7 +158,7 @@ fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// Changes what a stage left.
+/// Changes the state of a stage.
 fn change_state(state: &mut Vec<u8>, random: &mut Random) {
     match random.below(8) {
         0 => state.clear(),
@@ -166,7 +166,7 @@ fn change_state(state: &mut Vec<u8>, random: &mut Random) {
         2 => state.extend((0..=random.below(40)).map(|_| 0)),
         3 => state.fill(255),
         4 => {
-            // Floats that are no numbers, or large; lengths and indices that are.
+            // NaN, infinite or large floats, which are large lengths and indices too.
             let bytes = random.pick(&[f32::NAN, f32::INFINITY, 1e30, -1.0]).to_le_bytes();
             let place = random.below(state.len().max(4)).min(state.len().saturating_sub(4));
             state.iter_mut().skip(place).zip(bytes).for_each(|(old, new)| *old = new);

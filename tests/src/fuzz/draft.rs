@@ -1,11 +1,11 @@
-//! A scene that is being changed.
+//! A scene under change.
 
 use crate::glb::glb_file;
 use crate::{Glb, Random};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Text that no JSON library writes; a string of the form `RAW<number>` stands for it until the document is written.
+/// Text that no JSON library writes. The string `RAW<number>` represents it until the document is written.
 const RAW: [&str; 12] = [
     "1e999",
     "-1e999",
@@ -21,36 +21,36 @@ const RAW: [&str; 12] = [
     "",
 ];
 
-/// A scene: its document, its binary part, the settings beside it.
+/// A scene: its JSON document, its binary chunk and its settings file.
 #[derive(Clone, Debug)]
 pub struct Draft {
-    /// Where it comes from.
+    /// Name of the original scene.
     pub name: String,
-    /// The document.
+    /// The JSON document.
     pub json: Value,
     /// The first buffer.
     pub bin: Vec<u8>,
-    /// Text of the settings file; none is written where it is empty.
+    /// Text of the settings file, which is not written if empty.
     pub toml: String,
 }
 
-/// Numbers of an accessor in the binary part.
+/// The numbers of an accessor in the binary chunk.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
-    /// First byte.
+    /// Offset of the first byte.
     pub start: usize,
-    /// Bytes from one element to the next.
+    /// Distance between consecutive elements \[bytes\].
     pub stride: usize,
-    /// Elements.
+    /// Number of elements.
     pub count: usize,
     /// Components of an element.
     pub components: usize,
-    /// glTF's number of the type of a component.
+    /// glTF's code of the component type.
     pub component_type: u64,
 }
 
 impl Draft {
-    /// A scene of the tests.
+    /// Creates a draft from a scene of the tests.
     pub fn of(name: &str, glb: &Glb) -> Self {
         let mut json = glb.json.clone();
         json["buffers"] = json!([{ "byteLength": glb.bin.len() }]);
@@ -66,21 +66,21 @@ impl Draft {
         text
     }
 
-    /// A value that is written as something that JSON libraries do not write.
+    /// Returns a value that is written as text outside JSON.
     pub(super) fn raw(random: &mut Random) -> Value {
         json!(format!("RAW<{}>", random.below(RAW.len())))
     }
 
-    /// Writes the scene and its settings into `folder`; the name of the scene's file.
+    /// Writes the scene and its settings into `folder`, and returns the name of the scene's file.
     ///
-    /// It is a .glb file mostly, else a .gltf file with its buffer inside or beside it. Once in a while bytes are damaged.
+    /// Most scenes are .glb files, the others .gltf files with an embedded or external buffer. Some files get damaged bytes.
     pub fn write(&self, folder: &Path, random: &mut Random) -> std::io::Result<&'static str> {
         // The settings.
         if !self.toml.is_empty() {
             std::fs::write(folder.join("scene.toml"), &self.toml)?;
         }
 
-        // The scene in one of its three forms. A buffer that the document no longer has, no form can name.
+        // The scene in one of three forms. Without the first buffer in the document, only the .glb form is possible.
         let form = random.below(6);
         let mut whole = self.clone();
         let buffer = whole.json.pointer_mut("/buffers/0").and_then(Value::as_object_mut);
@@ -97,7 +97,7 @@ impl Draft {
             _ => ("scene.glb", glb_file(&self.text(), &self.bin)),
         };
 
-        // Damage that no document can express: bytes of headers and text, and files that end too early.
+        // Damage outside any document: bytes of headers and text, and truncated files.
         if random.one_in(20) {
             for _ in 0..=random.below(3) {
                 let near = [40, bytes.len()][random.below(2)].min(bytes.len());
@@ -117,7 +117,7 @@ impl Draft {
         self.json.get(list).and_then(Value::as_array).map_or(0, Vec::len)
     }
 
-    /// A random entry of a list of the document, if that has any, and its index.
+    /// Returns a random entry of a list of the document, with its index; none if the list is empty.
     pub(super) fn entry(&mut self, list: &str, random: &mut Random) -> Option<(usize, &mut Value)> {
         let list = self.json.get_mut(list)?.as_array_mut()?;
         if list.is_empty() {
@@ -127,7 +127,7 @@ impl Draft {
         Some((index, &mut list[index]))
     }
 
-    /// Adds to a list of the document, which is made if it is not there; the index, unless the list is something else by now.
+    /// Appends to a list of the document, which is created if missing. Returns the index; none if the value is not a list.
     pub(super) fn push(&mut self, list: &str, value: Value) -> Option<usize> {
         let root = self.json.as_object_mut()?;
         let list = root.entry(list).or_insert_with(|| json!([])).as_array_mut()?;
@@ -135,9 +135,9 @@ impl Draft {
         Some(list.len() - 1)
     }
 
-    /// Adds bytes to the binary part, with a view and an accessor for them; the index of the accessor.
+    /// Appends bytes to the binary chunk, with a view and an accessor, and returns the accessor's index.
     pub(super) fn append(&mut self, bytes: &[u8], component: u32, kind: &str, count: usize) -> Option<usize> {
-        // Views begin at multiples of four, as floats have to.
+        // Views start at multiples of four bytes, as floats require.
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
         let start = self.bin.len();
         self.bin.extend(bytes);
@@ -150,7 +150,7 @@ impl Draft {
         self.push("accessors", accessor)
     }
 
-    /// Where the numbers of an accessor lie; none where that makes no sense any more.
+    /// Returns the position of an accessor's numbers; none if the document is inconsistent.
     pub(super) fn span(&self, accessor: usize) -> Option<Span> {
         let accessor = self.json.get("accessors")?.get(accessor)?;
         let number = |value: &Value, key: &str| value.get(key).and_then(Value::as_u64).unwrap_or(0) as usize;
@@ -174,7 +174,7 @@ impl Draft {
         Some(Span { start, stride, count: number(accessor, "count"), components, component_type })
     }
 
-    /// The bytes of one number, as far as they are there.
+    /// Returns the bytes of one number, if they exist.
     pub(super) fn component(&mut self, span: &Span, element: usize, component: usize) -> Option<&mut [u8]> {
         let size = size_of_component(span.component_type);
         let start = element.checked_mul(span.stride)?.checked_add(span.start)?.checked_add(component * size)?;
@@ -182,7 +182,7 @@ impl Draft {
     }
 }
 
-/// Bytes of a number of this type.
+/// Size of a number of this type \[bytes\].
 fn size_of_component(component_type: u64) -> usize {
     match component_type {
         5120 | 5121 => 1,
@@ -191,7 +191,7 @@ fn size_of_component(component_type: u64) -> usize {
     }
 }
 
-/// The bytes as an address that holds them (RFC 2397; RFC 4648, 4).
+/// Returns a data URI of the bytes (RFC 2397; RFC 4648, 4).
 pub(super) fn data_uri(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut uri = "data:application/octet-stream;base64,".to_owned();

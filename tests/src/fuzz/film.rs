@@ -1,4 +1,4 @@
-//! One run of the program, within bounds.
+//! One run of the program with limited resources.
 
 use crate::program;
 use std::fs::{self, File};
@@ -7,34 +7,34 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// Addresses that a run may take \[KiB\].
+/// Maximum address space of a run \[KiB\].
 const MEMORY: u32 = 2_000_000;
-/// Processor time that it may take \[s\].
+/// Maximum CPU time of a run \[s\].
 const PROCESSOR: u32 = 20;
-/// Largest file that it may write \[blocks of 512 bytes\].
+/// Maximum size of a written file \[blocks of 512 bytes\].
 const FILE: u32 = 200_000;
-/// A run that waits for ever takes no processor time.
+/// Maximum wall-clock time of a run: one that waits forever uses no CPU time.
 const LONGEST: Duration = Duration::from_secs(120);
 
-/// Folders of one case: a scene, an output, and one for files that are not to last.
+/// Folders of one case: scene, output and temporary files.
 #[derive(Debug)]
 pub struct Film {
-    /// The folder around the others.
+    /// The folder that contains the other three.
     pub folder: PathBuf,
-    /// Arguments of the program; it runs in the folder of the output.
+    /// Arguments of the program, which runs in the output folder.
     pub arguments: Vec<String>,
 }
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug)]
 pub struct Outcome {
-    /// Exit code; none when a signal ended it.
+    /// Exit code; none if a signal ended the run.
     pub code: Option<i32>,
-    /// The signal, if there was one.
+    /// The signal that ended the run.
     pub signal: Option<i32>,
-    /// Whether it had to be ended, for it did not end by itself.
+    /// Whether the run exceeded its time and was killed.
     pub endless: bool,
-    /// All of standard error, as bytes.
+    /// Standard error, as bytes.
     pub stderr: Vec<u8>,
 }
 
@@ -50,35 +50,35 @@ impl Film {
         Ok(Self { folder: folder.to_owned(), arguments: Vec::new() })
     }
 
-    /// Where the scene lies.
+    /// Folder of the scene.
     pub fn scene(&self) -> PathBuf {
         self.folder.join("scene")
     }
 
-    /// Where the film goes.
+    /// Folder of the film.
     pub fn out(&self) -> PathBuf {
         self.folder.join("out")
     }
 
-    /// Whether the program is to say nothing but errors.
+    /// Whether the program runs with `--quiet`.
     pub fn is_quiet(&self) -> bool {
         self.arguments.iter().any(|argument| argument == "--quiet")
     }
 
-    /// Removes what the run before has written.
+    /// Removes the output of the previous run.
     pub fn clear(&self) -> io::Result<()> {
         fs::remove_dir_all(self.out())?;
         fs::create_dir(self.out())
     }
 
-    /// The command as it is typed in the folder of the output.
+    /// The command line, to be run in the output folder.
     pub fn command(&self) -> String {
         format!("ulimit -v {MEMORY}; ulimit -t {PROCESSOR}; render2mpeg {}", self.arguments.join(" "))
     }
 
-    /// Runs the program, and waits.
+    /// Runs the program, and waits for its end.
     pub fn run(&self) -> io::Result<Outcome> {
-        // Standard error goes to a file, so that nobody has to read it meanwhile.
+        // Standard error goes to a file, so that no thread has to read it meanwhile.
         let told = self.folder.join("stderr");
         let script =
             format!("ulimit -c 0; ulimit -v {MEMORY}; ulimit -t {PROCESSOR}; ulimit -f {FILE}; exec \"$0\" \"$@\"");
@@ -88,7 +88,7 @@ impl Film {
         shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(&told)?);
         let mut child = shell.spawn()?;
 
-        // Short waits at first: most runs take some hundredths of a second.
+        // Poll at short intervals first: most runs take some hundredths of a second.
         let begin = Instant::now();
         let mut status: Option<ExitStatus> = child.try_wait()?;
         while status.is_none() && begin.elapsed() < LONGEST {
@@ -106,7 +106,7 @@ impl Film {
     }
 }
 
-/// The signal that ended a process; there are none on other systems.
+/// Returns the signal that ended a process; other systems have none.
 #[cfg(unix)]
 fn signal_of(status: ExitStatus) -> Option<i32> {
     std::os::unix::process::ExitStatusExt::signal(&status)

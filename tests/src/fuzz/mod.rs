@@ -1,8 +1,8 @@
-//! Scenes and checkpoints that are changed by what they mean, and what the program has to do with them.
+//! Changes scenes and checkpoints by their structure, and checks the program's response.
 //!
-//! A case is a function of a seed and a number, so that each can be repeated. A [`Draft`] is a real scene as a document, its
-//! binary part and its settings. [`mutate`] changes it, [`Film`] is the run of the program on it, and [`Verdict`] says whether
-//! that kept its promises. [`Forger`] does the same for checkpoints.
+//! A case is a function of a seed and a number, so it can be repeated. A [`Draft`] is a real scene: document, binary chunk
+//! and settings. [`mutate`] changes it, [`Film`] runs the program on it, and [`Verdict`] judges the run. [`Forger`] does the
+//! same for checkpoints.
 
 mod case;
 mod checkpoint;

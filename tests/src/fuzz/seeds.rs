@@ -1,4 +1,4 @@
-//! What cases begin with: small scenes that load, each in one piece.
+//! Seeds of the cases: small scenes that load, each in one file.
 
 use super::Draft;
 use crate::{Moving, checkered_room, textured_square};
@@ -6,13 +6,13 @@ use render_core::scene::{self, GltfSource, Reach};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Larger scenes would take the time of many others \[bytes\].
+/// Maximum size of a seed \[bytes\]; larger scenes take the time of many small ones.
 const LARGEST: usize = 200_000;
 
-/// Extensions that name a buffer in a view.
+/// Extensions of views that refer to a buffer.
 const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// Moves a view to the one buffer of a draft, or to the second one, which has no data.
+/// Moves a view to the only buffer of a draft, or to the second one, which has no data.
 fn move_view(view: &mut Value, starts: &[usize], absent: &[bool]) -> Option<()> {
     let number = |key: &str| view.get(key).and_then(Value::as_u64).unwrap_or(0) as usize;
     let buffer = number("buffer");
@@ -26,7 +26,7 @@ fn move_view(view: &mut Value, starts: &[usize], absent: &[bool]) -> Option<()> 
     Some(())
 }
 
-/// Scenes of the tests: a room in which something moves, a textured square with a spot light.
+/// Returns the seeds of the tests: two rooms with motion, and a textured square with a spot light.
 pub fn own_seeds() -> Vec<Draft> {
     let rooms = [("room, box", Moving::Box), ("room, camera", Moving::Camera)];
     let mut seeds: Vec<Draft> = rooms.map(|(name, moving)| Draft::of(name, &checkered_room(moving))).into();
@@ -34,7 +34,7 @@ pub fn own_seeds() -> Vec<Draft> {
     seeds
 }
 
-/// The scenes below `folder` that are small and load, in the order of their paths.
+/// Returns all small scenes below `folder` that load, in order of their paths.
 pub fn seeds_below(folder: &Path) -> Vec<Draft> {
     let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
     while let Some(folder) = open.pop() {
@@ -52,13 +52,13 @@ pub fn seeds_below(folder: &Path) -> Vec<Draft> {
     found.iter().filter_map(|path| in_one_piece(path)).collect()
 }
 
-/// A scene with all that it names in its binary part.
+/// Loads a scene with all its resources in its binary chunk.
 fn in_one_piece(path: &Path) -> Option<Draft> {
     let source = GltfSource::read(path, Reach::Folder).ok()?;
     let mut json: Value = serde_json::from_slice(&source.json).ok()?;
     let mut bin = Vec::new();
 
-    // Buffers, one after the other; views begin later by what stands before.
+    // Concatenate the buffers. Each view moves by the length of the buffers before its own.
     let mut starts = Vec::new();
     let buffers = json.get("buffers").and_then(Value::as_array).cloned().unwrap_or_default();
     for (index, buffer) in buffers.iter().enumerate() {
@@ -66,7 +66,7 @@ fn in_one_piece(path: &Path) -> Option<Draft> {
         starts.push(bin.len());
         bin.extend(match buffer.get("uri").and_then(Value::as_str) {
             Some(uri) => source.resource(&format!("buffer {index}"), uri).ok()?,
-            // The place of a plain copy that the file lacks.
+            // A fallback buffer without data in the file.
             None if index > 0 => continue,
             None => source.binary.clone()?,
         });
@@ -81,7 +81,7 @@ fn in_one_piece(path: &Path) -> Option<Draft> {
         }
     }
 
-    // Images behind them, each with a view of its own.
+    // Append the images, each with a view of its own.
     let mut views = json.get("bufferViews").and_then(Value::as_array).cloned().unwrap_or_default();
     for image in json.get_mut("images").and_then(Value::as_array_mut).into_iter().flatten() {
         let Some(uri) = image.get("uri").and_then(Value::as_str) else { continue };
@@ -99,7 +99,7 @@ fn in_one_piece(path: &Path) -> Option<Draft> {
         }
     }
 
-    // Settings that name no further files come along.
+    // Keep settings that refer to no other file.
     let toml = std::fs::read_to_string(path.with_extension("toml")).unwrap_or_default();
     let toml = if toml.contains("image") { String::new() } else { toml };
     let name = path.file_name()?.to_string_lossy().into_owned();

@@ -1,29 +1,29 @@
-//! What has to hold of every run.
+//! Rules that every run must satisfy.
 
 use super::{Film, Outcome};
 use crate::sorted_names;
 use serde_json::Value;
 use std::fs;
 
-/// The first bytes of a film: a sequence header (ISO/IEC 13818-2, 6.2.2.1).
+/// First bytes of a film: a sequence header (ISO/IEC 13818-2, 6.2.2.1).
 const BEGIN: [u8; 4] = [0, 0, 1, 0xb3];
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// A film that is whole.
+    /// A complete film.
     Rendered,
-    /// A line, and nothing left behind.
+    /// One line of error, and no files.
     Refused,
-    /// Something that must not be.
+    /// A broken rule.
     Fault(String),
 }
 
 impl Verdict {
-    /// Judges a run that had to read `scene` and write `outputs`, or nothing.
+    /// Judges a run that must leave the folder of `scene` unchanged and write `outputs` or no files.
     pub fn of(film: &Film, outcome: &Outcome, scene: &[String], outputs: &[&str]) -> Self {
         let judged = told(outcome, film.is_quiet()).and_then(|rendered| {
-            // Nothing is written elsewhere.
+            // Other folders are unchanged.
             same("around the scene", &sorted_names(&film.folder), &["out", "scene", "tmp"])?;
             let expected: Vec<&str> = scene.iter().map(String::as_str).collect();
             same("beside the scene", &sorted_names(&film.scene()), &expected)?;
@@ -35,8 +35,8 @@ impl Verdict {
     }
 }
 
-/// Whether there is a film, by exit code and messages; an error where these are not as they should be. Where a run is not quiet,
-/// notes and a summary stand before the line that counts.
+/// Returns whether the run rendered a film, by exit code and messages; an error if these break the rules. Without `--quiet`,
+/// notes and a summary precede the decisive line.
 pub(super) fn told(outcome: &Outcome, is_quiet: bool) -> Result<bool, String> {
     let message = String::from_utf8_lossy(&outcome.stderr);
     let fault = |what: &str| Err(format!("{what}: exit code {:?}, {message}", outcome.code));
@@ -70,12 +70,12 @@ pub(super) fn told(outcome: &Outcome, is_quiet: bool) -> Result<bool, String> {
     }
 }
 
-/// The names that are there are those that should be.
+/// Checks that a folder contains exactly the expected names.
 fn same(place: &str, found: &[String], expected: &[&str]) -> Result<(), String> {
     if found == expected { Ok(()) } else { Err(format!("{place} are {found:?}, not {expected:?}")) }
 }
 
-/// The film is one, and no pixel of it was anything but a number.
+/// Checks that the film is complete and has no pixels that are NaN or infinite.
 fn whole(film: &Film) -> Result<(), String> {
     let read = |name: &str| fs::read(film.out().join(name)).map_err(|error| format!("{name}: {error}"));
     if !read("film.m2v")?.starts_with(&BEGIN) {
@@ -85,7 +85,7 @@ fn whole(film: &Film) -> Result<(), String> {
     let frames = report["frames"].as_array().ok_or("the report has no frames")?;
     let broken: u64 = frames.iter().filter_map(|frame| frame["non_finite_pixels"].as_u64()).sum();
     if frames.is_empty() || broken > 0 {
-        return Err(format!("{} frames with {broken} pixels that are no numbers", frames.len()));
+        return Err(format!("{} frames with {broken} pixels that are NaN or infinite", frames.len()));
     }
     Ok(())
 }

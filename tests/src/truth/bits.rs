@@ -1,6 +1,6 @@
-//! Bits of headers.
+//! Reads the bits of headers.
 
-/// Reads bits of bytes from the first on, the highest of a byte first.
+/// Reads bits in order, the most significant bit of a byte first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bits<'a> {
     bytes: &'a [u8],
@@ -12,7 +12,7 @@ impl<'a> Bits<'a> {
         Self { bytes, at: 0 }
     }
 
-    /// The next `count` bits, 64 at most.
+    /// Returns the next `count` bits, at most 64.
     pub fn take(&mut self, count: usize) -> u64 {
         let bit = |at: usize| u64::from(self.bytes.get(at / 8).copied().unwrap_or(0) >> (7 - at % 8) & 1);
         let value = (self.at..self.at + count).fold(0, |value, at| value << 1 | bit(at));
@@ -20,7 +20,7 @@ impl<'a> Bits<'a> {
         value
     }
 
-    /// Whether the next bit is set.
+    /// Returns the next bit.
     pub fn flag(&mut self) -> bool {
         self.take(1) == 1
     }
@@ -29,7 +29,7 @@ impl<'a> Bits<'a> {
         self.at += count;
     }
 
-    /// 33 bits in three parts, each with a marker bit after it (13818-1, 2.4.3.7).
+    /// Returns a time stamp: 33 bits in three groups, each followed by a marker bit (13818-1, 2.4.3.7).
     pub fn stamp(&mut self) -> u64 {
         let mut parts = [0; 3];
         for (part, length) in parts.iter_mut().zip([3, 15, 15]) {
@@ -40,7 +40,7 @@ impl<'a> Bits<'a> {
     }
 }
 
-/// Positions and values of start codes: the bytes 0, 0, 1 and the value.
+/// Returns positions and values of start codes: the bytes 0, 0, 1 and the value.
 pub(super) fn start_codes(bytes: &[u8]) -> Vec<(usize, u8)> {
     let mut codes = Vec::new();
     let mut at = 0;

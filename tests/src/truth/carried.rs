@@ -1,31 +1,31 @@
-//! An elementary stream as it comes out of a container: when its bytes arrive, and when its pictures are due.
+//! An elementary stream extracted from a container: arrival times of its bytes, and time stamps of its pictures.
 
 use super::elementary::Elementary;
 use super::video::fps;
 
-/// The longest time that a byte may wait in the buffer \[s\] (13818-1, 2.4.2.6).
+/// Longest time of a byte in the buffer \[s\] (13818-1, 2.4.2.6).
 const LONGEST_WAIT: f64 = 1.0;
-/// The longest time between two time stamps \[s\] (13818-1, 2.7.4).
+/// Longest interval between two time stamps \[s\] (13818-1, 2.7.4).
 const STAMP_INTERVAL: f64 = 0.7;
-/// A unit of time stamps \[s\].
+/// Unit of time stamps \[s\].
 const UNIT: f64 = 1.0 / 90_000.0;
 
 /// Time stamps of a packet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stamps {
-    /// The first byte of the elementary stream after them.
+    /// Offset in the elementary stream of the first byte after the stamps.
     pub at: usize,
-    /// In units of 1/90 000 s.
+    /// Time of display \[1/90 000 s\].
     pub presentation: u64,
     pub decoding: u64,
 }
 
-/// Some bytes of the elementary stream.
+/// A run of bytes of the elementary stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chunk {
-    /// The byte after its last one.
+    /// Offset of the byte after the last one.
     pub end: usize,
-    /// When its first and last byte arrive \[s\].
+    /// Arrival times of the first and the last byte \[s\].
     pub arrival: (f64, f64),
 }
 
@@ -38,13 +38,13 @@ pub(super) struct Carried {
 }
 
 impl Carried {
-    /// Adds bytes that arrive at this time.
+    /// Appends bytes with their arrival times.
     pub fn add(&mut self, bytes: &[u8], arrival: (f64, f64)) {
         self.stream.extend(bytes);
         self.chunks.push(Chunk { end: self.stream.len(), arrival });
     }
 
-    /// Statements about times that do not hold; `buffer` is the most bytes that may wait.
+    /// Returns violated timing rules; `buffer` is the capacity of the decoder's buffer \[bytes\].
     pub fn faults(&self, video: &Elementary, buffer: f64) -> Vec<String> {
         let mut faults = Vec::new();
         let begins: Vec<usize> = video.pictures.iter().map(|picture| picture.begin).collect();
@@ -58,7 +58,7 @@ impl Carried {
         faults
     }
 
-    /// Pictures are due at the frame rate, in the order of display.
+    /// Checks that pictures are due at the frame rate, in display order.
     fn stamp_faults(&self, video: &Elementary) -> Vec<String> {
         let mut faults = Vec::new();
         let field = 0.5 / fps(&video.sequences[0]);
@@ -76,7 +76,7 @@ impl Carried {
                 faults.push(format!("picture {at} is decoded after it is shown"));
             }
         }
-        // While a picture is decoded, the one that was decoded or held before is shown.
+        // The interval between two decodings equals the display time of the picture shown meanwhile.
         let reorders =
             !video.sequences[0].low_delay && self.stamps.iter().any(|stamps| stamps.decoding != stamps.presentation);
         for (at, pair) in self.stamps.windows(2).enumerate() {
@@ -86,13 +86,14 @@ impl Carried {
             if !is_first && (seconds - held as f64 * field).abs() > 1.5 * UNIT
                 || !(0.0..=STAMP_INTERVAL).contains(&seconds)
             {
-                faults.push(format!("picture {} is decoded {seconds} s after the one before", at + 1));
+                faults.push(format!("picture {} is decoded {seconds} s after the previous one", at + 1));
             }
         }
         faults
     }
 
-    /// Bytes arrive before their picture is decoded, at most a second before, and never more than the buffer holds.
+    /// Checks that bytes arrive before their picture is decoded, at most one second early, and that the buffer never
+    /// overflows.
     fn arrival_faults(&self, video: &Elementary, buffer: f64) -> Vec<String> {
         let mut faults = Vec::new();
         let decoding = |picture: usize| self.stamps[picture].decoding as f64 * UNIT;

@@ -6,24 +6,24 @@ use super::bits::{Bits, start_codes};
 const FRAME_RATES: [(u64, u64); 8] =
     [(24_000, 1001), (24, 1), (25, 1), (30_000, 1001), (30, 1), (50, 1), (60_000, 1001), (60, 1)];
 
-/// All that the headers of a sequence state.
+/// Values of the sequence headers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sequence {
     /// horizontal_size and vertical_size, with their extensions.
     pub size: (u64, u64),
-    /// display_horizontal_size and display_vertical_size, if there are such.
+    /// display_horizontal_size and display_vertical_size, if present.
     pub display: Option<(u64, u64)>,
     /// aspect_ratio_information, pel_aspect_ratio in MPEG-1.
     pub aspect: u64,
-    /// Frames a second, numerator and denominator.
+    /// Frames per second, numerator and denominator.
     pub frame_rate: (u64, u64),
-    /// bit_rate in bits a second; none in MPEG-1 where it varies.
+    /// bit_rate \[bit/s\]; none for a variable rate in MPEG-1.
     pub bit_rate: Option<u64>,
-    /// vbv_buffer_size in bits.
+    /// vbv_buffer_size \[bits\].
     pub buffer: u64,
     /// constrained_parameters_flag.
     pub constrained: bool,
-    /// Whether there is a sequence_extension(), as in MPEG-2 alone.
+    /// Whether the sequence has a sequence_extension(), as only MPEG-2 does.
     pub is_mpeg2: bool,
     /// profile_and_level_indication.
     pub profile_and_level: u64,
@@ -31,7 +31,7 @@ pub struct Sequence {
     pub progressive: bool,
     /// low_delay.
     pub low_delay: bool,
-    /// matrix_coefficients, if stated.
+    /// matrix_coefficients, if present.
     pub matrix: Option<u64>,
 }
 
@@ -44,24 +44,24 @@ pub struct Group {
     pub closed: bool,
 }
 
-/// A picture in the order of coding, with the headers in front of it.
+/// A picture in coding order, with the headers in front of it.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
-    /// The first byte of its headers in the stream.
+    /// Offset in the stream of the first byte of its headers.
     pub begin: usize,
-    /// The byte after its last one.
+    /// Offset of the byte after the last one.
     pub end: usize,
-    /// The byte after picture_start_code.
+    /// Offset of the byte after picture_start_code.
     pub header: usize,
     /// picture_coding_type: 1 for I, 2 for P, 3 for B.
     pub kind: u64,
     /// temporal_reference.
     pub temporal_reference: u64,
-    /// vbv_delay, in units of 1/90 000 s.
+    /// vbv_delay \[1/90 000 s\].
     pub vbv_delay: u64,
-    /// The group that begins with it.
+    /// The group that starts with this picture.
     pub group: Option<Group>,
-    /// f_code\[s\]\[t\]; 15 where there are no vectors.
+    /// f_code\[s\]\[t\]; 15 without vectors.
     pub f_code: [[u64; 2]; 2],
     /// top_field_first.
     pub top_field_first: bool,
@@ -69,12 +69,12 @@ pub struct Picture {
     pub repeat_first_field: bool,
     /// progressive_frame.
     pub progressive_frame: bool,
-    /// Macroblock rows of its slices.
+    /// Macroblock row of each slice.
     pub rows: Vec<u64>,
 }
 
 impl Picture {
-    /// Bits with the headers in front.
+    /// Size of the picture with the headers in front of it \[bits\].
     #[must_use]
     pub fn bits(&self) -> u64 {
         8 * (self.end - self.begin) as u64
@@ -84,19 +84,19 @@ impl Picture {
 /// The headers of a whole stream.
 #[derive(Clone, Debug, Default)]
 pub struct Elementary {
-    /// Sequence headers, one for each time that they are sent.
+    /// All sequence headers, including repetitions.
     pub sequences: Vec<Sequence>,
-    /// Pictures in the order of coding.
+    /// Pictures in coding order.
     pub pictures: Vec<Picture>,
-    /// Whether sequence_end_code ends it.
+    /// Whether the stream ends with sequence_end_code.
     pub is_ended: bool,
 }
 
 impl Elementary {
-    /// Reads a stream.
+    /// Parses a stream.
     ///
     /// # Panics
-    /// If it has no sequence header in front.
+    /// If the stream does not start with a sequence header.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Self {
         let mut stream = Self::default();
@@ -164,7 +164,7 @@ impl Elementary {
         }
     }
 
-    /// The number of each picture in the order of display, groups one after the other.
+    /// Returns the display index of each picture; groups follow each other.
     #[must_use]
     pub fn display_indices(&self) -> Vec<u64> {
         let (mut first, mut in_group) = (0, 0);
@@ -180,7 +180,7 @@ impl Elementary {
         indices
     }
 
-    /// How long each picture is shown, in fields, by its number in the order of display. Pictures of progressive sequences have two.
+    /// Returns the display time of each picture in fields, by display index: two fields, or three with repeat_first_field.
     #[must_use]
     pub fn fields(&self) -> Vec<u64> {
         let mut fields = vec![2; self.pictures.len()];

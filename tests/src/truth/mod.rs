@@ -1,6 +1,7 @@
-//! A parser of films that shares nothing with the encoder: each number that a stream states, next to what it is.
+//! A parser of films that shares no code with the encoder and compares header values with the stream.
 //!
-//! Elementary streams of MPEG-1 and MPEG-2, program and transport streams. References are to ISO/IEC 13818-1 and 13818-2.
+//! It reads MPEG-1 and MPEG-2 elementary streams, program streams and transport streams. References are to ISO/IEC 13818-1
+//! and 13818-2.
 
 mod bits;
 mod carried;
@@ -12,7 +13,7 @@ mod video;
 pub use elementary::{Elementary, Group, Picture, Sequence};
 pub use transport_stream::{clock_accuracy, clock_interval};
 
-/// The video of a film, and statements that do not hold. Other containers than these three are left out.
+/// Returns the video of a film, and its wrong header values; none for other containers.
 #[must_use]
 pub fn measure(film: &[u8]) -> Option<(Elementary, Vec<String>)> {
     let (video, mut faults) = match film {
@@ -31,12 +32,12 @@ pub fn measure(film: &[u8]) -> Option<(Elementary, Vec<String>)> {
     Some((video, faults))
 }
 
-/// Checks all that a film states.
+/// Checks all header values of a film.
 ///
 /// # Panics
-/// If something does not hold; the message lists it.
+/// If a value is wrong; the message lists all of them.
 pub fn assert_true(film: &[u8], name: &str) -> Option<Elementary> {
     let (video, faults) = measure(film)?;
-    assert!(faults.is_empty(), "{name} states what does not hold: {faults:#?}");
+    assert!(faults.is_empty(), "wrong header values in {name}: {faults:#?}");
     Some(video)
 }

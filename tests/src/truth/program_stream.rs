@@ -4,12 +4,12 @@ use super::bits::Bits;
 use super::carried::{Carried, Stamps};
 use super::elementary::Elementary;
 
-/// Units of the system clock in a second.
+/// Frequency of the system clock \[Hz\].
 const CLOCK: f64 = 27_000_000.0;
-/// The longest time between two system clock references \[s\] (13818-1, 2.7.1).
+/// Longest interval between two system clock references \[s\] (13818-1, 2.7.1).
 const REFERENCE_INTERVAL: f64 = 0.7;
 
-/// Takes a program stream apart; gives the video and what does not hold.
+/// Demultiplexes a program stream; returns the video and all faults.
 pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
     let (mut carried, mut faults) = (Carried::default(), Vec::new());
     let (mut at, mut buffer, mut bound) = (0, None, None);
@@ -69,7 +69,7 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
     (carried, video, faults)
 }
 
-/// Reads the header of a packet after its length; gives PES_header_data_length.
+/// Parses a packet's header after its length, and returns PES_header_data_length.
 fn read_header(bits: &mut Bits, buffer: &mut Option<u64>, carried: &mut Carried) -> usize {
     bits.skip(8);
     let (has, _) = (bits.take(2), bits.take(5));
@@ -84,7 +84,7 @@ fn read_header(bits: &mut Bits, buffer: &mut Option<u64>, carried: &mut Carried)
     fields
 }
 
-/// Reads PTS and DTS after PTS_DTS_flags `has`.
+/// Reads PTS and DTS after the PTS_DTS_flags `has`.
 pub(super) fn read_stamps(bits: &mut Bits, has: u64, carried: &mut Carried) {
     let at = carried.stream.len();
     if has & 2 != 0 {

@@ -9,27 +9,27 @@ use std::collections::BTreeMap;
 
 const PACKET: usize = 188;
 const CLOCK: f64 = 27_000_000.0;
-/// The longest time between clock references \[s\]: DVB's (ETSI TS 101 154, 4.1.5.3), which is shorter than the standard's.
+/// Longest interval between clock references \[s\]: DVB's limit (ETSI TS 101 154, 4.1.5.3), stricter than the standard's.
 const REFERENCE_INTERVAL: f64 = 0.040;
-/// The longest time between tables \[s\]: DVB's of program associations (ETSI TR 101 290, 5.2.1).
+/// Longest interval between tables \[s\]: DVB's limit for program associations (ETSI TR 101 290, 5.2.1).
 const TABLE_INTERVAL: f64 = 0.5;
-/// How far a clock reference may be from its byte's time at a constant rate \[s\] (13818-1, 2.4.2.2).
+/// Largest deviation of a clock reference from its byte's time at a constant rate \[s\] (13818-1, 2.4.2.2).
 const ACCURACY: f64 = 500e-9;
-/// Multiplexing and transport buffers, as seconds of the level's rate (13818-1, 2.4.2.3).
+/// Capacity of multiplexing and transport buffers, in seconds at the level's rate (13818-1, 2.4.2.3).
 const MULTIPLEXING: f64 = 0.004 + 1.0 / 750.0;
-/// The byte of a packet that ends with the last bit of program_clock_reference_base.
+/// Index of the packet's byte with the last bit of program_clock_reference_base.
 const REFERENCE_BYTE: usize = 10;
 
 /// A clock reference.
 #[derive(Clone, Copy, Debug)]
 struct Reference {
-    /// The byte of the file that it is the time of.
+    /// Offset in the file of the byte that arrives at this time.
     at: usize,
-    /// \[s\]
+    /// Time of arrival \[s\].
     time: f64,
 }
 
-/// Takes a transport stream apart; gives the video and what does not hold.
+/// Demultiplexes a transport stream; returns the video and all faults.
 pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
     let mut faults = Vec::new();
     if !file.len().is_multiple_of(PACKET) {
@@ -45,7 +45,7 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
             nulls += 1;
             continue;
         }
-        // Packets without a payload repeat the number of the one before.
+        // A packet without a payload repeats the counter of the previous packet.
         let expected = counters.get(&pid).map(|counter: &u64| (counter + u64::from(payload.is_some())) % 16);
         if expected.is_some_and(|expected| expected != counter) {
             faults.push(format!("continuity_counter of packet {number}"));
@@ -95,7 +95,7 @@ struct Packet {
     pid: u64,
     begins: bool,
     counter: u64,
-    /// Where the payload begins, if there is one.
+    /// Offset of the payload in the packet, if present.
     payload: Option<usize>,
 }
 
@@ -113,7 +113,7 @@ fn header(packet: &[u8]) -> Packet {
     Packet { pid, begins, counter, payload: has_payload.then_some(4 + field) }
 }
 
-/// The clock references of all packets.
+/// Returns the clock references of all packets.
 fn references(file: &[u8]) -> Vec<Reference> {
     let mut references = Vec::new();
     for (number, packet) in file.chunks_exact(PACKET).enumerate() {
@@ -129,7 +129,7 @@ fn references(file: &[u8]) -> Vec<Reference> {
     references
 }
 
-/// When a byte arrives: between two references at a constant rate (13818-1, 2.4.2.2).
+/// Returns the arrival time of a byte \[s\]: the rate is constant between two references (13818-1, 2.4.2.2).
 fn time_of(references: &[Reference], at: usize) -> f64 {
     let after = references.partition_point(|reference| reference.at < at).clamp(1, references.len().max(2) - 1);
     let Some([a, b]) = references.get(after - 1..after + 1) else { return references.first().map_or(0.0, |r| r.time) };
@@ -148,13 +148,13 @@ fn reference_faults(references: &[Reference]) -> Vec<String> {
     faults
 }
 
-/// How far clock references are from a line, if too far.
+/// Reports clock references that are too far from a constant rate.
 fn accuracy_fault(references: &[Reference]) -> Option<String> {
     let worst = worst_reference(references);
     (worst > ACCURACY).then(|| format!("clock references are up to {worst} s off a constant rate"))
 }
 
-/// The largest distance of a reference from the line through the first and the last \[s\].
+/// Returns the largest deviation of a reference from the line through the first and the last \[s\].
 fn worst_reference(references: &[Reference]) -> f64 {
     let (Some(first), Some(last)) = (references.first(), references.last()) else { return 0.0 };
     let rate = (last.time - first.time) / (last.at - first.at).max(1) as f64;
@@ -162,19 +162,19 @@ fn worst_reference(references: &[Reference]) -> f64 {
     references.iter().map(off).fold(0.0, f64::max)
 }
 
-/// The largest distance of a clock reference of a file from a constant rate \[s\].
+/// Returns the largest deviation of a file's clock references from a constant rate \[s\].
 #[must_use]
 pub fn clock_accuracy(file: &[u8]) -> f64 {
     worst_reference(&references(file))
 }
 
-/// The longest time between two clock references of a file \[s\].
+/// Returns the longest interval between two clock references of a file \[s\].
 #[must_use]
 pub fn clock_interval(file: &[u8]) -> f64 {
     references(file).windows(2).map(|pair| pair[1].time - pair[0].time).fold(0.0, f64::max)
 }
 
-/// Whether a section's check is right, bit by bit (13818-1, Annex A).
+/// Checks the CRC of a table section bit by bit (13818-1, Annex A).
 fn table_faults(payload: &[u8]) -> Option<String> {
     let section = &payload[1 + usize::from(payload[0])..];
     let length = 3 + (usize::from(section[1] & 0xf) << 8 | usize::from(section[2]));

@@ -1,8 +1,8 @@
-//! What an elementary stream states, next to what it is.
+//! Compares header values of an elementary stream with the stream.
 
 use super::elementary::{Elementary, Group, Picture, Sequence};
 
-/// Bounds of a level of Main Profile (13818-2, Tables 8-10 to 8-14, and 8-8 for f_code).
+/// Limits of a level of Main Profile (13818-2, Tables 8-10 to 8-14, and 8-8 for f_code).
 struct Level {
     indication: u64,
     size: (u64, u64),
@@ -20,16 +20,16 @@ const LEVELS: [Level; 4] = [
     Level { indication: 6, size: (1440, 1152), frames_per_second: 60.0, samples_per_second: 47_001_600.0, bits_per_second: 60_000_000, buffer: 7_340_032, f_code: [9, 5] },
     Level { indication: 4, size: (1920, 1152), frames_per_second: 60.0, samples_per_second: 62_668_800.0, bits_per_second: 80_000_000, buffer: 9_781_248, f_code: [9, 5] },
 ];
-/// vbv_delay of a variable rate.
+/// vbv_delay of a variable-rate stream.
 const VARIABLE: u64 = 0xffff;
 
-/// The largest bit rate and buffer of the stated level; none in MPEG-1.
+/// Returns the largest bit rate \[bit/s\] and buffer \[bits\] of the stream's level; none for MPEG-1.
 pub(super) fn level_bounds(sequence: &Sequence) -> Option<(u64, u64)> {
     let level = LEVELS.iter().find(|level| level.indication == sequence.profile_and_level & 15)?;
     sequence.is_mpeg2.then_some((level.bits_per_second, level.buffer))
 }
 
-/// Statements of the stream that do not hold.
+/// Returns the wrong header values of the stream.
 pub(super) fn faults(stream: &Elementary) -> Vec<String> {
     let Some(sequence) = stream.sequences.first() else { return vec!["no sequence header".into()] };
     let mut faults = Vec::new();
@@ -47,7 +47,7 @@ pub(super) fn faults(stream: &Elementary) -> Vec<String> {
     faults
 }
 
-/// Frames a second.
+/// Returns the frame rate \[Hz\].
 pub(super) fn fps(sequence: &Sequence) -> f64 {
     sequence.frame_rate.0 as f64 / sequence.frame_rate.1 as f64
 }
@@ -75,7 +75,7 @@ fn level_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
             || fps > level.frames_per_second
             || samples > level.samples_per_second
     };
-    // Beyond High Level nothing holds, and High is stated.
+    // Beyond High Level no limit applies, and the header must state High Level.
     if exceeds(&LEVELS[3]) {
         if level.indication != 4 {
             faults.push("not even High Level is stated".into());
@@ -102,13 +102,13 @@ fn level_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     faults
 }
 
-/// Seconds from the removal of each picture to that of the next (Annex C).
+/// Returns the time from the removal of each picture to the removal of the next \[s\] (Annex C).
 fn removals(pictures: &[Picture], sequence: &Sequence) -> Vec<f64> {
     let period = 1.0 / fps(sequence);
     let repeats = |picture: &Picture| picture.repeat_first_field && !sequence.progressive;
     let has_b = !sequence.low_delay;
-    // With reordering, an I or P picture stays as long as the one before it in display order: the previous anchor.
-    // Nothing is shown while the first is decoded: it is removed as if the cadence had begun before.
+    // With reordering, an I or P picture remains as long as the previous anchor, which precedes it in display order. No
+    // picture is displayed while the first is decoded, so its removal continues the cadence backwards.
     let mut anchor = pictures.first().is_some_and(|first| !sequence.progressive && !first.repeat_first_field);
     let mut times = Vec::new();
     for picture in pictures {
@@ -121,7 +121,7 @@ fn removals(pictures: &[Picture], sequence: &Sequence) -> Vec<f64> {
     times
 }
 
-/// Replays the video buffering verifier (13818-2, Annex C; 11172-2, Annex C).
+/// Simulates the video buffering verifier (13818-2, Annex C; 11172-2, Annex C).
 fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
     let mut faults = Vec::new();
     let size = sequence.buffer as f64;
@@ -139,7 +139,7 @@ fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
     for (at, (picture, seconds)) in pictures.iter().zip(removals(pictures, sequence)).enumerate() {
         let bits = picture.bits() as f64;
         if !is_variable {
-            // A unit of vbv_delay, and the bits that it stands for.
+            // The tolerance is one unit of vbv_delay, in bits.
             let stated = picture.vbv_delay as f64 * rate / 90_000.0;
             if (stated - (fullness - ahead(picture))).abs() > rate / 90_000.0 + 1.0 {
                 faults.push(format!("vbv_delay of picture {at}: {stated} bits, not {}", fullness - ahead(picture)));
@@ -149,7 +149,7 @@ fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
             }
         }
         if bits > fullness + 1.0 {
-            faults.push(format!("picture {at} of {bits} bits comes late: {fullness} are there"));
+            faults.push(format!("picture {at} of {bits} bits arrives late: the buffer has {fullness}"));
         }
         fullness += rate * seconds - bits;
         if is_variable {
@@ -160,7 +160,7 @@ fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
     faults
 }
 
-/// Temporal references and time codes.
+/// Checks temporal references and time codes.
 fn order_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     let mut faults = Vec::new();
     let mut seen = stream.display_indices();
@@ -188,7 +188,7 @@ fn order_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     faults
 }
 
-/// Flags of fields: a frame begins with the field that the one before it did not end with (13818-2, 7.12).
+/// Checks the field flags: a frame starts with the field of opposite parity to the last field before it (13818-2, 7.12).
 fn field_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     let mut shown: Vec<(u64, &Picture)> = stream.display_indices().into_iter().zip(&stream.pictures).collect();
     shown.sort_by_key(|&(index, _)| index);
@@ -204,7 +204,7 @@ fn field_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     }
 }
 
-/// Slices cover all macroblock rows in their order.
+/// Checks that slices cover all macroblock rows in order.
 fn row_fault(picture: &Picture, sequence: &Sequence) -> Option<String> {
     let rows = match sequence.progressive {
         true => sequence.size.1.div_ceil(16),

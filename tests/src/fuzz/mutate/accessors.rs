@@ -1,11 +1,11 @@
-//! Accessors, sparse parts and views: what they claim.
+//! Changes of accessors, sparse data and views.
 
 use super::places::{extreme, put};
 use super::{Draft, Mutation};
 use crate::Random;
 use serde_json::{Value, json};
 
-/// These changes.
+/// Changes of this module.
 pub(super) const MUTATIONS: [Mutation; 6] = [
     ("accessor", accessor),
     ("accessor", accessor),
@@ -15,12 +15,12 @@ pub(super) const MUTATIONS: [Mutation; 6] = [
     ("attribute", attribute),
 ];
 
-/// Types of elements, and one that is none.
+/// Element types, the last of them invalid.
 const KINDS: [&str; 8] = ["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4", "VEC5"];
-/// Types of components: all there are, and three that are none.
+/// Component types: all valid ones, and three invalid ones.
 const COMPONENTS: [u32; 9] = [5120, 5121, 5122, 5123, 5125, 5126, 5124, 0, u32::MAX];
 
-/// A property of an accessor.
+/// Changes a property of an accessor.
 fn accessor(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let count = random.below(40);
     let (key, value) = match random.below(8) {
@@ -40,7 +40,7 @@ fn accessor(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(accessor, key, value)
 }
 
-/// A property of a view.
+/// Changes a property of a view.
 fn view(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let small = json!(random.below(70));
     let value = if random.one_in(2) { small } else { extreme(random) };
@@ -49,13 +49,13 @@ fn view(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(view, key, value)
 }
 
-/// A sparse part, right but for a property of it at times; over a view, or over zeros.
+/// Adds sparse data, mostly valid but for one property, over a view or over zeros.
 fn sparse(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (index, accessor) = draft.entry("accessors", random)?;
     let count = accessor.get("count").and_then(Value::as_u64).unwrap_or(1).max(1) as usize;
     let few = 1 + random.below(count.min(8));
 
-    // Indices go up, as they have to; one may be out of place.
+    // Indices ascend, as glTF requires; the last may be out of order.
     let mut places: Vec<u32> = (0..few as u32).collect();
     if random.one_in(3) {
         places[few - 1] = *random.pick(&[0, count as u32, u32::MAX]);
@@ -70,7 +70,7 @@ fn sparse(draft: &mut Draft, random: &mut Random) -> Option<()> {
         "values": { "bufferView": view(values)? }
     });
 
-    // What may be wrong with it.
+    // At most one property is wrong.
     match random.below(6) {
         0 => part["count"] = extreme(random),
         1 => part["indices"]["componentType"] = json!(random.pick(&COMPONENTS)),
@@ -86,7 +86,7 @@ fn sparse(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(accessor, "sparse", part)
 }
 
-/// The bounds that an accessor claims.
+/// Changes the bounds of an accessor.
 fn bounds(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let numbers: Vec<Value> = (0..random.below(5)).map(|_| extreme(random)).collect();
     let key = *random.pick(&["min", "max"]);
@@ -94,7 +94,7 @@ fn bounds(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(accessor, key, numbers.into())
 }
 
-/// A primitive has another attribute, mode or target to morph to, from any accessor that there is.
+/// Changes the mode, indices, attributes or morph targets of a primitive; accessors are drawn at random.
 fn attribute(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let any = json!(random.below(draft.count("accessors").max(1)));
     let names = ["POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_9", "COLOR_0", "_OWN"];
@@ -108,7 +108,7 @@ fn attribute(draft: &mut Draft, random: &mut Random) -> Option<()> {
         0 => put(primitive, "mode", json!(mode))?,
         1 => drop(primitive.as_object_mut()?.remove("indices")),
         2 => {
-            // Positions as displacements have the right count.
+            // Positions used as displacements have the right count.
             let own = primitive.get("attributes")?.get("POSITION").cloned().unwrap_or(any);
             let target = json!({ *random.pick(&["POSITION", "POSITION", "NORMAL", "TANGENT"]): own });
             put(primitive, "targets", vec![target; 1 + mode].into())?;

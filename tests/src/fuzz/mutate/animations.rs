@@ -5,7 +5,7 @@ use super::{Draft, Mutation};
 use crate::Random;
 use serde_json::{Value, json};
 
-/// These changes.
+/// Changes of this module.
 pub(super) const MUTATIONS: [Mutation; 6] = [
     ("keys", keys),
     ("keys", keys),
@@ -15,12 +15,12 @@ pub(super) const MUTATIONS: [Mutation; 6] = [
     ("skin", skin),
 ];
 
-/// What a channel may move, and two that are none.
+/// Animated properties, two of them invalid.
 const PATHS: [&str; 6] = ["translation", "rotation", "scale", "weights", "pointer", ""];
-/// How keys are joined, and one way that is none.
+/// Interpolation modes, the last of them invalid.
 const WAYS: [&str; 4] = ["LINEAR", "STEP", "CUBICSPLINE", "BEZIER"];
 
-/// Times or values of a sampler: equal, falling, far away, no numbers.
+/// Changes times or values of a sampler: equal, descending, far away or NaN.
 fn keys(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let key = *random.pick(&["input", "output"]);
     let (_, animation) = draft.entry("animations", random)?;
@@ -29,7 +29,7 @@ fn keys(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let accessor = sampler.get(key)?.as_u64()? as usize;
     let span = draft.span(accessor).filter(|span| span.component_type == 5126 && span.count > 0)?;
     let (value, begin, component) = (float(random), random.below(span.count), random.below(span.components));
-    // One key, or all from there on.
+    // One key, or all keys from there to the end.
     let end = if random.one_in(2) { begin + 1 } else { span.count };
     for element in begin..end {
         draft.component(&span, element, component)?.copy_from_slice(&value.to_le_bytes());
@@ -37,7 +37,7 @@ fn keys(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// Target, path, sampler or way of joining of a channel.
+/// Changes the target, path, sampler or interpolation of a channel.
 fn channel(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (node, accessor) = (random.below(draft.count("nodes") + 1), random.below(draft.count("accessors") + 1));
     let (change, path, way) = (random.below(6), *random.pick(&PATHS), *random.pick(&WAYS));
@@ -57,13 +57,13 @@ fn channel(draft: &mut Draft, random: &mut Random) -> Option<()> {
     }
 }
 
-/// The only animation moves one node by keys made here, most of them right.
+/// Replaces all animations by one new animation of one node, with mostly valid keys.
 fn new_animation(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (path, components) = *random.pick(&[("translation", 3), ("rotation", 4), ("scale", 3), ("weights", 1)]);
     let (kind, way) = (["", "SCALAR", "", "VEC3", "VEC4"][components], *random.pick(&WAYS[..3]));
     let count = 1 + random.below(4);
 
-    // Times go up; one of them may be anything.
+    // Times ascend; one of them may have any value.
     let step = *random.pick(&[0.0, 1e-30, 0.01, 0.5, 1e3, 1e30]);
     let mut times: Vec<f32> = (0..count).map(|key| key as f32 * step).collect();
     if random.one_in(3) {
@@ -71,7 +71,7 @@ fn new_animation(draft: &mut Draft, random: &mut Random) -> Option<()> {
         times[place] = float(random);
     }
 
-    // Values of moderate size, or anything.
+    // Values of moderate size, or any value.
     let values = count * components * if way == "CUBICSPLINE" { 3 } else { 1 };
     let wild = random.one_in(2);
     let values: Vec<f32> =
@@ -86,22 +86,22 @@ fn new_animation(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(&mut draft.json, "animations", animation)
 }
 
-/// Adds an accessor of floats.
+/// Appends an accessor of floats.
 fn append_floats(draft: &mut Draft, list: &[f32], kind: &str, components: usize) -> Option<usize> {
     let bytes: Vec<u8> = list.iter().flat_map(|number| number.to_le_bytes()).collect();
     draft.append(&bytes, 5126, kind, list.len() / components)
 }
 
-/// A node with a mesh gets a skin whose joints are any nodes, and its mesh joints and weights.
+/// Gives a node with a mesh a skin with random joints, and its mesh joints and weights.
 fn new_skin(draft: &mut Draft, random: &mut Random) -> Option<()> {
-    // The primitive that is bent, and how many vertices it has.
+    // The skinned primitive, and its number of vertices.
     let mesh = random.below(draft.count("meshes").max(1));
     let place = format!("/meshes/{mesh}/primitives/0/attributes");
     let positions = draft.json.pointer(&place)?.get("POSITION")?.as_u64()? as usize;
     let vertices = draft.span(positions)?.count.min(100_000);
     let joints = 1 + random.below(4);
 
-    // Each vertex hangs from up to four joints by weights that may be anything.
+    // Each vertex has four joints, with weights of any value.
     let of: Vec<u8> = (0..4 * vertices).map(|_| random.below(joints) as u8).collect();
     let wild = random.one_in(3);
     let weights: Vec<f32> =
@@ -125,7 +125,7 @@ fn new_skin(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(node, "skin", json!(skin))
 }
 
-/// The joints of a skin.
+/// Changes the joints or matrices of a skin.
 fn skin(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (node, change) = (random.below(draft.count("nodes") + 1), random.below(4));
     let accessor = random.below(draft.count("accessors").max(1));

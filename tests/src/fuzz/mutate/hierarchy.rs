@@ -1,4 +1,4 @@
-//! Nodes: who hangs from whom, what they show, and their transforms; cameras.
+//! Changes of nodes: parents, content and transforms; changes of cameras.
 
 use super::places::{extreme, member, put};
 use super::{Draft, Mutation};
@@ -18,7 +18,7 @@ pub(super) const MUTATIONS: [Mutation; 6] = [
 /// Changes of transforms.
 pub(super) const TRANSFORMS: [Mutation; 3] = [("transform", transform), ("transform", transform), ("matrix", matrix)];
 
-/// A node gets a child more, which may be itself, one above it, or one that is its child already.
+/// Adds a child to a node: any node, an ancestor or itself included, or a present child again.
 fn child(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let count = draft.count("nodes");
     let child = json!(random.below(count.max(1)));
@@ -33,7 +33,7 @@ fn child(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// A scene has a root more or less, or none.
+/// Adds a root to a scene, or removes one or all.
 fn root(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let node = json!(random.below(draft.count("nodes").max(1)));
     let (_, scene) = draft.entry("scenes", random)?;
@@ -46,7 +46,7 @@ fn root(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// A mesh is shown many times, at places near each other or all at one.
+/// Instances a mesh up to 200 times, at close, distant or equal positions.
 fn many_instances(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let mesh = random.below(draft.count("meshes").max(1));
     let (many, step) = (1 + random.below(200), *random.pick(&[0.0, 0.0, 0.01, 0.01, 1.0, 1.0, 30.0, 1e6]));
@@ -58,7 +58,7 @@ fn many_instances(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// A long chain of nodes, the same transform at each: scales and places grow without bound.
+/// Adds a long chain of nodes with the same transform: scales and positions grow without bound.
 fn chain(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (length, transform) = (1 + random.below(300), random_transform(random));
     for link in 0..length {
@@ -76,7 +76,7 @@ fn chain(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// Properties of a camera, and of its kind.
+/// Changes properties of a camera and of its projection.
 fn camera(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let value = extreme(random);
     let kind = *random.pick(&["perspective", "orthographic"]);
@@ -91,13 +91,13 @@ fn camera(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(member(camera, &kind)?, key, value)
 }
 
-/// A number of a transform that is hardly ever met.
+/// Returns an unusual number for a transform.
 fn unusual(random: &mut Random) -> Value {
     let values = [0.0, -1.0, 1.0, 1e-30, 1e-7, 1e-3, 0.5, 10.0, 1e3, 1e5, 1e7, 1e10, 9e14, 1e19, -1e5];
     if random.one_in(6) { extreme(random) } else { json!(random.pick(&values)) }
 }
 
-/// A translation, rotation or scale.
+/// Returns a translation, rotation or scale.
 fn random_transform(random: &mut Random) -> Value {
     let kind = random.below(3);
     let three: Vec<Value> = (0..3).map(|_| unusual(random)).collect();
@@ -108,7 +108,7 @@ fn random_transform(random: &mut Random) -> Value {
     }
 }
 
-/// A node moves, turns, grows, shrinks to nothing or is turned inside out.
+/// Moves, rotates, scales, collapses or mirrors a node.
 fn transform(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let same = unusual(random);
     let all: Vec<Value> = (0..4).map(|_| unusual(random)).collect();
@@ -120,7 +120,7 @@ fn transform(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(node, key, value)
 }
 
-/// A node has a matrix: singular, huge, with a last row that is none, or beside other transforms.
+/// Gives a node a matrix: singular, huge, with an invalid last row, or in addition to other transforms.
 fn matrix(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let mut matrix: Vec<Value> = (0..16).map(|place| json!(f64::from(u8::from(place % 5 == 0)))).collect();
     for _ in 0..=random.below(4) {

@@ -5,7 +5,7 @@ use super::{Draft, Mutation};
 use crate::Random;
 use serde_json::{Value, json};
 
-/// These changes.
+/// Changes of this module.
 pub(super) const MUTATIONS: [Mutation; 8] = [
     ("material", material),
     ("material", material),
@@ -17,17 +17,17 @@ pub(super) const MUTATIONS: [Mutation; 8] = [
     ("image", image),
 ];
 
-/// Values of factors, in and out of range.
+/// Returns a factor in or out of range.
 fn factor(random: &mut Random) -> Value {
     if random.one_in(3) { extreme(random) } else { json!(random.pick(&[0.0, 0.25, 1.0, 1.5, -0.5, 100.0, 1e6])) }
 }
 
-/// A list of factors.
+/// Returns a list of factors.
 fn factors(random: &mut Random, count: usize) -> Value {
     (0..count).map(|_| factor(random)).collect()
 }
 
-/// A factor or a mode of a material.
+/// Changes a factor or a mode of a material.
 fn material(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (one, three, four) = (factor(random), factors(random, 3), factors(random, 4));
     let (change, mode) = (random.below(9), *random.pick(&["OPAQUE", "MASK", "BLEND", "mask"]));
@@ -45,7 +45,7 @@ fn material(draft: &mut Draft, random: &mut Random) -> Option<()> {
     }
 }
 
-/// An extension of a material, known or not.
+/// Adds an extension to a material, known or unknown.
 fn extension(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (one, three) = (factor(random), factors(random, 3));
     let extensions = [
@@ -64,7 +64,7 @@ fn extension(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(member(material, "extensions")?, name, value)
 }
 
-/// The slots of a material for textures.
+/// Texture slots of a material.
 const SLOTS: [(&str, &str); 4] = [
     ("pbrMetallicRoughness", "baseColorTexture"),
     ("pbrMetallicRoughness", "metallicRoughnessTexture"),
@@ -72,7 +72,7 @@ const SLOTS: [(&str, &str); 4] = [
     ("", "emissiveTexture"),
 ];
 
-/// A slot of a random material, made if it is not there.
+/// Returns a texture slot of a random material, created if missing.
 fn slot<'a>(draft: &'a mut Draft, random: &mut Random) -> Option<&'a mut Value> {
     let (part, name) = *random.pick(&SLOTS);
     let (_, material) = draft.entry("materials", random)?;
@@ -84,7 +84,7 @@ fn slot<'a>(draft: &'a mut Draft, random: &mut Random) -> Option<&'a mut Value> 
     Some(slot)
 }
 
-/// A slot has a texture, maybe one that is not there; a sampler has a mode.
+/// Assigns a texture, possibly a missing one, or changes the mode of a sampler.
 fn texture(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let any = random.below(4);
     if random.one_in(3) {
@@ -98,7 +98,7 @@ fn texture(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(slot(draft, random)?, key, json!(any))
 }
 
-/// The transform of a texture.
+/// Changes the transform of a texture.
 fn texture_transform(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (two, one) = (factors(random, 2), extreme(random));
     let changes = [("offset", two.clone()), ("scale", two), ("rotation", one.clone()), ("texCoord", one)];
@@ -107,7 +107,7 @@ fn texture_transform(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(member(extensions, "KHR_texture_transform")?, key, value)
 }
 
-/// A light hangs from a node, and has any color, strength, range and angles.
+/// Attaches a light to a node, with any color, intensity, range and angles.
 fn light(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let kind = *random.pick(&["point", "spot", "directional", "area"]);
     let mut light = json!({ "type": kind, "intensity": factor(random) });
@@ -133,7 +133,7 @@ fn light(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(member(node, "extensions")?, "KHR_lights_punctual", json!({ "light": place }))
 }
 
-/// An extension is required.
+/// Marks an extension as required.
 fn required(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let names =
         ["KHR_texture_transform", "KHR_mesh_quantization", "KHR_draco_mesh_compression", "ACME_\u{1b}[2J\nx", ""];
@@ -142,7 +142,7 @@ fn required(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(&mut draft.json, "extensionsUsed", json!([name]))
 }
 
-/// An image has another type, or other bytes.
+/// Changes the type or the bytes of an image.
 fn image(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let kind = *random.pick(&["image/png", "image/jpeg", "image/webp", "text/plain"]);
     let view = random.below(draft.count("bufferViews") + 1);

@@ -1,4 +1,4 @@
-//! Changes of a scene, each in one way that matters to who reads it.
+//! Changes of a scene, each of one aspect that a loader reads.
 
 mod accessors;
 mod animations;
@@ -14,10 +14,10 @@ mod structure;
 use super::Draft;
 use crate::Random;
 
-/// A change, by name. One that finds nothing to change does nothing.
+/// A named change, which returns `None` if it does not apply.
 type Mutation = (&'static str, fn(&mut Draft, &mut Random) -> Option<()>);
 
-/// All changes, by subject: subjects are drawn evenly. What mostly loads stands here twice.
+/// All changes by subject; subjects are drawn evenly. Subjects that mostly load are listed twice.
 const SUBJECTS: [&[Mutation]; 13] = [
     &structure::MUTATIONS,
     &hierarchy::MUTATIONS,
@@ -34,12 +34,12 @@ const SUBJECTS: [&[Mutation]; 13] = [
     &packed::MUTATIONS,
 ];
 
-/// Changes the scene one to six times; the names of the changes.
+/// Applies one to six changes to the scene, and returns their names.
 pub fn mutate(draft: &mut Draft, random: &mut Random) -> Vec<&'static str> {
     let mut names = Vec::new();
-    // Few changes mostly: many are refused for the first of them.
+    // Mostly few changes: one of many is often enough for a refusal.
     let most = [1, 1, 2, 2, 3, 6][random.below(6)];
-    // A change that does not apply is none. The bound is for scenes in which nothing is left.
+    // A change that does not apply is not counted. The bound ends the loop for empty scenes.
     for _ in 0..50 {
         let subject = *random.pick(&SUBJECTS);
         let &(name, change) = random.pick(subject);

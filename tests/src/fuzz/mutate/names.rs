@@ -1,4 +1,4 @@
-//! Names and addresses.
+//! Changes of names and URIs.
 
 use super::places::put;
 use super::{Draft, Mutation};
@@ -6,11 +6,11 @@ use crate::Random;
 use crate::fuzz::draft::data_uri;
 use serde_json::{Value, json};
 
-/// These changes.
+/// Changes of this module.
 pub(super) const MUTATIONS: [Mutation; 4] =
     [("name", name), ("buffer uri", buffer), ("image uri", image), ("text", text)];
 
-/// Texts that terminals, files or people may misread.
+/// Returns a text that terminals, files or people may misread.
 fn odd_text(random: &mut Random) -> Value {
     let texts = [
         "",
@@ -33,7 +33,7 @@ fn odd_text(random: &mut Random) -> Value {
     }
 }
 
-/// Addresses out of the folder, of devices, of nothing, and of bytes that are damaged.
+/// Returns a URI outside the folder, of a device, of no file, or of damaged data.
 fn odd_address(draft: &Draft, random: &mut Random) -> Value {
     let addresses = [
         "../out/film.m2v",
@@ -65,7 +65,7 @@ fn odd_address(draft: &Draft, random: &mut Random) -> Value {
     }
 }
 
-/// The name of anything.
+/// Changes the name of any object.
 fn name(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let text = odd_text(random);
     let lists = ["nodes", "meshes", "materials", "animations", "cameras", "skins", "images", "textures", "scenes"];
@@ -74,14 +74,14 @@ fn name(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(thing, "name", text)
 }
 
-/// The address of a buffer.
+/// Changes the URI of a buffer.
 fn buffer(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let address = odd_address(draft, random);
     let (_, buffer) = draft.entry("buffers", random)?;
     put(buffer, "uri", address)
 }
 
-/// The address of an image, instead of its view or beside it.
+/// Changes the URI of an image, in place of its view or in addition to it.
 fn image(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let address = odd_address(draft, random);
     let alone = !random.one_in(4);
@@ -92,7 +92,7 @@ fn image(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(image, "uri", address)
 }
 
-/// What says who made the file, and for which version.
+/// Changes a text of the asset's metadata: generator, copyright or version.
 fn text(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let key = *random.pick(&["version", "minVersion", "generator", "copyright", "extras"]);
     let text = if random.one_in(2) { odd_text(random) } else { json!(random.pick(&["1.0", "2.1", "3.0", "-2", "2"])) };

@@ -1,14 +1,14 @@
-//! The binary part: numbers of accessors, and bytes.
+//! Changes of the binary chunk: numbers of accessors, and bytes.
 
 use super::places::float;
 use super::{Draft, Mutation};
 use crate::Random;
 
-/// These changes.
+/// Changes of this module.
 pub(super) const MUTATIONS: [Mutation; 5] =
     [("numbers", numbers), ("numbers", numbers), ("all numbers", all_numbers), ("bytes", bytes), ("cut", cut)];
 
-/// A few numbers of one accessor.
+/// Changes a few numbers of one accessor.
 fn numbers(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let accessor = random.below(draft.count("accessors").max(1));
     let span = draft.span(accessor).filter(|span| span.count > 0)?;
@@ -24,7 +24,7 @@ fn numbers(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// One component of every element becomes the same, or is multiplied.
+/// Sets or multiplies one component of every element.
 fn all_numbers(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let accessor = random.below(draft.count("accessors").max(1));
     let span = draft.span(accessor).filter(|span| span.component_type == 5126)?;
@@ -37,7 +37,7 @@ fn all_numbers(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// Bytes anywhere: indices, images, keys.
+/// Changes bytes anywhere: indices, images, keys.
 fn bytes(draft: &mut Draft, random: &mut Random) -> Option<()> {
     if draft.bin.is_empty() {
         return None;
@@ -49,7 +49,7 @@ fn bytes(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// The binary part ends early, and the document does not say so.
+/// Truncates the binary chunk without a change of the document.
 fn cut(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let length = random.below(draft.bin.len().max(1));
     draft.bin.truncate(length);

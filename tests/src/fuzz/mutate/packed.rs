@@ -1,11 +1,11 @@
-//! Packed meshes, views and images: what they claim, and their bytes.
+//! Changes of packed meshes, views and images: properties and bytes.
 
 use super::places::{extreme, put};
 use super::{Draft, Mutation};
 use crate::Random;
 use serde_json::{Value, json};
 
-/// These changes.
+/// Changes of this module.
 pub(super) const MUTATIONS: [Mutation; 4] =
     [("packed view", view), ("packed mesh", mesh), ("packed image", image), ("packed bytes", bytes)];
 
@@ -13,7 +13,7 @@ pub(super) const MUTATIONS: [Mutation; 4] =
 const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// A property of a view that meshoptimizer packed.
+/// Changes a property of a view compressed by meshoptimizer.
 fn view(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (small, large) = (json!(random.below(70)), extreme(random));
     let mode = json!(random.pick(&["ATTRIBUTES", "TRIANGLES", "INDICES", "STRIPS"]));
@@ -34,7 +34,7 @@ fn view(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(&mut extensions[name], key, value)
 }
 
-/// A property of a primitive that Draco packed; the first primitive of a mesh.
+/// Changes a property of a mesh's first primitive, compressed by Draco.
 fn mesh(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let value = if random.one_in(2) { json!(random.below(12)) } else { extreme(random) };
     let name = *random.pick(&["POSITION", "NORMAL", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "TEXCOORD_0"]);
@@ -44,7 +44,7 @@ fn mesh(draft: &mut Draft, random: &mut Random) -> Option<()> {
     if is_view { put(packed, "bufferView", value) } else { put(packed.get_mut("attributes")?, name, value) }
 }
 
-/// The image of a texture in a packed format.
+/// Replaces the image of a texture by one in a packed format.
 fn image(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let name = *random.pick(&["EXT_texture_webp", "KHR_texture_basisu"]);
     let source = if random.one_in(3) { extreme(random) } else { json!(random.below(12)) };
@@ -52,7 +52,7 @@ fn image(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(texture, "extensions", json!({ name: { "source": source } }))
 }
 
-/// Bytes of packed data, mostly near its begin, where it has its counts.
+/// Changes bytes of packed data, mostly near the start, where the counts are.
 fn bytes(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let mut views = Vec::new();
     for view in draft.json.get("bufferViews")?.as_array()? {

@@ -1,9 +1,9 @@
-//! Places in a document, and values to put there.
+//! Positions in a document, and values for them.
 
 use crate::Random;
 use serde_json::{Value, json};
 
-/// A place that a walk from the root comes to; each step, it may end there.
+/// Returns the pointer of a random walk from the root, which may end at each step.
 pub(super) fn any_place(document: &Value, random: &mut Random) -> Option<String> {
     let (mut pointer, mut value) = (String::new(), document);
     loop {
@@ -27,7 +27,7 @@ pub(super) fn any_place(document: &Value, random: &mut Random) -> Option<String>
     (!pointer.is_empty()).then_some(pointer)
 }
 
-/// The places of values, or of values in lists, that stand under one of these keys.
+/// Returns the pointers of all values, also those in lists, under one of these keys.
 pub(super) fn places_under(document: &Value, keys: &[&str]) -> Vec<String> {
     let (mut found, mut open) = (Vec::new(), vec![(String::new(), document, false)]);
     while let Some((pointer, value, wanted)) = open.pop() {
@@ -48,7 +48,7 @@ pub(super) fn places_under(document: &Value, keys: &[&str]) -> Vec<String> {
     found
 }
 
-/// Removes what stands at a place.
+/// Removes the value at a pointer.
 pub(super) fn remove(document: &mut Value, pointer: &str) -> Option<Value> {
     let (parent, key) = pointer.rsplit_once('/')?;
     match document.pointer_mut(parent)? {
@@ -58,18 +58,18 @@ pub(super) fn remove(document: &mut Value, pointer: &str) -> Option<Value> {
     }
 }
 
-/// Puts a value into an object.
+/// Inserts a value into an object.
 pub(super) fn put(object: &mut Value, key: &str, value: Value) -> Option<()> {
     object.as_object_mut()?.insert(key.into(), value);
     Some(())
 }
 
-/// A member of an object that is one itself; it is made where there is none.
+/// Returns an object's member, created as an empty object if missing.
 pub(super) fn member<'a>(object: &'a mut Value, key: &str) -> Option<&'a mut Value> {
     Some(object.as_object_mut()?.entry(key).or_insert_with(|| json!({})))
 }
 
-/// Numbers at the borders of what types hold, and of what scenes may have.
+/// Returns a number at the limits of types or of scenes.
 pub(super) fn extreme(random: &mut Random) -> Value {
     if random.one_in(2) {
         return json!(random.pick(&[0i64, 1, -1, 2, 3, 255, 256, 65_535, 65_536, 1 << 24, i64::MAX, i64::MIN]));
@@ -86,7 +86,7 @@ pub(super) fn extreme(random: &mut Random) -> Value {
     }
 }
 
-/// Bits of `f32`: of no number, at the borders, and of some that are as good as any.
+/// Returns a float: not finite, at the limits, or an ordinary one.
 pub(super) fn float(random: &mut Random) -> f32 {
     let special = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, f32::MIN_POSITIVE, 1e-45, -1e-45];
     let large = [1e7, 9.9e8, 1e9, 1e10, 1e15, 1e18, 2e19, 1e30, -1e10, -1e15, -1e19, -1e30];

@@ -1,12 +1,12 @@
-//! The settings file beside a scene.
+//! Changes of a scene's settings file.
 
 use super::{Draft, Mutation};
 use crate::Random;
 
-/// These changes.
+/// Changes of this module.
 pub(super) const MUTATIONS: [Mutation; 3] = [("settings", settings), ("settings", settings), ("settings text", text)];
 
-/// Tables with one key each; `#` stands for a number, `@` for a text.
+/// Tables with one key each; `#` represents a number, `@` a text.
 const LINES: [&str; 24] = [
     "[sky]\nzenith = [#, 1, 1]\nhorizon = [1, #, 1]",
     "[sky]\nzenith = [1, 1, 1]\nhorizon = [1, 1, 1]\nintensity = #",
@@ -34,7 +34,7 @@ const LINES: [&str; 24] = [
     "[video",
 ];
 
-/// Numbers as TOML has them.
+/// Numbers in TOML syntax.
 const NUMBERS: [&str; 20] = [
     "0",
     "1",
@@ -58,7 +58,7 @@ const NUMBERS: [&str; 20] = [
     "9223372036854775807",
 ];
 
-/// Texts as TOML has them.
+/// Texts in TOML syntax.
 const TEXTS: [&str; 11] = [
     "\"\"",
     "\"camera\"",
@@ -73,7 +73,7 @@ const TEXTS: [&str; 11] = [
     "\"\\u202E\"",
 ];
 
-/// A table with numbers at the borders of what is allowed, in front of what is there or instead of it.
+/// Adds a table with values at the limits of the allowed range, or replaces the settings by it.
 fn settings(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let mut line = String::new();
     for c in random.pick(&LINES).chars() {
@@ -87,7 +87,7 @@ fn settings(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// A letter of the settings becomes another.
+/// Replaces a character of the settings.
 fn text(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let mut letters: Vec<char> = draft.toml.chars().collect();
     if letters.is_empty() {

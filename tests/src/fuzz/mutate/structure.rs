@@ -1,11 +1,11 @@
-//! Values of the document that are deleted, doubled, swapped or replaced, whatever they mean; indices of all kinds.
+//! Changes of values regardless of their meaning (deletion, duplication, swap, replacement), and of indices.
 
 use super::places::{any_place, extreme, places_under, put, remove};
 use super::{Draft, Mutation};
 use crate::Random;
 use serde_json::{Value, json};
 
-/// These changes.
+/// Changes of this module.
 pub(super) const MUTATIONS: [Mutation; 9] = [
     ("index", index),
     ("index", index),
@@ -18,7 +18,7 @@ pub(super) const MUTATIONS: [Mutation; 9] = [
     ("raw text", raw),
 ];
 
-/// Keys whose values are indices.
+/// Keys of index values.
 const INDICES: [&str; 23] = [
     "node",
     "nodes",
@@ -45,7 +45,7 @@ const INDICES: [&str; 23] = [
     "scene",
 ];
 
-/// An index of any kind becomes another: of something else, just beyond, far beyond, below 0.
+/// Replaces an index: another object, one just or far out of range, a negative one.
 fn index(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let places = places_under(&draft.json, &INDICES);
     if places.is_empty() {
@@ -59,7 +59,7 @@ fn index(draft: &mut Draft, random: &mut Random) -> Option<()> {
         1 => json!(u32::MAX),
         2 => json!(-1),
         3 => extreme(random),
-        // Another thing that is there is the hardest to tell from the right one.
+        // An existing object is the hardest to distinguish from the right one.
         _ => json!(random.below(end)),
     };
     *draft.json.pointer_mut(place)? = value;
@@ -72,7 +72,7 @@ fn delete(draft: &mut Draft, random: &mut Random) -> Option<()> {
     remove(&mut draft.json, &place).map(|_| ())
 }
 
-/// Says an entry of a list again.
+/// Duplicates an entry of a list or a member of an object.
 fn double(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let place = any_place(&draft.json, random)?;
     let value = draft.json.pointer(&place)?.clone();
@@ -87,19 +87,19 @@ fn double(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// Two values change places.
+/// Swaps two values.
 fn swap(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let places = [any_place(&draft.json, random)?, any_place(&draft.json, random)?];
     let [first, second] = places.clone().map(|place| draft.json.pointer(&place).cloned());
     *draft.json.pointer_mut(&places[0])? = second?;
-    // The first may have held the second.
+    // The second pointer is invalid if the first value contained the second.
     if let Some(value) = draft.json.pointer_mut(&places[1]) {
         *value = first?;
     }
     Some(())
 }
 
-/// A value takes the place of another.
+/// Overwrites a value with another.
 fn copy(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let from = any_place(&draft.json, random)?;
     let to = any_place(&draft.json, random)?;
@@ -108,7 +108,7 @@ fn copy(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// A number becomes an extreme one.
+/// Replaces a number by an extreme one.
 fn number(draft: &mut Draft, random: &mut Random) -> Option<()> {
     // Most walks end at a number within a few tries.
     for _ in 0..20 {
@@ -122,7 +122,7 @@ fn number(draft: &mut Draft, random: &mut Random) -> Option<()> {
     None
 }
 
-/// A value becomes one of another type.
+/// Replaces a value by one of another type.
 fn kind(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let place = any_place(&draft.json, random)?;
     let others = [json!(null), json!(true), json!("text"), json!([]), json!({}), json!([[0]]), json!(0.5), json!("")];
@@ -130,7 +130,7 @@ fn kind(draft: &mut Draft, random: &mut Random) -> Option<()> {
     Some(())
 }
 
-/// A value becomes text that no JSON library writes.
+/// Replaces a value by text that no JSON library writes.
 fn raw(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let place = any_place(&draft.json, random)?;
     *draft.json.pointer_mut(&place)? = Draft::raw(random);
