@@ -1,4 +1,4 @@
-//! Baked light: closed forms, walls, files, and films that look it up.
+//! Baked light: closed forms, walls, files, and films that sample it.
 
 use glam::{Vec3, vec3};
 use perceptual::psnr;
@@ -12,7 +12,7 @@ use renderer::{Preparation, bake};
 use std::path::{Path, PathBuf};
 use tests::{Moving, Rendered, assert_fails, checkered_room, cornell, load, read_y4m, render, render2mpeg};
 
-/// Parallelograms that face a × b, as one instance.
+/// Adds parallelograms, which face a × b, as one instance.
 pub(super) fn add(scene: &mut Scene, material: Material, faces: &[[Vec3; 3]]) {
     let mut mesh = Mesh { material: scene.materials.len(), ..Mesh::default() };
     for &[corner, a, b] in faces {
@@ -25,13 +25,13 @@ pub(super) fn add(scene: &mut Scene, material: Material, faces: &[[Vec3; 3]]) {
     scene.materials.push(material);
 }
 
-/// The faces of a box, seen from outside.
+/// Returns the faces of a box, facing outward.
 pub(super) fn outside(low: Vec3, high: Vec3) -> [[Vec3; 3]; 6] {
     let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * (high - low));
     [[low, y, x], [low, x, z], [low, z, y], [high, -x, -y], [high, -z, -x], [high, -y, -z]]
 }
 
-/// The faces of a box, seen from within.
+/// Returns the faces of a box, facing inward.
 pub(super) fn within(low: Vec3, high: Vec3) -> [[Vec3; 3]; 6] {
     outside(low, high).map(|[corner, a, b]| [corner, b, a])
 }
@@ -52,7 +52,7 @@ fn baked(scene: &Scene, texels: usize) -> Bake {
     bake::bake(scene, &settings.render, texels, &|_, _| ()).expect("the scene can be baked")
 }
 
-/// A box under a sky of radiance L from everywhere is lit by half of it at each point: E = π L.
+/// Each point of a box under a uniform sky of radiance L sees half of the sky: E = π L.
 #[test]
 fn a_box_under_an_even_sky_has_its_irradiance() {
     let mut scene = empty_scene();
@@ -73,7 +73,7 @@ fn a_box_under_an_even_sky_has_its_irradiance() {
     assert!(bake.texels.direct.iter().all(|light| *light == [0.0; 3]), "a sky is no lamp that pixels sample");
 }
 
-/// Two rooms with a wall of a centimeter between them, a lamp in one: none of its light gets into the other.
+/// A wall of one centimeter between two rooms blocks all light of a lamp in one of them.
 #[test]
 fn a_thin_wall_keeps_light_in() {
     let mut scene = empty_scene();
@@ -103,15 +103,15 @@ fn a_thin_wall_keeps_light_in() {
     }
     let bright = bright / floors as f32;
     assert!(floors > 100 && bright > 1.0, "{floors} texels of {bright}");
-    assert!(dark <= 0.01 * bright, "{dark} beside {bright}");
+    assert!(dark <= 0.01 * bright, "{dark} in the dark room, {bright} in the bright one");
 }
 
-/// The shipped scene in which nothing moves but the camera.
+/// Path of the shipped scene in which only the camera moves.
 fn cornell_box() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/cornell-box/cornell-box.glb"))
 }
 
-/// Bakes `scene` into `folder/NAME.slf` with `extra` arguments, and gives its bytes.
+/// Bakes `scene` into `folder/NAME.slf` with `extra` arguments, and returns the file's bytes.
 fn bake_file(folder: &Path, scene: &Path, name: &str, extra: &str) -> Vec<u8> {
     let output = format!("{name}.slf");
     let mut arguments = vec!["bake", scene.to_str().expect("a path in UTF-8"), "-o", &output, "--quiet", "--overwrite"];
@@ -129,7 +129,7 @@ struct Film {
 
 const SIDE: usize = 64;
 
-/// Three frames of `scene` by cuts, and the same with the light of `folder/FILE`.
+/// Renders three frames of `scene` with lightcuts, and with the baked light of `folder/FILE`.
 fn films(folder: &Path, scene: &Path, file: &str, vpls: usize) -> [Film; 2] {
     let baked = format!("--lighting baked --baked {file}");
     [("cuts", ""), ("baked", &baked)].map(|(name, more)| {
@@ -139,7 +139,7 @@ fn films(folder: &Path, scene: &Path, file: &str, vpls: usize) -> [Film; 2] {
     })
 }
 
-/// Where nothing moves, the film that looks its light up is that of cuts, nearly, and takes no photon for it.
+/// In a static scene, a film with baked light nearly equals one with lightcuts and traces no photons.
 #[test]
 fn a_film_of_baked_light_looks_like_one_of_cuts() {
     let folder = tempfile::tempdir().unwrap();
@@ -157,7 +157,7 @@ fn a_film_of_baked_light_looks_like_one_of_cuts() {
     }
 }
 
-/// Things that move are lit as usual: by records of their own, to the same luma on average.
+/// Dynamic geometry is lit by records of its own, to almost the same luma as without baked light.
 #[test]
 fn things_that_move_are_lit_beside_baked_light() {
     let folder = tempfile::tempdir().unwrap();
@@ -165,9 +165,9 @@ fn things_that_move_are_lit_beside_baked_light() {
     bake_file(folder, &path, "cornell", "--texels 10000 --vpls 500");
     let [cuts, baked] = films(folder, &path, "cornell.slf", 500);
     let records = |film: &Film| film.rendered.figures(&["cache_records"])[0];
-    assert!(records(&baked) > 0.0 && records(&baked) < 0.5 * records(&cuts), "records on what moves alone");
+    assert!(records(&baked) > 0.0 && records(&baked) < 0.5 * records(&cuts), "records on dynamic geometry only");
 
-    // The pixels that show the blocks.
+    // The pixels of the moving blocks.
     let size = format!("{SIDE}x{SIDE}").parse().ok();
     let (scene, settings) = load(&path, Options { size, frames: Some(3), ..Options::default() });
     let renderer = settings.render.clone();
@@ -189,7 +189,7 @@ fn things_that_move_are_lit_beside_baked_light() {
     }
 }
 
-/// Where a lamp moves, no light is constant: baking says so, and so do films and plans.
+/// No light is constant under a moving lamp: `bake`, `render` and `plan` report an error.
 #[test]
 fn light_of_lamps_that_move_is_not_baked() {
     let folder = tempfile::tempdir().unwrap();
@@ -200,7 +200,7 @@ fn light_of_lamps_that_move_is_not_baked() {
     room.write(&folder.join("room.glb"));
     assert_fails(folder, &["bake", "room.glb"], &["lamp moves", "cannot be baked"]);
     assert!(!folder.join("room.slf").exists(), "nothing is written");
-    // A film says the same whatever file is named.
+    // A film fails in the same way for any file.
     std::fs::write(folder.join("any.slf"), "not read").expect("a file");
     let film = ["render", "room.glb", "--lighting", "baked", "--baked", "any.slf"];
     assert_fails(folder, &film, &["--lighting baked", "lamp moves"]);

@@ -1,4 +1,4 @@
-//! Baked light of coats: a closed form, paths, and files.
+//! Baked light of coats: a closed form, comparison with path tracing, and files.
 
 use super::bake::{add, gray, outside, within};
 use glam::{Quat, Vec3, vec3};
@@ -14,7 +14,7 @@ use renderer::settings::Lighting;
 use renderer::{Preparation, Shading, bake};
 use std::sync::Arc;
 
-/// A scene of nothing, seen from `eye` towards −z, tilted down by `tilt`.
+/// Returns an empty scene with a camera at `eye` that looks towards −z, tilted down by `tilt`.
 fn seen_from(eye: Vec3, tilt: f32) -> Scene {
     let mut scene = Scene::default();
     let turned = Transform { translation: eye, rotation: Quat::from_rotation_x(-tilt), scale: Vec3::ONE };
@@ -44,7 +44,7 @@ fn baked(scene: &Scene, texels: usize) -> Bake {
     bake::bake(scene, &settings(scene, 16).render, texels, &|_, _| ()).expect("the scene can be baked")
 }
 
-/// Under a sky of the radiance L from everywhere the mean radiance that a coat reflects is L in every direction, whatever its lobe.
+/// Under a uniform sky of radiance L, the mean radiance reflected by a coat is L in every direction, for every lobe.
 #[test]
 fn a_coat_under_an_even_sky_shows_it_in_every_direction() {
     for (roughness, side) in [(0.36, 24), (0.5, 16), (0.8, 6)] {
@@ -58,14 +58,14 @@ fn a_coat_under_an_even_sky_shows_it_in_every_direction() {
         for texel in 0..texels.atlas.len() {
             for mirrored in [vec3(0.0, 1.0, 0.0), vec3(0.6, 0.8, 0.0), vec3(-0.6, 0.1, 0.8), vec3(0.0, 0.0, -1.0)] {
                 let light = coats.mean_radiance(texel, mirrored).expect("a coat");
-                // Codes are wrong by 2 and a rounding at most: 2^(2.5/256) - 1 of the light and of L₀, a 64th of the mean.
+                // Codes are off by at most 2 and a rounding: 2^(2.5/256) − 1 of the light and of L₀, a 64th of the mean.
                 assert!((light / 3.0 - 1.0).abs().max_element() < 0.008, "{light} towards {mirrored}, {roughness}");
             }
         }
     }
 }
 
-/// Matte surfaces and smooth coats have no directions; of the others each texel has.
+/// Only texels of rough coats have directions; texels of matte surfaces and smooth coats have none.
 #[test]
 fn only_rough_coats_have_directions() {
     let mut scene = seen_from(vec3(0.0, 1.0, 3.0), 0.4);
@@ -84,11 +84,11 @@ fn only_rough_coats_have_directions() {
     }
 }
 
-/// A room with a glossy floor and a block of metal: instances 1 and 2.
+/// Returns a room with a glossy floor (instance 1) and a metal block (instance 2).
 fn coated_room() -> Scene {
     let mut scene = seen_from(vec3(1.0, 1.1, 3.6), 0.1);
     let (low, high) = (Vec3::ZERO, vec3(2.0, 2.0, 2.0));
-    // Open towards the viewer, and its floor is apart.
+    // The room is open towards the viewer; its floor is a separate instance.
     let mut walls = within(low, high).to_vec();
     walls.retain(|[_, a, b]| a.cross(*b).normalize().z > -0.5 && a.cross(*b).normalize().y < 0.5);
     add(&mut scene, gray(0.7), &walls);
@@ -100,7 +100,7 @@ fn coated_room() -> Scene {
     scene
 }
 
-/// A film's frame that looks all light of rough coats up: as bright as paths have it, and nearer to them than live coats.
+/// A frame with baked light in all rough coats is as bright as path tracing, and closer to it than with live coats.
 #[test]
 fn coats_that_look_their_light_up_are_those_of_paths() {
     const SIDE: usize = 64;
@@ -119,7 +119,7 @@ fn coats_that_look_their_light_up_are_those_of_paths() {
     let options = PathOptions { samples: 256, seed: 1, max_bounces: None, pixel: PixelSampling::Area };
     let paths = by_paths(&scene, &settings.render, 0, &options, |_, _| ()).radiance;
 
-    // Pixels within one surface.
+    // Pixels whose neighbors show the same surface.
     let of = |picture: &Plane<[f32; 3]>, x, y| f64::from(luminance(picture.get(x, y).into()));
     for (instance, name) in [(1, "the floor"), (2, "the metal")] {
         let (mut sums, mut errors, mut count) = ([0.0; 2], [0.0; 2], 0);
@@ -141,6 +141,6 @@ fn coats_that_look_their_light_up_are_those_of_paths() {
             100.0 * mean
         );
         assert!(count > 100 && mean.abs() < 0.015, "{name}: {mean}");
-        assert!(looked_up < live, "{name}: {looked_up} beside {live}");
+        assert!(looked_up < live, "{name}: {looked_up}, live {live}");
     }
 }

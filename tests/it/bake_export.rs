@@ -1,4 +1,4 @@
-//! Scenes with their baked light painted in: how they look, and what their files hold.
+//! Scenes exported with baked light in textures: their pictures and their files.
 
 use glam::{Vec3, vec3};
 use perceptual::psnr;
@@ -9,7 +9,7 @@ use tests::{Glb, Moving, assert_fails, checkered_room, read_y4m, render, render2
 
 const SIDE: usize = 96;
 
-/// Runs `bake SCENE --gltf lit.glb` with `extra` arguments, which must go well.
+/// Runs `bake SCENE --gltf lit.glb` with `extra` arguments, which must succeed.
 fn export(folder: &Path, scene: &Path, extra: &str) -> Vec<u8> {
     let mut arguments =
         vec!["bake", scene.to_str().expect("a path in UTF-8"), "--gltf", "lit.glb", "--quiet", "--overwrite"];
@@ -19,7 +19,7 @@ fn export(folder: &Path, scene: &Path, extra: &str) -> Vec<u8> {
     std::fs::read(folder.join("lit.glb")).expect("the export is there")
 }
 
-/// PSNR of luma between the first frame of a scene and that of its export, before coding.
+/// Returns the luma PSNR between the first frames of a scene and of its export, before coding.
 fn difference(folder: &Path, scene: &Path, vpls: usize) -> f64 {
     let lit = folder.join("lit.glb");
     let frames = [("film", scene), ("lit", &lit)].map(|(name, scene)| {
@@ -30,13 +30,13 @@ fn difference(folder: &Path, scene: &Path, vpls: usize) -> f64 {
     psnr(frames[1].luma(), frames[0].luma())
 }
 
-/// The document of a .glb file.
+/// Returns the document of a .glb file.
 fn document(file: &[u8]) -> Value {
     let length = u32::from_le_bytes(file[12..16].try_into().expect("four bytes")) as usize;
     serde_json::from_slice(&file[20..20 + length]).expect("JSON")
 }
 
-/// The elements of an accessor of an export, as bytes: none of those read here are interleaved.
+/// Returns the elements of an export's accessor as bytes; accessors read here are not interleaved.
 fn bytes(file: &[u8], accessor: &Value) -> Vec<u8> {
     let document = document(file);
     let length = u32::from_le_bytes(file[12..16].try_into().expect("four bytes")) as usize;
@@ -46,7 +46,8 @@ fn bytes(file: &[u8], accessor: &Value) -> Vec<u8> {
     file[28 + length + number(&view["byteOffset"])..][..number(&view["byteLength"])].to_vec()
 }
 
-/// A film of the export is the film of the scene; the export is the same for any number of threads, and from a file of light.
+/// Films of the export and of the scene agree. Neither the number of threads nor a file of baked light changes the export.
+/// light.
 #[test]
 fn an_export_looks_like_the_film() {
     let folder = tempfile::tempdir().unwrap();
@@ -59,7 +60,7 @@ fn an_export_looks_like_the_film() {
     println!("{psnr} dB");
     assert!(psnr > 35.0, "{psnr} dB");
 
-    let settings = std::fs::read_to_string(folder.join("lit.toml")).expect("the settings beside it");
+    let settings = std::fs::read_to_string(folder.join("lit.toml")).expect("its settings file");
     for words in ["operator = \"srgb\"", "exposure = 1.0", "name = \"camera\"", "frames = 1\n"] {
         assert!(settings.contains(words), "{words} is not in {settings}");
     }
@@ -69,7 +70,7 @@ fn an_export_looks_like_the_film() {
     assert_eq!(document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"], 1);
 }
 
-/// Where a scene states no exposure, it is found as for a film.
+/// If a scene has no exposure, the export determines it as a film does.
 #[test]
 fn exposure_is_found_as_for_films() {
     let folder = tempfile::tempdir().unwrap();
@@ -82,7 +83,7 @@ fn exposure_is_found_as_for_films() {
     assert!(psnr > 35.0, "{psnr} dB");
 }
 
-/// A floor, a mesh that hangs from two nodes, a sheet that is seen from both sides, and a block that moves.
+/// Builds a floor, a mesh in two nodes, a double-sided sheet, and a moving block.
 fn odd_room() -> Glb {
     let mut glb = Glb::default();
     glb.add(&[[vec3(-2.0, 0.0, -2.0), 4.0 * Vec3::Z, 4.0 * Vec3::X]], Vec3::splat(0.7), Vec3::ZERO);
@@ -92,7 +93,7 @@ fn odd_room() -> Glb {
     let mut again = glb.json["nodes"][twice].clone();
     again["translation"] = json!([1.0, 0.5, 0.0]);
     let sheet = glb.add(&[[vec3(-1.5, 0.5, 0.0), x, y]], vec3(0.8, 0.2, 0.1), Vec3::ZERO);
-    // Nodes, meshes and materials have the same numbers up to here.
+    // Indices of nodes, meshes and materials are equal up to this point.
     glb.json["materials"][sheet]["doubleSided"] = json!(true);
     let block = glb.add(&[[vec3(0.0, 1.0, 0.0), x, y]], vec3(0.2, 0.8, 0.1), Vec3::ZERO);
     glb.add_camera(vec3(0.0, 1.5, 4.5));
@@ -116,12 +117,12 @@ fn each_node_and_each_side_has_coordinates_of_its_own() {
     };
     let [first, again, sheet] = [2, 6, 3].map(primitives);
 
-    // Two nodes share all but their coordinates.
+    // The two nodes of one mesh differ only in texture coordinates.
     assert_eq!((first.len(), again.len(), sheet.len()), (1, 1, 2));
     assert_eq!(first[0]["attributes"]["POSITION"], again[0]["attributes"]["POSITION"]);
     assert_eq!(first[0]["indices"], again[0]["indices"]);
 
-    // The back of a sheet lies just behind its front, and is turned round.
+    // The back of the sheet is just behind its front, with reversed winding.
     let positions = [0, 1].map(|side| bytes(&file, &sheet[side]["attributes"]["POSITION"]));
     let number = |bytes: &[u8]| f32::from_le_bytes(bytes.try_into().expect("four bytes"));
     for (k, (front, back)) in positions[0].chunks_exact(4).zip(positions[1].chunks_exact(4)).enumerate() {
@@ -132,7 +133,7 @@ fn each_node_and_each_side_has_coordinates_of_its_own() {
     let turned: Vec<u8> = front.chunks_exact(6).flat_map(|t| [t[0], t[1], t[4], t[5], t[2], t[3]]).collect();
     assert_eq!(turned, back);
 
-    // No two have coordinates in common, and all lie within the picture.
+    // All texture coordinates are distinct and inside the texture.
     let mut places = BTreeSet::new();
     for primitive in [&first[0], &again[0], &sheet[0], &sheet[1]] {
         let coordinates = bytes(&file, &primitive["attributes"]["TEXCOORD_1"]);
@@ -144,7 +145,7 @@ fn each_node_and_each_side_has_coordinates_of_its_own() {
         assert!(material["extensions"]["KHR_materials_unlit"].is_object() && material["doubleSided"].is_null());
     }
 
-    // The block that moves is lit as before.
+    // The moving block has its original material.
     let block = &document["materials"][primitives(4)[0]["material"].as_u64().expect("a material") as usize];
     assert!(block["extensions"]["KHR_materials_unlit"].is_null(), "{block}");
     assert_eq!(document["animations"].as_array().map(Vec::len), Some(1));

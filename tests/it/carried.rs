@@ -1,4 +1,4 @@
-//! Frames whose light is carried along, against the same frames lit at every pixel.
+//! Frames with reprojected light, compared with frames shaded at every pixel.
 
 use render_core::image_file::read_layers;
 use render_core::luminance;
@@ -7,13 +7,13 @@ use tests::{Moving, Rendered, checkered_room, render};
 
 const SMALL: &str = "--size 96x96 --vpls 400 --photons 40000 --exr-depth float --aov direct,indirect,shading,threshold";
 
-/// A layer of a frame: its luminance.
+/// Reads the luminance of one layer of a frame.
 fn layer(folder: &Path, film: &str, index: usize, name: &str) -> Vec<f32> {
     let layers = read_layers(&folder.join(film).join(format!("frame_{index:05}.exr"))).expect("a frame");
     layers.colors(&format!("{name}.")).expect("the layer").samples().iter().map(|&rgb| luminance(rgb.into())).collect()
 }
 
-/// The same film lit at every pixel and adaptively.
+/// Renders a film shaded at every pixel, and adaptively.
 fn both(folder: &Path, moving: Moving, more: &str) -> [Rendered; 2] {
     let scene = folder.join("room.glb");
     checkered_room(moving).write(&scene);
@@ -21,14 +21,14 @@ fn both(folder: &Path, moving: Moving, more: &str) -> [Rendered; 2] {
         .map(|shading| render(folder, shading, &scene, &format!("{SMALL} {more} --shading {shading} --exr {shading}")))
 }
 
-/// Mean over the frames from the second on.
+/// Mean over all frames but the first.
 fn mean(film: &Rendered, figure: &str) -> f64 {
     let all = film.figures(&[figure]);
     all[1..].iter().sum::<f64>() / (all.len() - 1) as f64
 }
 
-/// Nothing moves in the picture but a box and its shadow. What they do not touch stays the same, to rounding; what they touch is
-/// not a frame late. A pixel that the box has just left may take its light from those beside it, within its threshold.
+/// Only a box and its shadow move. Pixels they do not touch stay equal up to rounding, and no shadow is a frame late. A pixel
+/// that the box has just uncovered may reuse neighboring light, within its threshold.
 #[test]
 fn shadows_are_never_late() {
     let folder = tempfile::tempdir().unwrap();
@@ -44,7 +44,7 @@ fn shadows_are_never_late() {
         let other = truth.iter().zip(&carried).filter(|&(a, b)| (a - b).abs() > 5e-4 * a + 1e-6).count();
         assert!(other <= truth.len() / 100, "frame {index}: {other} pixels");
     }
-    // While something moves, indirect light changes everywhere.
+    // While anything moves, indirect light changes everywhere.
     assert_eq!(mean(&full, "carried_share"), 0.0);
     assert_eq!(mean(&adaptive, "carried_share"), 0.0);
     let reused = read_layers(&folder.path().join("adaptive/frame_00006.exr")).unwrap();
@@ -53,7 +53,7 @@ fn shadows_are_never_late() {
     assert!(direct > reused.len() / 3, "{direct}");
 }
 
-/// A camera moves in a room at rest: most light is carried, and the picture stays what it was.
+/// In a static room with a moving camera, most light is reprojected and the error stays small.
 #[test]
 fn a_moving_camera_takes_the_light_along() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Films in chunks: parts that are made apart and joined are the film that is made at once.
+//! Films in chunks: chunks rendered separately and joined equal the film rendered as a whole.
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -19,7 +19,7 @@ fn folder_with_room(moving: Moving) -> tempfile::TempDir {
     folder
 }
 
-/// Makes the chunks of a film each by itself; the names of their files, in order.
+/// Renders each chunk of a film separately, and returns the names of the files in order.
 fn render_parts(folder: &Path, scene: &Path, frames: u32, chunk: u32, options: &str) -> Vec<String> {
     let mut names = Vec::new();
     for first in (0..frames).step_by(chunk as usize) {
@@ -31,7 +31,7 @@ fn render_parts(folder: &Path, scene: &Path, frames: u32, chunk: u32, options: &
     names
 }
 
-/// Joins `parts` to `film`, which must go well.
+/// Joins `parts` into `film`, which must succeed.
 fn join(folder: &Path, parts: &[String], film: &str) -> Rendered {
     let mut arguments = vec!["join", "--overwrite", "-o", film, "--quiet"];
     arguments.extend(parts.iter().map(String::as_str));
@@ -41,7 +41,7 @@ fn join(folder: &Path, parts: &[String], film: &str) -> Rendered {
     Rendered { stream: fs::read(folder.join(film)).unwrap(), report: serde_json::from_slice(&report).unwrap() }
 }
 
-/// Figures of a frame that do not depend on the machine.
+/// Returns the figures of all frames that do not depend on the machine.
 fn without_seconds(report: &Value) -> Vec<Value> {
     let mut frames = report["frames"].as_array().expect("frames").clone();
     frames.iter_mut().for_each(|frame| frame["seconds"] = Value::Null);
@@ -59,7 +59,7 @@ fn joined_parts_are_the_film_of_one_machine() {
         let joined = join(folder, &parts, &film.replace("film", "joined"));
         assert!(alone.stream == joined.stream, "{film}");
 
-        // The report is that of the whole film too, but for what the work took.
+        // Except for time and memory, the report equals the whole film's.
         assert_eq!(without_seconds(&joined.report), without_seconds(&alone.report));
         assert_eq!(joined.report["plan"], alone.report["plan"]);
         assert_eq!(joined.report["settings"]["chunk"], 10);
@@ -84,7 +84,7 @@ fn a_film_is_joined_into_standard_output() {
     assert_eq!(sorted_names(folder), before, "there is no report");
 }
 
-/// Schedulers may make chunks of any length. Each range is a chunk by itself, and the film is the same where lengths are.
+/// Schedulers may choose ranges of any length: each is a chunk. Ranges of equal length give the same film as `--chunk`.
 #[test]
 fn ranges_without_chunks_are_chunks_by_themselves() {
     let folder = folder_with_room(Moving::Camera);
@@ -97,13 +97,13 @@ fn ranges_without_chunks_are_chunks_by_themselves() {
     });
     assert!(join(folder, &parts, "joined.m2v").stream == film.stream);
 
-    // Unlike lengths make another film, which is whole too.
+    // Ranges of unequal length give another film, which is complete too.
     render(folder, "long", &scene, &format!("--frames 9 --range 0-5 {SMALL} --bframes 1"));
     let other = join(folder, &["long.m2v".into(), "c.m2v".into()], "other.m2v");
     assert!(other.stream != film.stream && other.report["summary"]["frames"] == 9);
 }
 
-/// Whatever a film carries from frame to frame, no chunk knows of the one before.
+/// No chunk depends on the previous one, for any state that a film has between frames.
 #[test]
 fn no_chunk_depends_on_another() {
     for (moving, frames, chunk, options) in [
@@ -169,7 +169,7 @@ fn joined_films_play_with_times_at_even_distances() {
             }
             let mut times = times_of(&film);
             times.sort_unstable();
-            // Matroska counts milliseconds, of 90 units each.
+            // Matroska counts milliseconds, 90 units each.
             let tolerance = if film.extension().is_some_and(|ending| ending == "mkv") { 90 } else { 0 };
             for pair in times.windows(2) {
                 let off = (pair[1] - pair[0] - 90_000 / fps).abs();
@@ -179,7 +179,7 @@ fn joined_films_play_with_times_at_even_distances() {
     }
 }
 
-/// Presentation times of all pictures, in units of 1/90000 s, in the order of the file.
+/// Returns the presentation times of all pictures \[1/90 000 s\], in the order of the file.
 fn times_of(film: &Path) -> Vec<i64> {
     let arguments = ["-v", "warning", "-show_entries", "packet=pts_time", "-of", "csv=p=0"];
     let output = Command::new("ffprobe").args(arguments).arg(film).stdin(Stdio::null()).output().expect("ffprobe runs");
@@ -205,7 +205,7 @@ fn parts_that_make_no_film_are_named_in_one_line() {
     more("whole", "--frames 6 --chunk 2");
     let [first, second, third] = [0, 1, 2].map(|part| parts[part].as_str());
 
-    // A stream that lacks its last bytes, or its report; a report of another stream, and one that is none.
+    // A stream without its last bytes or its report, the report of another stream, and an invalid report.
     let bytes = fs::read(folder.join(second)).unwrap();
     let report = fs::read_to_string(folder.join("part_2-3.report.json")).unwrap();
     let mut of_another_scene: Value = serde_json::from_str(&report).unwrap();
@@ -254,7 +254,7 @@ fn parts_that_make_no_film_are_named_in_one_line() {
         (vec!["whole.m2v"], ["whole.m2v", "no part", "--range"]),
     ] {
         assert_fails(folder, &[&["join", "--overwrite", "-o", "film.m2v"][..], &named].concat(), &words);
-        assert_eq!(sorted_names(folder), before, "{named:?}: nothing half-written stays");
+        assert_eq!(sorted_names(folder), before, "{named:?}: no partial file remains");
     }
     assert_fails(folder, &["join", first, second, third, "-o", first], &[first, "a file of a part"]);
     assert_fails(folder, &["join", first, second, third, "-o", "film.avi"], &["film.avi", ".mpg"]);
@@ -263,7 +263,7 @@ fn parts_that_make_no_film_are_named_in_one_line() {
     let _ = join(folder, &parts, "film.m2v");
 }
 
-/// The job template for schedulers, by the reference implementation of Open Job Description.
+/// The job template for schedulers, run by the reference implementation of Open Job Description.
 #[test]
 fn the_job_template_makes_the_film_of_one_machine() {
     let found = Command::new("openjd").arg("--version").output().ok();
@@ -289,7 +289,7 @@ fn the_job_template_makes_the_film_of_one_machine() {
     assert!(fs::read(folder.join("the film.ts")).unwrap() == alone.stream);
 }
 
-/// Wrong arguments have an exit code of their own, at which schedulers do not try again.
+/// Invalid arguments have an exit code of their own, after which schedulers do not retry.
 #[test]
 fn wrong_arguments_end_with_two() {
     let folder = folder_with_room(Moving::Nothing);
@@ -309,7 +309,7 @@ fn wrong_arguments_end_with_two() {
         assert_eq!(code, Some(2), "{options}: {stderr}");
         assert!(words.iter().all(|word| stderr.contains(word)), "{options}: {stderr}");
     }
-    // The same arguments may work on another machine, or later.
+    // The same arguments may succeed on another machine, or later.
     let absent = render2mpeg(folder.path(), &["render", "absent.glb", "-q"]);
     assert_eq!(absent.code, Some(1), "{}", absent.stderr);
 }
@@ -337,7 +337,7 @@ fn a_terminated_part_plays_and_goes_on_to_the_same_bits() {
     lines.for_each(drop);
     assert_eq!(child.wait().unwrap().code(), Some(143));
 
-    // The part plays as far as it goes, and cannot be joined yet.
+    // The unfinished part is playable, but cannot be joined yet.
     let shown = decode_ffmpeg(&folder.join("part.m2v"), (48, 48)).len();
     assert!((1..200).contains(&shown), "{shown} frames");
     assert_fails(folder, &["join", "part.m2v", "-o", "film.m2v"], &["part.m2v", "ended early", "--resume"]);

@@ -1,7 +1,7 @@
-//! Thresholds by what the encoder did, through the encoder itself and renderers that take what they are allowed to:
-//! thresholds → picture → coding → thresholds, over thousands of frames.
+//! The loop thresholds → picture → coding → thresholds over up to 10 000 frames. The encoder is real, and the renderers use
+//! their full error.
 //!
-//! `docs/stiff-and-extreme.md` has the analysis; `perceptual/tests/it/dynamics.rs` does the same for masking alone.
+//! `docs/stiff-and-extreme.md` contains the analysis; `perceptual/tests/it/dynamics.rs` covers masking alone.
 
 use mpeg2enc::{Config, Effort, Encoder, FrameRate, KnownMotion};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
@@ -11,7 +11,7 @@ const WIDTH: usize = 48;
 const HEIGHT: usize = 32;
 const GROUP: u32 = 15;
 
-/// Luminance of a picture with smooth parts, edges and detail.
+/// Luminance of a picture with smooth areas, edges and detail.
 fn scene(x: usize, y: usize) -> f32 {
     let (x, y) = (x as f32, y as f32);
     let detail = 0.5 + 0.5 * (0.9 * x).sin() * (1.1 * y).sin();
@@ -19,26 +19,26 @@ fn scene(x: usize, y: usize) -> f32 {
     0.03 + 0.25 * hill + if x > 24.0 { 0.2 * detail } else { 0.0 }
 }
 
-/// How a renderer uses a threshold T: its error as a share of T, by frame and pixel.
+/// Renders one pixel from frame, pixel, true luminance and threshold T, with an error of at most T.
 type Renderer = fn(usize, usize, f32, f32) -> f32;
 
-/// No error at all: the loop is open.
+/// No error: the loop is open.
 fn exact(_frame: usize, _pixel: usize, truth: f32, _threshold: f32) -> f32 {
     truth
 }
 
-/// Off by T, the other way in each frame.
+/// An error of ±T with alternating sign in consecutive frames.
 fn alternating(frame: usize, _pixel: usize, truth: f32, threshold: f32) -> f32 {
     truth + if frame.is_multiple_of(2) { threshold } else { -threshold }
 }
 
-/// Off by a random share of T.
+/// A random error of at most T.
 fn random(frame: usize, pixel: usize, truth: f32, threshold: f32) -> f32 {
     let mixed = (frame as u64 * 1_000_003 + pixel as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     truth + threshold * ((mixed >> 40) as f32 / (1 << 23) as f32 - 1.0)
 }
 
-/// Rounded to values 2 T apart.
+/// Rounding to multiples of 2 T.
 fn rounding(_frame: usize, _pixel: usize, truth: f32, threshold: f32) -> f32 {
     if threshold > 0.0 { (truth / (2.0 * threshold)).round() * 2.0 * threshold } else { truth }
 }
@@ -60,7 +60,7 @@ impl Loop {
         Self { encoder, feedback, renderer, frame: 0 }
     }
 
-    /// The next frame, lit so brightly; mean T by mean luminance after it.
+    /// Renders the next frame at this brightness, and returns the mean T relative to the mean luminance.
     fn step(&mut self, brightness: f32) -> f64 {
         let still = Correspondence::still(WIDTH, HEIGHT);
         let allowed = self.feedback.thresholds_for_next(&still);
@@ -92,14 +92,14 @@ fn settled(frames: &[f64]) -> f64 {
     last.iter().sum::<f64>() / last.len() as f64
 }
 
-/// A still picture is coded alike in every group, and its thresholds are the same bits.
+/// A static picture gives bit-identical thresholds in every group.
 #[test]
 fn ten_thousand_still_frames_repeat_group_by_group() {
     for (quantiser_scale, frames) in [(2, 900), (112, 900), (32, 10_000)] {
         let mut still = Loop::new(exact, quantiser_scale);
         let means: Vec<f64> = (0..frames).map(|_| still.step(1.0)).collect();
         let group = GROUP as usize;
-        // From the second group on; the first picture of all has no past.
+        // From the third group on, as the very first picture has no predecessor.
         let of = |n: usize| &means[n * group..(n + 1) * group];
         for n in 3..frames / group {
             assert_eq!(of(n), of(2), "quantiser {quantiser_scale}, group {n}");
@@ -107,8 +107,8 @@ fn ten_thousand_still_frames_repeat_group_by_group() {
     }
 }
 
-/// A renderer that takes what it may leaves more for the encoder to correct, and that allows less: the closed loop stays at or
-/// below the open one, and comes to the same from wherever it begins.
+/// Errors within the thresholds cost bits and lower the next thresholds. The closed loop converges below 1.05 times the open
+/// loop, from every initial state.
 #[test]
 fn errors_that_are_taken_do_not_feed_on_themselves() {
     for quantiser_scale in [2, 16, 48, 112] {
@@ -138,7 +138,7 @@ fn errors_that_are_taken_do_not_feed_on_themselves() {
     }
 }
 
-/// Light and quantisers that change all the time: no threshold leaves the range that the open loop's have by more than half.
+/// Under changing light and quantisers, thresholds stay between half the smallest and 1.5 times the largest of the open loop.
 #[test]
 fn whatever_light_and_quantiser_do_it_stays_in_its_band() {
     type Input = fn(usize) -> (f32, u32);
@@ -169,12 +169,13 @@ fn whatever_light_and_quantiser_do_it_stays_in_its_band() {
     }
 }
 
-/// A flash of 10⁶ in one frame: what it allowed is gone ten frames later, though the weight alone would keep a tenth of it.
+/// Ten frames after a flash of 10⁶, thresholds are below twice the undisturbed ones. The weight alone would keep a tenth of the
+/// effect.
 #[test]
 fn a_flash_is_forgotten() {
     for (name, renderer) in [("none", exact as Renderer), RENDERERS[0], RENDERERS[1], RENDERERS[2]] {
         let (mut calm, mut run) = (Loop::new(renderer, 32), Loop::new(renderer, 32));
-        // Picture 32 begins no group, and none of the ten after it does.
+        // Neither picture 32 nor the next ten start a group.
         for frame in 0..44 {
             let (undisturbed, after) = (calm.step(1.0), run.step(if frame == 32 { 1e6 } else { 1.0 }));
             println!("{name}, frame {frame}: {after:.5}, undisturbed {undisturbed:.5}");

@@ -1,4 +1,4 @@
-//! Thresholds from what the encoder really did, through the whole of the program and against the encoder itself.
+//! Thresholds from the encoder's actual quantisation, through the whole program and with the encoder alone.
 
 use mpeg2enc::{Config, FrameRate, KnownMotion, PictureType};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
@@ -10,7 +10,7 @@ use render2mpeg::stages::Video;
 use std::sync::Arc;
 use tests::{cornell, decode_ffmpeg, load, render};
 
-/// Hills with texture: some blocks are smooth, some are not.
+/// Textured hills: some blocks are smooth, others are not.
 fn hills(time: f32) -> Plane<[f32; 3]> {
     Plane::from_fn(128, 96, |x, y| {
         let (x, y) = (x as f32 + 3.0 * time, y as f32);
@@ -25,7 +25,7 @@ struct CodedFrame {
     coded: Coded,
 }
 
-/// Two pictures, the first intra and the second as `gop` has it.
+/// Encodes two pictures, the first intra, the second as `gop` requires.
 fn coded(quantiser_scale: u32, gop: u32) -> Vec<CodedFrame> {
     let config = Config::new(128, 96, FrameRate::from_fps(25.0).unwrap());
     let mut encoder = config.with_gop(gop).with_quantiser_scale(quantiser_scale).encoder().unwrap();
@@ -39,7 +39,7 @@ fn coded(quantiser_scale: u32, gop: u32) -> Vec<CodedFrame> {
         .collect()
 }
 
-/// Mean threshold by luminance after a picture.
+/// Mean threshold relative to luminance, for the picture after `coded`.
 fn mean_threshold(coded: &CodedFrame, next: NextPicture) -> f64 {
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), 0.5);
     let CodedFrame { frame, luminance, coded } = coded;
@@ -49,20 +49,20 @@ fn mean_threshold(coded: &CodedFrame, next: NextPicture) -> f64 {
     relative.sum::<f64>() / luminance.samples().len() as f64
 }
 
-/// Losses of an intra picture follow from a predicted one: thresholds come near those after a picture that the
-/// encoder did code by itself.
+/// Losses of an intra picture are predicted from a predicted picture. The thresholds are close to thresholds after an actual
+/// intra picture.
 #[test]
 fn an_intra_picture_is_predicted() {
     for quantiser_scale in [4, 16, 48] {
         let predicted = mean_threshold(&coded(quantiser_scale, 2)[1], NextPicture::Intra { group: 1 });
         let known = mean_threshold(&coded(quantiser_scale, 1)[1], NextPicture::Intra { group: 1 });
         println!("quantiser_scale {quantiser_scale}: predicted {predicted:.4}, known {known:.4}");
-        // 13 %, as the README of `perceptual` says.
+        // The README of `perceptual` states 13 %.
         assert!((predicted / known - 1.0).abs() < 0.135, "{quantiser_scale}: {predicted}, known {known}");
     }
 }
 
-/// Coarser quantisers allow more, of a picture that will be coded by itself and of one that will be predicted.
+/// Coarser quantisers give larger thresholds, for the next intra picture and for the next predicted one.
 #[test]
 fn coarser_quantisers_allow_more() {
     for next in [NextPicture::Intra { group: 1 }, NextPicture::Predicted] {
@@ -84,15 +84,15 @@ fn a_film_is_rendered_by_them() {
     assert!(mean(&codec, "cut_size_mean") < 0.8 * mean(&fixed, "cut_size_mean"));
 }
 
-/// Where the encoder looks ahead, its coding is predicted: about the thresholds of a film of the same quantiser whose
-/// coding is known, at constant quantisers with B pictures and within a rate.
+/// An encoder with look-ahead predicts its coding. The thresholds are close to the thresholds of known coding, at constant
+/// quantisers with B pictures and at a bit rate.
 #[test]
 fn films_of_encoders_that_look_ahead() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = "--size 96x96 --frames 8 --vpls 200 --photons 20000 --cache off --thresholds codec";
     let film = |name: &str, more: &str| render(folder.path(), name, &cornell(), &format!("{arguments} {more}"));
     let mean = |film: &tests::Rendered| film.figures(&["threshold_mean_relative"])[2..].iter().sum::<f64>() / 6.0;
-    // By how much predicted thresholds are above the others: as the README of `perceptual` says, in whole percent.
+    // Excess of thresholds from predicted coding, as in the README of `perceptual`, rounded to percent.
     for (quantiser_scale, above) in [(8, 0.01), (32, 0.22)] {
         let known = mean(&film("known", &format!("--qscale {quantiser_scale}")));
         let predicted = mean(&film("predicted", &format!("--qscale {quantiser_scale} --bframes 2")));
@@ -105,8 +105,8 @@ fn films_of_encoders_that_look_ahead() {
     assert_eq!(decode_ffmpeg(&folder.path().join("rate.m2v"), (96, 96)).len(), 8);
 }
 
-/// The way back tells which frames begin groups, a scene cut included: of a film with a cut, B pictures and a bit rate all groups
-/// are announced one frame before, but for that of the cut, which no encoder knows of before it comes.
+/// The feedback announces the first frame of each group, also after a shot change in a film with B pictures and a bit rate.
+/// Only the shot change itself is not announced, as the encoder cannot foresee it.
 #[test]
 fn thresholds_follow_the_groups_after_a_scene_cut() {
     let (frames, gop, cut) = (30, 6, 14);
@@ -122,7 +122,7 @@ fn thresholds_follow_the_groups_after_a_scene_cut() {
     let mut video = Video::new(&settings).unwrap();
     let (mut announced, mut pictures) = (Vec::new(), Vec::new());
     for index in 0..frames {
-        // Tiles that hills do not predict.
+        // Tiles, which hills cannot predict.
         let tile = |x: usize, y: usize| [0.02 + 0.005 * ((x / 3 * 7919 + y / 3 * 104_729) % 97) as f32; 3];
         let radiance = if index < cut { hills(0.3 * index as f32) } else { Plane::from_fn(128, 96, tile) };
         let tone_map = ToneMap::default();

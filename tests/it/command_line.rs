@@ -1,4 +1,4 @@
-//! Options from a file, and what the program says of itself and of its work.
+//! Options from a file, and the program's output about itself and its work.
 
 use serde_json::Value;
 use std::fs;
@@ -28,7 +28,7 @@ exr = "frames"
 aov = ["depth", "albedo"]
 "#;
 
-/// Runs in `folder`, which must go well.
+/// Runs the program in `folder`, which must succeed.
 fn run(folder: &Path, arguments: &[&str]) -> Finished {
     let finished = render2mpeg(folder, arguments);
     assert_eq!(finished.code, Some(0), "{arguments:?}: {}", finished.stderr);
@@ -51,10 +51,10 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
     assert_eq!((&settings["bitrate"], &settings["leave_out"]), (&1_000_000.into(), &false.into()));
     assert_eq!(settings["aov"], serde_json::json!(["depth", "albedo"]));
     assert_eq!(sorted_names(&folder.join("frames")).len(), 3);
-    // `plan` takes what concerns it.
+    // `plan` uses the options that concern it.
     assert!(run(folder, &["plan", "--config", "job.toml"]).stdout.contains("every photon is traced for every frame"));
 
-    // What is printed makes the same film again, and is the same when printed again.
+    // The printed options give the same film, and the same output when printed again.
     let words = ["render", "--config", "job.toml", "--kappa", "0.3", "--within", "0.99", "--print-config"];
     let also = ["--also", "film.mp4", "--also", "film.webm"];
     let printed = run(folder, &[&words[..], &also].concat()).stdout;
@@ -69,7 +69,7 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
     }
     fs::write(folder.join("printed.toml"), &printed).unwrap();
     assert_eq!(run(folder, &["render", "--config", "printed.toml", "--print-config"]).stdout, printed);
-    // Every option that a file may have is there, or has no default to be named.
+    // The output contains every option that a file may set, except options without a default.
     let help = run(folder, &["render", "--help"]).stdout;
     let options = help.split_whitespace().filter_map(|word| word.strip_prefix("--"));
     for option in
@@ -196,13 +196,13 @@ fn the_trace_shows_every_stage_of_every_frame() {
     let mut sum = 0.0;
     for frame in 0..4 {
         let stages = ["prepare", "shade", "display", "mask"].map(|stage| bar(stage, frame));
-        // A frame passes them one after the other, each on a thread of its own.
+        // The stages process a frame one after the other, each on its own thread.
         assert!(stages.windows(2).all(|two| two[0].1 <= two[1].0 && two[0].2 != two[1].2), "{stages:?}");
         let encode = bar("encode", frame);
         assert!(stages[2].1 <= encode.0);
         sum += stages.iter().chain([&encode]).map(|(begin, end, _)| end - begin).sum::<f64>();
         if frame > 0 {
-            // The feedback: light waits for the thresholds of the frame before.
+            // The feedback: shading waits for the previous frame's thresholds.
             assert!(bar("mask", frame - 1).0 <= stages[1].0);
         }
     }
@@ -220,7 +220,7 @@ fn files_are_replaced_only_where_the_user_says_so() {
     assert_eq!(render(&[]).code, Some(0));
     let first = fs::read(folder.join("film.m2v")).unwrap();
 
-    // Another film in its place, and a report that says so, only with the word.
+    // Only `--overwrite` replaces a film and its report.
     let refused = render(&["--qscale", "40"]);
     assert_eq!(refused.code, Some(1), "{}", refused.stderr);
     assert!(refused.stderr.contains("film.m2v is there already") && refused.stderr.contains("--overwrite"));
@@ -229,7 +229,7 @@ fn files_are_replaced_only_where_the_user_says_so() {
     let second = fs::read(folder.join("film.m2v")).unwrap();
     assert_ne!(second, first);
 
-    // A finished film has nothing left to do; one of other settings or length is not replaced.
+    // A finished film needs no work; one with other settings or length is not replaced.
     let finished = render(&["--qscale", "40", "--resume"]);
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     for words in [&["--qscale", "30", "--resume"][..], &["--qscale", "40", "--resume", "--frames", "3"]] {
@@ -258,7 +258,7 @@ fn a_finished_film_is_lengthened() {
         assert_eq!(fs::read(folder.join(more[1])).unwrap(), whole, "{more:?}");
     }
 
-    // A file that begins with its length cannot be made longer.
+    // A file that starts with its length cannot be extended.
     let render = |words: &[&str]| render2mpeg(folder, &[&SMALL[..], &["-o", "film.mkv"], words].concat());
     assert_eq!(render(&["--frames", "4", "--keep-checkpoint"]).code, Some(0));
     let longer = render(&["--frames", "7", "--resume"]);
@@ -278,7 +278,7 @@ fn a_watched_scene_is_rendered_again_when_it_changes() {
         .stderr(Stdio::null())
         .spawn()
         .expect("render2mpeg starts");
-    // Only for what would otherwise never end.
+    // Limits a run that would otherwise not end.
     let deadline = Instant::now() + Duration::from_secs(120);
     let film = |other_than: &[u8]| loop {
         match fs::read(folder.join("film.m2v")) {
@@ -333,7 +333,7 @@ fn cameras_animations_and_settings_are_chosen_on_the_command_line() {
     }
     assert_eq!(render2mpeg(folder, &[&SMALL[..], &["--set", "exposure"]].concat()).code, Some(2));
 
-    // Printed and read again they make the same film.
+    // Printed and read again, the options give the same film.
     let printed = run(folder, &[&SMALL[..], &["--set", "exposure=0.1", "--camera", "0", "--print-config"]].concat());
     fs::write(folder.join("job.toml"), &printed.stdout).unwrap();
     let again = run(folder, &["render", "--config", "job.toml", "--frames", "1", "-o", "e.m2v", "-q"]);
@@ -341,7 +341,8 @@ fn cameras_animations_and_settings_are_chosen_on_the_command_line() {
     assert_eq!(fs::read(folder.join("e.m2v")).unwrap(), fs::read(folder.join("b.m2v")).unwrap());
 }
 
-/// Each wrong argument ends with 2, whatever is in the scene; what another machine or file could mend ends with 1.
+/// Every invalid argument ends with exit code 2, for any scene. Errors that another machine or file could avoid end with 1.
+/// 1.
 #[test]
 fn wrong_arguments_end_with_two_and_a_line() {
     let folder = folder_with_room();

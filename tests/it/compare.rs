@@ -1,4 +1,4 @@
-//! `render2mpeg compare`: pictures, folders and videos, beside what ffmpeg says of the same.
+//! `render2mpeg compare`: pictures, folders and videos, checked with ffmpeg.
 
 use serde_json::Value;
 use std::path::Path;
@@ -12,7 +12,7 @@ fn compare(folder: &Path, arguments: &str) -> Value {
     serde_json::from_str(&finished.stdout).expect("JSON")
 }
 
-/// Luma PSNR of each frame, by ffmpeg's filter.
+/// Luma PSNR of each frame \[dB\], by ffmpeg's filter.
 fn psnr_by_ffmpeg(folder: &Path, a: &str, b: &str) -> Vec<f64> {
     let arguments =
         ["-nostdin", "-v", "error", "-i", a, "-i", b, "-lavfi", "psnr=stats_file=psnr.log", "-f", "null", "-"];
@@ -38,7 +38,7 @@ fn videos_folders_and_pictures_are_compared() {
     assert_eq!(ours.len(), 3);
     // ffmpeg's log has two decimals.
     assert!(ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() < 0.006), "{ours:?} {theirs:?}");
-    // The encoder's own figure is of its reconstruction, whose inverse transform may round differently.
+    // The encoder reports the PSNR of its own reconstruction, whose inverse transform may round differently.
     assert!(ours.iter().zip(rendered.figures(&["psnr_y"])).all(|(a, b)| (a - b).abs() < 0.05), "{ours:?}");
     assert!((psnr(&found["mean"]) - ours.iter().sum::<f64>() / 3.0).abs() < 1e-9);
     let score = found["mean"]["ssimulacra2"].as_f64().unwrap();
@@ -53,7 +53,7 @@ fn videos_folders_and_pictures_are_compared() {
     let text = render2mpeg(folder.path(), &["compare", "room.y4m", "room.y4m"]).stdout;
     assert!(text.contains("frame     2") && text.contains("mean of 3 pictures"), "{text}");
 
-    // One gray against another, in closed form: codes 128 and 118 are 0.2159 and 0.1812 of white by the sRGB curve.
+    // Two grays in closed form: by the sRGB curve, codes 128 and 118 are 0.2159 and 0.1812 of white.
     let gray = |name: &str, code: u8| {
         std::fs::write(path(name), laboratory::compare::png_file::encode(&plane::Plane::filled(16, 16, [code; 3])))
             .unwrap();
@@ -90,7 +90,7 @@ fn videos_folders_and_pictures_are_compared() {
     ] {
         assert_fails(folder.path(), &arguments.split_whitespace().collect::<Vec<&str>>(), words);
     }
-    // ffmpeg's own line may stand above ours.
+    // A line of ffmpeg may precede ours.
     let finished = render2mpeg(folder.path(), &["compare", "short.m2v", "room.y4m"]);
     assert!(finished.code == Some(1) && finished.stderr.contains("render2mpeg: short.m2v: ffmpeg finds no video"));
 }

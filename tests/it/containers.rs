@@ -1,4 +1,4 @@
-//! Films in every container: the same pictures at the same times, on standard output too, and once more for players of today.
+//! Films in every container: the same pictures at the same times, also on standard output and in modern formats.
 
 use std::fs;
 use std::path::Path;
@@ -15,14 +15,14 @@ fn folder_with_room() -> tempfile::TempDir {
     folder
 }
 
-/// Runs a program in `folder`; `words` are its arguments, split at spaces.
+/// Runs a program in `folder`; `words` are its arguments, separated by spaces.
 fn run(folder: &Path, name: &Path, words: &str) -> Output {
     let mut command = Command::new(name);
     command.args(words.split_whitespace()).current_dir(folder).stdin(Stdio::null());
     command.output().unwrap_or_else(|error| panic!("{} cannot be run: {error}", name.display()))
 }
 
-/// What ffprobe tells of a film, a line for each value.
+/// Returns ffprobe's output for a film, one value per line.
 fn probed(folder: &Path, film: &str, entries: &str) -> Vec<String> {
     let words =
         format!("-v error -select_streams v -count_packets -show_entries {entries} -of default=nw=1:nk=1 {film}");
@@ -31,7 +31,7 @@ fn probed(folder: &Path, film: &str, entries: &str) -> Vec<String> {
     String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
 }
 
-/// Raw pictures of a film, from `begin` on: nothing, or `-ss SECONDS`.
+/// Returns the raw pictures of a film; `begin` is empty or `-ss SECONDS`.
 fn pictures_from(folder: &Path, film: &str, begin: &str) -> Vec<u8> {
     let words = format!("-v error {begin} -i {film} -fps_mode passthrough -f rawvideo -pix_fmt yuv420p -");
     let output = run(folder, Path::new("ffmpeg"), &words);
@@ -61,7 +61,7 @@ fn every_container_has_the_pictures_and_their_times() {
                 assert!(decode_ffmpeg(&folder.join(&film), SIZE) == truth, "{film} {options}");
             }
 
-            // To the middle: exactly, where there is a table of places.
+            // Seeking to the middle is exact if the file has an index.
             if ["mp4", "mkv"].contains(&ending) {
                 let rest = pictures_from(folder, &film, &format!("-ss {:.6}", 19.5 / fps));
                 assert!(rest == all[all.len() / 2..], "{film} {options}: {} bytes", rest.len());
@@ -97,7 +97,7 @@ fn standard_output_takes_the_bytes_of_the_file() {
     let made = run(folder, program(), &format!("render room.glb -o - --report told.json {options} -q"));
     assert!(made.status.success() && made.stdout == film && folder.join("told.json").exists());
 
-    // A part is an elementary stream there too.
+    // A part is an elementary stream on standard output too.
     let part = format!("--frames 6 --range 0-2 {SMALL}");
     let truth = render(folder, "part", &folder.join("room.glb"), &part).stream;
     let made = run(folder, program(), &format!("render room.glb -o - -q {part}"));
@@ -115,7 +115,7 @@ fn standard_output_takes_the_bytes_of_the_file() {
     }
 }
 
-/// The film once more, where ffmpeg has the encoders.
+/// Additional encodings of the film, if ffmpeg has the encoders.
 #[test]
 fn films_are_made_for_players_of_today_too() {
     let folder = folder_with_room();
@@ -158,7 +158,7 @@ fn what_cannot_be_made_also_is_said_before_work_begins() {
     }
     assert_fails(folder, &words("room.glb").split(' ').collect::<Vec<_>>(), &["--also", "room.glb", "the scene"]);
 
-    // No ffmpeg on the path; one that knows no encoders.
+    // No ffmpeg on the path, and one without encoders.
     let bare = tempfile::tempdir().unwrap();
     for (ffmpeg, word) in [(None, "not installed"), (Some("#!/bin/sh\n"), "libx264")] {
         if let Some(script) = ffmpeg {

@@ -1,4 +1,4 @@
-//! The loop with parts of one's own: thresholds, failures, checkpoints and reports.
+//! The loop with custom stages: thresholds, failures, checkpoints and reports.
 
 use mpeg2enc::{Config, Container, FrameRate};
 use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr};
@@ -19,7 +19,7 @@ use tests::decode_ffmpeg;
 const SIZE: (usize, usize) = (64, 64);
 const FRAMES: u32 = 8;
 
-/// A still picture.
+/// A static picture.
 #[derive(Debug)]
 struct Still;
 
@@ -36,12 +36,12 @@ impl Prepare for Still {
     }
 }
 
-/// A pattern that changes with the number of frames so far, and a note of the thresholds that it had to keep.
+/// A pattern that depends on the number of frames so far, with a log of the thresholds received.
 #[derive(Debug)]
 struct Pattern {
     allowed: Arc<Mutex<Vec<Option<f32>>>>,
     panics_at: Option<u32>,
-    /// Frames so far: the state of this renderer.
+    /// Number of frames so far: the state of this renderer.
     count: u8,
 }
 
@@ -51,7 +51,7 @@ impl Shade<u32> for Pattern {
         let allowed = thresholds.map(SIZE.0, SIZE.1).get(20, 10);
         self.allowed.lock().unwrap().push(allowed);
         self.count += 1;
-        // A renderer that is as wrong as it may be: what it is told shows in the film.
+        // The error equals the threshold, so the threshold is visible in the film.
         let wrong = allowed.unwrap_or(0.0) + 0.01 * f32::from(self.count);
         let radiance = Plane::from_fn(SIZE.0, SIZE.1, |x, y| [0.3 + wrong + 0.2 * ((x * 7 + y * 3) as f32).sin(); 3]);
         Shaded { radiance, ..Shaded::default() }
@@ -82,7 +82,7 @@ fn film(quantiser_scale: u32, panics_at: Option<u32>) -> Film<Video> {
     }
 }
 
-/// Collects everything that an observer sees.
+/// Collects everything that an observer receives.
 #[derive(Default)]
 struct Seen {
     order: Mutex<String>,
@@ -125,7 +125,7 @@ fn a_renderer_gets_the_thresholds_of_the_frame_before() {
         assert!(report.iter().all(|frame| frame.bits > 0 && frame.figures.seconds.encode > 0.0));
         let order: String = (0..FRAMES).map(|n| format!("p{n}f{n}t{n}")).collect();
         assert_eq!(*seen.order.lock().unwrap(), order);
-        // 2 % before anything was seen; then the thresholds of the frame before.
+        // None for the first frame, then the previous frame's thresholds.
         let (allowed, told) = (allowed.lock().unwrap(), seen.thresholds.lock().unwrap());
         assert_eq!(allowed[0], None);
         for (index, allowed) in allowed.iter().enumerate().skip(1) {
@@ -140,7 +140,7 @@ fn a_renderer_gets_the_thresholds_of_the_frame_before() {
     assert!(coarse > 2.0 * fine, "{coarse} at quantiser_scale 40, {fine} at 2");
 }
 
-/// An encoder whose disk is full at a frame.
+/// An encoder that fails at a frame, like one on a full disk.
 struct Full(Video, u32);
 
 impl Encode for Full {
@@ -188,7 +188,7 @@ impl Observer for Interrupt<'_> {
     }
 }
 
-/// A film of parts of one's own, made in one piece or continued after an early end: the same bytes, and a report of all.
+/// A film with custom stages gives the same bytes and a complete report, rendered in one run or continued after an early end.
 #[test]
 fn a_renderer_of_ones_own_is_continued_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
@@ -203,7 +203,7 @@ fn a_renderer_of_ones_own_is_continued_to_the_same_bits() {
     }
 }
 
-/// Makes the film, or goes on with it; `ends` at a frame, if it does. Gives the number of frames in the report.
+/// Renders or continues the film, up to frame `ends` if given. Returns the number of frames in the report.
 fn make(path: &Path, ends: Option<u32>) -> usize {
     let mut film = film(16, None);
     let job = FilmJob::new(path, "a test", "{}", 0);

@@ -1,4 +1,4 @@
-//! Two decoders that are not ours show what the encoder says they show.
+//! Two independent decoders show the encoder's reconstructions.
 
 use mpeg2enc::{Picture, psnr};
 use render2mpeg::Options;
@@ -6,12 +6,12 @@ use tests::{cornell, correspondences, decode_ffmpeg, decode_mpeg2dec, encode, lo
 
 const SIZE: (usize, usize) = (96, 96);
 const FRAMES: usize = 100;
-/// Integer transforms are off by one in one or two of a hundred samples, and the next picture is predicted from that.
+/// Lowest PSNR between decoders \[dB\]: integer transforms differ by one in 1 to 2 % of the samples, and prediction adds up.
 const AGREEMENT_DB: f64 = 55.0;
 
-/// The worst of the three planes.
+/// PSNR of the worst of the three planes, at most 99 dB.
 fn agreement(a: &Picture, b: &Picture) -> f64 {
-    // Equal planes agree infinitely well; a mean needs a number.
+    // The PSNR of equal planes is infinite, which no mean can include.
     psnr(a.luma(), b.luma()).min(psnr(a.cb(), b.cb())).min(psnr(a.cr(), b.cr())).min(99.0)
 }
 
@@ -37,8 +37,8 @@ fn a_rendered_film_is_shown_as_it_was_coded() {
     let source = read_y4m(&folder.path().join("film.y4m"), SIZE);
     assert_eq!(source.len(), FRAMES);
 
-    // The same pictures and the same motion through the encoder alone: the stream must be the same, and then its
-    // reconstructions are those of the film.
+    // Encode the same pictures and motion with the encoder alone. As the streams are equal, its reconstructions are the
+    // film's.
     let (stream, packets) = encode(&settings, &source, &correspondences(&scene, &settings));
     assert!(stream == std::fs::read(&video).expect("the film is there"), "pictures and motion determine the stream");
 
@@ -53,7 +53,7 @@ fn a_rendered_film_is_shown_as_it_was_coded() {
         assert!(worst >= AGREEMENT_DB, "{decoder}: {worst:.1} dB from the reconstruction");
         assert!(late > early - 2.0, "{decoder} drifts away: from {early:.1} to {late:.1} dB");
 
-        // Against what was rendered: the quality that the report states.
+        // Compared with the rendered frames: the quality in the report.
         for (index, ((shown, source), told)) in shown.iter().zip(&source).zip(&told).enumerate() {
             let found = psnr(shown.luma(), source.luma());
             assert!((found - told).abs() < 0.1, "{decoder}, frame {index}: {found:.2} dB, reported {told:.2}");

@@ -1,10 +1,10 @@
-//! The same input gives the same bits: again, and with any number of threads.
+//! The same input gives the same bits: in repeated runs, and with any number of threads.
 
 use tests::{cornell, render};
 
 #[test]
 fn neither_threads_nor_chance_change_a_bit() {
-    // Every light and cuts for every pixel are slow, and hand little or nothing on from frame to frame: few frames decide.
+    // All-lights and per-pixel lightcuts are slow and keep little state between frames: a few frames suffice.
     for kind in [
         "--frames 6",
         "--frames 6 --thresholds fixed:0.02",
@@ -21,7 +21,7 @@ fn neither_threads_nor_chance_change_a_bit() {
         assert!(alone == film("two", "--threads 2"), "{kind}: two threads make another film");
         assert!(alone == film("again", "--threads 2"), "{kind}: the second run makes another film");
         assert!(alone == film("five", "--threads 5"), "{kind}: more threads than processors make another film");
-        // Equal for a reason: another seed does change it.
+        // A different seed must change the film, or equality would prove nothing.
         assert!(alone != film("seed", "--threads 2 --seed 2"), "{kind}: the seed changes nothing");
     }
 }

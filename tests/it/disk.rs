@@ -1,4 +1,4 @@
-//! Disks that are full, and runs that want the same file: no film is lost, and none is wrong in silence.
+//! Full disks, and concurrent runs on one file: no film is lost or silently wrong.
 
 use std::fs;
 use std::path::Path;
@@ -14,9 +14,9 @@ fn folder_with_room() -> tempfile::TempDir {
     folder
 }
 
-/// Runs with files of at most `blocks` blocks of 512 bytes, as on a disk that is full then.
+/// Runs the program with a file-size limit of `blocks` blocks of 512 bytes, like a disk that fills up.
 fn with_blocks(folder: &Path, blocks: usize, arguments: &[&str]) -> Output {
-    // The signal that would end the program is ignored: writing fails.
+    // Ignore the signal that would end the program, so that writing fails.
     let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
     let mut shell = Command::new("sh");
     shell.args(["-c", &script]).arg(program()).args(arguments);
@@ -35,7 +35,7 @@ fn a_disk_that_fills_up_loses_nothing_that_a_checkpoint_knows() {
     let words: Vec<&str> = words.split_whitespace().collect();
     let resumed = [&words[..], &["--resume"]].concat();
 
-    // The largest file is that of the uncompressed frames. Checkpoints fit into all but the least limits.
+    // The uncompressed frames are the largest file. Checkpoints exceed only the smallest limits.
     let most = frames.len() / 512;
     let mut kept = 0;
     for part in 0..10 {
@@ -48,7 +48,7 @@ fn a_disk_that_fills_up_loses_nothing_that_a_checkpoint_knows() {
         let last = message.lines().last().unwrap_or_default();
         assert!(last.starts_with("render2mpeg: film."), "{blocks} blocks: {message}");
 
-        // The film is not there, and its parts are where a checkpoint knows of them.
+        // The film is absent; its unfinished files exist only with a checkpoint.
         let left = sorted_names(folder);
         assert!(!left.contains(&"film.m2v".into()) && !left.contains(&"film.y4m".into()), "{left:?}");
         let is_resumable = left.contains(&"film.m2v.checkpoint".into());
@@ -57,7 +57,7 @@ fn a_disk_that_fills_up_loses_nothing_that_a_checkpoint_knows() {
         }
         kept += u32::from(is_resumable);
 
-        // With room again it goes on, to the same bits.
+        // Without the limit, the film is continued to the same bits.
         let finished = render2mpeg(folder, &resumed);
         assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "{blocks} blocks");
         assert!(fs::read(folder.join("film.m2v")).unwrap() == truth.stream, "{blocks} blocks: another film");
@@ -72,15 +72,15 @@ fn a_checkpoint_that_cannot_be_written_ends_no_film() {
     let folder = folder_with_room();
     let folder = folder.path();
     let truth = render(folder, "film", &folder.join("room.glb"), &format!("--frames 6 {SMALL}"));
-    // A folder stands in the place of the checkpoint.
+    // A folder occupies the checkpoint's path.
     fs::create_dir_all(folder.join("film.m2v.checkpoint.part/in the way")).unwrap();
     let words = format!("render room.glb -o film.m2v -q --overwrite --checkpoint 0 --frames 6 {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();
     let refused = render2mpeg(folder, &words);
-    assert_eq!(refused.code, Some(1), "what is left of another run has to go: {}", refused.stderr);
+    assert_eq!(refused.code, Some(1), "a folder at the checkpoint's path is an error: {}", refused.stderr);
     fs::remove_dir_all(folder.join("film.m2v.checkpoint.part")).unwrap();
 
-    // Files of four blocks hold the film, and no checkpoint.
+    // Four blocks are enough for the film, but not for a checkpoint.
     let options = [&words[..], &["--report", "/dev/null"]].concat();
     let output = with_blocks(folder, truth.stream.len().div_ceil(512), &options);
     let message = String::from_utf8_lossy(&output.stderr);
@@ -88,7 +88,7 @@ fn a_checkpoint_that_cannot_be_written_ends_no_film() {
     for line in message.lines() {
         assert!(line.starts_with("warning: film.m2v.checkpoint ") && line.contains("goes on"), "{message}");
     }
-    assert!(message.lines().count() > 0, "it is told");
+    assert!(message.lines().count() > 0, "a warning");
     assert!(fs::read(folder.join("film.m2v")).unwrap() == truth.stream);
 }
 

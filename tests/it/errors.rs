@@ -1,11 +1,11 @@
-//! Errors are reported in one line, and nothing half-written is left.
+//! Errors are reported in one line and leave no partial files.
 
 use serde_json::json;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use tests::{Moving, assert_fails, checkered_room, program, sorted_names};
 
-/// Fails as it should, and the folder is as before.
+/// Checks that the run fails with one line and leaves the folder unchanged.
 fn fails_cleanly(folder: &Path, arguments: &[&str], words: &[&str]) {
     let before = sorted_names(folder);
     assert_fails(folder, arguments, words);
@@ -104,7 +104,7 @@ fn files_beside_the_scene() {
         ("[video]\nfps = \"fast\"", &["room.toml", "expected a number"]),
         ("[video]\nframes = 0", &["room.toml", "frames"]),
         ("[video]\nlength = 5", &["room.toml", "length"]),
-        // As an option, the same is wrong at the place where it was typed.
+        // As an option, the same value is an error of the command line.
         ("[video]\nfps = 0.5", &["room.toml", "[video] fps", "0.5", "23.976"]),
         ("[sky]\nzenith = [-1, 0, 0]\nhorizon = [0, 0, 0]", &["room.toml", "sky"]),
     ] {
@@ -132,7 +132,7 @@ fn places_that_cannot_be_written() {
     }
 }
 
-/// /dev/full takes nothing: the disk is full from the first byte.
+/// /dev/full accepts no bytes, like a disk that is full from the start.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_device() {
@@ -146,15 +146,15 @@ fn a_full_device() {
     }
 }
 
-/// A limit on the size of files stops a regular one midway, as a disk that fills up does.
+/// A file-size limit stops a regular file midway, like a disk that fills up.
 #[test]
 #[cfg(unix)]
 fn a_disk_that_fills_up() {
     let folder = folder_with_room();
     let before = sorted_names(folder.path());
-    // Two blocks of 512 bytes: less than the first picture. The signal that would end the program is ignored.
+    // Two blocks of 512 bytes are less than the first picture. The signal that would end the program is ignored.
     let script = "trap '' XFSZ; ulimit -f 2; exec \"$0\" \"$@\"";
-    // The report alone is larger than that; here it goes nowhere, so that one of the others is the first to fail.
+    // The report alone exceeds the limit. It goes to /dev/null, so that another file fails first.
     for (options, word) in [
         (&["--output", "film.m2v", "--report", "/dev/null"][..], "film.m2v"),
         (&["--output", "/dev/null", "--report", "/dev/null", "--y4m", "film.y4m"], "film.y4m"),
@@ -167,6 +167,6 @@ fn a_disk_that_fills_up() {
         assert_eq!(output.status.code(), Some(1), "{options:?}: {message}");
         assert!(message.starts_with("render2mpeg: ") && message.contains(word), "{options:?}: {message}");
         assert_eq!(message.lines().count(), 1, "{options:?}: {message}");
-        assert_eq!(sorted_names(folder.path()), before, "{options:?}: nothing half-written stays");
+        assert_eq!(sorted_names(folder.path()), before, "{options:?}: no partial file remains");
     }
 }

@@ -1,5 +1,5 @@
-//! Scenes at the ends of what numbers can say: light, lengths, shapes, albedo, counts. Every frame is finite, what the
-//! light adds up to is what a closed form or the same scene at a common scale says, and what had to be left out is counted.
+//! Scenes at the limits of number ranges: light, lengths, shapes, albedo, counts. Every frame is finite. Sums of light match
+//! a closed form or the same scene at a common scale, and omitted objects are counted.
 
 use glam::{Vec3, vec3};
 use pipeline::Run;
@@ -16,13 +16,13 @@ use tests::{Glb, Moving, checkered_room, furnace};
 
 const SIDE: usize = 32;
 
-/// Options of a film that is small and quick.
+/// Options of a small, fast film.
 fn small() -> Options {
     let size = format!("{SIDE}x{SIDE}").parse().ok();
     Options { frames: Some(2), size, vpls: Some(200), photons: Some(10_000), ..Options::default() }
 }
 
-/// The last frame of a film of `glb`, in linear light, and the report.
+/// Returns the last frame of a film of `glb` in linear light, and the report.
 fn film_in(folder: &Path, glb: &Glb, settings: &str, options: Options) -> Result<(Plane<Vec3>, Report), String> {
     let path = folder.join("scene.glb");
     glb.write(&path);
@@ -48,32 +48,29 @@ fn film(glb: &Glb, settings: &str) -> (Plane<Vec3>, Report) {
     film_in(tempfile::tempdir().unwrap().path(), glb, settings, small()).unwrap()
 }
 
-/// Every pixel is a number, not negative, and the report says the same.
+/// Checks that every pixel is finite and not negative, and that the report agrees.
 fn assert_sound((picture, report): &(Plane<Vec3>, Report), what: &str) {
     let bad = picture.samples().iter().filter(|c| !c.is_finite() || c.min_element() < 0.0).count();
-    assert_eq!(bad, 0, "{what}: {bad} pixels that are no light");
-    assert!(
-        report.frames.iter().all(|frame| frame.figures.non_finite == 0),
-        "{what}: pixels that are counted as broken"
-    );
+    assert_eq!(bad, 0, "{what}: {bad} pixels that are negative, NaN or infinite");
+    assert!(report.frames.iter().all(|frame| frame.figures.non_finite == 0), "{what}: pixels counted as non-finite");
 }
 
 fn mean(picture: &Plane<Vec3>) -> f64 {
     picture.samples().iter().map(|&c| f64::from(luminance(c))).sum::<f64>() / picture.samples().len() as f64
 }
 
-/// The room with its lamp `strength` times as strong.
+/// Returns the room with its lamp `strength` times as bright.
 fn room_lit(strength: f64) -> Glb {
     let mut room = checkered_room(Moving::Box);
     for material in room.json["materials"].as_array_mut().unwrap() {
         let emission = &mut material["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"];
-        // Materials that are dark have strength 1 and the factor 0.
+        // Dark materials have strength 1 and an emissive factor of 0.
         *emission = json!(emission.as_f64().unwrap() * strength);
     }
     room
 }
 
-/// Light of 10⁻¹² to 10¹² makes the same picture, times as much: with powers of two to the last bit.
+/// Light scaled from 10⁻¹² to 10¹² scales the picture, bit-exactly for powers of two.
 #[test]
 fn pictures_are_linear_in_light_over_twenty_four_decades() {
     let reference = film(&room_lit(1.0), "");
@@ -84,14 +81,14 @@ fn pictures_are_linear_in_light_over_twenty_four_decades() {
         let found = film(&room_lit(f64::from(factor)), "");
         assert_sound(&found, &format!("strength 2^{exponent}"));
         let same = found.0.samples().iter().zip(reference.0.samples()).filter(|(a, b)| **a == **b * factor).count();
-        assert_eq!(same, SIDE * SIDE, "2^{exponent}: {} pixels are others", SIDE * SIDE - same);
-        // The exposure takes the factor up, so that the film is the same, too.
+        assert_eq!(same, SIDE * SIDE, "2^{exponent}: {} pixels differ", SIDE * SIDE - same);
+        // The exposure cancels the factor, so the film is the same too.
         let bits = |report: &Report| report.frames.iter().map(|frame| frame.bits).collect::<Vec<_>>();
         assert_eq!(bits(&found.1), bits(&reference.1), "2^{exponent}");
     }
 }
 
-/// Hangs all that stands at the top of the scene below a node that scales it.
+/// Moves all root nodes below a node that scales them.
 fn scaled(mut glb: Glb, factor: f32) -> Glb {
     let top = glb.json["scenes"][0]["nodes"].take();
     let nodes = glb.json["nodes"].as_array_mut().unwrap();
@@ -100,7 +97,7 @@ fn scaled(mut glb: Glb, factor: f32) -> Glb {
     glb
 }
 
-/// Four meters become one millimeter and a thousand kilometers: to the last bit the same picture.
+/// Rooms of one millimeter and of a thousand kilometers give the same bits as one of four meters.
 #[test]
 fn a_millimeter_and_a_thousand_kilometers_look_the_same() {
     let reference = film(&checkered_room(Moving::Box), "");
@@ -108,11 +105,11 @@ fn a_millimeter_and_a_thousand_kilometers_look_the_same() {
         let found = film(&scaled(checkered_room(Moving::Box), 2f32.powi(exponent)), "");
         assert_sound(&found, &format!("lengths 2^{exponent}"));
         let same = found.0.samples().iter().zip(reference.0.samples()).filter(|(a, b)| a == b).count();
-        assert_eq!(same, SIDE * SIDE, "2^{exponent}: {} pixels are others", SIDE * SIDE - same);
+        assert_eq!(same, SIDE * SIDE, "2^{exponent}: {} pixels differ", SIDE * SIDE - same);
     }
 }
 
-/// Lengths whose areas have no square in `f32` are refused: light of such lamps was no number. Up to there nothing changes.
+/// A scene is refused if the square of an area exceeds `f32`, as its lamps would be NaN. Smaller lengths leave the film unchanged.
 #[test]
 fn lengths_beyond_range_are_refused() {
     let room = |exponent| scaled(checkered_room(Moving::Box), 2f32.powi(exponent));
@@ -127,8 +124,8 @@ fn lengths_beyond_range_are_refused() {
     }
 }
 
-/// Albedo 0 shows the walls' own light to the last digit. At albedo 1 the series has no limit: paths end after 1024
-/// reflections, so light is finite: 1025 times what is emitted, and no more.
+/// Albedo 0 shows exactly the walls' emission. Albedo 1 has no limit: paths end after 1024 reflections, so light is at most
+/// 1025 times the emission.
 #[test]
 fn albedo_zero_and_one() {
     let black = film(&furnace(Vec3::ZERO, Vec3::ONE), "");
@@ -137,25 +134,25 @@ fn albedo_zero_and_one() {
     let white = film(&furnace(Vec3::ONE, Vec3::ONE), "");
     assert_sound(&white, "albedo 1");
     let mean = mean(&white.0);
-    println!("the closed white room: {mean:.2} times what is emitted");
-    assert!((0.97 * 1025.0..1.03 * 1025.0).contains(&mean), "{mean} times what is emitted");
+    println!("the closed white room: {mean:.2} times the emission");
+    assert!((0.97 * 1025.0..1.03 * 1025.0).contains(&mean), "{mean} times the emission");
 }
 
-/// At albedo 0.99 the closed form is 100. Photons that ended after 256 reflections gave 92.4, those whose energy grew while
-/// they lived 144.
+/// At albedo 0.99 the closed form is 100. Earlier versions gave 92.4 (photons ended after 256 reflections) and 144 (photon
+/// energy grew with age).
 #[test]
 fn a_nearly_white_room_gains_nothing() {
     let found = film(&furnace(Vec3::splat(0.99), Vec3::ONE), "");
     assert_sound(&found, "albedo 0.99");
     let mean = mean(&found.0);
-    println!("albedo 0.99: {mean:.2} times what is emitted");
-    assert!((97.0..103.0).contains(&mean), "{mean} times what is emitted");
+    println!("albedo 0.99: {mean:.2} times the emission");
+    assert!((97.0..103.0).contains(&mean), "{mean} times the emission");
 }
 
-/// More than all cannot be reflected: an albedo that a file claims above 1 counts as 1.
+/// No surface reflects more than it receives: an albedo above 1 in a file counts as 1.
 #[test]
 fn no_surface_gains_energy() {
-    // Few reflections: in walls that lose nothing each photon takes all there may be.
+    // Few reflections, as photons in lossless walls take all that are allowed.
     let film =
         |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", Options { bounces: Some(16), ..small() });
     let mut glb = furnace(Vec3::ONE, Vec3::ONE);
@@ -169,7 +166,7 @@ fn no_surface_gains_energy() {
     }
 }
 
-/// A single photon, and none that any surface sends back: finite, and no more than was emitted.
+/// Zero, one or two photons give finite light.
 #[test]
 fn a_single_photon() {
     for photons in [0, 1, 2] {
@@ -181,20 +178,20 @@ fn a_single_photon() {
 
 #[test]
 fn all_black_and_all_white() {
-    // Nothing shines, but for a sky of nothing, which keeps the plain one away.
+    // A room without emission; the black sky prevents the default one.
     let black = film(&room_lit(0.0), "[sky]\nzenith = [0, 0, 0]\nhorizon = [0, 0, 0]\n");
     assert_sound(&black, "black");
-    // A glow that saturates everywhere.
+    // Emission that saturates every pixel.
     let white = film(&furnace(Vec3::ZERO, Vec3::splat(1e6)), "[tone_mapping]\noperator = \"srgb\"\nexposure = 1.0\n");
     assert_sound(&white, "white");
     assert!(white.0.samples().iter().all(|&c| c == Vec3::splat(1e6)));
     for (name, (_, report)) in [("black", black), ("white", white)] {
-        // Flat pictures: headers and end codes, and hardly anything else.
+        // Uniform pictures have hardly any bits beyond headers and end codes.
         assert!(report.frames[1].bits < 4000, "{name}: {} bits", report.frames[1].bits);
     }
 }
 
-/// Numbers below the smallest normal one, as lengths, colors and light.
+/// Subnormal numbers as lengths, colors and light.
 #[test]
 fn denormals_are_as_good_as_nothing() {
     let mut glb = room_lit(1e-38);
@@ -202,14 +199,14 @@ fn denormals_are_as_good_as_nothing() {
     assert_sound(&film(&glb, ""), "denormals");
 }
 
-/// A square in the room, of `a` and `b`.
+/// Returns the room with `quads` of one emission.
 fn room_with(quads: &[[Vec3; 3]], emission: Vec3) -> Glb {
     let mut glb = room_lit(1.0);
     glb.add(quads, Vec3::splat(0.5), emission);
     glb
 }
 
-/// Triangles of no area, needles of aspect 10⁸, walls in one plane with others, thousands in one place.
+/// Triangles without area, needles of aspect ratio 10⁸, coplanar walls, thousands of coincident quads.
 #[test]
 fn broken_shapes_do_no_harm() {
     let plain = film(&room_lit(1.0), "");
@@ -227,7 +224,7 @@ fn broken_shapes_do_no_harm() {
         for emission in [Vec3::ZERO, Vec3::splat(3.0)] {
             let found = film(&room_with(&quads, emission), "");
             assert_sound(&found, name);
-            // What has no area neither hides nor lights anything; the rest is a small square.
+            // Shapes without area neither occlude nor emit; the others are a small square.
             if quads[0][1].cross(quads[0][2]).length() < 1e-6 {
                 let ratio = mean(&found.0) / mean(&plain.0);
                 assert!((0.97..1.03).contains(&ratio), "{name}, emission {emission}: {ratio} of the light");
@@ -236,7 +233,7 @@ fn broken_shapes_do_no_harm() {
     }
 }
 
-/// A light of the extension, of this kind, on a node at `place`.
+/// Adds lights of the extension, of one kind and intensity, on nodes at `places`.
 fn with_lights(mut glb: Glb, kind: &str, intensity: f64, places: &[Vec3]) -> Glb {
     let mut light = json!({ "type": kind, "intensity": intensity });
     if kind == "spot" {
@@ -253,7 +250,7 @@ fn with_lights(mut glb: Glb, kind: &str, intensity: f64, places: &[Vec3]) -> Glb
     glb
 }
 
-/// Lights in a wall, in a corner, in the camera; the camera in a wall.
+/// Lights in a wall, in a corner and at the camera; the camera in a wall.
 #[test]
 fn lights_and_cameras_on_surfaces() {
     let camera = vec3(0.0, 1.5, 4.5);
@@ -271,7 +268,7 @@ fn lights_and_cameras_on_surfaces() {
     }
 }
 
-/// Two thousand lights in one place are one of two thousand times the strength.
+/// Two thousand coincident lights equal one of two thousand times the intensity.
 #[test]
 fn coincident_lights_add_up() {
     let place = vec3(0.3, 1.7, 0.4);
@@ -283,7 +280,7 @@ fn coincident_lights_add_up() {
     assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
 }
 
-/// A sky whose radiances are beyond what adds up, or no numbers at all.
+/// Skies with radiances beyond the summable range, or NaN.
 #[test]
 fn skies_beyond_range() {
     let folder = tempfile::tempdir().unwrap();
@@ -296,7 +293,7 @@ fn skies_beyond_range() {
     write_exr(&folder.path().join("sky.exr"), &broken).unwrap();
     let glb = room_lit(1.0);
     let found = film_in(folder.path(), &glb, "[sky]\nimage = \"sky.exr\"\n", small()).unwrap();
-    assert_sound(&found, "a sky with texels that are no numbers");
+    assert_sound(&found, "a sky with NaN texels");
     for sky in [
         "[sky]\nimage = \"../sky.exr\"\n",
         "[sky]\nimage = \"/etc/hostname\"\n",
@@ -305,7 +302,7 @@ fn skies_beyond_range() {
         "[sky]\nimage = \"sky.exr\"\nintensity = 3e38\n",
         "[sky]\nimage = \"sky.exr\"\nrotation = 1e38\n",
     ] {
-        // Only a turn by any angle is possible.
+        // Only the rotation accepts any value.
         match film_in(folder.path(), &glb, sky, small()) {
             Ok(found) if sky.contains("rotation") => assert_sound(&found, sky),
             Ok(_) => panic!("{sky} is taken"),
@@ -314,7 +311,7 @@ fn skies_beyond_range() {
     }
 }
 
-/// Light so strong that sums of it would leave the range of `f32` is refused; up to there it adds up.
+/// Light too bright for sums in `f32` is refused; smaller values add up correctly.
 #[test]
 fn lamps_beyond_range_are_refused() {
     let reference = film(&room_lit(1.0), "");
@@ -333,7 +330,7 @@ fn lamps_beyond_range_are_refused() {
     }
 }
 
-/// Values that are no numbers in vertices, animations and cameras are refused with their place; harmless ones are left out.
+/// NaN in vertices, animations and cameras is refused with its position; harmless NaN is ignored.
 #[test]
 fn what_is_no_number_is_refused_or_left_out() {
     let room = || checkered_room(Moving::Camera);
@@ -388,7 +385,7 @@ fn push(list: &mut Value, value: Value) -> usize {
     list.len() - 1
 }
 
-/// Every light at every pixel, where cuts have nothing to say: the same scenes are sound there.
+/// All lights at every pixel, as a reference without cuts: the same scenes give finite frames.
 #[test]
 fn the_reference_is_sound_at_the_ends_of_the_range() {
     let options = || Options { lighting: Some(Lighting::AllLights), frames: Some(1), ..small() };

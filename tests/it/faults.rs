@@ -1,5 +1,5 @@
-//! Faults while a film is made: a stage that panics, a folder or reader that goes away, no more file handles. Nothing
-//! hangs, a line says what happened, and the exit code is not 0.
+//! Faults during a film: a stage that panics, a folder or reader that disappears, exhausted file handles. No run hangs, an
+//! error line names the fault, and the exit code is not 0.
 //!
 //! Full disks and devices are in `errors.rs`, signals in `interrupt.rs`.
 
@@ -17,10 +17,10 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 use tests::{Moving, checkered_room, program, sorted_names, tolerant_frame_count};
 
-/// Only for what would otherwise never end.
+/// Limit for a run that would otherwise not end.
 const DEADLINE: Duration = Duration::from_secs(120);
 
-/// Panics in the thread of one stage.
+/// The stage in which the observer panics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Panics {
     Display,
@@ -59,7 +59,7 @@ impl Observer for Saboteur {
     }
 }
 
-/// Makes a film of six frames in a thread of its own; its end is waited for.
+/// Renders six frames in a separate thread, and waits for its end.
 fn film_with(panics: Panics, at: u32, more: fn(&mut Options)) -> Result<(), String> {
     let (done, result) = mpsc::channel();
     std::thread::spawn(move || {
@@ -81,11 +81,12 @@ fn film_with(panics: Panics, at: u32, more: fn(&mut Options)) -> Result<(), Stri
         done.send((report, names == expected)).unwrap();
     });
     let (report, clean) = result.recv_timeout(DEADLINE).expect("a run whose stage panics ends");
-    assert!(clean, "{panics:?}: nothing half-written stays");
+    assert!(clean, "{panics:?}: no partial file remains");
     report
 }
 
-/// Every stage that an observer runs in, early, in the middle and at the last frame; with and without frames that wait.
+/// Panics in each stage that calls the observer, at an early, a middle and the last frame, with and without frames queued in
+/// the encoder.
 #[test]
 fn a_stage_that_panics_ends_the_run() {
     let kinds: [fn(&mut Options); 2] = [|_| (), |options| options.bframes = Some(2)];
@@ -105,7 +106,7 @@ fn a_stage_that_panics_ends_the_run() {
     }
 }
 
-/// The program with a long film under way.
+/// Starts the program on a long film.
 fn start(folder: &Path, output: &str, stdout: Stdio) -> Child {
     Command::new(program())
         .args(["render", "room.glb", "-o", output, "--size", "48x48", "--frames", "100000", "--quiet"])
@@ -143,7 +144,7 @@ fn wait_until(what: &str, mut so: impl FnMut() -> bool) {
     }
 }
 
-/// The folder is taken away while the film is made: before the next checkpoint, or at the latest at the end, that is noticed.
+/// The folder is removed during the film. The run fails at the next checkpoint, or at the latest at its end.
 #[test]
 fn an_output_that_vanishes() {
     let folder = tempfile::tempdir().unwrap();
@@ -157,14 +158,14 @@ fn an_output_that_vanishes() {
     std::fs::remove_dir_all(&place).or_else(|_| std::fs::remove_dir_all(&place)).unwrap();
     let (status, message) = wait(&mut child);
     assert_eq!(status.code(), Some(1), "{message}");
-    // Checkpoints that cannot be written are told of, and do not end the film.
+    // Failed checkpoints print warnings and do not end the film.
     let mut lines = message.lines().skip_while(|line| line.starts_with("warning: there/film.m2v.checkpoint"));
     let error = lines.next().unwrap_or_default();
     assert!(error.starts_with("render2mpeg: ") && error.contains("film.m2v"), "{message}");
     assert_eq!(lines.next(), None, "{message}");
 }
 
-/// A pipe whose reader goes away; what it has read until then plays.
+/// A pipe is closed by its reader; the bytes it has read are playable.
 #[test]
 fn a_reader_that_goes_away() {
     let folder = tempfile::tempdir().unwrap();
@@ -178,10 +179,10 @@ fn a_reader_that_goes_away() {
     assert!(message.contains("standard output") && message.lines().count() == 1, "{message}");
     let prefix = folder.path().join("prefix.mpg");
     std::fs::write(&prefix, &read).unwrap();
-    assert!(tolerant_frame_count(&prefix, (48, 48)) > 3, "what was read plays");
+    assert!(tolerant_frame_count(&prefix, (48, 48)) > 3, "the bytes read are playable");
 }
 
-/// Printed output may be read in part: `render2mpeg plan scene.glb | head -1`.
+/// Printed output may be read partially: `render2mpeg plan scene.glb | head -1`.
 #[test]
 fn readers_of_texts_may_go_away() {
     let folder = tempfile::tempdir().unwrap();
@@ -213,7 +214,7 @@ fn film_of_gray(frames: usize) -> Vec<u8> {
     [&b"FRAME\n"[..], &[128; 16 * 16 * 3 / 2]].concat().repeat(frames)
 }
 
-/// From none to a few file handles: whatever cannot be opened is named, and nothing panics or hangs.
+/// With at most a few file handles, an error names the file that cannot be opened, and the program neither panics nor hangs.
 #[test]
 fn out_of_file_handles() {
     let folder = tempfile::tempdir().unwrap();
@@ -236,7 +237,7 @@ fn out_of_file_handles() {
         assert!(!message.contains("panicked"), "{handles} handles: {message}");
         if !status.success() {
             failed += 1;
-            // What the dynamic linker says where it cannot open a library is not ours.
+            // The dynamic linker prints its own message if it cannot open a library.
             let ours = message.starts_with("render2mpeg: ");
             assert!(
                 !ours || (status.code() == Some(1) && message.lines().count() == 1),
@@ -246,7 +247,7 @@ fn out_of_file_handles() {
                 .into_iter()
                 .filter(|name| !before.contains(name) && name != "frames")
                 .collect();
-            // With a checkpoint, the parts are what another run goes on from.
+            // With a checkpoint, the unfinished files remain for another run.
             let is_resumable = stays.iter().any(|name| name.ends_with(".checkpoint"));
             let has_parts = stays.iter().any(|name| name.ends_with(".part"));
             assert!(is_resumable || !has_parts, "{handles} handles leave {stays:?}");

@@ -1,4 +1,4 @@
-//! The loop from the encoder's quantiser back to the renderer's cuts, one frame later.
+//! The feedback from the encoder's quantiser to the lightcuts of the next frame.
 
 use perceptual::{ToneMap, YCbCr, luminance_plane};
 use pipeline::parts::{Coding, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade};
@@ -29,7 +29,7 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
     let shares = |film: &Rendered| film.figures(&["threshold_mean_relative"]);
     for (name, film) in [("fixed", &fixed), ("q2", &fine), ("q8", &middle), ("q48", &coarse)] {
         println!("{name}: cuts {:.1?}, thresholds {:.3?} of luminance", cuts(film), shares(film));
-        // Nothing is known before the first frame, so all begin alike.
+        // No coding is known before the first frame, so all films start equal.
         assert_eq!(cuts(film)[0], cuts(&fixed)[0], "{name}");
         assert!((shares(film)[0] - 0.02).abs() < 1e-6, "{name}");
     }
@@ -42,7 +42,7 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
     }
 }
 
-/// A cut for each pixel and frame: the effect of a threshold shows at once.
+/// Options for one lightcut per pixel and frame, so that a threshold has an immediate effect.
 fn per_pixel() -> Options {
     Options { cache: Some(Switch::Off), compensation: Some(Switch::Off), ..Options::default() }
 }
@@ -61,7 +61,7 @@ fn thresholds_of(frame: u32, delta: f32) -> LuminanceThresholds {
     }
 }
 
-/// Cut sizes of frame 0 and of frame 1, which is given `delta` as the thresholds of frame 0.
+/// Returns the cut sizes of frames 0 and 1; frame 1 gets `delta` as the thresholds of frame 0.
 fn cuts_with(delta: f32) -> [f64; 2] {
     let (scene, settings) = small_film(2);
     let plan = Plan::new(&scene, &settings.render);
@@ -79,8 +79,8 @@ fn cuts_with(delta: f32) -> [f64; 2] {
 fn a_frame_keeps_to_the_thresholds_of_the_one_before() {
     let (strict, lax) = (cuts_with(1e-9), cuts_with(1e6));
     println!("cuts of frames 0 and 1: threshold 10⁻⁹ {strict:.1?}, threshold 10⁶ {lax:.1?}");
-    assert_eq!(strict[0], lax[0], "frame 0 knows of no thresholds");
-    // A pixel that was not visible before keeps 2 % even now: the rest stops at the root.
+    assert_eq!(strict[0], lax[0], "frame 0 has no thresholds");
+    // Disoccluded pixels keep 2 %; all others stop at the root.
     assert!(lax[1] < 0.2 * lax[0], "{lax:?}");
     assert!(strict[1] > 2.0 * strict[0], "{strict:?}");
 }
@@ -105,14 +105,14 @@ fn masking_allows_two_percent_at_least() {
         let displayed =
             Displayed { index, picture, luminance, tone_map, importance: None, correspondence: None, forward: None };
         let delta = masking.step(&displayed, &Coding::of_quantiser(8.0));
-        // Without a match in the frame before, this is e of eq. (4), never below 2 % of the luminance.
+        // Without a match in the previous frame, this is e of eq. (4), at least 2 % of the luminance.
         let least = delta.samples().iter().zip(displayed.luminance.samples()).map(|(delta, y)| delta / y);
         assert!(least.fold(f32::INFINITY, f32::min) >= 0.02 * 0.999);
     }
 }
 
-/// Thresholds know of quantisers that a bit rate coarsens one frame later, while the encoder still waits for its look-ahead: they
-/// are those of a film at about that quantiser, and not those of the quantiser in the settings.
+/// Thresholds follow the quantiser of a bit rate one frame later, even during the encoder's look-ahead. They are close to a
+/// film's at that quantiser, not at the quantiser in the settings.
 #[test]
 fn thresholds_follow_a_bit_rate_from_the_first_frame_on() {
     let folder = tempfile::tempdir().unwrap();
@@ -129,13 +129,13 @@ fn thresholds_follow_a_bit_rate_from_the_first_frame_on() {
     let like_it = film("like_it", &format!("--qscale {}", 2 * (mean / 2.0) as u32));
     let fine = film("fine", "--qscale 8");
 
-    // The first frame has 2 % of its luminance; no picture is coded before the last frame is lit.
+    // The first frame has thresholds of 2 %; no picture is coded before the last frame is shaded.
     let thresholds = |film: &Rendered| {
         let figures = film.figures(&["threshold_mean_relative"]);
         figures[1..].iter().sum::<f64>() / (figures.len() - 1) as f64
     };
     let [rated, like_it, fine] = [&rated, &like_it, &fine].map(thresholds);
     println!("quantiser {mean:.1}: {rated:.4}, at that quantiser {like_it:.4}, at 8 {fine:.4}");
-    assert!(like_it > 1.5 * fine, "the quantisers say nothing here: {like_it} {fine}");
+    assert!(like_it > 1.5 * fine, "the quantisers are too close for this test: {like_it} {fine}");
     assert!((0.6..1.6).contains(&(rated / like_it)), "{rated} is far from {like_it}");
 }

@@ -1,4 +1,4 @@
-//! Checkpoints whose check sums are right and whose parts are not of the film: a line and no panic.
+//! Checkpoints with valid checksums and the state sections of another film: one line of error and no panic.
 
 use pipeline::figures::FrameFigures;
 use render2mpeg::Options;
@@ -7,18 +7,18 @@ use tempfile::TempDir;
 use tests::killed::{CONFIG, KilledFilm, Stored};
 use tests::{Moving, checkered_room};
 
-/// The places of `Part::Shade` and `Part::Encode`.
+/// Indices of the state sections `Part::Shade` and `Part::Encode`.
 const SHADE: usize = 1;
 const ENCODE: usize = 3;
 
-/// As `pipeline/loop/src/log.rs` leaves it: bytes of the film and their sum, the report, figures of frames that wait (none, where
-/// each frame is coded as it comes), the encoder.
+/// The state that `pipeline/loop/src/log.rs` stores: length and checksum of the film, the report, figures of queued frames
+/// (none if each frame is coded at once), the encoder.
 type Encoding = ((u64, u32), Vec<Line>, BTreeMap<u32, ()>, Vec<u8>);
 
-/// A frame of the report: number, picture type, bits, quantiser_scale, PSNR, and figures of the stages.
+/// A frame of the report: index, picture type, bits, quantiser_scale, PSNR, and figures of the stages.
 type Line = (u32, String, u64, u32, Option<f64>, FrameFigures);
 
-/// Three frames, lit by `vpls` anchor lights.
+/// Renders three frames lit by `vpls` anchor lights.
 fn film(vpls: usize) -> (TempDir, KilledFilm) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.glb");
@@ -34,30 +34,30 @@ fn film(vpls: usize) -> (TempDir, KilledFilm) {
     (folder, film)
 }
 
-/// Goes on from what is said to have been stored.
+/// Continues the film from the forged checkpoint.
 fn go_on(film: &KilledFilm, stored: &Stored) -> Result<(), String> {
     film.go_on(&film.file(stored)).map_err(|error| error.chain())
 }
 
-/// The records of a film with more lights: their cuts refer to lights that are not there.
+/// Records of a film with more lights are refused: their cuts refer to missing lights.
 #[test]
 fn records_of_lights_that_are_not_there_are_refused() {
     let [(_folder, few), (_other, many)] = [10, 300].map(film);
     let mut stored = few.stored.clone();
-    go_on(&few, &stored).expect("its own goes on");
+    go_on(&few, &stored).expect("the original state is continued");
     stored.2[SHADE] = many.stored.2[SHADE].clone();
     let error = go_on(&few, &stored).unwrap_err();
     assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
 }
 
-/// States that no stage can read are refused before the film is cut to the length that it had.
+/// Unreadable states are refused before the film is truncated to its recorded length.
 #[test]
 fn a_part_that_cannot_be_read_leaves_the_film_as_it_is() {
     let (_folder, film) = film(10);
     let before = std::fs::read(&film.settings.output).unwrap();
     let whole = film.stored.clone();
     for part in 0..whole.2.len() {
-        // One that is missing had the other stages wait for ever.
+        // An empty state once made the other stages wait forever.
         for forged in [vec![255; 40], Vec::new()] {
             let mut stored = whole.clone();
             stored.2[part] = forged;
@@ -69,7 +69,7 @@ fn a_part_that_cannot_be_read_leaves_the_film_as_it_is() {
     }
 }
 
-/// A frame whose line is missing in the report: the time of its masking was put into a line that was not there.
+/// A report without one frame's line is refused; its masking time once went into a missing line.
 #[test]
 fn a_report_that_leaves_a_frame_out_is_refused() {
     let (_folder, film) = film(10);
@@ -88,10 +88,10 @@ fn a_report_that_leaves_a_frame_out_is_refused() {
     }
     encoding.1 = [1, 0].map(line).into();
     stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
-    go_on(&film, &stored).expect("the order is that of coding");
+    go_on(&film, &stored).expect("the lines are in coding order");
 }
 
-/// Frames beyond the end of the film, up to the last that can be counted: the number after that one was computed.
+/// Frame indices beyond the film are refused, up to the largest integer, to which the program once added one.
 #[test]
 fn a_last_frame_beyond_the_film_is_refused() {
     let (_folder, film) = film(10);

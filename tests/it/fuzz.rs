@@ -1,10 +1,10 @@
-//! A few cases of the fuzzer, and that its verdicts notice what they are there for.
+//! A few cases of the fuzzer, and a check of its verdicts.
 
 use std::fs;
 use tests::fuzz::{Case, Film, Fuzzer, Outcome, Verdict, own_seeds, seeds_below};
 use tests::sorted_names;
 
-/// Cases with scenes that are always there.
+/// Creates a fuzzer with the tests' own scenes.
 fn fuzzer() -> Fuzzer {
     let mut seeds = own_seeds();
     seeds.extend(seeds_below(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes").as_ref()));
@@ -12,7 +12,7 @@ fn fuzzer() -> Fuzzer {
     Fuzzer::new(seeds, 1).unwrap()
 }
 
-/// Longer runs are `cargo run -p tests --example fuzz_scenes`.
+/// `cargo run -p tests --example fuzz_scenes` starts longer runs.
 #[test]
 fn a_few_changed_scenes_keep_every_promise() {
     let mut fuzzer = fuzzer();
@@ -20,7 +20,7 @@ fn a_few_changed_scenes_keep_every_promise() {
     let faults: Vec<&Case> = cases.iter().filter(|case| matches!(case.verdict, Verdict::Fault(_))).collect();
     assert!(faults.is_empty(), "{faults:#?}");
 
-    // Changes that are all refused, or that change nothing, would tell little.
+    // If all changed scenes were refused or unaffected, the test would prove little.
     let rendered = cases.iter().filter(|case| case.verdict == Verdict::Rendered).count();
     println!("{rendered} of {} rendered", cases.len());
     assert!((5..=40).contains(&rendered), "{rendered} of {}", cases.len());
@@ -38,7 +38,7 @@ fn cases_can_be_repeated() {
     assert_eq!(parts(first), parts(second));
 }
 
-/// What a run told, and whether that is as it should be.
+/// Verdicts detect faults in the messages and files of a run.
 #[test]
 fn verdicts_notice_faults() {
     let folder = tempfile::tempdir().unwrap();
@@ -71,14 +71,14 @@ fn verdicts_notice_faults() {
     let endless = Outcome { code: None, signal: Some(9), endless: true, stderr: Vec::new() };
     assert!(matches!(Verdict::of(&film, &endless, &scene, &[]), Verdict::Fault(_)));
 
-    // Files that are left, or that lie elsewhere.
+    // Remaining files, and files outside the output folder.
     for place in ["out/film.m2v.part", "scene/new", "tmp/new", "new"] {
         fs::write(film.folder.join(place), "").unwrap();
         assert!(matches!(judge(Some(1), None, refusal), Verdict::Fault(_)), "{place}");
         fs::remove_file(film.folder.join(place)).unwrap();
     }
 
-    // Films that are none.
+    // Invalid films.
     for (bytes, report, is_film) in [
         (&b"\0\0\x01\xb3"[..], r#"{"frames":[{"non_finite_pixels":0}]}"#, true),
         (b"\0\0\x01\xb3", r#"{"frames":[{"non_finite_pixels":3}]}"#, false),

@@ -1,4 +1,4 @@
-//! Where people look: samples, thresholds and bits follow it, and nothing else of a film changes.
+//! Importance sets samples, thresholds and bits, and no other property of a film.
 
 use render_core::image_file::read_layers;
 use std::fs;
@@ -7,7 +7,7 @@ use tests::{Moving, Rendered, assert_fails, checkered_room, render, render2mpeg}
 
 const SMALL: &str = "--size 96x64 --vpls 60 --photons 2000 --frames 5";
 
-/// A room whose camera moves, and its settings file.
+/// Writes a room with a moving camera, and its settings file.
 fn room(folder: &Path, settings: &str) {
     let mut room = checkered_room(Moving::Camera);
     room.json["nodes"][4]["name"] = "box".into();
@@ -40,7 +40,7 @@ fn threads_do_not_matter_and_the_option_does() {
     let without = film(folder, "without", "");
     assert!(alone.stream != without.stream, "importance changes nothing");
 
-    // The report tells of it, and only where it is there.
+    // The report contains importance only if it is requested.
     for (of, name) in [(&alone, "samples_mean"), (&alone, "importance_mean")] {
         assert!(of.figures(&[name]).iter().all(|&figure| figure > 0.0 && figure < 5.0), "{name}");
     }
@@ -50,7 +50,7 @@ fn threads_do_not_matter_and_the_option_does() {
     assert!(without.report["settings"].get("importance").is_none());
 }
 
-/// A film in which nothing moves keeps its map; where frames wait in the encoder, their weights wait with them.
+/// A static film keeps its map; frames queued in the encoder keep their weights.
 #[test]
 fn other_kinds_of_films_take_it_too() {
     let folder = tempfile::tempdir().unwrap();
@@ -73,7 +73,7 @@ fn other_kinds_of_films_take_it_too() {
     }
 }
 
-/// The layer has the map, and where the watched thing is seen it is full.
+/// The layer contains the map, with the maximum at the watched object.
 #[test]
 fn the_map_is_a_layer_of_the_frames() {
     let folder = tempfile::tempdir().unwrap();
@@ -92,7 +92,7 @@ fn the_map_is_a_layer_of_the_frames() {
     assert!(fs::read_to_string(folder.join("page.html")).unwrap().contains("Where people look"));
 }
 
-/// Quantisers that follow masking make another film of the same pictures, and less of its bits go into detail.
+/// Adaptive quantisation by masking changes the film and not its pictures, and spends fewer bits.
 #[test]
 fn quantisers_follow_masking() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Scenes from strangers, and the files that they name.
+//! Untrusted scenes, and the files that they refer to.
 
 use glam::{Vec3, vec3};
 use serde_json::{Value, json};
@@ -12,17 +12,17 @@ use tests::{
 
 const SMALL: &str = "--size 32x32 --vpls 60 --photons 1000";
 
-/// A picture of one texel as PNG: a color of the palette, which tells two files of one size apart.
+/// Encodes one texel as PNG. Its palette color distinguishes files of equal size.
 fn png(gray: u8) -> Vec<u8> {
     laboratory::compare::png_file::encode(&plane::Plane::filled(2, 2, [gray; 3]))
 }
 
-/// A Radiance picture of one color.
+/// Encodes a Radiance picture of one color.
 fn hdr(value: u8) -> Vec<u8> {
     [&b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 2\n"[..], &[value, value, value, 129].repeat(4)].concat()
 }
 
-/// A room whose buffer and image lie beside it, under names with spaces, with a sky in another file.
+/// Writes a room with a buffer, an image and a sky in separate files, with spaces in their names.
 fn with_files(folder: &Path, name: &str) -> Glb {
     let mut room = checkered_room(Moving::Box);
     fs::write(folder.join("my data.bin"), &room.bin).unwrap();
@@ -51,7 +51,7 @@ fn a_film_is_continued_with_the_files_it_was_begun_with() {
         child.wait().unwrap();
         let resumed = [&words[..], &["--resume"]].concat();
 
-        // Each file with other bytes of the same number.
+        // Each file with different bytes of the same length.
         let mut data = room.bin.clone();
         *data.last_mut().unwrap() ^= 1;
         let toml = "[sky]\nimage = \"./sky.hdr\"\n".to_owned();
@@ -64,7 +64,7 @@ fn a_film_is_continued_with_the_files_it_was_begun_with() {
             fs::write(folder.join(name), before).unwrap();
         }
 
-        // As it was, it goes on, however its path is typed.
+        // With the original files, the film is continued, under any spelling of its path.
         let typed = format!("./{scene}");
         let short: Vec<&str> = resumed.iter().map(|&word| if word == scene { &typed[..] } else { word }).collect();
         let mut child = Command::new(program())
@@ -79,7 +79,7 @@ fn a_film_is_continued_with_the_files_it_was_begun_with() {
         std::io::BufRead::read_line(&mut std::io::BufReader::new(child.stdout.take().unwrap()), &mut line).unwrap();
         child.kill().unwrap();
         child.wait().unwrap();
-        let begin: Value = serde_json::from_str(&line).expect("it goes on");
+        let begin: Value = serde_json::from_str(&line).expect("a line of progress");
         assert!(begin["first_frame"].as_u64().is_some_and(|first| first > 0), "{line}");
     }
 }
@@ -115,7 +115,7 @@ fn names_lead_to_regular_files_in_the_folder_of_the_scene() {
     let trusted = render2mpeg(&folder, &["plan", "room.gltf", "--allow-outside"]);
     assert_eq!(trusted.code, Some(0), "{}", trusted.stderr);
 
-    // A sky is found in the same way; an image that nothing shows is not looked at, when a film is begun or continued.
+    // The sky follows the same rules. An image that no surface shows is never read, at the start or in a continued film.
     written("my%20tex.png");
     fs::write(folder.join("room.toml"), "[sky]\nimage = \"../secret.png\"\n").unwrap();
     assert_fails(&folder, &words, &["room.toml", "../secret.png", "outside"]);
@@ -182,7 +182,7 @@ fn names_forge_nothing_on_a_terminal() {
     assert_eq!((code, stderr.lines().count()), (Some(1), 1), "{stderr:?}");
     assert!(is_plain(&stderr) && stderr.contains("\\u{1b}"), "{stderr:?}");
 
-    // Notes on what is not rendered name things, too.
+    // Notes about unsupported features contain names too.
     room.json["images"][0]["uri"] = "my%20tex.png".into();
     room.json["animations"][0]["name"] = evil.into();
     let animation = room.json["animations"][0].clone();
@@ -195,7 +195,7 @@ fn names_forge_nothing_on_a_terminal() {
     assert!(!stdout.lines().any(|line| line.starts_with("render2mpeg: ")), "{stdout}");
 }
 
-/// Editors of some systems put a mark in front of UTF-8.
+/// Some editors put a byte order mark in front of UTF-8.
 #[test]
 fn a_byte_order_mark_is_passed_over() {
     let folder = tempfile::tempdir().unwrap();
@@ -226,7 +226,7 @@ fn a_folder_that_may_not_be_written_to_is_one_line() {
     assert_fails(folder, &["render", "room.glb", "-o", "closed/film.m2v"], &["closed/film.m2v", "-o"]);
 }
 
-/// Sheets of one mesh, `triangles` in each, at `instances` places beside each other, and a camera.
+/// Builds `instances` copies, side by side, of one mesh of `triangles` triangles, and a camera.
 fn sheets(triangles: usize, instances: usize) -> Glb {
     let mut scene = checkered_room(Moving::Nothing);
     let side = |k: usize| k as f32 * 0.01;
@@ -253,7 +253,7 @@ fn ten_million_triangles_of_one_mesh_take_little_memory() {
     let finished = render2mpeg(folder, &words.split_whitespace().collect::<Vec<_>>());
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     let report: Value = serde_json::from_slice(&fs::read(folder.join("film.report.json")).unwrap()).unwrap();
-    // Where the system tells it.
+    // If the system reports it.
     if let Some(bytes) = report["summary"]["peak_memory_bytes"].as_u64() {
         assert!(bytes < 300_000_000, "{bytes}");
     }

@@ -1,4 +1,4 @@
-//! A run that is ended early leaves what it has.
+//! A run that is ended early keeps its results.
 
 use rustix::process::{Pid, Signal, kill_process};
 use std::os::unix::process::ExitStatusExt;
@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 use tests::{cornell, decode_ffmpeg, decode_mpeg2dec, program, sorted_names, tolerant_frame_count};
 
 const SIZE: (usize, usize) = (128, 128);
-/// Only for what would otherwise never end.
+/// Limit for a run that would otherwise not end.
 const DEADLINE: Duration = Duration::from_secs(120);
 
-/// A long film under way, ended with the value.
+/// A running film, killed on drop.
 struct Film {
     child: Child,
     part: PathBuf,
@@ -47,7 +47,7 @@ impl Film {
         let start = Instant::now();
         while std::fs::metadata(&self.part).map_or(0, |part| part.len()) < bytes {
             assert!(start.elapsed() < DEADLINE, "no picture was written");
-            assert_eq!(self.child.try_wait().expect("a child"), None, "it ends by itself");
+            assert_eq!(self.child.try_wait().expect("a child"), None, "the run ended before the signal");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -71,7 +71,7 @@ impl Film {
 
 impl Drop for Film {
     fn drop(&mut self) {
-        // Does nothing to a process that has ended.
+        // No effect on an ended process.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -85,7 +85,7 @@ fn ctrl_c_ends_the_stream_in_order() {
         film.wait_for_pictures();
         film.signal(signal);
         assert_eq!(film.wait().code(), Some(code));
-        // The film up to here, and what another run needs to go on after it.
+        // The film so far, and the files to continue it.
         assert_eq!(sorted_names(folder.path()), ["film.m2v", "film.m2v.checkpoint", "film.report.json"]);
         let report = std::fs::read(folder.path().join("film.report.json")).unwrap();
         let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
@@ -105,7 +105,7 @@ fn ctrl_c_ends_the_stream_in_order() {
 fn a_second_signal_ends_the_film_at_once() {
     for (ending, options) in [("m2v", ""), ("mpg", ""), ("ts", ""), ("mp4", "--gop 4"), ("mkv", "--gop 4")] {
         let folder = tempfile::tempdir().unwrap();
-        // Frames of a few seconds: the first signal alone would wait for them.
+        // Frames take a few seconds each, and the first signal alone would wait for them.
         let words = format!(
             "--output film.{ending} --size 128x128 --frames 5000 --vpls 20000 --photons 3000000 --quiet {options}"
         );
@@ -117,7 +117,7 @@ fn a_second_signal_ends_the_film_at_once() {
         assert_eq!(film.wait().code(), Some(130));
         let name = format!("film.{ending}");
         let mut names = sorted_names(folder.path());
-        // The frame may end by itself between the two signals: then a checkpoint or the report is being written.
+        // If the frame ends between the two signals, a checkpoint or the report may be half-written.
         names.retain(|name| !name.contains(".checkpoint") && !name.contains(".report.json"));
         assert_eq!(names, [name.as_str()], "under its name, and nothing half-written");
         let video = folder.path().join(name);
@@ -127,7 +127,7 @@ fn a_second_signal_ends_the_film_at_once() {
         match ending {
             "m2v" => assert!(bytes.ends_with(&[0, 0, 1, 0xb7])),
             "mpg" => assert!(bytes.ends_with(&[0, 0, 1, 0xb9])),
-            // The tables of groups are there, and the last group as far as it was coded.
+            // Group index and the last, incomplete group are present.
             "mp4" => assert!(bytes.windows(4).any(|word| word == b"mfra")),
             "mkv" => assert!(bytes.windows(4).any(|word| word == [0x1c, 0x53, 0xbb, 0x6b]), "Cues"),
             _ => assert_eq!(bytes.len() % 188, 0),
@@ -142,12 +142,12 @@ fn killed_it_leaves_a_part_that_plays() {
     film.wait_for_pictures();
     film.signal(Signal::KILL);
     assert_eq!(film.wait().signal(), Some(9));
-    assert_eq!(sorted_names(folder.path()), ["film.m2v.part"], "what is not whole does not have the name");
+    assert_eq!(sorted_names(folder.path()), ["film.m2v.part"], "an unfinished film does not have the final name");
     let shown = tolerant_frame_count(&film.part, SIZE);
     println!("{shown} frames play");
     assert!(shown >= 1);
 
-    // The next run is not in the way of what is left of the last one.
+    // The next run is not blocked by remains of the last one.
     let finished = tests::render(folder.path(), "film", &cornell(), "--size 64x64 --frames 2 --vpls 50 --photons 1000");
     assert_eq!(finished.report["summary"]["frames"], 2);
     assert_eq!(sorted_names(folder.path()), ["film.m2v", "film.report.json"]);

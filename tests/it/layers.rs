@@ -1,4 +1,4 @@
-//! Layers of light that are made outside of the renderer and take the place of its own.
+//! Custom layers of light, made outside the renderer, that replace its own.
 
 use glam::Vec3;
 use pipeline::Result;
@@ -17,7 +17,7 @@ use tests::{cornell, load};
 const SIDE: usize = 32;
 const DELTA: f32 = 0.25;
 
-/// The same irradiance everywhere.
+/// Uniform irradiance.
 struct Constant(f32);
 
 impl Layer for Constant {
@@ -27,7 +27,7 @@ impl Layer for Constant {
     }
 }
 
-/// Makes the error that each pixel may have its light, and remembers how many frames it has lit.
+/// Returns the tolerated error of each pixel as its light, and counts the frames.
 #[derive(Default)]
 struct Errors {
     frames: u8,
@@ -54,7 +54,7 @@ impl Layer for Errors {
     }
 }
 
-/// A scene of which nothing is seen through more than one place of each pixel.
+/// A scene sampled at one point per pixel, without antialiasing.
 fn scene() -> (Scene, RenderSettings) {
     let options = Options {
         size: format!("{SIDE}x{SIDE}").parse().ok(),
@@ -70,7 +70,7 @@ fn scene() -> (Scene, RenderSettings) {
     (scene, settings.render.clone())
 }
 
-/// L = L_direct + ρ E / π at every pixel, where a constant E is all indirect light.
+/// L = L_direct + ρ E / π at every pixel if a constant E is the only indirect light.
 #[test]
 fn a_constant_layer_takes_the_place_of_indirect_light() {
     let (scene, settings) = scene();
@@ -128,13 +128,13 @@ fn channels_and_state_of_a_layer_are_those_of_its_frame() {
     let first = preparation.step(0).expect("three frames");
     let shaded = shading.step(&first, LastThresholds::none());
     assert_eq!(frames_of(&shaded.channels), Some(1.0));
-    // Another one goes on from its state.
+    // Another instance continues from its state.
     let mut resumed = new();
     resumed.restore(&shading.state(), &first).expect("its own state");
     let second = preparation.step(1).expect("three frames");
     let shaded = resumed.step(&second, LastThresholds::none());
     assert_eq!(frames_of(&shaded.channels), Some(2.0));
-    // A state of other layers is refused.
+    // The state of other layers is refused.
     let mut own = Shading::new(&settings, &plan);
     assert!(own.restore(&shading.state(), &first).is_err());
 }

@@ -1,4 +1,4 @@
-//! Light as it comes out of the program, against a closed form and against the sum over all lights.
+//! The program's light, compared with a closed form and with the sum over all lights.
 
 use glam::{Vec3, Vec3A, vec3};
 use lighttree::{Lambert, Light, Scratch, Stop};
@@ -13,16 +13,16 @@ fn frame(folder: &std::path::Path, exr: &str, index: usize) -> Plane<Vec3> {
     read_exr(&folder.join(exr).join(format!("frame_{index:05}.exr"))).expect("a linear frame")
 }
 
-/// In a closed room of albedo ρ whose walls glow with Lₑ, radiance is Lₑ/(1−ρ) everywhere: 1.25, 2 and 5 times Lₑ here.
+/// In a closed room of albedo ρ with emission Lₑ, radiance is Lₑ/(1−ρ) everywhere: 1.25, 2 and 5 times Lₑ here.
 ///
-/// Near a corner the softened 1/r² of the nearest anchor lights takes light away: without compensation the whole picture is
-/// 1.4 % too dark. By every light, by cuts and by the cache.
+/// Near a corner, the bounded 1/r² of the nearest anchor lights loses light: without compensation the whole picture is 1.4 %
+/// too dark. The test covers all-lights, lightcuts and the cache.
 #[test]
 fn a_furnace_shines_as_the_geometric_series_says() {
     check_furnace(vec3(0.2, 0.5, 0.8), vec3(1.0, 2.0, 0.5), "--photons 400000");
 }
 
-/// At ρ = 0.95 light is reflected twenty times on its way.
+/// At ρ = 0.95 light is reflected twenty times on average.
 #[test]
 fn a_furnace_of_white_walls_loses_nothing() {
     check_furnace(Vec3::splat(0.95), vec3(1.0, 2.0, 0.5), "--photons 100000");
@@ -42,20 +42,21 @@ fn check_furnace(albedo: Vec3, emission: Vec3, photons: &str) {
         let mean = |from: usize, to: usize| {
             let rows = (from..to).flat_map(|y| (from..to).map(move |x| (x, y)));
             let mean = rows.map(|(x, y)| picture.get(x, y)).sum::<Vec3>() / ((to - from) * (to - from)) as f32;
-            // The threshold of a cut is one of luminance; only the sum over all lights vouches for each channel.
+            // The threshold of a lightcut limits the error in luminance; only the sum over all lights is exact in each
+            // channel.
             if lighting == "all-lights" { mean / expected } else { Vec3::splat(luminance(mean) / luminance(expected)) }
         };
         let (middle, all) = (mean(16, 48), mean(0, 64));
-        println!("{lighting}: {middle:.4} of what it should be in the middle, {all:.4} everywhere");
+        println!("{lighting}: {middle:.4} of the expected light in the middle, {all:.4} everywhere");
         assert!((middle - Vec3::ONE).abs().max_element() < in_the_middle, "{lighting}, in the middle: {middle}");
         assert!((all - Vec3::ONE).abs().max_element() < everywhere, "{lighting}, everywhere: {all}");
     }
 }
 
-/// Direct light alone, of a lamp that is many lights of the tree, is that of paths.
+/// Direct light of a lamp with many lights in the tree equals path tracing.
 ///
-/// Without photons there are no anchors. The bound of the lamp's geometry terms is still that of an anchor's share, and no
-/// gather ray is followed through reflections that are not to be shown: else this room is half as bright again.
+/// Without photons there are no anchors. The bound of the lamp's geometry terms must stay an anchor's share, and gather rays
+/// must not follow reflections beyond the limit. Otherwise this room is 1.5 times as bright.
 #[test]
 fn one_bounce_of_a_box_lamp_is_direct_light() {
     let folder = tempfile::tempdir().unwrap();
@@ -67,17 +68,17 @@ fn one_bounce_of_a_box_lamp_is_direct_light() {
     assert_eq!(paths.code, Some(0), "{}", paths.stderr);
     let paths = read_exr(&folder.path().join("paths.exr")).unwrap();
     let film = frame(folder.path(), "linear", 0);
-    // The lamp itself outshines what it lights.
+    // The lamp is brighter than any surface it lights.
     let pixels = || film.samples().iter().zip(paths.samples()).filter(|(_, path)| path.max_element() < LAMP_RADIANCE);
     let (sum, expected) = pixels().fold((0.0, 0.0), |(a, b), (f, p)| (a + luminance(*f), b + luminance(*p)));
     println!("{:.4} of the direct light by paths, {} pixels", sum / expected, pixels().count());
     assert!((sum / expected - 1.0).abs() < 0.01, "{}", sum / expected);
 }
 
-/// Radiance of the lamp of [`room_with_box_lamp`].
+/// Radiance of the lamp in [`room_with_box_lamp`].
 const LAMP_RADIANCE: f32 = 10.0;
 
-/// A closed room of 2 m with dark walls, a block on its floor, and a box lamp that does not count as one simple shape.
+/// Builds a closed room of 2 m with dark walls, a block on its floor, and a box lamp. The lamp is not a single simple shape.
 fn room_with_box_lamp() -> Glb {
     let mut room = Glb::default();
     let inward = |faces: Vec<Quad>| faces.into_iter().map(|[corner, a, b]| [corner, b, a]).collect::<Vec<Quad>>();
@@ -88,16 +89,17 @@ fn room_with_box_lamp() -> Glb {
     room
 }
 
-/// The faces of a box, which face outward.
+/// Returns the faces of a box, facing outward.
 fn box_faces(low: Vec3, high: Vec3) -> Vec<Quad> {
     let (x, y, z) = (Vec3::X * (high - low), Vec3::Y * (high - low), Vec3::Z * (high - low));
     vec![[low, z, y], [low, x, z], [low, y, x], [high, -y, -z], [high, -z, -x], [high, -x, -y]]
 }
 
-/// Walls of metal, or with a coat, hand on the light that they reflect: a closed room of them is as bright as by paths.
+/// Closed rooms with metal or coated walls are as bright as path tracing, with all reflected light.
 ///
-/// Photons leave them by their lobe. Their light then counts as even in all directions, so a smooth wall is not as exact as a
-/// rough one. Measured: see the printed lines; without photons that know coats, they are 0.94, 0.91, 0.97 and 0.95.
+/// Photons are reflected by their lobe, but their light then counts as uniform in all directions. Smooth walls are therefore
+/// less exact than rough ones. The test prints the measured ratios; with photons that ignore coats, they are 0.94, 0.91, 0.97
+/// and 0.95.
 #[test]
 fn walls_with_coats_hand_on_their_light() {
     let folder = tempfile::tempdir().unwrap();
@@ -118,7 +120,7 @@ fn walls_with_coats_hand_on_their_light() {
     }
 }
 
-/// A closed room whose walls have a coat.
+/// Builds a closed room with coated walls.
 fn coated_furnace(color: Vec3, metallic: f64, roughness: f64) -> Glb {
     let mut room = furnace(color, vec3(1.0, 2.0, 0.5));
     for wall in room.json["materials"].as_array_mut().unwrap() {
@@ -128,10 +130,10 @@ fn coated_furnace(color: Vec3, metallic: f64, roughness: f64) -> Glb {
     room
 }
 
-/// The light of a room of nearly white metal depends little on the seed, though a photon is reflected there thirty times.
+/// The light of a room of nearly white metal depends little on the seed, although a photon is reflected thirty times.
 ///
-/// Photons keep their luminance at each reflection. With the weights of single directions, F·G₂/G₁, a few photons outshine
-/// all others: the red of these two films is 10 % apart then. It is 1 % apart.
+/// Photons keep their luminance at each reflection, and the red of these two films differs by 1 %. With the weights of single
+/// directions, F·G₂/G₁, a few photons dominate, and the red differs by 10 %.
 #[test]
 fn nearly_white_metal_is_as_bright_for_every_seed() {
     let folder = tempfile::tempdir().unwrap();
@@ -148,8 +150,8 @@ fn nearly_white_metal_is_as_bright_for_every_seed() {
     assert!(difference < 0.02, "{first} and {second}");
 }
 
-/// The cache's picture is that of cuts for every pixel, at a tenth of the cuts or less.
-/// Measured: see the printed line; 128×128 is small for a cache, whose records cannot lie closer than pixels do.
+/// The cache gives the picture of one lightcut per pixel, with at most a tenth of the lightcuts. The test prints the measured
+/// error. 128×128 is small for a cache, as records are at least a pixel apart.
 #[test]
 fn the_cache_shows_what_cuts_for_every_pixel_show() {
     let folder = tempfile::tempdir().unwrap();
@@ -171,16 +173,16 @@ fn the_cache_shows_what_cuts_for_every_pixel_show() {
     assert!(new[1] < new[0], "records are kept: {new:?}");
 }
 
-/// The threshold holds for each cluster of a cut \[Walter05\]; the errors of its clusters then add up, mostly against each
-/// other. So a fine cut of many clusters may end up further off than its threshold, and a coarse one hardly ever does.
-/// A light tree draws its representatives once, so one tree is one sample: six are taken.
-/// Measured here: 93.1 % of the pixels are within the threshold at 2 %, 99.984 % within three times that. Where anchors lie matters as
-/// much as the draw: with 18 other placements, 92.7 to 94.5 % and 99.953 to 99.989 % are.
+/// The threshold applies to each cluster of a cut \[Walter05\]; the errors of clusters add up, mostly with opposite signs. A
+/// fine cut of many clusters may therefore exceed its threshold, and a coarse one hardly ever does. A light tree draws its
+/// representatives once, so one tree is one sample: the test takes six. Measured at 2 %: 93.1 % of the pixels are within the
+/// threshold, 99.984 % within three times the threshold. Placement of anchors has an equal effect: 18 other placements give
+/// 92.7 to 94.5 % and 99.953 to 99.989 %.
 #[test]
 fn cuts_keep_their_distance_from_all_lights() {
     let folder = tempfile::tempdir().unwrap();
     let film = |name: &str, more: &str| {
-        // Cuts alone: each pixel its own.
+        // One lightcut per pixel, without cache and compensation.
         let film = "--size 96x96 --frames 1 --vpls 2000 --photons 200000 --cache off --compensation off";
         let arguments = format!("{film} --exr {name} --exr-depth float {more}");
         render(folder.path(), name, &cornell(), &arguments).figures(&["cut_size_mean"])[0]
@@ -189,7 +191,7 @@ fn cuts_keep_their_distance_from_all_lights() {
     let all_lights =
         seeds.clone().map(|seed| film(&format!("all{seed}"), &format!("--lighting all-lights --seed {seed}")));
     let mut size_before = all_lights.fold(0.0, f64::max) / 2.0;
-    // Least shares of the pixels that are within the threshold, within twice and within three times the threshold.
+    // Minimum fraction of pixels within one, two and three times the threshold.
     let least = [
         (0.02, [0.93, 0.994, 0.9998]),
         (0.1, [0.985, 0.9998, 1.0]),
@@ -216,7 +218,7 @@ fn cuts_keep_their_distance_from_all_lights() {
     }
 }
 
-/// A cut's bound of its own error holds at every pixel, for shadows of a real scene.
+/// A cut's error bound holds at every pixel, with the shadows of a real scene.
 #[test]
 fn a_cut_is_within_its_bound_always() {
     let options = Options {

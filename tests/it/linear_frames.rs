@@ -1,4 +1,4 @@
-//! Linear frames as other programs take them: header, bits, vectors and mattes, each beside a closed form.
+//! Linear frames for other programs: header, bits, vectors and mattes, each compared with a closed form.
 
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
@@ -11,14 +11,14 @@ use tests::{Glb, render};
 
 /// Width and height \[pixels\].
 const SIZE: (usize, usize) = (32, 24);
-/// Way of the camera in a 25th of a second \[m\].
+/// Camera motion per frame, a 25th of a second \[m\].
 const STEP: (f32, f32) = (0.08, 0.04);
-/// Distances of the card and of the wall from the camera \[m\].
+/// Distances from the camera of the card and of the wall \[m\].
 const DISTANCES: [f32; 2] = [4.0, 6.0];
-/// Sides of the card \[m\].
+/// Size of the card \[m\].
 const CARD: (f32, f32) = (1.1, 0.9);
 
-/// A glowing wall with a name, a card before it without one, and a camera that moves to the right and up.
+/// Builds a named emissive wall, a card without a name in front of it, and a camera that moves right and up.
 fn scene() -> Glb {
     let mut glb = Glb::default();
     let wall = glb.add(&[[vec3(-9.0, -9.0, -2.0), 18.0 * Vec3::X, 18.0 * Vec3::Y]], Vec3::splat(0.5), Vec3::splat(2.0));
@@ -31,7 +31,7 @@ fn scene() -> Glb {
     glb
 }
 
-/// Renders two frames amid the way of the camera, and gives the path of the second.
+/// Renders two frames from the middle of the camera's path, and returns the path of the second file.
 fn second_frame(folder: &Path, name: &str, more: &str) -> PathBuf {
     let path = folder.join("scene.glb");
     scene().write(&path);
@@ -46,7 +46,7 @@ fn header(path: &Path) -> Header {
     MetaData::read_from_file(path, true).expect("a header").headers.remove(0)
 }
 
-/// Three channels of a layer, as vectors.
+/// Returns three channels of a layer as vectors.
 fn vectors(layers: &Layers, names: [&str; 3]) -> Vec<Vec3> {
     let [x, y, z] = names.map(|name| layers.channel(name).expect("the channel"));
     (0..x.len()).map(|index| vec3(x[index], y[index], z[index])).collect()
@@ -63,7 +63,7 @@ fn headers_lead_from_the_world_to_the_pixels_that_show_it() {
     assert_eq!(shared.chromaticities.map(|known| known.green.0), Some(0.30));
     assert!(own.software_name.is_some_and(|name| name.to_string().starts_with("render2mpeg ")));
 
-    // The file's matrices apply to rows: as columns of glam's they are written one after the other.
+    // The file's matrices apply to row vectors: their rows, in order, are glam's columns.
     let [camera, device] = [own.world_to_camera, own.world_to_normalized_device].map(|known| known.expect("a matrix"));
     let [camera, device] = [camera, device].map(|rows| Mat4::from_cols_array(&rows));
     let layers = read_layers(&path).unwrap();
@@ -90,7 +90,7 @@ fn vectors_are_those_of_the_cameras_way() {
     for (index, &depth) in layers.channel("depth.Z").unwrap().iter().enumerate() {
         let thing = usize::from(depth > 5.0);
         assert!((depth - DISTANCES[thing]).abs() < 1e-4, "{depth}");
-        // Pixels that a meter is wide. What the camera leaves behind was farther right and farther up.
+        // Pixels per meter. A point that the camera passes was farther right and farther up in the previous frame.
         let scale = SIZE.1 as f32 / (2.0 * 0.45f32.tan() * depth);
         let vector = (STEP.0 * scale, STEP.1 * scale);
         let expected = [vector.0, vector.1, vector.0, vector.1];
@@ -134,7 +134,7 @@ fn mattes_cover_each_pixel_and_the_manifest_names_them() {
                 *areas.entry(id.to_bits()).or_default() += f64::from(share);
             }
         }
-        // The area of the card in pixels, to what sixteen rays find in a pixel that its outline crosses.
+        // Area of the card \[pixels\]; pixels at its outline are sampled by sixteen rays.
         let scale = SIZE.1 as f32 / (2.0 * 0.45f32.tan() * DISTANCES[0]);
         let area = f64::from(CARD.0 * CARD.1 * scale * scale);
         let [wall, card] = [wall, card].map(|name| {
@@ -161,7 +161,7 @@ fn colors_are_halves_unless_floats_are_asked_for() {
     }
     let [half, float] = [half, float].map(|path| read_layers(&path).unwrap().channels);
     for ((name, half), (_, float)) in half.iter().zip(&float) {
-        // Half of the last of eleven bits.
+        // The tolerance is half of the last of eleven bits.
         let off = |(a, b): (&f32, &f32)| (a - b).abs() <= b.abs() / 2048.0;
         assert!(half.iter().zip(float).all(off), "{name}");
     }

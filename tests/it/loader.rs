@@ -1,4 +1,4 @@
-//! Files from elsewhere, and files made to harm.
+//! Third-party files and malicious files.
 
 use glam::{Vec3, Vec3A, vec2, vec3};
 use pipeline::Run;
@@ -22,7 +22,7 @@ fn scene_files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Files that cannot be read, and what the message must say.
+/// Unreadable files, and the required text of the message.
 const REFUSED: [(&str, &str); 3] = [
     ("khronos-odd/broken-MissingBin/BoxTextured.gltf", "BoxTextured0.bin"),
     ("khronos-odd/broken-NoScene/NoScene.gltf", "scene"),
@@ -55,7 +55,7 @@ fn scenes_from_elsewhere_load_or_are_refused_in_a_line() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// A square of side 1 with its `material` as JSON.
+/// Builds a square of side 1 with a material given as JSON.
 fn square(material: Value) -> Glb {
     let mut glb = Glb::default();
     glb.add(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], Vec3::ONE, Vec3::ZERO);
@@ -75,7 +75,7 @@ fn load(glb: &Glb, settings: &str) -> Result<Scene, String> {
 fn materials_mean_what_the_specification_says() {
     let material = |json: Value| load(&square(json), "").unwrap().materials[0].clone();
     let near = |found: Vec3, expected: Vec3| assert!((found - expected).length() < 1e-5, "{found} for {expected}");
-    // What is not given has its default: a rough metal, reflecting 4 % where it is none.
+    // Missing properties have defaults: a rough metal, with 4 % reflectance if not metallic.
     let plain = material(json!({}));
     assert_eq!((plain.metallic, plain.roughness, plain.opacity, plain.alpha), (1.0, 1.0, 1.0, Alpha::Opaque));
     near(plain.dielectric_f0, Vec3::splat(0.04));
@@ -103,7 +103,7 @@ fn materials_mean_what_the_specification_says() {
     near(coated(1.5, 0.0, [1.0; 3]).dielectric_f0, Vec3::ZERO);
 }
 
-/// One image in four slots: held once as color and once as numbers, each slot with its own coordinates and transform.
+/// An image in four slots is stored once as color and once as data. Each slot has its own coordinates and transform.
 #[test]
 fn textures_are_held_for_what_they_are_used_as() {
     let transform = |set: u32| {
@@ -135,12 +135,12 @@ fn textures_are_held_for_what_they_are_used_as() {
     assert_eq!((base.uv_set, base.transform), (1, None));
     assert_eq!((numbers.uv_set, numbers.transform), (2, moved));
     assert_eq!((normal.uv_set, normal.transform, scale), (3, moved, 0.5));
-    // A set beyond those that are read: said, and taken from the last.
+    // A set beyond the supported ones gives a warning and is replaced by the last.
     assert_eq!(emission.uv_set, 3);
     assert!(scene.warnings.iter().any(|warning| warning.contains("sets 0 to 3")), "{:?}", scene.warnings);
 }
 
-/// A plain sky comes into scenes in which nothing was made to light others, and into no other.
+/// Only scenes without any intended light source get a plain sky.
 #[test]
 fn a_sky_is_added_where_nothing_was_made_to_shine() {
     let png = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
@@ -163,13 +163,13 @@ fn a_sky_is_added_where_nothing_was_made_to_shine() {
     assert!(lit_by_sky(&glowing(1.0), ""), "instruments of a helmet");
     assert!(!lit_by_sky(&glowing(6.5), ""), "a stained glass window");
     let black = "[sky]\nzenith = [0, 0, 0]\nhorizon = [0, 0, 0]\n";
-    assert!(!lit_by_sky(&square(json!({})), black), "a sky that is said to be black");
+    assert!(!lit_by_sky(&square(json!({})), black), "an explicit black sky");
 
     let nave = scene::load(&cornell().with_file_name("../nave/nave.glb")).unwrap();
     assert!(nave.sky.is_none() && nave.warnings.is_empty(), "{:?}", nave.warnings);
 }
 
-/// A square whose corners are normalized shorts, interleaved eight bytes apart, and whose normals are bytes.
+/// A square with normalized 16-bit corners, interleaved at eight bytes, and 8-bit normals.
 #[test]
 fn quantised_meshes_have_the_numbers_they_stand_for() {
     let mut glb = square(json!({}));
@@ -236,7 +236,7 @@ fn the_settings_choose_the_animation() {
         let scene = load(&room, settings).unwrap();
         scene.channels.iter().map(|channel| channel.node).collect()
     };
-    // The loader numbers nodes in the order of the hierarchy; the camera is the last of the room either way.
+    // The loader numbers nodes in hierarchy order; the camera is the room's last node in both cases.
     assert_ne!(camera, json!(0));
     assert_eq!(moving("[animation]\nname = \"second\""), [0]);
     assert_eq!(moving(""), moving("[animation]\nname = \"first\""));
@@ -245,7 +245,7 @@ fn the_settings_choose_the_animation() {
     assert!(message.contains("third") && message.contains("first") && message.contains("second"), "{message}");
 }
 
-/// A skin in a file: bytes for joints and weights, one joint that is animated, an accessor without any bytes.
+/// A skin from a file: 8-bit joints and weights, one animated joint, an accessor without data.
 #[test]
 fn skins_come_out_of_files() {
     let mut glb = square(json!({}));
@@ -261,7 +261,7 @@ fn skins_come_out_of_files() {
     views.push(json!({ "buffer": 0, "byteOffset": start, "byteLength": 16 }));
     let view = views.len() - 1;
     let accessors = glb.json["accessors"].as_array_mut().unwrap();
-    // Zeros that no byte stands for: every vertex hangs from joint 0.
+    // An accessor without data is all zeros: every vertex has joint 0.
     accessors.push(json!({ "componentType": 5121, "count": 4, "type": "VEC4" }));
     accessors
         .push(json!({ "bufferView": view, "componentType": 5121, "normalized": true, "count": 4, "type": "VEC4" }));
@@ -296,7 +296,7 @@ fn hostile_files_get_an_error_and_little_memory() {
     for Hostile { name, bytes } in &cases {
         let file = format!("{name}.glb");
         std::fs::write(folder.path().join(&file), bytes).unwrap();
-        // 4 GB of addresses: room for threads, none for an allocation that a file only claims to need.
+        // 4 GB of address space: enough for threads, too little for an allocation by a false size.
         let script = "ulimit -v 4000000; exec \"$0\" plan \"$1\"";
         let mut shell = Command::new("sh");
         shell.args(["-c", script]).arg(program()).arg(&file).current_dir(folder.path()).stdin(Stdio::null());
@@ -311,7 +311,7 @@ fn hostile_files_get_an_error_and_little_memory() {
     assert!(wrong.is_empty(), "{} of {}: {wrong:#?}", wrong.len(), cases.len());
 }
 
-/// The header of a PNG file of this size, and nothing of what it promises (PNG, 11.2.1 and 5.3).
+/// Returns the header of a PNG file of this size without image data (PNG, 11.2.1 and 5.3).
 fn png_that_claims(width: u32, height: u32) -> Vec<u8> {
     let chunk = |kind: &[u8; 4], data: &[u8]| {
         let body = [&kind[..], data].concat();
@@ -326,7 +326,7 @@ fn png_that_claims(width: u32, height: u32) -> Vec<u8> {
     [&b"\x89PNG\r\n\x1a\n"[..], &chunk(b"IHDR", &header), &chunk(b"IDAT", &[0x78, 0x9c]), &chunk(b"IEND", &[])].concat()
 }
 
-/// Small files that stand for much: an image that claims to be large, meshes that share their numbers, one mesh shown often.
+/// Small files with large content are refused: an oversized image, meshes that share data, and one mesh in many nodes.
 #[test]
 fn small_files_that_claim_much_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -334,7 +334,7 @@ fn small_files_that_claim_much_are_refused() {
     let mut image = square(json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }));
     image.json["images"] = json!([{ "uri": "large.png" }]);
     image.json["textures"] = json!([{ "source": 0 }]);
-    // Each mesh takes 12 bytes for each of 16 million corners that no byte stands for.
+    // Each mesh takes 12 bytes for each of 16 million vertices without data.
     let mut zeros = square(json!({}));
     zeros.json["accessors"]
         .as_array_mut()
@@ -346,7 +346,7 @@ fn small_files_that_claim_much_are_refused() {
         zeros.json["nodes"].as_array_mut().unwrap().push(json!({ "mesh": mesh + 1 }));
         zeros.json["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(mesh + 1));
     }
-    // 20 000 squares, 20 000 times.
+    // 20 000 squares in 20 000 nodes.
     let mut often = Glb::default();
     often.add(&vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 20_000], Vec3::ONE, Vec3::ZERO);
     for node in 1..20_000 {
@@ -371,7 +371,7 @@ fn small_files_that_claim_much_are_refused() {
     }
 }
 
-/// A header is no reason to take memory, nor is a size whose product leaves the range of numbers.
+/// Neither a large size in a header nor a size that overflows leads to an allocation.
 #[test]
 fn videos_that_claim_much_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -383,12 +383,12 @@ fn videos_that_claim_much_are_refused() {
     }
 }
 
-/// A skinned mesh whose first primitive is made of lines: lines and triangles hang from their own joints.
+/// A skinned mesh with lines as its first primitive: lines and triangles have separate joints.
 #[test]
 fn lines_and_triangles_have_their_own_joints() {
     let mut glb = square(json!({}));
     let start = glb.bin.len();
-    // Of the two vertices of the line, then of the four of the square: all of joint 0, all of joint 1.
+    // Joint 0 for the two vertices of the line, joint 1 for the four of the square, then full weights for both.
     glb.bin.extend([[0u8, 0, 0, 0].repeat(2), [1, 0, 0, 0].repeat(4), [255, 0, 0, 0].repeat(4)].concat());
     let mut push = |list: &str, value: Value| {
         let list = glb.json[list].as_array_mut().unwrap();
@@ -431,7 +431,7 @@ fn lines_and_triangles_have_their_own_joints() {
     assert!((left(1) - 9.0).abs() < 1e-5, "the square hangs from joint 1: {}", left(1));
 }
 
-/// Loads a damaged scene and renders a frame of it, if it can be loaded; true if so.
+/// Loads a damaged scene and renders a frame if it loads. Returns whether it was rendered.
 fn survives(path: &Path, video: &Path) -> bool {
     let Ok(scene) = scene::load(path) else { return false };
     let options = Options {
@@ -461,7 +461,7 @@ fn flipped_bytes_never_panic() {
         for case in 0..300 {
             let (damaged, places) = damaged(&whole, &mut random);
             std::fs::write(&path, &damaged).unwrap();
-            // What leads to a panic, or to no end, is told last.
+            // The last printed case is the one that panics or hangs.
             println!("case {case}: {places:?}");
             loaded += usize::from(survives(&path, &video));
             done.send(loaded).unwrap();
@@ -477,5 +477,8 @@ fn flipped_bytes_never_panic() {
     }
     worker.join().expect("no panic");
     println!("{loaded} of 300 damaged scenes could be rendered");
-    assert!((30..285).contains(&loaded), "{loaded} of 300 loaded: the damage is too large or too small to tell much");
+    assert!(
+        (30..285).contains(&loaded),
+        "{loaded} of 300 loaded: the damage is too large or too small for a useful test"
+    );
 }

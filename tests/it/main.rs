@@ -1,6 +1,6 @@
-//! Tests across the crates, in one program: a module for each subject.
+//! Tests across the crates, in one program with a module for each subject.
 //!
-//! `allocation` and `panic_hook` are programs of their own: they replace what a whole process has one of.
+//! `allocation` and `panic_hook` are separate programs, as they replace the allocator and the panic hook of a process.
 
 mod bake;
 mod bake_coats;

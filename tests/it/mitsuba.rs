@@ -1,12 +1,12 @@
-//! The path tracer against Mitsuba 3, where that is installed.
+//! The path tracer compared with Mitsuba 3, if installed.
 
 use std::process::Command;
 use tests::{cornell, need, render2mpeg};
 
-/// No block of pixels of the textured Cornell box may differ by more than four standard errors. Seeds are fixed on both sides,
-/// and so is the outcome.
+/// No block of pixels of the textured Cornell box may differ by more than four standard errors. Both seeds are fixed, so the
+/// result is reproducible.
 ///
-/// Left out where python3, numpy, pillow or mitsuba is missing and none is required.
+/// The test is skipped if python3, numpy, pillow or mitsuba is missing and not required.
 #[test]
 fn a_picture_agrees_with_another_renderer() {
     let folder = tempfile::tempdir().unwrap();
@@ -20,7 +20,7 @@ fn a_picture_agrees_with_another_renderer() {
         .args([scene, "ours.exr", "--block", "8", "--spp", "4"])
         .current_dir(folder.path())
         .output();
-    // 77: the script has said what is missing.
+    // Exit code 77: the script has printed the missing packages.
     let mitsuba = mitsuba.ok().inspect(|output| println!("{}", String::from_utf8_lossy(&output.stdout)));
     let Some(mitsuba) = need("mitsuba", mitsuba.filter(|output| output.status.code() != Some(77))) else { return };
     assert!(mitsuba.status.success(), "{}", String::from_utf8_lossy(&mitsuba.stderr));

@@ -1,4 +1,4 @@
-//! Motion known by the renderer saves the encoder bits.
+//! The renderer's exact motion saves bits in the encoder.
 
 use glam::{Vec3, vec3};
 use mpeg2enc::{Packet, Picture, PictureType};
@@ -12,7 +12,7 @@ use tests::{Moving, checkered_room, cornell, correspondences, encode, load, read
 const SIZE: (usize, usize) = (96, 96);
 const FRAMES: u32 = 12;
 
-/// Bits and mean PSNR of the P pictures.
+/// Returns bits and mean PSNR of the P pictures.
 fn predicted(packets: &[Packet]) -> (f64, f64) {
     let predicted: Vec<&Packet> = packets.iter().filter(|packet| packet.picture_type == PictureType::P).collect();
     assert!(!predicted.is_empty());
@@ -20,9 +20,9 @@ fn predicted(packets: &[Packet]) -> (f64, f64) {
     (predicted.iter().map(|packet| packet.bits).sum::<u64>() as f64, psnr)
 }
 
-/// Bits of all P pictures with exact motion, by a search of the encoder's own, and with vectors of zero: at the quality that
-/// exact motion reaches at quantiser 8. An encoder that weighs bits against errors answers a worse prediction with both, so
-/// the others are coded at two quantisers, and the logarithm of their bits is interpolated over their PSNR.
+/// Returns the bits of all P pictures with exact motion, the encoder's own search, and zero vectors. All are for the quality
+/// of exact motion at quantiser 8. As rate-distortion decisions spread a worse prediction over bits and errors, the other two
+/// are coded at two quantisers. The logarithm of their bits is interpolated over PSNR.
 fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
     let options = Options {
         frames: Some(FRAMES),
@@ -61,7 +61,7 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
 fn exact_vectors_cost_fewer_bits_than_none() {
     let folder = tempfile::tempdir().unwrap();
     let room = folder.path().join("room.glb");
-    // Faster than a search around zero reaches: 5 pixels from frame to frame.
+    // Five pixels per frame, beyond the range of a search around zero.
     let mut fast = checkered_room(Moving::Nothing);
     let camera = fast.add_camera(Vec3::ZERO);
     fast.animate(camera, vec3(-2.0, 1.5, 4.5), vec3(6.0, 1.5, 4.5));
@@ -69,7 +69,7 @@ fn exact_vectors_cost_fewer_bits_than_none() {
     let [exact, searched, zero] = bits(folder.path(), "camera", &room);
     assert!(exact * 10.0 < zero * 9.0, "a moving camera: {exact} bits with exact motion, {zero} without");
     assert!(exact <= searched, "a search does no better than knowing: {exact} and {searched}");
-    // What moves slowly is found from zero and by a search as well: knowing must not cost anything then.
+    // Slow motion is found from zero vectors and by a search too: exact motion must not cost bits.
     checkered_room(Moving::Box).write(&room);
     for (name, path) in [("box", &room), ("cornell", &cornell())] {
         let [exact, searched, zero] = bits(folder.path(), name, path);

@@ -1,4 +1,4 @@
-//! `render --html`: what the page of a film shows, what it keeps to itself, and that it is sound HTML.
+//! `render --html`: content, privacy and valid HTML of a film's page.
 
 use serde_json::Value;
 use std::fs;
@@ -7,7 +7,7 @@ use tests::{Moving, Rendered, checkered_room, render};
 
 const SMALL: &str = "--size 64x64 --vpls 60 --photons 3000";
 
-/// A film of a room, and its page.
+/// Renders a film of a room with its page.
 fn film(folder: &Path, moving: Moving, options: &str) -> (Rendered, String) {
     checkered_room(moving).write(&folder.join("room.glb"));
     fs::write(folder.join("room.toml"), "[tone_mapping]\nexposure = 0.5\n").unwrap();
@@ -17,7 +17,7 @@ fn film(folder: &Path, moving: Moving, options: &str) -> (Rendered, String) {
     (film, fs::read_to_string(page).unwrap())
 }
 
-/// Addresses that hold their data, of this kind, decoded.
+/// Returns the decoded data URIs of this type.
 fn data(html: &str, kind: &str) -> Vec<Vec<u8>> {
     let start = format!("data:{kind};base64,");
     html.split(&start).skip(1).map(|rest| from_base64(rest.split('"').next().unwrap_or(rest))).collect()
@@ -43,7 +43,7 @@ fn from_base64(text: &str) -> Vec<u8> {
     bytes
 }
 
-/// Every element is closed where it was opened, each attribute has its quotes, and no name is there twice.
+/// Checks that every element is closed in order, each attribute is quoted, and no id repeats.
 fn assert_sound(html: &str) {
     const EMPTY: [&str; 5] = ["meta", "link", "br", "img", "input"];
     let (mut open, mut names, mut rest) = (Vec::new(), Vec::new(), html);
@@ -64,7 +64,7 @@ fn assert_sound(html: &str) {
         if !EMPTY.contains(&name) && !tag.ends_with('/') {
             open.push(name);
         }
-        // Rules of style are no tags.
+        // The content of a style sheet is not parsed.
         if name == "style" {
             rest = &rest[rest.find("</style>").expect("it ends")..];
         }
@@ -82,7 +82,7 @@ fn it_shows_the_film_and_names_no_folder() {
     let (film, html) = film(folder.path(), Moving::Box, "--frames 5 --qscale 16");
     assert_sound(&html);
 
-    // Three frames, the strip with what plays it, and maps of the middle frame.
+    // Three frames, the strip with its player, and maps of the middle frame.
     for frame in [0, 2, 4] {
         assert!(html.contains(&format!("alt=\"Frame {frame}, decoded\"")), "{frame}");
     }
@@ -94,11 +94,11 @@ fn it_shows_the_film_and_names_no_folder() {
     }
     assert!(html.contains("Shading of frame 2") && data(&html, "image/png").len() == 3, "three maps");
 
-    // The command and what was chosen, but no folder, not even in the files that it holds, and nothing from elsewhere.
+    // The page contains the command and its options, but no folder, even in embedded files, and loads no external resource.
     let command = html.split("<pre>").nth(1).and_then(|rest| rest.split("</pre>").next()).expect("the command");
     assert!(command.contains(" render room.glb --output film.m2v ") && !command.contains('/'), "{command}");
     assert!(command.contains(" --html film.html --frames 5 --qscale 16"), "{command}");
-    assert!(html.contains("<td>qscale</td><td>16</td><td>8</td>"), "the choice beside its default");
+    assert!(html.contains("<td>qscale</td><td>16</td><td>8</td>"), "the option next to its default");
     assert!(!html.contains("<td>bframes</td><td>0</td><td>"), "a default is no choice");
     assert!(!html.contains("http:") && !html.contains("https:"), "a page loads nothing");
     let folders = folder.path().display().to_string();
@@ -106,7 +106,7 @@ fn it_shows_the_film_and_names_no_folder() {
     assert!(!html.contains(&folders) && !html.contains(">/"), "the page names a folder");
     assert!(!json.contains(&folders) && !json.contains("\"/"), "the report in it names a folder");
 
-    // The files that it holds say what the report says.
+    // The embedded files agree with the report.
     let held: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(held["frames"], film.report["frames"]);
     let csv = String::from_utf8(data(&html, "text/csv").remove(0)).unwrap();
@@ -121,7 +121,7 @@ fn it_shows_the_film_and_names_no_folder() {
     assert!(html.len() < 300_000, "{} bytes", html.len());
 }
 
-/// A page leaves the film as it is: the stream stays the same, and files of frames get no further layers.
+/// A page does not change the film: the stream stays the same, and frame files get no additional layers.
 #[test]
 fn it_changes_neither_the_film_nor_its_frames() {
     let folder = tempfile::tempdir().unwrap();
@@ -148,13 +148,13 @@ fn what_never_changes_has_no_plot() {
     assert_sound(&html);
     let bits = film.figures(&["bits"]);
     assert!(bits.iter().all(|&size| size == bits[0]), "{bits:?}");
-    // A number in the list, and no drawing.
+    // A number in the list, and no plot.
     assert!(html.contains("<dt>Bits of the pictures</dt>") && !html.contains("aria-label=\"Bits of the pictures\""));
     assert!(html.contains("<dt>Thresholds</dt><dd>2 % of luminance</dd>"), "of thresholds");
     assert!(html.contains("aria-label=\"CPU seconds of the stages\""));
-    // It has no thresholds and no cuts: no maps of them.
+    // Without thresholds and cuts, the page has no maps of them.
     assert!(!html.contains("Thresholds of frame") && !html.contains("Sizes of cuts of frame"));
-    // One frame has no strip.
+    // A film of one frame has no strip.
     let one =
         render(folder.path(), "one", &folder.path().join("room.glb"), &format!("{SMALL} --frames 1 --html one.html"));
     let html = fs::read_to_string(folder.path().join("one.html")).unwrap();

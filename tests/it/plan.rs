@@ -1,4 +1,4 @@
-//! Stages that a scene does not need are left out, and that never changes a bit.
+//! Stages that a scene does not need are skipped without a change of any bit.
 
 use render_core::{image_file::read_exr, luminance};
 use serde_json::Value;
@@ -13,7 +13,7 @@ fn scene(folder: &Path, moving: Moving) -> PathBuf {
     path
 }
 
-/// Renders with and without leaving out; the streams must be equal.
+/// Renders with and without skipped stages, and checks that the streams are equal.
 fn both_ways(folder: &Path, moving: Moving) -> [Rendered; 2] {
     let scene = scene(folder, moving);
     let spared = render(folder, "spared", &scene, SMALL);
@@ -28,7 +28,7 @@ fn state<'a>(report: &'a Value, stage: &str) -> &'a str {
     step["state"].as_str().expect("a state")
 }
 
-/// Light that is reflected once needs no photons, no tree and no cache, and still lights the film.
+/// Light with one reflection needs no photons, no tree and no cache, and still lights the film.
 #[test]
 fn direct_light_alone_needs_no_photons() {
     let folder = tempfile::tempdir().unwrap();
@@ -68,7 +68,7 @@ fn only_the_camera_moves() {
     assert!(few[0] > 0.0 && few[1..].iter().all(|&seconds| seconds == 0.0), "{few:?}");
     assert!(all.iter().all(|&seconds| seconds > 0.0), "{all:?}");
 
-    // What leaving out saves is estimated beforehand; beside it stands what it was in the run that left nothing out.
+    // Compare the estimated savings with the measured time of the run without skipped stages.
     let plan = spared.report["plan"].as_array().unwrap();
     let saves = |stage: &str| plan.iter().find(|step| step["stage"] == stage).unwrap()["saves"].as_f64();
     let whole = full.figures(&["seconds", "total"]);
@@ -88,7 +88,7 @@ fn only_the_camera_moves() {
     );
     assert!(full.report["plan"].as_array().unwrap().iter().all(|step| step["state"] != "once"));
 
-    // The plan is told beforehand in the words of the report.
+    // `plan` prints the stages in the report's words.
     let table = render2mpeg(folder.path(), &["plan", "room.glb"]).stdout;
     let row = table.lines().find(|line| line.starts_with("photons ")).expect("a row for photons");
     assert!(row.split_whitespace().nth(1) == Some("once") && row.contains(" %"), "{row}");
@@ -100,8 +100,8 @@ fn nothing_moves() {
     let scene = scene(folder.path(), Moving::Nothing);
     let [spared, _] = both_ways(folder.path(), Moving::Nothing);
     assert_eq!(state(&spared.report, "primary rays and motion"), "once");
-    // With fixed thresholds a still picture stays the same to the last bit. The first P picture may refine the I picture;
-    // then each says "as before": a header, and for each of 4 rows a slice with its first and last macroblock.
+    // With fixed thresholds, a static picture is bit-identical in every frame. The first P picture may refine the I picture.
+    // All later ones are skipped: a header, and for each of 4 rows a slice with its first and last macroblock.
     let still = render(folder.path(), "still", &scene, &format!("{SMALL} --thresholds fixed:0.02"));
     let bits = still.figures(&["bits"]);
     println!("bits of a still scene: {bits:?}; with perceptual thresholds {:?}", spared.figures(&["bits"]));

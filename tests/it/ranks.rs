@@ -1,4 +1,4 @@
-//! Films that several ranks make together: ranks by threads here, by `mpirun` in the tests below `mpirun`.
+//! Films rendered by several ranks: as threads here, with `mpirun` in the module `mpirun`.
 
 use pipeline::Run;
 use pipeline::checkpoint::Checkpoints;
@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tests::{Exchange, Moving, checkered_room, cornell, load};
 
-/// Teams of `count` ranks in this process.
+/// Creates teams of `count` ranks in this process.
 fn teams(count: usize) -> Vec<Team> {
     let (prepare, shade) = (ThreadRanks::new(count), ThreadRanks::new(count));
     let ranks = prepare.into_iter().zip(shade).zip(ThreadMail::new(count));
@@ -29,14 +29,14 @@ fn teams(count: usize) -> Vec<Team> {
     ranks.map(team).collect()
 }
 
-/// A film with its scene.
+/// A scene and the settings of its film.
 struct Film {
     scene: Scene,
     settings: Settings,
 }
 
 impl Film {
-    /// Few lights and pixels, and what `change` makes of that.
+    /// Loads a scene with few lights and pixels; `change` adjusts the options.
     fn new(scene: &Path, output: PathBuf, change: impl Fn(&mut Options)) -> Self {
         let mut options = Options {
             output: Some(output),
@@ -51,7 +51,7 @@ impl Film {
         Self { scene, settings }
     }
 
-    /// Makes or resumes the film on `count` ranks; returns the report of rank 0 and the results of the other ranks.
+    /// Renders or resumes the film on `count` ranks; returns the report of rank 0 and the results of the other ranks.
     fn made(&self, count: usize, run: Run<'_>) -> (Result<Report, Error>, Vec<Result<(), Error>>) {
         let plan = Plan::new(&self.scene, &self.settings.render);
         let job = job_of(&self.scene, &self.settings).unwrap();
@@ -71,7 +71,7 @@ impl Film {
         })
     }
 
-    /// The whole film made on `count` ranks, and its report; no rank may fail.
+    /// Renders the whole film on `count` ranks, and returns it with its report; no rank may fail.
     fn whole(&self, count: usize) -> (Vec<u8>, Report) {
         let (report, others) = self.made(count, Run::default());
         assert!(others.iter().all(Result::is_ok), "{others:?}");
@@ -103,14 +103,14 @@ fn films_of_several_ranks_are_those_of_one() {
             let (together, shared) = film.whole(count);
             assert!(together == alone, "{name}: {count} ranks make another film");
             for (a, b) in report.frames.iter().zip(&shared.frames) {
-                // Counts are of all ranks.
+                // Counts cover all ranks.
                 let counts = |frame: &FrameReport| {
                     (frame.figures.shadow_rays, frame.figures.photons_traced, frame.figures.cut_size_max)
                 };
                 assert_eq!(counts(a), counts(b), "{name}: frame {}", a.index);
             }
         }
-        // Equal for a reason: another seed does change it.
+        // A different seed must change the film, or equality would prove nothing.
         let seeded = Film::new(scene, folder.path().join("film.m2v"), |options| {
             change(options);
             options.seed = Some(7);
@@ -119,7 +119,7 @@ fn films_of_several_ranks_are_those_of_one() {
     }
 }
 
-/// Sets a flag when a frame is coded.
+/// Sets a flag when frame `at` is coded.
 fn stop_at(at: u32, stop: &AtomicBool) -> OnFrame<impl FnMut(&FrameReport)> {
     OnFrame::new(move |frame: &FrameReport| {
         if frame.index == at {
@@ -148,17 +148,17 @@ fn films_of_several_ranks_end_early_and_go_on_with_another_number() {
     }
 }
 
-/// A film that cannot be written ends on all ranks.
+/// If a film cannot be written, all ranks end.
 #[test]
 fn all_ranks_end_when_the_first_fails() {
     let folder = tempfile::tempdir().unwrap();
-    // Already before it begins.
+    // A failure before the first frame.
     let film = Film::new(&cornell(), folder.path().join("no/such/folder/film.m2v"), |_| ());
     let (report, others) = film.made(3, Run::default());
     assert!(report.is_err_and(|error| error.chain().contains("cannot be written")));
     assert!(others.iter().all(Result::is_ok), "{others:?}");
 
-    // In the middle: a stage of its own fails.
+    // A failure in the middle, in the display stage.
     struct Fails;
     impl Observer for Fails {
         fn shaded(&self, index: u32, _: &Shaded) {
@@ -171,11 +171,11 @@ fn all_ranks_end_when_the_first_fails() {
     assert!(others.iter().all(Result::is_ok), "{others:?}");
 }
 
-/// Ranks whose light differs end together, each with the same line.
+/// Ranks with different light end together, each with the same error.
 #[test]
 fn other_light_is_found_out() {
     let folder = tempfile::tempdir().unwrap();
-    // Only outlines, which every rank looks for by itself, tell the two apart.
+    // Only antialiased outlines differ, which every rank computes separately.
     let [film, other] = ["on", "off"].map(|smooth| {
         Film::new(&cornell(), folder.path().join("film.m2v"), |options| options.antialiasing = smooth.parse().ok())
     });
@@ -193,7 +193,7 @@ fn other_light_is_found_out() {
     }
 }
 
-/// A build without the feature says in one line that it knows no ranks, and only once.
+/// A build without the feature reports it in one line, on one rank only.
 #[test]
 #[cfg(not(feature = "mpi"))]
 fn a_build_without_ranks_says_so_under_mpirun() {
@@ -209,7 +209,7 @@ fn a_build_without_ranks_says_so_under_mpirun() {
     }
 }
 
-/// Ranks that all send to each other at once, large messages among them; `mpirun` has the same by processes.
+/// All ranks exchange messages at the same time, including large ones; `mpirun` repeats it with processes.
 #[test]
 fn all_messages_arrive_in_the_order_of_their_sender() {
     for count in [1, 3] {

@@ -1,4 +1,4 @@
-//! References and comparisons, as a user gets them.
+//! `reference` and `compare` on the command line.
 
 use glam::Vec3;
 use render_core::image_file::{read_exr, read_layers};
@@ -17,7 +17,7 @@ fn succeed(folder: &std::path::Path, arguments: &str) -> String {
     finished.stdout
 }
 
-/// A single frame by all lights is the frame of a film by all lights, to the last bit.
+/// A single frame with all lights is bit-identical to the frame of an all-lights film.
 #[test]
 fn all_lights_are_those_of_films() {
     let folder = folder_with_room();
@@ -85,7 +85,7 @@ fn what_cannot_be_done_is_said() {
     }
 }
 
-/// A sky from an image lights a scene, and one that cannot be read is told of in one line.
+/// A scene may have a sky from an image; an unreadable image is reported in one line.
 #[test]
 fn a_sky_may_be_an_image() {
     let folder = folder_with_room();
@@ -93,7 +93,7 @@ fn a_sky_may_be_an_image() {
     let sky = plane::Plane::from_fn(32, 16, |_, _| Vec3::new(0.5, 1.0, 2.0));
     render_core::image_file::write_exr(&path("sky.exr"), &sky).unwrap();
     std::fs::write(path("room.toml"), "[sky]\nimage = \"sky.exr\"\nintensity = 2.0\nrotation = 45.0\n").unwrap();
-    // Beyond the camera's room there is nothing but sky: with no light bounced, a picture of what glows shows it.
+    // An empty scene shows only the sky; with zero bounces, only emission is visible.
     std::fs::write(path("empty.glb"), tests::Glb::default().to_bytes()).unwrap();
     std::fs::copy(path("room.toml"), path("empty.toml")).unwrap();
     succeed(folder.path(), "reference empty.glb --size 16x16 --spp 16 -o sky-seen.exr --quiet");

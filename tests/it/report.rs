@@ -1,4 +1,4 @@
-//! The report tells what anyone can check.
+//! Figures of the report that a test can verify.
 
 use tests::{cornell, render};
 
@@ -10,7 +10,7 @@ fn figures_are_those_of_the_stream_and_the_process() {
     assert_eq!(report["schema"], 1);
     assert_eq!((&summary["frames"], &summary["interrupted"]), (&8.into(), &false.into()));
 
-    // All bits are in the stream; after the last picture there is only sequence_end_code.
+    // The stream contains all reported bits; only sequence_end_code follows the last picture.
     let bits: f64 = film.figures(&["bits"]).iter().sum();
     assert_eq!(bits, 8.0 * (film.stream.len() as f64 - 4.0));
     assert_eq!(summary["bits_total"].as_f64(), Some(bits));
@@ -21,7 +21,7 @@ fn figures_are_those_of_the_stream_and_the_process() {
     assert!(film.figures(&["qscale"]).iter().all(|&scale| scale == 10.0));
     assert!(film.figures(&["non_finite_pixels"]).iter().all(|&count| count == 0.0));
 
-    // Every stage that runs takes time; their sum is the total.
+    // Every stage that runs takes time; the sum is the total.
     let names = ["update", "photons", "tree", "visibility", "direct", "indirect", "tone_map", "encode", "thresholds"];
     for (index, frame) in report["frames"].as_array().unwrap().iter().enumerate() {
         let seconds = |name: &str| frame["seconds"][name].as_f64().unwrap_or_else(|| panic!("no seconds of {name}"));
@@ -44,7 +44,7 @@ fn peak_memory_is_plausible() {
     };
     let (small, large) = (peak("32x32"), peak("512x512"));
     println!("peak memory: {small:.3e} bytes for 32x32, {large:.3e} for 512x512");
-    // The program itself takes a few megabytes; a linear frame of 512x512 takes three, and several are in memory.
+    // The program itself takes a few megabytes, and each of several linear frames of 512×512 takes three.
     assert!(small > 3e6 && small < 500e6, "{small}");
     assert!(large > small + 3e6 && large < 2e9, "{large} after {small}");
 }

@@ -1,6 +1,6 @@
-//! A film that was killed is continued to the same bits.
+//! A killed film is continued to the same bits.
 //!
-//! Pipes of one line, which only Linux has, make it a matter of lines and not of time when runs are killed.
+//! Pipes of one line, available only on Linux, make the moment of the kill depend on lines and not on time.
 
 use rustix::pipe::{PipeFlags, fcntl_setpipe_size, pipe_with};
 use rustix::process::{Pid, Signal, kill_process};
@@ -21,23 +21,23 @@ fn arguments(film: &str, more: &str) -> Vec<String> {
     words.split_whitespace().map(str::to_owned).collect()
 }
 
-/// Numbers that are spread evenly over 0…1 and come in no order (van der Corput).
+/// Returns numbers spread evenly over 0…1, in irregular order (van der Corput).
 fn chance(index: u32) -> f64 {
     f64::from(index.reverse_bits()) / 2f64.powi(32)
 }
 
-/// A pipe that holds one write: whoever writes the next waits until that one is read.
+/// Creates a pipe for one write: the next write blocks until the first is read.
 fn narrow_pipe() -> (BufReader<fs::File>, OwnedFd) {
     let (read, write) = pipe_with(PipeFlags::DIRECT | PipeFlags::CLOEXEC).expect("a pipe");
-    // With DIRECT, each write takes pages of its own, and one page is the least there can be.
+    // With DIRECT, each write takes its own page, and one page is the minimum size.
     fcntl_setpipe_size(&write, 1).expect("a pipe of one page");
     (BufReader::new(read.into()), write)
 }
 
-/// Runs with a line on standard error whenever a stage is done with a frame, and kills it after `lines` of them, or lets it
-/// end; the number of lines read.
+/// Runs with a line on standard error for each finished stage of a frame. Kills the run after `lines` lines, or lets it end,
+/// and returns the number of lines read.
 ///
-/// A run is at most two lines ahead of what is read, so where it is killed depends on no clock.
+/// A run is at most two lines ahead of the reader, so the moment of the kill does not depend on a clock.
 fn run_until(folder: &Path, arguments: &[String], lines: usize) -> usize {
     let (reader, writer) = narrow_pipe();
     let mut child = Command::new(program())
@@ -62,9 +62,9 @@ fn run_until(folder: &Path, arguments: &[String], lines: usize) -> usize {
 
 #[test]
 fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
-    // What is carried differs: a moving box with everything; an encoder that looks ahead, into a transport stream; a still
-    // picture, more samples, uncompressed frames; no cache, fixed thresholds; importance; chunks; chunks of a part; groups of pictures
-    // that are not whole yet.
+    // The state between frames differs: a moving box with every stage; look-ahead into a transport stream; a static film with
+    // more samples and uncompressed frames; no cache and fixed thresholds; importance; chunks; chunks of a range; incomplete
+    // groups of pictures in MP4 and Matroska.
     let kinds = [
         (Moving::Box, "film.m2v", "--gop 7"),
         (Moving::Camera, "film.ts", "--cbr --bitrate 100k --bframes 2 --stopping calibrated"),
@@ -87,10 +87,10 @@ fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
         let truth = (read(film), read("film.y4m"));
         for index in 0..4 {
             fs::remove_file(folder.join(film)).unwrap();
-            // The last lines are the summary, when the film is whole.
+            // A complete film ends with the lines of the summary.
             let at = 1 + ((whole - 20) as f64 * chance(1 + 4 * kind + index)) as usize;
             run_until(folder, &arguments(film, more), at);
-            // A second time where it goes on, which has at least the lines that are left.
+            // Kill it a second time after it continued, within the remaining lines.
             let resume = format!("{more} --resume");
             let left = (whole - at) as f64;
             run_until(folder, &arguments(film, &resume), 1 + (0.6 * left * chance(17 + index)) as usize);
@@ -98,17 +98,17 @@ fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
             run_until(folder, &arguments(film, &last), usize::MAX);
             assert!(read(film) == truth.0, "{more}, killed after {at} of {whole} lines: another film");
             assert!(read("film.y4m") == truth.1, "{more}, killed after {at} of {whole} lines: other frames");
-            assert_eq!(sorted_names(folder), names, "nothing else stays");
+            assert_eq!(sorted_names(folder), names, "no other file remains");
         }
     }
 }
 
 #[test]
 fn ended_by_ctrl_c_it_goes_on_after_its_last_frame() {
-    // Checkpoints of a minute: the one that counts is made at the end.
+    // Checkpoints are a minute apart, so only the checkpoint at the end counts.
     let kinds = [
         (Moving::Box, "film.m2v", "--frames 60 --y4m film.y4m"),
-        // It is 31 frames ahead of those that are told.
+        // The renderer is 31 frames ahead of the reported ones.
         (Moving::Camera, "film.ts", "--frames 120 --cbr --bitrate 100k --bframes 2 --stopping calibrated"),
         (Moving::Nothing, "film.mpg", "--frames 200 --thresholds fixed:0.02"),
     ];
@@ -127,7 +127,7 @@ fn ended_by_ctrl_c_it_goes_on_after_its_last_frame() {
         let resumed = [&words[..], &["--resume"]].concat();
         for index in 0..2 {
             fs::remove_file(folder.join(film)).unwrap();
-            // Frames of its own after which a run is interrupted; once from the beginning, once where it goes on.
+            // Number of frames before the interruption: in the first run, and in the continued run.
             let after = [1 + (20.0 * chance(3 * kind + index)) as usize, 5];
             let first = end_after(folder, &words, after[0]);
             let second = end_after(folder, &resumed, after[1]);
@@ -140,14 +140,14 @@ fn ended_by_ctrl_c_it_goes_on_after_its_last_frame() {
                 read(film) == truth.0 && read("film.y4m") == truth.1,
                 "{more}, ended after {after:?}: another film"
             );
-            assert_eq!(sorted_names(folder), truth.2, "nothing else stays");
+            assert_eq!(sorted_names(folder), truth.2, "no other file remains");
         }
     }
 }
 
-/// Runs, and sends an interrupt when `after` frames were told of; how many frames the film has then.
+/// Interrupts a run after `after` reported frames, and returns the number of frames in the film.
 ///
-/// The run waits with the next frames until the interrupt has arrived.
+/// The run blocks at its next frame until the interrupt has arrived.
 fn end_after(folder: &Path, arguments: &[&str], after: usize) -> u64 {
     let (reader, writer) = narrow_pipe();
     let mut child = Command::new(program())
@@ -166,13 +166,13 @@ fn end_after(folder: &Path, arguments: &[&str], after: usize) -> u64 {
         assert_eq!(child.try_wait().unwrap(), None, "{arguments:?}: ended too early");
         std::thread::sleep(Duration::from_millis(1));
     }
-    let last = lines.last().expect("the end is told");
+    let last = lines.last().expect("a line at the end");
     assert_eq!(child.wait().unwrap().code(), Some(130), "{arguments:?}: {last}");
     let end: Value = serde_json::from_str(&last).unwrap();
     end["summary"]["frames"].as_u64().expect("frames are counted")
 }
 
-/// How often the thread that waits for interrupts went to sleep: once more when it has dealt with one.
+/// Counts how often the interrupt thread went to sleep, which increases after each handled interrupt.
 fn times_asleep(process: u32) -> u64 {
     let threads = fs::read_dir(format!("/proc/{process}/task")).expect("threads of the process");
     let status = threads
@@ -220,7 +220,7 @@ fn only_the_same_film_is_continued() {
     checkered_room(Moving::Box).write(&folder.join("room.glb"));
     fails(&[], &["film.m2v.checkpoint", "scene has changed"]);
     checkered_room(Moving::Camera).write(&folder.join("room.glb"));
-    // The part itself: as long as it was, with a byte changed at its begin, or where it was last known; and too short.
+    // The unfinished video with a byte changed at its start or in its last known range, and a truncated one.
     let begun = fs::read(folder.join("film.m2v.part")).unwrap();
     for place in [0, 1000] {
         let mut changed = begun.clone();
@@ -232,7 +232,8 @@ fn only_the_same_film_is_continued() {
     fs::write(folder.join("film.m2v.part"), b"").unwrap();
     fails(&[], &["film.m2v.part", "shorter"]);
 
-    // Begun anew, the old checkpoint is gone, and so is one that was being written; and where there is none, --resume begins at the beginning.
+    // A new start removes the old checkpoint and a half-written one. Without a checkpoint, --resume starts at the first
+    // frame.
     fs::write(folder.join("film.m2v.checkpoint.part"), &bytes[..bytes.len() / 2]).unwrap();
     let film = render(folder, "film", &folder.join("room.glb"), "--size 48x48 --vpls 60 --photons 1000 --frames 3");
     assert_eq!(sorted_names(folder), ["film.m2v", "film.report.json", "room.glb"]);

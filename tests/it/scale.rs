@@ -1,5 +1,5 @@
-//! Light does not know how long a meter is: with all lengths halved, what a lamp of given radiance shows stays the same, and
-//! what a point of light shows too once its intensity is quartered.
+//! Light is independent of the unit of length. With all lengths halved, lamps of equal radiance give the same picture, and so
+//! do point lights with a quarter of the intensity.
 
 use glam::Vec3;
 use plane::Plane;
@@ -8,14 +8,14 @@ use serde_json::{Value, json};
 use std::path::Path;
 use tests::{Moving, checkered_room, render};
 
-/// Radiances of the second of two frames, by the program.
+/// Returns the radiances of the second of two frames.
 fn frame(folder: &Path, name: &str, scene: &Path, lighting: &str) -> Plane<Vec3> {
     let arguments = format!("--size 48x48 --frames 2 --vpls 500 --photons 50000 --lighting {lighting} --exr {name}");
     render(folder, name, scene, &arguments);
     read_exr(&folder.join(name).join("frame_00001.exr")).expect("a linear frame")
 }
 
-/// Hangs all that stands at the top of the scene below a node that halves it.
+/// Moves all root nodes below a node that halves them.
 fn halve(json: &mut Value) {
     let top = json["scenes"][0]["nodes"].take();
     let nodes = json["nodes"].as_array_mut().expect("nodes");
@@ -26,7 +26,7 @@ fn halve(json: &mut Value) {
     }
 }
 
-/// Hangs all that stands at the top of the scene below a node 1000 km away.
+/// Moves all root nodes below a node 1000 km away.
 fn move_away(json: &mut Value) {
     let top = json["scenes"][0]["nodes"].take();
     let nodes = json["nodes"].as_array_mut().expect("nodes");
@@ -34,7 +34,7 @@ fn move_away(json: &mut Value) {
     json["scenes"][0]["nodes"] = json!([nodes.len() - 1]);
 }
 
-/// A room 1000 km from the origin, with a box and a camera that move, is the same room.
+/// A room 1000 km from the origin, with a moving box, gives the same picture.
 #[test]
 fn a_room_far_away_is_the_same_room() {
     let folder = tempfile::tempdir().unwrap();
@@ -73,7 +73,7 @@ fn half_the_lengths_make_the_same_picture() {
         let (a, b) = (picture("a", &whole), picture("b", &half));
         let mean = a.samples().iter().map(|a| a.max_element()).sum::<f32>() / a.samples().len() as f32;
         assert!(mean > 0.05, "{lighting}: the room is lit");
-        // A half is exact in f32, and so is all that follows from it.
+        // A factor of one half is exact in f32, and so are all derived numbers.
         assert!(a.samples() == b.samples(), "{lighting}: a pixel is off");
     }
 }

@@ -1,4 +1,4 @@
-//! Single pictures, frames as pictures, and films of some of a scene's frames.
+//! Single pictures, frames as pictures, and films of selected frames.
 
 use laboratory::compare::png_file;
 use plane::Plane;
@@ -14,7 +14,7 @@ fn folder_with_room(moving: Moving) -> tempfile::TempDir {
     folder
 }
 
-/// Runs the words, which must go well.
+/// Runs the command, which must succeed.
 fn run(folder: &Path, words: &str) -> Finished {
     let finished = render2mpeg(folder, &words.split_whitespace().collect::<Vec<_>>());
     assert_eq!(finished.code, Some(0), "{words}: {}", finished.stderr);
@@ -25,7 +25,7 @@ fn png(path: &Path) -> Plane<[u8; 3]> {
     png_file::read(path).unwrap()
 }
 
-/// Mean difference of two pictures, in codes.
+/// Mean difference of two pictures \[codes\].
 fn difference(a: &Plane<[u8; 3]>, b: &Plane<[u8; 3]>) -> f64 {
     let (a, b) = (a.samples().as_flattened(), b.samples().as_flattened());
     assert_eq!(a.len(), b.len());
@@ -41,17 +41,17 @@ fn a_still_is_the_frame_of_a_film() {
     render(folder, "film", &folder.join("room.glb"), &format!("{SMALL} --qscale 1 --frames 21 --png frames"));
     let (first, late) = (png(&folder.join("frames/frame_00000.png")), png(&folder.join("frames/frame_00020.png")));
     assert!(difference(&png(&folder.join("room.png")), &first) < 0.01, "the first frame is lit alike");
-    // A film's later frames keep light of the frames before; the exposure is found from a smaller picture.
+    // A film's later frames reuse light of previous frames, and the exposure comes from a smaller picture.
     let apart = difference(&png(&folder.join("late.png")), &late);
     assert!(apart < 4.0 && difference(&first, &late) > 2.0 * apart, "{apart} of {}", difference(&first, &late));
 
-    // Several frames have files of their own.
+    // Several frames have separate files.
     run(folder, &format!("still room.glb {SMALL} --samples 1 --frame 20,0 -o list.png"));
     for (one, of_list) in [("room.png", "list_00.png"), ("late.png", "list_20.png")] {
         assert!(fs::read(folder.join(one)).unwrap() == fs::read(folder.join(of_list)).unwrap(), "{of_list}");
     }
 
-    // A reference as a picture agrees, within its noise.
+    // A reference picture agrees within its noise.
     run(folder, "reference room.glb --size 48x32 --spp 64 -o truth.png --quiet");
     let apart = difference(&png(&folder.join("truth.png")), &first);
     assert!(apart < 12.0, "{apart}");
@@ -89,7 +89,7 @@ fn films_show_the_frames_that_are_wanted() {
                 .report;
         (report["summary"]["frames"].as_u64().unwrap(), sorted_names(&folder.join(name)).len())
     };
-    // Frames 6, 8 and 10 of the scene: each is where it is in the film of all.
+    // Frames 6, 8 and 10 of the scene equal the same frames of the whole film.
     assert_eq!(film("whole", "--frames 12"), (12, 12));
     assert_eq!(film("some", "--from 6 --to 11 --every 2"), (3, 3));
     let linear = |name: &str, frame: u32| {

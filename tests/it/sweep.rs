@@ -1,4 +1,4 @@
-//! `render2mpeg sweep` and `render --html`: figures beside those of the single commands, pages in a real browser.
+//! `render2mpeg sweep` and `render --html`: figures compared with single commands, and pages in a real browser.
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -8,7 +8,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 use tests::{Moving, assert_fails, checkered_room, need, program, render, render2mpeg, sorted_names};
 
-/// A room that keeps its exposure, so that every film of it can be laid beside every other.
+/// Writes a room with fixed exposure, so that all its films are comparable.
 fn folder_with_room() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("room.glb"), checkered_room(Moving::Camera).to_bytes()).unwrap();
@@ -29,14 +29,14 @@ fn a_sweep_says_what_single_commands_say() {
     let json = std::fs::read(folder.path().join("swept/sweep.json")).unwrap();
     let swept: Value = serde_json::from_slice(&json).unwrap();
     let runs = swept["runs"].as_array().unwrap();
-    // Both baselines came along: five methods at two quantisers.
+    // Both baselines are included: five methods at two quantisers.
     assert_eq!(runs.len(), 10);
     let run = |method: &str, qscale: u64| {
         runs.iter().find(|run| run["method"] == method && run["qscale"] == qscale).expect("it was requested")
     };
     let number = |value: &Value| value.as_f64().expect("a number");
 
-    // One run, by `render` and `compare` and ffmpeg's decoder.
+    // One run, repeated with `render`, `compare` and ffmpeg's decoder.
     let room = folder.path().join("room.glb");
     let film = render(folder.path(), "film", &room, &format!("{COMMON} --qscale 32 --thresholds perceptual"));
     render(folder.path(), "truth", &room, &format!("{COMMON} --lighting all-lights --cache off --y4m truth.y4m"));
@@ -48,12 +48,12 @@ fn a_sweep_says_what_single_commands_say() {
     let frames = compared["frames"].as_array().unwrap();
     let psnr: Vec<f64> = frames.iter().map(|frame| number(&frame["psnr_y"])).collect();
     assert!((number(&steered["decoded"]["psnr_y"]) - later(&psnr)).abs() < 0.05, "{steered} {psnr:?}");
-    // The reader of JSON may be off by the last bit.
+    // The JSON parser may be off by one bit.
     let (swept_size, size) = (number(&steered["cut_size_mean"]), later(&film.figures(&["cut_size_mean"])));
     assert!((swept_size / size - 1.0).abs() < 4.0 * f64::EPSILON, "{swept_size} and {size}");
     assert!(number(&swept["decoder_check"]["equal_share"]) > 0.98, "{}", swept["decoder_check"]);
 
-    // Equal quality is what it says it is, and finer quantisers leave less error.
+    // The figures at equal quality are correct, and finer quantisers leave less error.
     for run in runs.iter().filter(|run| !run["against_baseline"].is_null()) {
         let beside = &run["against_baseline"];
         let [psnr, bits, flicker] =
@@ -80,7 +80,7 @@ fn a_sweep_says_what_single_commands_say() {
     check_page(&folder.path().join("swept/sweep.html"), 9);
 }
 
-/// Distinct films that a sweep has begun so far, added to `seen`.
+/// Adds the films that a sweep has started so far to `seen`.
 fn note_films(folder: &Path, seen: &mut BTreeSet<PathBuf>) {
     let inside = |path: &Path| std::fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
     for working in inside(folder).filter(|path| path.is_dir()) {
@@ -99,11 +99,11 @@ fn a_sweep_that_is_ended_early_keeps_what_is_measured() {
         .spawn()
         .expect("render2mpeg starts");
 
-    // The reference, the baseline, which serves for both quantisers, and the film that the signal ends.
+    // The reference, the baseline, which serves both quantisers, and the film that the signal interrupts.
     let (start, mut seen) = (Instant::now(), BTreeSet::new());
     while seen.len() < 3 {
         assert!(start.elapsed() < Duration::from_secs(120), "three films were not begun: {seen:?}");
-        assert_eq!(child.try_wait().expect("a child"), None, "it ends by itself");
+        assert_eq!(child.try_wait().expect("a child"), None, "the run ended before the signal");
         std::thread::sleep(Duration::from_millis(2));
         note_films(&folder.path().join("swept"), &mut seen);
     }
@@ -132,7 +132,7 @@ fn a_sweep_that_is_ended_early_keeps_what_is_measured() {
 fn a_run_has_a_page() {
     let folder = folder_with_room();
     render(folder.path(), "film", &folder.path().join("room.glb"), &format!("{COMMON} --html film.html"));
-    // What the stages took, bits, PSNR, cuts, thresholds, carried light and rays; κ and the quantiser stay.
+    // Stage times, bits, PSNR, cuts, thresholds, reprojected light and rays; κ and the quantiser are constant.
     check_page(&folder.path().join("film.html"), 7);
 }
 
@@ -150,14 +150,14 @@ fn what_cannot_be_swept_is_said() {
     }
 }
 
-/// Opens a page in Chromium, in a wide window and as narrow as a phone: it shows all `plots`, its scripts run to the end, the
-/// console stays silent, and nothing is wider than the window.
+/// Opens a page in Chromium, in a wide window and at phone width. All `plots` must be visible, the scripts must end, the
+/// console must be empty, and no element may be wider than the window.
 fn check_page(page: &Path, plots: usize) {
     let html = std::fs::read_to_string(page).unwrap();
     assert!(!html.contains("http://") && !html.contains("https://"), "a page loads nothing from elsewhere");
     let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| starts(name));
     let Some(browser) = need("chromium", browser) else { return };
-    // The page measures itself when all is loaded, and tells whoever shows it.
+    // After loading, the page measures itself and posts the result to its parent.
     let measured = page.with_extension("measured.html");
     let script = "<script>addEventListener('load', () => { const root = document.documentElement; parent.postMessage({ \
         width: innerWidth, overflow: root.scrollWidth - root.clientWidth, ready: root.dataset.ready || 'no', \
@@ -166,8 +166,8 @@ fn check_page(page: &Path, plots: usize) {
     std::fs::write(&measured, html.replace("</body>", script)).unwrap();
     let profile = tempfile::tempdir().unwrap();
     for width in [1280, 390] {
-        // Windows of the browser are at least 500 pixels wide; a frame in a window has the width that it is given, for
-        // layout and media queries alike.
+        // Browser windows are at least 500 pixels wide. A frame inside a window may have any width, for layout and media
+        // queries alike.
         let shown = page.with_extension("shown.html");
         let name = measured.file_name().unwrap().to_str().unwrap();
         let frame = format!(

@@ -1,5 +1,5 @@
-//! Films whose tiles ranks take on demand: by threads here, and imagined ones. Their light is that of one rank but for the records
-//! that each interpolates from.
+//! Films whose tiles are taken by ranks on demand, with threads and with simulated ranks. Their light differs from one rank's
+//! only in the records available for interpolation.
 
 use perceptual::YCbCr;
 use pipeline::Run;
@@ -17,10 +17,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use tests::{Moving, checkered_room, cornell, load};
 
-/// A network that takes no time.
+/// A network without latency.
 const INSTANT: Network = Network { latency: 0.0, bandwidth: f64::INFINITY };
 
-/// PSNR that tiles may cost \[dB\]: records lie elsewhere, and there are so few of them here that it moves by 1 dB either way.
+/// Largest loss of PSNR by tiles \[dB\]. The few records in these films are at other positions, which changes PSNR by ±1 dB.
 const WORSE: f64 = 2.0;
 
 /// Luma of every frame.
@@ -33,14 +33,14 @@ impl Observer for Frames {
     }
 }
 
-/// A finished film.
+/// Pictures, bytes and report of a finished film.
 struct Made {
     frames: Vec<Vec<f32>>,
     bytes: Vec<u8>,
     report: Report,
 }
 
-/// A film that is small and has few lights, with these tiles; none for `tiles` that are empty.
+/// A small film with few lights, divided into `tiles` unless the string is empty.
 struct Film {
     scene: Scene,
     settings: Settings,
@@ -70,7 +70,7 @@ impl Film {
         Made { frames: frames.0.into_inner().unwrap(), bytes, report }
     }
 
-    /// The film by `count` ranks, each a thread.
+    /// Renders the film on `count` ranks, each a thread.
     fn by_ranks(&self, count: usize) -> Made {
         let plan = Plan::new(&self.scene, &self.settings.render);
         let checkpoints = Checkpoints::off();
@@ -96,7 +96,7 @@ impl Film {
         })
     }
 
-    /// The film by `count` simulated ranks, and their times and counts.
+    /// Renders the film on `count` simulated ranks, and returns their times and counts.
     fn simulated(&self, count: usize, network: Network) -> (Made, Vec<SimulatedFrame>) {
         let plan = Plan::new(&self.scene, &self.settings.render);
         let checkpoints = Checkpoints::off();
@@ -107,7 +107,7 @@ impl Film {
     }
 }
 
-/// PSNR of a film's luma beside another's \[dB\], over all frames.
+/// PSNR between the luma of two films \[dB\], over all frames.
 fn psnr(a: &Made, b: &Made) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for (a, b) in a.frames.iter().flatten().zip(b.frames.iter().flatten()) {
@@ -123,7 +123,7 @@ fn scenes(folder: &Path) -> [PathBuf; 2] {
     [cornell(), moving]
 }
 
-/// Each way of records, one sample and several with importance.
+/// Each kind of record exchange, with one sample and with several by importance.
 #[test]
 fn ranks_that_take_tiles_make_the_picture_of_one_that_takes_none() {
     let folder = tempfile::tempdir().unwrap();
@@ -137,7 +137,7 @@ fn ranks_that_take_tiles_make_the_picture_of_one_that_takes_none() {
     }];
     for scene in scenes(folder.path()) {
         for change in kinds {
-            // Each as near to the light of a cut for every pixel as the picture that is lit as a whole.
+            // Each film is about as close to one lightcut per pixel as the film without tiles.
             let exact = Film::new(&scene, folder.path(), "", |options| {
                 change(options);
                 (options.cache, options.thresholds) = (Some(Switch::Off), Some(Thresholds::Fixed(0.005)));
@@ -149,14 +149,14 @@ fn ranks_that_take_tiles_make_the_picture_of_one_that_takes_none() {
             {
                 let made = Film::new(&scene, folder.path(), tiles, change).by_ranks(count);
                 let near = psnr(&made, &exact);
-                assert!(near > bound - WORSE, "{tiles} on {count} ranks: {near} dB beside {bound}");
+                assert!(near > bound - WORSE, "{tiles} on {count} ranks: {near} dB, without tiles {bound}");
                 assert_eq!(made.report.frames.len(), 2);
             }
         }
     }
 }
 
-/// One imagined rank does what one rank does, to the last bit, and several do what as many ranks might.
+/// One simulated rank gives the bits of one real rank; several differ no more than real ranks may.
 #[test]
 fn imagined_ranks_do_what_ranks_do() {
     let folder = tempfile::tempdir().unwrap();
@@ -178,20 +178,20 @@ fn imagined_ranks_do_what_ranks_do() {
             }
             computed.push(frames[0].records);
         }
-        // Ranks that share nothing find the most out by themselves.
+        // Ranks that exchange no records compute the most records.
         assert!(computed[0] > computed[1] && computed[0] > computed[2], "{computed:?}");
         assert!(computed[2] >= alone.report.frames[0].figures.cache_new, "{computed:?}");
     }
 }
 
-/// A slow network takes its time: the same work, later.
+/// A slow network delays the same work.
 #[test]
 fn messages_take_the_time_of_the_network() {
     let folder = tempfile::tempdir().unwrap();
     let film = Film::new(&cornell(), folder.path(), "rays,central:1", |options| options.frames = Some(1));
     let [(_, fast), (_, slow)] =
         [INSTANT, Network { latency: 10.0, bandwidth: 1e3 }].map(|network| film.simulated(2, network));
-    // Rank 1 asks and is answered, and the light of all goes to all: two latencies each, at least.
-    assert!(slow[0].seconds > fast[0].seconds + 40.0, "{} beside {}", slow[0].seconds, fast[0].seconds);
+    // Rank 1 requests work and receives it, and all ranks receive the frame's light: at least two latencies each.
+    assert!(slow[0].seconds > fast[0].seconds + 40.0, "{} s, without latency {} s", slow[0].seconds, fast[0].seconds);
     assert!(slow[0].bytes > 0 && slow[0].messages >= 2);
 }

@@ -1,10 +1,9 @@
-//! Tools that `RENDER2MPEG_REQUIRE` names are on this machine.
+//! Tools required by `RENDER2MPEG_REQUIRE` are installed.
 
 use std::process::Command;
 use tests::need;
 
-/// Kernels for AVX2 are compared with their scalar twins in the crates that have them. A machine without AVX2 would compare
-/// the twins with themselves.
+/// Crates compare AVX2 kernels with scalar code. A machine without AVX2 would compare scalar code with itself.
 #[test]
 fn the_processor_has_what_vector_code_is_tested_with() {
     #[cfg(target_arch = "x86_64")]
@@ -28,7 +27,7 @@ fn decoders_are_there() {
     }
 }
 
-/// A required tool that is missing is a failure, any other is not.
+/// A missing tool is a failure only if it is required.
 #[test]
 fn only_what_is_required_must_be_there() {
     assert_eq!(need("no-such-tool", Some(3)), Some(3));
@@ -38,7 +37,7 @@ fn only_what_is_required_must_be_there() {
         .env("RENDER2MPEG_REQUIRE", "ffmpeg, no-such-tool")
         .output()
         .unwrap();
-    // The child ends at the line above; without the variable this would go on forever.
+    // The child must fail at the line above; without the variable, this test would start itself forever.
     let said = String::from_utf8_lossy(&child.stderr);
     assert!(!child.status.success() && said.contains("no-such-tool is missing"), "{said}");
 }

@@ -1,4 +1,4 @@
-//! Settings of the encoder, by the command line.
+//! Options of the encoder on the command line.
 
 use std::path::Path;
 use tests::{Rendered, cornell, decode_ffmpeg, decode_mpeg2dec, render, tolerant_frame_count};
@@ -36,7 +36,7 @@ fn mpeg_1_has_no_extensions() {
     let film = film(folder.path(), "one", "--frames 5 --mpeg1");
     assert!(!film.stream.windows(4).any(|bytes| bytes == [0, 0, 1, 0xb5]), "extension_start_code");
     let video = folder.path().join("one.m2v");
-    // At its strictest ffmpeg complains that such a stream does not say how long it is.
+    // At its strictest, ffmpeg warns that the stream has no duration.
     assert_eq!(tolerant_frame_count(&video, SIZE), 5);
     assert_eq!(decode_mpeg2dec(&video, SIZE).len(), 5);
 }
@@ -49,7 +49,7 @@ fn a_constant_rate_is_kept_and_steers_the_thresholds() {
     };
     let (low, high) = (at("low", 50, "--bframes 2"), at("high", 200, ""));
     for (film, rate) in [(&low, 50e3), (&high, 200e3)] {
-        // 50 frames are two seconds.
+        // 50 frames take two seconds.
         let bits = film.report["summary"]["bits_total"].as_f64().unwrap();
         assert!((bits / (2.0 * rate) - 1.0).abs() < 0.05, "{bits} bits for two seconds of {rate} a second");
     }
@@ -59,7 +59,7 @@ fn a_constant_rate_is_kept_and_steers_the_thresholds() {
         (0..50).map(f64::from).collect::<Vec<f64>>(),
         "the report is in order of display"
     );
-    // Coarser coding allows coarser rendering, also at first, when nothing is coded yet.
+    // Coarser coding allows coarser rendering, also at the start, before any picture is coded.
     for frames in [3..8, 45..50] {
         let mean =
             |film: &Rendered| film.figures(&["threshold_mean_relative"])[frames.clone()].iter().sum::<f64>() / 5.0;
@@ -84,7 +84,7 @@ fn a_bound_is_not_exceeded() {
     });
     let seconds = |film: &Rendered| film.report["summary"]["bits_total"].as_f64().unwrap() / 20e3;
     println!("{:.2} s of the rate without a bound, {:.2} s with it", seconds(&free), seconds(&bound));
-    // A second of film, and the smallest buffer: 16384 bits.
+    // One second of film, and the smallest buffer: 16384 bits.
     assert!(seconds(&free) > 1.82 && seconds(&bound) <= 1.82);
     assert!(bound.figures(&["qscale"]).into_iter().all(|scale| scale >= 8.0), "never finer than requested");
 }

@@ -1,4 +1,4 @@
-//! Ranks as processes, where `mpirun` is installed.
+//! Ranks as processes, if `mpirun` is installed.
 
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use tests::{cornell, decode_ffmpeg, need, program, render, sorted_names, tolerant_frame_count};
 
 const SIZE: (usize, usize) = (64, 64);
-/// Only for what would otherwise never end.
+/// Limit for a run that would otherwise not end.
 const DEADLINE: Duration = Duration::from_secs(60);
 
-/// `mpirun` with these groups of ranks, each with how many there are and the words that start them; none where it is missing.
+/// Returns an `mpirun` command with groups of ranks, each a count and a command line; none if `mpirun` is missing.
 fn mpirun(folder: &Path, groups: &[(usize, Vec<String>)]) -> Option<Command> {
     let version = Command::new("mpirun").arg("--version").stdout(Stdio::null()).status();
     need("mpirun", version.ok().filter(|status| status.success()))?;
@@ -25,7 +25,7 @@ fn mpirun(folder: &Path, groups: &[(usize, Vec<String>)]) -> Option<Command> {
     Some(command)
 }
 
-/// The words that make a film of the shipped box.
+/// Returns the command line for a film of the shipped Cornell box.
 fn words(program: &Path, more: &str) -> Vec<String> {
     let path = |path: &Path| path.to_str().expect("a path in UTF-8").to_owned();
     let own = format!("--output film.m2v --size 64x64 --vpls 200 --photons 40000 --threads 1 --quiet {more}");
@@ -34,7 +34,7 @@ fn words(program: &Path, more: &str) -> Vec<String> {
     words
 }
 
-/// Lines of this program, without those of the launcher.
+/// Returns the error lines of this program, without the launcher's.
 fn said(output: &Output) -> Vec<String> {
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(!text.contains("panicked"), "{text}");
@@ -53,7 +53,7 @@ fn two_processes_make_the_film_of_one() {
     assert_eq!(sorted_names(folder.path()), ["alone.m2v", "alone.report.json", "film.m2v", "film.report.json"]);
 }
 
-/// Each rank takes tiles, with every way of records.
+/// Ranks take tiles on demand, with each kind of record exchange.
 #[test]
 fn processes_take_tiles_on_demand() {
     let folder = tempfile::tempdir().unwrap();
@@ -82,7 +82,7 @@ fn ranks_of_different_films_end_with_one_line() {
     }
 }
 
-/// Starts a long film, ends rank 1 by `end` once pictures are written, and gives what was said.
+/// Starts a long film, ends rank 1 by `end` after the first pictures are written, and returns the output.
 fn film_without_rank_1(folder: &Path, second: Vec<String>, end: impl FnOnce()) -> Option<Output> {
     let first = words(program(), "--frames 5000");
     let child = mpirun(folder, &[(1, first), (1, second)])?.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
@@ -99,7 +99,7 @@ fn film_without_rank_1(folder: &Path, second: Vec<String>, end: impl FnOnce()) -
     Some(output)
 }
 
-/// The film that the first rank leaves: whole under its name, or else a prefix that plays.
+/// Counts the frames of the first rank's film: complete under its name, or a playable prefix.
 fn frames_of_film(folder: &Path) -> usize {
     let (film, part) = (folder.join("film.m2v"), folder.join("film.m2v.part"));
     if film.exists() { decode_ffmpeg(&film, SIZE).len() } else { tolerant_frame_count(&part, SIZE) }
@@ -120,7 +120,7 @@ fn a_rank_that_is_killed_ends_the_film_in_order() {
     assert!(frames_of_film(folder.path()) > 0);
 }
 
-/// A panic of rank 1 is one line, ends all ranks, and leaves a film that plays.
+/// A panic of rank 1 prints one line, ends all ranks, and leaves a playable film.
 #[test]
 fn a_rank_that_panics_ends_all() {
     let folder = tempfile::tempdir().unwrap();
@@ -133,7 +133,7 @@ fn a_rank_that_panics_ends_all() {
     assert!(frames_of_film(folder.path()) > 0);
 }
 
-/// The output of three processes that exchange messages.
+/// Returns the output of three processes that exchange messages.
 fn mail(how: &str) -> Option<Output> {
     let folder = tempfile::tempdir().unwrap();
     let program = program().with_file_name("mail-under-test");
@@ -141,7 +141,7 @@ fn mail(how: &str) -> Option<Output> {
     Some(mpirun(folder.path(), &[(3, words)])?.output().expect("mpirun starts"))
 }
 
-/// Each sends to each at once, also messages of more bytes than one operation of MPI takes.
+/// All processes exchange messages at the same time, including messages longer than one MPI operation transfers.
 #[test]
 fn messages_of_processes_arrive_in_the_order_of_their_sender() {
     let Some(output) = mail("exchange") else { return };
@@ -152,7 +152,7 @@ fn messages_of_processes_arrive_in_the_order_of_their_sender() {
     assert_eq!(lines, ["rank 0 has all messages", "rank 1 has all messages", "rank 2 has all messages"]);
 }
 
-/// A rank that waits for messages after the others have ended fails in one line, after those that they had sent.
+/// A rank that waits after the others have ended fails with one line, after it has received their messages.
 #[test]
 fn who_waits_for_processes_that_are_gone_fails() {
     let Some(output) = mail("alone") else { return };

@@ -1,11 +1,11 @@
-//! Rooms whose materials change: a lamp that fades and turns red.
+//! Rooms with animated materials: a lamp that fades and turns red.
 
 use super::{Room, inside, lamp, look, outside};
 use glam::{Vec3, vec3};
 use serde_json::json;
 use tests::{Comparison, Glb};
 
-/// The light of each frame is that of the lamp's radiance then, direct and reflected; a path tracer starts afresh in each.
+/// Direct and reflected light of each frame follow the lamp's current radiance; the path tracer has no state between frames.
 #[test]
 fn light_follows_a_lamp_whose_material_changes() {
     let mut glb = Glb::default();
@@ -15,7 +15,7 @@ fn light_follows_a_lamp_whose_material_changes() {
     let material = glb.json["materials"].as_array().expect("materials").len() - 1;
     look(&mut glb, vec3(1.8, 1.6, -1.3), vec3(-1.0, 0.8, 0.4));
 
-    // The keys of a way are those of the radiance.
+    // The keys of the translation serve as keys of the radiance.
     glb.animate_in_steps(0, &[(0.0, Vec3::ONE), (0.1, Vec3::splat(0.5)), (0.2, vec3(0.6, 0.1, 0.0))]);
     let pointer = format!("/materials/{material}/emissiveFactor");
     glb.json["animations"][0]["channels"][0]["target"] =

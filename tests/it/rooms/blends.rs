@@ -1,11 +1,11 @@
-//! Rooms behind cards that hide a share of them: light next to paths, and films that are still and small.
+//! Rooms behind partly transparent cards: light compared with path tracing, and stable, small films.
 
 use super::{Room, inside, lamp, look, outside};
 use glam::{Vec3, vec3};
 use serde_json::json;
 use tests::{Comparison, Glb, decode_ffmpeg, render};
 
-/// A room with a box behind a card of this opacity; opaque where there is none.
+/// Builds a room with a box behind a card of this opacity; opaque for `None`.
 fn room(opacity: Option<f32>) -> Glb {
     let mut glb = Glb::default();
     glb.add(&inside(vec3(-2.0, 0.0, -2.0), vec3(2.0, 2.5, 2.0)), Vec3::splat(0.7), Vec3::ZERO);
@@ -22,7 +22,7 @@ fn room(opacity: Option<f32>) -> Glb {
     glb
 }
 
-/// Paths meet the card by chance, with an independent number each: their mean is that of all layers and of all shadows.
+/// Path tracing hits the card at random, with independent numbers: its mean includes all layers and all shadows.
 #[test]
 fn light_around_blended_cards_is_that_of_paths() {
     for opacity in [0.2, 0.9] {
@@ -33,8 +33,8 @@ fn light_around_blended_cards_is_that_of_paths() {
     }
 }
 
-/// Nothing moves: pictures differ by 0.3 of 255 at most, and a film of half a card takes no more than 1.1 times the bits of one of
-/// a whole card.
+/// In a static scene, pictures differ by at most 0.3 codes of 255. A film of a half-transparent card takes at most 1.1 times
+/// the bits of an opaque one.
 #[test]
 fn films_of_blended_cards_are_still_and_small() {
     let (side, arguments) = (128, "--size 128x128 --frames 8");
@@ -46,7 +46,7 @@ fn films_of_blended_cards_are_still_and_small() {
             let [before, after] = [&pair[0], &pair[1]].map(|picture| picture.luma().samples());
             let apart: f64 = before.iter().zip(after).map(|(a, b)| f64::from(a.abs_diff(*b))).sum();
             let mean = apart / (side * side) as f64;
-            assert!(mean <= 0.3, "frames at rest differ by {mean}");
+            assert!(mean <= 0.3, "static frames differ by {mean}");
         }
         film.stream.len()
     });

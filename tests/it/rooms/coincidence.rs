@@ -1,7 +1,7 @@
-//! Surfaces in one place: sheets in one plane, walls that two rooms share, edges that a ray meets exactly.
+//! Coincident surfaces: coplanar sheets, walls shared by two rooms, edges hit exactly by rays.
 //!
-//! Film and paths use the same rays, so that one does not check the other. Both are compared with colors by construction, rooms
-//! that are apart, and pixels beside.
+//! Films and path tracing use the same rays, so neither checks the other. Both are compared with colors known by
+//! construction, separate rooms, and neighboring pixels.
 
 use super::{Room, inside, look};
 use glam::{Mat4, Quat, Vec3, vec3};
@@ -17,14 +17,14 @@ const BLUE: Vec3 = Vec3::Z;
 const SIDE: usize = 64;
 
 impl Room {
-    /// Light of the first frame of a film, without antialiasing.
+    /// Returns the linear light of a film's first frame, without antialiasing.
     fn film(&self, side: usize, more: &str) -> Plane<Vec3> {
         let arguments = format!("--size {side}x{side} --frames 1 --antialiasing off --exr linear {more}");
         render(self.folder.path(), "film", &self.scene(), &arguments);
         read_exr(&self.folder.path().join("linear/frame_00000.exr")).expect("a linear frame")
     }
 
-    /// The same by paths, through the centers of the pixels.
+    /// Returns the path-traced light through the pixel centers.
     fn paths(&self, side: usize, more: &str) -> Plane<Vec3> {
         let scene = self.scene();
         let arguments = format!("--center --size {side}x{side} --frame 0 -o paths.exr -q --overwrite {more}");
@@ -36,18 +36,18 @@ impl Room {
     }
 }
 
-/// A square sheet of color, which glows.
+/// An emissive square sheet of one color.
 #[derive(Clone, Copy)]
 struct Sheet {
     color: Vec3,
     /// Whether it faces up in its own space.
     up: bool,
     double_sided: bool,
-    /// Which of its diagonals splits it.
+    /// Whether its other diagonal splits it.
     other_diagonal: bool,
-    /// Slides in its plane.
+    /// Whether it slides in its plane.
     moves: bool,
-    /// Its vertices are turned, and its node turns them back.
+    /// Whether its vertices are rotated, and its node rotates them back.
     turned_back: bool,
 }
 
@@ -60,7 +60,7 @@ impl Sheet {
         Self { up: false, ..Self::up(color) }
     }
 
-    /// The sheet in the plane y = 0, 8 m long.
+    /// Returns the sheet in the plane y = 0, with a side of 8 m.
     fn quad(self) -> Quad {
         let (corner, a, b) = (vec3(-4.0, 0.0, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0);
         let [corner, a, b] = if self.other_diagonal { [corner + a, b, -a] } else { [corner, a, b] };
@@ -68,17 +68,17 @@ impl Sheet {
     }
 }
 
-/// How a scene is placed: turned, scaled, moved.
+/// Placement of a scene: rotation, scale, offset.
 #[derive(Clone, Copy)]
 struct Placed {
     turn: Quat,
     scale: f32,
     offset: Vec3,
-    /// By the nodes, or by the vertices themselves.
+    /// Whether nodes place the sheets, or their vertices.
     by_node: bool,
 }
 
-/// The picture of `sheets` in one plane from above (`side` 1) or from below (−1).
+/// Builds a view of coplanar `sheets` from above (`side` 1) or from below (−1).
 fn sheets(sheets: &[Sheet], placed: Placed, side: f32) -> Room {
     let Placed { turn, scale, offset, by_node } = placed;
     let world = Mat4::from_scale_rotation_translation(Vec3::splat(scale), turn, offset);
@@ -110,13 +110,13 @@ fn slanted() -> Placed {
     Placed { turn: Quat::from_euler(glam::EulerRot::XYZ, 0.5, 0.3, 0.7), ..AS_IS }
 }
 
-/// Pixels of another color than `expected`, as a share of all.
+/// Fraction of pixels with another color than `expected`.
 fn others(picture: &Plane<Vec3>, expected: Vec3) -> f32 {
     let wrong = picture.samples().iter().filter(|&&pixel| pixel != expected).count();
     wrong as f32 / picture.samples().len() as f32
 }
 
-/// Every pixel shows the sheet that it should, from above and from below; in the film and by paths.
+/// Checks that every pixel shows the expected sheet from above and below, in the film and in the path-traced picture.
 fn check(name: &str, list: &[Sheet], placed: Placed, expected: [Vec3; 2]) {
     for (side, expected) in [1.0, -1.0].into_iter().zip(expected) {
         let room = sheets(list, placed, side);
@@ -164,7 +164,7 @@ fn of_sheets_that_face_one_way_the_first_in_the_file_is_seen() {
     check("a double-sided one last", &[pair[0], double_sided], slanted(), [RED, BLUE]);
 }
 
-/// Two rooms of 2 m with a wall in one plane, each with a lamp; `apart` meters are between them.
+/// Builds two rooms of 2 m, each with a lamp, at a distance of `apart` meters.
 fn two_rooms(apart: f32, turn: Quat) -> Room {
     let mut glb = Glb::default();
     let turned = |quads: Vec<Quad>| quads.into_iter().map(|quad| quad.map(|v| turn * v)).collect::<Vec<_>>();
@@ -183,7 +183,7 @@ fn two_rooms(apart: f32, turn: Quat) -> Room {
     Room::new(&glb, "")
 }
 
-/// A wall of single-sided faces that two rooms share hides one from the other: each is lit as with 1 cm between them.
+/// A shared wall of single-sided faces separates two rooms: each is lit as with 1 cm between them.
 #[test]
 fn a_shared_wall_is_that_of_rooms_apart() {
     for (name, turn) in
@@ -195,7 +195,7 @@ fn a_shared_wall_is_that_of_rooms_apart() {
             let wrong = wrong.filter(|(a, b)| (luminance(**a) / luminance(**b) - 1.0).abs() > tolerance);
             wrong.count() as f32 / found.samples().len() as f32
         };
-        // Paths differ by the rounding of where the other room is, films by where lights lie.
+        // Path tracing differs by the rounding of the other room's position, films by the positions of lights.
         let films = off(&shared.film(SIDE, ""), &apart.film(SIDE, ""), 0.15);
         let paths = off(&shared.paths(SIDE, "--spp 16"), &apart.paths(SIDE, "--spp 16"), 1e-3);
         println!("{name}: {:.1} % of the film are off, {:.1} % by paths", 100.0 * films, 100.0 * paths);
@@ -203,7 +203,7 @@ fn a_shared_wall_is_that_of_rooms_apart() {
     }
 }
 
-/// A symmetric room, seen from its axis: creases go through the centers of pixels along the picture's diagonals.
+/// Builds a symmetric room, seen along its axis: creases cross pixel centers on the picture's diagonals.
 fn symmetric(turn: Quat, offset: Vec3, scale: f32, by_node: bool) -> Room {
     let mut glb = Glb::default();
     let world = Mat4::from_scale_rotation_translation(Vec3::splat(scale), turn, offset);
@@ -231,7 +231,7 @@ fn symmetric(turn: Quat, offset: Vec3, scale: f32, by_node: bool) -> Room {
     Room::new(&glb, "")
 }
 
-/// Least luminance of a pixel on the diagonals over the mean beside it, and how many are below 0.9.
+/// Returns the minimum ratio of a diagonal pixel to the mean of its neighbors, and the number of ratios below 0.9.
 fn crease(picture: &Plane<Vec3>) -> (f32, usize) {
     let side = picture.width();
     let at = |x: usize, y: usize| luminance(picture.get(x, y));
@@ -248,7 +248,7 @@ fn crease(picture: &Plane<Vec3>) -> (f32, usize) {
     (least, dark)
 }
 
-/// Light arrives on an edge between two walls as it does beside it.
+/// An edge between two walls is as bright as the area next to it.
 #[test]
 fn a_crease_is_lit_as_what_is_beside() {
     let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.5, 0.3, 0.7);
@@ -263,7 +263,7 @@ fn a_crease_is_lit_as_what_is_beside() {
         let film = crease(&room.film(256, "--bounces 1 --camera 1"));
         let paths = crease(&room.paths(256, "--spp 4 --bounces 1 --camera 1"));
         println!("{name:30} film {film:.2?}, paths {paths:.2?}");
-        // Beside a symmetric crease light falls off by a hundredth a pixel.
+        // Next to a symmetric crease, light falls off by 1 % per pixel.
         assert!(film.0 > 0.95 && paths.0 > 0.95, "{name}: {film:?} in the film, {paths:?} by paths");
     }
 }

@@ -1,5 +1,4 @@
-//! Lamps that a file does not call lamps: glowing meshes all around, bright texels of screens and of skies, light that is there
-//! for a few frames.
+//! Implicit lamps: emissive meshes all around, bright texels of screens and skies, and light in only a few frames.
 
 use super::{Room, inside, look, outside};
 use glam::{Vec3, vec3};
@@ -9,10 +8,10 @@ use tests::{Ball, Comparison, Glb, read_y4m, render};
 /// Column, row and radiance of a texel.
 type Texel = (usize, usize, f32);
 
-/// Facets around and from pole to pole, and whether these end at the equator.
+/// Facets around the axis, rows from pole to pole, and whether the sphere ends at the equator.
 const SURROUNDINGS: [(u32, u32, bool); 4] = [(8, 4, false), (48, 24, false), (200, 100, false), (48, 12, true)];
 
-/// In a sphere that glows inward with 5, a ball of albedo 0.75 has the radiance 0.75 · 5 everywhere, whatever the facets.
+/// In a sphere with inward emission 5, a ball of albedo 0.75 has radiance 0.75 · 5 everywhere, for any number of facets.
 #[test]
 fn a_glowing_sphere_lights_a_ball_evenly() {
     for (columns, rows, _) in SURROUNDINGS.into_iter().filter(|(.., half)| !half) {
@@ -34,7 +33,7 @@ fn a_glowing_sphere_lights_a_ball_evenly() {
     }
 }
 
-/// A dome of facets, whole or half, lights a ball on a floor as paths have it.
+/// A faceted dome, whole or half, lights a ball on a floor as path tracing does.
 #[test]
 fn a_glowing_dome_is_a_sky() {
     for (columns, rows, half) in SURROUNDINGS {
@@ -48,7 +47,7 @@ fn a_glowing_dome_is_a_sky() {
     }
 }
 
-/// A screen is as bright as its texture is in each place.
+/// Each area of a screen emits by the brightness of its texture.
 #[test]
 fn bright_texels_of_a_screen_are_lamps() {
     let texture = |is_white: fn(usize, usize) -> bool| -> Vec<u8> {
@@ -75,7 +74,7 @@ fn bright_texels_of_a_screen_are_lamps() {
     }
 }
 
-/// A sky's very bright texels throw shadows with an edge, at the seam of the image and at its pole too.
+/// Very bright texels of a sky cast sharp shadows, also at the image's seam and pole.
 #[test]
 fn bright_texels_of_a_sky_are_suns() {
     let cases: [(&str, &[Texel]); 4] = [
@@ -93,7 +92,7 @@ fn bright_texels_of_a_sky_are_suns() {
     }
 }
 
-/// A film whose lamp comes late is exposed by the frames that it lights, whatever its power.
+/// A film with a late lamp is exposed by its lit frames, for any power of the lamp.
 #[test]
 fn a_film_is_exposed_by_its_lit_frames() {
     for radiance in [1200.0, 0.12] {
@@ -101,7 +100,7 @@ fn a_film_is_exposed_by_its_lit_frames() {
         glb.add(&inside(vec3(-2.0, 0.0, -2.0), vec3(2.0, 3.0, 2.0)), Vec3::splat(0.6), Vec3::ZERO);
         let lamp = [vec3(-0.2, 2.9, -0.2), Vec3::X * 0.4, Vec3::Z * 0.4];
         assert_eq!(glb.add(&[lamp], Vec3::ZERO, Vec3::splat(radiance)), node);
-        // Far below the floor until the middle of the film.
+        // Far below the floor, except for a moment in the middle of the film.
         glb.animate_in_steps(node, &[(0.0, -Vec3::Y * 9.0), (0.48, Vec3::ZERO), (0.52, -Vec3::Y * 9.0)]);
         look(&mut glb, vec3(0.0, 1.6, 1.9), vec3(0.0, 1.0, -0.5));
         let room = Room::new(&glb, "");
@@ -117,7 +116,7 @@ fn a_film_is_exposed_by_its_lit_frames() {
         println!("lamp of {radiance}: mean luma of frame 0 {}, of frame 12 {}", mean(0), mean(12));
         assert!(mean(0) <= 17.0 && (60.0..200.0).contains(&mean(12)), "{radiance}: {} and {}", mean(0), mean(12));
 
-        // A part of the film in a range, and a still of its frame, have the same exposure.
+        // A range of the film has the same exposure.
         luma("--chunk 5 --range 10-14 --y4m part.y4m");
         let part = read_y4m(&room.folder.path().join("part.y4m"), (48, 48));
         let part = part[2].luma().samples();
@@ -126,7 +125,7 @@ fn a_film_is_exposed_by_its_lit_frames() {
     }
 }
 
-/// A ball on a floor, from a little above.
+/// Builds a ball on a floor, seen from slightly above.
 fn on_a_floor() -> Glb {
     let mut glb = Glb::default();
     glb.add(&[[vec3(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0]], Vec3::splat(0.5), Vec3::ZERO);
@@ -136,8 +135,8 @@ fn on_a_floor() -> Glb {
     glb
 }
 
-/// Of the sorted `ratios`, 95 of 100 are within `most` of 1, and the others within four times as much: edges of shadows are narrower
-/// than a block, and paths have noise.
+/// Checks that 95 % of the sorted `ratios` are within `most` of 1, and the others within four times `most`. Shadow edges are
+/// narrower than a block, and path tracing is noisy.
 fn assert_within(ratios: &[f32], most: f32, name: &str) {
     let apart = ratios.iter().filter(|ratio| (*ratio - 1.0).abs() > most).count();
     assert!(apart <= ratios.len().div_ceil(20), "{name}: {apart} of {} blocks, {ratios:?}", ratios.len());
@@ -145,7 +144,7 @@ fn assert_within(ratios: &[f32], most: f32, name: &str) {
     assert!(worst <= 4.0 * most, "{name}: {worst}");
 }
 
-/// A sky of 128×64 texels of 0.2 with a few others: column, row, radiance.
+/// Writes a sky of 128×64 texels of radiance 0.2, with some bright texels: column, row, radiance.
 fn write_sky(path: &std::path::Path, bright: &[(usize, usize, f32)]) {
     let mut file = std::fs::File::create(path).expect("a file");
     file.write_all(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 64 +X 128\n").expect("written");

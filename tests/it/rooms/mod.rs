@@ -1,4 +1,5 @@
-//! Rooms that strangers' scenes have: closed, dim, behind thin walls. Films next to paths, by blocks of 8×8 pixels.
+//! Typical rooms of users' scenes: closed, dim, behind thin walls. Films are compared with path tracing in blocks of 8×8
+//! pixels.
 
 mod animated;
 mod blends;
@@ -12,18 +13,18 @@ use std::path::PathBuf;
 use tempfile::TempDir;
 use tests::{Blocks, Comparison, Glb, Quad};
 
-/// The faces of a box, which face outward.
+/// Returns the faces of a box, facing outward.
 fn outside(low: Vec3, high: Vec3) -> Vec<Quad> {
     let (x, y, z) = (Vec3::X * (high - low), Vec3::Y * (high - low), Vec3::Z * (high - low));
     vec![[low, z, y], [low, x, z], [low, y, x], [high, -y, -z], [high, -z, -x], [high, -x, -y]]
 }
 
-/// The faces of a box, which face inward.
+/// Returns the faces of a box, facing inward.
 fn inside(low: Vec3, high: Vec3) -> Vec<Quad> {
     outside(low, high).into_iter().map(|[corner, a, b]| [corner, b, a]).collect()
 }
 
-/// A scene in a folder of its own, with the TOML file beside it.
+/// A scene in its own folder, with its TOML file.
 struct Room {
     folder: TempDir,
 }
@@ -40,14 +41,14 @@ impl Room {
         self.folder.path().join("room.glb")
     }
 
-    /// The film's light next to that of paths; the row is printed.
+    /// Compares the film's light with path tracing, and prints the row.
     fn blocks(&self, name: &str, comparison: Comparison) -> Blocks {
         let blocks = Blocks::of(self.folder.path(), &self.scene(), comparison);
         println!("{}", blocks.row(name));
         blocks
     }
 
-    /// Mean luminance of the film, and that of its brightest block, where no light gets; printed.
+    /// Returns the mean luminance of a film without light and of its brightest block, and prints both.
     fn leak(&self, name: &str, film: &str) -> (f32, f32) {
         let blocks =
             Blocks::of(self.folder.path(), &self.scene(), Comparison { paths: 1, film, ..Comparison::default() });
@@ -58,7 +59,7 @@ impl Room {
     }
 }
 
-/// A camera at `from` that looks at `to`, horizontal lines level.
+/// Adds a camera at `from` that looks at `to`, with level horizontal lines.
 fn look(glb: &mut Glb, from: Vec3, to: Vec3) {
     let node = glb.add_camera(from);
     let back = (from - to).normalize();
@@ -67,10 +68,10 @@ fn look(glb: &mut Glb, from: Vec3, to: Vec3) {
     glb.json["nodes"][node]["rotation"] = serde_json::json!(turn.to_array());
 }
 
-/// An even sky of radiance 1.
+/// A uniform sky of radiance 1.
 const WHITE_SKY: &str = "[sky]\nzenith = [1, 1, 1]\nhorizon = [1, 1, 1]\nground = [1, 1, 1]\n";
 
-/// A square lamp of `side` meters that hangs at `center` and shines down with `radiance`.
+/// Adds a square lamp of `side` meters at `center` that emits `radiance` downwards.
 fn lamp(center: Vec3, side: f32, radiance: f32, glb: &mut Glb) {
     let corner = center - vec3(side, 0.0, side) / 2.0;
     glb.add(&[[corner, Vec3::X * side, Vec3::Z * side]], Vec3::ZERO, Vec3::splat(radiance));

@@ -1,10 +1,10 @@
-//! Rooms in the middle of a wide plain: the plain takes no anchors away from the room that the camera is in.
+//! Rooms in the middle of a wide plain, which must not attract anchors from the camera's room.
 
 use super::{Room, WHITE_SKY, inside, lamp, look, outside};
 use glam::{Vec3, vec3};
 use tests::{Comparison, Glb};
 
-/// A closed room of 4×3×2.5 m with a table and a shelf, a lamp of 0.4 m at the ceiling, on ground that reaches `reach` meters far.
+/// Builds a closed room of 4×3×2.5 m with a table, a shelf and a ceiling lamp of 0.4 m, on ground of `reach` meters.
 fn room_on_a_plain(reach: f32) -> Glb {
     let mut glb = Glb::default();
     let ground = [vec3(-reach, -0.01, -reach), Vec3::Z * 2.0 * reach, Vec3::X * 2.0 * reach];
@@ -23,7 +23,7 @@ fn room_on_a_plain(reach: f32) -> Glb {
     glb
 }
 
-/// However wide the plain is, up to 2 km: a terrain that a scene is set down on.
+/// A plain of up to 2 km, like the terrain below a scene, does not darken the room.
 #[test]
 fn a_plain_takes_no_light_from_a_room() {
     for reach in [5.0, 20.0, 200.0, 1000.0] {
@@ -35,7 +35,7 @@ fn a_plain_takes_no_light_from_a_room() {
     }
 }
 
-/// Zones are around all places that a camera comes to.
+/// Zones surround all positions of the camera.
 #[test]
 fn a_plain_takes_no_light_from_rooms_on_the_way_of_a_camera() {
     let mut glb = room_on_a_plain(200.0);

@@ -1,4 +1,4 @@
-//! Light does not pass through walls: where no path leads from a lamp, no layer of the film has light.
+//! Light does not leak through walls: without a path from a lamp, every layer of the film is dark.
 
 use super::{Room, WHITE_SKY, inside, lamp, look, outside};
 use glam::{Quat, Vec3, vec3};
@@ -6,10 +6,10 @@ use render_core::sampling::hash_unit;
 use serde_json::json;
 use tests::{Comparison, Glb, Quad, render2mpeg};
 
-/// Mean radiance that a closed dark room may have under a sky of 1.
+/// Maximum mean radiance of a closed dark room under a sky of radiance 1.
 const LEAK: f32 = 2e-4;
 
-/// Ground of 20 m, and on it a house with walls of 20 cm that reach `depth` meters into the ground.
+/// Builds ground of 20 m with a house, whose walls are 20 cm thick and reach `depth` meters into the ground.
 fn house(depth: f32) -> Glb {
     let mut glb = Glb::default();
     glb.add(&[[vec3(-10.0, 0.0, -10.0), Vec3::Z * 20.0, Vec3::X * 20.0]], Vec3::splat(0.5), Vec3::ZERO);
@@ -22,8 +22,8 @@ fn house(depth: f32) -> Glb {
     glb
 }
 
-/// Two rooms of 2×2×2 m side by side, with `thickness` meters of wall between them, on one floor and below one ceiling. The camera
-/// is in the right one.
+/// Builds two adjacent rooms of 2×2×2 m on one floor and below one ceiling, with a wall of `thickness` meters between them.
+/// The camera is in the right room.
 fn pair_of_rooms(thickness: f32) -> Glb {
     let mut glb = Glb::default();
     let (low, high) = (vec3(-2.0, 0.0, -1.0), vec3(2.0, 2.0, 1.0));
@@ -41,14 +41,14 @@ fn assert_dark(room: &Room, name: &str) {
     }
 }
 
-/// Truth: 0. The ground and the walls go on behind each other.
+/// The true radiance is 0, although ground and walls continue behind each other.
 #[test]
 fn a_house_on_the_ground_is_dark_inside() {
     assert_dark(&Room::new(&house(0.1), WHITE_SKY), "house");
     assert_dark(&Room::new(&house(0.5), WHITE_SKY), "house, deep walls");
 }
 
-/// Its own lamp is all the light that the house has.
+/// The house has no other light than its own lamp.
 #[test]
 fn a_lamp_in_a_house_is_not_outshone_by_the_sky() {
     let mut glb = house(0.1);
@@ -61,7 +61,7 @@ fn a_lamp_in_a_house_is_not_outshone_by_the_sky() {
 #[test]
 fn the_other_side_of_a_sheet_is_dark() {
     let mut glb = pair_of_rooms(0.1);
-    // The wall of the first part is taken out again.
+    // Replace the wall of the pair of rooms by a sheet.
     glb.json["scenes"][0]["nodes"].as_array_mut().unwrap().retain(|node| node != 1);
     let sheet: Quad = [vec3(0.0, 0.0, -1.0), Vec3::Y * 2.0, Vec3::Z * 2.0];
     let node = glb.add(&[sheet], Vec3::splat(0.7), Vec3::ZERO);
@@ -71,7 +71,7 @@ fn the_other_side_of_a_sheet_is_dark() {
     assert_dark(&Room::new(&glb, ""), "sheet");
 }
 
-/// Light of the bright room, 1440 times as much as the dark one has, stays there.
+/// The bright room has 1440 times the light of the dark one, and keeps it.
 #[test]
 fn thin_walls_keep_light_out_of_a_dim_room() {
     for thickness in [0.001, 0.01, 0.05, 0.2] {
@@ -83,12 +83,12 @@ fn thin_walls_keep_light_out_of_a_dim_room() {
     }
 }
 
-/// A box of 40 cm on the floor holds a lamp; the room around it is dark.
+/// A box of 40 cm on the floor contains a lamp; the room around it is dark.
 #[test]
 fn a_closed_box_keeps_its_lamp() {
     let mut glb = Glb::default();
     glb.add(&inside(vec3(-1.0, 0.0, -1.0), vec3(1.0, 2.0, 1.0)), Vec3::splat(0.7), Vec3::ZERO);
-    // Both shells reach into the floor, and are open below.
+    // Both shells reach into the floor and are open below.
     let (low, high) = (vec3(-0.2, -0.05, -0.2), vec3(0.2, 0.4, 0.2));
     let rim = vec3(0.01, 0.0, 0.01);
     let mut walls = outside(low, high);
@@ -100,10 +100,10 @@ fn a_closed_box_keeps_its_lamp() {
     assert_dark(&Room::new(&glb, ""), "lamp in a box");
 }
 
-/// Rooms seen from above, one with a lamp: the wall between them parts what pixels share.
+/// Two rooms seen from above, one with a lamp: pixels on opposite sides of the wall share no light.
 #[test]
 fn neighbors_in_the_picture_share_no_light_over_a_wall() {
-    // Without the ceiling nothing sends light over the wall.
+    // Without the ceiling, no surface sends light over the wall.
     let mut glb = Glb::default();
     let mut walls = inside(vec3(-2.0, 0.0, -1.0), vec3(2.0, 2.0, 1.0));
     walls.retain(|&[corner, a, b]| a.y != 0.0 || b.y != 0.0 || corner.y == 0.0);
@@ -115,7 +115,8 @@ fn neighbors_in_the_picture_share_no_light_over_a_wall() {
     assert_dark(&Room::new(&glb, ""), "room seen from above");
 }
 
-/// Closed boxes of any size and turn, in a lit room and partly in each other: where no ray leads, no layer has light.
+/// Closed boxes of any size and rotation, in a lit room and partly inside each other: areas without a path to light are dark
+/// in every layer.
 #[test]
 fn where_no_ray_leads_no_layer_has_light() {
     for key in 0..8u64 {
@@ -124,7 +125,8 @@ fn where_no_ray_leads_no_layer_has_light() {
         glb.add(&inside(vec3(-3.0, 0.0, -3.0), vec3(3.0, 3.0, 3.0)), Vec3::splat(0.7), Vec3::ZERO);
         lamp(vec3(2.0 * u(0) - 1.0, 2.9, 2.0 * u(1) - 1.0), 0.6, 10.0, &mut glb);
 
-        // Walls of 2 to 50 mm, which stand in the floor or go on below it; some are turned, some have one sheet for both sides.
+        // Walls of 2 to 50 mm, which end in the floor or continue below it. Some boxes are rotated, some have one sheet for
+        // both sides.
         let half = vec3(0.4 + u(2), 0.5 + u(3), 0.4 + u(4));
         let (thickness, depth) = (0.002 + 0.048 * u(5), 0.3 * u(6));
         let (low, high) = (vec3(-half.x, -depth, -half.z), vec3(half.x, 2.0 * half.y, half.z));
@@ -148,7 +150,7 @@ fn where_no_ray_leads_no_layer_has_light() {
     }
 }
 
-/// Baked light stays where it is, too.
+/// Baked light does not leak either.
 #[test]
 fn baked_rooms_are_dark() {
     let room = Room::new(&house(0.1), WHITE_SKY);
@@ -158,7 +160,7 @@ fn baked_rooms_are_dark() {
     assert!(mean < LEAK, "{mean}");
 }
 
-/// A crate in a doorway leaves gaps of 2 cm: little light gets by.
+/// A crate in a doorway leaves gaps of 2 cm, which transmit little light.
 #[test]
 fn a_thing_that_closes_a_doorway_keeps_light_out() {
     let mut glb = Glb::default();
@@ -172,7 +174,7 @@ fn a_thing_that_closes_a_doorway_keeps_light_out() {
     }
     lamp(vec3(-1.0, 1.99, 0.0), 0.6, 16.0, &mut glb);
     let thing = glb.add(&outside(vec3(-0.28, 0.001, -0.28), vec3(0.28, 1.401, 0.28)), Vec3::splat(0.7), Vec3::ZERO);
-    // In the doorway at frame 6 of 25 a second.
+    // At frame 6 of 25 per second, the crate is in the doorway.
     glb.animate(thing, vec3(-1.2, 0.0, 0.0), vec3(3.8, 0.0, 0.0));
     look(&mut glb, vec3(1.95, 1.4, 0.9), vec3(0.3, 0.5, -0.3));
     let room = Room::new(&glb, "");
@@ -183,10 +185,10 @@ fn a_thing_that_closes_a_doorway_keeps_light_out() {
     }
 }
 
-/// Light of the sky through a window, and through a slit of 1 cm of the light of the next room.
+/// Sky light through a window, and the next room's light through a slit of 1 cm.
 #[test]
 fn light_through_small_openings_is_that_of_paths() {
-    // Ten times the photons of the default, whose noise is 4 % of the mean.
+    // Ten times the default number of photons, as its noise is 4 % of the mean.
     let film = Comparison { film: "--photons 720000", ..Comparison::default() };
     let blocks = Room::new(&room_with_a_window(), WHITE_SKY).blocks("window", film);
     assert!((blocks.mean_ratio() - 1.0).abs() < 0.02, "window: {}", blocks.mean_ratio());
@@ -201,14 +203,14 @@ fn light_through_small_openings_is_that_of_paths() {
     assert!((blocks.mean_ratio() - 1.0).abs() < 0.1, "slit: {}", blocks.mean_ratio());
 }
 
-/// A room of 2 m with a window of 80 cm in a wall of 10 cm, 30 cm above the ground.
+/// Builds a room of 2 m, 30 cm above the ground, with a window of 80 cm in a wall of 10 cm.
 fn room_with_a_window() -> Glb {
     let mut glb = Glb::default();
     glb.add(&[[vec3(-10.0, -0.3, -10.0), Vec3::Z * 20.0, Vec3::X * 20.0]], Vec3::splat(0.5), Vec3::ZERO);
     let mut walls: Vec<Quad> = inside(vec3(-1.0, 0.0, -1.0), vec3(1.0, 2.0, 1.0));
     walls.extend(outside(vec3(-1.1, -0.1, -1.1), vec3(1.1, 2.1, 1.1)));
     walls.retain(|&[corner, a, b]| a.x != 0.0 || b.x != 0.0 || corner.x < 0.0);
-    // The wall with the window, seen from within and from without: below, above, left and right of it.
+    // Both sides of the wall around the window: below, above, left and right of it.
     for ([bottom, top], [left, right]) in
         [([0.0, 0.8], [-1.0, 1.0]), ([1.6, 2.0], [-1.0, 1.0]), ([0.8, 1.6], [-1.0, -0.4]), ([0.8, 1.6], [0.4, 1.0])]
     {

@@ -1,37 +1,37 @@
-//! Files of a crate import each other without circles, and so do its folders.
+//! Neither the files of a crate nor its folders import each other in cycles.
 //!
-//! A folder with its `mod.rs` is a room. Within a room, `mod.rs` may import from the files below it and they from it. Imports
-//! between two files, two rooms, or a file and a room must not form a circle, at any level.
+//! A folder with its `mod.rs` is a room. Within a room, `mod.rs` and the files below it may import from each other. Imports
+//! between two files, two rooms, or a file and a room must not form a cycle, at any level.
 
 use super::{CRATES, only_in_tests, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syn::visit::{self, Visit};
 
-/// A module by the names on its path; the crate root has none.
+/// Path of a module; empty for the crate root.
 type Module = Vec<String>;
 
-/// The modules that a file imports, and the names that it hands on.
+/// The modules that a file imports, and the names that it re-exports.
 #[derive(Default)]
 struct Imports {
-    /// Absolute paths, of modules or of items in them.
+    /// Absolute paths of modules or of their items.
     paths: BTreeSet<Module>,
-    /// Names that `use` brings into the module, with their absolute paths.
+    /// Names imported by `use`, with their absolute paths.
     names: BTreeMap<String, Module>,
-    /// Modules in files of their own that exist only in tests.
+    /// Modules in separate files that exist only in tests.
     test_modules: BTreeSet<Module>,
 }
 
 /// Collects the imports of a file.
 struct Collector {
-    /// The file's module, then the modules within the file around the place that is read.
+    /// The file's module, then the inline modules around the current item.
     here: Module,
     depth_of_file: usize,
     imports: Imports,
 }
 
 impl Collector {
-    /// `path` from the crate root on, if it begins with `crate`, `self` or `super`, or else with a child if `in_use`.
+    /// Returns the absolute path if `path` starts with `crate`, `self` or `super`, or, if `in_use`, with a child module.
     fn absolute(&self, path: &[String], in_use: bool) -> Option<Module> {
         let mut base = self.here.clone();
         let mut rest = path;
@@ -73,7 +73,7 @@ impl Collector {
         self.imports.paths.insert(path);
     }
 
-    /// Paths among the tokens of a macro, which are not parsed.
+    /// Collects paths from the tokens of a macro, which is not parsed.
     fn tokens(&mut self, text: &str) {
         let words: Vec<&str> = text.split_whitespace().collect();
         for (i, word) in words.iter().enumerate().filter(|(_, word)| ["crate", "super"].contains(word)) {
@@ -125,7 +125,7 @@ impl<'ast> Visit<'ast> for Collector {
     }
 }
 
-/// The imports of each file below `folder`, by module.
+/// Reads the imports of each file below `folder`, by module.
 fn read(folder: &Path, module: &Module, files: &mut BTreeMap<Module, Imports>) {
     for entry in std::fs::read_dir(folder).expect("a folder of sources") {
         let path = entry.expect("an entry").path();
@@ -145,7 +145,7 @@ fn read(folder: &Path, module: &Module, files: &mut BTreeMap<Module, Imports>) {
         let source = syn::parse_file(&std::fs::read_to_string(&path).expect("a source")).expect("Rust");
         let mut collector = Collector { depth_of_file: own.len(), here: own.clone(), imports: Imports::default() };
         collector.visit_file(&source);
-        // A library and its program share the root.
+        // A library and its program share the crate root.
         let Imports { paths, names, test_modules } = collector.imports;
         let imports = files.entry(own).or_default();
         imports.paths.extend(paths);
@@ -154,7 +154,7 @@ fn read(folder: &Path, module: &Module, files: &mut BTreeMap<Module, Imports>) {
     }
 }
 
-/// The file in which what `path` names is defined: re-exports are followed.
+/// Returns the file that defines `path`, following re-exports.
 fn defined_in(path: &Module, files: &BTreeMap<Module, Imports>, steps: usize) -> Option<Module> {
     let depth = (0..=path.len()).rev().find(|&depth| files.contains_key(&path[..depth]))?;
     let (module, rest) = path.split_at(depth);
@@ -166,10 +166,10 @@ fn defined_in(path: &Module, files: &BTreeMap<Module, Imports>, steps: usize) ->
     followed.or_else(|| Some(module.to_vec()))
 }
 
-/// Imports between the files and rooms of one room: who imports whom, and where, in words.
+/// Imports between the files and rooms of one room: importing and imported module, with a description.
 type Edges = BTreeMap<(Module, Module), String>;
 
-/// The imports of a crate, by the room in which they lie.
+/// Groups the imports of a crate by room.
 fn rooms(files: &BTreeMap<Module, Imports>) -> BTreeMap<Module, Edges> {
     let test_modules: BTreeSet<&Module> = files.values().flat_map(|imports| &imports.test_modules).collect();
     let is_test = |file: &Module| (0..=file.len()).any(|depth| test_modules.contains(&file[..depth].to_vec()));
@@ -188,7 +188,7 @@ fn rooms(files: &BTreeMap<Module, Imports>) -> BTreeMap<Module, Edges> {
     rooms
 }
 
-/// Whether `to` imports `from`, directly or not.
+/// Returns whether `to` imports `from`, directly or indirectly.
 fn leads_back(edges: &Edges, (from, to): &(Module, Module)) -> bool {
     let (mut reached, mut open) = (BTreeSet::from([to]), vec![to]);
     while let Some(one) = open.pop() {
@@ -198,7 +198,7 @@ fn leads_back(edges: &Edges, (from, to): &(Module, Module)) -> bool {
     reached.contains(from)
 }
 
-/// Imports of a crate that are part of a circle, in words.
+/// Describes the imports of a crate that belong to a cycle.
 fn circular_imports(name: &str) -> Vec<String> {
     let mut files = BTreeMap::new();
     read(&root().join(name).join("src"), &Module::new(), &mut files);

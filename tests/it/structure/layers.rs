@@ -1,9 +1,9 @@
-//! Which crates may never depend on which others, directly or through crates between them.
+//! Forbidden dependencies between crates, direct or indirect.
 
 use super::{CRATES, root};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A crate, and names that none of its dependencies may have, however far down.
+/// A crate, and names forbidden among its direct and indirect dependencies.
 const NEVER: [(&str, &[&str]); 11] = [
     ("support/lanes", &["glam", "rayon", "serde", "ranks", "plane"]),
     ("support/plane", &["glam", "rayon", "ranks", "render-core"]),
@@ -18,7 +18,7 @@ const NEVER: [(&str, &[&str]); 11] = [
     ("pipeline/film", &["laboratory", "program", "minijinja", "anyhow", "indicatif", "csv"]),
 ];
 
-/// The names in a table of dependencies of a crate.
+/// Returns the names in the dependency tables of a crate.
 fn dependencies(name: &str) -> BTreeSet<String> {
     let text = std::fs::read_to_string(root().join(name).join("Cargo.toml")).expect("a manifest");
     let mut names = BTreeSet::new();
@@ -34,7 +34,7 @@ fn dependencies(name: &str) -> BTreeSet<String> {
     names
 }
 
-/// The folder of each crate of the workspace, by the name that others give it in their manifests.
+/// Maps the name of each crate of the workspace in manifests to its folder.
 fn folders() -> BTreeMap<&'static str, &'static str> {
     let mut folders = BTreeMap::new();
     for folder in CRATES {
@@ -53,7 +53,7 @@ fn crates_keep_off_the_crates_above_them() {
     let folders = folders();
     let mut found = Vec::new();
     for (of, never) in NEVER {
-        // All that is reached through crates of the workspace.
+        // All crates of the workspace in reach.
         let (mut reached, mut open) = (BTreeSet::new(), vec![of]);
         while let Some(folder) = open.pop() {
             for name in dependencies(folder) {

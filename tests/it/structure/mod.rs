@@ -11,7 +11,7 @@ mod words;
 
 use std::path::{Path, PathBuf};
 
-/// The crates of the program.
+/// Folders of the program's crates.
 const CRATES: [&str; 13] = [
     "support/lanes",
     "support/plane",
@@ -28,19 +28,19 @@ const CRATES: [&str; 13] = [
     "pipeline/program",
 ];
 
-/// The folder of the workspace.
+/// Root folder of the workspace.
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// Files below `folder` whose names end with `ending`, in the order of their names.
+/// Returns the files below `folder` with names that end with `ending`, sorted by name.
 fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
     let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
     while let Some(folder) = open.pop() {
         for entry in std::fs::read_dir(&folder).expect("a folder") {
             let path = entry.expect("an entry").path();
             let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-            // Build outputs and hidden folders hold nothing that belongs to the project.
+            // Build outputs and hidden folders contain no sources.
             if path.is_dir() && name != "target" && !name.starts_with('.') {
                 open.push(path);
             } else if path.extension().is_some_and(|found| found == ending) {
@@ -52,12 +52,12 @@ fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
     found
 }
 
-/// The name of a file from the workspace's folder on.
+/// Returns a file's path relative to the workspace.
 fn name_of(path: &Path) -> String {
     path.strip_prefix(root()).expect("a file of the workspace").display().to_string()
 }
 
-/// The parsed sources of a crate, with their names; files with the crate's own tests are left out.
+/// Parses the sources of a crate, with their names, except its own test modules.
 fn sources_of(name: &str) -> Vec<(String, syn::File)> {
     let mut sources = Vec::new();
     for path in files_below(&root().join(name).join("src"), "rs") {
@@ -71,7 +71,7 @@ fn sources_of(name: &str) -> Vec<(String, syn::File)> {
     sources
 }
 
-/// Whether an item exists only in tests of its own crate.
+/// Returns whether an item exists only in its crate's tests.
 fn only_in_tests(attributes: &[syn::Attribute]) -> bool {
     let is_test = |attribute: &syn::Attribute| {
         attribute.path().is_ident("cfg") && attribute.parse_args::<syn::Ident>().is_ok_and(|name| name == "test")

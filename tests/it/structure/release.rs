@@ -1,9 +1,9 @@
-//! Files that releases are made with name the versions of the workspace.
+//! Release files contain the versions of the workspace.
 
 use super::root;
 use std::fs;
 
-/// Text between the first `before` and the `after` that follows it, in a file of the workspace.
+/// Returns the text between the first `before` and the next `after` in a file of the workspace.
 fn value_in(file: &str, before: &str, after: &str) -> String {
     let text = fs::read_to_string(root().join(file)).unwrap();
     let found = text.split_once(before).and_then(|(_, rest)| rest.split_once(after));

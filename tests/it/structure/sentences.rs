@@ -1,13 +1,13 @@
-//! Sentences of documents are short enough to read.
+//! Sentences of documents have a limited length.
 
 use super::{files_below, name_of, root};
 
-/// Words of a sentence at most.
+/// Maximum number of words in a sentence.
 const MOST_WORDS: usize = 40;
-/// Documents with longer sentences, and how many of these each has at most.
+/// Documents with longer sentences, and the maximum number of these.
 const KNOWN: [(&str, usize); 0] = [];
 
-/// The paragraphs of a document, each of one line: lists are taken apart, tables, headings and code left out.
+/// Returns the paragraphs and list items of a document, each in one line, without tables, headings and code.
 fn paragraphs(text: &str) -> Vec<String> {
     let (mut paragraphs, mut in_block) = (vec![String::new()], false);
     for line in text.lines().map(str::trim) {
@@ -31,7 +31,7 @@ fn paragraphs(text: &str) -> Vec<String> {
     paragraphs
 }
 
-/// `text` with code as one word, and links without their targets.
+/// Replaces code by one word, and removes the targets of links.
 fn plain(text: &str) -> String {
     let mut plain = String::new();
     for (number, piece) in text.split('`').enumerate() {
@@ -44,7 +44,7 @@ fn plain(text: &str) -> String {
     plain
 }
 
-/// The sentences of a paragraph.
+/// Splits a paragraph into sentences.
 fn sentences(paragraph: &str) -> Vec<Vec<&str>> {
     let mut sentences = vec![Vec::new()];
     for word in paragraph.split_whitespace() {
@@ -62,7 +62,7 @@ fn sentences(paragraph: &str) -> Vec<Vec<&str>> {
 #[test]
 fn sentences_of_documents_are_short() {
     let mut documents = files_below(&root(), "md");
-    // The history is a list of changes; the sweeps' page is made by a program.
+    // The changelog is a list of changes; the references are titles; the page of sweeps is generated.
     documents.retain(|path| !["CHANGELOG.md", "docs/REFERENCES.md", "docs/sweep/README.md"].contains(&&*name_of(path)));
     assert!(documents.len() > 8, "there are documents");
     let mut found = Vec::new();

@@ -1,20 +1,20 @@
-//! Public functions return what they count, and hand out structs rather than mixed tuples.
+//! Public functions return their figures, and return structs instead of tuples of mixed types.
 //!
-//! Read by syntax alone: what counts as public is `pub fn`, a `pub` method of a `pub` type, and each method of a `pub` trait.
+//! The check is syntactic. Public functions are `pub fn`, `pub` methods of `pub` types, and all methods of `pub` traits.
 
 use super::type_names::public_types;
 use super::{CRATES, only_in_tests, sources_of};
 use std::collections::BTreeSet;
 use syn::visit::{self, Visit};
 
-/// Types that count or time work have names that end so; functions return them, and do not add to those of their callers.
+/// Name endings of types that count or time work; functions return such types and do not add to their callers'.
 const COUNTERS: [&str; 4] = ["Figures", "Counts", "Seconds", "Stats"];
-/// Types whose contents are looked at: a tuple within them crosses the signature as well.
+/// Types to look into: a tuple inside them is in the signature too.
 const WRAPPERS: [&str; 6] = ["Option", "Result", "Vec", "Box", "Arc", "Timed"];
-/// Public functions with mixed tuples that are left as they are.
+/// Public functions with accepted tuples of mixed types.
 const KNOWN_TUPLES: [&str; 1] = ["render-core/src/image_file/open_exr.rs write_layers"];
 
-/// A public function, by file and name.
+/// A public function: file and name, and its signature.
 struct Function {
     place: String,
     signature: syn::Signature,
@@ -23,9 +23,9 @@ struct Function {
 /// Collects the public functions of a file.
 struct Collector {
     file: String,
-    /// The public types of the crate, as far as the file may mean them.
+    /// Public types of the crate that the file may refer to.
     types: BTreeSet<String>,
-    /// The type or trait around the place that is read.
+    /// The type or trait around the current item.
     owner: Option<String>,
     found: Vec<Function>,
 }
@@ -56,7 +56,7 @@ impl<'ast> Visit<'ast> for Collector {
     }
 
     fn visit_item_impl(&mut self, item: &'ast syn::ItemImpl) {
-        // Methods of a trait have the signatures that the trait gives them.
+        // The signatures of trait methods are given by the trait.
         let owner = last_name(&item.self_ty).filter(|name| self.types.contains(name));
         if item.trait_.is_none() && owner.is_some() && !only_in_tests(&item.attrs) {
             self.owner = owner;
@@ -84,7 +84,7 @@ impl<'ast> Visit<'ast> for Collector {
     }
 }
 
-/// Names of structs that a file has for itself.
+/// Returns the names of a file's private structs.
 fn private_structs(source: &syn::File) -> Vec<String> {
     let mut names = Vec::new();
     for item in &source.items {
@@ -97,12 +97,12 @@ fn private_structs(source: &syn::File) -> Vec<String> {
     names
 }
 
-/// The public functions of a crate.
+/// Returns the public functions of a crate.
 fn functions_of(name: &str) -> Vec<Function> {
     let (mut found, sources) = (Vec::new(), sources_of(name));
     let types: BTreeSet<String> = public_types(&sources).into_keys().collect();
     for (file, source) in sources {
-        // A private type may have the name of a public one elsewhere.
+        // A private type may share its name with a public type elsewhere.
         let private = private_structs(&source);
         let types = types.iter().filter(|name| !private.contains(name)).cloned().collect();
         let mut collector = Collector { file, types, owner: None, found: Vec::new() };
@@ -113,13 +113,13 @@ fn functions_of(name: &str) -> Vec<Function> {
     found
 }
 
-/// The last name of a type's path.
+/// Returns the last segment of a type's path.
 fn last_name(kind: &syn::Type) -> Option<String> {
     let syn::Type::Path(path) = kind else { return None };
     path.path.segments.last().map(|segment| segment.ident.to_string())
 }
 
-/// The types of the parameters, without the receiver.
+/// Returns the types of the parameters, without the receiver.
 fn parameters(signature: &syn::Signature) -> Vec<&syn::Type> {
     let mut types = Vec::new();
     for input in &signature.inputs {
@@ -130,7 +130,7 @@ fn parameters(signature: &syn::Signature) -> Vec<&syn::Type> {
     types
 }
 
-/// Whether a parameter of this type lets the function add to a figure of its caller.
+/// Returns whether a parameter of this type lets the function add to its caller's figures.
 fn adds_to_figures(kind: &syn::Type) -> bool {
     match kind {
         syn::Type::Reference(reference) => {
@@ -144,7 +144,7 @@ fn adds_to_figures(kind: &syn::Type) -> bool {
     }
 }
 
-/// The types within one of [`WRAPPERS`].
+/// Returns the types inside one of [`WRAPPERS`].
 fn contents(kind: &syn::Type) -> Vec<&syn::Type> {
     let syn::Type::Path(path) = kind else { return Vec::new() };
     let Some(segment) = path.path.segments.last() else { return Vec::new() };
@@ -161,7 +161,7 @@ fn contents(kind: &syn::Type) -> Vec<&syn::Type> {
     types
 }
 
-/// The names and signs of a type in their order: alike for types that are spelled alike.
+/// The names and symbols of a type in order; equal for equally spelled types.
 #[derive(Default, PartialEq)]
 struct Spelling(Vec<String>);
 
@@ -193,7 +193,7 @@ fn spelling(kind: &syn::Type) -> Spelling {
     spelling
 }
 
-/// Whether values of different types stand in a tuple. Arguments of closures and items of iterators may be mixed.
+/// Returns whether a tuple contains different types. Arguments of closures and items of iterators may be mixed.
 fn has_mixed_tuple(kind: &syn::Type) -> bool {
     match kind {
         syn::Type::Tuple(tuple) => {
@@ -232,7 +232,7 @@ fn public_signatures_have_no_mixed_tuples() {
             found.push(place);
         }
     }
-    // A known exception that is gone leaves the list.
+    // An obsolete exception must leave the list.
     let new: Vec<_> = found.iter().filter(|place| !KNOWN_TUPLES.contains(&place.as_str())).collect();
     let gone: Vec<_> = KNOWN_TUPLES.iter().filter(|known| found.iter().all(|place| place != *known)).collect();
     assert!(new.is_empty() && gone.is_empty(), "mixed tuples: {new:#?}\nexceptions that are none: {gone:#?}");

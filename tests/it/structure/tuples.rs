@@ -1,14 +1,14 @@
-//! Parameters have names of their own: a signature takes no tuple apart.
+//! Parameters have names: no signature destructures a tuple.
 //!
-//! Read by syntax alone: all functions and methods count, private ones too. Closures do not.
+//! The check is syntactic and covers all functions and methods, private ones included, except closures.
 
 use super::{CRATES, only_in_tests, sources_of};
 use syn::visit::{self, Visit};
 
-/// Tuples in signatures that may be left.
+/// Maximum number of destructured tuples.
 const MOST: usize = 15;
 
-/// Collects the tuples that signatures of a file take apart.
+/// Collects the tuples destructured in signatures of a file.
 struct Collector {
     file: String,
     found: Vec<String>,
@@ -50,7 +50,7 @@ impl<'ast> Visit<'ast> for Collector {
     }
 }
 
-/// Whether a pattern takes a tuple apart; `()` has no parts.
+/// Returns whether a pattern destructures a tuple; `()` does not count.
 fn has_tuple(pattern: &syn::Pat) -> bool {
     match pattern {
         syn::Pat::Tuple(tuple) => !tuple.elems.is_empty(),
@@ -66,7 +66,7 @@ fn has_tuple(pattern: &syn::Pat) -> bool {
 #[test]
 fn parameters_are_hardly_ever_tuples() {
     let mut found = Vec::new();
-    // Modules of a crate's tests are in folders of this name.
+    // Test modules of a crate are in folders of this name.
     let sources = CRATES.iter().flat_map(|name| sources_of(name)).filter(|(file, _)| !file.contains("/tests/"));
     for (file, source) in sources {
         let mut collector = Collector { file, found: Vec::new() };

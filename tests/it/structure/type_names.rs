@@ -1,11 +1,11 @@
-//! A name stands for one public type of a crate.
+//! Each name denotes one public type of a crate.
 
 use super::{CRATES, only_in_tests, sources_of};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Names that stand for two public types of a crate and are left as they are.
+/// Accepted names of two public types of one crate.
 ///
-/// Exceptions: `lanes` has each vector type twice, for two kinds of processor. A build has one kind.
+/// `lanes` has each vector type twice, for two kinds of processor, of which a build compiles one.
 const KNOWN: [(&str, &str); 4] = [
     ("support/lanes", "Absolute"),
     ("support/lanes", "Bytes"),
@@ -13,13 +13,13 @@ const KNOWN: [(&str, &str); 4] = [
     ("support/lanes", "Words"),
 ];
 
-/// Names that more than two private or public types of the workspace have.
+/// Accepted names of more than two private or public types of the workspace.
 ///
-/// `lanes` has a vector type for each kind of processor; `Readme` holds doc tests; a `Writer` is named by its container.
+/// `lanes` has a vector type for each kind of processor, `Readme` contains doc tests, and each container has a `Writer`.
 const SHARED: [&str; 6] = ["Absolute", "Display", "Readme", "Squared", "Words", "Writer"];
 
-/// Adds the names of types among `items` with the module that defines each. Two definitions in one module are
-/// variants of one type, by configuration. Private types count if `private`.
+/// Adds the names of types in `items` with their defining module. Two definitions in one module are variants by
+/// configuration. Private types count if `private` is set.
 fn add(items: &[syn::Item], module: &str, private: bool, names: &mut BTreeMap<String, BTreeSet<String>>) {
     for item in items {
         let (visibility, name, attributes) = match item {
@@ -43,7 +43,7 @@ fn add(items: &[syn::Item], module: &str, private: bool, names: &mut BTreeMap<St
     }
 }
 
-/// The names of a crate's public types, each with the files that define it.
+/// Returns the names of a crate's public types, each with its defining files.
 pub fn public_types(sources: &[(String, syn::File)]) -> BTreeMap<String, BTreeSet<String>> {
     let mut names = BTreeMap::new();
     for (file, source) in sources {
@@ -68,7 +68,7 @@ fn a_name_is_one_public_type_of_a_crate() {
         }
     }
     assert!(found.is_empty(), "{}", found.join("\n"));
-    // An exception that is none any more leaves the list.
+    // An obsolete exception must leave the list.
     assert_eq!(known, KNOWN);
 }
 

@@ -1,10 +1,10 @@
 //! Sources and documents have American spelling.
 //!
-//! MPEG-2's own words, such as `quantiser_scale`, keep the spelling of the standard.
+//! Terms of the MPEG-2 standard, such as `quantiser_scale`, keep its spelling.
 
 use super::{files_below, name_of, root};
 
-/// Parts of words that only British spelling has.
+/// Fragments of words in British spelling.
 const BRITISH: [&str; 41] = [
     "analyse ",
     "analysed",
@@ -48,12 +48,13 @@ const BRITISH: [&str; 41] = [
     "visualis",
     "whilst",
 ];
-/// What stays: words that look like them, syntax elements of MPEG-2, and an option that is still accepted.
+/// Accepted words: similar words, syntax elements of MPEG-2, and an option that is still accepted.
 const KEPT: [&str; 5] = ["optimistic", "colour_description", "colour_primaries", "alias = \"centre\"", "`--centre`"];
-/// This list itself.
+/// The file with this list.
 const LIST: &str = "tests/it/structure/words.rs";
 
-/// Lines of `text` in British spelling, by number. Blocks of output in documents are what programs of others say.
+/// Returns the lines of `text` in British spelling, by number. Output blocks in documents come from other programs and are
+/// skipped.
 fn british_lines(text: &str, is_document: bool) -> Vec<(usize, &'static str)> {
     let (mut found, mut in_block) = (Vec::new(), false);
     for (number, line) in text.lines().enumerate() {

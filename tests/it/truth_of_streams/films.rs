@@ -1,4 +1,4 @@
-//! Films of the program, and what they state.
+//! Films of the program, and the values in their headers.
 
 use super::level;
 use glam::Vec3;
@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use tests::truth::{Elementary, assert_true, clock_accuracy, clock_interval};
 use tests::{Glb, Moving, assert_fails, checkered_room, need, render, render2mpeg};
 
-/// Pixels of the first frame of a file as ffmpeg shows them, R′G′B′.
+/// Returns the first frame's pixels as R′G′B′, decoded by ffmpeg.
 fn shown_by_ffmpeg(file: &Path) -> Vec<u8> {
     let mut command = Command::new("ffmpeg");
     command.args(["-v", "error", "-i"]).arg(file);
@@ -18,7 +18,7 @@ fn shown_by_ffmpeg(file: &Path) -> Vec<u8> {
     output.stdout
 }
 
-/// Eight bars that glow, side by side in front of a camera, which sees 1.2 m of them in each direction.
+/// Builds eight emissive vertical bars in front of a camera that sees 1.2 m in each direction.
 fn bars() -> Glb {
     let mut glb = Glb::default();
     for bar in 0..8u8 {
@@ -30,7 +30,7 @@ fn bars() -> Glb {
     glb
 }
 
-/// MPEG-1 and YUV4MPEG2 state no matrix, and readers assume BT.601.
+/// MPEG-1 and YUV4MPEG2 have no matrix coefficients, and decoders assume BT.601.
 #[test]
 fn colors_are_those_of_the_png_in_every_format() {
     const SIDE: usize = 128;
@@ -64,7 +64,7 @@ fn colors_are_those_of_the_png_in_every_format() {
     }
 }
 
-/// Films of a small room.
+/// Renders a film of a small room.
 fn room(folder: &Path, name: &str, more: &str) -> (Vec<u8>, Elementary) {
     checkered_room(Moving::Camera).write(&folder.join("room.glb"));
     let film = render(folder, name, &folder.join("room.glb"), &format!("--vpls 60 --photons 1000 {more}")).stream;
@@ -72,7 +72,7 @@ fn room(folder: &Path, name: &str, more: &str) -> (Vec<u8>, Elementary) {
     (film, video)
 }
 
-/// dvdauthor takes the film, without a warning.
+/// Checks that dvdauthor accepts the film without a warning.
 fn author(folder: &Path, film: &str) {
     let words = ["-o", "disc", "-t", film];
     let mut command = Command::new("dvdauthor");
@@ -85,7 +85,7 @@ fn author(folder: &Path, film: &str) {
     std::fs::remove_dir_all(folder.join("disc")).unwrap();
 }
 
-/// Discs have pictures of 4:3 or 16:9, and pictures at 23.976 in frames at 29.97.
+/// Discs have pictures of 4:3 or 16:9, and 23.976 pictures per second in frames at 29.97.
 #[test]
 fn films_for_discs_are_those_of_dvd_video() {
     let folder = tempfile::tempdir().unwrap();
@@ -121,7 +121,7 @@ fn films_for_discs_are_those_of_dvd_video() {
     }
 }
 
-/// A square in the middle of the picture is as wide as high where it is shown.
+/// On the display, a square in the middle of the picture is as wide as high.
 #[test]
 fn pixels_have_the_stated_shape() {
     let folder = tempfile::tempdir().unwrap();
@@ -149,7 +149,7 @@ fn pixels_have_the_stated_shape() {
     }
 }
 
-/// Clock references of transport streams, at every rate.
+/// Clock references of transport streams, at every bit rate.
 #[test]
 fn clock_references_come_often_and_at_a_constant_rate_exactly() {
     let folder = tempfile::tempdir().unwrap();
@@ -171,7 +171,7 @@ fn clock_references_come_often_and_at_a_constant_rate_exactly() {
     }
 }
 
-/// Rates that MPEG has no codes for repeat frames, at the lowest multiple.
+/// Frame rates without an MPEG code repeat frames, at the lowest multiple.
 #[test]
 fn frames_are_repeated_at_rates_that_have_no_code() {
     let folder = tempfile::tempdir().unwrap();
@@ -195,7 +195,7 @@ fn frames_are_repeated_at_rates_that_have_no_code() {
             ("film.ts", "--bframes 2 --bitrate 400k"),
             ("chunks.mpg", "--chunk 3 --aq masking"),
         ] {
-            // With all options at some rates, and alone at the others.
+            // All options at some rates, one at the others.
             if !["12", "10"].contains(&fps) && name != "film.m2v" {
                 continue;
             }
@@ -205,7 +205,8 @@ fn frames_are_repeated_at_rates_that_have_no_code() {
             assert_eq!(video.sequences[0].frame_rate, rate, "{fps} {name}");
             assert_eq!(video.pictures.len(), frames * pictures, "{fps} {name}");
 
-            // Repeated pictures are skipped as far as the standard allows: 144 bits of headers, and 56 for each row with two empty macroblocks.
+            // Repeated pictures are skipped as far as the standard allows: 144 bits of headers, and 56 for each row with two
+            // empty macroblocks.
             if name == "film.m2v" {
                 for (number, picture) in video.pictures.iter().enumerate().filter(|(number, _)| number % pictures > 0) {
                     assert!(
@@ -233,7 +234,7 @@ fn frames_are_repeated_at_rates_that_have_no_code() {
     assert_eq!(video.sequences[0].frame_rate, (24_000, 1001));
 }
 
-/// A screen of noise in front of a camera that moves, from picture to picture by half a texel.
+/// Builds a screen of noise and a camera that moves by half a texel per picture.
 fn screen_of_noise() -> Glb {
     let mut state = 1u32;
     let mut code = || {
@@ -248,7 +249,7 @@ fn screen_of_noise() -> Glb {
     glb
 }
 
-/// Noise at fine quantisers, which the lowest level of its size does not hold.
+/// Noise at fine quantisers exceeds the lowest level of its size.
 #[test]
 fn films_of_noise_state_a_level_that_holds_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -261,7 +262,7 @@ fn films_of_noise_state_a_level_that_holds_them() {
         ("low.ts", "--size 352x288 --qscale 1 --bframes 2", 10),
         ("one.mpg", "--size 352x288 --qscale 2 --mpeg1", 0),
         ("chunks.m2v", "--size 352x288 --qscale 1 --chunk 4", 10),
-        // Discs have Main Level: pictures are coded coarser.
+        // Discs require Main Level: pictures are coded coarser.
         ("disc.vob", "--size 352x288 --qscale 1", 10),
     ] {
         let options = format!("--frames 8 --bounces 1 --photons 1000 {more}");
@@ -273,7 +274,7 @@ fn films_of_noise_state_a_level_that_holds_them() {
     }
 }
 
-/// Sides that headers cannot state, and sizes that no level holds, which a note tells.
+/// Sides that headers cannot represent, and sizes beyond every level, which a note reports.
 #[test]
 fn sides_of_a_multiple_of_4096_are_rendered() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,16 +1,16 @@
-//! Numbers that streams state hold for what is in them, by a parser of the tests' own (`tests::truth`).
+//! Header values of streams are true, by an independent parser (`tests::truth`).
 //!
-//! `tests::render` checks each film of the test suite in the same way. Here are clips and options that strain one number each.
+//! `tests::render` checks every film of the test suite in this way. The clips and options here strain one value each.
 
 mod films;
 
 use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Level, Multiplexer, Picture, Plane, Rate, Standard};
 use tests::truth::{Elementary, assert_true};
 
-/// Containers that have clocks or none.
+/// Containers with and without clocks.
 const CONTAINERS: [Container; 4] = [Container::Elementary, Container::Program, Container::Disc, Container::Transport];
 
-/// Noise of half range, another one in each frame: nothing predicts it.
+/// Returns noise of half range, different in each frame, which cannot be predicted.
 fn noise(width: usize, height: usize, seed: u64) -> Picture {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut plane = |width: usize, height: usize| Plane::from_fn(width, height, |_, _| random.u8(64..192));
@@ -18,14 +18,14 @@ fn noise(width: usize, height: usize, seed: u64) -> Picture {
     Picture::new(plane(width, height), plane(chroma.0, chroma.1), plane(chroma.0, chroma.1)).unwrap()
 }
 
-/// A pattern that moves a pixel a frame.
+/// Returns a pattern that moves by one pixel per frame.
 fn waves(width: usize, height: usize, time: usize) -> Picture {
     let wave = |x: usize, y: usize| (128.0 + 70.0 * ((x + time) as f64 * 0.3).sin() * (y as f64 * 0.2).cos()) as u8;
     let chroma = Plane::filled(width.div_ceil(2), height.div_ceil(2), 120);
     Picture::new(Plane::from_fn(width, height, wave), chroma.clone(), chroma).unwrap()
 }
 
-/// A film of these frames; each number that it states holds.
+/// Encodes a film of these frames, and checks all of its header values.
 fn film(container: Container, config: &Config, frames: impl Iterator<Item = Picture>) -> (Vec<u8>, Elementary) {
     let mut multiplexer = Multiplexer::new(container, config);
     let mut encoder = config.clone().encoder().unwrap();
@@ -44,7 +44,7 @@ fn film(container: Container, config: &Config, frames: impl Iterator<Item = Pict
     (film, video)
 }
 
-/// The level's four bits of profile_and_level_indication.
+/// Returns the level's four bits of profile_and_level_indication.
 fn level(video: &Elementary) -> u64 {
     video.sequences[0].profile_and_level & 15
 }
@@ -60,7 +60,7 @@ fn sides_of_a_multiple_of_4096_are_coded_longer_and_displayed_as_they_are() {
     }
 }
 
-/// Noise that no level of its size holds: a higher level is stated, whose rate and buffer hold the pictures.
+/// Noise beyond the level of its size: the header states a higher level, whose limits the pictures obey.
 #[test]
 fn noise_at_fine_quantisers_states_a_level_that_holds_it() {
     for (width, height, quantiser, frames, indication) in
@@ -90,7 +90,7 @@ fn noise_at_fine_quantisers_states_a_level_that_holds_it() {
     }
 }
 
-/// A quiet beginning states the lowest level. Noise that follows is coded coarser, so that the level holds it.
+/// A quiet start states the lowest level. The noise after it is coded coarser, within that level.
 #[test]
 fn noise_after_a_quiet_beginning_is_coded_coarser() {
     for lookahead in [0, 4] {
