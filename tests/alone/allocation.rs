@@ -1,7 +1,7 @@
-//! Stages that the plan leaves out take no memory: bytes are counted as they are requested.
+//! Stages skipped by the plan allocate no memory: the test counts requested bytes.
 //!
-//! A stage that works on something requests memory by its size. So bytes that are the same for any number of pixels, photons and
-//! lights are those of a stage that did not run; where it runs, they differ.
+//! The memory of a running stage grows with its work. If the number of bytes is the same for any number of pixels, photons
+//! and lights, the stage did not run.
 
 use pipeline::Run;
 use pipeline::parts::Prepare;
@@ -17,7 +17,7 @@ use tests::{Glb, Moving, checkered_room, load};
 #[global_allocator]
 static COUNTED: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// How much work there is.
+/// Amount of work.
 #[derive(Clone, Copy)]
 struct Work {
     side: usize,
@@ -29,7 +29,7 @@ const LITTLE: Work = Work { side: 48, photons: 3000, lights: 60 };
 const MORE_PIXELS: Work = Work { side: 96, ..LITTLE };
 const MORE_LIGHT: Work = Work { photons: 12_000, lights: 240, ..LITTLE };
 
-/// A film, and the folder that it lies in.
+/// A film, and its folder.
 struct Job {
     scene: Scene,
     settings: Settings,
@@ -56,7 +56,7 @@ impl Job {
     }
 }
 
-/// Bytes that preparing a frame requests, on average over frames after the first: the surplus of a longer film.
+/// Mean number of bytes that preparing a frame allocates, without the first frames: the excess of a longer film.
 fn of_a_later_frame(room: &Glb, work: Work) -> usize {
     let of_film = |count: u32| {
         let Job { scene, settings, plan, _folder } = &Job::new(room, work, count);
@@ -68,7 +68,7 @@ fn of_a_later_frame(room: &Glb, work: Work) -> usize {
     of_film(9).saturating_sub(of_film(3)) / 6
 }
 
-/// Bytes of a whole run.
+/// Number of bytes that a whole run allocates.
 fn of_a_run(room: &Glb, work: Work) -> usize {
     let Job { scene, settings, plan, _folder } = &Job::new(room, work, 4);
     let region = Region::new(COUNTED);
@@ -76,33 +76,33 @@ fn of_a_run(room: &Glb, work: Work) -> usize {
     region.change().bytes_allocated
 }
 
-/// The bytes of one plane of floats of a small picture: less than this is no work on pixels.
+/// Size of one plane of floats of a small picture \[bytes\]; less means no work on pixels.
 const A_PLANE: usize = 4 * LITTLE.side * LITTLE.side;
 
-/// One test, so that nothing else requests memory meanwhile.
+/// The only test of this program, so that no other test allocates memory meanwhile.
 #[test]
 fn what_is_left_out_takes_no_memory() {
-    // Nothing moves: a later frame requests nothing that grows with pixels, photons or lights.
+    // In a static scene, a later frame allocates no memory in proportion to pixels, photons or lights.
     let still = checkered_room(Moving::Nothing);
-    // Threads of the common pool are started before anything is counted.
+    // Start the threads of the common pool before the count.
     of_a_run(&still, LITTLE);
     let [little, pixels, light] = [LITTLE, MORE_PIXELS, MORE_LIGHT].map(|work| of_a_later_frame(&still, work));
     println!("nothing moves: {little}, with more pixels {pixels}, with more light {light} bytes");
     assert!(little < A_PLANE && pixels < A_PLANE && light < A_PLANE);
 
-    // The camera moves: what is seen is found anew, light is not.
+    // With a moving camera, visibility is recomputed and light is not.
     let passing = checkered_room(Moving::Camera);
     let [little, pixels, light] = [LITTLE, MORE_PIXELS, MORE_LIGHT].map(|work| of_a_later_frame(&passing, work));
     println!("the camera moves: {little}, with more pixels {pixels}, with more light {light} bytes");
     assert!(pixels > little + 3 * A_PLANE && light < little + A_PLANE);
 
-    // A box moves: everything is done anew.
+    // With a moving box, everything is recomputed.
     let moving = checkered_room(Moving::Box);
     let [little, pixels, light] = [LITTLE, MORE_PIXELS, MORE_LIGHT].map(|work| of_a_later_frame(&moving, work));
     println!("a box moves: {little}, with more pixels {pixels}, with more light {light} bytes");
     assert!(pixels > little + 3 * A_PLANE && light > little + A_PLANE);
 
-    // Nothing reflects: in a whole run, photons and virtual lights take nothing.
+    // Without reflection, photons and virtual lights allocate no memory in a whole run.
     let mut black = checkered_room(Moving::Nothing);
     for material in black.json["materials"].as_array_mut().unwrap() {
         material["pbrMetallicRoughness"]["baseColorFactor"] = serde_json::json!([0.0, 0.0, 0.0, 1.0]);

@@ -1,4 +1,4 @@
-//! Loading leaves the process's panic hook alone, and known damage makes no panic that a hook would see.
+//! The loader neither replaces the process's panic hook nor panics on known damage.
 
 use render_core::scene;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -6,7 +6,7 @@ use tests::{Random, cornell, damaged, hostile_scenes};
 
 static SEEN: AtomicUsize = AtomicUsize::new(0);
 
-/// Scenes on which the `gltf` crate would panic, and what the message must say.
+/// Scenes on which the `gltf` crate would panic, and the required text of the message.
 const FORESEEN: [(&str, &str); 4] = [
     ("positions-out-of-range", "mesh 0 primitive 0: its positions are accessor 99"),
     ("camera-without-its-part", "camera 0 is of type perspective"),
@@ -14,7 +14,7 @@ const FORESEEN: [(&str, &str); 4] = [
     ("length-in-header", "its header claims 5 bytes"),
 ];
 
-/// One test alone: the hook is the process's.
+/// The only test of this program, as the hook belongs to the process.
 #[test]
 fn loading_runs_no_panic_hook_and_replaces_none() {
     std::panic::set_hook(Box::new(|_| _ = SEEN.fetch_add(1, Ordering::Relaxed)));

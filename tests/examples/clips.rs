@@ -1,13 +1,13 @@
-//! Renders clips of the shipped scenes, with their exact motion beside them, for `python3 bench encoders`:
+//! Renders clips of the shipped scenes with their exact motion, for `python3 bench encoders`:
 //!
 //! ```sh
 //! cargo run --release -p tests --example clips -- out/clips
 //! cargo run --release -p tests --example clips -- out/clips 512x512 60
 //! ```
 //!
-//! The arguments are a folder, a size (352x288 if not given) and a number of frames (30). NAME.y4m is what the encoder gets,
-//! NAME.mvp the motion to the frame before: pairs of i16, little endian, in 64ths of a pixel, −32768 where the surface could not be
-//! seen; zeros for the first frame.
+//! The arguments are a folder, a size (default 352x288) and a number of frames (default 30). NAME.y4m contains the encoder's
+//! input, NAME.mvp the motion to the previous frame. Motion is a pair of little-endian i16 in 1/64 pixel, −32768 for
+//! disoccluded pixels, and zero in the first frame.
 
 use pipeline::Run;
 use pipeline::observe::OnFrame;

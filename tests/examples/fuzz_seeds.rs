@@ -1,9 +1,9 @@
-//! Writes what the fuzz targets begin with: `cargo run --release -p tests --example fuzz_seeds -- tests/fuzz/corpus`.
+//! Writes the seeds of the fuzz targets: `cargo run --release -p tests --example fuzz_seeds -- tests/fuzz/corpus`.
 
 use std::path::{Path, PathBuf};
 use tests::{Moving, checkered_room, render, textured_square};
 
-/// A seed that begins with the byte by which a target tells its inputs apart.
+/// Writes a seed with a leading byte that selects the kind of input.
 fn seed(folder: &Path, target: &str, name: &str, kind: u8, bytes: &[u8]) {
     let folder = folder.join(target);
     std::fs::create_dir_all(&folder).expect("a folder");
@@ -42,7 +42,7 @@ fn main() {
         3,
         b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x10\x20\x30\x80",
     );
-    // What a stage left is made by the target itself.
+    // The target itself creates the states of stages.
     for kind in 0..28 {
         seed(&folder, "checkpoint", &format!("kind{kind}"), kind, &[0, 1, 250, 0, 1, 3, 251, 16, 0]);
     }

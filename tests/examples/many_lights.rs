@@ -1,5 +1,5 @@
-//! The light tree and the pixels of a real scene as one file, for `lighttree`'s own measurements; and what shared cuts
-//! cost against independent ones where shadow rays are real.
+//! Writes the light tree and the pixels of a real scene to one file, for the measurements of `lighttree`. Compares the costs
+//! of shared and independent cuts with real shadow rays.
 //!
 //! ```sh
 //! cargo run --release -p tests --example many_lights -- ../shared/scenes/conference/conference.glb 512x512 150000 out/conference.lights

@@ -1,22 +1,22 @@
-//! What was typed.
+//! Command-line arguments.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// The arguments, with what holds where they are left out.
+/// The arguments, with defaults for missing ones.
 pub struct Arguments {
-    /// How long new cases are begun.
+    /// Time limit for the start of new cases.
     pub time: Duration,
-    /// Which cases there are.
+    /// Seed of all cases.
     pub seed: u64,
-    /// Where findings go.
+    /// Folder for findings.
     pub keep: PathBuf,
     /// The only case to run.
     pub case: Option<u64>,
 }
 
 impl Arguments {
-    /// Reads pairs of a name and a value.
+    /// Parses pairs of a name and a value.
     pub fn parse(mut words: impl Iterator<Item = String>) -> Result<Self, String> {
         let keep = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../target/tmp/fuzz-findings"));
         let mut arguments = Self { time: Duration::from_secs(60), seed: 1, keep, case: None };

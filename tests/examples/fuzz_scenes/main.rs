@@ -1,11 +1,11 @@
-//! Changes scenes and checkpoints by what they mean, and says where the program breaks its promises:
+//! Changes scenes and checkpoints by their structure, and reports rules that the program breaks:
 //!
 //! ```sh
 //! cargo run -p tests --example fuzz_scenes -- --minutes 10
 //! cargo run -p tests --example fuzz_scenes -- --seed 7 --case 123       # one case again, and keep its files
 //! ```
 //!
-//! `tests/fuzz/README.md` says what must hold. With findings the exit code is 1.
+//! `tests/fuzz/README.md` lists the rules. With findings, the exit code is 1.
 
 mod arguments;
 
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use tests::fuzz::{Case, Fuzzer, Verdict, own_seeds, seeds_below};
 use tests::shared_scenes;
 
-/// Time from one summary to the next.
+/// Interval between summaries.
 const SUMMARY: Duration = Duration::from_secs(30);
 
 /// Cases of each kind so far.
@@ -39,7 +39,7 @@ impl Counts {
         }
     }
 
-    /// Says them in a line.
+    /// Prints the counts in one line.
     fn say(&self, begin: Instant) {
         let Self { cases, refused, rendered, findings } = self;
         let seconds = begin.elapsed().as_secs();
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs cases until the time is over, or the one that was asked for; the number of findings.
+/// Runs cases until the time is over, or the requested case. Returns the number of findings.
 fn fuzz(arguments: &Arguments) -> io::Result<u64> {
     build_program()?;
     let mut seeds = own_seeds();
@@ -76,7 +76,7 @@ fn fuzz(arguments: &Arguments) -> io::Result<u64> {
     println!("seed {}, {} scenes to begin with: {}", arguments.seed, seeds.len(), names.join(", "));
     let mut fuzzer = Fuzzer::new(seeds, arguments.seed)?;
 
-    // One case after the other: each has threads of its own.
+    // Cases run one after the other, as each has several threads.
     let (begin, mut said, mut counts) = (Instant::now(), Instant::now(), Counts::default());
     let (first, most) = arguments.case.map_or((0, u64::MAX), |case| (case, 1));
     for number in (first..).take(usize::try_from(most).unwrap_or(usize::MAX)) {
@@ -100,7 +100,7 @@ fn fuzz(arguments: &Arguments) -> io::Result<u64> {
     Ok(counts.findings)
 }
 
-/// Builds the program of the tests as this one was built, where Cargo runs this one.
+/// Builds the tests' program with the profile of this one, if Cargo runs this one.
 fn build_program() -> io::Result<()> {
     let Some(cargo) = std::env::var_os("CARGO") else { return Ok(()) };
     let mut build = Command::new(cargo);

@@ -1,37 +1,37 @@
-//! What was typed.
+//! Command-line arguments.
 
 use render2mpeg::Options;
 use std::path::PathBuf;
 
-/// The film, and whether a log of it is kept.
+/// The scene and options of the film, and the requested figure.
 pub struct Arguments {
     pub scene: PathBuf,
-    /// The film's options without its file.
+    /// Options of the film, without its file.
     pub options: Options,
     pub is_logged: bool,
-    /// What is to be shown.
+    /// The requested figure.
     pub figure: Figure,
-    /// The cost that tiles have equal shares of: rays or time.
+    /// The cost that is equal in all tiles: rays or time.
     pub cost: String,
-    /// The way of records in the walk.
+    /// Exchange of records in the walk: none, central or each.
     pub records: String,
-    /// Ranks of the walk beside one.
+    /// Number of ranks of the walk, in addition to one rank.
     pub ranks: usize,
 }
 
-/// What is to be shown.
+/// A figure to print.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Figure {
-    /// Ranks that share all work in turns.
+    /// Ranks that share all work in rounds.
     Replicated,
-    /// Tiles on demand: the first frame.
+    /// Tiles on demand, in the first frame.
     FirstFrame,
-    /// Tiles on demand: a walk.
+    /// Tiles on demand, in a walk.
     Walk,
 }
 
 impl Arguments {
-    /// Reads the scene and pairs of a name and a value.
+    /// Parses the scene, then pairs of a name and a value.
     pub fn parse(mut words: impl Iterator<Item = String>) -> Result<Self, String> {
         let scene = words.next().ok_or("which scene?")?.into();
         let mut arguments = Self {

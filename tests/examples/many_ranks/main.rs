@@ -1,4 +1,4 @@
-//! Films on up to 64 ranks, simulated from the log of the same film on one:
+//! Films on up to 64 ranks, simulated from the log of one rank:
 //!
 //! ```sh
 //! cargo run -p tests --example many_ranks -- scenes/nave/nave.glb --size 128x128 --frames 3 --samples 5
@@ -7,7 +7,8 @@
 //! cargo run -p tests --example many_ranks -- scenes/nave/nave.glb --size 128x128 --frames 8 --samples 5 --tiles walk --importance saliency:1
 //! ```
 //!
-//! One thread makes the film, so run it while nothing else runs. `render_core::ranks::LoggedRun` says what is simulated, and how.
+//! The film is rendered on one thread, so run no other programs meanwhile. `render_core::ranks::LoggedRun` documents the
+//! simulation.
 
 mod arguments;
 mod replicated;

@@ -1,4 +1,4 @@
-//! Ranks that all keep the same state and share its work, as `mpirun` starts them.
+//! Ranks with replicated state that share its work, as started by `mpirun`.
 
 use crate::arguments::Arguments;
 use pipeline::Run;
@@ -10,17 +10,18 @@ use render2mpeg::{Options, Render, Settings};
 use renderer::plan::Plan;
 use std::sync::Arc;
 
-/// Ranks to simulate.
+/// Numbers of simulated ranks.
 const COUNTS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
-/// The first as two ranks of Open MPI 4.1 had it on an AMD Zen 5: an all-gather took 0.4 µs for 8 bytes each, 570 µs for 1 MiB each.
+/// The first is measured with two ranks of Open MPI 4.1 on an AMD Zen 5: an all-gather took 0.4 µs for 8 bytes per rank, 570
+/// µs for 1 MiB.
 pub const NETWORKS: [(&str, Network); 2] = [
     ("memory of one machine: 1 µs, 2 GB/s", Network { latency: 1e-6, bandwidth: 2e9 }),
     ("Ethernet: 50 µs, 1 Gbit/s", Network { latency: 50e-6, bandwidth: 1e9 / 8.0 }),
 ];
 
-/// Makes the film, and prints what ranks would take for it.
+/// Renders the film, and prints the simulated times of ranks.
 pub fn print(arguments: &Arguments) -> anyhow::Result<()> {
-    // Both stages that share work keep a log.
+    // Both stages with shared work keep a log.
     let (prepare, shade) = (Arc::new(LoggedAlone::default()), Arc::new(LoggedAlone::default()));
     let mut team = Team::alone();
     if arguments.is_logged {
@@ -36,7 +37,7 @@ pub fn print(arguments: &Arguments) -> anyhow::Result<()> {
         run.loops.extend(one.log().expect("it keeps one").loops());
     }
 
-    // Parts of it, then a table for each network.
+    // Print the terms of the time, then a table for each network.
     let logging: f64 = run.loops.iter().map(|one| one.logging).sum();
     println!(
         "not shared: {:.2} s, {:.2} s of it on rank 0 alone; {} loops; {logging:.2} s for the log",
@@ -61,7 +62,7 @@ pub fn print(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Makes the film; CPU time of what rank 0 does alone \[s\].
+/// Renders the film, and returns the CPU time of rank 0's own work \[s\].
 fn film(arguments: &Arguments, team: &Team) -> anyhow::Result<f64> {
     let folder = tempfile::tempdir()?;
     let options = Options { output: Some(folder.path().join("film.m2v")), ..arguments.options.clone() };

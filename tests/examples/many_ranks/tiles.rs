@@ -16,14 +16,14 @@ use renderer::settings::Thresholds;
 use renderer::{SimulatedFrame, SimulatedRanks};
 use std::sync::{Arc, Mutex};
 
-/// Ranks of the first frame, beside one.
+/// Numbers of ranks for the first frame, in addition to one rank.
 const COUNTS: [usize; 4] = [2, 4, 16, 64];
-/// Ways of records from rank to rank.
+/// Kinds of record exchange between ranks.
 const WAYS: [&str; 3] = ["none", "central:16", "each:16"];
-/// Share of the light of each cut that may be wrong in the picture that others are compared with.
+/// Relative threshold of each cut in the picture that serves as the reference.
 const EXACT: f32 = 0.01;
 
-/// The first frame on more and more ranks, for each way of records, as in Figure 6.
+/// Prints the first frame's time for increasing numbers of ranks and each record exchange, like Figure 6.
 pub fn first_frame(arguments: &Arguments) -> anyhow::Result<()> {
     let one = |options: Options| Options { frames: Some(1), ..options };
     let exact = Options { cache: Some(Switch::Off), thresholds: Some(Thresholds::Fixed(EXACT)), ..Options::default() };
@@ -32,7 +32,7 @@ pub fn first_frame(arguments: &Arguments) -> anyhow::Result<()> {
     println!("{name}\n\n| ranks | {} |", WAYS.map(|way| format!("{way}: s, records, dB")).join(" | "));
     println!("|---|{}", "---|".repeat(WAYS.len()));
     for count in [1].into_iter().chain(COUNTS) {
-        // One rank has nobody to send records to.
+        // One rank has no other rank to exchange records with.
         let mut cells = Vec::new();
         for way in WAYS.into_iter().take(if count == 1 { 1 } else { WAYS.len() }) {
             let tiles = format!("{},{way}", arguments.cost).parse().ok();
@@ -47,11 +47,11 @@ pub fn first_frame(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A walk on one rank and on many, with the same rays everywhere and with importance, as in Figures 7 and 8.
+/// Prints a walk on one rank and on many, with uniform sampling and by importance, like Figures 7 and 8.
 pub fn walk(arguments: &Arguments) -> anyhow::Result<()> {
     let (name, network) = &NETWORKS[1];
     println!(
-        "{name}\n\n| ranks | rays | tiles, s | whole film, s | factor | CPU s of the busiest | records | dB beside the first row |"
+        "{name}\n\n| ranks | rays | tiles, s | whole film, s | factor | CPU s of the busiest | records | dB against the first row |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     let tiles = format!("{},{}", arguments.cost, arguments.records).parse().ok();
@@ -78,7 +78,7 @@ pub fn walk(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Options of the film, those of `more` that are a matter of the row.
+/// Returns the options of a row: `more`, with size, frames and samples from the arguments.
 fn merged(arguments: &Arguments, more: Options) -> Options {
     let Options { size, frames, samples, .. } = arguments.options;
     Options { size, frames, samples, ..more }
@@ -86,26 +86,26 @@ fn merged(arguments: &Arguments, more: Options) -> Options {
 
 /// A film on simulated ranks.
 struct Made {
-    /// Time of the whole film, if each rank has one processor \[s\].
+    /// Wall-clock time of the whole film with one processor per rank \[s\].
     seconds: f64,
-    /// CPU time of the rank that has most of it \[s\].
+    /// CPU time of the busiest rank \[s\].
     busiest: f64,
     frames: Vec<SimulatedFrame>,
     /// Luma of all frames.
     luma: Vec<f32>,
 }
 
-/// Keeps the luma of all frames.
+/// Stores the luma of all frames.
 #[derive(Default)]
 struct Luma(Mutex<Vec<f32>>);
 
 impl Observer for Luma {
     fn picture(&self, _: u32, picture: &YCbCr) {
-        self.0.lock().expect("nobody panics").extend_from_slice(picture.luma.samples());
+        self.0.lock().expect("no thread panics").extend_from_slice(picture.luma.samples());
     }
 }
 
-/// Makes a film, with tiles on the simulated `ranks` if there are any. Work outside of tiles is shared in turns.
+/// Renders a film, with tiles on simulated `ranks` if given. Other work is shared in rounds.
 fn film(arguments: &Arguments, options: Options, ranks: Option<(usize, Network)>) -> anyhow::Result<Made> {
     let (folder, before) = (tempfile::tempdir()?, process_seconds());
     let options = Options { output: Some(folder.path().join("film.m2v")), ..options };
@@ -118,7 +118,7 @@ fn film(arguments: &Arguments, options: Options, ranks: Option<(usize, Network)>
     let (count, network) = ranks.unwrap_or((1, NETWORKS[1].1));
     let simulated = SimulatedRanks::new(count, network);
 
-    // The film, and the CPU time that it takes.
+    // The film, and its CPU time.
     let luma = Luma::default();
     let mut render = Render::among(&scene, &settings, &plan, &checkpoints, &team)?;
     if ranks.is_some() {
@@ -127,7 +127,7 @@ fn film(arguments: &Arguments, options: Options, ranks: Option<(usize, Network)>
     render.write_to(&settings.output)?;
     let report = render.finish(Run { observer: &luma, ..Run::default() })?;
 
-    // All but the tiles.
+    // All work except tiles.
     let frames = simulated.frames();
     let in_tiles: f64 = frames.iter().map(|frame| frame.all_busy).sum();
     let mut run = LoggedRun { cpu: process_seconds() - before - in_tiles, ..LoggedRun::default() };

@@ -1,8 +1,8 @@
-//! A checkpoint: what is not of this film is refused, and what is of it but damaged ends the film with a message.
+//! A checkpoint: one of another film is refused, and a damaged one ends the film with a message.
 //!
-//! The first byte says what the rest is: the whole file, its body under a right checksum, all that one stage left, or changes
-//! to what it left: two bytes of place, one of value each. Checksums are made right, that of the light tree too, so that what
-//! comes after them is met. Most inputs are only read, for that is quick; from 14 on the film is continued as well.
+//! The first byte selects the input: the whole file, its body with a valid checksum, the state of one stage, or changes of
+//! that state. Each change is two bytes of position and one of value. All checksums are valid, including the light tree's, so
+//! that the code behind them runs. Most inputs are only read, as that is fast; from 14 on the film is continued as well.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -12,9 +12,9 @@ use render2mpeg::{Options, Render};
 use std::sync::OnceLock;
 use tests::killed::{KilledFilm, TREE, seal_tree};
 
-/// The film, in a folder that stays.
+/// Renders the film in a folder that is not removed.
 fn killed() -> KilledFilm {
-    // A stage that panics ends the film with a message: that is no finding. A panic in who called it is.
+    // A panic of a stage ends the film with a message, which is no finding. A panic of the caller is one.
     std::panic::set_hook(Box::new(|_| ()));
     let folder = tempfile::tempdir().expect("a folder").keep();
     let path = folder.join("scene.glb");
@@ -31,7 +31,7 @@ fn killed() -> KilledFilm {
     KilledFilm::new(&path, &options)
 }
 
-/// Changes bytes of what a stage left.
+/// Changes bytes of a stage's state.
 fn change(part: &mut [u8], changes: &[u8]) {
     if part.is_empty() {
         return;

@@ -1,4 +1,4 @@
-//! Settings: the TOML file beside a scene, with all that follows from it before the first ray.
+//! Settings: a scene's TOML file, and all processing of it before the first ray.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

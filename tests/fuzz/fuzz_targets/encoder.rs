@@ -1,4 +1,4 @@
-//! Any configuration of the encoder is refused or codes any pictures with any motion.
+//! Each configuration of the encoder is refused, or encodes any pictures with any motion.
 #![no_main]
 
 use arbitrary::{Arbitrary, Unstructured};
@@ -35,14 +35,14 @@ struct Wishes {
     lookahead: u8,
     frames: u8,
     motion: Option<[f32; 2]>,
-    /// Motion in 64ths of a pixel, as files have it, from the input's bytes.
+    /// Whether motion comes from the input's bytes in 1/64 pixel, as in files.
     motion_64ths: bool,
 }
 
-/// Larger pictures would only be slower.
+/// Maximum width and height \[pixels\]; larger pictures would only be slower.
 const LARGEST: u16 = 80;
 
-/// A size that cannot be coded now and then.
+/// Returns a size, occasionally an invalid one.
 fn size(wishes: &Wishes) -> (usize, usize) {
     let side = |side: u16| usize::from(if side > 65_500 { side } else { side % LARGEST });
     (side(wishes.width), side(wishes.height))
@@ -83,7 +83,7 @@ fn config(wishes: &Wishes) -> Option<Config> {
     Some(config)
 }
 
-/// A picture of the input's bytes, repeated.
+/// Builds a picture from the input's bytes, repeated.
 fn frame(width: usize, height: usize, bytes: &[u8], number: usize) -> Picture {
     let at = |stride: usize, start: usize| {
         move |x: usize, y: usize| match bytes {
@@ -96,13 +96,13 @@ fn frame(width: usize, height: usize, bytes: &[u8], number: usize) -> Picture {
     Picture::new(Plane::from_fn(width, height, at(width, 0)), chroma(5), chroma(11)).expect("planes that belong together")
 }
 
-/// Two bytes of the input for each component.
+/// Builds motion from two bytes of the input per component.
 fn motion_64ths(width: usize, height: usize, bytes: &[u8]) -> Correspondence {
     let at = |k: usize| match bytes {
         [] => 0,
         _ => i16::from_le_bytes([bytes[2 * k % bytes.len()], bytes[(2 * k + 1) % bytes.len()]]),
     };
-    // The least value says that nothing corresponds.
+    // The smallest value means no correspondence.
     let pixels = |k| Some(at(k)).filter(|&part| part != i16::MIN).map_or(f32::NAN, |part| f32::from(part) / 64.0);
     Correspondence::from_motion(Plane::from_fn(width, height, |x, y| {
         let k = 2 * (y * width + x);

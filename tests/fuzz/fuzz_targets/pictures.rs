@@ -1,6 +1,6 @@
-//! Pictures and videos to be compared.
+//! Pictures and videos to compare.
 //!
-//! The first byte says what the rest is.
+//! The first byte selects the format.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,6 +1,6 @@
-//! A scene file: it loads or is refused, and what loads can be filmed.
+//! A scene file: it is refused, or it loads and can be rendered.
 //!
-//! The first byte says whether the rest is a `.gltf` or a `.glb`.
+//! The first byte selects `.gltf` or `.glb`.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -13,7 +13,7 @@ use render_core::scene;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-/// Larger scenes are not filmed: they would take the time of thousands of others.
+/// Maximum number of triangles of a rendered scene; larger ones would take the time of thousands of small ones.
 const MOST_TRIANGLES: usize = 2000;
 
 fuzz_target!(|data: &[u8]| {
@@ -39,5 +39,5 @@ fuzz_target!(|data: &[u8]| {
     let plan = Plan::new(&scene, &settings.render);
     let check = OnFrame::new(|frame: &FrameReport| assert_eq!(frame.figures.non_finite, 0, "light that is no number"));
     let run = Run { observer: &check, ..Run::default() };
-    render2mpeg::render(&scene, &settings, &plan, run).expect("what loads can be filmed");
+    render2mpeg::render(&scene, &settings, &plan, run).expect("a loaded scene can be rendered");
 });

@@ -1,25 +1,25 @@
-//! Just enough of SVG for the figures of the crates.
+//! A minimal SVG writer for the crates' figures.
 #![forbid(unsafe_code)]
 
 use std::fmt::Write;
 
-/// Blue, as a color of SVG.
+/// Blue, as an SVG color.
 pub const BLUE: &str = "#2060c0";
-/// Red.
+/// Red, as an SVG color.
 pub const RED: &str = "#c03028";
-/// Green.
+/// Green, as an SVG color.
 pub const GREEN: &str = "#208040";
-/// Gray.
+/// Gray, as an SVG color.
 pub const GRAY: &str = "#909090";
 
-/// A drawing, y down, in pixels.
+/// A drawing in pixels, with y pointing down.
 #[derive(Debug)]
 pub struct Svg {
     body: String,
 }
 
 impl Svg {
-    /// A white drawing of this size \[pixels\].
+    /// Creates a white drawing of this size \[pixels\].
     pub fn new(width: f32, height: f32) -> Self {
         let mut body = String::new();
         let size = format!(r#"width="{width}" height="{height}" viewBox="0 0 {width} {height}""#);
@@ -32,43 +32,43 @@ impl Svg {
         writeln!(self.body, "{element}").expect("memory");
     }
 
-    /// A line between two points, of a width \[pixels\].
+    /// Draws a line between two points, with a width \[pixels\].
     pub fn line(&mut self, (ax, ay): (f32, f32), (bx, by): (f32, f32), color: &str, width: f32) {
         let ends = format!(r#"x1="{ax:.1}" y1="{ay:.1}" x2="{bx:.1}" y2="{by:.1}""#);
         self.add(format_args!(r#"<line {ends} stroke="{color}" stroke-width="{width}"/>"#));
     }
 
-    /// Lines from point to point.
+    /// Draws a polyline.
     pub fn path(&mut self, points: &[(f32, f32)], color: &str) {
         let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         let points = points.join(" ");
         self.add(format_args!(r#"<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.5"/>"#));
     }
 
-    /// A rounded rectangle from its upper left corner, of a size, filled faintly.
+    /// Draws a faintly filled, rounded rectangle from its upper left corner and size.
     pub fn rectangle(&mut self, (x, y): (f32, f32), (width, height): (f32, f32), color: &str) {
         let place = format!(r#"x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{height:.1}""#);
         self.add(format_args!(r#"<rect {place} rx="6" fill="{color}" fill-opacity="0.12" stroke="{color}"/>"#));
     }
 
-    /// A filled rectangle from its upper left corner, of a size.
+    /// Draws a filled rectangle from its upper left corner and size.
     pub fn bar(&mut self, (x, y): (f32, f32), (width, height): (f32, f32), color: &str) {
         let place = format!(r#"x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{height:.1}""#);
         self.add(format_args!(r#"<rect {place} fill="{color}"/>"#));
     }
 
-    /// A filled circle.
+    /// Draws a filled circle.
     pub fn circle(&mut self, (x, y): (f32, f32), radius: f32, color: &str) {
         self.add(format_args!(r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius:.1}" fill="{color}"/>"#));
     }
 
-    /// Text at a point, of a size \[pixels\]; `anchor` is `start`, `middle` or `end`.
+    /// Draws text at a point, with a size \[pixels\]; `anchor` is `start`, `middle` or `end`.
     pub fn text(&mut self, (x, y): (f32, f32), size: f32, anchor: &str, text: &str) {
         let place = format!(r#"x="{x:.1}" y="{y:.1}" font-size="{size}" text-anchor="{anchor}""#);
         self.add(format_args!("<text {place}>{text}</text>"));
     }
 
-    /// The file.
+    /// Returns the SVG file.
     pub fn finish(mut self) -> String {
         self.body.push_str("</svg>\n");
         self.body
@@ -78,7 +78,7 @@ impl Svg {
 #[derive(Debug)]
 enum Shape {
     Line,
-    /// Bars of this width.
+    /// Bars of this width, in units of x.
     Bars(f32),
 }
 
@@ -90,7 +90,7 @@ struct Series {
     points: Vec<(f32, f32)>,
 }
 
-/// A diagram of lines or bars with axes and a legend.
+/// A diagram of lines or bars, with axes and a legend.
 #[derive(Debug)]
 pub struct Plot {
     title: String,
@@ -105,12 +105,12 @@ const WIDTH: f32 = 560.0;
 const HEIGHT: f32 = 300.0;
 
 impl Plot {
-    /// An empty diagram with the names of its axes.
+    /// Creates an empty diagram with named axes.
     pub fn new(title: &str, x: &'static str, y: &'static str) -> Self {
         Self { title: title.into(), labels: [x, y], logarithmic: false, series: Vec::new() }
     }
 
-    /// Points are given as decimal logarithms.
+    /// Labels the axes as powers of ten; points are decimal logarithms.
     pub fn logarithmic(&mut self) {
         self.logarithmic = true;
     }
@@ -120,12 +120,12 @@ impl Plot {
         self.series.push(Series { name, color, shape: Shape::Line, points });
     }
 
-    /// Adds bars around points, of a width in units of x.
+    /// Adds bars centered on points, with a width in units of x.
     pub fn bars(&mut self, name: &'static str, color: &'static str, width: f32, points: Vec<(f32, f32)>) {
         self.series.push(Series { name, color, shape: Shape::Bars(width), points });
     }
 
-    /// The file.
+    /// Returns the SVG file.
     pub fn finish(self) -> String {
         let all = || self.series.iter().flat_map(|series| &series.points);
         let range = |of: fn(&(f32, f32)) -> f32| {
@@ -169,7 +169,7 @@ impl Plot {
         svg.finish()
     }
 
-    /// Five round numbers or so between two, or the powers of ten.
+    /// Returns about five round numbers of a range, or its powers of ten.
     fn ticks(&self, low: f32, high: f32) -> Vec<(f32, String)> {
         if self.logarithmic {
             return (low as i32..=high as i32).map(|power| (power as f32, format!("{}", 10f32.powi(power)))).collect();

@@ -1,2 +1,2 @@
-//! Nothing. The manifest of this package names features of dependencies, so that every `cargo test -p CRATE` of the
-//! workspace compiles them as `cargo test --workspace` does, once.
+//! Empty. The package's manifest lists features of dependencies, so that `cargo test -p CRATE` and `cargo test --workspace`
+//! share one build of them.
