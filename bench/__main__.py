@@ -1,8 +1,8 @@
 """Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf [--quick|--full] [options].
 
-Quick, the default, answers in five minutes on two processors and says how far its figures can be trusted.
+Quick, the default, takes five minutes on two processors and reports the reliability of its figures.
 Full makes the tables of the documentation; for bits, larger films.
-README.md beside this file tells what each measurement answers.
+README.md in this folder describes each measurement.
 """
 
 import argparse
@@ -36,7 +36,7 @@ MEASUREMENTS = {
 
 
 def parser():
-    """The command line: one subcommand for each measurement."""
+    """Returns the command line: one subcommand for each measurement."""
     style = argparse.RawDescriptionHelpFormatter
     whole = argparse.ArgumentParser(prog="python3 bench", description=__doc__, formatter_class=style)
     commands = whole.add_subparsers(dest="measurement", required=True, metavar="MEASUREMENT")
@@ -51,8 +51,8 @@ def parser():
 
 
 def main():
-    """Runs a measurement; what is missing is told in one line."""
-    # Ends quietly where a pipe that reads the tables is closed.
+    """Runs a measurement; reports a missing tool in one line."""
+    # End silently if the reader of the tables closes its pipe.
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     options = parser().parse_args()
     try:

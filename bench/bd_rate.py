@@ -1,4 +1,4 @@
-"""BD-rate: the mean difference of rate at equal quality, by monotone cubics over the logarithm of the rate."""
+"""BD-rate: mean difference of rate at equal quality, by monotone cubics over the logarithm of the rate."""
 
 import math
 from bisect import bisect_right
@@ -8,14 +8,14 @@ PLACES = 2001
 
 
 def curve(points):
-    """Quality and logarithm of the rate of points (rate, quality), both rising."""
+    """Returns qualities and logarithms of the rate, both ascending, from points (rate, quality)."""
     points = sorted((quality, math.log(rate)) for rate, quality in points if math.isfinite(quality))
     rising = [(a, b) for a, b in zip(points, points[1:]) if b[0] > a[0] + 1e-4 and b[1] > a[1]]
     return list(zip(*points[:1] + [after for _, after in rising]))
 
 
 def slopes(x, y):
-    """Slopes of the monotone cubic of Fritsch and Carlson."""
+    """Returns the slopes of Fritsch and Carlson's monotone cubic."""
     h = [b - a for a, b in zip(x, x[1:])]
     d = [(b - a) / step for a, b, step in zip(y, y[1:], h)]
     inner = []
@@ -26,7 +26,7 @@ def slopes(x, y):
 
 
 def values(x, y, places):
-    """The monotone cubic through (x, y) at some places."""
+    """Yields the monotone cubic through (x, y) at some positions."""
     m = slopes(x, y)
     for place in places:
         i = min(max(bisect_right(x, place) - 1, 0), len(x) - 2)
@@ -36,7 +36,7 @@ def values(x, y, places):
 
 
 def bd_rate(anchor, test):
-    """Mean difference of rate of `test` to `anchor` at equal quality [%]; none where the curves do not overlap."""
+    """Returns the mean difference of rate of `test` to `anchor` at equal quality [%]; NaN if the curves do not overlap."""
     curves = [curve(points) for points in (anchor, test)]
     if len(test) < 3 or any(len(one) < 2 or len(one[0]) < 2 for one in curves):
         return math.nan
@@ -46,6 +46,6 @@ def bd_rate(anchor, test):
         return math.nan
     places = [low + (high - low) * i / (PLACES - 1) for i in range(PLACES)]
     difference = [b - a for a, b in zip(values(qa, ra, places), values(qt, rt, places))]
-    # The trapezoidal rule.
+    # Trapezoidal rule.
     mean = (sum(difference) - (difference[0] + difference[-1]) / 2) / (PLACES - 1)
     return 100 * (math.exp(mean) - 1)

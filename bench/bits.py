@@ -1,19 +1,19 @@
-"""Whether a program makes the same films as another one, bit for bit: hashes of videos and of EXR frames.
+"""Bit-exactness: hashes of videos and EXR frames prove that two programs make the same films.
 
     python3 bench bits [--film NAME …] [--before PROGRAM | --against FILE.json] [--keep FILE.json] [--full]
 
-It proves that a change of the code changes no bit. Each film gets two values of SHA-256:
+Each film has two SHA-256 values:
 
-    video     the file of the video
-    frames    all EXR files together, as `sha256sum *.exr | sha256sum` in their folder prints it
+    video     the video file
+    frames    all EXR files, as `sha256sum *.exr | sha256sum` in their folder prints it
 
-With --before, the other program renders each film first. With --against, hashes that --keep has written stand for it.
-Keep and compare on one machine, programs of one version: headers of frames name it. Each film is told to be the same or DIFFERENT, with the first frame that differs.
-If any film differs, the command fails.
+With --before, the other program renders each film first. With --against, the hashes of an earlier --keep are used instead.
+Keep and compare on one machine, with programs of one version: frame headers contain it.
+Each film is reported as the same or as DIFFERENT, with the first frame that differs. The command fails if any film differs.
 
---list names the films. They show each scene that ships, and a room with coats (coated_room.py), with a moving ball or not.
-The others show cornell, where camera and blocks move, with other options. Some must be equal to another film:
-with one thread, with every stage run, and killed in the middle and resumed. To be killed needs a system with signals.
+--list prints the names of the films. They show each shipped scene, and a room with coats (coated_room.py) with a static or moving ball.
+The other films show cornell, with a moving camera and moving blocks, and with other options. Some must equal another film:
+with one thread, with every stage run, and killed in the middle and resumed. The last requires a system with signals.
 
 Films have 128x128 pixels and 8 frames. The slow ones are smaller: 64x64 without the cache, with 4 frames in the room, and
 48x48 with 2 frames for all lights. --full doubles width and height.
@@ -38,7 +38,7 @@ import tables
 from running import Failure, add_program, need_files, need_program, run
 
 SHIPPED = ["cornell", "cornell-box", "atrium", "conference", "nave"]
-# Rooms that are written here, and whether the ball moves.
+# Rooms generated here, and whether the ball moves.
 ROOMS = {"room": False, "room-moving": True}
 LAYERS = "direct,indirect,albedo,normal,depth,motion,cut-size,threshold,cache,shading"
 AHEAD = "--bframes 2 --cbr --bitrate 150k --stopping calibrated"
@@ -46,7 +46,7 @@ AHEAD = "--bframes 2 --cbr --bitrate 150k --stopping calibrated"
 
 @dataclass(frozen=True)
 class Film:
-    """A film: its scene and options, pixels on a side, frames, the file of its video."""
+    """A film: scene, options, side [pixels], number of frames, and name of the video file."""
 
     name: str
     scene: str
@@ -54,13 +54,13 @@ class Film:
     side: int = 128
     frames: int = 8
     video: str = "film.m2v"
-    # The film that it must be equal to.
+    # The film that it must equal.
     like: str = ""
-    # Frames that were told of when it is killed, to be resumed.
+    # Number of reported frames before it is killed, to be resumed.
     killed_after: int = 0
 
     def words(self, full):
-        """Options of the program that decide about its bits."""
+        """Returns the options of the program that affect its bits."""
         side = self.side * (2 if full else 1)
         return ["--size", f"{side}x{side}", "--frames", str(self.frames), *self.options.split()]
 
@@ -101,7 +101,7 @@ FILMS = [
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     names = [film.name for film in FILMS]
     parser.add_argument("--film", action="append", choices=names, metavar="NAME", help="only this film; may be repeated")
     parser.add_argument("--list", action="store_true", help="name the films and end")
@@ -113,14 +113,14 @@ def add_options(parser):
 
 
 def chosen(names):
-    """The films that the user names, or all, and those that they must be equal to."""
+    """Returns the films that the user names, or all, and the films that they must equal."""
     names = set(names or [film.name for film in FILMS])
     names |= {film.like for film in FILMS if film.name in names}
     return [film for film in FILMS if film.name in names]
 
 
 def scenes(films, program, folder):
-    """By name, the scene files of films. Rooms are written into the folder."""
+    """Returns the scene files of films by name. Rooms are written into the folder."""
     found = {}
     for name in {film.scene for film in films}:
         if name in ROOMS:
@@ -134,14 +134,14 @@ def scenes(films, program, folder):
 
 
 def need_coats(program, scene):
-    """Checks that the program finds coats in the scene."""
+    """Checks that the program renders the scene's coats."""
     plan = run([program, "plan", scene]).output.splitlines()
     if not any(line.split()[:3] == ["glossy", "surfaces", "on"] for line in plan):
         raise Failure(f"{program} finds no glossy surfaces in {scene.name}")
 
 
 def render_and_kill(command, checkpoint, after):
-    """Renders until some checkpoints were written, each in the place of the one before, and kills the program."""
+    """Renders until `after` checkpoints were written, then kills the program."""
     seen = set()
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -157,7 +157,7 @@ def render_and_kill(command, checkpoint, after):
 
 
 def render_and_resume(command, film, video):
-    """Renders with a checkpoint after each frame, is killed, and goes on."""
+    """Renders with a checkpoint after each frame, is killed, and resumes."""
     if os.name != "posix":
         raise Failure("films that are killed and resumed need a system with signals; name others with --film")
     command = [*map(str, command), "--checkpoint", "0", "--progress", "json"]
@@ -168,17 +168,17 @@ def render_and_resume(command, film, video):
 
 
 def sha256(path):
-    """The hash of a file."""
+    """Returns the hash of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def hashes(program, film, scene, full):
-    """Renders a film: what it is made of, and hashes of its video and of each frame."""
+    """Renders a film, and returns its options with the hashes of its video and of each frame."""
     words = film.words(full)
     with tempfile.TemporaryDirectory() as folder:
         video, frames = Path(folder) / film.video, Path(folder) / "frames"
         command = [program, "render", scene, "--overwrite", *words, "-o", video, "--quiet"]
-        # Halves would hide what differs by less.
+        # Half floats would hide smaller differences.
         command += ["--exr", frames, "--exr-depth", "float"]
         render_and_resume(command, film, video) if film.killed_after else run(command)
         return {
@@ -190,13 +190,13 @@ def hashes(program, film, scene, full):
 
 
 def together(frames):
-    """One hash of all frames."""
+    """Returns one hash of all frames."""
     lines = "".join(f"{value}  {name}\n" for name, value in frames.items())
     return hashlib.sha256(lines.encode()).hexdigest()
 
 
 def difference(old, new, same_options=True):
-    """What differs between two films, or nothing."""
+    """Describes the difference between two films; none for equal ones."""
     if old is None:
         return "it is missing there"
     if old["scene"] != new["scene"]:
@@ -210,12 +210,12 @@ def difference(old, new, same_options=True):
 
 
 def verdict(name, found):
-    """What is said about a film beside another one."""
+    """Formats the result of a film's comparison."""
     return f"DIFFERENT from {name}: {found}" if found else f"same as {name}"
 
 
 def read_kept(path):
-    """Hashes of an earlier run."""
+    """Reads the hashes of an earlier run."""
     need_files([path])
     try:
         return json.loads(path.read_text())
@@ -224,7 +224,7 @@ def read_kept(path):
 
 
 def compared(options, films):
-    """Renders all films and prints a row for each; their hashes, and the names of those that differ."""
+    """Renders all films, and prints a row for each. Returns their hashes, and the names of the films that differ."""
     kept = read_kept(options.against) if options.against else {}
     found, differ = {}, []
     with tempfile.TemporaryDirectory() as folder:

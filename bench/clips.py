@@ -1,4 +1,4 @@
-"""Clips that encoders are measured with: YUV4MPEG2 files, with exact motion beside them where it is known."""
+"""Clips for the comparison of encoders: YUV4MPEG2 files, with exact motion if available."""
 
 import os
 import shutil
@@ -15,7 +15,7 @@ FRAME_HEADER = 6
 
 
 class Clip:
-    """NAME.y4m; NAME.mvp and NAME.mvn hold the motion to the frame before and after, where they are there."""
+    """A clip NAME.y4m; NAME.mvp and NAME.mvn contain the motion to the previous and next frame, if present."""
 
     def __init__(self, path):
         self.path = Path(path)
@@ -30,16 +30,16 @@ class Clip:
 
     @property
     def name(self):
-        """As in tables."""
+        """Name in tables."""
         return self.path.stem
 
     def motion(self, ending):
-        """The file of the motion to the frame before (.mvp) or after (.mvn), or nothing."""
+        """Returns the file of the motion to the previous (.mvp) or next (.mvn) frame, or nothing."""
         path = self.path.with_suffix(ending)
         return path if path.exists() else None
 
     def repeated(self, least, folder):
-        """The clip and its motion again and again, to at least so many frames."""
+        """Returns the clip and its motion, repeated to at least `least` frames."""
         times = -(-least // self.frames)
         target = Path(folder) / self.path.name
         with open(self.path, "rb") as file, open(target, "wb") as out:
@@ -52,7 +52,7 @@ class Clip:
 
 
 def write_often(file, out, times):
-    """Copies what is left of a file, again and again."""
+    """Copies the rest of a file repeatedly."""
     begin = file.tell()
     for _ in range(times):
         file.seek(begin)
@@ -60,7 +60,7 @@ def write_often(file, out, times):
 
 
 def example(package, name, may_build):
-    """An example program in release, built first where that is allowed."""
+    """Returns the path of an example program in release, built first if allowed."""
     command = ["cargo", "build", "--release", "--package", package, "--example", name]
     if may_build:
         run(command, capture=False, folder=ROOT)
@@ -68,7 +68,7 @@ def example(package, name, may_build):
 
 
 def shipped(size, frames, may_build):
-    """Clips of three scenes that ship, rendered once."""
+    """Returns clips of three shipped scenes, rendered once."""
     folder = FOLDER / f"shipped-{size}-{frames}"
     if not folder.exists():
         program = example("tests", "clips", may_build)
@@ -84,7 +84,7 @@ def shipped(size, frames, may_build):
 
 
 def generated(program, frames):
-    """Clips of another program, called as PROGRAM FOLDER CLIP --frames N; those that are there are taken as they are."""
+    """Returns the clips of another program, called as PROGRAM FOLDER CLIP --frames N; existing ones are reused."""
     folder = FOLDER / f"rendered-{frames}"
     folder.mkdir(parents=True, exist_ok=True)
     for name in GENERATED:
@@ -94,6 +94,6 @@ def generated(program, frames):
 
 
 def in_folder(folder):
-    """The clips of a folder, those of the generator in its order."""
+    """Returns the clips of a folder, with the generator's clips in its order."""
     order = lambda path: (GENERATED.index(path.stem) if path.stem in GENERATED else len(GENERATED), path)  # noqa: E731
     return [Clip(path) for path in sorted(folder.glob("*.y4m"), key=order)]

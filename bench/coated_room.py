@@ -1,7 +1,7 @@
-"""A small glTF room whose surfaces have coats, for `bits`: no scene that ships has them.
+"""A small glTF room with coated surfaces, for `bits`: no shipped scene has them.
 
-A glossy floor, a ball of metal, a lacquered ball and a screen that is half there, below one lamp.
-The camera moves, and on demand the lacquered ball.
+A glossy floor, a metal ball, a lacquered ball and a half-transparent screen, below one lamp.
+The camera moves, and optionally the lacquered ball.
 """
 
 import base64
@@ -22,7 +22,7 @@ MATERIALS = {
     "gauze": ((0.8, 0.8, 0.6), 0, 1, 0, 0.5),
     "lamp": ((0, 0, 0), 0, 1, 12, 1),
 }
-# Shape, material, place, scale, rotation.
+# Shape, material, position, scale, rotation.
 OBJECTS = [
     ("quad", "tiles", (0, 0, 0), 2, UP),
     ("quad", "plaster", (0, 2, 0), 2, DOWN),
@@ -36,20 +36,20 @@ OBJECTS = [
 ]
 SHAPES = ["quad", "ball"]
 MOVING_BALL, CAMERA = len(OBJECTS) - 1, len(OBJECTS)
-# Where each moving node begins, and its way in one second, in meters.
+# Start of each moving node, and its displacement in one second [m].
 BEGIN = {MOVING_BALL: (0.4, 0.3, 0), CAMERA: (0, 1, 3.2)}
 WAY = {MOVING_BALL: (0, 0.4, 0.2), CAMERA: (0.3, 0.1, -0.2)}
 FLOATS, SHORTS = 5126, 5123
 
 
 def quad():
-    """Positions, normals and triangles of a square of side 1 that faces +z."""
+    """Returns positions, normals and triangles of a square of side 1 that faces +z."""
     positions = [(-0.5, -0.5, 0), (0.5, -0.5, 0), (0.5, 0.5, 0), (-0.5, 0.5, 0)]
     return positions, [(0, 0, 1)] * 4, [(0, 1, 2), (0, 2, 3)]
 
 
 def ball(rings=16, sectors=32):
-    """Positions, normals and triangles of a ball of radius 1."""
+    """Returns positions, normals and triangles of a ball of radius 1."""
     points = []
     for ring in range(rings + 1):
         polar = math.pi * ring / rings
@@ -62,23 +62,23 @@ def ball(rings=16, sectors=32):
         for sector in range(sectors):
             here = ring * (sectors + 1) + sector
             below = here + sectors + 1
-            # At the poles one of the two has no area.
+            # At a pole one of the two triangles has no area.
             triangles += [(here, here + 1, below)] * (ring > 0)
             triangles += [(here + 1, below + 1, below)] * (ring < rings - 1)
     return points, points, triangles
 
 
 class Buffer:
-    """The binary part of a glTF file, and what describes it."""
+    """The binary chunk of a glTF file, with its views and accessors."""
 
     def __init__(self):
         self.data, self.views, self.accessors = b"", [], []
 
     def add(self, rows, kind, component):
-        """Appends rows of numbers; the index of their accessor."""
+        """Appends rows of numbers, and returns the index of their accessor."""
         bounds = {}
         if component == FLOATS:
-            # Bounds must be those of the numbers as they are stored.
+            # Bounds must be computed from the stored numbers.
             rows = [struct.unpack(f"<{len(row)}f", struct.pack(f"<{len(row)}f", *row)) for row in rows]
             bounds = {"min": list(map(min, zip(*rows))), "max": list(map(max, zip(*rows)))}
         letter = "f" if component == FLOATS else "H"
@@ -93,7 +93,7 @@ class Buffer:
 
 
 def material(name):
-    """A material of the file."""
+    """Returns a material of the file."""
     color, metallic, roughness, emission, opacity = MATERIALS[name]
     surface = {"baseColorFactor": [*color, opacity], "metallicFactor": metallic, "roughnessFactor": roughness}
     made = {"name": name, "pbrMetallicRoughness": surface}
@@ -106,7 +106,7 @@ def material(name):
 
 
 def animation(buffer, moving):
-    """Straight ways of one second for the nodes that move."""
+    """Returns straight paths of one second for the moving nodes."""
     times = buffer.add([(0,), (1,)], "SCALAR", FLOATS)
     samplers, channels = [], []
     for node in moving:
@@ -117,14 +117,14 @@ def animation(buffer, moving):
 
 
 def primitives(buffer):
-    """By shape, what all of its meshes share."""
+    """Returns the common properties of meshes, by shape."""
     for name, (positions, normals, triangles) in zip(SHAPES, (quad(), ball())):
         attributes = {"POSITION": buffer.add(positions, "VEC3", FLOATS), "NORMAL": buffer.add(normals, "VEC3", FLOATS)}
         yield name, {"attributes": attributes, "indices": buffer.add(triangles, "SCALAR", SHORTS)}
 
 
 def write(path, ball_moves):
-    """Writes the room as a .gltf file that needs no other."""
+    """Writes the room as a self-contained .gltf file."""
     buffer = Buffer()
     shapes, names = dict(primitives(buffer)), list(MATERIALS)
     meshes, nodes = [], []

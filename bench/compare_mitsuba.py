@@ -1,25 +1,25 @@
 #!/usr/bin/env python3
-"""Compares a reference picture of ours with Mitsuba 3, a renderer that shares no code with it.
+"""Compares one of our reference pictures with Mitsuba 3, a renderer that shares no code with it.
 
     render2mpeg reference SCENE.glb --size 128x128 --spp 512 -o ours.exr
     python3 bench/compare_mitsuba.py SCENE.glb ours.exr
 
 SCENE is a .glb of Lambert surfaces and area lights, shown at time 0. Mitsuba renders it `--seeds` times with `--spp` paths
-a pixel and a box filter. Both pictures are averaged over blocks of 16x16 pixels. Standard errors follow from Mitsuba's
-seeds and from the variance channels of ours.
+per pixel and a box filter. Both pictures are averaged over blocks of 16x16 pixels. Standard errors follow from Mitsuba's
+seeds and from the variance channels of our picture.
 
-Printed is the largest |difference| / standard error of all blocks and channels. The root mean square of all of them should
-be about 1. The exit code is 1 when a block is off by more than `--limit` standard errors.
+The output is the largest |difference| / standard error of all blocks and channels. The root mean square of all of them should
+be about 1. The exit code is 1 if a block is off by more than `--limit` standard errors.
 
-Found that way, as largest |z| and rms:
+Results, as largest |z| and rms:
 
     scenes/cornell/cornell.glb (--block 8 --spp 4)    3.11, 0.95
     McGuire's CornellBox-Original                     2.81, 1.18
 
-In the second scene the lamp hangs a centimeter below the ceiling and shines up, too. What escapes through the gap are rare
-bright paths, whose variance a few groups of samples underestimate. Blocks of 8x8 pixels are too small to even them out.
+In the second scene the lamp is a centimeter below the ceiling and emits upwards, too. Rare bright paths escape through the gap,
+and a few groups of samples underestimate their variance. Blocks of 8x8 pixels are too small to average them out.
 
-Needs numpy, pillow and mitsuba. Exit code 77: one of them is missing.
+Requires numpy, pillow and mitsuba. Exit code 77: one of them is missing.
 """
 
 import argparse
@@ -29,7 +29,7 @@ try:
     import mitsuba as mi
     import numpy as np
 
-    # The vectorized variants need an LLVM that not every machine has.
+    # The vectorized variants require LLVM, which many machines lack.
     mi.set_variant("scalar_rgb")
     import mitsuba_scene
 except ImportError as error:
@@ -38,7 +38,7 @@ except ImportError as error:
 
 
 def channels(path):
-    """Named channels of an EXR file."""
+    """Returns the named channels of an EXR file."""
     bitmap = mi.Bitmap(path)
     data = np.array(bitmap, np.float64)
     names = [field.name for field in bitmap.struct_()]
@@ -46,19 +46,19 @@ def channels(path):
 
 
 def picture_and_variance(path):
-    """Colors of our picture, and their variance."""
+    """Returns the colors of our picture, and their variance."""
     named = channels(path)
     return [np.stack([named[f"{prefix}{c}"] for c in "RGB"], axis=-1) for prefix in ("", "variance.")]
 
 
 def blocks(picture, side):
-    """Means over blocks of side x side pixels; what is left over at the borders is not used."""
+    """Returns the means over blocks of side x side pixels; incomplete blocks at the borders are dropped."""
     rows, columns = picture.shape[0] // side, picture.shape[1] // side
     return picture[: rows * side, : columns * side].reshape(rows, side, columns, side, -1).mean(axis=(1, 3))
 
 
 def rendered(arguments, shape):
-    """Mitsuba's means of blocks, one array for each seed."""
+    """Returns Mitsuba's block means, one array for each seed."""
     height, width = shape
     scene = mitsuba_scene.load(arguments.scene, (width, height), roulette=12, sampler="independent")
     runs, total = [], 0
@@ -72,7 +72,7 @@ def rendered(arguments, shape):
 
 
 def compare(arguments):
-    """Prints how far the pictures are apart; the largest difference in standard errors."""
+    """Prints the differences of the pictures, and returns the largest in standard errors."""
     ours, variance = picture_and_variance(arguments.ours)
     side = arguments.block
     runs = rendered(arguments, ours.shape[:2])
@@ -91,7 +91,7 @@ def compare(arguments):
 
 
 def parser():
-    """The command line."""
+    """Returns the command line."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("scene")
     options.add_argument("ours")
@@ -104,7 +104,7 @@ def parser():
 
 
 def main():
-    """Exit code 0 where the pictures agree."""
+    """Returns exit code 0 if the pictures agree."""
     arguments = parser().parse_args()
     sys.exit(0 if compare(arguments) <= arguments.limit else 1)
 

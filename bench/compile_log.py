@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A wrapper of rustc for `python3 bench features --full`: compiles, and appends what that took to the file COMPILE_LOG."""
+"""A wrapper of rustc for `python3 bench features --full`: compiles, and appends the CPU seconds to the file COMPILE_LOG."""
 
 import json
 import os
@@ -9,10 +9,10 @@ from running import waited
 
 
 def main():
-    """Runs the compiler as cargo asks. Its exit code is handed on, so that cargo tells of failures."""
+    """Runs the compiler with cargo's arguments, and returns its exit code, so that cargo reports failures."""
     words = sys.argv[1:]
     code, usage = waited(words)
-    # Cargo gives each way of compiling a crate a name of its own.
+    # Cargo gives each compilation of a crate its own suffix.
     own = next((word for word in words if word.startswith("extra-filename=")), None)
     if own and "--crate-name" in words:
         name = words[words.index("--crate-name") + 1]

@@ -1,16 +1,16 @@
-"""CPU time and decoded quality of the film as people render it, against the uncoupled film.
+"""CPU time and decoded quality of films with default settings, against uncoupled films.
 
     python3 bench coupling [SCENE.glb …] [--quick|--full] [--size WxH] [--frames N] [--qscale 2,16,48]
 
-Uncoupled: --thresholds fixed:0.02 --shading full. Coupled: the default. Both run in turns.
+Uncoupled: --thresholds fixed:0.02 --shading full. Coupled: the default. Both run alternately.
 
-    ratio       uncoupled by coupled, CPU seconds of a frame; frames 0 to 2 do not count
-    program     the same of the whole programs, loading and frames 0 to 2 included
+    ratio       uncoupled by coupled, CPU seconds per frame; frames 0 to 2 do not count
+    program     the same for the whole programs, including loading and frames 0 to 2
     decoded     luma PSNR of the decoded film against a fine film of the same scene, before coding
-    flicker     mean change of luma from frame to frame, of decoded films
+    flicker     mean change of luma between frames of decoded films
 
-The fine film has --qscale 1 --thresholds fixed:0.005 --shading full. --full also tells, of frames before coding,
-how far the two films are apart, and the share of pixels whose light was carried. It needs ffmpeg.
+The fine film has --qscale 1 --thresholds fixed:0.005 --shading full. --full adds two columns for frames before coding:
+the difference between the two films, and the fraction of pixels with reprojected light. The measurement requires ffmpeg.
 """
 
 import json
@@ -28,7 +28,7 @@ from running import Failure, add_program, need_files, need_installed, need_progr
 UNCOUPLED = ["--thresholds", "fixed:0.02", "--shading", "full"]
 COUPLED = []
 FINE = ["--qscale", "1", "--thresholds", "fixed:0.005", "--shading", "full"]
-# The first frame that counts for CPU seconds.
+# First frame that counts for CPU seconds.
 FIRST = 3
 QUICK = {
     "scenes": [presets.shipped(name) for name in ("cornell", "nave", "conference")],
@@ -40,7 +40,7 @@ FULL = QUICK | {"size": "256x256", "frames": 24, "pairs": 1}
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     parser.add_argument("scenes", nargs="*", type=Path, help="scenes [default: cornell, nave, conference]")
     parser.add_argument("--size", help="size of the picture [default: 128x128; full: 256x256]")
     parser.add_argument("--frames", type=int, help="frames of a film, at least 4 [default: 8; full: 24]")
@@ -51,7 +51,7 @@ def add_options(parser):
 
 @dataclass
 class Film:
-    """A film that was rendered: frames of its report, CPU seconds of the program, its files."""
+    """A rendered film: frames of its report, CPU seconds of the program, its files."""
 
     frames: list
     cpu: float
@@ -59,14 +59,14 @@ class Film:
     raw: Path
 
     def mean(self, value):
-        """Mean over the frames that count and have the value."""
+        """Returns the mean over the counted frames that have the value."""
         values = [value(frame) for frame in self.frames[FIRST:]]
         values = [one for one in values if one is not None]
         return sum(values) / len(values) if values else None
 
     @property
     def seconds(self):
-        """CPU seconds of a frame."""
+        """CPU seconds per frame."""
         return self.mean(lambda frame: frame["seconds"]["total"])
 
     @property
@@ -76,7 +76,7 @@ class Film:
 
 
 def render(options, scene, base, words):
-    """Renders a film; its files begin with `base`."""
+    """Renders a film with file names that start with `base`."""
     video, raw, report = (Path(f"{base}{ending}") for ending in (".m2v", ".y4m", ".json"))
     command = [options.program, "render", scene, "--size", options.size, "--frames", options.frames, "--quiet", "--overwrite"]
     finished = run([*command, "-o", video, "--y4m", raw, "--report", report, *words])
@@ -84,7 +84,7 @@ def render(options, scene, base, words):
 
 
 def fine_film(options, scene):
-    """The frames of the fine film before coding; rendered once."""
+    """Returns the frames of the fine film before coding, rendered once."""
 
     def make(path):
         with tempfile.TemporaryDirectory(dir=path.parent) as folder:
@@ -95,7 +95,7 @@ def fine_film(options, scene):
 
 @dataclass
 class Measured:
-    """Uncoupled and coupled films of a scene at a quantiser, and their figures."""
+    """Uncoupled and coupled films of a scene at one quantiser, and their figures."""
 
     scene: Path
     qscale: int
@@ -105,11 +105,11 @@ class Measured:
     before_coding: dict
 
     def ratio(self, value):
-        """A value of the uncoupled film by that of the coupled one, over all pairs."""
+        """Returns the ratio of a value, uncoupled by coupled, over all pairs."""
         return pairs.Spread([value(alone) / value(coupled) for alone, coupled in self.films])
 
     def cells(self):
-        """Cells of the table."""
+        """Returns the cells of the table."""
         alone, coupled = self.films[0]
         seconds = [pairs.Spread([pair[i].seconds for pair in self.films]).median for i in (0, 1)]
         psnr = [likeness.psnr for likeness in self.decoded]
@@ -131,7 +131,7 @@ class Measured:
 
 
 def frames_before_coding(options, alone, coupled):
-    """Cells about frames before coding, of the full table."""
+    """Returns the cells of the full table about frames before coding."""
     coding = [film.mean(lambda frame: frame["psnr_y"]) for film in (alone, coupled)]
     flickers = [figures.flicker(film.raw) for film in (alone, coupled)]
     apart = figures.compare(options.program, coupled.raw, alone.raw)
@@ -145,7 +145,7 @@ def frames_before_coding(options, alone, coupled):
 
 
 def measure(options, scene, qscale, budget, limit):
-    """A row: films in turns, then figures of their pictures, which are the same in each pair."""
+    """Measures a row: alternating films, then figures of their pictures, which are equal in each pair."""
     with tempfile.TemporaryDirectory() as folder:
         quantiser = ["--qscale", qscale]
 

@@ -1,4 +1,4 @@
-"""How each MPEG-2 encoder is called."""
+"""Command lines of the MPEG-2 encoders."""
 
 import shutil
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ TWO_B = "ffmpeg -g 15 -bf 2"
 DEFAULT = "ffmpeg, default"
 FFMPEG = {TWO_B: "-g 15 -bf 2", DEFAULT: "", "ffmpeg, slowest": SLOWEST}
 MJPEGTOOLS = {"mjpegtools, default": "", "mjpegtools, best": "-R 2 -g 15 -G 15 -4 1 -2 1 -r 32"}
-# Options of ours, and whether the motion is given.
+# Our options, and whether the motion is provided.
 OURS = {
     "ours, fast, no B": ("--effort fast --bframes 0", True),
     "ours, fast": ("--effort fast", True),
@@ -24,12 +24,12 @@ OURS = {
     "ours, best, adaptive": ("--effort best --adaptive", True),
     "ours, best, N=60": ("--effort best --gop 60", True),
 }
-# Only where a rate is asked for: without a bound on how it is spread.
+# Only at a requested rate: without a bound on its distribution.
 TWO_PASSES = {
     "ours, balanced, two passes": ("--effort balanced --two-pass", True),
     "ours, best, two passes": ("--effort best --two-pass", True),
 }
-# Ours at its best with one tool less, or another in its place; the anchor comes first.
+# Our best options without one tool, or with a replacement; the anchor is the first.
 BEST = "best"
 TOOLS = {
     BEST: ("--effort best", True),
@@ -45,7 +45,7 @@ TOOLS = {
     "balanced: no quantiser choice, quick decisions": ("--effort balanced", True),
     "fast: no macroblock-tree, no trellis either": ("--effort fast", True),
 }
-# BD-rates by clip [%] of an encoder that is not run here.
+# BD-rates [%] by clip of an encoder that is not run here.
 PUBLISHED = {
     "y262, published": {"fly": -17.1, "static": -31.5, "orbit": -18.1, "pan": -17.1, "cut": -19.2, "plain": -17.8},
 }
@@ -53,7 +53,7 @@ PUBLISHED = {
 
 @dataclass(frozen=True)
 class Point:
-    """What a stream is held to: half of a quantiser_scale, or a constant rate [kbit/s] with a buffer of half a second."""
+    """Target of a stream: half of a quantiser_scale, or a constant rate [kbit/s] with a buffer of half a second."""
 
     value: int
     is_rate: bool = False
@@ -66,13 +66,13 @@ class Point:
         return ["-b:v", rate, "-maxrate", rate, "-minrate", rate, "-bufsize", f"{self.value // 2}k"]
 
     def for_ours(self):
-        """Options of ours."""
+        """Options of our encoder."""
         return ["--bitrate", str(self.value)] if self.is_rate else ["--qscale", str(2 * self.value)]
 
 
 @dataclass(frozen=True)
 class Step:
-    """A program to run, and the file that it reads from standard input, if any."""
+    """A program to run, and the file for its standard input, if any."""
 
     words: list
     stdin: Path = None
@@ -86,7 +86,7 @@ class Ffmpeg:
     passes: int = 1
 
     def steps(self, clip, point, out):
-        """Programs to run, one after the other."""
+        """Returns the programs to run, in order."""
         for number in range(1, self.passes + 1):
             words = ["ffmpeg", "-nostdin", "-v", "error", "-y", "-threads", "1", "-i", clip.path, "-c:v", "mpeg2video"]
             words += ["-threads", "1", "-qmin", "1", *self.options.split(), *point.for_ffmpeg()]
@@ -97,43 +97,43 @@ class Ffmpeg:
 
 @dataclass(frozen=True)
 class Mjpegtools:
-    """mpeg2enc of mjpegtools with some options; it knows no rates here."""
+    """mpeg2enc of mjpegtools with some options, without rates."""
 
     options: str
 
     def steps(self, clip, point, out):
-        """Programs to run, one after the other."""
+        """Returns the programs to run, in order."""
         words = "mpeg2enc -v 0 -f 3 --no-constraints -I 0 -a 1 -b 60000 -V 2000".split()
         yield Step([*words, *self.options.split(), "-q", str(point.value), "-o", out], clip.path)
 
 
 @dataclass(frozen=True)
 class Ours:
-    """Our encoder with some options, with the clip's motion or without."""
+    """Our encoder with some options, with or without the clip's motion."""
 
     binary: Path
     options: str
     given: bool
 
     def motion(self, clip):
-        """Options for the motion that is known. Without B pictures nobody asks for the frame after."""
+        """Returns the options for known motion. Without B pictures, motion to the next frame is not needed."""
         asked = {"--motion": ".mvp"} if "--bframes 0" in self.options else {"--motion": ".mvp", "--motion-next": ".mvn"}
         found = {flag: clip.motion(ending) for flag, ending in asked.items()} if self.given else {}
         return [word for flag, path in found.items() if path for word in (flag, path)]
 
     def steps(self, clip, point, out):
-        """Programs to run, one after the other."""
+        """Returns the programs to run, in order."""
         words = [self.binary, *self.options.split(), *self.motion(clip), *point.for_ours(), clip.path]
         yield Step([*words, "-o", out])
 
 
 def ours(binary, table):
-    """Our encoders of a table of options."""
+    """Returns our encoders by a table of options."""
     return {name: Ours(binary, options, given) for name, (options, given) in table.items()}
 
 
 def all_encoders(binary, rates):
-    """The anchor's name, and encoders by name; of rates, those that keep them."""
+    """Returns the anchor's name, and the encoders by name; with `rates`, only encoders with rate control."""
     found = {name: Ffmpeg(options) for name, options in FFMPEG.items()}
     if rates:
         found["ffmpeg, slowest, two passes"] = Ffmpeg(SLOWEST, passes=2)
@@ -144,5 +144,5 @@ def all_encoders(binary, rates):
 
 
 def all_tools(binary):
-    """The anchor's name, and our encoder at its best without one tool after the other."""
+    """Returns the anchor's name, and our encoder at its best with each tool removed in turn."""
     return BEST, ours(binary, TOOLS)

@@ -1,4 +1,4 @@
-"""Bits at equal quality and speed of our encoder, against the MPEG-2 encoders that are installed.
+"""Bits at equal quality and speed of our encoder, against the installed MPEG-2 encoders.
 
     python3 bench encoders [CLIP.y4m …]                      bits and speed of a few encoders
     python3 bench encoders --full                            every table of mpeg2enc/README.md
@@ -6,18 +6,18 @@
 
 Without CLIPs, three shipped scenes are rendered once, into out/bench-clips: 12 frames of 256x256, or 30 and 60 of 352x288.
 --generator PROGRAM adds six clips to --full, by `python3 PROGRAM FOLDER CLIP --frames N`. A clip is YUV4MPEG2, 4:2:0.
-NAME.mvp and NAME.mvn beside NAME.y4m hold exact motion to the frame before and after, where they are there:
-i16 pairs, little endian, in 64ths of a pixel.
+NAME.mvp and NAME.mvn, optional files next to NAME.y4m, contain exact motion to the previous and next frame:
+pairs of little-endian i16 in 1/64 pixel.
 
 Bits: BD-rate against ffmpeg with two B pictures (`-g 15 -bf 2`), of constant rates against its default, of tools against
-all of them. Negative is fewer bits. Quality is PSNR or SSIM of luma, as `render2mpeg compare` finds them.
-Speed: CPU seconds of whole programs on one thread, in turns with ffmpeg's default, clips repeated to 300 frames, at
+the encoder with all tools. A negative value means fewer bits. Quality is luma PSNR or SSIM by `render2mpeg compare`.
+Speed: CPU seconds of whole programs on one thread, alternating with ffmpeg's default, with clips repeated to 300 frames, at
 quantiser_scale 16.
 
-The row "y262, published" is of rwillenbacher/y262 f60850e (`-quality 50 -noaq`), five points over 60 frames of clips of
-these names, measured on another machine.
+The row "y262, published" has figures of rwillenbacher/y262 f60850e (`-quality 50 -noaq`) from another machine: five points
+over 60 frames of clips with these names.
 
-It needs ffmpeg, and the example programs mpeg2enc and clips, which --full builds. mjpegtools is used where installed.
+The measurement requires ffmpeg, and the example programs mpeg2enc and clips, which --full builds. mjpegtools is optional.
 """
 
 import concurrent.futures
@@ -42,7 +42,7 @@ SPEED_POINT, SPEED_FRAMES = commands.Point(8), 300
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     parser.add_argument("clips", nargs="*", metavar="CLIP", help="clips; rendered if there are none")
     parser.add_argument("--encoder", type=Path, help="our encoder [default: target/release/examples/mpeg2enc]")
     parser.add_argument("--only", default="", help="encoders whose name has this in it, and the anchor")
@@ -58,12 +58,12 @@ def add_options(parser):
 
 
 def encode(encoder, clip, point, out):
-    """Encodes a clip; CPU seconds of all programs that it takes."""
+    """Encodes a clip, and returns the CPU seconds of all its programs."""
     return sum(run(step.words, stdin=step.stdin).cpu for step in encoder.steps(clip, point, out))
 
 
 def rate_and_quality(options, encoder, clip, point):
-    """Rate [kbit/s] and qualities of a stream; nothing where it cannot be made."""
+    """Returns rate [kbit/s] and qualities of a stream; nothing if it cannot be made."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.m2v"
         try:
@@ -77,7 +77,7 @@ def rate_and_quality(options, encoder, clip, point):
 
 
 def chosen(options, found):
-    """The anchor, and the encoders that are asked for with it."""
+    """Returns the anchor, and the requested encoders including it."""
     anchor, encoders = found
     quick = not options.full and not options.only and anchor == commands.TWO_B
     wanted = lambda name: name in QUICK_ENCODERS if quick else options.only in name  # noqa: E731
@@ -85,7 +85,7 @@ def chosen(options, found):
 
 
 def curves(options, encoders, clip, points, pool):
-    """By encoder, the points (rate, qualities) of a clip."""
+    """Returns the points (rate, qualities) of a clip, by encoder."""
     jobs = [(options, encoder, clip, point) for encoder in encoders.values() for point in points]
     found = list(pool.map(lambda job: rate_and_quality(*job), jobs))
     parts = [found[i : i + len(points)] for i in range(0, len(found), len(points))]
@@ -93,7 +93,7 @@ def curves(options, encoders, clip, points, pool):
 
 
 def bits(options, some, metrics, rate=False, tools=False):
-    """Prints BD-rates of all encoders, a table for each metric."""
+    """Prints the BD-rates of all encoders, a table for each metric."""
     values = options.rates if rate else options.points
     points = [commands.Point(value, rate) for value in values]
     found = commands.all_tools(options.encoder) if tools else commands.all_encoders(options.encoder, rate)
@@ -114,7 +114,7 @@ def bits(options, some, metrics, rate=False, tools=False):
 
 
 def published(names):
-    """Rows of encoders that are not run here, where their figures for all of these clips are known."""
+    """Returns the rows of encoders that are not run here, if their figures for all of these clips are known."""
     for name, known in commands.PUBLISHED.items():
         if all(clip in known for clip in names):
             cells = [known[clip] for clip in names]
@@ -122,7 +122,7 @@ def published(names):
 
 
 def speed(options, clip, budget):
-    """Prints frames a CPU second, and how often ffmpeg's default is as fast, in turns with it."""
+    """Prints frames per CPU second, and the ratio to ffmpeg's default, measured alternately."""
     _, encoders = chosen(options, commands.all_encoders(options.encoder, False))
     base = commands.Ffmpeg("")
     with tempfile.TemporaryDirectory() as folder:
@@ -138,13 +138,13 @@ def speed(options, clip, budget):
 
 
 def made_clips(options, frames):
-    """Sets of clips: those of the generator, where there is one, and of the shipped scenes."""
+    """Returns sets of clips: the generator's, if any, and the shipped scenes'."""
     made = [clips.generated(options.generator, frames)] if options.full and options.generator else []
     return [*made, clips.shipped(options.size, frames, options.full)]
 
 
 def everything(options):
-    """Prints every table, of clips that are made first."""
+    """Makes the clips, and prints every table."""
     short, long = (made_clips(options, frames) for frames in options.frames)
     for some in short:
         print(f"\n## {len(some)} clips of {some[0].frames} frames", flush=True)
@@ -160,7 +160,7 @@ def everything(options):
 
 
 def main(options):
-    """One table, those of the quick measurement, or all."""
+    """Prints one table, the quick tables, or all."""
     presets.fill_in(options, QUICK, FULL)
     need_installed("ffmpeg")
     need_files(options.clips)

@@ -1,23 +1,23 @@
-"""Error against CPU time: films of ours beside Mitsuba 3, a path tracer, with and without the denoiser OIDN.
+"""Error against CPU time: our films and Mitsuba 3, a path tracer, with and without the denoiser OIDN.
 
     python3 bench error SCENES [OUT] [--quick|--full] [--only NAME …] [--ours KIND …] [--size N] [--frame K]
 
 SCENES is a folder with the scenes below, which do not ship. All surfaces are made matte (mitsuba_scene.py), so only light
-transport, filters and sampling differ. The reference is Mitsuba's, with a box filter over the pixel, through the same
-camera. It is kept in out/bench-references. OUT gets pictures, table.md and plot.png.
-Quick: two of the scenes, 128x128, the first frame alone, 192 paths a pixel for the reference.
+transport, filters and sampling differ. Mitsuba renders the reference with a box filter over the pixel and the same
+camera. References are kept in out/bench-references. OUT receives pictures, table.md and plot.png.
+Quick: two of the scenes, 128x128, the first frame only, 192 paths per pixel for the reference.
 
     set-up    CPU seconds (user and system) before the first picture: loading, and for Mitsuba compiling; for ours all but frames
-    frame     CPU seconds of the picture; of a film of ours the mean after its first frame
-    relMSE    mean of (x - a)(x - b) / (r² + 0.01 mean(r)²); a and b are halves of the reference r, so its noise drops out
+    frame     CPU seconds of the picture; in our films the mean after the first frame
+    relMSE    mean of (x - a)(x - b) / (r² + 0.01 mean(r)²); a and b are halves of the reference r, so its noise cancels
     trimmed   the same without the worst 0.1 % of the pixels
     FLIP      mean, of tone-mapped pictures
-    mean      mean luminance over that of the reference
+    mean      mean luminance relative to the reference
 
-A second table tells the CPU seconds that Mitsuba + OIDN would take for the error of ours, and these by ours. They are
-interpolated between its counts of paths, in logarithms of both; there is a dash where ours is outside of their range.
+A second table compares CPU seconds: ours, and Mitsuba + OIDN's at the same error, with their ratio. Mitsuba's are
+interpolated log-log between sample counts; a dash marks errors outside their range.
 
-Needs numpy, pillow, OpenEXR, mitsuba, pyoidn, flip-evaluator and matplotlib from PyPI.
+Requires numpy, pillow, OpenEXR, mitsuba, pyoidn, flip-evaluator and matplotlib from PyPI.
 """
 
 import importlib.util
@@ -31,7 +31,7 @@ import presets
 import tables
 from running import ROOT, Failure, add_program, need_program, own_cpu, run
 
-# Modules, and the packages of PyPI that bring them.
+# Modules, and their packages on PyPI.
 PACKAGES = {
     "numpy": "numpy",
     "PIL": "pillow",
@@ -42,7 +42,7 @@ PACKAGES = {
     "matplotlib": "matplotlib",
 }
 FPS = 25
-# File below SCENES, and the camera that ours takes.
+# File below SCENES, and our camera.
 SCENES = {
     "sponza-crytek": ("sponza-crytek/sponza.glb", "added_camera"),
     "conference": ("conference/conference.glb", "added_camera_walk"),
@@ -62,12 +62,12 @@ FULL = {"only": list(SCENES), "ours": list(OURS), "size": 256, "frame": 12, "spp
 # Mitsuba's suns are points in the sky.
 SETTINGS = "[sun]\nangular_diameter = 0.0\n"
 
-# A picture of a renderer: where in the film, CPU seconds of set-up and frame, and its errors.
+# A picture of a renderer: position in the film, CPU seconds of set-up and frame, and its errors.
 Entry = namedtuple("Entry", "renderer place setup seconds errors")
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     parser.add_argument("scenes", type=Path, help="folder of the scenes")
     parser.add_argument("out", type=Path, nargs="?", default=ROOT / "out" / "bench-error", help="[default: out/bench-error]")
     parser.add_argument("--only", nargs="+", choices=SCENES, help="scenes [default: office, sibenik; full: all]")
@@ -81,14 +81,14 @@ def add_options(parser):
 
 
 def need_packages():
-    """Checks that all packages are there."""
+    """Checks that all packages are installed."""
     missing = [package for module, package in PACKAGES.items() if importlib.util.find_spec(module) is None]
     if missing:
         raise Failure(f"{', '.join(missing)} missing; install: python3 -m pip install {' '.join(missing)}")
 
 
 def ours(options, scene, folder, kind):
-    """CPU seconds of a film of ours: set-up, and a frame by place. Its pictures lie in the folder."""
+    """Renders our film into the folder, and returns CPU seconds of set-up and frame by position."""
     words = [options.program, "render", scene, "--size", f"{options.size}x{options.size}", "--fps", FPS, "--quiet", "--overwrite"]
     words += ["--frames", options.frame + 1, "--exr", folder, "--exr-depth", "float", "-o", f"{folder}.m2v", "--report", f"{folder}.json"]
     whole = run([*words, *OURS[kind].split()]).cpu
@@ -98,7 +98,7 @@ def ours(options, scene, folder, kind):
 
 
 def theirs(tracers):
-    """By place, renderer, picture and CPU seconds of Mitsuba, with and without denoiser."""
+    """Returns Mitsuba's pictures and CPU seconds, with and without the denoiser, by position and renderer."""
     found = {}
     for place, (tracer, _) in tracers.items():
         pictures = found[place] = []
@@ -111,7 +111,7 @@ def theirs(tracers):
 
 
 def entries(options, folder, places, tracers, truth, turn):
-    """Entries of one turn: films of ours by kind, and pictures of Mitsuba."""
+    """Returns the entries of one round: our films by kind, and Mitsuba's pictures."""
     import path_tracer
 
     films, pictures = turn
@@ -125,7 +125,7 @@ def entries(options, folder, places, tracers, truth, turn):
 
 
 def measured(name, options, budget, limit):
-    """Entries of a scene, a list for each turn."""
+    """Returns the entries of a scene, a list for each round."""
     folder, scene, tracers, truth = options.prepared[name]
     places = {FIRST: 0} | ({LATER: options.frame} if options.frame else {})
     films = lambda: {kind: ours(options, scene, folder / kind, kind) for kind in options.ours}  # noqa: E731
@@ -134,7 +134,7 @@ def measured(name, options, budget, limit):
 
 
 def prepared(name, options):
-    """A scene made matte, compiled for Mitsuba at each place, with references."""
+    """Prepares a scene: matte, compiled for Mitsuba at each position, with references."""
     import mitsuba_scene
     import path_tracer
 
@@ -154,7 +154,7 @@ def prepared(name, options):
 
 
 def same_error(points, error):
-    """CPU seconds for an error, between points (seconds, error): a line in logarithms; nothing outside of them."""
+    """Interpolates CPU seconds for an error log-log between points (seconds, error); nothing outside their range."""
     points = sorted(points)
     for (t, e), (u, f) in zip(points, points[1:]):
         if min(e, f) <= error <= max(e, f) and e != f:
@@ -163,7 +163,7 @@ def same_error(points, error):
 
 
 def beside_ours(name, turns, place):
-    """Rows: seconds of ours, of Mitsuba + OIDN at its error, and their ratio over the turns; for FLIP and trimmed relMSE."""
+    """Returns rows for FLIP and trimmed relMSE: our seconds, Mitsuba + OIDN's at the same error, and their ratio over the rounds."""
     for entry in (entry for entry in turns[0] if entry.renderer.startswith("ours") and entry.place == place):
         cells = [name, place, entry.renderer, len(turns), f"{entry.seconds:.2f}"]
         for which in (2, 1):
@@ -179,7 +179,7 @@ def beside_ours(name, turns, place):
 
 
 def table(found):
-    """A Markdown table of entries."""
+    """Formats entries as a Markdown table."""
     titles = ["renderer", "set-up [CPU s]", "frame [CPU s]", "relMSE", "trimmed", "FLIP", "mean"]
     forms = [".2e", ".2e", ".4f", ".4f"]
     rows = [
@@ -189,7 +189,7 @@ def table(found):
 
 
 def main(options):
-    """Prints tables of each scene, and the summary beside Mitsuba + OIDN."""
+    """Prints tables of each scene, and the summary against Mitsuba + OIDN."""
     presets.fill_in(options, QUICK, FULL)
     options.program = need_program(options)
     need_packages()

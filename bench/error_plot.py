@@ -1,4 +1,4 @@
-"""Plots of FLIP over CPU time, for each scene and each place in a film."""
+"""Plots of FLIP over CPU time, for each scene and each position in a film."""
 
 import matplotlib
 
@@ -6,7 +6,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.ticker import NullFormatter  # noqa: E402
 
-# Names of lines, and the renderers that they are of.
+# Names of lines, and their renderers.
 LINES = {
     "Mitsuba": lambda renderer: renderer.startswith("Mitsuba") and "OIDN" not in renderer,
     "Mitsuba + OIDN": lambda renderer: "OIDN" in renderer,

@@ -1,13 +1,13 @@
-"""What each Cargo feature of render2mpeg costs: crates, CPU seconds of the compiler, size of the program.
+"""Cost of each Cargo feature of render2mpeg: crates, CPU seconds of the compiler, size of the program.
 
     python3 bench features [--quick]
     python3 bench features --full [--folder FOLDER]
 
-Quick builds nothing and counts the crates of others by `cargo tree`.
+Quick builds nothing and counts the dependencies with `cargo tree`.
 
-Full makes two release builds, with everything and with the command line alone. The first tells what each crate took to
-compile: CPU seconds of the compiler's processes, which depend little on what else the machine does. The seconds of a
-feature are those of the crates that only it brings. The program's own part comes on top, for all features together.
+Full makes two release builds, with all features and with the command line only. The first measures the compilation of each
+crate in CPU seconds of the compiler's processes, which depend little on other load. The seconds of a feature are the sum over
+the crates that only this feature adds. The program's own crates are a separate sum for all features together.
 Sizes are of programs without symbols.
 """
 
@@ -18,7 +18,7 @@ from pathlib import Path
 import tables
 from running import ROOT, Failure, need_installed, run
 
-# Features that are measured: name, and what the table says they add.
+# Measured features: name, and their description in the table.
 PARTS = {
     "textures": "PNG and JPEG on surfaces, skies from `.hdr` files",
     "bake": "`bake`, `--lighting baked`",
@@ -35,33 +35,33 @@ NOTHING = ["--no-default-features", "--features", "command-line"]
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     place = ROOT / "target-features"
     parser.add_argument("--folder", type=Path, default=place, help="full: folder for the builds [default: target-features]")
 
 
 def with_part(name):
-    """Options of a build with the command line and one feature."""
+    """Returns the options of a build with the command line and one feature."""
     return ["--no-default-features", "--features", f"command-line,{name}"]
 
 
 def packages(options):
-    """Crates of others that a build consists of."""
+    """Returns the dependencies of a build."""
     command = ["cargo", "tree", "--package", "render2mpeg", "--edges", "normal,build", "--prefix", "none", "--no-dedupe"]
     output = run([*command, *options], folder=ROOT).output
-    # Those of this workspace stand there with their folders.
+    # Crates of this workspace appear with their folders.
     return {" ".join(line.split()[:2]) for line in output.splitlines() if line and f"({ROOT}" not in line}
 
 
 def package_of(identity):
-    """Name and version of a package, as cargo tree has them: "registry+…#name@1.2.3", "path+…/name#1.2.3"."""
+    """Returns name and version of a package as in cargo tree: "registry+…#name@1.2.3", "path+…/name#1.2.3"."""
     place, _, name = identity.rpartition("#")
     name, _, version = name.rpartition("@")
     return f"{name or Path(place).name} v{version}"
 
 
 def build(options, folder):
-    """Builds; by package, the units that were compiled for it, and the program's path."""
+    """Builds the program. Returns its compiled units by package, and its path."""
     command = ["cargo", "build", "--release", "--package", "render2mpeg", "--bin", "render2mpeg", *options]
     command += ["--message-format", "json", "--target-dir", folder]
     wrapper = Path(__file__).resolve().parent / "compile_log.py"
@@ -77,7 +77,7 @@ def build(options, folder):
 
 
 def units_of(message):
-    """Names of the units that a message of cargo is about, as the log has them."""
+    """Returns the names in the log of the units that a message of cargo describes."""
     for path in map(Path, message["filenames"]):
         if path.name == "build-script-build":
             yield "build_script_build-" + path.parent.name.split("-")[-1]
@@ -85,25 +85,25 @@ def units_of(message):
 
 
 def stripped_size(binary, folder):
-    """Bytes of the program without symbols."""
+    """Returns the size of the program without symbols [bytes]."""
     path = folder / "stripped"
     run(["strip", "-o", path, binary])
     return path.stat().st_size
 
 
 def measured(options, folder):
-    """A build: its compiler's seconds by package, those of all together, and the program's size as text."""
+    """Measures a build: the compiler's seconds by package, their total, and the program's size as text."""
     units, binary = build(options, folder)
     seconds = dict(map(json.loads, (folder / "compile.log").read_text().splitlines()))
     by_package = {package: sum(seconds.get(unit, 0) for unit in own) for package, own in units.items()}
-    # The program itself is named without its hash among the units: it is the last of its name.
+    # In the list of units, the program has no hash: it is the last with its name.
     program = [took for unit, took in seconds.items() if unit.startswith("render2mpeg-")][-1]
     whole = program + sum(by_package.values())
     return by_package, f"{whole:.0f} s", f"{stripped_size(binary, folder) / 1e6:.1f} MB"
 
 
 def full(folder):
-    """The table with compiling and sizes."""
+    """Prints the table with compile times and sizes."""
     folder = folder.resolve()
     if folder.exists():
         raise Failure(f"{folder} exists: remove it, so that every crate is compiled, or name another with --folder")
@@ -122,7 +122,7 @@ def full(folder):
 
 
 def quick():
-    """The table of crates alone."""
+    """Prints the table of crates only."""
     base = packages(NOTHING)
     rows = [["`command-line`", "`render`, `plan`", len(base)]]
     rows += [[f"`{name}`", about, f"+{len(packages(with_part(name)) - base)}"] for name, about in PARTS.items()]
@@ -133,6 +133,6 @@ def quick():
 
 
 def main(options):
-    """The quick or the full table."""
+    """Prints the quick or the full table."""
     need_installed("cargo")
     full(options.folder) if options.full else quick()

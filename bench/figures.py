@@ -1,4 +1,4 @@
-"""Figures of pictures: PSNR and SSIM as `render2mpeg compare` finds them, and flicker."""
+"""Figures of pictures: PSNR and SSIM by `render2mpeg compare`, and flicker."""
 
 import json
 import math
@@ -12,16 +12,16 @@ PEAK = 255
 
 @dataclass
 class Likeness:
-    """How much a film is like another: PSNR of luma over all its frames [dB], mean SSIM of luma."""
+    """Similarity of two films: PSNR of luma over all frames [dB], and mean SSIM of luma."""
 
     psnr: float
     ssim: float
 
 
 def compare(program, film, reference):
-    """Compares two films of one length, in any format that `render2mpeg compare` reads."""
+    """Compares two films of equal length, in any format that `render2mpeg compare` reads."""
     found = json.loads(run([program, "compare", film, reference, "--json"]).output)
-    # Equal frames have no PSNR.
+    # The PSNR of equal frames is null.
     known = [frame["psnr_y"] for frame in found["frames"]]
     squares = [0 if psnr is None else PEAK**2 / 10 ** (psnr / 10) for psnr in known]
     mean = sum(squares) / len(squares)
@@ -36,7 +36,7 @@ def decode(video, target):
 
 
 def lumas(path):
-    """Luma planes of a YUV4MPEG2 file of 4:2:0."""
+    """Yields the luma planes of a YUV4MPEG2 file with 4:2:0 chroma."""
     with open(path, "rb") as file:
         tags = {word[:1]: word[1:] for word in file.readline().decode().split()[1:]}
         width, height = int(tags["W"]), int(tags["H"])
@@ -47,7 +47,7 @@ def lumas(path):
 
 
 def flicker(path):
-    """Mean change of luma from frame to frame of a YUV4MPEG2 file [code values]."""
+    """Returns the mean change of luma between frames of a YUV4MPEG2 file [code values]."""
     planes = list(lumas(path))
     changes = [sum(map(abs, map(sub, a, b))) / len(a) for a, b in zip(planes, planes[1:])]
     return sum(changes) / len(changes)

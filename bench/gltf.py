@@ -1,16 +1,16 @@
-"""Pictures of glTF files beside those of three.js, by the same camera, and how far their silhouettes agree.
+"""glTF files rendered here and by three.js with the same camera, and the agreement of their silhouettes.
 
     python3 bench gltf FOLDER … [--output DIR] [--modules DIR] [--chromium PROGRAM]
 
-Each .gltf and .glb file of the folders is rendered at 256x256, by the camera of its films, and shown by three.js in Chromium without
-a window. The camera is read from the header of a frame in OpenEXR, so both show the same view at time 0.
+Each .gltf and .glb file of the folders is rendered at 256x256 with its film's camera, and shown by three.js in headless
+Chromium. The camera is read from an OpenEXR frame's header, so both show the same view at time 0.
 
     silhouette  here: pixels of finite depth; three.js: pixels of any opacity before a transparent background
     IoU         pixels in both silhouettes, divided by pixels in either
 
-Pages of pictures side by side (sheet-01.png, index.html) and results.json are written. A file that is refused must end in one line.
-The command fails if any file ends in another way, such as by a panic or without an end.
-Needs node with the packages three and playwright-core, Chromium, and numpy, pillow and OpenEXR from PyPI.
+The output is pages of picture pairs (sheet-01.png, index.html) and results.json. A refused file must end in one line.
+The command fails if any file ends in another way, such as by a panic or by exceeding its time.
+Requires node with the packages three and playwright-core, Chromium, and numpy, pillow and OpenEXR from PyPI.
 """
 
 import html
@@ -31,16 +31,16 @@ except ImportError as missing:
     np = missing.name
 
 SIDE = 256
-# Files above this size are left out [bytes].
+# Larger files are skipped [bytes].
 LARGEST = 10_000_000
-# Longest time for one file [s].
+# Time limit for one file [s].
 PATIENCE = 120
-# Agreement of silhouettes that is wanted.
+# Minimum agreement of silhouettes.
 WANTED = 0.97
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="folders of .gltf and .glb files, or such files")
     parser.add_argument("--output", type=Path, default=Path("out/bench-gltf"), help="folder of the pages, out/bench-gltf")
     parser.add_argument("--modules", type=Path, default=Path("node_modules"), help="folder of the packages of node")
@@ -49,7 +49,7 @@ def add_options(parser):
 
 
 def files_of(folders):
-    """All glTF files below the folders, in the order of their paths."""
+    """Returns all glTF files below the folders, in order of their paths."""
     found = set()
     for folder in folders:
         if not folder.exists():
@@ -60,7 +60,7 @@ def files_of(folders):
 
 
 def run_once(command):
-    """Exit code, and the lines of standard error."""
+    """Returns the exit code, and the lines of standard error."""
     try:
         done = subprocess.run([str(word) for word in command], capture_output=True, timeout=PATIENCE, check=False)
     except subprocess.TimeoutExpired:
@@ -69,11 +69,11 @@ def run_once(command):
 
 
 def camera_of(header):
-    """Right-handed camera from the world, and projection, as three.js holds them: 16 numbers, column by column."""
-    # Rows of the attribute are images of the axes: columns of a matrix. It is left-handed, z along the view.
+    """Returns the right-handed view and projection matrices in three.js's format: 16 numbers, column by column."""
+    # The attribute's rows are the images of the axes: columns of a matrix. It is left-handed, with z along the view.
     camera = np.array(header["worldToCamera"], np.float64)
     picture = np.array(header["worldToNDC"], np.float64)
-    # Picture space from the camera, x and y 0…1 from the upper left.
+    # From camera space to picture space, x and y in 0…1 from the upper left.
     own = np.linalg.inv(camera) @ picture
     flip = np.diag([1.0, 1.0, -1.0, 1.0])
     right_handed = camera @ flip
@@ -85,7 +85,7 @@ def camera_of(header):
 
 
 def rendered(program, path, folder):
-    """A picture here, its silhouette and its camera; or the line on which it ends."""
+    """Renders a file here. Returns picture, silhouette and camera, or the final error line."""
     picture, frames = folder / "here.png", folder / "frames"
     common = ["--size", f"{SIDE}x{SIDE}", "--overwrite"]
     code, lines = run_once([program, "still", path, "-o", picture, "--samples", "1", *common])
@@ -103,7 +103,7 @@ def rendered(program, path, folder):
 
 
 def shown_by_three(results, folders, options):
-    """Adds what three.js shows of each file that was rendered."""
+    """Adds three.js's picture of each rendered file."""
     jobs = []
     for result, folder in zip(results, folders):
         if "projection" in result:
@@ -131,7 +131,7 @@ def shown_by_three(results, folders, options):
 
 
 def sheets(results, folders, output):
-    """Pages of pairs, 5 across and 6 down: here on the left, three.js on the right."""
+    """Writes pages of picture pairs, 5 across and 6 down: ours on the left, three.js on the right."""
     across, down, side, head = 5, 6, 160, 26
     rows = [(result, folder) for result, folder in zip(results, folders) if (folder / "here.png").is_file()]
     for page, first in enumerate(range(0, len(rows), across * down)):
@@ -151,7 +151,7 @@ def sheets(results, folders, output):
 
 
 def page_of(results, folders, output):
-    """index.html: each file with both pictures, agreement, notes or the line on which it ended."""
+    """Writes index.html: both pictures of each file, agreement, and notes or the final error line."""
     parts = ["<!DOCTYPE html><meta charset=utf-8><title>glTF here and in three.js</title><table>"]
     for result, folder in zip(results, folders):
         images = "".join(
@@ -166,7 +166,7 @@ def page_of(results, folders, output):
 
 
 def is_true_end(result):
-    """Whether a file is drawn, or refused in one line with the code of failures."""
+    """Returns whether a file is rendered, or refused in one line with the exit code of failures."""
     return result["code"] == 0 or (result["code"] == 1 and len(result["lines"]) == 1)
 
 

@@ -1,11 +1,11 @@
-// Shows glTF files in three.js, each by a given camera, in one browser without a window.
+// Shows glTF files in three.js, each with a given camera, in one headless browser.
 //
 //     node bench/gltf_views.mjs JOBS.json > RESULTS.jsonl
 //
 // A job has: file, output, width, height; camera_from_world (right-handed, 16 numbers by columns), projection (16 numbers by columns);
-// seconds, the time of the first animation. The page has an even white light where the file has no lamp, and is transparent where
-// nothing is. A result has the job's file, and facts or a failure.
-// MODULES names the folder of the packages three and playwright-core (node_modules where it is not set), CHROMIUM the browser.
+// seconds, the time in the first animation. The page has a uniform white light if the file has no lamp, and a transparent
+// background. A result has the job's file, and data or a failure.
+// MODULES is the folder of the packages three and playwright-core (default: node_modules), CHROMIUM the browser.
 import { createServer } from "node:http";
 import { createReadStream, existsSync, readFileSync, statSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -47,7 +47,7 @@ try {
   scene.add(root);
   let lamps = 0;
   root.traverse((one) => { lamps += one.isLight ? 1 : 0; });
-  // A white light from all around, and one from above: shapes matter here, and an environment costs seconds in software.
+  // A white hemisphere and directional light: shapes matter here, and an environment costs seconds in software.
   if (!lamps) {
     const sun = new THREE.DirectionalLight(0xffffff, 2);
     sun.position.set(1, 2, 3);
@@ -64,7 +64,7 @@ try {
   camera.matrixWorldInverse.fromArray(${JSON.stringify(job.camera_from_world)});
   camera.matrixWorld.copy(camera.matrixWorldInverse).invert();
   camera.matrix.copy(camera.matrixWorld);
-  // The depths of the scene fill the depth buffer.
+  // Fit the depth range to the scene.
   const box = new THREE.Box3().setFromObject(scene, true).applyMatrix4(camera.matrixWorldInverse);
   const size = Math.max(1e-6, box.max.z - box.min.z);
   const perspective = ${job.projection[11]} !== 0;
@@ -94,7 +94,7 @@ const send = (response, path) => {
   response.writeHead(200, { "Content-Type": types[ending] ?? "application/octet-stream" });
   createReadStream(path).pipe(response);
 };
-// The pages, the packages and the folders of the files, from this machine alone.
+// Serves the pages, the packages and the folders of the files, on this machine only.
 const server = createServer((request, response) => {
   const path = decodeURIComponent(new URL(request.url, "http://localhost").pathname);
   const [, kind, index] = path.split("/");

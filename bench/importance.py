@@ -1,17 +1,17 @@
-"""Films that look where people look: CPU time and error of --importance, beside five samples everywhere and the default.
+"""Films with --importance: CPU time and error, against five samples everywhere and the default.
 
     python3 bench importance [--film SCENE=MAPS …] [--sheet FOLDER]
 
-MAPS is as for `render --importance`, such as nave=saliency:1. A scene is one that ships, or a path. The films have 128x128
-pixels and 8 frames, and all other settings are the default's. The error of a pixel is relative and squared,
+MAPS has the syntax of `render --importance`, such as nave=saliency:1. A scene is a shipped one or a path. The films have
+128x128 pixels, 8 frames and default settings otherwise. The error of a pixel is relative and squared:
 
     |L − R|² / (|R|² + 0.01 · mean of |R|² over the picture)
 
-against R, a film with 16 samples to the pixel and another seed: a film with the same seed has errors in common with it. Inside is
-where importance is more than 0.7. CPU seconds are those of the report, a frame, after the first one.
+R is a film with 16 samples per pixel and another seed, as films with equal seeds have correlated errors. "Inside" covers
+pixels with importance above 0.7. CPU seconds per frame are from the report, without the first frame.
 
-With --sheet, a picture of each film goes to the folder: frame, importance, samples, and errors of the three.
-Needs numpy, pillow and OpenEXR from PyPI. --full has 256x256 pixels.
+With --sheet, a picture of each film is written to the folder: frame, importance, samples, and errors of the three films.
+Requires numpy, pillow and OpenEXR from PyPI. --full has 256x256 pixels.
 """
 
 import json
@@ -40,13 +40,13 @@ SAMPLES = 5
 
 @dataclass
 class Film:
-    """A finished film: its report, and for each frame its channels by name."""
+    """A finished film: its report, and the channels of each frame by name."""
 
     report: dict
     frames: list
 
     def mean(self, *path):
-        """Mean of a figure over the frames after the first."""
+        """Returns the mean of a figure over all frames but the first."""
         values = []
         for frame in self.report["frames"][1:]:
             for name in path:
@@ -56,7 +56,7 @@ class Film:
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     text = "a scene and its maps; may be repeated"
     parser.add_argument("--film", action="append", metavar="SCENE=MAPS", help=text)
     parser.add_argument("--sheet", type=Path, metavar="FOLDER", help="where pictures of maps and errors go")
@@ -64,7 +64,7 @@ def add_options(parser):
 
 
 def channels(path):
-    """Color and single channels of an OpenEXR file."""
+    """Returns the color and the single channels of an OpenEXR file."""
     with OpenEXR.File(str(path), separate_channels=True) as file:
         found = {name: channel.pixels.astype(np.float64) for name, channel in file.channels().items()}
     found["color"] = np.stack([found.pop(name) for name in "RGB"], axis=-1)
@@ -72,7 +72,7 @@ def channels(path):
 
 
 def rendered(program, scene, side, words):
-    """A film with these options."""
+    """Renders a film with these options."""
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         files = ["-o", folder / "film.m2v", "--report", folder / "report.json", "-q"]
@@ -83,7 +83,7 @@ def rendered(program, scene, side, words):
 
 
 def truth(program, scene, side):
-    """Frames with 16 samples to the pixel, kept from run to run."""
+    """Returns frames with 16 samples per pixel, kept between runs."""
 
     def make(path):
         film = rendered(program, scene, side, ["--samples", 16, "--seed", 2])
@@ -94,7 +94,7 @@ def truth(program, scene, side):
 
 
 def errors(film, true):
-    """Relative squared error of each pixel of each frame."""
+    """Returns the relative squared error of each pixel of each frame."""
     square = (true**2).mean(axis=-1)
     floor = 0.01 * square.mean(axis=(1, 2), keepdims=True)
     found = np.stack([frame["color"] for frame in film.frames])
@@ -102,14 +102,14 @@ def errors(film, true):
 
 
 def shown(color):
-    """Radiance as a display shows it, its geometric mean in the middle."""
+    """Tone-maps radiance for a display, with its geometric mean at mid-gray."""
     gray = color.mean(axis=-1)
     color = 0.2 * color / np.exp(np.log(gray[gray > 0]).mean())
     return np.clip(1.3 * color / (1 + color), 0, 1) ** (1 / 2.2)
 
 
 def sheet(films, wrong, index):
-    """A row of pictures of a frame."""
+    """Draws a row of pictures for a frame."""
     default, five, important = films
     frame = important.frames[index]
     gray = [frame["importance.V"], (frame["importance.N"] - 1) / (SAMPLES - 1)]
@@ -119,7 +119,7 @@ def sheet(films, wrong, index):
 
 
 def measured(program, film, side, folder):
-    """The row of the table for a film."""
+    """Returns the table's row for a film."""
     name, _, maps = film.partition("=")
     scene = presets.shipped(name) if "/" not in name else Path(name)
     need_files([scene])
@@ -134,7 +134,7 @@ def measured(program, film, side, folder):
         picture = np.round(255 * sheet(films, wrong, FRAMES - 3)).astype(np.uint8)
         Image.fromarray(picture).save(folder / f"importance-{scene.stem}.png")
 
-    # Errors of the default and of importance, as ratios to that of five samples.
+    # Errors of the default and of importance, relative to five samples.
     seconds = [film.mean("seconds", "total") for film in films]
     cells = [f"`{scene.stem}`, {maps}", f"{films[2].mean('samples_mean'):.2f}", f"{films[2].mean('samples_change'):.2f}"]
     cells += [f"{value:.2f}" for value in seconds] + [f"{seconds[2] / seconds[1]:.2f}", f"{inside.mean():.0%}"]

@@ -1,15 +1,15 @@
-"""Flicker where the chunks of a film meet, beside the flicker within chunks and in a film without them.
+"""Flicker at chunk borders, against the flicker within chunks and in a film without chunks.
 
     python3 bench joints [--film SCENE …] [--chunk N] [-- OPTIONS]
 
-A scene is one that ships, or a path. Films have 128x128 pixels, 12 frames and the default's settings, with OPTIONS besides. The
-flicker of a frame is the root mean square of how much more it changes along the motion than a reference does, in code values:
+A scene is a shipped one or a path. Films have 128x128 pixels, 12 frames, default settings and the additional OPTIONS. The
+flicker of a frame is the root mean square of its change along the motion in excess of a reference's change [code values]:
 
-    (Y_t(x) − Y_{t−1}(x')) − (R_t(x) − R_{t−1}(x'))        over the pixels x that were seen at x' in the frame before
+    (Y_t(x) − Y_{t−1}(x')) − (R_t(x) − R_{t−1}(x'))        over the pixels x that were visible at x' in the previous frame
 
-R is a film whose pixels each have a lightcut to 1 % of their luminance; such films are kept. Borders are frames that begin a chunk,
-but for the first. Luma is measured before coding, and as ffmpeg decodes it.
-Needs numpy and OpenEXR from PyPI.
+R is a film with a lightcut per pixel, to 1 % of its luminance; such films are kept. Borders are the first frames of all chunks but the
+first. Luma is measured before coding, and after decoding by ffmpeg.
+Requires numpy and OpenEXR from PyPI.
 """
 
 import json
@@ -37,7 +37,7 @@ REFERENCE = ["--cache", "off", "--thresholds", "fixed:0.01", "--shading", "full"
 
 @dataclass
 class Film:
-    """Luma of a film's frames before coding and after, and its CPU seconds and bits."""
+    """Luma of a film's frames before and after coding, and its CPU seconds and bits."""
 
     shown: object
     decoded: object
@@ -46,7 +46,7 @@ class Film:
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     parser.add_argument("--film", action="append", metavar="SCENE", help="a scene; may be repeated")
     parser.add_argument("--chunk", type=int, default=4, metavar="N", help="frames of a chunk")
     parser.add_argument("options", nargs="*", metavar="OPTIONS", help="of render2mpeg render, for the films in chunks")
@@ -54,14 +54,14 @@ def add_options(parser):
 
 
 def luma_of(frames, side):
-    """Luma planes of raw 4:2:0 frames."""
+    """Returns the luma planes of raw 4:2:0 frames."""
     bytes_of_frame = side * side * 3 // 2
     planes = np.frombuffer(frames, np.uint8).reshape(-1, bytes_of_frame)[:, : side * side]
     return planes.reshape(-1, side, side).astype(np.float64)
 
 
 def shown_luma(path, side):
-    """Luma of a YUV4MPEG2 file without parameters of frames."""
+    """Returns the luma of a YUV4MPEG2 file without frame parameters."""
     frames = path.read_bytes().partition(b"\n")[2]
     header, size = len(b"FRAME\n"), side * side * 3 // 2
     step = header + size
@@ -69,13 +69,13 @@ def shown_luma(path, side):
 
 
 def decoded_luma(path, side):
-    """Luma as ffmpeg decodes it."""
+    """Returns the luma decoded by ffmpeg."""
     command = ["ffmpeg", "-v", "error", "-i", path, "-f", "rawvideo", "-pix_fmt", "yuv420p", "-"]
     return luma_of(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout, side)
 
 
 def rendered(program, scene, side, words):
-    """A film with these options."""
+    """Renders a film with these options."""
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder) / "film.m2v"
         files = ["-o", film, "--y4m", film.with_suffix(".y4m"), "-q"]
@@ -86,7 +86,7 @@ def rendered(program, scene, side, words):
 
 
 def motion_of(path):
-    """Where each pixel was in the frame before, as an index into it; −1 where it was not seen."""
+    """Returns the position of each pixel in the previous frame, as an index; −1 for disoccluded pixels."""
     with OpenEXR.File(str(path), separate_channels=True) as file:
         dx, dy, seen = (file.channels()[f"motion.{name}"].pixels for name in "XYA")
     height, width = seen.shape
@@ -97,7 +97,7 @@ def motion_of(path):
 
 
 def reference(program, scene, side):
-    """Luma and motion of the film that others are held against."""
+    """Returns luma and motion of the reference film."""
 
     def make(path):
         with tempfile.TemporaryDirectory() as folder:
@@ -114,7 +114,7 @@ def reference(program, scene, side):
 
 
 def flicker(luma, true, motion):
-    """Root mean square for each frame after the first."""
+    """Returns the root mean square for each frame after the first."""
     wrong = luma - true
     found = []
     for t in range(1, len(wrong)):
@@ -125,7 +125,7 @@ def flicker(luma, true, motion):
 
 
 def measured(program, name, side, options):
-    """The rows of the table for a scene."""
+    """Returns the table's rows for a scene."""
     scene = presets.shipped(name) if "/" not in name else Path(name)
     need_files([scene])
     true, motion = reference(program, scene, side)

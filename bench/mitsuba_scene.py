@@ -1,7 +1,7 @@
 """glTF scenes for Mitsuba 3: meshes, base colors, area lights, punctual lights, cameras, at any time of an animation.
 
-All surfaces are matte (`matte` makes them so): light transport, filters and sampling are compared, and not models of coats.
-A Mitsuba variant must be set before this module is imported. `load` refuses what it does not read.
+All surfaces are matte (see `matte`), so the comparison covers light transport, filters and sampling, not models of coats.
+A Mitsuba variant must be set before this module is imported. `load` rejects unsupported content.
 """
 
 import copy
@@ -16,7 +16,7 @@ from PIL import Image
 
 COMPONENTS = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-# No surface reflects more: paths end sooner.
+# Largest albedo of a surface, so that paths end sooner.
 LARGEST_ALBEDO = 0.9
 
 
@@ -48,7 +48,7 @@ class Glb:
         return rows / np.iinfo(kind).max if a.get("normalized") else rows.copy()
 
     def matrices(self, time):
-        """World from local of each node of the scene, with the first animation at `time` [s]."""
+        """Returns the world-from-local matrix of each node of the scene, with the first animation at `time` [s]."""
         nodes = copy.deepcopy(self.json["nodes"])
         for animation in self.json.get("animations", [])[:1]:
             for channel in animation["channels"]:
@@ -65,7 +65,7 @@ class Glb:
         return world
 
     def sample(self, sampler, path, time):
-        """Value of an animation's sampler."""
+        """Returns the value of an animation's sampler."""
         times = self.accessor(sampler["input"]).ravel().astype(float)
         keys = self.accessor(sampler["output"]).astype(float)
         kind = sampler.get("interpolation", "LINEAR")
@@ -114,7 +114,7 @@ def local_matrix(node):
 
 
 def matte(source, target):
-    """Writes the scene with matte, opaque surfaces; those that do not glow reflect on both sides."""
+    """Writes the scene with matte, opaque surfaces; non-emissive surfaces reflect on both sides."""
     glb = Glb(source)
     for material in glb.json.get("materials", []):
         pbr = material.setdefault("pbrMetallicRoughness", {})
@@ -132,7 +132,7 @@ def matte(source, target):
 
 
 def reflectance(glb, material):
-    """A bitmap in linear light for a texture, bilinear; else a color."""
+    """Returns a bilinear bitmap in linear light for a texture, else a color."""
     pbr = material.get("pbrMetallicRoughness", {})
     if pbr.get("metallicFactor", 1) != 0 or pbr.get("roughnessFactor", 1) != 1:
         raise ValueError(f"{material.get('name')} is not matte")
@@ -155,9 +155,9 @@ def emission(material):
 
 
 def shapes(name, glb, primitive, world, material, bsdf):
-    """The mesh of a primitive; two, if it glows on both sides."""
+    """Returns the mesh of a primitive; two if it emits on both sides."""
     radiance = emission(material)
-    # Mitsuba's lights shine from one side: the other is a second mesh, turned around, behind the first.
+    # Mitsuba's area lights have one side: the other is a second, reversed mesh behind the first.
     backs = [False, True] if radiance.any() and material.get("doubleSided") else [False]
     return {f"{name}_{back}": shape(f"{name}_{back}", glb, primitive, world, bsdf, radiance, back) for back in backs}
 
@@ -222,9 +222,9 @@ def sensor(glb, node, world, width, height, sampler):
 
 
 def load(path, size, camera=None, time=0.0, roulette=5, sampler="multijitter"):
-    """The scene at `time` [s], seen by the camera node of this name, or by the first, as a picture of `size`.
+    """Returns the scene at `time` [s] as a picture of `size`, seen by the camera node of this name or by the first camera.
 
-    Russian roulette begins after `roulette` reflections.
+    Russian roulette starts after `roulette` reflections.
     """
     glb = Glb(path)
     scene = {"type": "scene", "integrator": {"type": "path", "max_depth": -1, "rr_depth": roulette}}

@@ -1,4 +1,4 @@
-"""Two things measured in turns, within a limit of time, and the spread of what is found."""
+"""Alternating measurements of two programs within a time limit, and the spread of their results."""
 
 import math
 import os
@@ -12,14 +12,14 @@ QUICK_SECONDS = 270
 
 
 class Budget:
-    """Time by the clock for a measurement: five minutes from now on for a quick one, no limit for a full one."""
+    """Wall-clock time of a measurement: five minutes from now for a quick one, no limit for a full one."""
 
     def __init__(self, options):
         self.end = time.monotonic() + (math.inf if options.full else QUICK_SECONDS)
         self.longest_pair = 0
 
     def shares(self, items, name):
-        """Each item with its seconds, an even share of what is left. Items are named for which too few are left."""
+        """Yields each item with an equal share of the remaining seconds. Prints the items without enough time."""
         items = list(items)
         for index, item in enumerate(items):
             left = self.end - time.monotonic()
@@ -29,7 +29,7 @@ class Budget:
                 print(f"left out, as the time is over: {name(item)}", file=sys.stderr)
 
     def in_turns(self, first, second, most, limit):
-        """Pairs of results, made in turns: A B A B. At least one, at most `most`, and about `limit` seconds of them."""
+        """Returns pairs of results, measured alternately (A B A B): at least one, at most `most`, for about `limit` seconds."""
         begin, found = time.monotonic(), []
         while len(found) < most:
             found.append((first(), second()))
@@ -42,7 +42,7 @@ class Budget:
 
 @dataclass
 class Spread:
-    """Median of some values, the smallest, the largest, and how many there are."""
+    """Median, minimum, maximum and number of some values."""
 
     values: list
 
@@ -57,12 +57,12 @@ class Spread:
 
 
 def geometric_mean(values):
-    """Of positive numbers."""
+    """Returns the geometric mean of positive numbers."""
     return math.exp(sum(map(math.log, values)) / len(values))
 
 
 def print_trust(options):
-    """Tells how far the figures of a quick measurement can be trusted."""
+    """Prints the reliability of a quick measurement's figures."""
     if options.full:
         return
     load, processors = os.getloadavg()[0], os.cpu_count()

@@ -19,16 +19,16 @@ class Mitsuba:
 
     def __init__(self, path, size, camera, time):
         self.scene = mitsuba_scene.load(path, (size, size), camera, time)
-        # Albedo and normals, as OIDN wants them.
+        # Albedo and normals for OIDN.
         self.guides = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
         self.denoised(self.paths(4, 1), 4)
 
     def paths(self, spp, seed):
-        """A picture of so many paths a pixel."""
+        """Returns a picture with `spp` paths per pixel."""
         return np.array(mi.render(self.scene, spp=spp, seed=seed), np.float32)[..., :3]
 
     def denoised(self, picture, spp):
-        """The picture after OIDN."""
+        """Returns the picture after OIDN."""
         guides = np.array(mi.render(self.scene, integrator=self.guides, spp=min(spp, 16), seed=77), np.float32)[..., -6:]
         color, albedo, normal = (np.ascontiguousarray(x) for x in (picture, guides[..., :3], guides[..., 3:]))
         return pyoidn.denoise(color, albedo=albedo, normal=normal, hdr=True)
@@ -43,14 +43,14 @@ class Reference:
         self.mean = (self.whole @ LUMINANCE).mean()
 
     def tone_mapped(self, picture):
-        """As a display shows it."""
+        """Tone-maps a picture for a display."""
         exposure = 0.18 / np.exp(np.log(self.whole @ LUMINANCE + 1e-6).mean())
         light = np.clip(picture * exposure, 0, None)
         light = np.clip(1.6 * light / (1 + light), 0, 1)
         return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055).astype(np.float32)
 
     def errors(self, picture):
-        """relMSE, the same trimmed, FLIP, ratio of means."""
+        """Returns relMSE, trimmed relMSE, FLIP and the ratio of means."""
         picture = picture.astype(float)
         a, b = self.halves
         squares = ((picture - a) * (picture - b) / (self.whole**2 + 0.01 * self.mean**2)).mean(axis=-1)
@@ -61,14 +61,14 @@ class Reference:
 
 
 def read_exr(path):
-    """Radiance of an OpenEXR picture."""
+    """Returns the radiance of an OpenEXR picture."""
     channels = OpenEXR.File(str(path)).channels()
     picture = channels["RGB"].pixels if "RGB" in channels else channels["RGBA"].pixels[..., :3]
     return picture.astype(float)
 
 
 def reference(mitsuba, name, scene, view, options):
-    """The converged picture of a view (camera, frame), made once."""
+    """Returns the converged picture of a view (camera, frame), made once."""
 
     def make(path):
         halves = [0, 0]

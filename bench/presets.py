@@ -4,19 +4,19 @@ from running import ROOT, Failure
 
 
 def fill_in(options, quick, full):
-    """Gives each option that the user left out its value of the quick or the full measurement."""
+    """Sets each missing option to its value of the quick or the full measurement."""
     for name, value in (full if options.full else quick).items():
         if getattr(options, name, None) is None:
             setattr(options, name, value)
 
 
 def shipped(name):
-    """A scene that ships."""
+    """Returns the path of a shipped scene."""
     return ROOT / "scenes" / name / f"{name}.glb"
 
 
 def numbers(text):
-    """A list such as 2,16,48."""
+    """Parses a list such as 2,16,48."""
     try:
         return [int(word) for word in text.split(",")]
     except ValueError:

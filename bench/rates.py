@@ -1,21 +1,21 @@
-"""Bounded rates on clips that are hard to bound, beside our constant quantiser and ffmpeg's default.
+"""Bounded rates on difficult clips, against our constant quantiser and ffmpeg's default.
 
     python3 bench rates [--only CLIP] [--rate KBPS] [--encoder PROGRAM]
 
-The clips are made by ffmpeg: 75 frames of 352x288 each, 25 a second. Each is coded with each effort in two modes.
+ffmpeg generates the clips: 75 frames of 352x288 each, at 25 frames per second. Each is coded with each effort in two modes.
 
 - Constant: `--bitrate KBPS`.
 - Bound: `--qscale 4 --maxrate KBPS`.
 
-A decoder has a buffer of half a second in both. Rates are those of the elementary stream, with stuffing. PSNR is that of
-luma, all frames together.
-"Lead" is by how many dB we are above our finest constant quantiser whose stream is no larger and which the same buffer
-holds. That buffer is as full at the first picture as ours, and for a constant rate as full again at the end.
-"Any" is the same for the finest one that is no larger, whether or not a buffer holds it. Where a clip is quiet first and
-busy later, no bounded rate can follow that one.
-ffmpeg's default is held to the same constant rate: `-b:v`, `-maxrate`, `-minrate` and `-bufsize`.
+In both, the decoder has a buffer of half a second. Rates are of the elementary stream, with stuffing. PSNR is of luma, over
+all frames together.
+"Lead" is our gain [dB] over our finest constant quantiser with a stream that is no larger and that the same buffer
+supports. That buffer is as full as ours at the first picture and, for a constant rate, as full again at the end.
+"Any" is the gain over the finest quantiser with no larger stream, whether or not the buffer supports it. In a clip that is
+quiet first and busy later, no bounded rate can reach it.
+ffmpeg's default has the same constant rate: `-b:v`, `-maxrate`, `-minrate` and `-bufsize`.
 
-It needs ffmpeg, and the example program: cargo build --release --package mpeg2enc --example mpeg2enc.
+The measurement requires ffmpeg, and the example program: cargo build --release --package mpeg2enc --example mpeg2enc.
 """
 
 import concurrent.futures
@@ -32,10 +32,10 @@ FPS, FRAMES, SIZE = 25, 75, "352x288"
 EFFORTS = ["fast", "balanced", "best"]
 QSCALES = [*range(1, 9), *range(10, 25, 2), *range(28, 63, 4), 64, *range(72, 113, 8)]
 BOUND_QSCALE = 4
-# Part of the buffer that is full at the first picture of a constant rate, and of a bound.
+# Initial fullness of the buffer, as a fraction, for a constant rate and for a bound.
 START = {"constant": 11 / 16, "bound": 1}
 
-# A slow zoom, softened as by a lens, and its first frame alone.
+# A slow, slightly blurred zoom, and its first frame alone.
 ZOOM = f"mandelbrot=size={SIZE}:rate={FPS}:start_scale=0.4:end_scale=0.2:end_pts=400,gblur=1.2"
 FAST_ZOOM = f"mandelbrot=size={SIZE}:rate={FPS}:start_scale=0.5:end_scale=0.02:end_pts=200"
 STILL = f"{ZOOM},select='eq(n,0)',loop=loop={FRAMES}:size=1,setpts=N/{FPS}/TB"
@@ -57,14 +57,14 @@ CLIPS = {
 
 @dataclass(frozen=True)
 class Stream:
-    """Size [kbit/s], PSNR of luma [dB], and bits of each picture in the order of coding."""
+    """Rate [kbit/s], PSNR of luma [dB], and bits of each picture in coding order."""
 
     rate: float
     psnr: float
     pictures: tuple = ()
 
     def is_held(self, kbps, mode):
-        """Does a buffer of half a second at this rate never run dry, and end as full as a constant rate leaves it?"""
+        """Returns whether a buffer of half a second at this rate never underflows, and ends as full as a constant rate requires."""
         size = 500 * kbps // 16384 * 16384
         fullness = START[mode] * size
         for bits in self.pictures:
@@ -75,7 +75,7 @@ class Stream:
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     parser.add_argument("--encoder", type=Path, help="our encoder [default: target/release/examples/mpeg2enc]")
     parser.add_argument("--only", default="", help="clips whose name has this in it")
     parser.add_argument("--rate", type=int, default=800, metavar="KBPS", help="kbit/s of both modes [default: 800]")
@@ -83,28 +83,28 @@ def add_options(parser):
 
 
 def made(source, path):
-    """A clip as YUV4MPEG2."""
+    """Makes a clip as YUV4MPEG2."""
     words = ["ffmpeg", "-nostdin", "-v", "error", "-f", "lavfi", "-i", source, "-frames:v", FRAMES, "-pix_fmt", "yuv420p", path]
     run(words)
     return path
 
 
 class Encoded:
-    """Streams of a clip with an effort; those of constant quantisers are made once."""
+    """Streams of a clip with one effort; streams of constant quantisers are made once."""
 
     def __init__(self, encoder, clip, effort):
         self.words = [encoder, clip, "--effort", effort, "--verbose"]
         self.constant = {}
 
     def coded(self, *words):
-        """A stream with these options."""
+        """Encodes a stream with these options."""
         with tempfile.TemporaryDirectory() as folder:
             lines = run([*self.words, *words, "-o", Path(folder) / "out.m2v"]).output.splitlines()
         rate, psnr = re.search(r"([\d.]+) kbit/s, (inf|[\d.]+) dB", lines[-1]).groups()
         return Stream(float(rate), float(psnr), tuple(int(line.split()[2]) for line in lines[:-1]))
 
     def finest(self, fits):
-        """The finest constant quantiser that fits, or nothing: coarser ones fit too."""
+        """Returns the finest constant quantiser that fits, or nothing: coarser ones fit too."""
         low, high = 0, len(QSCALES)
         while low < high:
             middle = (low + high) // 2
@@ -115,7 +115,7 @@ class Encoded:
         return self.constant[QSCALES[low]] if low < len(QSCALES) else None
 
     def cells(self, mode, kbps):
-        """Cells of the table for a mode."""
+        """Returns the cells of the table for a mode."""
         words = ["--bitrate", kbps] if mode == "constant" else ["--qscale", BOUND_QSCALE, "--maxrate", kbps]
         stream = self.coded(*words)
         held = self.finest(lambda other: other.rate <= stream.rate and other.is_held(kbps, mode))
@@ -125,7 +125,7 @@ class Encoded:
 
 
 def of_ffmpeg(clip, kbps):
-    """Cells of ffmpeg's default."""
+    """Returns the cells of ffmpeg's default."""
     bounds = ["-b:v", f"{kbps}k", "-maxrate", f"{kbps}k", "-minrate", f"{kbps}k", "-bufsize", f"{kbps // 2}k"]
     quiet = ["ffmpeg", "-nostdin", "-hide_banner", "-threads", "1"]
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Programs: where they are, how they are run, and the CPU seconds that they take."""
+"""Programs: their paths, their execution, and their CPU seconds."""
 
 import os
 import resource
@@ -15,19 +15,19 @@ RELEASE = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve() / 
 
 
 class Failure(Exception):
-    """What the user has to know, in one line."""
+    """A failure to report to the user in one line."""
 
 
 @dataclass
 class Finished:
-    """A program that ended well: its standard output, and CPU seconds (user and system) of it and its children."""
+    """A successful run: standard output, and CPU seconds (user and system) of the program and its children."""
 
     output: str
     cpu: float
 
 
 def run(command, stdin=None, capture=True, folder=None, environment=None):
-    """Runs a program to its end. `stdin` is the path of a file; without `capture`, the user sees what it prints."""
+    """Runs a program to its end. `stdin` is the path of a file; without `capture`, the user sees the output."""
     command = [str(word) for word in command]
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         streams = {"stdout": output, "stderr": errors} if capture else {}
@@ -41,7 +41,7 @@ def run(command, stdin=None, capture=True, folder=None, environment=None):
 
 
 def waited(command, **settings):
-    """Exit code and resource usage of a program."""
+    """Runs a program, and returns its exit code and resource usage."""
     try:
         process = subprocess.Popen(command, **settings)
     except OSError as error:
@@ -57,13 +57,13 @@ def waited(command, **settings):
 
 
 def read_again(stream):
-    """All text of a file that was written to."""
+    """Returns the whole text of a file after it was written."""
     stream.seek(0)
     return stream.read().decode(errors="replace")
 
 
 def own_cpu(work):
-    """What `work` returns, and the CPU seconds that it takes in this process."""
+    """Returns the result of `work`, and its CPU seconds in this process."""
     begin = resource.getrusage(resource.RUSAGE_SELF)
     value = work()
     end = resource.getrusage(resource.RUSAGE_SELF)
@@ -71,31 +71,31 @@ def own_cpu(work):
 
 
 def add_program(parser):
-    """The option that names the measured program."""
+    """Adds the option that selects the measured program."""
     place = RELEASE / "render2mpeg"
     parser.add_argument("--program", type=Path, default=place, help="the measured program, target/release/render2mpeg")
 
 
 def need_built(path, build):
-    """The absolute path of a program that cargo has built, or how to build it."""
+    """Returns the absolute path of a program built by cargo; a missing one fails with the build command."""
     if not Path(path).is_file():
         raise Failure(f"{path} is missing; build it: {build}")
     return Path(path).resolve()
 
 
 def need_program(options):
-    """The measured program."""
+    """Returns the path of the measured program."""
     return need_built(options.program, "cargo build --release")
 
 
 def need_files(paths):
-    """Checks that files which the user names are there."""
+    """Checks that the user's files exist."""
     for path in paths:
         if not Path(path).is_file():
             raise Failure(f"{path} is missing")
 
 
 def need_installed(name):
-    """Checks that a program of the system is there."""
+    """Checks that a program of the system is installed."""
     if shutil.which(name) is None:
         raise Failure(f"{name} is missing; install it, such as by apt-get install {name}")

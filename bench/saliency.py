@@ -1,16 +1,16 @@
-"""Our saliency against a second program by the formulas of Itti, Koch & Niebur 1998, in numpy and f64.
+"""Our saliency against an independent program by the formulas of Itti, Koch & Niebur 1998, in numpy and f64.
 
     python3 bench/saliency.py FRAMES … [--frame N] [--motion] [--pictures FOLDER] [--program PROGRAM]
 
-FRAMES are films (.y4m, 4:2:0) or pictures (.png, .ppm). For each, one line: the size, the correlation of the two maps
-over all pixels, the largest difference, and the largest saliency. --motion adds a disk that moves by 3 pixels.
---pictures writes the frame, ours and theirs side by side.
+FRAMES are films (.y4m, 4:2:0) or pictures (.png, .ppm). Each has one line of output: the size, the correlation of the two
+maps over all pixels, the largest difference, and the largest saliency. --motion adds a disk that moves by 3 pixels.
+--pictures writes the frame and both maps side by side.
 
-The program is an example of the crate perceptual; what builds it is told where it is missing.
-Needs numpy; pillow for pictures. Exit code 1: a correlation is below 0.98. Exit code 77: numpy is missing.
+The program is an example of the crate perceptual; if it is missing, the build command is printed.
+Requires numpy; pillow for pictures. Exit code 1: a correlation is below 0.98. Exit code 77: numpy is missing.
 
-The formulas are transcribed at full length and share nothing with the Rust crate: two-dimensional kernels, maxima by
-brute force, no map is left out. perceptual/src/saliency/mod.rs has the same formulas and the sources of their numbers.
+The formulas are transcribed in full and share no code with the Rust crate: two-dimensional kernels, maxima by
+brute force, all maps. perceptual/src/saliency/mod.rs has the same formulas and the sources of their numbers.
 """
 
 import argparse
@@ -38,16 +38,16 @@ PERIOD, SPREAD, REACH = 7.0, 7.0 / 3.0, 7
 
 
 def correlated(plane, kernel):
-    """The plane under a two-dimensional kernel of odd sides, borders reflected."""
+    """Correlates a plane with a two-dimensional kernel of odd sides, borders reflected."""
     rows, columns = kernel.shape
     padded = np.pad(plane, ((rows // 2,) * 2, (columns // 2,) * 2), mode="symmetric")
     return np.einsum("yxij,ij->yx", sliding_window_view(padded, kernel.shape), kernel)
 
 
 def next_level(plane):
-    """Half the width and height: each sample is the weighted mean of the 6x6 samples around two by two."""
+    """Halves width and height: each sample is the weighted mean of the 6x6 samples around its 2x2."""
     binomial = np.array([1, 5, 10, 10, 5, 1]) / 32
-    # One more row and column where the number is odd.
+    # One more row and column for odd sizes.
     height, width = plane.shape
     padded = np.pad(plane, ((2, 2 + height % 2), (2, 2 + width % 2)), mode="symmetric")
     windows = sliding_window_view(padded, (6, 6))[::2, ::2]
@@ -55,7 +55,7 @@ def next_level(plane):
 
 
 def pyramid(plane):
-    """Levels 0 to 8, or up to one sample."""
+    """Returns levels 0 to 8, or up to one sample."""
     levels = [plane]
     while len(levels) <= DEEPEST and max(levels[-1].shape) > 1:
         levels.append(next_level(levels[-1]))
@@ -63,7 +63,7 @@ def pyramid(plane):
 
 
 def interpolated(plane, size, levels):
-    """The plane enlarged by `levels` levels to `size`, linearly between the centers of samples."""
+    """Enlarges a plane by `levels` levels to `size`, linearly between the centers of samples."""
 
     def axis(count, wanted):
         place = np.clip((np.arange(wanted) + 0.5) / 2**levels - 0.5, 0, count - 1)
@@ -78,16 +78,16 @@ def interpolated(plane, size, levels):
 
 
 def promoted(plane, floor):
-    """N of a map: few large maxima count, many alike do not."""
+    """Returns N of a map, which emphasizes few large maxima over many equal ones."""
     highest = plane.max()
     if highest <= 0:
         return np.zeros_like(plane)
-    # Half a window of an eighth of the map on each side, one sample at least.
+    # Half a window of an eighth of the map on each side, at least one sample.
     reach = [max(1, side // 16) for side in plane.shape]
     padded = np.pad(plane, [(r, r) for r in reach], constant_values=-np.inf)
     around = sliding_window_view(padded, [2 * r + 1 for r in reach])
     maxima = np.argwhere((plane == around.max(axis=(2, 3))) & (plane > highest / 100))
-    # Of equal maxima within a window the first in raster order counts.
+    # Of equal maxima within a window, only the first in raster order counts.
     before = np.arange(around[0, 0].size).reshape(around.shape[2:]) < around[0, 0].size // 2
     others = [plane[y, x] for y, x in maxima if not (around[y, x][before] == plane[y, x]).any()]
     if highest in others:
@@ -97,7 +97,7 @@ def promoted(plane, floor):
 
 
 def gabor_magnitude(plane, degrees):
-    """Magnitude of the even and the odd Gabor response; waves run along `degrees`. A wave of amplitude 1 has 1."""
+    """Returns the magnitude of the even and odd Gabor responses, 1 for a wave of amplitude 1; waves run along `degrees`."""
     y, x = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].astype(float)
     bell = np.exp(-(x**2 + y**2) / (2 * SPREAD**2))
     phase = 2 * np.pi / PERIOD * (x * np.cos(np.radians(degrees)) + y * np.sin(np.radians(degrees)))
@@ -108,7 +108,7 @@ def gabor_magnitude(plane, degrees):
 
 
 def features(rgb):
-    """I, R - G and B - Y of a picture of display values."""
+    """Returns I, R - G and B - Y of a picture of display values."""
     rgb = np.clip(np.where(np.isfinite(rgb).all(axis=2, keepdims=True), rgb, 0), 0, 1)
     intensity = rgb.mean(axis=2)
     bright = intensity > intensity.max() / 10
@@ -119,7 +119,7 @@ def features(rgb):
 
 
 def feature_map(levels, floor):
-    """Sum over all pairs of levels of N(|c - s|), at level 4."""
+    """Returns the sum of N(|c - s|) over all pairs of levels, at level 4."""
     total = 0
     for c in CENTERS:
         for s in (c + delta for delta in DELTAS):
@@ -133,12 +133,12 @@ def feature_map(levels, floor):
 
 
 def oriented(intensity, degrees):
-    """A pyramid of Gabor magnitudes; levels that no pair reads are left as they are."""
+    """Returns a pyramid of Gabor magnitudes; levels that no pair reads are unchanged."""
     return [gabor_magnitude(level, degrees) if k >= CENTERS[0] else level for k, level in enumerate(intensity)]
 
 
 def saliency(rgb, motion=None):
-    """The saliency of a picture of display values, and of motion [pixels per frame], 0 to 1."""
+    """Returns the saliency, 0 to 1, of a picture of display values and of motion [pixels per frame]."""
     intensity, red_green, blue_yellow = (pyramid(plane) for plane in features(rgb))
     if len(intensity) <= CENTERS[0] + DELTAS[0]:
         return np.zeros(rgb.shape[:2])
@@ -155,7 +155,7 @@ def saliency(rgb, motion=None):
 
 
 def read_film(path, frame):
-    """Display values of a frame of a 4:2:0 film; each chroma sample stands for its 2x2 pixels."""
+    """Returns the display values of a frame of a 4:2:0 film; each chroma sample covers its 2x2 pixels."""
     header, _, rest = path.read_bytes().partition(b"\n")
     words = {word[:1]: word[1:] for word in header.split()[1:]}
     width, height = int(words[b"W"]), int(words[b"H"])
@@ -174,7 +174,7 @@ def read_film(path, frame):
 
 
 def read_picture(path, frame):
-    """Display values of a frame or a picture, in steps of 1/255."""
+    """Returns the display values of a frame or a picture, in steps of 1/255."""
     if path.suffix == ".y4m":
         rgb = read_film(path, frame)
     else:
@@ -185,14 +185,14 @@ def read_picture(path, frame):
 
 
 def moving_disk(height, width):
-    """Motion [pixels per frame] of a disk in the upper left of a picture that stands still."""
+    """Returns the motion [pixels per frame] of a disk in the upper left of a static picture."""
     y, x = np.mgrid[0:height, 0:width]
     inside = np.hypot(x - width / 4, y - height / 4) < min(width, height) / 12
     return np.dstack([3.0 * inside, -1.0 * inside])
 
 
 def ours(program, codes, motion):
-    """The map of the Rust program."""
+    """Returns the map of the Rust program."""
     height, width, _ = codes.shape
     with tempfile.TemporaryDirectory() as folder:
         names = [str(Path(folder) / name) for name in ("picture.ppm", "map.pfm", "motion.pfm")]
@@ -206,7 +206,7 @@ def ours(program, codes, motion):
 
 
 def write_picture(path, codes, maps):
-    """The frame and the maps side by side; the largest value of all maps is white."""
+    """Writes the frame and the maps side by side; the largest value of all maps is white."""
     from PIL import Image
 
     white = max(map.max() for map in maps) or 1

@@ -1,18 +1,18 @@
-"""Error against run time of thresholds from the encoder, against cuts of 2 %, by `render2mpeg sweep`.
+"""Error against run time of thresholds from the encoder, against lightcuts of 2 %, by `render2mpeg sweep`.
 
     python3 bench sweep [SCENE.glb …] [--quick] [--size WxH] [--frames N] [--qscale 2,16,48]
     python3 bench sweep --full [--page-only] [--sponza SPONZA.glb]
 
-Quick: a sweep runs both methods frame by frame and is repeated as often as five minutes allow. The table has
+Quick: a sweep renders both methods frame by frame, and is repeated within five minutes. The table has
 
-    light, frame    2 % by the encoder's thresholds, CPU seconds of indirect light and of a frame
-    decoded         luma PSNR of decoded frames against every light at every pixel, with 2 %, and the difference to it
-    bits, flicker   changes against 2 %; flicker is what the decoded film changes more than that of every light
+    light, frame    ratio of 2 % to the encoder's thresholds, CPU seconds of indirect light and of a frame
+    decoded         luma PSNR of decoded 2 % frames against all lights at every pixel, and the other method's difference
+    bits, flicker   changes against 2 %; flicker is the change of the decoded film in excess of all lights'
     equal           whether PSNR is at most 0.1 dB less, bits at most 1 % and flicker at most 10 % more
 
-Full makes docs/sweep anew. Sweeps stay in out/sweeps, and one that is there is not made again: remove the folder for
-figures of a new build. With --page-only none is made, and the page shows those that are there.
-Sponza does not ship: without --sponza, or one beside the repository, the page says that it is missing.
+Full rebuilds docs/sweep. Sweeps are kept in out/sweeps, and existing ones are reused: remove the folder for figures of a
+new build. With --page-only no sweep is made, and the page shows the existing ones.
+Sponza does not ship: without --sponza, or a copy next to the repository, the page reports it as missing.
 """
 
 import json
@@ -33,7 +33,7 @@ TITLES = ["scene", "quantiser", "sweeps", "light", "frame", "decoded, 2 %", "dif
 
 
 def add_options(parser):
-    """Options of this measurement."""
+    """Adds the options of this measurement."""
     parser.add_argument("scenes", nargs="*", type=Path, help="scenes of the quick table [default: cornell, conference]")
     parser.add_argument("--size", help="quick: size of the picture [default: 128x128]")
     parser.add_argument("--frames", type=int, help="quick: frames of a film [default: 8]")
@@ -46,14 +46,14 @@ def add_options(parser):
 
 @dataclass
 class Row:
-    """A quantiser: figures of the baseline, and those of the method beside it in each sweep."""
+    """A quantiser: figures of the baseline, and the method's figures in each sweep."""
 
     qscale: int
     baseline: dict
     beside: list
 
     def cells(self, scene):
-        """Cells of the table."""
+        """Returns the cells of the table."""
         first = self.beside[0]
         ratio = lambda name: pairs.Spread([one[name] for one in self.beside])  # noqa: E731
         return [
@@ -71,7 +71,7 @@ class Row:
 
 
 def swept(options, scene):
-    """Figures of a sweep: runs by method and quantiser."""
+    """Returns the figures of a sweep: runs by method and quantiser."""
     with tempfile.TemporaryDirectory() as folder:
         words = ["--size", options.size, "--frames", options.frames, "--qscale", options.qscale]
         words += ["--vpls", 1000, "--methods", METHOD, "--quiet", "-o", folder]
@@ -87,7 +87,7 @@ def quick(options):
     print(tables.header(TITLES))
     budget = pairs.Budget(options)
     for scene, share in budget.shares(scenes, lambda scene: scene.stem):
-        # Baseline and method take turns within each sweep, frame by frame.
+        # Baseline and method alternate within each sweep, frame by frame.
         turns = budget.in_turns(lambda: swept(options, scene), lambda: None, options.repeats, share)
         found = [both for both, _ in turns]
         for qscale in presets.numbers(options.qscale):
@@ -97,7 +97,7 @@ def quick(options):
 
 
 def main(options):
-    """The quick table, or the page."""
+    """Prints the quick table, or makes the page."""
     given = [name for name in QUICK if getattr(options, name) is not None]
     if options.full and (options.scenes or given):
         raise Failure("the page of --full has scenes and settings of its own; scenes and their settings are for --quick")

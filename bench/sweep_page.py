@@ -1,4 +1,4 @@
-"""The page docs/sweep: error against run time for the shipped scenes and, where it is there, Sponza."""
+"""The page docs/sweep: error against run time for the shipped scenes and, if available, Sponza."""
 
 import json
 import shutil
@@ -10,7 +10,7 @@ import tables
 from running import ROOT, run
 
 DOCS = ROOT / "docs" / "sweep"
-# Where the sweeps lie; what is there is not swept again.
+# Folder of the sweeps; existing ones are reused.
 SWEPT = ROOT / "out" / "sweeps"
 SPONZA = [ROOT.parent / "shared" / "scenes" / name for name in ("sponza-dabrovic", "sponza-crytek")]
 SMALL = "--size 96x96 --frames 4 --vpls 1000 --methods paper,codec"
@@ -18,7 +18,7 @@ LARGE = (
     "--size 160x160 --frames 5 --methods "
     "paper,perceptual,codec,calibrated,perceptual-cache,codec-cache,calibrated-cache,paths-4,paths-16,paths-64"
 )
-# Name, options beside the defaults, what is to be seen.
+# Name, additional options, description.
 SCENES = [
     ("cornell", LARGE, "a box with moving blocks: matte surfaces, one lamp, light that changes slowly"),
     ("atrium", SMALL, "a courtyard under sun and sky, with fine detail"),
@@ -58,7 +58,7 @@ A speed-up counts only at equal decoded quality or better: PSNR at most 0.1 dB l
 
 
 def scene_file(name, sponza):
-    """The scene, or nothing where it is not there."""
+    """Returns the scene's path, or nothing if it is missing."""
     if name != "sponza":
         return presets.shipped(name)
     for place in [sponza] if sponza else SPONZA:
@@ -69,7 +69,7 @@ def scene_file(name, sponza):
 
 
 def rows(swept, quantiser):
-    """Every method at a quantiser, as rows of the table."""
+    """Returns every method at a quantiser, as rows of the table."""
     for one in swept["runs"]:
         if one["qscale"] != quantiser:
             continue
@@ -89,7 +89,7 @@ def rows(swept, quantiser):
 
 
 def section(swept, name, command, about):
-    """A scene's part of the page."""
+    """Returns a scene's section of the page."""
     size, frames = swept["settings"]["size"], swept["settings"]["frames"]
     quantisers = sorted({one["qscale"] for one in swept["runs"]})
     middle = quantisers[len(quantisers) // 2]
@@ -102,7 +102,7 @@ def section(swept, name, command, about):
 
 
 def sweep(options, name, words, about):
-    """Sweeps a scene unless it has been; its part of the page."""
+    """Sweeps a scene unless it has been swept, and returns its section of the page."""
     path = scene_file(name, options.sponza)
     if path is None:
         return f"## {name}\n\nNot made: the scene was not there.\n"

@@ -1,38 +1,38 @@
-"""Markdown tables, and how figures look in them."""
+"""Markdown tables, and formats of figures."""
 
 import math
 
 
 def row(cells):
-    """A row of a table."""
+    """Formats a row of a table."""
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
 def header(titles):
-    """The first two lines of a table: the first column to the left, the others to the right."""
+    """Formats the first two lines of a table: the first column left-aligned, the others right-aligned."""
     return row(titles) + "\n|---|" + "---:|" * (len(titles) - 1)
 
 
 def table(titles, rows):
-    """A whole table."""
+    """Formats a whole table."""
     return "\n".join([header(titles), *map(row, rows)])
 
 
 def figure(value, form):
-    """A number in a format such as "+.2f", or a dash where there is none."""
+    """Formats a number, such as by "+.2f"; a missing or infinite one as a dash."""
     return "–" if value is None or not math.isfinite(value) else format(value, form)
 
 
 def decibels(value, form=".2f"):
-    """A PSNR, or a difference of two; infinite where pictures are equal."""
+    """Formats a PSNR or a difference of two; "equal" for equal pictures."""
     return "equal" if value == math.inf else f"{figure(value, form)} dB"
 
 
 def change(ratio):
-    """A ratio as a change in percent."""
+    """Formats a ratio as a change in percent."""
     return f"{figure(100 * (ratio - 1), '+.1f')} %"
 
 
 def share(value):
-    """A share in percent."""
+    """Formats a fraction in percent."""
     return "–" if value is None else f"{figure(100 * value, '.0f')} %"

@@ -1,11 +1,11 @@
-// Shows a .glb file in three.js, in a browser without a window, and writes what it shows as a PNG.
+// Shows a .glb file in three.js, in a headless browser, and writes the picture as a PNG.
 //
 //     node bench/view_export.mjs FILE.glb OUT.png [WIDTHxHEIGHT] [SECONDS]
 //
-// The camera is the file's first, or that of the name CAMERA, at that time of its first animation; there is neither a light nor a
-// tone curve. FROM=[x,y,z] is the place of a camera around a file without one, in radii from its middle.
-// MODULES names the folder of the packages three and playwright-core (node_modules where it is not set), CHROMIUM the browser.
-// LIGHTS=1 adds an even light, for what is not painted.
+// The camera is the file's first, or the one named by CAMERA, at this time of its first animation. The page has no light and no tone
+// curve. FROM=[x,y,z] is the position of a camera for a file without one, in radii from its center.
+// MODULES is the folder of the packages three and playwright-core (default: node_modules), CHROMIUM the browser.
+// LIGHTS=1 adds a uniform light, for surfaces without baked light.
 import { createServer } from "node:http";
 import { createReadStream, existsSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -68,7 +68,7 @@ try {
 }
 </script>`;
 
-// The page, the packages and the file, from this machine alone.
+// Serves the page, the packages and the file, on this machine only.
 const send = (response, path, type) => {
   response.writeHead(200, { "Content-Type": type });
   createReadStream(path).pipe(response);
