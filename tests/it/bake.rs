@@ -76,6 +76,7 @@ fn a_box_under_an_even_sky_has_its_irradiance() {
 /// A wall of one centimeter between two rooms blocks all light of a lamp in one of them.
 #[test]
 fn a_thin_wall_keeps_light_in() {
+    // Two rooms, and a lamp in the first.
     let mut scene = empty_scene();
     let (low, high) = (vec3(0.0, 0.0, 0.0), vec3(2.0, 2.0, 2.0));
     add(&mut scene, gray(0.7), &within(low, high));
@@ -84,6 +85,8 @@ fn a_thin_wall_keeps_light_in() {
     let lamp = Material { emission: Vec3::splat(20.0), ..gray(0.0) };
     add(&mut scene, lamp, &[[vec3(0.7, 1.9, 0.7), vec3(0.6, 0.0, 0.0), vec3(0.0, 0.0, 0.6)]]);
     let bake = baked(&scene, 6000);
+
+    // Compare the floors, except next to the wall.
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
     let atlas = &bake.texels.atlas;
@@ -164,6 +167,7 @@ fn things_that_move_are_lit_beside_baked_light() {
     let (folder, path) = (folder.path(), cornell());
     bake_file(folder, &path, "cornell", "--texels 10000 --vpls 500");
     let [cuts, baked] = films(folder, &path, "cornell.slf", 500);
+    // Only dynamic geometry has records.
     let records = |film: &Film| film.rendered.figures(&["cache_records"])[0];
     assert!(records(&baked) > 0.0 && records(&baked) < 0.5 * records(&cuts), "records on dynamic geometry only");
 
@@ -215,6 +219,7 @@ fn bad_files_of_baked_light_are_told_in_one_line() {
     let (still, moving) = (cornell_box(), cornell());
     let whole = bake_file(folder, &still, "whole", "--texels 500 --vpls 100");
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
+    // Truncated, changed, and of a newer version.
     write("short.slf", &whole[..whole.len() - 1]);
     let mut changed = whole.clone();
     changed[whole.len() / 2] ^= 1;
@@ -222,6 +227,8 @@ fn bad_files_of_baked_light_are_told_in_one_line() {
     let mut newer = whole;
     newer[4] += 1;
     write("newer.slf", &newer);
+
+    // Each file is refused, and no film is written.
     let film = |scene: &Path, file: &str, words: &[&str]| {
         let scene = scene.to_str().expect("a path in UTF-8");
         let arguments = ["render", scene, "--size", "32x32", "--frames", "1", "--lighting", "baked", "--baked", file];

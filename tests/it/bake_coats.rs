@@ -104,6 +104,7 @@ fn coated_room() -> Scene {
 #[test]
 fn coats_that_look_their_light_up_are_those_of_paths() {
     const SIDE: usize = 64;
+    // A frame with live and with baked coats, and a path-traced one.
     let scene = coated_room();
     let settings = settings(&scene, SIDE);
     let light = Arc::new(baked(&scene, 6000).texels);

@@ -195,6 +195,7 @@ fn parts_that_make_no_film_are_named_in_one_line() {
     let folder = folder.path();
     let scene = folder.join("room.glb");
     let parts = render_parts(folder, &scene, 6, 2, SMALL);
+    // Parts of other films, ranges and chunks.
     let more = |name: &str, options: &str| {
         render(folder, name, &scene, &format!("{SMALL} {options}"));
     };
@@ -227,6 +228,7 @@ fn parts_that_make_no_film_are_named_in_one_line() {
     }
     fs::write(folder.join("alone.m2v"), &bytes).unwrap();
 
+    // Each command names the faulty file, and leaves the folder unchanged.
     let before = sorted_names(folder);
     for (named, words) in [
         (vec![first, third, second], [third, "wrong place", second]),
@@ -256,6 +258,8 @@ fn parts_that_make_no_film_are_named_in_one_line() {
         assert_fails(folder, &[&["join", "--overwrite", "-o", "film.m2v"][..], &named].concat(), &words);
         assert_eq!(sorted_names(folder), before, "{named:?}: no partial file remains");
     }
+
+    // Invalid outputs.
     assert_fails(folder, &["join", first, second, third, "-o", first], &[first, "a file of a part"]);
     assert_fails(folder, &["join", first, second, third, "-o", "film.avi"], &["film.avi", ".mpg"]);
     assert_fails(folder, &["join", first, second, third, "-o", "film"], &["film", "ending", ".mkv"]);
@@ -321,6 +325,7 @@ fn a_terminated_part_plays_and_goes_on_to_the_same_bits() {
     let words =
         format!("render room.glb -o part.m2v --frames 400 --chunk 200 --range 200-399 --progress openjd {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();
+    // End the part with a signal in its middle.
     let mut child = Command::new(program())
         .args(&words)
         .current_dir(folder)
@@ -342,6 +347,7 @@ fn a_terminated_part_plays_and_goes_on_to_the_same_bits() {
     assert!((1..200).contains(&shown), "{shown} frames");
     assert_fails(folder, &["join", "part.m2v", "-o", "film.m2v"], &["part.m2v", "ended early", "--resume"]);
 
+    // The resumed part gives the bits of an uninterrupted one.
     let resumed = render2mpeg(folder, &[&words[..], &["--resume"]].concat());
     assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
     let first = resumed.stdout.lines().nth(1).unwrap();

@@ -112,6 +112,7 @@ fn ten_thousand_still_frames_repeat_group_by_group() {
 #[test]
 fn errors_that_are_taken_do_not_feed_on_themselves() {
     for quantiser_scale in [2, 16, 48, 112] {
+        // The open loop: no error.
         let open = settled(
             &(0..300)
                 .map(|_| ())

@@ -120,6 +120,7 @@ fn thresholds_follow_the_groups_after_a_scene_cut() {
     };
     let (_, settings) = load(&cornell(), options);
     let mut video = Video::new(&settings).unwrap();
+    // Encode the film, and note the announced groups.
     let (mut announced, mut pictures) = (Vec::new(), Vec::new());
     for index in 0..frames {
         // Tiles, which hills cannot predict.
@@ -142,6 +143,8 @@ fn thresholds_follow_the_groups_after_a_scene_cut() {
         pictures.extend(coded.pictures);
     }
     pictures.extend(video.finish().unwrap().pictures);
+
+    // Every group except the shot change was announced.
     let is_intra = |picture: &&parts::CodedFrame| picture.picture_type == PictureType::I;
     let mut intra: Vec<u32> = pictures.iter().filter(is_intra).map(|picture| picture.index).collect();
     intra.sort_unstable();

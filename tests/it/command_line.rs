@@ -43,6 +43,7 @@ fn report(folder: &Path, name: &str) -> Value {
 fn a_file_has_every_option_and_the_command_line_overrides_it() {
     let folder = folder_with_room();
     let folder = folder.path();
+    // The file sets options, and the command line overrides two.
     fs::write(folder.join("job.toml"), JOB).unwrap();
     run(folder, &["render", "--config", "job.toml", "--quiet", "--qscale", "12", "--frames", "3"]);
     let settings = &report(folder, "film.report.json")["settings"];
@@ -287,6 +288,8 @@ fn a_watched_scene_is_rendered_again_when_it_changes() {
         }
         std::thread::sleep(Duration::from_millis(50));
     };
+
+    // The film changes with the settings file.
     let first = film(b"");
     fs::write(folder.join("room.toml"), "[tone_mapping]\nexposure = 0.01\n").unwrap();
     let second = film(&first);
@@ -320,10 +323,13 @@ fn cameras_animations_and_settings_are_chosen_on_the_command_line() {
         assert_eq!(done.code, Some(0), "{}", done.stderr);
         fs::read(folder.join(name)).unwrap()
     };
+    // Settings and the default camera.
     let plain = film("a.m2v", &[]);
     assert_ne!(film("b.m2v", &["--set", "exposure=0.1"]), plain);
     assert_ne!(film("c.m2v", &["--set", "sky.zenith=[0,0,9]", "--set", "horizon=[9,0,0]"]), plain);
     assert_eq!(film("d.m2v", &["--camera", "0"]), plain);
+
+    // Unknown cameras and animations.
     for (words, word) in
         [(&["--camera", "nobody"][..], "nobody"), (&["--camera", "7"], "7"), (&["--animation", "none"], "none")]
     {
@@ -351,6 +357,7 @@ fn wrong_arguments_end_with_two_and_a_line() {
     fs::write(folder.join("there.png"), b"a picture").unwrap();
     fs::write(folder.join("broken.glb"), b"glTF").unwrap();
     fs::write(folder.join("README.md"), b"# A scene").unwrap();
+    // Command line, exit code, and a part of the message.
     for (words, code, said) in [
         ("render room.glb --frames 0", 2, "--frames"),
         ("render room.glb --fps 23", 2, "23.976"),

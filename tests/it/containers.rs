@@ -47,12 +47,14 @@ fn every_container_has_the_pictures_and_their_times() {
         [("--fps 25", 25.0, "25/1"), ("--fps 29.97 --bframes 2", 30000.0 / 1001.0, "30000/1001")]
     {
         let options = format!("{SMALL} --frames 40 {options}");
+        // The elementary stream as the reference.
         render(folder, "film", &folder.join("room.glb"), &options);
         let truth = decode_ffmpeg(&folder.join("film.m2v"), SIZE);
         let all = pictures_from(folder, "film.m2v", "");
         for ending in ENDINGS {
             let film = format!("film.{ending}");
             render(folder, &film, &folder.join("room.glb"), &options);
+            // Number of pictures, frame rate and duration, then the pictures.
             assert_eq!(probed(folder, &film, "stream=nb_read_packets").first(), Some(&"40".into()), "{film}");
             assert_eq!(probed(folder, &film, "stream=avg_frame_rate").first(), Some(&rate.into()), "{film}");
             let seconds: f64 = probed(folder, &film, "format=duration")[0].parse().unwrap();
@@ -87,6 +89,7 @@ fn standard_output_takes_the_bytes_of_the_file() {
     let options = format!("--frames 5 {SMALL}");
     let film = render(folder, "film.mpg", &folder.join("room.glb"), &options).stream;
     let names = sorted_names(folder);
+    // Both names of standard output give the file's bytes.
     for name in ["-", "/dev/stdout"] {
         let made = run(folder, program(), &format!("render room.glb -o {name} {options}"));
         assert!(made.status.success() && made.stdout == film, "{name}: {} bytes", made.stdout.len());
@@ -102,6 +105,8 @@ fn standard_output_takes_the_bytes_of_the_file() {
     let truth = render(folder, "part", &folder.join("room.glb"), &part).stream;
     let made = run(folder, program(), &format!("render room.glb -o - -q {part}"));
     assert!(made.stdout == truth);
+
+    // Conflicting uses of standard output.
     for (options, word) in [
         ("--progress json", "progress"),
         ("--progress openjd", "progress"),
@@ -126,6 +131,7 @@ fn films_are_made_for_players_of_today_too() {
         ("webm", "64x64", "libsvtav1", "av1"),
         ("webm", "33x31", "libvpx-vp9", "vp9"),
     ] {
+        // Skip missing encoders.
         if need(encoder, known.contains(encoder).then_some(())).is_none() {
             continue;
         }
@@ -137,6 +143,8 @@ fn films_are_made_for_players_of_today_too() {
         let made = render2mpeg(folder, &words);
         assert_eq!(made.code, Some(0), "{}", made.stderr);
         assert!(made.stderr.contains(&format!("{also}, by {encoder}")), "{}", made.stderr);
+
+        // The encoding has the codec, the color space and all pictures.
         let entries = "stream=codec_name,color_space,nb_read_packets";
         let told = probed(folder, &also, entries);
         assert!(told.starts_with(&[codec.into(), "bt709".into()]) && told.contains(&"6".into()), "{told:?}");
@@ -150,6 +158,7 @@ fn what_cannot_be_made_also_is_said_before_work_begins() {
     let folder = folder_with_room();
     let folder = folder.path();
     let before = sorted_names(folder);
+    // Formats that `--also` does not support, and the scene's path.
     let words = |also: &str| format!("render room.glb -o film.mpg -q --also {also} {SMALL}");
     for also in ["film.avi", "film", "film.mkv"] {
         let words = words(also);

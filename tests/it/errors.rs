@@ -27,6 +27,7 @@ fn scenes() {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
     let room = checkered_room(Moving::Camera);
     let whole = room.to_bytes();
+    // Truncated files, other formats, a missing buffer, and an unsupported extension.
     write("cut.glb", &whole[..whole.len() * 2 / 3]);
     write("header.glb", &whole[..10]);
     write("empty.glb", b"");
@@ -39,6 +40,8 @@ fn scenes() {
     required.json["extensionsUsed"] = json!(["KHR_gaussian_splatting"]);
     required.json["extensionsRequired"] = json!(["KHR_gaussian_splatting"]);
     required.write(&folder.path().join("splats.glb"));
+
+    // Each gives a message that contains these words.
     for (name, words) in [
         ("nowhere.glb", &["nowhere.glb"][..]),
         ("cut.glb", &["cut.glb", "again"]),
@@ -58,6 +61,7 @@ fn scenes() {
 #[test]
 fn settings() {
     let folder = folder_with_room();
+    // Values out of range, with words of the message.
     for (option, value, words) in [
         ("--size", "0x0", &["0x0"][..]),
         ("--size", "99999x10", &["99999x10", "16383"]),
@@ -81,11 +85,15 @@ fn settings() {
         fails_cleanly(folder.path(), &["plan", "room.glb", option, value], words);
     }
     fails_cleanly(folder.path(), &["render", "room.glb", "--threads", "0"], &["0"]);
+
+    // Unsupported file names.
     for name in ["film.avi", "film.m2", "film", "film.", ".mpg", "./-", "a.mp4/film"] {
         let words = [name, ".mpg", ".mp4", ".mkv", ".ts", ".vob", ".m2v"];
         fails_cleanly(folder.path(), &["render", "room.glb", "--output", name], &words);
         fails_cleanly(folder.path(), &["plan", "room.glb", "--output", name], &words);
     }
+
+    // Options that require or exclude each other.
     fails_cleanly(folder.path(), &["render", "room.glb", "--cbr"], &["--bitrate"]);
     fails_cleanly(folder.path(), &["render", "room.glb", "--mpeg1", "--qscale", "7"], &["MPEG-1", "even"]);
 }

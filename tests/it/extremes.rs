@@ -284,6 +284,7 @@ fn coincident_lights_add_up() {
 #[test]
 fn skies_beyond_range() {
     let folder = tempfile::tempdir().unwrap();
+    // Texels that are NaN, infinite or negative.
     let broken = Plane::from_fn(16, 8, |x, y| match (x * 3 + y) % 5 {
         0 => Vec3::splat(f32::NAN),
         1 => Vec3::splat(f32::INFINITY),
@@ -346,6 +347,7 @@ fn what_is_no_number_is_refused_or_left_out() {
             glb
         };
         let load = |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", small());
+        // Positions and animations with the bad value are refused.
         let animation = room();
         let sampler = &animation.json["animations"][0]["samplers"][0];
         let [times, keys] = ["input", "output"].map(|name| sampler[name].as_u64().unwrap() as usize);

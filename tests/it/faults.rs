@@ -221,6 +221,7 @@ fn out_of_file_handles() {
     checkered_room(Moving::Camera).write(&folder.path().join("room.glb"));
     let before = sorted_names(folder.path());
     let mut failed = 0;
+    // Run with each limit, from the three standard streams upwards.
     for handles in 3..14 {
         let mut shell = Command::new("sh");
         shell
@@ -252,6 +253,7 @@ fn out_of_file_handles() {
             let has_parts = stays.iter().any(|name| name.ends_with(".part"));
             assert!(is_resumable || !has_parts, "{handles} handles leave {stays:?}");
         }
+        // Remove the files of this run.
         for name in sorted_names(folder.path()).iter().filter(|name| !before.contains(name)) {
             let path = folder.path().join(name);
             let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));

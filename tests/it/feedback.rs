@@ -33,6 +33,7 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
         assert_eq!(cuts(film)[0], cuts(&fixed)[0], "{name}");
         assert!((shares(film)[0] - 0.02).abs() < 1e-6, "{name}");
     }
+    // Coarser quantisers allow larger thresholds and smaller cuts.
     for frame in 1..5 {
         assert!((shares(&fixed)[frame] - 0.02).abs() < 1e-6);
         assert!(shares(&middle)[frame] > 0.02, "frame {frame}: {:?}", shares(&middle));

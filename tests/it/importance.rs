@@ -26,6 +26,7 @@ fn threads_do_not_matter_and_the_option_does() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     room(folder, WATCHED);
+    // Threads do not change the film; gain and maps do.
     let maps = "--importance saliency:0.8,task:0.7";
     let alone = film(folder, "alone", &format!("{maps} --threads 1"));
     assert!(

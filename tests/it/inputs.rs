@@ -44,6 +44,7 @@ fn a_film_is_continued_with_the_files_it_was_begun_with() {
         let room = with_files(folder, scene);
         let bytes = if scene.ends_with("gltf") { room.json.to_string().into_bytes() } else { room.to_bytes() };
         fs::write(folder.join(scene), bytes).unwrap();
+        // Kill a film after its first checkpoint.
         let words = format!("render {scene} -o film.m2v --checkpoint 0 -q --frames 5000 {SMALL}");
         let words: Vec<&str> = words.split_whitespace().collect();
         let mut child = start_until_checkpoint(folder, &words, "film.m2v");
@@ -97,12 +98,14 @@ fn names_lead_to_regular_files_in_the_folder_of_the_scene() {
         json["images"][0]["uri"] = uri.into();
         fs::write(folder.join("room.gltf"), json.to_string()).unwrap();
     };
+    // Links and pipes exist only on Unix.
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink("../secret.png", folder.join("link.png")).unwrap();
         rustix::fs::mknodat(rustix::fs::CWD, folder.join("fifo.png"), rustix::fs::FileType::Fifo, 0o600.into(), 0)
             .unwrap();
     }
+    // Paths outside the folder, then files of other kinds and missing ones.
     for uri in ["../secret.png", "/etc/passwd", "/dev/zero", "%2e%2e/secret.png", "x/../../secret.png", "link.png"] {
         written(uri);
         assert_fails(&folder, &words, &["room.gltf", "image 0", uri, "outside", "--allow-outside"]);
@@ -111,6 +114,8 @@ fn names_lead_to_regular_files_in_the_folder_of_the_scene() {
         written(uri);
         assert_fails(&folder, &words, &["room.gltf", "image 0", uri, why]);
     }
+
+    // `--allow-outside` permits other folders.
     written("../secret.png");
     let trusted = render2mpeg(&folder, &["plan", "room.gltf", "--allow-outside"]);
     assert_eq!(trusted.code, Some(0), "{}", trusted.stderr);
@@ -138,6 +143,7 @@ fn outputs_take_the_place_of_nothing_else() {
     fs::create_dir(folder.join("sub")).unwrap();
     let before = sorted_names(folder);
     let contents = |name: &str| fs::read(folder.join(name)).unwrap();
+    // Each option and the words of its error; no file changes.
     for (options, words) in [
         ("--report film.m2v", ["--report", "-o"]),
         ("--report ./film.m2v", ["--report", "-o"]),
@@ -164,6 +170,8 @@ fn outputs_take_the_place_of_nothing_else() {
         assert_eq!((stderr.lines().count(), sorted_names(folder)), (1, before.clone()), "{options}");
         assert_eq!(contents("my data.bin"), room.bin, "{options}");
     }
+
+    // Other commands follow the same rule.
     assert_fails(folder, &["bake", "room.gltf", "-o", "room.gltf"], &["-o", "scene"]);
     assert_fails(folder, &["reference", "room.gltf", "-o", "my tex.png"], &["-o", "scene"]);
     assert_eq!(sorted_names(folder), before);

@@ -233,6 +233,7 @@ fn a_cut_is_within_its_bound_always() {
     let frame = Preparation::new(&scene, &settings.render, &plan).frame(0).frame;
     let mut scratch = Scratch::default();
     let (mut pixels, mut lights) = (0, 0);
+    // At each pixel, compare cuts of both kinds with the sum over all lights.
     for pixel in frame.seen.pixels.samples() {
         let normal = Vec3A::from(pixel.geometric_normal);
         let position = Vec3A::from(pixel.position) + normal * frame.epsilon;
@@ -250,6 +251,8 @@ fn a_cut_is_within_its_bound_always() {
             assert!((luminance(cut.radiance) - all).abs() <= bound, "{stop:?}: {cut:?}, all lights give {all}");
             lights += cut.size;
         }
+
+        // A threshold of zero is exact.
         let exact = luminance(frame.tree.lightcut(&receiver, Stop::Absolute(0.0), visible, &mut scratch).radiance);
         assert!((exact - all).abs() <= 1e-5 * all, "a threshold of zero takes every light: {exact}, {all}");
         pixels += 1;

@@ -110,6 +110,7 @@ fn mattes_cover_each_pixel_and_the_manifest_names_them() {
     let folder = tempfile::tempdir().unwrap();
     let path = second_frame(folder.path(), "film", "");
     let (layers, texts) = (read_layers(&path).unwrap(), header(&path).own_attributes.other);
+    // Reads the names and ids from the header.
     let manifest = |kind: &str| -> BTreeMap<String, String> {
         let key = format!("{:08x}", cryptomatte_id(kind).to_bits());
         let name = format!("cryptomatte/{}/manifest", &key[..7]);

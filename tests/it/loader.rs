@@ -159,6 +159,7 @@ fn a_sky_is_added_where_nothing_was_made_to_shine() {
         assert_eq!(scene.sky.is_some(), scene.warnings.iter().any(|warning| warning.contains("plain white sky")));
         scene.sky.is_some()
     };
+    // No emission, weak emission, strong emission, and a sky in the settings.
     assert!(lit_by_sky(&square(json!({})), ""));
     assert!(lit_by_sky(&glowing(1.0), ""), "instruments of a helmet");
     assert!(!lit_by_sky(&glowing(6.5), ""), "a stained glass window");
@@ -176,6 +177,7 @@ fn quantised_meshes_have_the_numbers_they_stand_for() {
     for name in ["extensionsUsed", "extensionsRequired"] {
         glb.json[name] = json!(["KHR_mesh_quantization"]);
     }
+    // Normalized shorts replace the corners.
     let corners: [[i16; 3]; 4] = [[0, 0, 0], [32767, 0, 0], [32767, 16384, 0], [0, 16384, -32768]];
     for (vertex, corner) in corners.iter().enumerate() {
         for (axis, value) in corner.iter().enumerate() {
@@ -185,6 +187,8 @@ fn quantised_meshes_have_the_numbers_they_stand_for() {
     glb.json["bufferViews"][0]["byteStride"] = json!(8);
     glb.json["accessors"][0]["componentType"] = json!(5122);
     glb.json["accessors"][0]["normalized"] = json!(true);
+
+    // Normals are bytes.
     let start = glb.bin.len();
     glb.bin.extend((0..4).flat_map(|_| [0u8, 0x81, 0, 0]));
     let views = glb.json["bufferViews"].as_array_mut().unwrap();
@@ -197,6 +201,7 @@ fn quantised_meshes_have_the_numbers_they_stand_for() {
     let accessor = accessors.len() - 1;
     glb.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(accessor);
 
+    // Both are decoded exactly.
     let scene = load(&glb, "").unwrap();
     let mesh = &scene.meshes[0];
     let half = 16384.0 / 32767.0;
@@ -353,6 +358,8 @@ fn small_files_that_claim_much_are_refused() {
         often.json["nodes"].as_array_mut().unwrap().push(json!({ "mesh": 0 }));
         often.json["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(node));
     }
+
+    // Each is refused within 2 GB of address space.
     for (name, glb, words) in [
         ("image", &image, &["16384x16384", "image 0"][..]),
         ("zeros", &zeros, &["numbers"]),

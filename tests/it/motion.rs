@@ -33,6 +33,7 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
         y4m: Some(folder.join(format!("{name}.y4m"))),
         ..Options::default()
     };
+    // Render once, and encode the same frames with each kind of motion.
     let (scene, settings) = load(path, options.clone());
     let (_, perceptual) = load(path, Options { thresholds: Some(Thresholds::Perceptual), ..options });
     render_as_coded(&scene, &perceptual);
@@ -46,6 +47,7 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
     };
     let (exact_bits, quality) = at(8, &exact);
     let kinds = [("searched", vec![None; frames.len()]), ("zero", vec![Some(still); frames.len()])];
+    // Interpolate the bits at the quality of exact motion.
     let [searched, zero] = kinds.map(|(kind, motion)| {
         let ((coarse_bits, coarse), (fine_bits, fine)) = (at(8, &motion), at(6, &motion));
         let share = (quality - coarse) / (fine - coarse);

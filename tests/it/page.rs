@@ -70,6 +70,8 @@ fn assert_sound(html: &str) {
         }
     }
     assert_eq!(open, [""; 0]);
+
+    // No id repeats.
     let count = names.len();
     names.sort_unstable();
     names.dedup();

@@ -53,6 +53,7 @@ fn direct_light_alone_needs_no_photons() {
 fn only_the_camera_moves() {
     let folder = tempfile::tempdir().unwrap();
     let [spared, full] = both_ways(folder.path(), Moving::Camera);
+    // Stages that depend on the camera run for each frame, others once or never.
     for (stage, expected) in [
         ("photons", "once"),
         ("light tree update", "once"),

@@ -107,6 +107,8 @@ fn films_show_the_frames_that_are_wanted() {
         assert!(apart(&a, &b) < 0.5 * apart(&a, &elsewhere) && apart(&a, &b) < 0.1 * sum, "{frame}");
     }
     assert_eq!(film("tail", "--from 90 --frames 2").0, 2);
+
+    // Invalid ranges.
     for (words, word) in [
         ("--from 5 --to 3", "--from"),
         ("--from 100000", "--from"),

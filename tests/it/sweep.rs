@@ -110,6 +110,7 @@ fn a_sweep_that_is_ended_early_keeps_what_is_measured() {
     kill_process(Pid::from_raw(child.id() as i32).expect("a process"), Signal::INT).expect("it takes signals");
     assert_eq!(child.wait().expect("a child").code(), Some(130));
 
+    // The results contain the finished runs only.
     let json = std::fs::read(folder.path().join("swept/sweep.json")).unwrap();
     let swept: Value = serde_json::from_slice(&json).unwrap();
     assert_eq!(swept["interrupted"], true);

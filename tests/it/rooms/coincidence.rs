@@ -206,6 +206,7 @@ fn a_shared_wall_is_that_of_rooms_apart() {
 /// Builds a symmetric room, seen along its axis: creases cross pixel centers on the picture's diagonals.
 fn symmetric(turn: Quat, offset: Vec3, scale: f32, by_node: bool) -> Room {
     let mut glb = Glb::default();
+    // The node or the vertices carry the transform.
     let world = Mat4::from_scale_rotation_translation(Vec3::splat(scale), turn, offset);
     let quads = inside(Vec3::splat(-1.0), Vec3::ONE);
     let quads = if by_node {
@@ -220,6 +221,8 @@ fn symmetric(turn: Quat, offset: Vec3, scale: f32, by_node: bool) -> Room {
     if by_node {
         glb.json["nodes"][walls]["matrix"] = json!(world.to_cols_array());
     }
+
+    // A point light near the camera, with an intensity that matches the scale.
     let light = glb.add_camera(world.transform_point3(vec3(0.0, 0.0, 0.3)));
     let lamp = json!({ "type": "point", "intensity": scale * scale });
     glb.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [lamp] } });

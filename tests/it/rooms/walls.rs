@@ -223,6 +223,7 @@ fn room_with_a_window() -> Glb {
         let (up, along) = (Vec3::Y * (top - bottom), Vec3::Z * (right - left));
         walls.push([vec3(1.1, bottom, left), up, along]);
     }
+    // The reveal of the window.
     let (deep, up, along) = (Vec3::X * 0.1, Vec3::Y * 0.8, Vec3::Z * 0.8);
     walls.push([vec3(1.0, 0.8, -0.4), along, deep]);
     walls.push([vec3(1.0, 1.6, -0.4), deep, along]);

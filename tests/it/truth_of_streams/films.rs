@@ -50,6 +50,7 @@ fn colors_are_those_of_the_png_in_every_format() {
         let files = "--y4m film.y4m --png frames";
         render(folder, name, &folder.join("bars.glb"), &format!("{common} {files} {more}"));
         let truth = shown_by_ffmpeg(&folder.join("frames/frame_00000.png"));
+        // Compare the center of each bar with the PNG.
         for file in [name, "film.y4m"] {
             let shown = shown_by_ffmpeg(&folder.join(file));
             assert_eq!(shown.len(), 3 * SIDE * SIDE);
@@ -90,6 +91,7 @@ fn author(folder: &Path, film: &str) {
 fn films_for_discs_are_those_of_dvd_video() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
+    // Aspect ratio, frame rate and repeated fields.
     for (name, more, aspect, rate) in [
         ("pal.vob", "--size 720x576 --frames 4", 2, (25, 1)),
         ("wide.vob", "--size 720x576 --frames 4 --aspect 16:9 --bframes 2", 3, (25, 1)),
@@ -109,6 +111,8 @@ fn films_for_discs_are_those_of_dvd_video() {
             author(folder, name);
         }
     }
+
+    // Requests beyond DVD-Video.
     for (words, told) in [
         ("--fps 24 -o a.vob", "29.97"),
         ("--fps 60 -o a.vob", "29.97"),

@@ -67,6 +67,7 @@ fn noise_at_fine_quantisers_states_a_level_that_holds_it() {
         [(352, 288, 1, 12, 6), (720, 576, 2, 8, 4), (176, 144, 1, 12, 8)]
     {
         for (lookahead, b_pictures) in [(0, 0), (4, 2)] {
+            // MPEG-1 has no level to check.
             for standard in [Standard::Mpeg2, Standard::Mpeg1] {
                 let quantiser = if standard == Standard::Mpeg1 { 2 } else { quantiser };
                 let config = Config::new(width, height, FrameRate::FPS_25)
