@@ -22,6 +22,7 @@ fn loading_runs_no_panic_hook_and_replaces_none() {
     let path = folder.path().join("scene.glb");
     let mut foreseen = Vec::new();
     let mut wrong = Vec::new();
+    // Hostile scenes give errors, some with a known message.
     for hostile in hostile_scenes() {
         std::fs::write(&path, &hostile.bytes).unwrap();
         let before = SEEN.load(Ordering::Relaxed);
@@ -36,6 +37,8 @@ fn loading_runs_no_panic_hook_and_replaces_none() {
             }
         }
     }
+
+    // Random damage must not panic either.
     let whole = std::fs::read(cornell()).unwrap();
     let mut random = Random::new(0x9e37_79b9_7f4a_7c15);
     for case in 0..500 {
@@ -47,6 +50,8 @@ fn loading_runs_no_panic_hook_and_replaces_none() {
             wrong.push(format!("case {case} panics: {places:?}"));
         }
     }
+
+    // The hook is still in place if it receives this panic.
     let _ = std::panic::catch_unwind(|| panic!("on purpose"));
     let seen = SEEN.load(Ordering::Relaxed);
     drop(std::panic::take_hook());

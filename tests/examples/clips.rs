@@ -49,6 +49,8 @@ fn write_clip(name: &str, base: &Path, size: Size, frames: u32) {
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\r{name}: frame {}   ", frame.index);
     let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
     render2mpeg::render(&scene, &settings, &plan, run).expect("the run succeeds");
+
+    // The motion file: zeros for a frame without correspondence.
     let mut bytes = Vec::new();
     for known in tests::correspondences(&scene, &settings) {
         let Some(known) = known else {

@@ -12,6 +12,7 @@ fn seed(folder: &Path, target: &str, name: &str, kind: u8, bytes: &[u8]) {
 
 fn main() {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "tests/fuzz/corpus".into()));
+    // Scenes.
     for (name, glb) in [("square", textured_square()), ("room", checkered_room(Moving::Box))] {
         seed(&folder, "scene", &format!("{name}.glb"), 1, &glb.to_bytes());
         seed(&folder, "scene", &format!("{name}.gltf"), 0, glb.json.to_string().as_bytes());
@@ -21,12 +22,14 @@ fn main() {
         let bytes = std::fs::read(Path::new(path).join(name).with_extension("glb")).expect("a file");
         seed(&folder, "scene", &format!("{name}.glb"), 1, &bytes);
     }
+    // Settings.
     let sky = "[sky]\nzenith = [1, 2, 3]\nhorizon = [1, 1, 1]\nintensity = 2\n[sun]\nangular_diameter = 1.0\n";
     let rest = "[tone_mapping]\noperator = \"gamma\"\nexposure = 2.0\n[video]\nframes = 5\nfps = 25.0\n[camera]\nname = \"a\"\n";
     let config = folder.join("config");
     std::fs::create_dir_all(&config).expect("a folder");
     std::fs::write(config.join("scene.toml"), format!("{sky}{rest}")).expect("a file");
 
+    // Pictures and videos, most of them from a small film.
     let work = tempfile::tempdir().expect("a folder");
     let room = work.path().join("room.glb");
     checkered_room(Moving::Box).write(&room);

@@ -39,6 +39,7 @@ fn main() {
     let plan = Plan::new(&scene, &settings.render);
     let frame = Preparation::new(&scene, &settings.render, &plan).frame(0).frame;
 
+    // Write the tree, then position, normal and albedo of each pixel.
     let pixels = &frame.seen.pixels;
     let receiver = |x: usize, y: usize| {
         let pixel = pixels.get(x, y);
@@ -79,6 +80,7 @@ fn main() {
             .map(|r| frame.tree.lightcut(r, relative, |light, _| sees(r.position, light), &mut scratch))
             .map(|cut| 0.02 * luminance(cut.radiance))
             .collect();
+        // Independent cuts, then shared cuts with the same thresholds.
         let cuts: Vec<Cut> = alone.measure(|| {
             let each = block.iter().zip(&thresholds);
             each.map(|(r, &t)| {

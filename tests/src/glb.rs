@@ -157,9 +157,11 @@ impl Glb {
         double_sided: bool,
     ) -> usize {
         let node = self.add(&[[corner, x, y]], Vec3::ZERO, Vec3::splat(emission));
+        // The quad's texture coordinates.
         let uvs: Vec<f32> = vec![0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
         let uvs = Numbers { kind: "VEC2", count: 4, ..Numbers::floats(&uvs) };
         let uvs = self.accessor(uvs, json!({}));
+        // The image, in a view of its own.
         let image = gray_png(side, codes);
         let view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": image.len() });
         let view = self.push("bufferViews", view);
@@ -167,6 +169,7 @@ impl Glb {
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
         self.json["images"] = json!([{ "bufferView": view, "mimeType": "image/png" }]);
         self.json["textures"] = json!([{ "source": 0 }]);
+        // The material emits by the texture.
         let mesh = self.json["nodes"][node]["mesh"].as_u64().expect("a mesh") as usize;
         let primitive = &mut self.json["meshes"][mesh]["primitives"][0];
         primitive["attributes"]["TEXCOORD_0"] = json!(uvs);
@@ -275,6 +278,7 @@ pub enum Moving {
 pub fn checkered_room(moving: Moving) -> Glb {
     let mut glb = Glb::default();
     let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
+    // Walls and a lamp.
     let walls = [
         [vec3(-2.0, 0.0, -2.0), 4.0 * x, 3.0 * y],
         [vec3(-2.0, 0.0, -2.0), 4.0 * z, 4.0 * x],
@@ -286,6 +290,8 @@ pub fn checkered_room(moving: Moving) -> Glb {
     glb.add(&dark, vec3(0.1, 0.15, 0.3), Vec3::ZERO);
     glb.add(&light, vec3(0.8, 0.75, 0.6), Vec3::ZERO);
     glb.add(&[[vec3(-0.5, 2.99, -0.5), x, z]], Vec3::ZERO, Vec3::splat(12.0));
+
+    // The box.
     let (a, b, c) = (0.6 * x, 0.6 * y, 0.6 * z);
     let (near, far) = (vec3(-0.3, 0.5, -0.3), vec3(0.3, 1.1, 0.3));
     let sides = [[near, b, a], [near, a, c], [near, c, b], [far, -a, -b], [far, -c, -a], [far, -b, -c]];
@@ -296,6 +302,8 @@ pub fn checkered_room(moving: Moving) -> Glb {
     let red = thing - 1;
     glb.json["nodes"][thing]["children"] = json!([red]);
     glb.json["scenes"][0]["nodes"].as_array_mut().expect("a list").retain(|node| node != red);
+
+    // The camera, and the motion.
     let camera = glb.add_camera(vec3(0.0, 1.5, 4.5));
     let way = x;
     match moving {

@@ -68,6 +68,7 @@ fn main() -> ExitCode {
 /// Runs cases until the time is over, or the requested case. Returns the number of findings.
 fn fuzz(arguments: &Arguments) -> io::Result<u64> {
     build_program()?;
+    // Seeds: the tests' scenes, the shipped ones, test data, and third-party scenes.
     let mut seeds = own_seeds();
     seeds.extend(seeds_below(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes").as_ref()));
     seeds.extend(seeds_below(concat!(env!("CARGO_MANIFEST_DIR"), "/../render-core/tests/data").as_ref()));

@@ -34,6 +34,7 @@ impl Arguments {
     /// Parses the scene, then pairs of a name and a value.
     pub fn parse(mut words: impl Iterator<Item = String>) -> Result<Self, String> {
         let scene = words.next().ok_or("which scene?")?.into();
+        // The defaults.
         let mut arguments = Self {
             scene,
             options: Options::default(),

@@ -72,6 +72,7 @@ fn config(wishes: &Wishes) -> Option<Config> {
             _ => Rate::Capped { bits_per_second, buffer_bits },
         })
         .with_lookahead((wishes.lookahead % 32).into());
+    // A requested level and custom matrices are optional.
     if let Some(level) = wishes.level {
         config = config.with_level([Level::Low, Level::Main, Level::High1440, Level::High][usize::from(level % 4)]);
     }

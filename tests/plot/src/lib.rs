@@ -127,6 +127,7 @@ impl Plot {
 
     /// Returns the SVG file.
     pub fn finish(self) -> String {
+        // Ranges of the axes, and the mapping to pixels.
         let all = || self.series.iter().flat_map(|series| &series.points);
         let range = |of: fn(&(f32, f32)) -> f32| {
             let (low, high) = all().map(of).fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -135,6 +136,8 @@ impl Plot {
         let ((x0, x1), (y0, y1)) = (range(|p| p.0), range(|p| p.1));
         let place =
             |(x, y): (f32, f32)| (LEFT + (x - x0) / (x1 - x0) * WIDTH, TOP + HEIGHT - (y - y0) / (y1 - y0) * HEIGHT);
+
+        // Grid, labels and title.
         let mut svg = Svg::new(LEFT + WIDTH + 30.0, TOP + HEIGHT + 60.0);
         svg.text((LEFT, 18.0), 15.0, "start", &self.title);
         for (x, label) in self.ticks(x0, x1) {
@@ -149,6 +152,8 @@ impl Plot {
         }
         svg.text((LEFT + WIDTH / 2.0, TOP + HEIGHT + 42.0), 13.0, "middle", self.labels[0]);
         svg.text((LEFT, TOP - 4.0), 12.0, "start", self.labels[1]);
+
+        // The series, each with a line in the legend.
         for (row, series) in self.series.iter().enumerate() {
             match series.shape {
                 Shape::Line => {

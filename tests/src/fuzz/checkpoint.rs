@@ -76,6 +76,7 @@ impl Forger {
         let (mut stored, mut part) = (killed.stored.clone(), killed.part.clone());
         let whole = killed.file(&stored);
         let (name, file, is_noticed) = match random.below(12) {
+            // Changes of the file.
             0 => ("bytes", changed(&whole, random), true),
             1 => ("cut", whole[..random.below(whole.len())].to_vec(), true),
             2 => {
@@ -83,6 +84,7 @@ impl Forger {
                 file[random.below(HEADER)] ^= 1 << random.below(8);
                 ("header", file, true)
             }
+            // Changes of the content, with a valid checksum.
             3 => ("body", killed.sealed(&changed(&whole[HEADER..], random)), false),
             4 => {
                 let (program, settings, inputs) = &mut stored.0;

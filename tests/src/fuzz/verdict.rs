@@ -40,6 +40,7 @@ impl Verdict {
 pub(super) fn told(outcome: &Outcome, is_quiet: bool) -> Result<bool, String> {
     let message = String::from_utf8_lossy(&outcome.stderr);
     let fault = |what: &str| Err(format!("{what}: exit code {:?}, {message}", outcome.code));
+    // Faults of any run.
     if outcome.endless {
         return fault("it does not end");
     }
@@ -52,6 +53,7 @@ pub(super) fn told(outcome: &Outcome, is_quiet: bool) -> Result<bool, String> {
     if message.chars().any(|c| c.is_control() && c != '\n') || std::str::from_utf8(&outcome.stderr).is_err() {
         return fault("control characters");
     }
+    // Exit codes and their messages.
     match outcome.code {
         Some(0) if message.is_empty() || !is_quiet => Ok(true),
         Some(0) => fault("words in spite of --quiet"),

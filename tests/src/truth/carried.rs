@@ -67,6 +67,7 @@ impl Carried {
         let indices = video.display_indices();
         let shown_first = indices.iter().position(|&index| index == 0).expect("a first picture");
         let begin = self.stamps[shown_first].presentation as f64 * UNIT;
+        // Display times follow the frame rate, and decoding precedes display.
         for (at, (stamps, &index)) in self.stamps.iter().zip(&indices).enumerate() {
             let (presentation, expected) = (stamps.presentation as f64 * UNIT, begin + due(index));
             if (presentation - expected).abs() > 1.5 * UNIT {
@@ -100,6 +101,7 @@ impl Carried {
         let (mut first, mut picture) = (0, 0);
         let mut begin = 0;
         for chunk in &self.chunks {
+            // The picture of this run of bytes.
             while picture + 1 < video.pictures.len() && begin >= video.pictures[picture].end {
                 picture += 1;
             }
@@ -110,6 +112,7 @@ impl Carried {
             if due - chunk.arrival.0 > LONGEST_WAIT + UNIT {
                 faults.push(format!("byte {begin} of picture {picture} comes {} s early", due - chunk.arrival.0));
             }
+            // Pictures decoded by now have left the buffer.
             while first < picture && decoding(first) <= chunk.arrival.1 + UNIT {
                 first += 1;
             }

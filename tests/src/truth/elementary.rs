@@ -104,6 +104,7 @@ impl Elementary {
         let mut group = None;
         for (at, code) in start_codes(bytes) {
             let mut bits = Bits::new(&bytes[at + 4..]);
+            // A header after slices ends the picture.
             if in_picture && matches!(code, 0x00 | 0xb3 | 0xb7 | 0xb8) {
                 stream.last().end = at;
                 (begin, in_picture) = (at, false);

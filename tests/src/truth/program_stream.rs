@@ -19,6 +19,7 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
         let mut bits = Bits::new(&file[at + 4..]);
         match file[at + 3] {
             0xb9 => break,
+            // A pack's clock reference must not precede the arrival of the previous pack.
             0xba => {
                 bits.skip(2);
                 let reference = (300 * bits.stamp() + bits.take(9)) as f64 / CLOCK;
@@ -45,6 +46,7 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
                 bound = Some(50.0 * bits.take(22) as f64);
                 at += 6 + length;
             }
+            // Video packets: bytes arrive at the rate of the pack.
             0xe0 => {
                 let length = bits.take(16) as usize;
                 let fields = read_header(&mut bits, &mut buffer, &mut carried);
@@ -61,6 +63,8 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
             }
         }
     }
+
+    // The elementary stream, in the buffer that the packets state.
     let video = Elementary::read(&carried.stream);
     match buffer {
         Some(buffer) => faults.extend(carried.faults(&video, buffer as f64)),

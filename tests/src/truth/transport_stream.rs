@@ -53,6 +53,7 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
         counters.insert(pid, counter);
         let Some(begin) = payload else { continue };
         let at = number * PACKET;
+        // Tables: the CRC and the interval.
         if pid < 0x10 || pid == 0x1000 {
             faults.extend(table_faults(&packet[begin..]));
             let time = time_of(&references, at);
@@ -61,6 +62,7 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
             }
             continue;
         }
+        // Video: a PES header precedes a picture.
         let mut data = begin;
         if begins {
             let mut bits = Bits::new(&packet[begin + 4..]);
@@ -73,6 +75,8 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
         let arrival = (time_of(&references, at + data), time_of(&references, at + PACKET));
         carried.add(&packet[data..], arrival);
     }
+
+    // Constant rates need exact clocks and null packets.
     let video = Elementary::read(&carried.stream);
     let sequence = &video.sequences[0];
     let is_constant = sequence.bit_rate.is_some() && video.pictures[0].vbv_delay != 0xffff;
@@ -82,6 +86,8 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
             faults.push("a constant rate without null packets".into());
         }
     }
+
+    // Low and Main Level have the level's buffer, higher levels the stated one.
     let buffer = level_bounds(sequence).map_or(f64::INFINITY, |(rate, buffer)| {
         let buffer = if sequence.profile_and_level & 15 >= 8 { buffer } else { sequence.buffer };
         (buffer as f64 + MULTIPLEXING * rate as f64) / 8.0

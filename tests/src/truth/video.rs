@@ -54,6 +54,7 @@ pub(super) fn fps(sequence: &Sequence) -> f64 {
 
 fn level_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     let mut faults = Vec::new();
+    // MPEG-1 has no levels.
     if !sequence.is_mpeg2 {
         if sequence.constrained {
             faults.push("constrained_parameters_flag is set".into());
@@ -67,6 +68,7 @@ fn level_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     if !matches!(profile, 4 | 1) {
         faults.push(format!("profile {profile} is neither Main nor High"));
     }
+    // Size and rates, against the level.
     let ((width, height), fps) = (sequence.size, fps(sequence));
     let exceeds = |level: &Level| {
         let samples = (width * height) as f64 * fps;
@@ -125,6 +127,7 @@ fn removals(pictures: &[Picture], sequence: &Sequence) -> Vec<f64> {
 fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
     let mut faults = Vec::new();
     let size = sequence.buffer as f64;
+    // A variable rate in MPEG-1: each picture must fit.
     let Some(bit_rate) = sequence.bit_rate else {
         let large = pictures.iter().position(|picture| picture.bits() as f64 > size);
         return large.map(|at| format!("picture {at} does not fit into the buffer")).into_iter().collect();
@@ -136,6 +139,7 @@ fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
     }
     let ahead = |picture: &Picture| 8.0 * (picture.header - picture.begin) as f64;
     let mut fullness = if is_variable { size } else { first.vbv_delay as f64 * rate / 90_000.0 + ahead(first) };
+    // Fill and empty the buffer, picture by picture.
     for (at, (picture, seconds)) in pictures.iter().zip(removals(pictures, sequence)).enumerate() {
         let bits = picture.bits() as f64;
         if !is_variable {
@@ -163,12 +167,15 @@ fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
 /// Checks temporal references and time codes.
 fn order_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     let mut faults = Vec::new();
+    // The display indices must be complete.
     let mut seen = stream.display_indices();
     seen.sort_unstable();
     if seen.iter().enumerate().any(|(at, &index)| index != at as u64) {
         faults.push("temporal references leave pictures out, or repeat them".into());
         return faults;
     }
+
+    // Time codes count displayed frames.
     let per_second = fps(sequence).round() as u64;
     let number =
         |[hours, minutes, seconds, pictures]: [u64; 4]| ((hours * 60 + minutes) * 60 + seconds) * per_second + pictures;

@@ -54,6 +54,7 @@ fn image(draft: &mut Draft, random: &mut Random) -> Option<()> {
 
 /// Changes bytes of packed data, mostly near the start, where the counts are.
 fn bytes(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    // Collect the views of packed meshes and images.
     let mut views = Vec::new();
     for view in draft.json.get("bufferViews")?.as_array()? {
         let extension = |name: &&str| view.get("extensions").and_then(|extensions| extensions.get(*name));
@@ -70,6 +71,7 @@ fn bytes(draft: &mut Draft, random: &mut Random) -> Option<()> {
     if views.is_empty() {
         return None;
     }
+    // Change one to three bytes of a view.
     let view = random.pick(&views);
     let number = |key: &str| view.get(key).and_then(Value::as_u64).unwrap_or(0) as usize;
     let (start, length) = (number("byteOffset"), number("byteLength").max(1));
