@@ -3,7 +3,7 @@
 import math
 from bisect import bisect_right
 
-# Places at which two curves are compared.
+# Number of qualities at which two curves are compared.
 PLACES = 2001
 
 

@@ -8,7 +8,7 @@
 //!
 //! ```text
 //! length of the tree (u64)  tree (LightTree::to_bytes)  width, height (u32)
-//! then for each pixel position, normal, albedo (9 × f32, zero normal where there is nothing)     all little-endian
+//! then for each pixel position, normal, albedo (9 × f32, zero normal for background)     all little-endian
 //! ```
 
 use glam::{Vec3, Vec3A};

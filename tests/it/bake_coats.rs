@@ -120,7 +120,7 @@ fn coats_that_look_their_light_up_are_those_of_paths() {
     let options = PathOptions { samples: 256, seed: 1, max_bounces: None, pixel: PixelSampling::Area };
     let paths = by_paths(&scene, &settings.render, 0, &options, |_, _| ()).radiance;
 
-    // Pixels whose neighbors show the same surface.
+    // Only pixels surrounded by the same surface.
     let of = |picture: &Plane<[f32; 3]>, x, y| f64::from(luminance(picture.get(x, y).into()));
     for (instance, name) in [(1, "the floor"), (2, "the metal")] {
         let (mut sums, mut errors, mut count) = ([0.0; 2], [0.0; 2], 0);

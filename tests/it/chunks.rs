@@ -195,7 +195,7 @@ fn parts_that_make_no_film_are_named_in_one_line() {
     let folder = folder.path();
     let scene = folder.join("room.glb");
     let parts = render_parts(folder, &scene, 6, 2, SMALL);
-    // Parts of other films, ranges and chunks.
+    // Chunks of other films, ranges and lengths.
     let more = |name: &str, options: &str| {
         render(folder, name, &scene, &format!("{SMALL} {options}"));
     };
@@ -325,7 +325,7 @@ fn a_terminated_part_plays_and_goes_on_to_the_same_bits() {
     let words =
         format!("render room.glb -o part.m2v --frames 400 --chunk 200 --range 200-399 --progress openjd {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();
-    // End the part with a signal in its middle.
+    // Interrupt the chunk halfway with a signal.
     let mut child = Command::new(program())
         .args(&words)
         .current_dir(folder)
@@ -342,12 +342,12 @@ fn a_terminated_part_plays_and_goes_on_to_the_same_bits() {
     lines.for_each(drop);
     assert_eq!(child.wait().unwrap().code(), Some(143));
 
-    // The unfinished part is playable, but cannot be joined yet.
+    // The unfinished chunk is playable, but cannot be joined yet.
     let shown = decode_ffmpeg(&folder.join("part.m2v"), (48, 48)).len();
     assert!((1..200).contains(&shown), "{shown} frames");
     assert_fails(folder, &["join", "part.m2v", "-o", "film.m2v"], &["part.m2v", "ended early", "--resume"]);
 
-    // The resumed part gives the bits of an uninterrupted one.
+    // The resumed chunk has the bits of an uninterrupted one.
     let resumed = render2mpeg(folder, &[&words[..], &["--resume"]].concat());
     assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
     let first = resumed.stdout.lines().nth(1).unwrap();

@@ -357,7 +357,7 @@ fn wrong_arguments_end_with_two_and_a_line() {
     fs::write(folder.join("there.png"), b"a picture").unwrap();
     fs::write(folder.join("broken.glb"), b"glTF").unwrap();
     fs::write(folder.join("README.md"), b"# A scene").unwrap();
-    // Command line, exit code, and a part of the message.
+    // Command line, exit code, and words of the message.
     for (words, code, said) in [
         ("render room.glb --frames 0", 2, "--frames"),
         ("render room.glb --fps 23", 2, "23.976"),

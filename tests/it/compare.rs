@@ -38,7 +38,7 @@ fn videos_folders_and_pictures_are_compared() {
     assert_eq!(ours.len(), 3);
     // ffmpeg's log has two decimals.
     assert!(ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() < 0.006), "{ours:?} {theirs:?}");
-    // The encoder reports the PSNR of its own reconstruction, whose inverse transform may round differently.
+    // The encoder reports the PSNR of its own reconstruction. Its inverse transform may round differently.
     assert!(ours.iter().zip(rendered.figures(&["psnr_y"])).all(|(a, b)| (a - b).abs() < 0.05), "{ours:?}");
     assert!((psnr(&found["mean"]) - ours.iter().sum::<f64>() / 3.0).abs() < 1e-9);
     let score = found["mean"]["ssimulacra2"].as_f64().unwrap();

@@ -100,7 +100,7 @@ fn standard_output_takes_the_bytes_of_the_file() {
     let made = run(folder, program(), &format!("render room.glb -o - --report told.json {options} -q"));
     assert!(made.status.success() && made.stdout == film && folder.join("told.json").exists());
 
-    // A part is an elementary stream on standard output too.
+    // A chunk is an elementary stream on standard output too.
     let part = format!("--frames 6 --range 0-2 {SMALL}");
     let truth = render(folder, "part", &folder.join("room.glb"), &part).stream;
     let made = run(folder, program(), &format!("render room.glb -o - -q {part}"));

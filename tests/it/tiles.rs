@@ -1,5 +1,5 @@
-//! Films whose tiles are taken by ranks on demand, with threads and with simulated ranks. Their light differs from one rank's
-//! only in the records available for interpolation.
+//! Ranks that take tiles on demand, as threads and in simulation. Their light differs from one rank's only in the records
+//! available for interpolation.
 
 use perceptual::YCbCr;
 use pipeline::Run;

@@ -74,7 +74,7 @@ struct Placed {
     turn: Quat,
     scale: f32,
     offset: Vec3,
-    /// Whether nodes place the sheets, or their vertices.
+    /// Whether the transform is in the nodes or in the vertices.
     by_node: bool,
 }
 
@@ -206,7 +206,7 @@ fn a_shared_wall_is_that_of_rooms_apart() {
 /// Builds a symmetric room, seen along its axis: creases cross pixel centers on the picture's diagonals.
 fn symmetric(turn: Quat, offset: Vec3, scale: f32, by_node: bool) -> Room {
     let mut glb = Glb::default();
-    // The node or the vertices carry the transform.
+    // The transform is in the node or in the vertices.
     let world = Mat4::from_scale_rotation_translation(Vec3::splat(scale), turn, offset);
     let quads = inside(Vec3::splat(-1.0), Vec3::ONE);
     let quads = if by_node {

@@ -9,7 +9,7 @@ use tests::{Comparison, Glb, Quad, render2mpeg};
 /// Maximum mean radiance of a closed dark room under a sky of radiance 1.
 const LEAK: f32 = 2e-4;
 
-/// Builds ground of 20 m with a house, whose walls are 20 cm thick and reach `depth` meters into the ground.
+/// Builds ground of 20 m and a house with walls of 20 cm that reach `depth` meters into the ground.
 fn house(depth: f32) -> Glb {
     let mut glb = Glb::default();
     glb.add(&[[vec3(-10.0, 0.0, -10.0), Vec3::Z * 20.0, Vec3::X * 20.0]], Vec3::splat(0.5), Vec3::ZERO);

@@ -60,7 +60,7 @@ fn sides_of_a_multiple_of_4096_are_coded_longer_and_displayed_as_they_are() {
     }
 }
 
-/// Noise beyond the level of its size: the header states a higher level, whose limits the pictures obey.
+/// Noise beyond the level of its size: the header states a higher level, and the pictures obey its limits.
 #[test]
 fn noise_at_fine_quantisers_states_a_level_that_holds_it() {
     for (width, height, quantiser, frames, indication) in

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 use tempfile::TempDir;
 
-/// One case in this many is a checkpoint.
+/// Interval between cases with checkpoints.
 const CHECKPOINTS: u64 = 12;
 
 /// Options of every film.
@@ -53,7 +53,7 @@ pub struct Case {
     pub verdict: Verdict,
 }
 
-/// A case whose verdict is a fault.
+/// A case with a fault.
 #[derive(Clone, Debug)]
 pub struct Finding {
     /// The folder of its files.

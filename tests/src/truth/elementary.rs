@@ -21,15 +21,15 @@ pub struct Sequence {
     pub bit_rate: Option<u64>,
     /// vbv_buffer_size \[bits\].
     pub buffer: u64,
-    /// constrained_parameters_flag.
+    /// constrained_parameters_flag: whether the stream obeys MPEG-1's constrained parameters.
     pub constrained: bool,
     /// Whether the sequence has a sequence_extension(), as only MPEG-2 does.
     pub is_mpeg2: bool,
-    /// profile_and_level_indication.
+    /// profile_and_level_indication: profile in the upper, level in the lower four bits.
     pub profile_and_level: u64,
-    /// progressive_sequence.
+    /// progressive_sequence: whether all pictures are progressive frames.
     pub progressive: bool,
-    /// low_delay.
+    /// low_delay: whether the sequence has no B pictures.
     pub low_delay: bool,
     /// matrix_coefficients, if present.
     pub matrix: Option<u64>,
@@ -40,7 +40,7 @@ pub struct Sequence {
 pub struct Group {
     /// Hours, minutes, seconds and pictures of its time code.
     pub time_code: [u64; 4],
-    /// closed_gop.
+    /// closed_gop: whether the first B pictures need no earlier group.
     pub closed: bool,
 }
 
@@ -55,7 +55,7 @@ pub struct Picture {
     pub header: usize,
     /// picture_coding_type: 1 for I, 2 for P, 3 for B.
     pub kind: u64,
-    /// temporal_reference.
+    /// temporal_reference: display index within the group, modulo 1024.
     pub temporal_reference: u64,
     /// vbv_delay \[1/90 000 s\].
     pub vbv_delay: u64,
@@ -63,11 +63,11 @@ pub struct Picture {
     pub group: Option<Group>,
     /// f_code\[s\]\[t\]; 15 without vectors.
     pub f_code: [[u64; 2]; 2],
-    /// top_field_first.
+    /// top_field_first: whether the top field is displayed first.
     pub top_field_first: bool,
-    /// repeat_first_field.
+    /// repeat_first_field: whether the first field is displayed again.
     pub repeat_first_field: bool,
-    /// progressive_frame.
+    /// progressive_frame: whether both fields show the same time.
     pub progressive_frame: bool,
     /// Macroblock row of each slice.
     pub rows: Vec<u64>,

@@ -49,7 +49,7 @@ fn view(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(view, key, value)
 }
 
-/// Adds sparse data, mostly valid but for one property, over a view or over zeros.
+/// Adds sparse data over a view or over zeros; one property is often invalid.
 fn sparse(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (index, accessor) = draft.entry("accessors", random)?;
     let count = accessor.get("count").and_then(Value::as_u64).unwrap_or(1).max(1) as usize;

@@ -81,7 +81,7 @@ fn buffer(draft: &mut Draft, random: &mut Random) -> Option<()> {
     put(buffer, "uri", address)
 }
 
-/// Changes the URI of an image, in place of its view or in addition to it.
+/// Changes the URI of an image, with or without its view.
 fn image(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let address = odd_address(draft, random);
     let alone = !random.one_in(4);
