@@ -15,7 +15,7 @@ fn frame(folder: &Path, name: &str, scene: &Path, lighting: &str) -> Plane<Vec3>
     read_exr(&folder.join(name).join("frame_00001.exr")).expect("a linear frame")
 }
 
-/// Moves all root nodes below a node that halves them.
+/// Moves all root nodes below a node that halves them, and quarters the intensity of lights.
 fn halve(json: &mut Value) {
     let top = json["scenes"][0]["nodes"].take();
     let nodes = json["nodes"].as_array_mut().expect("nodes");
