@@ -1,4 +1,4 @@
-//! Where people look, as an option.
+//! The importance option: weights of its maps.
 
 use super::values::parsed;
 use pipeline::error::{Error, Result};
@@ -6,12 +6,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
-/// Weights of the maps that importance is the sum of.
+/// Weights of the maps summed into importance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Importance {
-    /// Of what catches the eye, 0…1.
+    /// Weight of visual saliency, 0…1.
     pub saliency: f32,
-    /// Of what is watched: the nodes that the scene's TOML file names, 0…1.
+    /// Weight of the task map, 0…1: the nodes named in the scene's TOML file.
     pub task: f32,
 }
 
@@ -21,7 +21,7 @@ impl FromStr for Importance {
     fn from_str(text: &str) -> Result<Self> {
         let mut weights = Self::default();
         let wrong = || {
-            let known = "a list of \"saliency:W\" and \"task:W\" with weights of 0 to 1 that are not all 0";
+            let known = "a list of \"saliency:W\" and \"task:W\" with weights from 0 to 1, not all 0";
             Error::Options(format!("\"{text}\" is not {known}, such as saliency:1 or saliency:0.5,task:1"))
         };
         for part in text.split(',') {

@@ -1,4 +1,4 @@
-//! The settings that the renderer reads: what a frame shows, and how exact its light is.
+//! Settings of the renderer: frames, resolution, lighting and permitted error.
 
 mod importance;
 mod tiles;
@@ -12,93 +12,93 @@ pub use values::{Aov, Lighting, PixelShading, Size, Stopping, Thresholds, parsed
 use perceptual::ToneMap;
 use render_core::image_file::FramePlace;
 
-/// Photons for each anchor light: where quantiser_scale is below 4, below 16, and from there on.
+/// Photons per anchor light: for quantiser_scale below 4, below 16, and from 16 on.
 ///
-/// Noise of photons is seen where the encoder keeps it. A film of `atrium` (192×192, 9000 anchors) loses 0.66 dB at
-/// quantiser_scale 2 with half of its photons, 0.09 dB at 8, and nothing at 48 even with a quarter of them. Table 1 of
-/// \[Herzog08\] has 150, on fewer anchors.
+/// Photon noise is visible where the encoder keeps it. With half of its photons, a film of `atrium` (192×192, 9000 anchors)
+/// loses 0.66 dB at quantiser_scale 2 and 0.09 dB at 8. At 48, it loses nothing even with a quarter. Table 1 of \[Herzog08\]
+/// uses 150, on fewer anchors.
 const PHOTONS_PER_ANCHOR: [u64; 3] = [36, 18, 9];
-/// Anchor lights on moving things, each evaluated at every record. With 24, two or three to a side of a block, `cornell`
-/// is 1.6·10⁻³ off the path tracer's in relative MSE; with 96 it is 4.5·10⁻⁴, for 2 % more shadow rays.
+/// Anchor lights on dynamic geometry, each evaluated at every record. Relative MSE of `cornell` against the path tracer:
+/// 1.6·10⁻³ with 24 anchors (two or three per side of a block), 4.5·10⁻⁴ with 96, for 2 % more shadow rays.
 pub const MOVING_ANCHORS: usize = 96;
 
-/// The choices of a film that are about light, and not about files or coding.
+/// Settings of a film that affect its light, without output files and coding.
 #[derive(Clone, Debug)]
 pub struct RenderSettings {
-    /// Pictures of the film.
+    /// Number of frames in the film.
     pub frames: u32,
-    /// The frame after the last that is made.
+    /// Frame number just after the last rendered frame.
     pub end: u32,
-    /// Frames of a chunk, with the first of which all begins anew.
+    /// Frames per chunk; each chunk starts from a clean state.
     pub chunk: Option<u32>,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// The same as a fraction, such as (30000, 1001), for headers of files; none of rates that no video has.
+    /// Frame rate as (frames, seconds), such as (30000, 1001), for file headers; `None` if the video format has no such rate.
     pub rate: Option<(u32, u32)>,
-    /// The frame of the scene that the film begins with.
+    /// Scene frame that the film starts with.
     pub from: u32,
-    /// Frames of the scene from one picture of the film to the next.
+    /// Scene frames from one film frame to the next.
     pub every: u32,
-    /// Size of the picture.
+    /// Frame size \[pixels\].
     pub size: Size,
-    /// Width of a pixel as a share of its height.
+    /// Pixel width divided by pixel height.
     pub pixel_aspect: f32,
-    /// Weights of the maps that say where people look, if they are to steer anything.
+    /// Weights of the saliency and task maps; `None` disables importance.
     pub importance: Option<Importance>,
-    /// Factor G on thresholds: they are divided by G where importance is 1, and multiplied where it is 0.
+    /// Gain G of importance: thresholds are divided by G at importance 1 and multiplied by G at 0.
     pub importance_gain: f32,
-    /// Tiles that ranks take on demand, if they do.
+    /// Tiles that ranks request on demand; `None` splits the work without tiles.
     pub tiles: Option<TileSettings>,
-    /// How radiance becomes what a display shows, up to its exposure: saliency is that of display values.
+    /// Tone curve before exposure is set. Saliency is computed from its display values.
     pub tone_map: ToneMap,
-    /// Whether the film sets the exposure of its tone curve.
+    /// Whether the film sets the exposure of its tone curve automatically.
     pub auto_exposure: bool,
-    /// Samples of visibility and light to the pixel, at most.
+    /// Maximum number of visibility and light samples per pixel.
     pub samples: u32,
-    /// Whether pixels that outlines cross blend the surfaces of their area.
+    /// Whether pixels crossed by outlines blend the surfaces in their area.
     pub antialiasing: bool,
 
-    /// How indirect light is computed.
+    /// Method for indirect light.
     pub lighting: Lighting,
     /// Whether indirect light is cached on surfaces and interpolated.
     pub cache: bool,
-    /// Which pixels are lit.
+    /// Pixels that are shaded in each frame.
     pub shading: PixelShading,
-    /// Whether bias compensation restores the light that softened virtual lights lose close by.
+    /// Whether bias compensation restores the light lost by clamping nearby virtual lights.
     pub compensation: bool,
-    /// Reflections of light on its way, at most; no limit when not stated.
+    /// Maximum number of reflections of light; `None` sets no limit.
     pub bounces: Option<u32>,
-    /// Anchor lights on surfaces at rest.
+    /// Number of anchor lights on static geometry.
     pub vpls: usize,
-    /// Anchor lights on surfaces that move.
+    /// Number of anchor lights on dynamic geometry.
     pub moving_vpls: usize,
-    /// Photons a frame.
+    /// Number of photons per frame.
     pub photons: u64,
-    /// Seed of photons and representatives.
+    /// Random seed of photons and of representative lights.
     pub seed: u64,
 
-    /// Where thresholds come from.
+    /// Source of the thresholds.
     pub thresholds: Thresholds,
-    /// Multiplier on what masking allows, for the report.
+    /// Multiplier κ of the masking thresholds, applied in the masking stage.
     pub kappa: f32,
-    /// When cuts end.
+    /// Stopping criterion of lightcuts.
     pub stopping: Stopping,
-    /// Share of pixels that calibrated stopping keeps within their thresholds.
+    /// Fraction of pixels that calibrated stopping keeps within their thresholds.
     pub within: f64,
-    /// The quantiser_scale that the film is coded with, 1…112: it says how wrong carried light may be.
+    /// The film's quantiser_scale, 1…112; it sets the permitted error of reprojected light.
     pub qscale: u32,
 
-    /// Whether the encoder is given motion.
+    /// Whether the encoder receives motion vectors.
     pub motion: bool,
-    /// The most B pictures in a row, which need motion from both sides.
+    /// Maximum number of consecutive B pictures, which need motion from both sides.
     pub bframes: u32,
-    /// Leave out what the scene does not need.
+    /// Whether stages that the scene does not need are skipped.
     pub leave_out: bool,
-    /// Further channels of a frame's OpenEXR file.
+    /// Additional channels of each frame's OpenEXR file.
     pub aov: Vec<Aov>,
 }
 
-/// Photons for each anchor light of a film that is coded with `qscale`, a quantiser_scale of 1…112.
+/// Returns the number of photons per anchor light for a film coded with quantiser_scale `qscale`, 1…112.
 #[must_use]
 pub fn photons_per_anchor(qscale: u32) -> u64 {
     let [fine, medium, coarse] = PHOTONS_PER_ANCHOR;
@@ -110,7 +110,7 @@ pub fn photons_per_anchor(qscale: u32) -> u64 {
 }
 
 impl Default for RenderSettings {
-    /// The defaults of films, for one still frame of a small scene: 512×512 pixels and 4000 anchor lights.
+    /// Defaults of a film, for one still frame of a small scene: 512×512 pixels and 4000 anchor lights.
     fn default() -> Self {
         let vpls = 4000;
         Self {
@@ -153,21 +153,20 @@ impl Default for RenderSettings {
 }
 
 impl RenderSettings {
-    /// Seconds from the start of the animation to frame `n` of the film.
+    /// Returns the animation time of film frame `n` \[s\].
     #[must_use]
     pub fn time(&self, n: u32) -> f32 {
         self.time_beside(n, 0)
     }
 
-    /// Seconds from the start of the animation to the frame `after` frames later than frame `n`; negative numbers are earlier frames,
-    /// and the film may end before it.
+    /// Returns the animation time \[s\] of the film frame `n + after`. `after` may be negative, and the film may end earlier.
     #[must_use]
     pub(crate) fn time_beside(&self, n: u32, after: i32) -> f32 {
         let n = f64::from(n) + f64::from(after);
         ((f64::from(self.from) + n * f64::from(self.every)) / self.fps) as f32
     }
 
-    /// Frame `n` in a film of the rate that the video has; none of a rate that no video has.
+    /// Returns the position of frame `n` in the video; `None` if the video format has no such frame rate.
     #[must_use]
     pub fn place(&self, n: u32) -> Option<FramePlace> {
         let (frames, seconds) = self.rate?;

@@ -1,4 +1,4 @@
-//! Values of the renderer's settings: how each is written, and what its range is.
+//! Values of the renderer's settings: their text forms and ranges.
 
 use pipeline::error::{Error, Result};
 use render_core::scene::Scene;
@@ -6,23 +6,23 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::fmt;
 use std::str::FromStr;
 
-/// How indirect light is computed.
+/// Method for indirect light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Lighting {
-    /// A cut through the light tree for each pixel, as fine as its threshold requires.
+    /// A lightcut per pixel, as fine as the pixel's threshold requires.
     Lightcuts,
-    /// Every light at every pixel: slow, the reference that cuts are measured against.
+    /// Every light at every pixel: the slow reference for lightcuts.
     AllLights,
-    /// Light of surfaces at rest by `render2mpeg bake`; that of others by cuts.
+    /// Baked light on static surfaces, lightcuts on dynamic ones.
     #[cfg(feature = "bake")]
     Baked,
 }
 
 impl Lighting {
-    /// Whether surfaces at rest have their light from a file.
+    /// Whether static surfaces take their light from a bake file.
     #[must_use]
     pub fn is_baked(self) -> bool {
         #[cfg(feature = "bake")]
@@ -32,60 +32,58 @@ impl Lighting {
     }
 }
 
-/// A further layer of a frame's OpenEXR file.
+/// Additional layer of a frame's OpenEXR file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Aov {
-    /// direct.R, .G, .B: emitted light, and light reflected straight from its source.
+    /// direct.R, .G, .B: emitted light and light reflected directly from its source.
     Direct,
     /// indirect.R, .G, .B: all other light.
     Indirect,
     /// albedo.R, .G, .B: diffuse reflectance.
     Albedo,
-    /// normal.X, .Y, .Z: the unit normal that is shaded with, in the world.
+    /// normal.X, .Y, .Z: unit shading normal in world space.
     Normal,
-    /// depth.Z: meters along the camera's axis.
+    /// depth.Z: depth along the camera axis in meters.
     Depth,
-    /// position.X, .Y, .Z: the point that is seen, in the world, meters; 0 where nothing is.
+    /// position.X, .Y, .Z: visible point in world space in meters; 0 for no surface.
     Position,
-    /// motion.X, .Y: pixels from here to the same point in the frame before, y down; motion.A: 1 where it was visible there.
+    /// motion.X, .Y: pixels to the point in the previous frame, y down; motion.A: 1 if it was visible.
     Motion,
-    /// Vector.X, .Y: pixels from here to where the point was a frame ago; .Z, .W: from where it will be to here. y is up, as in
-    /// Blender's vector pass.
+    /// Vector.X, .Y: pixels to the previous position; .Z, .W: pixels from the next position; y up, as in Blender.
     Vector,
-    /// CryptoObject00 to 02: Cryptomatte of the objects, by the names of their nodes.
+    /// CryptoObject00 to 02: Cryptomatte of objects, by node name.
     CryptoObject,
-    /// CryptoMaterial00 to 02: Cryptomatte of the materials.
+    /// CryptoMaterial00 to 02: Cryptomatte of materials.
     CryptoMaterial,
-    /// cut.size: clusters of the pixel's cut, with the cache of the records' cuts at their pixels.
+    /// cut.size: clusters in the pixel's lightcut, or in the lightcut of a cache record at its pixel.
     CutSize,
-    /// threshold.Y: luminance that the pixel may be wrong by; 0 where 2 % of its own hold.
+    /// threshold.Y: permitted luminance error; 0 where the limit of 2 % applies.
     Threshold,
-    /// cache.records: records of the irradiance cache in use at the pixel.
+    /// cache.records: number of irradiance cache records used by the pixel.
     Cache,
-    /// importance.V: where people look, 0…1, and importance.N: samples of the pixel.
+    /// importance.V: importance, 0…1; importance.N: number of samples.
     Importance,
-    /// shading.reused: 0 where all light was computed, 1 where direct light was carried from the frame before, 2 where
-    /// indirect light was, 3 where both were.
+    /// shading.reused: 0 for computed light, 1 for reprojected direct light, 2 for indirect, 3 for both.
     Shading,
 }
 
-/// Where the error that a pixel may have comes from.
+/// Source of the permitted error per pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Thresholds {
-    /// From the masking model, one frame later.
+    /// The masking model, with a delay of one frame.
     Perceptual,
-    /// From what the encoder really did, or will do where it looks ahead, one frame later.
+    /// The encoder's actual error, or its predicted error with lookahead, with a delay of one frame.
     Codec,
-    /// A fixed share of each pixel's luminance; 0.02 is the original Lightcuts.
+    /// A fixed fraction of each pixel's luminance; the original Lightcuts uses 0.02.
     Fixed(f32),
 }
 
 impl Thresholds {
-    /// Share of its luminance that a pixel may be wrong by where it has no threshold: 2 % \[Walter05\], \[Herzog08, 5.3\], or the
-    /// share that was fixed.
+    /// Returns the permitted fraction of luminance where a pixel has no threshold: the fixed fraction, or 2 % \[Walter05\],
+    /// \[Herzog08, 5.3\].
     #[must_use]
     pub fn share_elsewhere(self) -> f32 {
         match self {
@@ -94,7 +92,7 @@ impl Thresholds {
         }
     }
 
-    /// Whether masking wants to see what the encoder made of each picture.
+    /// Whether thresholds depend on the coded pictures.
     pub fn follow_coding(self) -> bool {
         self == Self::Codec
     }
@@ -113,7 +111,7 @@ impl FromStr for Thresholds {
         };
         known.ok_or_else(|| {
             Error::Options(format!(
-                "\"{text}\" is neither \"codec\" nor \"perceptual\", nor \"fixed:SHARE\" with a share of 0 to 1, such as fixed:0.02"
+                "\"{text}\" is not \"codec\", \"perceptual\" or \"fixed:SHARE\" with a share from 0 to 1, such as fixed:0.02"
             ))
         })
     }
@@ -141,40 +139,40 @@ impl<'de> Deserialize<'de> for Thresholds {
     }
 }
 
-/// When the cut of a pixel ends.
+/// Stopping criterion of a pixel's lightcut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Stopping {
-    /// When no cluster's error bound exceeds the threshold, as in the paper.
+    /// Upper error bounds of all clusters are within the threshold.
     Bound,
-    /// When measured errors say that 95 % of the pixels are within it, or another share.
+    /// Measured errors of 95 % of the pixels, or another fraction, are within the threshold.
     Calibrated,
 }
 
-/// Which pixels of a frame are lit.
+/// Pixels that are shaded in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum PixelShading {
-    /// All of them.
+    /// All pixels.
     Full,
-    /// Those whose light in the frame before says too little, by their thresholds.
+    /// Pixels for which reprojected light is not accurate enough.
     Adaptive,
 }
 
-/// Width and height of the picture in pixels.
+/// Width and height of a frame \[pixels\].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Size {
-    /// Pixels in a row.
+    /// Number of pixels in a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
 }
 
 impl Size {
-    /// The shape of the camera that films, with as many pixels as a square of this side, to even numbers; a square without.
+    /// Returns a size with even sides and about `side`² pixels, in the filming camera's aspect ratio, or 1:1 if it has none.
     #[must_use]
     pub fn of_camera(scene: &Scene, side: usize) -> Self {
         let aspect = scene.filming_camera().and_then(|camera| camera.aspect).unwrap_or(1.0).clamp(0.125, 8.0);
@@ -189,7 +187,7 @@ impl fmt::Display for Size {
     }
 }
 
-/// Largest side that the size fields of the sequence header and its extension hold (6.2.2.1, 6.2.2.3).
+/// Largest side that fits the size fields of the sequence header and its extension (6.2.2.1, 6.2.2.3).
 const LARGEST_SIDE: usize = 16383;
 
 impl FromStr for Size {
@@ -204,7 +202,7 @@ impl FromStr for Size {
     }
 }
 
-/// A value as files may write it.
+/// A value as configuration files write it.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum WrittenValue {
@@ -213,10 +211,10 @@ enum WrittenValue {
     Text(String),
 }
 
-/// Reads a value through its text, for serde's `deserialize_with`; `true` and `false` are "on" and "off".
+/// Parses a value from its text form, for serde's `deserialize_with`; `true` and `false` are read as "on" and "off".
 ///
 /// # Errors
-/// The text is no such value.
+/// If the text is not a valid value.
 pub fn parsed<'de, D: Deserializer<'de>, T: FromStr<Err: fmt::Display>>(deserializer: D) -> Result<T, D::Error> {
     let text = match WrittenValue::deserialize(deserializer)? {
         WrittenValue::Switch(on) => if on { "on" } else { "off" }.to_owned(),
@@ -230,7 +228,7 @@ pub fn parsed<'de, D: Deserializer<'de>, T: FromStr<Err: fmt::Display>>(deserial
 mod tests {
     use super::*;
 
-    /// Pictures have 512² pixels, or as near to that as even sides come, in the shape of the camera.
+    /// Default sizes have about 512² pixels, even sides and the camera's aspect ratio.
     #[test]
     fn the_default_size_has_the_camera_s_shape() {
         use render_core::scene::{Camera, Node, Transform};
