@@ -57,7 +57,7 @@ fn only_the_camera_moves() {
     for (stage, expected) in [
         ("photons", "once"),
         ("light tree update", "once"),
-        ("placing of objects", "once"),
+        ("object placement", "once"),
         ("primary rays and motion", "on"),
         ("anchor lights on moving objects", "off"),
     ] {
@@ -73,7 +73,7 @@ fn only_the_camera_moves() {
     let plan = spared.report["plan"].as_array().unwrap();
     let saves = |stage: &str| plan.iter().find(|step| step["stage"] == stage).unwrap()["saves"].as_f64();
     let whole = full.figures(&["seconds", "total"]);
-    for (stage, seconds) in [("photons", "photons"), ("light tree update", "tree"), ("placing of objects", "update")] {
+    for (stage, seconds) in [("photons", "photons"), ("light tree update", "tree"), ("object placement", "update")] {
         let measured = full.figures(&["seconds", seconds])[1..].iter().sum::<f64>() / whole[1..].iter().sum::<f64>();
         println!("{stage}: {:.3} of a frame estimated, {measured:.3} measured", saves(stage).unwrap());
     }
@@ -114,7 +114,7 @@ fn nothing_moves() {
 fn a_box_moves() {
     let folder = tempfile::tempdir().unwrap();
     let [spared, _] = both_ways(folder.path(), Moving::Box);
-    for stage in ["photons", "light tree update", "placing of objects", "anchor lights on moving objects"] {
+    for stage in ["photons", "light tree update", "object placement", "anchor lights on moving objects"] {
         assert_eq!(state(&spared.report, stage), "on", "{stage}");
     }
 }

@@ -1,51 +1,52 @@
-//! Estimated cost of the stages of a frame, before the first frame: work by the price of its unit.
+//! Cost estimates of the stages before the first frame: amount of work times unit price.
 //!
-//! Prices are means over the shipped scenes, from reports of runs in which everything ran: seconds of the stages, in frames
-//! after the first, by the units below; `docs/plan.md` has the commands, and estimates beside what was measured. Only ratios
-//! matter here, and these differ little between processors. They differ more between scenes: light that is found by cuts
-//! costs what a scene's detail requires, of which the number of triangles is a poor measure.
+//! Prices are means over the shipped scenes. They come from reports of runs with every stage: seconds per unit of work, in
+//! frames after the first. `docs/plan.md` lists the commands and compares estimates with measurements.
+//!
+//! Only ratios of prices matter, and they differ little between processors. They differ more between scenes: the cost of
+//! lightcuts depends on a scene's detail, of which the number of triangles is a poor measure.
 
 use super::stage::Stage;
 use crate::settings::{Lighting, RenderSettings, Size};
 use render_core::scene::Scene;
 
-/// Price of placing everything \[CPU s a frame\].
+/// Price of placing all objects \[CPU s per frame\].
 const PLACING: f64 = 2.5e-5;
-/// Price of following a photon.
+/// Price of tracing a photon \[CPU s\].
 const PHOTON: f64 = 1.3e-6;
-/// Price of a new energy in the light tree.
+/// Price of updating a light in the light tree \[CPU s\].
 const LIGHT: f64 = 1.1e-7;
-/// Price of the first hit of a pixel, and of its place in the frame before.
+/// Price of a primary ray, with its motion from the previous frame \[CPU s\].
 const PRIMARY_RAY: f64 = 3.3e-7;
-/// Price of the light of a glowing surface at a pixel.
+/// Price of an area light at a pixel \[CPU s\].
 const AREA_LIGHT: f64 = 4.7e-7;
-/// Price of the light of a point or a sun at a pixel.
+/// Price of a point, spot or sun at a pixel \[CPU s\].
 const POINT_LIGHT: f64 = 8.8e-7;
-/// Price of an anchor light on something that moves, at a pixel or at a record of the cache. A record serves some pixels.
+/// Price of a dynamic anchor light at a pixel or cache record \[CPU s\]. A record serves several pixels.
 const MOVING_ANCHOR: f64 = 1.8e-8;
 const PIXELS_OF_A_RECORD: f64 = 10.0;
-/// Price of a pixel's indirect light by the cache, in a scene of one triangle; it grows with a power of their number.
+/// Price of cached indirect light at a pixel, for a scene of one triangle \[CPU s\]. It grows with a power of their number.
 const CACHED_PIXEL: f64 = 1.1e-7;
 const CACHED_DETAIL: f64 = 0.5;
-/// Larger pictures have more pixels to a record: from this many pixels on, the price falls with a power of their number. `nave` takes
-/// 2.0, 5.6 and 23 CPU s a frame at 256², 512² and, with four samples, which share records, 1024² pixels.
+/// Larger frames have more pixels per record: above this number of pixels, the price falls with a power of the number. `nave`
+/// takes 2.0 CPU s per frame at 256², 5.6 at 512², and 23 at 1024² with four samples, which share records.
 const SMALL_PICTURE: f64 = 65_536.0;
 const LARGER_PICTURE: f64 = -0.24;
-/// The same by a cut for every pixel.
+/// Price of a lightcut per pixel, for a scene of one triangle \[CPU s\]. It grows with a power of their number.
 const CUT_PIXEL: f64 = 7.8e-7;
 const CUT_DETAIL: f64 = 0.4;
-/// Price of a virtual light at a pixel, where every one is evaluated.
+/// Price of a virtual light at a pixel if all lights are evaluated \[CPU s\].
 const LIGHT_AT_PIXEL: f64 = 1.0e-7;
-/// Part of cached indirect light that compensation is.
+/// Cost of bias compensation as a fraction of cached indirect light.
 const COMPENSATION: f64 = 0.03;
-/// Prices of the tone curve, of coding, and of masking at a pixel.
+/// Prices of the tone curve, coding and masking at a pixel \[CPU s\].
 const TONE_MAPPED_PIXEL: f64 = 1.3e-8;
 const CODED_PIXEL: f64 = 2.2e-8;
 const MASKED_PIXEL: f64 = 1.6e-8;
 
-/// Work of a scene in its settings.
+/// Amounts of work in a scene with its settings.
 pub(super) struct Costs {
-    /// Samples of all pixels.
+    /// Number of samples in a frame.
     pixels: f64,
     samples: f64,
     photons: f64,
@@ -75,8 +76,8 @@ impl Costs {
         }
     }
 
-    /// CPU seconds of `stage` for a frame that it runs for. None where that cannot be said: for what the scene does not
-    /// have, and for stages that save time.
+    /// Returns the CPU time of `stage` in a frame in which it runs \[s\]. `None` if the scene lacks the feature, and for stages
+    /// that only save time.
     pub(super) fn of_stage(&self, stage: Stage) -> Option<f64> {
         let Self { pixels, .. } = *self;
         let places = if self.cache { pixels / PIXELS_OF_A_RECORD } else { pixels };
@@ -93,18 +94,18 @@ impl Costs {
         })
     }
 
-    /// CPU seconds that direct light of glowing surfaces takes in a frame; none without any.
+    /// Returns the CPU time of direct light from emissive surfaces in a frame \[s\]; `None` without these surfaces.
     pub(super) fn of_area_lights(&self) -> Option<f64> {
         (self.area_lights > 0.0).then_some(AREA_LIGHT * self.area_lights * self.pixels)
     }
 
-    /// CPU seconds that direct light of points, spots and suns takes in a frame; none without any.
+    /// Returns the CPU time of direct light from points, spots and suns in a frame \[s\]; `None` without these lights.
     pub(super) fn of_punctual_lights(&self) -> Option<f64> {
         (self.points > 0.0).then_some(POINT_LIGHT * self.points * self.pixels)
     }
 
     fn indirect(&self) -> f64 {
-        // Records of the cache serve all samples of a pixel.
+        // Cache records serve all samples of a pixel.
         let (cached, pixels) = (self.cache && self.lighting == Lighting::Lightcuts, self.pixels / self.samples);
         if cached {
             let sparse = (pixels / SMALL_PICTURE).max(1.0).powf(LARGER_PICTURE);
@@ -118,7 +119,7 @@ impl Costs {
         by_pixel * self.pixels
     }
 
-    /// Cost of what every film needs: direct light, the tone curve and the encoder.
+    /// Returns the CPU time of the remaining work in a frame \[s\]: direct light, tone curve and encoder.
     pub(super) fn of_the_rest(&self) -> f64 {
         let direct = self.of_area_lights().unwrap_or(0.0) + self.of_punctual_lights().unwrap_or(0.0);
         direct + (TONE_MAPPED_PIXEL + CODED_PIXEL) * self.pixels

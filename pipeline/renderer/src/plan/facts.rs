@@ -1,4 +1,4 @@
-//! Facts that the plan depends on: contents of a scene, and motion in it.
+//! Facts that the plan depends on: the scene's contents and their motion.
 
 use crate::BAKED_ROUGHNESS;
 use crate::settings::RenderSettings;
@@ -10,36 +10,36 @@ pub(super) struct Facts<'a> {
     pub settings: &'a RenderSettings,
     pub object_moves: bool,
     pub light_moves: bool,
-    /// See [`lamp_moves`].
+    /// Whether a light or an emissive surface moves; see [`lamp_moves`].
     pub lamp_moves: bool,
-    /// Whether anything stands still.
+    /// Whether any surface is static.
     pub stands: bool,
     pub camera_moves: bool,
     /// Whether any surface reflects light diffusely.
     pub reflects: bool,
     pub has_sky: bool,
-    /// Bright spots of the sky that direct light samples.
+    /// Number of bright sky regions that direct light samples.
     pub sky_lamps: usize,
-    /// Emitting surfaces.
+    /// Number of emissive surfaces.
     pub area_lights: usize,
-    /// Points, spots and suns.
+    /// Number of points, spots and suns.
     pub punctual_lights: usize,
-    /// Images in use.
+    /// Number of images in use.
     pub textures: usize,
-    /// Surfaces with masked or blended opacity.
+    /// Number of surfaces with masked or blended opacity.
     pub cut_outs: usize,
-    /// Surfaces that change their shape.
+    /// Number of deforming surfaces.
     pub deforming: usize,
-    /// Surfaces that may have a coat.
+    /// Number of surfaces that may have a coat.
     pub coats: usize,
-    /// Coats whose light no bake has: they move, or may be too smooth.
+    /// Number of coats without baked light: they move, or may be too smooth.
     pub live_coats: usize,
 }
 
 impl<'a> Facts<'a> {
     pub fn new(scene: &Scene, settings: &'a RenderSettings) -> Self {
         let (moving, moving_instances) = (scene.moving_nodes(), scene.moving_instances());
-        // A material that changes has all properties that it has at any time.
+        // An animated material has every property that it has at any time.
         let materials = scene.extreme_materials();
         let material = |instance: &Instance| &materials[scene.meshes[instance.mesh].material];
         let count = |holds: &dyn Fn(&Instance) -> bool| scene.instances.iter().filter(|one| holds(one)).count();
@@ -73,19 +73,19 @@ impl<'a> Facts<'a> {
     }
 }
 
-/// A fact about the scene or the settings, which no stage depends on.
+/// A fact about the scene or the settings that no stage depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fact {
-    /// The subject.
+    /// Subject of the fact.
     pub subject: &'static str,
-    /// The statement about it.
+    /// Statement about the subject.
     pub text: String,
-    /// The estimated share of a frame's CPU time, where it has one of its own.
+    /// Estimated fraction of a frame's CPU time; `None` without a cost.
     pub share: Option<f64>,
 }
 
 impl Facts<'_> {
-    /// Facts to print. `area_lights` and `punctual_lights` are the shares of time of direct light.
+    /// Returns the facts to print. `area_lights` and `punctual_lights` are fractions of CPU time for direct light.
     pub fn list(&self, area_lights: Option<f64>, punctual_lights: Option<f64>) -> Vec<Fact> {
         let counted = |count: usize, one: &str, many: &str, none: &str| match count {
             0 => none.to_owned(),
@@ -96,16 +96,16 @@ impl Facts<'_> {
         let fact = |subject, text| Fact { subject, text, share: None };
         let sky = match (self.has_sky, self.sky_lamps) {
             (false, _) => "none in the scene's settings".to_owned(),
-            (true, 0) => "its dome is part of the light tree".to_owned(),
-            (true, 1) => "its dome is part of the light tree, but for a bright spot: a lamp".to_owned(),
-            (true, lamps) => format!("its dome is part of the light tree, but for {lamps} bright spots: lamps"),
+            (true, 0) => "dome in the light tree".to_owned(),
+            (true, 1) => "dome in the light tree, 1 bright region sampled as a lamp".to_owned(),
+            (true, lamps) => format!("dome in the light tree, {lamps} bright regions sampled as lamps"),
         };
         vec![
             Fact {
                 share: area_lights,
                 ..fact(
                     "area lights",
-                    counted(self.area_lights, "glowing surface", "glowing surfaces", "no surface glows"),
+                    counted(self.area_lights, "emissive surface", "emissive surfaces", "no surface emits light"),
                 )
             },
             Fact {
@@ -136,18 +136,18 @@ impl Facts<'_> {
             ),
             fact(
                 "motion for the encoder",
-                told(self.settings.motion, "known, no search", "searched for, as requested"),
+                told(self.settings.motion, "provided by the renderer", "searched by the encoder, as requested"),
             ),
         ]
     }
 }
 
-/// Whether a coat may be smoother than those whose light is baked: textures make coats smoother.
+/// Whether a coat may be smoother than the limit for baking. Textures make coats smoother.
 fn may_be_smooth(material: &Material) -> bool {
     material.roughness < BAKED_ROUGHNESS || material.metallic_roughness_texture.is_some()
 }
 
-/// Whether a light or something that glows moves.
+/// Whether a light or an emissive surface moves.
 pub(crate) fn lamp_moves(scene: &Scene) -> bool {
     let (nodes, instances) = (scene.moving_nodes(), scene.moving_instances());
     let materials = scene.extreme_materials();

@@ -1,6 +1,6 @@
-//! Stages that a scene needs, stages that are left out, and why: decided before the first frame.
+//! The plan of a film: stages that run, stages that are skipped, and the reasons. It is made before the first frame.
 //!
-//! Leaving out never changes a bit of the output: what is left out would have computed the same again.
+//! Skipping a stage never changes a bit of the output: the skipped work would repeat an earlier result.
 
 mod estimate;
 mod facts;
@@ -21,32 +21,32 @@ use serde::Serialize;
 /// A line of the plan.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Step {
-    /// The stage.
+    /// Stage that this line describes.
     #[schemars(with = "String")]
     pub stage: Stage,
-    /// How often it runs.
+    /// How often the stage runs.
     pub state: State,
-    /// Why.
+    /// Reason for the state.
     pub reason: String,
-    /// Share of a frame's CPU time, after the first, that leaving the stage out saves: an estimate, by the amount of work and
-    /// the measured cost of a unit of it. None for stages that run, and where there is nothing that could cost time.
+    /// Estimated fraction of a frame's CPU time saved by skipping the stage, in frames after the first: the amount of work
+    /// times its measured unit price. `None` if the stage runs or has no estimate.
     pub saves: Option<f64>,
 }
 
-/// How often each stage runs for a scene.
+/// Stages, states and estimated costs for a scene.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// One for each stage, in the order of [`Stage::ALL`].
+    /// One line per stage, in the order of [`Stage::ALL`].
     steps: Vec<Step>,
-    /// See [`Plan::share_of`].
+    /// Fraction of CPU time of each stage; see [`Plan::share_of`].
     shares: Vec<Option<f64>>,
-    /// CPU seconds of a frame in which every stage runs.
+    /// CPU time of a frame in which every stage runs \[s\].
     whole: f64,
     facts: Vec<Fact>,
 }
 
 impl Plan {
-    /// The plan of `scene` with `settings`.
+    /// Plans `scene` with `settings`.
     #[must_use]
     pub fn new(scene: &Scene, settings: &RenderSettings) -> Self {
         let facts = Facts::new(scene, settings);
@@ -62,7 +62,7 @@ impl Plan {
         Self { steps, shares, whole, facts: list }
     }
 
-    /// How often `stage` runs.
+    /// Returns how often `stage` runs.
     #[must_use]
     pub fn state(&self, stage: Stage) -> State {
         self.steps[stage as usize].state
@@ -86,40 +86,40 @@ impl Plan {
         self.state(stage).runs(n)
     }
 
-    /// The same plan with another state of `stage`.
+    /// Returns the plan with a different state of `stage`.
     #[cfg(test)]
     pub(crate) fn with(mut self, stage: Stage, state: State) -> Self {
         self.steps[stage as usize].state = state;
         self
     }
 
-    /// The estimated share of CPU time that `stage` takes of a frame in which every stage runs.
+    /// Returns the estimated fraction of CPU time that `stage` takes in a frame in which every stage runs.
     #[must_use]
     pub fn share_of(&self, stage: Stage) -> Option<f64> {
         self.shares[stage as usize]
     }
 
-    /// Estimated CPU seconds of a frame after the first, by the prices of the processor that they were measured on: from half to twice
-    /// as much in the scenes tried.
+    /// Returns the estimated CPU time of a frame after the first \[s\], at the prices of the reference processor. Measured
+    /// times are half to twice the estimate in the tested scenes.
     #[must_use]
     pub fn seconds_a_frame(&self) -> f64 {
         let saved: f64 = self.steps.iter().filter_map(|step| step.saves).sum();
         self.whole * (1.0 - saved).max(0.0)
     }
 
-    /// The plan line by line.
+    /// Returns the lines of the plan, one per stage.
     #[must_use]
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }
 
-    /// Facts about the scene that no stage depends on.
+    /// Returns facts about the scene that no stage depends on.
     #[must_use]
     pub fn facts(&self) -> &[Fact] {
         &self.facts
     }
 
-    /// The plan as a table for the terminal: stages, then facts.
+    /// Returns the plan as a table for the terminal: stages, then facts.
     #[must_use]
     pub fn table(&self) -> String {
         let subjects = self.facts.iter().map(|fact| fact.subject);
@@ -144,7 +144,8 @@ impl Plan {
     }
 }
 
-/// The share of each stage of a frame in which they all run, none where that cannot be said; and CPU seconds of that frame.
+/// Returns each stage's fraction of a frame in which all stages run, `None` without an estimate, and the frame's CPU time
+/// \[s\].
 fn shares(costs: &Costs) -> (Vec<Option<f64>>, f64) {
     let seconds = Stage::ALL.map(|stage| costs.of_stage(stage));
     let whole = seconds.iter().flatten().sum::<f64>() + costs.of_the_rest();

@@ -1,22 +1,22 @@
-//! The table: each stage, and when it is in which state, and why.
+//! Decision table: the state and the reason of each stage.
 
 use super::facts::Facts;
 use super::stage::{Stage, State};
 use crate::settings::{Lighting, PixelShading, Thresholds};
 
-/// One possible decision about a stage.
+/// A possible decision about a stage.
 struct Rule {
     when: When,
     state: State,
-    /// After the number, where one is counted.
+    /// Reason, preceded by the count for [`When::Any`].
     reason: &'static str,
 }
 
 /// The condition of a rule.
 enum When {
-    /// If this holds.
+    /// If the predicate holds.
     Holds(fn(&Facts<'_>) -> bool),
-    /// If there is at least one; the reason begins with the number.
+    /// If the count is positive; the reason begins with the count.
     Any(fn(&Facts<'_>) -> usize),
     /// In all other cases.
     Otherwise,
@@ -39,25 +39,22 @@ const fn otherwise(state: State, reason: &'static str) -> Rule {
 }
 
 const NO_REFLECTION: &str = "no surface reflects light";
-const NO_INDIRECT: &str = "there is no indirect light";
+const NO_INDIRECT: &str = "the scene has no indirect light";
 const ONE_REFLECTION: &str = "light is reflected once, as requested";
 const LEFT_OUT: &str = "left out, as requested";
 const BAKED: &str = "all indirect light is baked";
 
-/// The rules of each stage, in the order of [`Stage::ALL`]. The first rule that applies decides.
+/// Rules of each stage, in the order of [`Stage::ALL`]. The first matching rule decides.
 const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
-    (
-        Stage::ObjectPlacing,
-        &[on(|f| f.object_moves, "something moves"), otherwise(State::Once, "nothing but the camera moves")],
-    ),
+    (Stage::ObjectPlacing, &[on(|f| f.object_moves, "objects move"), otherwise(State::Once, "no object moves")]),
     (
         Stage::Photons,
         &[
             off(|f| !f.reflects, NO_REFLECTION),
             off(|f| f.reflects_once(), ONE_REFLECTION),
             off(|f| f.looks_all_up(), BAKED),
-            on(|f| f.light_changes(), "what moves changes the way of the light"),
-            otherwise(State::Once, "nothing that light meets ever moves"),
+            on(|f| f.light_changes(), "moving objects or lights change light paths"),
+            otherwise(State::Once, "all light paths are static"),
         ],
     ),
     (
@@ -65,31 +62,31 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             off(|f| !f.reflects, NO_REFLECTION),
             off(|f| f.looks_all_up(), BAKED),
-            on(|f| f.light_changes(), "the energies change"),
-            otherwise(State::Once, "the energies stay"),
+            on(|f| f.light_changes(), "the flux of the lights changes"),
+            otherwise(State::Once, "the flux of the lights is constant"),
         ],
     ),
     (
         Stage::KeptPhotons,
         &[
-            off(|f| f.reflects_once() || f.looks_all_up(), "there are no photons"),
+            off(|f| f.reflects_once() || f.looks_all_up(), "no photons are traced"),
             on(
                 |f| f.reflects && f.light_changes() && f.keeps_photons(),
-                "their ways are traced once up to where something that moves can meet them",
+                "paths are traced once, up to the space that moving objects sweep",
             ),
             off(
                 |f| f.reflects && (f.light_changes() || !f.settings.leave_out),
                 "every photon is traced for every frame",
             ),
-            otherwise(State::Off, "no photon has to be traced again"),
+            otherwise(State::Off, "no photon path changes"),
         ],
     ),
     (
         Stage::DynamicAnchors,
         &[
             off(|f| f.reflects_once(), ONE_REFLECTION),
-            on(|f| f.reflects && f.object_moves, "something moves and reflects"),
-            otherwise(State::Off, "no moving object"),
+            on(|f| f.reflects && f.object_moves, "moving objects may reflect light"),
+            otherwise(State::Off, "no moving object reflects light"),
         ],
     ),
     (
@@ -97,7 +94,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             on(|f| f.camera_moves, "the camera moves"),
             on(|f| f.object_moves, "objects move"),
-            otherwise(State::Once, "nothing moves in the picture"),
+            otherwise(State::Once, "neither camera nor objects move"),
         ],
     ),
     (
@@ -108,16 +105,13 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             otherwise(State::On, "outlines cross pixels"),
         ],
     ),
-    (
-        Stage::Deformation,
-        &[any(|f| f.deforming, "surfaces change their shape"), otherwise(State::Off, "nothing changes its shape")],
-    ),
+    (Stage::Deformation, &[any(|f| f.deforming, "deforming surfaces"), otherwise(State::Off, "no surface deforms")]),
     (
         Stage::Indirect,
         &[
             off(|f| !f.reflects, NO_REFLECTION),
-            on(|f| f.looks_up(), "surfaces at rest look it up"),
-            on(|f| !f.cuts(), "every light at each pixel, as requested"),
+            on(|f| f.looks_up(), "static surfaces sample baked light"),
+            on(|f| !f.cuts(), "all lights at every pixel, as requested"),
             on(|f| f.settings.cache, "a lightcut for each record"),
             otherwise(State::On, "a lightcut for each pixel"),
         ],
@@ -127,11 +121,11 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             off(|f| !f.reflects, NO_INDIRECT),
             off(|f| f.lamp_moves, "cannot be baked: a lamp moves"),
-            off(|f| !f.stands, "cannot be baked: nothing stands still"),
-            on(|f| f.looks_all_up(), "every surface looks its light up, as requested"),
-            on(|f| f.looks_up(), "what stands still looks its light up, as requested"),
-            off(|f| f.object_moves, "not requested; the light of all that stands still can be baked"),
-            otherwise(State::Off, "not requested; the light of this scene can be baked"),
+            off(|f| !f.stands, "cannot be baked: every surface moves"),
+            on(|f| f.looks_all_up(), "all surfaces sample baked light, as requested"),
+            on(|f| f.looks_up(), "static surfaces sample baked light, as requested"),
+            off(|f| f.object_moves, "not requested; the light of static surfaces can be baked"),
+            otherwise(State::Off, "not requested; all light of this scene can be baked"),
         ],
     ),
     (
@@ -139,8 +133,8 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             off(|f| !f.reflects, NO_INDIRECT),
             off(|f| f.looks_up() && !f.object_moves, BAKED),
-            on(|f| f.looks_up() && f.settings.cache, "what moves is not baked"),
-            off(|f| !f.cuts(), "the reference has none"),
+            on(|f| f.looks_up() && f.settings.cache, "moving surfaces are not baked"),
+            off(|f| !f.cuts(), "the reference does not use a cache"),
             on(|f| f.settings.cache, "indirect light varies slowly"),
             otherwise(State::Off, LEFT_OUT),
         ],
@@ -148,14 +142,14 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (
         Stage::CarriedLight,
         &[
-            off(|f| f.settings.shading == PixelShading::Full, "every pixel of a frame is lit, as requested"),
+            off(|f| f.settings.shading == PixelShading::Full, "every pixel is shaded, as requested"),
             off(|f| !f.reflects, NO_REFLECTION),
-            off(|f| !f.looks_up() && (!f.cuts() || !f.settings.cache), "every pixel has its own cut"),
+            off(|f| !f.looks_up() && (!f.cuts() || !f.settings.cache), "every pixel has its own lightcut"),
             off(|f| f.has_samples_everywhere(), "every pixel has several samples"),
-            off(|f| f.settings.tiles.is_some(), "ranks light whole tiles, as requested"),
-            off(|f| !f.picture_changes() || f.settings.frames == 1, "no frame differs from the one before"),
-            on(|f| !f.light_changes(), "light stays where it is while the camera moves"),
-            otherwise(State::On, "direct light stays where nothing moves between it and a lamp"),
+            off(|f| f.settings.tiles.is_some(), "ranks shade whole tiles, as requested"),
+            off(|f| !f.picture_changes() || f.settings.frames == 1, "all frames are equal"),
+            on(|f| !f.light_changes(), "only the camera moves"),
+            otherwise(State::On, "direct light is kept where nothing moves between surface and lamp"),
         ],
     ),
     (
@@ -163,17 +157,17 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             off(|f| !f.reflects, NO_INDIRECT),
             off(|f| f.looks_up() && !f.object_moves, BAKED),
-            on(|f| f.settings.compensation, "corners would be dark without the light of close lights"),
+            on(|f| f.settings.compensation, "clamped nearby virtual lights would darken corners"),
             otherwise(State::Off, LEFT_OUT),
         ],
     ),
     (
         Stage::Gloss,
         &[
-            on(|f| f.looks_up() && f.coats > 0 && f.live_coats == 0, "every coat looks its light up, as requested"),
+            on(|f| f.looks_up() && f.coats > 0 && f.live_coats == 0, "all coats sample baked light, as requested"),
             on(
                 |f| f.looks_up() && f.live_coats > 0,
-                "coats that move or may be smoother than 0.35 are live, others look their light up",
+                "coats that move or may be smoother than 0.35 are live, others sample baked light",
             ),
             any(|f| f.coats, "surfaces have a coat"),
             otherwise(State::Off, "every surface is matte"),
@@ -182,41 +176,41 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (
         Stage::Importance,
         &[
-            on(|f| f.settings.importance.is_some(), "samples, thresholds and bits go where people look, as requested"),
+            on(|f| f.settings.importance.is_some(), "samples, thresholds and bits follow importance, as requested"),
             otherwise(State::Off, "not requested"),
         ],
     ),
     (
         Stage::Masking,
         &[
-            off(|f| !f.cuts() || f.looks_up() && !f.object_moves, "without cuts nothing stops at them"),
+            off(|f| !f.cuts() || f.looks_up() && !f.object_moves, "no lightcuts use them"),
             off(|f| matches!(f.settings.thresholds, Thresholds::Fixed(_)), "thresholds are fixed, as requested"),
             on(
                 |f| matches!(f.settings.thresholds, Thresholds::Codec),
-                "what the encoder did steers the cuts of the next frame",
+                "coding errors steer the lightcuts of the next frame",
             ),
-            otherwise(State::On, "they steer the cuts of the next frame"),
+            otherwise(State::On, "they steer the lightcuts of the next frame"),
         ],
     ),
 ];
 
-/// A state, and why.
+/// State of a stage, and its reason.
 pub(super) struct Decision {
     pub stage: Stage,
     pub state: State,
     pub reason: String,
 }
 
-/// One decision for each stage, in the order of [`Stage::ALL`].
+/// Returns one decision per stage, in the order of [`Stage::ALL`].
 pub(super) fn decisions(facts: &Facts<'_>) -> Vec<Decision> {
     let decide = |(stage, rules): &(Stage, &[Rule])| {
         let (state, reason) = rules.iter().find_map(|rule| rule.applied(facts)).expect("the last rule always applies");
-        // Leaving out can be switched off: then nothing is kept from the first frame.
+        // With skipping disabled, no result of the first frame is kept.
         if state == State::Once && !facts.settings.leave_out {
             return Decision {
                 stage: *stage,
                 state: State::On,
-                reason: format!("{reason}; run all the same, as requested"),
+                reason: format!("{reason}; runs anyway, as requested"),
             };
         }
         Decision { stage: *stage, state, reason }
@@ -225,7 +219,7 @@ pub(super) fn decisions(facts: &Facts<'_>) -> Vec<Decision> {
 }
 
 impl Rule {
-    /// State and reason, if the rule applies.
+    /// Returns the rule's state and reason if it applies.
     fn applied(&self, facts: &Facts<'_>) -> Option<(State, String)> {
         let reason = match self.when {
             When::Holds(condition) => condition(facts).then(|| self.reason.to_owned())?,
@@ -240,42 +234,42 @@ impl Rule {
 }
 
 impl Facts<'_> {
-    /// Whether light takes other paths from frame to frame.
+    /// Whether light paths change between frames.
     fn light_changes(&self) -> bool {
         self.object_moves || self.light_moves
     }
 
-    /// Whether the picture differs from frame to frame.
+    /// Whether frames can differ.
     fn picture_changes(&self) -> bool {
         self.camera_moves || self.light_changes()
     }
 
-    /// Whether paths of photons may be kept from the first frame for later ones.
+    /// Whether photon paths of the first frame may be kept for later frames.
     fn keeps_photons(&self) -> bool {
         self.settings.leave_out && self.settings.frames > 1
     }
 
-    /// Whether every pixel has several samples, none of which is shared with the frame before.
+    /// Whether every pixel has several samples. These are not shared with the previous frame.
     fn has_samples_everywhere(&self) -> bool {
         self.settings.samples > 1 && self.settings.importance.is_none()
     }
 
-    /// Whether light reaches the viewer by its first reflection alone.
+    /// Whether light reaches the viewer after at most one reflection.
     fn reflects_once(&self) -> bool {
         self.settings.bounces == Some(1)
     }
 
-    /// Whether indirect light is found by cuts, where it is not looked up.
+    /// Whether indirect light that is not baked is computed by lightcuts.
     fn cuts(&self) -> bool {
         self.settings.lighting != Lighting::AllLights
     }
 
-    /// Whether surfaces at rest look their indirect light up. Films whose lamps move are refused.
+    /// Whether static surfaces sample baked indirect light. Films with moving lamps are rejected.
     fn looks_up(&self) -> bool {
         self.settings.lighting.is_baked() && !self.lamp_moves
     }
 
-    /// Whether nothing needs the light of virtual lights: no surface moves, and none reflects a picture of others that is not baked.
+    /// Whether virtual lights are not needed: no surface moves, and the light of every coat is baked.
     fn looks_all_up(&self) -> bool {
         self.looks_up() && !self.object_moves && self.live_coats == 0
     }

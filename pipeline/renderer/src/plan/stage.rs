@@ -1,47 +1,47 @@
-//! The stages that a plan is about, and how often one runs.
+//! Stages of the plan, and how often each runs.
 
 use serde::{Serialize, Serializer};
 
-/// Work that some scenes do not need, in the order of the printed plan.
+/// A stage that some scenes do not need, in the order of the printed plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Stage {
-    /// Placing objects, and the top level of the ray tree.
+    /// Object placement and the top level of the ray tree.
     ObjectPlacing,
-    /// Photons, and the flux of the anchor lights.
+    /// Photon tracing and the flux of the anchor lights.
     Photons,
-    /// New flux in the light tree.
+    /// Update of the flux in the light tree.
     TreeUpdate,
-    /// Photons whose paths no moving object can meet, traced once.
+    /// Reuse of photon paths that no moving object can cross.
     KeptPhotons,
     /// Anchor lights on moving objects.
     DynamicAnchors,
-    /// Primary rays, and motion from frame to frame.
+    /// Primary rays and motion between frames.
     PrimaryRays,
-    /// Rays that find the surfaces of pixels which outlines cross.
+    /// Rays to the surfaces in pixels crossed by outlines.
     Antialiasing,
     /// Skins and morph targets.
     Deformation,
-    /// Light that surfaces reflect onto each other.
+    /// Indirect light of surfaces.
     Indirect,
-    /// Light of surfaces at rest, looked up in a file.
+    /// Baked light of static surfaces, read from a file.
     BakedLight,
-    /// Indirect light cached on surfaces.
+    /// Irradiance cache for indirect light.
     Cache,
-    /// Light of the frame before, carried to where it is seen now.
+    /// Reprojected light of the previous frame.
     CarriedLight,
-    /// Bias compensation: the light that clamping of the geometry term loses.
+    /// Bias compensation: the light lost by clamping the geometry term.
     Compensation,
-    /// Light that coats reflect.
+    /// Light reflected by coats.
     Gloss,
-    /// Importance: where people look.
+    /// Importance map, which sets samples, thresholds and bits.
     Importance,
-    /// The masking model, whose thresholds return to the renderer.
+    /// Masking model: permitted errors for the renderer.
     Masking,
 }
 
 impl Stage {
-    /// Every stage, in order.
+    /// All stages, in the order of the plan.
     pub const ALL: [Self; 16] = [
         Self::ObjectPlacing,
         Self::Photons,
@@ -61,14 +61,14 @@ impl Stage {
         Self::Masking,
     ];
 
-    /// The name in reports and tables; it is kept stable.
+    /// Returns the stage's stable name in reports and tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::ObjectPlacing => "placing of objects",
+            Self::ObjectPlacing => "object placement",
             Self::Photons => "photons",
             Self::TreeUpdate => "light tree update",
-            Self::KeptPhotons => "photons that stay",
+            Self::KeptPhotons => "kept photon paths",
             Self::DynamicAnchors => "anchor lights on moving objects",
             Self::PrimaryRays => "primary rays and motion",
             Self::Antialiasing => "antialiasing",
@@ -76,7 +76,7 @@ impl Stage {
             Self::Indirect => "indirect light",
             Self::BakedLight => "baked light",
             Self::Cache => "irradiance cache",
-            Self::CarriedLight => "carried light",
+            Self::CarriedLight => "reprojected light",
             Self::Compensation => "compensation",
             Self::Gloss => "glossy surfaces",
             Self::Importance => "importance",
@@ -91,20 +91,20 @@ impl Serialize for Stage {
     }
 }
 
-/// How often a stage runs.
+/// State of a stage: how often it runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
-    /// Every frame.
+    /// Runs for every frame.
     On,
-    /// For the first frame; its result is kept.
+    /// Runs for the first frame; its result is kept.
     Once,
-    /// Never.
+    /// Never runs.
     Off,
 }
 
 impl State {
-    /// Whether the stage has work to do for frame `n`.
+    /// Whether the stage runs for frame `n`.
     #[must_use]
     pub fn runs(self, n: u32) -> bool {
         match self {
@@ -114,7 +114,7 @@ impl State {
         }
     }
 
-    /// The name in reports and tables.
+    /// Returns the state's name in reports and tables.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::On => "on",
