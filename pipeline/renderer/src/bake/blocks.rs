@@ -1,17 +1,17 @@
-//! Texels that are lit together.
+//! Blocks of texels that are lit together.
 
 use render_core::Atlas;
 use std::collections::BTreeMap;
 
-/// Side of the squares of texels that are lit together.
+/// Side of a block \[texels\].
 const SIDE: u32 = 8;
 
-/// At most 64 texels of a chart, close together.
+/// At most 64 nearby texels of one chart.
 pub(super) struct TexelBlock {
     pub texels: Vec<usize>,
 }
 
-/// All texels of an atlas, in blocks.
+/// Splits an atlas into blocks.
 pub(super) fn blocks(atlas: &Atlas) -> Vec<TexelBlock> {
     let mut by_place: BTreeMap<(u32, u32, u32), Vec<usize>> = BTreeMap::new();
     for texel in 0..atlas.len() {

@@ -1,4 +1,4 @@
-//! Light of coats at rest: for each texel of a coated surface, a map of directions.
+//! Baked light of static coats: a directional map for each texel of a coated surface.
 
 use super::inside::Places;
 use super::light::TexelLight;
@@ -12,27 +12,27 @@ use render_core::{Atlas, AtlasPoint, Hit, ShadingPoint, Surface};
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
-/// Largest error of a code: 0.5 % of the light, where steps are 1/256 of a factor of two.
+/// Maximum error of a code, 0.5 % of the light: a factor of two has 256 steps.
 const DELTA: u16 = 2;
-/// The unit L₀ of the scale by the mean radiance of white texels: light that is as much darker has even steps.
+/// Unit L₀ of the logarithmic scale, as a fraction of the mean radiance of white texels. Darker light has linear steps.
 const UNIT: f32 = 1.0 / 64.0;
 
-/// Times 1/n, the largest way between directions of cells that touch, in radians: √6 · 2/n along each axis of the octahedral map.
+/// Largest angle between directions of adjacent cells, times n \[rad\]: √6 · 2/n along each axis of the octahedral map.
 const LARGEST_STEP: f32 = 9.8;
 
-/// A texel whose coat is baked.
+/// A texel with baked coat.
 struct CoatTexel {
     texel: usize,
     surface: Surface,
     point: ShadingPoint,
 }
 
-/// The texels whose coats are rough enough to be baked, by the side of their maps.
+/// Texels with coats rough enough for baking, grouped by the side of their maps.
 pub(super) struct CoatTexels(BTreeMap<usize, Vec<CoatTexel>>);
 
 impl CoatTexels {
-    /// Finds them among the texels of `places`, which are lit at `points`. Texels without a point have that of one beside them, or
-    /// are left out.
+    /// Finds these texels among the texels of `places`, which are lit at `points`. A texel without a point uses an adjacent
+    /// texel's point, or is omitted.
     pub fn find(places: &Places, points: &[Option<ShadingPoint>]) -> Self {
         let atlas = places.atlas;
         let beside = |texel| {
@@ -53,7 +53,7 @@ impl CoatTexels {
         Self(by_side)
     }
 
-    /// Their number.
+    /// Number of texels.
     pub fn len(&self) -> usize {
         self.0.values().map(Vec::len).sum()
     }
@@ -63,12 +63,12 @@ impl CoatTexels {
 pub(super) struct CoatBake<'a> {
     pub places: &'a Places<'a>,
     pub light: &'a TexelLight,
-    /// For each instance of the scene that light goes through its index in the scene of the atlas.
+    /// For each instance of the baked scene, its index in the atlas's scene.
     pub instances: &'a [u32],
 }
 
 impl CoatBake<'_> {
-    /// Bakes the light of coats; `done` is called with numbers of texels as they are.
+    /// Bakes the light of coats. `done` is called with the number of texels completed since its last call.
     pub fn fields(&self, coats: &CoatTexels, done: &(dyn Fn(usize) + Sync)) -> CoatFields {
         let unit = (UNIT * self.light.mean() / PI).max(f32::MIN_POSITIVE);
         let unit = LogScale::new(unit).expect("a normal number");
@@ -79,12 +79,12 @@ impl CoatBake<'_> {
         CoatFields::new(self.places.atlas, fields).expect("tiles are made of texels of the atlas")
     }
 
-    /// The field of texels whose maps have n × n directions, n = `side`.
+    /// Bakes the texels that have maps of n × n directions, n = `side`.
     fn field(&self, side: usize, group: &[CoatTexel], scale: LogScale, done: &(dyn Fn(usize) + Sync)) -> CoatField {
-        // Tiles of the atlas, each with a mask of its texels, and texels in their order.
+        // Tiles of the atlas, each with a mask of its texels, and the texels in storage order.
         let (numbers, tiles, order) = tiled(self.places.atlas, group);
 
-        // Codes of each texel's light, in all directions.
+        // Codes of each texel's light in all directions.
         let map = OctahedralMap { side };
         let codes: Vec<Vec<u16>> = order
             .par_iter()
@@ -100,7 +100,7 @@ impl CoatBake<'_> {
         CoatField::new(side, numbers, light).expect("the field is of this map and these tiles")
     }
 
-    /// Irradiance of a surface that a ray has met, by its texels.
+    /// Returns the baked irradiance \[W·m⁻²\] at a ray's hit.
     fn irradiance(&self, hit: &Hit, surface: &Surface) -> Option<Vec3> {
         let &Surface { position, geometric_normal, .. } = surface;
         let instance = *self.instances.get(hit.instance as usize)?;
@@ -113,7 +113,7 @@ impl CoatBake<'_> {
         Some(irradiance)
     }
 
-    /// Codes of a texel's light: three for each direction.
+    /// Returns the codes of a texel's light: three per direction.
     fn codes(&self, texel: &CoatTexel, map: OctahedralMap, scale: LogScale, scratch: &mut Scratch) -> Vec<u16> {
         let CoatTexel { surface, point, .. } = texel;
         let known = |hit: &Hit, surface: &Surface| self.irradiance(hit, surface);
@@ -123,7 +123,7 @@ impl CoatBake<'_> {
         let mut codes = Vec::with_capacity(3 * map.len());
         for direction in 0..map.len() {
             let mirrored = map.direction(direction % map.side, direction / map.side);
-            // Cells that no look-up above the horizon reads are alike, and take no room.
+            // Cells that no direction above the horizon samples are equal, and compress to nothing.
             let is_read = point.normal.dot(mirrored.into()) >= -LARGEST_STEP / map.side as f32;
             let light = match &coat {
                 Some(coat) if is_read => coat.mean_radiance(mirrored),
@@ -135,7 +135,7 @@ impl CoatBake<'_> {
     }
 }
 
-/// The tiles of the atlas that have a texel of a group: their numbers, by rows, and masks; and the group in the order of ranks.
+/// Returns the atlas tiles with texels of a group, by rows: their numbers and masks, and the group's indices in storage order.
 fn tiled(atlas: &Atlas, group: &[CoatTexel]) -> (Vec<u32>, TexelTiles, Vec<usize>) {
     let (side, columns) = (TILE_SIDE as u32, atlas.size().0 / TILE_SIDE as u32);
     let mut by_tile: BTreeMap<u32, BTreeMap<u32, usize>> = BTreeMap::new();

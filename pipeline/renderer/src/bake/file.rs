@@ -1,13 +1,13 @@
-//! Baked light as a file.
+//! File format of baked light.
 //!
 //! ```text
 //! "R2SL"  version (u32)  fingerprint (u64)  number of sections (u32)
 //! for each section:  tag (4 bytes)  length (u64)  CRC-32 of its bytes (u32)
-//! CRC-32 of all before it (u32)
-//! the bytes of the sections, one after the other                                                        all little-endian
+//! CRC-32 of all preceding bytes (u32)
+//! bytes of the sections, in order                                                                         all little-endian
 //! ```
 //!
-//! Readers ask for the sections that they know, by their tags, and ignore all others.
+//! Readers select sections by tag and ignore unknown ones.
 
 use pipeline::error::{Error, Result};
 use pipeline::output::Output;
@@ -16,28 +16,28 @@ use std::io::Read;
 use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2SL";
-/// Counts changes of the layout above; a new kind of section is none.
+/// Version of the layout above. New kinds of sections do not change it.
 const VERSION: u32 = 1;
-/// Bytes after the magic and before the table.
+/// Bytes between magic and table.
 const FIXED: u64 = 16;
 /// Bytes of a section's entry in the table.
 const ENTRY: usize = 16;
-const AGAIN: &str = "bake it anew with `render2mpeg bake`";
+const AGAIN: &str = "run `render2mpeg bake` again";
 
-/// A file of baked light: sections of bytes, each with a tag.
+/// A baked-light file: tagged sections of bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SectionFile {
-    /// Fingerprint of the scene, by [`fingerprint`](super::fingerprint()).
+    /// Fingerprint of the scene; see [`fingerprint`](super::fingerprint()).
     pub fingerprint: u64,
-    /// Tags of four ASCII characters, and what stands under them. Of several with one tag the first counts.
+    /// Tags of four ASCII characters with their bytes. The first section of a tag counts.
     pub sections: Vec<([u8; 4], Vec<u8>)>,
 }
 
 impl SectionFile {
-    /// Writes the file and returns its number of bytes; until it is whole, one that was there before stays.
+    /// Writes the file and returns its length in bytes. An existing file is replaced only by the complete new one.
     ///
     /// # Errors
-    /// The folder does not exist or may not be written to, or the disk is full.
+    /// If the folder does not exist or is not writable, or the disk is full.
     pub fn write(&self, path: &Path) -> Result<u64> {
         let mut file = Output::create(path)?;
         file.write(&self.header())?;
@@ -49,20 +49,20 @@ impl SectionFile {
         Ok(length)
     }
 
-    /// Reads the file and checks every byte of it.
+    /// Reads the file and verifies its checksums.
     ///
     /// # Errors
-    /// It cannot be read, is of another kind or version, cut short or damaged.
+    /// If the file cannot be read, has another format or version, is truncated or damaged.
     pub fn read(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(Error::file(path, "cannot be read"))?;
         let length = file.metadata().map_err(Error::file(path, "cannot be read"))?.len();
         SectionReader { path, source: file, left: length }.file()
     }
 
-    /// The bytes under `tag`; `path` is for the message.
+    /// Returns the bytes of the section `tag`; `path` is used in the error message.
     ///
     /// # Errors
-    /// There is no such section.
+    /// If the file has no such section.
     pub fn section(&self, path: &Path, tag: [u8; 4]) -> Result<&[u8]> {
         match self.sections.iter().find(|(found, _)| *found == tag) {
             Some((_, bytes)) => Ok(bytes),
@@ -70,28 +70,28 @@ impl SectionFile {
         }
     }
 
-    /// Checks that the light is that of the scene with this `fingerprint`; `path` is for the message.
+    /// Checks that the light was baked for the scene with this `fingerprint`; `path` is used in the error message.
     ///
     /// # Errors
-    /// It is not.
+    /// If the fingerprints differ.
     pub fn check_scene(&self, path: &Path, fingerprint: u64) -> Result<()> {
         if self.fingerprint == fingerprint {
             return Ok(());
         }
-        let problem = format!(" was baked from another scene, or the scene has changed: {AGAIN}");
+        let problem = format!(" was baked for another scene, or the scene has changed: {AGAIN}");
         Err(Error::content(path, problem))
     }
 
-    /// All that stands before the first section's bytes.
+    /// Returns the bytes before the first section's data.
     fn header(&self) -> Vec<u8> {
-        // The fixed part: magic, version, fingerprint, number of sections.
+        // Fixed fields: magic, version, fingerprint, number of sections.
         let count = u32::try_from(self.sections.len()).expect("fewer than 2³² sections");
         let mut header = Vec::new();
         header.extend(MAGIC);
         header.extend(VERSION.to_le_bytes());
         header.extend(self.fingerprint.to_le_bytes());
         header.extend(count.to_le_bytes());
-        // The table.
+        // Table of sections.
         for (tag, bytes) in &self.sections {
             header.extend(tag);
             header.extend((bytes.len() as u64).to_le_bytes());
@@ -109,25 +109,25 @@ struct SectionEntry {
     sum: u32,
 }
 
-/// Reads a file from its beginning to its end.
+/// Reads a file from start to end.
 struct SectionReader<'a, R> {
     path: &'a Path,
     source: R,
-    /// Bytes of the file that are not read yet.
+    /// Number of bytes not read yet.
     left: u64,
 }
 
 impl<R: Read> SectionReader<'_, R> {
     fn file(mut self) -> Result<SectionFile> {
         let (fingerprint, table) = self.header()?;
-        // Lengths are looked at before memory is taken for any of them.
+        // Check all lengths before allocating memory for a section.
         let total = table.iter().try_fold(0u64, |sum, entry| sum.checked_add(entry.length));
         match total {
             Some(total) if total == self.left => {}
             Some(total) if total < self.left => return Err(self.damaged("its end")),
             _ => return Err(self.cut_short()),
         }
-        // The sections.
+        // Sections.
         let mut sections = Vec::with_capacity(table.len());
         for SectionEntry { tag, length, sum } in table {
             let bytes = self.take(length)?;
@@ -139,21 +139,21 @@ impl<R: Read> SectionReader<'_, R> {
         Ok(SectionFile { fingerprint, sections })
     }
 
-    /// The fingerprint and the table of sections.
+    /// Reads the fingerprint and the table of sections.
     fn header(&mut self) -> Result<(u64, Vec<SectionEntry>)> {
-        // Kind and version of the file.
+        // Format and version.
         let magic = self.take(self.left.min(MAGIC.len() as u64))?;
         if magic != MAGIC {
-            let problem = ": this is no baked light: name a file that `render2mpeg bake` has written";
+            let problem = ": not a file of baked light: name a file written by `render2mpeg bake`";
             return Err(Error::content(self.path, problem));
         }
         let fixed = self.take(FIXED)?;
         let version = number(&fixed[..4]);
         if version != u64::from(VERSION) {
-            let problem = format!(": baked light of version {version}, and this program knows {VERSION}: {AGAIN}");
+            let problem = format!(": baked light has version {version}, this program reads version {VERSION}: {AGAIN}");
             return Err(Error::content(self.path, problem));
         }
-        // The table, and the check sum of all so far.
+        // Table, and checksum of all preceding bytes.
         let table = self.take(number(&fixed[12..16]) * ENTRY as u64)?;
         let sum = self.take(4)?;
         let mut found = crc32fast::Hasher::new();
@@ -169,15 +169,15 @@ impl<R: Read> SectionReader<'_, R> {
         Ok((number(&fixed[4..12]), table.chunks_exact(ENTRY).map(entry).collect()))
     }
 
-    /// The next `count` bytes.
+    /// Reads the next `count` bytes.
     fn take(&mut self, count: u64) -> Result<Vec<u8>> {
         if count > self.left {
             return Err(self.cut_short());
         }
-        // Files may have holes, and then be larger than memory.
+        // Sparse files may be larger than memory.
         let mut bytes = Vec::new();
         if usize::try_from(count).map_or(true, |count| bytes.try_reserve_exact(count).is_err()) {
-            let problem = format!(": {count} bytes at a time do not fit into memory: bake it anew, coarser");
+            let problem = format!(": a section of {count} bytes does not fit into memory: bake it with fewer texels");
             return Err(Error::content(self.path, problem));
         }
         self.source.by_ref().take(count).read_to_end(&mut bytes).map_err(Error::file(self.path, "cannot be read"))?;
@@ -189,15 +189,15 @@ impl<R: Read> SectionReader<'_, R> {
     }
 
     fn cut_short(&self) -> Error {
-        Error::content(self.path, format!(": the file is cut short: {AGAIN}"))
+        Error::content(self.path, format!(": the file is truncated: {AGAIN}"))
     }
 
     fn damaged(&self, place: &str) -> Error {
-        Error::content(self.path, format!(": the file is damaged, in {place}: {AGAIN}"))
+        Error::content(self.path, format!(": the file is damaged in {place}: {AGAIN}"))
     }
 }
 
-/// Up to eight bytes as a number.
+/// Decodes up to eight little-endian bytes.
 fn number(bytes: &[u8]) -> u64 {
     bytes.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte))
 }
@@ -225,14 +225,14 @@ mod tests {
         SectionReader { path: Path::new(NAME), source: bytes, left: bytes.len() as u64 }.file()
     }
 
-    /// The message about `bytes`: one line with the file's name.
+    /// Returns the error message about `bytes`: one line with the file's name.
     fn message(bytes: &[u8]) -> String {
         let text = parsed(bytes).unwrap_err().chain();
         assert!(text.starts_with(NAME) && !text.contains('\n') && text.contains("render2mpeg bake"), "{text}");
         text
     }
 
-    /// A header whose check sum is right, with a table of one section for each of `lengths`.
+    /// Returns a header with a valid checksum and one table entry for each of `lengths`.
     fn claiming(lengths: &[u64]) -> Vec<u8> {
         let sections = lengths.iter().map(|_| (*b"GRID", vec![])).collect();
         let mut header = SectionFile { fingerprint: 7, sections }.header();
@@ -252,7 +252,7 @@ mod tests {
         let length = file.write(&path).unwrap();
         assert_eq!(fs::read(&path).unwrap(), bytes_of(&file));
         assert_eq!(length, 20 + 3 * 16 + 4 + 3 + 256);
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else stays");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");
         assert_eq!(SectionFile::read(&path).unwrap(), file);
         assert_eq!(file.section(&path, *b"GRID").unwrap(), [1, 2, 3]);
         assert!(file.section(&path, *b"NONE").unwrap().is_empty());
@@ -268,9 +268,12 @@ mod tests {
                 message(&changed);
             }
             let text = message(&bytes[..place]);
-            assert!(text.contains(if place < 4 { "no baked light" } else { "cut short" }), "cut at {place}: {text}");
+            assert!(
+                text.contains(if place < 4 { "not a file of baked light" } else { "truncated" }),
+                "cut at {place}: {text}"
+            );
         }
-        assert!(message(&[&bytes[..], &[0]].concat()).contains("damaged, in its end"));
+        assert!(message(&[&bytes[..], &[0]].concat()).contains("damaged in its end"));
     }
 
     #[test]
@@ -281,35 +284,35 @@ mod tests {
             changed[place] = byte;
             message(&changed)
         };
-        assert!(message(b"").contains("no baked light"));
-        assert!(message(b"RIFF and more").contains("no baked light"));
+        assert!(message(b"").contains("not a file of baked light"));
+        assert!(message(b"RIFF and more").contains("not a file of baked light"));
         assert_eq!(
             with(4, 3),
-            "nave.slf: baked light of version 3, and this program knows 1: bake it anew with `render2mpeg bake`"
+            "nave.slf: baked light has version 3, this program reads version 1: run `render2mpeg bake` again"
         );
-        assert!(with(9, 0).contains("damaged, in its header"));
-        assert!(with(bytes.len() - 1, 0).contains("damaged, in the section RADI"));
+        assert!(with(9, 0).contains("damaged in its header"));
+        assert!(with(bytes.len() - 1, 0).contains("damaged in the section RADI"));
         let path = Path::new(NAME);
         assert_eq!(
             example().section(path, *b"SUN\n").unwrap_err().to_string(),
-            "nave.slf: the section SUN\\n is missing: bake it anew with `render2mpeg bake`"
+            "nave.slf: the section SUN\\n is missing: run `render2mpeg bake` again"
         );
         assert!(example().check_scene(path, example().fingerprint).is_ok());
         assert_eq!(
             example().check_scene(path, 1).unwrap_err().to_string(),
-            "nave.slf was baked from another scene, or the scene has changed: bake it anew with `render2mpeg bake`"
+            "nave.slf was baked for another scene, or the scene has changed: run `render2mpeg bake` again"
         );
     }
 
     #[test]
     fn no_memory_is_taken_for_what_is_only_claimed() {
         for lengths in [&[1][..], &[1 << 50], &[u64::MAX], &[u64::MAX, 1], &[u64::MAX, u64::MAX, 2], &[0, 5]] {
-            assert!(message(&claiming(lengths)).contains("cut short"), "{lengths:?}");
+            assert!(message(&claiming(lengths)).contains("truncated"), "{lengths:?}");
         }
-        // As many sections as can be said.
+        // The largest possible number of sections.
         let mut bytes = claiming(&[]);
         bytes[16..20].fill(0xff);
-        assert!(message(&bytes).contains("cut short"));
+        assert!(message(&bytes).contains("truncated"));
         assert_eq!(parsed(&claiming(&[])).unwrap(), SectionFile { fingerprint: 7, sections: vec![] });
     }
 
@@ -332,7 +335,7 @@ mod tests {
         #[test]
         fn random_bytes_are_no_file(bytes: Vec<u8>) {
             message(&bytes);
-            // As if they went on after the version.
+            // Random bytes after a valid magic and version.
             message(&[&MAGIC[..], &VERSION.to_le_bytes(), &bytes].concat());
         }
 

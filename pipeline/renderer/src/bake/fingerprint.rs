@@ -1,10 +1,10 @@
-//! A scene as one number: it changes with everything that baked light depends on, and with nothing else.
+//! Fingerprint of a scene: a hash of everything that baked light depends on.
 //!
-//! Numbers are hashed as little-endian bytes by XXH3, 64 bits, which is the same on all machines and in all versions. Before
-//! each list stands its length. Zeros have no sign, and there is one value that is not a number.
+//! Values are hashed as little-endian bytes by 64-bit XXH3, which is stable across machines and versions. Each list is preceded
+//! by its length. Both zeros hash equally, as do all NaNs.
 //!
-//! Cameras and their movement do not count, nor do names. Nodes count if something that is lit, a light or a joint hangs from
-//! them. They are numbered anew in their order, so that a camera's node between them changes nothing.
+//! Cameras, their motion and names are excluded. A node is included if a lit surface, a light or a joint descends from it.
+//! Included nodes are renumbered in order, so that camera nodes between them change nothing.
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use render_core::scene::{
@@ -14,18 +14,18 @@ use render_core::scene::{
 };
 use xxhash_rust::xxh3::Xxh3;
 
-/// Counts changes of what is hashed, and in which order.
+/// Version of the hashed data and its order.
 const VERSION: usize = 1;
-/// Items of a list that are hashed together.
+/// Number of list items hashed per update.
 const BATCH: usize = 256;
 
-/// A hash of all that light depends on which is baked for `scene`.
+/// Returns the hash of everything in `scene` that baked light depends on.
 ///
 /// # Panics
-/// If the scene names a node that it does not have.
+/// If the scene refers to a node that does not exist.
 #[must_use]
 pub fn fingerprint(scene: &Scene) -> u64 {
-    // All fields are named here and below: whoever adds one has to decide whether light depends on it.
+    // Destructure all fields, so that a new field requires a decision whether light depends on it.
     let Scene {
         nodes: _,
         meshes,
@@ -67,7 +67,7 @@ pub fn fingerprint(scene: &Scene) -> u64 {
     hash.number(textures.len());
     textures.iter().for_each(|texture| texture.visit_bytes(&mut |bytes| hash.hash.update(bytes)));
 
-    // Places and movement.
+    // Nodes and their motion.
     hash.nodes(scene);
     hash.number(instances.len());
     for instance in instances {
@@ -98,16 +98,16 @@ pub fn fingerprint(scene: &Scene) -> u64 {
     hash.hash.digest()
 }
 
-/// For each node its number among those that light depends on; none for all others.
+/// Returns the number of each node among those that light depends on, `None` for other nodes.
 fn numbers(scene: &Scene) -> Vec<Option<usize>> {
-    // Nodes that instances, lights, morph targets and joints are at.
+    // Nodes of instances, lights, morph targets and joints.
     let mut counts = vec![false; scene.nodes.len()];
     scene.instances.iter().for_each(|instance| counts[instance.node] = true);
     scene.punctual_lights.iter().for_each(|light| counts[light.node] = true);
     scene.morphed_nodes.iter().for_each(|morphed| counts[morphed.node] = true);
     scene.skins.iter().flat_map(|skin| &skin.joints).for_each(|&joint| counts[joint] = true);
 
-    // Their ancestors move them. Parents come before their children in the list, so one pass from its end finds all.
+    // Their ancestors move them. Parents precede their children in the list, so one backward pass finds all.
     for index in (0..scene.nodes.len()).rev() {
         if let Some(parent) = scene.nodes[index].parent.filter(|_| counts[index]) {
             counts[parent] = true;
@@ -117,17 +117,17 @@ fn numbers(scene: &Scene) -> Vec<Option<usize>> {
     counts.into_iter().map(|counts| if counts { next.next() } else { None }).collect()
 }
 
-/// The bits of a number, with one zero and one value that is not a number.
+/// Returns the bits of a number, with equal bits for both zeros and for all NaNs.
 fn bits(x: f32) -> u32 {
     if x.is_nan() { 0x7fc0_0000 } else { (x + 0.0).to_bits() }
 }
 
-/// A hash that is not finished.
+/// An unfinished hash.
 struct SceneHash {
     hash: Xxh3,
-    /// Bytes that are hashed together.
+    /// Bytes for the next update.
     batch: Vec<u8>,
-    /// See [`numbers`].
+    /// Numbers of the included nodes; see [`numbers`].
     numbers: Vec<Option<usize>>,
 }
 
@@ -136,7 +136,7 @@ impl SceneHash {
         self.hash.update(&(number as u64).to_le_bytes());
     }
 
-    /// A list of items, each of `N` words.
+    /// Hashes a list of items, each of `N` words.
     fn list<T: Copy, const N: usize>(&mut self, list: &[T], words: impl Fn(T) -> [u32; N]) {
         self.number(list.len());
         for part in list.chunks(BATCH) {
@@ -160,20 +160,20 @@ impl SceneHash {
         self.list(list, |vector| vector.to_array().map(bits));
     }
 
-    /// A list of items, each by `item`.
+    /// Hashes a list, each item by `item`.
     fn each<T>(&mut self, list: &[T], item: fn(&mut Self, &T)) {
         self.number(list.len());
         list.iter().for_each(|one| item(self, one));
     }
 
     fn node(&mut self, node: usize) {
-        self.number(self.numbers[node].expect("a node that counts"));
+        self.number(self.numbers[node].expect("an included node"));
     }
 
     fn mesh(&mut self, mesh: &Mesh) {
         let Mesh { name: _, positions, normals, tangents, uvs, colors, triangles, material, morph_targets, skinning } =
             mesh;
-        // The shape, and what is told of each vertex.
+        // Vertices and triangles.
         self.points(positions);
         self.points(normals);
         self.vectors(tangents);
@@ -182,7 +182,7 @@ impl SceneHash {
         self.list(triangles, |triangle| triangle);
         self.number(*material);
 
-        // Skin and morph targets bend the mesh.
+        // Skin and morph targets.
         self.number(morph_targets.len());
         for MorphTarget { positions, normals, tangents } in morph_targets {
             [positions, normals, tangents].into_iter().for_each(|list| self.points(list));
@@ -258,7 +258,7 @@ impl SceneHash {
                 self.number(2);
                 self.floats(&[*inner, *outer]);
             }
-            // One that is not known here yet, as it is printed.
+            // Unknown kinds are hashed by their debug text.
             kind => {
                 self.number(3);
                 self.list(format!("{kind:?}").as_bytes(), |byte| [u32::from(byte)]);
@@ -284,7 +284,7 @@ impl SceneHash {
         self.channel(keys);
     }
 
-    /// The nodes that count, and what moves them.
+    /// Hashes the included nodes and their animation.
     fn nodes(&mut self, scene: &Scene) {
         // Nodes.
         self.number(self.numbers.iter().flatten().count());

@@ -1,27 +1,26 @@
-//! The point that a texel is lit at: not within something.
+//! Shading points of texels, chosen outside of geometry.
 
 use crate::Visibility;
 use crate::frame::Frame;
 use rayon::prelude::*;
 use render_core::{Atlas, ShadingPoint, Surfaces};
 
-/// Distance of a back face from a point that is within something, at most \[texels\]. Texels farther in are read by no look-up
-/// from outside.
+/// Maximum distance of a back face from a point inside geometry \[texels\]. No sample from outside reads texels farther inside.
 const NEAR: f32 = 1.5;
 
-/// Where texels may be lit.
+/// The atlas and the scene that its texels are lit in.
 pub(super) struct Places<'a> {
     pub atlas: &'a Atlas,
-    /// Surfaces of the scene that the atlas is of.
+    /// Surfaces of the atlas's scene.
     pub surfaces: &'a Surfaces<'a>,
-    /// The scene that light goes through.
+    /// The scene that light passes through.
     pub frame: &'a Frame<'a>,
     pub visibility: &'a Visibility<'a>,
 }
 
 impl Places<'_> {
-    /// For each texel a point that is not within something; none if all are. Where that would leave a whole chart without any, its
-    /// points are what they are: pieces of a scene that overlap are seen in spite of it.
+    /// Returns a shading point outside of geometry for each texel, `None` if the texel has no such point. If a whole chart has
+    /// none, its points may be inside: overlapping geometry can still be visible.
     pub fn points(&self) -> Vec<Option<ShadingPoint>> {
         let texels = 0..self.atlas.len();
         let mut points: Vec<Option<ShadingPoint>> =
@@ -38,17 +37,17 @@ impl Places<'_> {
         points
     }
 
-    /// At most `count` points of a texel beside that of [`Places::points`], none within something.
+    /// Returns at most `count` additional points of a texel outside of geometry, without the one from [`Places::points`].
     pub fn others(&self, texel: usize, count: usize) -> impl Iterator<Item = ShadingPoint> {
         self.outside(texel).skip(1).take(count)
     }
 
-    /// Points of a texel that are not within something.
+    /// Returns the points of a texel outside of geometry.
     fn outside(&self, texel: usize) -> impl Iterator<Item = ShadingPoint> {
         self.sites(texel).filter(|point| !self.is_inside(point))
     }
 
-    /// Points that a texel may be lit at.
+    /// Returns the candidate points of a texel.
     fn sites(&self, texel: usize) -> impl Iterator<Item = ShadingPoint> {
         self.atlas.sites(texel, self.surfaces).into_iter().map(|site| {
             let normals = [site.shading_normal, site.geometric_normal];

@@ -1,19 +1,18 @@
-//! Light of texels: irradiance straight from its sources, and all other by cuts and final gather.
+//! Light of texels: direct irradiance, and indirect irradiance by lightcuts and final gather.
 //!
 //! ```text
-//! 1  of each texel, a point that is not within something
-//! 2  direct light, for blocks of texels together
-//! 3  one texel of four alone: its cut ends at 1 % of its own light
-//! 4  the others, for blocks together: their cuts end at 1 % of the light between those of step 3
-//! 5  texels unlike those around them: the mean over further points, as in step 4
-//! 6  texels without a point, from those around them
+//! 1  choose a point outside of geometry for each texel
+//! 2  compute direct light, in blocks of texels
+//! 3  light every fourth texel alone: its lightcut stops at 1 % of its own light
+//! 4  light the others in blocks: their lightcuts stop at 1 % of the light between the texels of step 3
+//! 5  average texels that differ from their neighbors over further points, as in step 4
+//! 6  fill texels without a point from their neighbors
 //! ```
 //!
-//! Step 5 is antialiasing. On `nave` the middle of a row of texels falls into the gap behind a book rest, and the whole back of the
-//! pew would be as dark.
+//! Step 5 is antialiasing. On `nave`, the centers of a row of texels lie in the gap behind a book rest. Without step 5, the
+//! whole back of the pew would be as dark as the gap.
 //!
-//! Blocks are squares of 8×8 texels of one chart: they lie close together, and share the walk through the light tree and packets
-//! of shadow rays.
+//! Blocks are squares of 8×8 texels of one chart. They share a traversal of the light tree and packets of shadow rays.
 
 use super::blocks::{TexelBlock, blocks};
 use super::inside::Places;
@@ -26,37 +25,38 @@ use render_core::{Atlas, ShadingPoint, luminance};
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Passes over all texels; progress counts each.
+/// Number of passes over all texels; progress counts each.
 pub(super) const PASSES: usize = 3;
 
-/// Share of its light that a cluster of a texel's cut may be wrong by, alone and where it is known beforehand. With 2 % alone, a box
-/// under an even sky is off by up to 1.2 %.
+/// Permitted error of a cluster in a texel's lightcut, as a fraction of the texel's light: for texels lit alone, and for texels
+/// lit together with known thresholds. With 2 % for texels lit alone, a box under a uniform sky has up to 1.2 % error.
 const ALONE: f32 = 0.01;
 const TOGETHER: f32 = 0.01;
 
-/// Receivers that share a walk through the tree, at most.
+/// Maximum number of receivers that share a traversal of the light tree.
 const TOGETHER_AT_MOST: usize = 64;
 
-/// A texel is unlike those around it if its luminance differs from their mean by this share of the larger of both. Tried on `nave`.
+/// A texel is unlike its neighbors if its luminance differs from their mean by this fraction of the larger one. Tuned on
+/// `nave`.
 const UNLIKE: f32 = 0.3;
-/// Points that a texel unlike those around it is lit at beside its own, at most.
+/// Maximum number of additional points of a texel unlike its neighbors.
 const FURTHER: usize = 4;
 
 /// Irradiance of the texels of an atlas \[W·m⁻²\], linear RGB.
 pub(super) struct TexelLight {
     pub direct: Vec<[f32; 3]>,
     pub indirect: Vec<[f32; 3]>,
-    /// Texels that no point was found for.
+    /// Number of texels without a point.
     pub filled: usize,
 }
 
 impl TexelLight {
-    /// All irradiance of a texel \[W·m⁻²\].
+    /// Returns the total irradiance of a texel \[W·m⁻²\].
     pub fn irradiance(&self, texel: usize) -> Vec3 {
         Vec3::from(self.direct[texel]) + Vec3::from(self.indirect[texel])
     }
 
-    /// Mean luminance of the irradiance of all texels \[W·m⁻²\].
+    /// Returns the mean luminance of the irradiance of all texels \[W·m⁻²\].
     pub fn mean(&self) -> f32 {
         let mut sum = 0.0;
         for texel in 0..self.direct.len() {
@@ -66,27 +66,27 @@ impl TexelLight {
     }
 }
 
-/// Irradiance of the texels of an atlas \[W·m⁻²\]; `None` where indirect light is still unknown.
+/// Irradiance of an atlas's texels \[W·m⁻²\]; `None` where indirect light is not computed yet.
 struct KnownLight {
     direct: Vec<[f32; 3]>,
     indirect: Vec<Option<[f32; 3]>>,
 }
 
-/// Memory that a thread reuses from block to block.
+/// Memory that a thread reuses for its blocks.
 #[derive(Default)]
 struct BlockScratch {
     walk: Scratch,
     cuts: Vec<Cut>,
 }
 
-/// Light of a texel after the first pass.
+/// Irradiance of a texel after the first pass \[W·m⁻²\].
 struct FirstLight {
     texel: usize,
     direct: [f32; 3],
     indirect: Option<[f32; 3]>,
 }
 
-/// Light of a texel.
+/// Irradiance of a texel \[W·m⁻²\].
 #[derive(Clone, Copy)]
 struct TwoLights {
     texel: usize,
@@ -94,24 +94,25 @@ struct TwoLights {
     indirect: Vec3,
 }
 
-/// A texel, where it is lit.
+/// A texel and its shading point.
 #[derive(Clone, Copy)]
 struct Receiver {
     texel: usize,
     point: ShadingPoint,
 }
 
-/// The scene that bakes, and what is known of its texels.
+/// The scene that is baked, and the points of its texels.
 struct TexelBaker<'a> {
     atlas: &'a Atlas,
     frame: &'a Frame<'a>,
     visibility: &'a Visibility<'a>,
     points: &'a [Option<ShadingPoint>],
-    /// Whether final gather finds the light that softening takes.
+    /// Whether final gather restores the light lost by clamping virtual lights.
     compensates: bool,
 }
 
-/// Lights the texels of an atlas at `points`: for each texel one of `places`, if there is any. `progress` is called from any thread with the texels that are done, of [`PASSES`] times their number.
+/// Lights the texels of an atlas at `points`: `None` for texels without a point in `places`. `progress` is called from any
+/// thread with the number of texels done, of [`PASSES`] times their number.
 pub(super) fn light(
     places: &Places,
     points: &[Option<ShadingPoint>],
@@ -124,7 +125,7 @@ pub(super) fn light(
     let done = AtomicUsize::new(0);
     let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels);
 
-    // Direct light, and the indirect light of one texel of four.
+    // Direct light, and indirect light of every fourth texel.
     let first: Vec<Vec<FirstLight>> = blocks
         .par_iter()
         .map_init(Scratch::default, |scratch, block| {
@@ -138,7 +139,7 @@ pub(super) fn light(
         (known.direct[lit.texel], known.indirect[lit.texel]) = (lit.direct, lit.indirect);
     }
 
-    // The rest, as exact as the light around it requires.
+    // The other texels, with thresholds from the light around them.
     let rest: Vec<Vec<(usize, [f32; 3])>> = blocks
         .par_iter()
         .map_init(BlockScratch::default, |scratch, block| {
@@ -151,7 +152,7 @@ pub(super) fn light(
         known.indirect[texel] = Some(light);
     }
 
-    // Texels unlike their surroundings, over more of their area.
+    // Average texels unlike their neighbors over more of their area.
     let finer: Vec<Vec<TwoLights>> = blocks
         .par_iter()
         .map_init(BlockScratch::default, |scratch, block| {
@@ -170,7 +171,7 @@ pub(super) fn light(
 }
 
 impl TexelBaker<'_> {
-    /// The texels of a block that have a point.
+    /// Returns the texels of a block that have a point.
     fn receivers(&self, block: &TexelBlock) -> Vec<Receiver> {
         let mut receivers = Vec::new();
         for &texel in &block.texels {
@@ -181,7 +182,7 @@ impl TexelBaker<'_> {
         receivers
     }
 
-    /// Direct light of a block, and the indirect light of one texel of four.
+    /// Computes the direct light of a block, and the indirect light of every fourth texel.
     fn first(&self, block: &TexelBlock, scratch: &mut Scratch) -> Vec<FirstLight> {
         let receivers = self.receivers(block);
         let points: Vec<ShadingPoint> = receivers.iter().map(|receiver| receiver.point).collect();
@@ -196,12 +197,12 @@ impl TexelBaker<'_> {
         lit
     }
 
-    /// Indirect light of a block's texels that have none yet.
+    /// Computes the indirect light of a block's remaining texels.
     fn rest(&self, block: &TexelBlock, known: &KnownLight, scratch: &mut BlockScratch) -> Vec<(usize, [f32; 3])> {
         let KnownLight { direct, indirect } = known;
         let mut lit = Vec::new();
 
-        // Between texels that are known a threshold is; elsewhere texels are lit alone.
+        // Texels next to lit ones get a threshold; the others are lit alone.
         let (mut waiting, mut thresholds) = (Vec::new(), Vec::new());
         for receiver in self.receivers(block) {
             let texel = receiver.texel;
@@ -218,13 +219,13 @@ impl TexelBaker<'_> {
             }
         }
 
-        // Texels whose thresholds are known share the walk through the tree.
+        // Texels with thresholds share a traversal of the light tree.
         let lights = self.together(&waiting, &thresholds, scratch);
         lit.extend(waiting.iter().zip(lights).map(|(receiver, light)| (receiver.texel, light.to_array())));
         lit
     }
 
-    /// Light of a block's texels that are unlike those around them: the mean over further points.
+    /// Computes the light of a block's texels that are unlike their neighbors: the mean over further points.
     fn finer(
         &self,
         block: &TexelBlock,
@@ -233,7 +234,7 @@ impl TexelBaker<'_> {
         scratch: &mut BlockScratch,
     ) -> Vec<TwoLights> {
         let KnownLight { direct, indirect } = known;
-        // Further points of texels unlike those around them, and the light at the point that each was lit at.
+        // Collect the further points, and the light at the first point of each texel.
         let (mut receivers, mut owners, mut sums) = (Vec::new(), Vec::new(), Vec::new());
         for &texel in &block.texels {
             let Some(own) = self.unlike(texel, indirect) else { continue };
@@ -244,7 +245,7 @@ impl TexelBaker<'_> {
             sums.push((TwoLights { texel, direct: Vec3::from(direct[texel]), indirect: own }, 1.0));
         }
 
-        // The light at these points is about as bright as at the own one.
+        // Further points are about as bright as the first one, which gives their thresholds.
         for (receivers, owners) in receivers.chunks(TOGETHER_AT_MOST).zip(owners.chunks(TOGETHER_AT_MOST)) {
             let points: Vec<ShadingPoint> = receivers.iter().map(|receiver| receiver.point).collect();
             let of_direct = self.frame.direct.irradiance_tile(&self.frame.accelerator, &points).value;
@@ -265,7 +266,7 @@ impl TexelBaker<'_> {
         sums.into_iter().map(|(mean, _)| mean).collect()
     }
 
-    /// The indirect light at the point of a texel, if it is unlike that around it.
+    /// Returns a texel's indirect light if it is unlike its neighbors.
     fn unlike(&self, texel: usize, indirect: &[Option<[f32; 3]>]) -> Option<Vec3> {
         self.points[texel]?;
         let (own, around) = (Vec3::from(indirect[texel]?), self.around(texel, indirect)?);
@@ -273,7 +274,7 @@ impl TexelBaker<'_> {
         ((of_own - of_around).abs() > UNLIKE * of_own.max(of_around)).then_some(own)
     }
 
-    /// Indirect irradiance of at most 64 receivers that are close together, with thresholds known beforehand.
+    /// Computes the indirect irradiance \[W·m⁻²\] of at most 64 nearby receivers with known thresholds.
     fn together(&self, waiting: &[Receiver], thresholds: &[f32], scratch: &mut BlockScratch) -> Vec<Vec3> {
         let BlockScratch { walk, cuts } = scratch;
         let whites: Vec<Lambert> = waiting.iter().map(|receiver| white(&receiver.point)).collect();
@@ -287,7 +288,7 @@ impl TexelBaker<'_> {
         waiting.iter().zip(&*cuts).map(light).collect()
     }
 
-    /// Indirect irradiance of a texel alone, beside `direct` irradiance.
+    /// Computes the indirect irradiance \[W·m⁻²\] of a single texel, given its `direct` irradiance.
     fn alone(&self, receiver: &Receiver, direct: Vec3, scratch: &mut Scratch) -> Vec3 {
         let stop = Stop::Relative { fraction: ALONE, known_luminance: luminance(direct) };
         let sees = |lamp: &Light, _: usize| self.visibility.sees(&receiver.point, lamp);
@@ -295,7 +296,7 @@ impl TexelBaker<'_> {
         cut.radiance + self.compensation(receiver)
     }
 
-    /// Irradiance from close by that softening of virtual lights takes.
+    /// Returns the nearby irradiance \[W·m⁻²\] lost by clamping virtual lights.
     fn compensation(&self, receiver: &Receiver) -> Vec3 {
         if !self.compensates {
             return Vec3::ZERO;
@@ -304,7 +305,7 @@ impl TexelBaker<'_> {
         self.frame.gather.compensation(&found).irradiance
     }
 
-    /// Mean of what is known around a texel.
+    /// Returns the mean indirect light of a texel's neighbors, `None` if none has any yet.
     fn around(&self, texel: usize, indirect: &[Option<[f32; 3]>]) -> Option<Vec3> {
         let (mut sum, mut count) = (Vec3::ZERO, 0);
         for neighbor in self.atlas.neighbors(texel).into_iter().flatten() {
@@ -316,12 +317,12 @@ impl TexelBaker<'_> {
     }
 }
 
-/// A surface whose radiance is its irradiance: it reflects by π.
+/// Returns a receiver with reflectance π: its radiance equals its irradiance.
 fn white(point: &ShadingPoint) -> Lambert {
     Lambert { position: point.position.into(), normal: point.normal.into(), reflectance: Vec3::splat(PI) }
 }
 
-/// Gives texels without a point the mean of those around them in their chart, from the rims inwards.
+/// Fills texels without a point with the mean of their chart neighbors, from the edges inward.
 fn fill(atlas: &Atlas, points: &[Option<ShadingPoint>], direct: &mut [[f32; 3]], indirect: &mut [Option<[f32; 3]>]) {
     let mut missing: Vec<usize> = (0..atlas.len()).filter(|&texel| points[texel].is_none()).collect();
     while !missing.is_empty() {
@@ -339,7 +340,7 @@ fn fill(atlas: &Atlas, points: &[Option<ShadingPoint>], direct: &mut [[f32; 3]],
                 found.push((texel, sum / count as f32, of_direct / count as f32));
             }
         }
-        // No surface has a chart without any point, unless it has no site at all.
+        // Only charts without any site remain.
         if found.is_empty() {
             return;
         }

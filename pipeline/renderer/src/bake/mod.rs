@@ -1,6 +1,6 @@
-//! Baked light: the light of what stands still, computed once for films that look it up.
+//! Baked light: light of static surfaces, computed once and sampled by films.
 //!
-//! [`bake`] lights the texels of an atlas and writes them as a file `.slf`; [`read`] brings it back for a film of the same scene.
+//! [`bake`] computes the light of an atlas's texels and writes an `.slf` file. [`read`] loads it for a film of the same scene.
 //! [`export`] paints the light into a copy of the scene.
 
 mod blocks;
@@ -28,28 +28,28 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// The section of a file that holds the atlas and its irradiance.
+/// Tag of the file section with the atlas and its irradiance.
 const TEXELS: [u8; 4] = *b"TEXL";
-/// The section of a file that holds the light of coats.
+/// Tag of the file section with the light of coats.
 const COATS: [u8; 4] = *b"COAT";
 
-/// Baked light, and how it was found.
+/// Baked light and statistics of its computation.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Bake {
-    /// The light.
+    /// Light of the texels.
     pub texels: BakedTexels,
-    /// Texels that lie within something and have the light of those around them.
+    /// Number of texels inside geometry; their light is the mean of their neighbors.
     pub filled: usize,
-    /// Time that the light of coats took, by the clock \[s\].
+    /// Wall-clock time for the light of coats \[s\].
     pub coat_seconds: f64,
 }
 
-/// Lights about `texels` texels of all that stands still in `scene`. `progress` is called from any thread with the work
-/// done and the work there is. The same scene and settings give the same bits, for any number of threads.
+/// Computes the light of about `texels` texels on the static surfaces of `scene`. `progress` is called from any thread with the
+/// work done and the total work. Equal scenes and settings give equal bits for any number of threads.
 ///
 /// # Errors
-/// The scene's light cannot be baked: a lamp moves, or nothing stands still.
+/// If the scene cannot be baked: a lamp moves, or no surface is static.
 pub fn bake(
     scene: &Scene,
     settings: &RenderSettings,
@@ -57,14 +57,14 @@ pub fn bake(
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Bake> {
     if lamp_moves(scene) {
-        let text = "a lamp moves, so the light of this scene cannot be baked; films of it need no baked light";
+        let text = "the light of this scene cannot be baked because a lamp moves; render without baked light";
         return Err(Error::Options(text.into()));
     }
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
     let atlas = Atlas::new(&surfaces, texels).map_err(Error::other)?;
 
-    // Moving instances are left out: they would throw shadows and reflect light at one moment of the film only.
+    // Omit moving instances: their shadows and reflections would belong to one moment of the film.
     let still = without_moving(scene);
     let settings = RenderSettings {
         size: Size { width: 16, height: 16 },
@@ -76,7 +76,7 @@ pub fn bake(
     let plan = Plan::new(&still, &settings);
     let frame = Preparation::new(&still, &settings, &plan).everywhere().frame(0).frame;
 
-    // Each texel counts once for each pass over it; the last pass is over coats alone.
+    // Progress counts each texel once per pass; the last pass covers only coats.
     let compensates = plan.is_on(Stage::Compensation);
     let visibility = Visibility::new(&frame, GATHER_RAYS);
     let places = Places { atlas: &atlas, surfaces: &surfaces, frame: &frame, visibility: &visibility };
@@ -85,7 +85,7 @@ pub fn bake(
     let all = light::PASSES * atlas.len() + coated.len();
     let lit = light::light(&places, &points, compensates, &|done| progress(done, all));
 
-    // Light of coats, by rays.
+    // Trace the light of coats.
     let begin = Instant::now();
     let done = AtomicUsize::new(light::PASSES * atlas.len());
     let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels, all);
@@ -99,40 +99,40 @@ pub fn bake(
 }
 
 impl Bake {
-    /// Writes the light of `scene` as a file, and returns its length in bytes.
+    /// Writes the light of `scene` to a file and returns its length in bytes.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, scene: &Scene, path: &Path) -> Result<u64> {
         let sections = vec![(TEXELS, encode(&self.texels)), (COATS, self.texels.coats.to_bytes())];
         SectionFile { fingerprint: fingerprint(scene), sections }.write(path)
     }
 }
 
-/// Reads baked light for a film of `scene`.
+/// Reads baked light of `scene`.
 ///
 /// # Errors
-/// The file cannot be read, is damaged, of another version or of another scene, or the scene's light cannot be baked.
+/// If the file cannot be read, is damaged, or has another version or scene, or if a lamp moves.
 pub fn read(scene: &Scene, path: &Path) -> Result<BakedTexels> {
     if lamp_moves(scene) {
-        return Err(Error::Options("--lighting baked: a lamp moves in this scene; leave the option out".into()));
+        return Err(Error::Options("--lighting baked: a lamp moves in this scene; remove the option".into()));
     }
     let file = SectionFile::read(path)?;
     file.check_scene(path, fingerprint(scene))?;
-    let remedy = || format!("{}: bake it anew", path.display());
+    let remedy = || format!("{}: bake it again", path.display());
     let mut texels: BakedTexels = decode(file.section(path, TEXELS)?).context(remedy())?;
     let whole = texels.atlas.validate(scene)
         && texels.direct.len() == texels.atlas.len()
         && texels.indirect.len() == texels.atlas.len();
     if !whole {
-        return Err(Error::content(path, ": its texels make no sense: bake it anew"));
+        return Err(Error::content(path, ": its texels are invalid: bake it again"));
     }
     let coats = CoatFields::from_bytes(&texels.atlas, file.section(path, COATS)?);
-    texels.coats = Arc::new(coats.map_err(|text| Error::content(path, format!(": {text}: bake it anew")))?);
+    texels.coats = Arc::new(coats.map_err(|text| Error::content(path, format!(": {text}: bake it again")))?);
     Ok(texels)
 }
 
-/// The instances that never move, by their indices.
+/// Returns the indices of the static instances.
 fn standing(scene: &Scene) -> Vec<u32> {
     let mut standing = Vec::new();
     for (instance, moves) in scene.moving_instances().into_iter().enumerate() {
@@ -143,7 +143,7 @@ fn standing(scene: &Scene) -> Vec<u32> {
     standing
 }
 
-/// The scene without the instances that ever move.
+/// Returns the scene without its dynamic instances.
 fn without_moving(scene: &Scene) -> Scene {
     let mut still = scene.clone();
     still.instances = standing(scene).into_iter().map(|instance| scene.instances[instance as usize]).collect();

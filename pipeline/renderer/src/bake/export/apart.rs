@@ -1,19 +1,19 @@
-//! The back of a sheet, a little behind its front.
+//! Backs of sheets, moved slightly behind their fronts.
 //!
-//! Viewers that draw triangles leave out those that face away, and show of two sheets in one place the right one. A viewer that
-//! traces rays, this program among them, meets either: there a small gap decides.
+//! Rasterizing viewers cull back faces and show the correct one of two coincident sheets. Ray tracers, including this program,
+//! may hit either one; a small gap makes the order unique.
 
 use super::split::Split;
 use glam::Vec3;
 use render_core::scene::Mesh;
 use render_core::{Surfaces, Units};
 
-/// The width of the gap in the space of a mesh that `instances` share: on each of them as far as rays start off a surface, or more.
+/// Returns the gap in the space of a mesh that `instances` share: on each instance, at least the offset of ray origins.
 pub(super) fn gap(surfaces: &Surfaces, instances: &[usize]) -> f32 {
     let epsilon = Units::of(surfaces.scene()).epsilon;
     let mut widest = 0.0f32;
     for &instance in instances {
-        // The cube root of a volume stands for all directions.
+        // The cube root of the volume is the mean scale of all directions.
         let scale = surfaces.world(instance).matrix3.determinant().abs().cbrt();
         let width = epsilon / scale;
         widest = widest.max(if width.is_finite() { width } else { 0.0 });
@@ -21,7 +21,7 @@ pub(super) fn gap(surfaces: &Surfaces, instances: &[usize]) -> f32 {
     widest
 }
 
-/// Positions of the vertices of `split`, each moved by `gap` against the mean normal of its triangles.
+/// Returns the vertex positions of `split`, each moved by `gap` against the mean normal of its triangles.
 pub(super) fn behind(mesh: &Mesh, split: &Split, gap: f32) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; split.vertices.len()];
     for (index, triangle) in split.triangles.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The TOML file beside an export: with it a film of the export shows what a film of the scene does.
+//! TOML settings of an export: with them, a film of the export looks like a film of the scene.
 
 use super::tone::shown;
 use glam::{Vec3, vec3};
@@ -8,11 +8,11 @@ use render_core::scene::Scene;
 use std::f32::consts::TAU;
 use toml::{Table, Value};
 
-/// The text of the file.
+/// Returns the text of the file.
 pub(super) fn settings_text(scene: &Scene, tone_map: &ToneMap) -> String {
     let settings = &scene.settings;
     let mut file = Table::new();
-    // The picture holds display values already.
+    // The texture contains display values already.
     let operator = ("operator".to_owned(), Value::from("srgb"));
     let exposure = ("exposure".to_owned(), Value::from(1.0));
     file.insert("tone_mapping".into(), Value::Table([operator, exposure].into_iter().collect()));
@@ -36,12 +36,11 @@ pub(super) fn settings_text(scene: &Scene, tone_map: &ToneMap) -> String {
     if !video.is_empty() {
         file.insert("video".into(), Value::Table(video));
     }
-    let head =
-        "# The light of this scene is painted into its texture, as display values: no tone curve comes after it.\n\n";
+    let head = "# The texture contains the scene's light as display values; no further tone curve is applied.\n\n";
     format!("{head}{file}")
 }
 
-/// The number with as few digits as tell it apart from its neighbors.
+/// Returns the shortest decimal that identifies the number.
 fn decimal(number: f32) -> Value {
     Value::from(number.to_string().parse().unwrap_or(f64::from(number)))
 }
@@ -50,11 +49,11 @@ fn named(name: &str) -> Value {
     Value::Table([("name".to_owned(), Value::from(name))].into_iter().collect())
 }
 
-/// Directions around the horizon whose mean stands for all of it.
+/// Number of directions around the horizon that are averaged.
 const AROUND: u8 = 32;
 
-/// The sky as a display shows it, straight up, at the horizon and straight down: between these a pictured sky is only near to
-/// itself. A scene without one has a black sky here: without any, the loader would add a plain white one.
+/// Returns the sky in display values: straight up, at the horizon and straight down, which only approximates a sky image. A
+/// scene without a sky gets a black one; otherwise the loader would add a white one.
 fn sky(scene: &Scene, tone_map: &ToneMap) -> Table {
     let mut table = Table::new();
     let radiance = |sky: &Environment, height: f32| match height {

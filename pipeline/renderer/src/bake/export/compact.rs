@@ -1,19 +1,19 @@
-//! Leaves out the objects of a document that nothing refers to any more.
+//! Removes unreferenced objects from a document.
 
 use super::document::{Document, number};
 use pipeline::error::Result;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Called with each reference to an object.
+/// Callback for each reference to an object.
 type Visitor<'a> = &'a mut dyn FnMut(&mut Value);
-/// Calls a visitor with all references of one kind in a document.
+/// Function that calls a visitor with all references of one kind in a document.
 type VisitReferences = fn(&mut Value, Visitor);
 
-/// Extensions of the document as a whole that name no object of the lists below.
+/// Document extensions that refer to no object of the lists below.
 const KEPT: [&str; 3] = ["KHR_lights_punctual", "KHR_materials_variants", "KHR_xmp_json_ld"];
 
-/// Lists of objects, and how references to them are found. A list stands after those that refer to it.
+/// Lists of objects, and functions that find references to them. Each list follows the lists that refer to it.
 const LISTS: [(&str, VisitReferences); 7] = [
     ("meshes", |json, visit| each(json, "nodes", |node| refer(node, "mesh", visit))),
     ("materials", materials),
@@ -24,7 +24,7 @@ const LISTS: [(&str, VisitReferences); 7] = [
     ("bufferViews", views),
 ];
 
-/// Leaves out what is not needed. Extensions that may name such objects by index are left out too, if they are not known here.
+/// Removes unreferenced objects, and unknown extensions that may refer to objects by index.
 pub(super) fn compact(document: &mut Document) -> Result<()> {
     if let Some(Value::Object(extensions)) = document.json.get_mut("extensions") {
         extensions.retain(|name, _| KEPT.contains(&name.as_str()));
@@ -32,7 +32,7 @@ pub(super) fn compact(document: &mut Document) -> Result<()> {
     for (name, references) in LISTS {
         let count = document.list(name).len();
 
-        // The objects that are needed, and their new places.
+        // Referenced objects and their new indices.
         let mut new = BTreeMap::new();
         references(&mut document.json, &mut |reference| {
             new.extend(number(reference).map(|index| (index, 0)));
@@ -48,7 +48,7 @@ pub(super) fn compact(document: &mut Document) -> Result<()> {
             }
         });
         let kept: Vec<Value> = new.keys().map(|&index| document.json[name][index].take()).collect();
-        // Lists in glTF are never empty.
+        // Lists in glTF must not be empty.
         match document.json.as_object_mut() {
             Some(json) if kept.is_empty() => drop(json.remove(name)),
             _ => document.json[name] = json!(kept),
@@ -57,7 +57,7 @@ pub(super) fn compact(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// Calls `visit` for each element of a list, or of an object.
+/// Calls `visit` for each element of a list or an object.
 fn each(value: &mut Value, name: &str, mut visit: impl FnMut(&mut Value)) {
     match value.get_mut(name) {
         Some(Value::Array(list)) => list.iter_mut().for_each(&mut visit),
@@ -66,7 +66,7 @@ fn each(value: &mut Value, name: &str, mut visit: impl FnMut(&mut Value)) {
     }
 }
 
-/// Calls `visit` for a reference, if there is one of this name.
+/// Calls `visit` for the reference `name` if it exists.
 fn refer(value: &mut Value, name: &str, visit: Visitor) {
     if let Some(reference) = value.get_mut(name) {
         visit(reference);
@@ -84,7 +84,7 @@ fn materials(json: &mut Value, visit: Visitor) {
     });
 }
 
-/// Textures have an index below a name that ends so, in a material and in its extensions.
+/// Texture references have an `index` below a name that ends in "Texture", in materials and in their extensions.
 fn textures(value: &mut Value, visit: Visitor) {
     let Value::Object(map) = value else { return };
     for (name, value) in map {

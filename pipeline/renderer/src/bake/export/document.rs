@@ -1,16 +1,16 @@
-//! A glTF document as JSON with its bytes, open to changes.
+//! A mutable glTF document: its JSON and buffers.
 
 use pipeline::error::{Error, Result};
 use render_core::scene::{GltfSource, Reach};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Target of a buffer view with attributes of vertices (glTF 2.0, 5.11.5).
+/// Target of a buffer view with vertex attributes (glTF 2.0, 5.11.5).
 pub(super) const ARRAY_BUFFER: u32 = 34962;
-/// Target of one with indices.
+/// Target of a buffer view with indices (glTF 2.0, 5.11.5).
 pub(super) const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// A document and its buffers. Bytes that are added become a buffer of their own, until all are packed into one file.
+/// A document and its buffers. Added bytes form buffers of their own until all are packed into one file.
 pub(super) struct Document {
     path: PathBuf,
     source: GltfSource,
@@ -19,12 +19,12 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Reads a scene file that was loaded before, with all of its buffers. Packed meshes and views are plain in it.
+    /// Reads a scene file that was loaded before, with all buffers. Compressed meshes and views are decompressed.
     pub fn read(path: &Path, reach: Reach) -> Result<Self> {
         let mut source = GltfSource::read(path, reach).map_err(Error::other)?;
         let unpacked = source.unpack().map_err(Error::other)?;
         let json: Value = serde_json::from_slice(&source.json)
-            .map_err(|error| Error::content(path, format!(": no JSON ({error}); export or copy it again")))?;
+            .map_err(|error| Error::content(path, format!(": invalid JSON ({error}); export or copy it again")))?;
         let mut binary = source.binary.take();
         let mut document = Self { path: path.into(), json, buffers: Vec::new(), source };
         if !document.json.is_object() {
@@ -34,7 +34,7 @@ impl Document {
         for (index, buffer) in buffers.iter().take(buffers.len() - unpacked.len()).enumerate() {
             let bytes = match buffer["uri"].as_str() {
                 Some(uri) => document.resource(&format!("buffer {index}"), uri)?,
-                // The place of a plain copy that the file lacks.
+                // Slot of the uncompressed fallback that the file lacks.
                 None if index > 0 => Vec::new(),
                 None => binary.take().ok_or_else(|| document.damaged(&format!("buffer {index}")))?,
             };
@@ -44,12 +44,12 @@ impl Document {
         Ok(document)
     }
 
-    /// A list of the document; empty where it has none of that name.
+    /// Returns the list `name` of the document; empty if it has none.
     pub fn list(&self, name: &str) -> &[Value] {
         self.json[name].as_array().map_or(&[], Vec::as_slice)
     }
 
-    /// Adds an object to a list, and returns its index there.
+    /// Adds an object to a list and returns its index.
     pub fn push(&mut self, name: &str, value: Value) -> usize {
         match self.json[name].as_array_mut() {
             Some(list) => {
@@ -63,15 +63,14 @@ impl Document {
         }
     }
 
-    /// Adds bytes, and returns the index of their buffer view.
+    /// Adds bytes and returns the index of their buffer view.
     pub fn add_view(&mut self, bytes: Vec<u8>) -> usize {
         let view = json!({ "buffer": self.buffers.len(), "byteLength": bytes.len() });
         self.buffers.push(bytes);
         self.push("bufferViews", view)
     }
 
-    /// Adds numbers of vertices or indices, and returns the index of their accessor. `accessor` describes them, but for
-    /// their view.
+    /// Adds vertex data or indices and returns the index of their accessor. `accessor` describes them, without the buffer view.
     pub fn add_accessor(&mut self, bytes: Vec<u8>, target: u32, mut accessor: Value) -> usize {
         let view = self.add_view(bytes);
         self.json["bufferViews"][view]["target"] = json!(target);
@@ -79,30 +78,30 @@ impl Document {
         self.push("accessors", accessor)
     }
 
-    /// The bytes of a buffer view; `None` if it does not exist or lies outside of its buffer.
+    /// Returns the bytes of a buffer view; `None` if it does not exist or exceeds its buffer.
     pub fn view(&self, index: usize) -> Option<&[u8]> {
         let view = self.list("bufferViews").get(index)?;
         let (first, length) = (offset(view)?, number(&view["byteLength"])?);
         self.buffers.get(number(&view["buffer"])?)?.get(first..first.checked_add(length)?)
     }
 
-    /// The bytes of a file that the document names.
+    /// Reads the bytes of a file that the document refers to.
     pub fn resource(&self, name: &str, uri: &str) -> Result<Vec<u8>> {
         self.source.resource(name, uri).map_err(Error::other)
     }
 
-    /// The error that part of the document makes no sense.
+    /// Returns the error for an invalid object of the document.
     pub fn damaged(&self, place: &str) -> Error {
         Error::content(&self.path, format!(": {place} makes no sense; export the scene again"))
     }
 }
 
-/// A whole number that is not negative.
+/// Returns a nonnegative integer.
 pub(super) fn number(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|number| usize::try_from(number).ok())
 }
 
-/// `byteOffset` of an object, 0 where it is not stated; `None` if it is no number.
+/// Returns `byteOffset` of an object, 0 by default; `None` if it is not a nonnegative integer.
 pub(super) fn offset(value: &Value) -> Option<usize> {
     match &value["byteOffset"] {
         Value::Null => Some(0),

@@ -1,22 +1,22 @@
-//! Elements of accessors as bytes, whatever their type is: they are copied, not understood.
+//! Raw elements of accessors: copied as bytes for any type.
 
 use super::document::{ARRAY_BUFFER, Document, number, offset};
 use glam::Vec3;
 use serde_json::{Value, json};
 
-/// The layout of the elements of an accessor.
+/// Layout of an accessor's elements.
 #[derive(Clone, Copy)]
 struct Layout {
-    /// `componentType` of glTF.
+    /// glTF's `componentType`.
     component: u64,
-    /// Bytes of a component.
+    /// Bytes per component.
     width: usize,
-    /// Components of an element.
+    /// Number of components per element.
     count: usize,
 }
 
 impl Layout {
-    /// The layout that an accessor states; `None` for matrices, and for what glTF does not have.
+    /// Returns the layout of an accessor; `None` for matrices and unknown types.
     fn of(accessor: &Value) -> Option<Self> {
         let component = accessor["componentType"].as_u64()?;
         let width = match component {
@@ -39,7 +39,7 @@ impl Layout {
         self.width * self.count
     }
 
-    /// A component as a number.
+    /// Returns a component's value.
     fn number(self, b: &[u8]) -> f64 {
         match self.component {
             5120 => f64::from(b[0] as i8),
@@ -51,7 +51,7 @@ impl Layout {
         }
     }
 
-    /// Least and largest components of elements that lie `stride` apart.
+    /// Returns minimum and maximum of each component, for elements `stride` bytes apart.
     fn bounds(self, bytes: &[u8], stride: usize) -> (Vec<f64>, Vec<f64>) {
         let (mut least, mut most) = (vec![f64::INFINITY; self.count], vec![f64::NEG_INFINITY; self.count]);
         for element in bytes.chunks_exact(stride) {
@@ -65,8 +65,7 @@ impl Layout {
 }
 
 impl Document {
-    /// The elements of an accessor, one after the other; `None` if it has not `count` of them, or they lie outside of their
-    /// buffer.
+    /// Returns the contiguous elements of an accessor; `None` if their number is not `count`, or they exceed their buffer.
     fn elements(&self, accessor: &Value, count: usize) -> Option<Vec<u8>> {
         let layout = Layout::of(accessor)?;
         let size = layout.size();
@@ -82,7 +81,7 @@ impl Document {
             }
         };
 
-        // Sparse accessors replace some of them.
+        // Sparse accessors replace some elements.
         if let Value::Object(sparse) = &accessor["sparse"] {
             let (places, values) = (sparse.get("indices")?, sparse.get("values")?);
             let replaced = number(sparse.get("count")?)?;
@@ -99,7 +98,7 @@ impl Document {
         Some(elements)
     }
 
-    /// A new accessor of positions.
+    /// Adds an accessor of positions.
     pub fn add_positions(&mut self, positions: &[Vec3]) -> usize {
         let (mut least, mut most, mut bytes) = (Vec3::INFINITY, Vec3::NEG_INFINITY, Vec::new());
         for &position in positions {
@@ -113,8 +112,8 @@ impl Document {
         self.add_accessor(bytes, ARRAY_BUFFER, accessor)
     }
 
-    /// A new accessor with the elements of another one for these vertices, of `count` that there are; with least and largest
-    /// values if it is `bounded`. `None` if the other one cannot be read.
+    /// Adds an accessor with the elements of `accessor` at `vertices`; `accessor` must have `count` elements. `bounded` adds
+    /// minimum and maximum. `None` if `accessor` cannot be read.
     pub fn gather(&mut self, accessor: usize, count: usize, vertices: &[u32], bounded: bool) -> Option<usize> {
         let old = self.list("accessors").get(accessor)?.clone();
         let (layout, elements) = (Layout::of(&old)?, self.elements(&old, count)?);
@@ -145,7 +144,7 @@ impl Document {
     }
 }
 
-/// `count` elements of `size` bytes, `stride` apart, one after the other; `None` if they do not fit into `bytes`.
+/// Returns `count` contiguous elements of `size` bytes, read `stride` bytes apart; `None` if they exceed `bytes`.
 fn strided(bytes: &[u8], first: usize, stride: usize, size: usize, count: usize) -> Option<Vec<u8>> {
     if count == 0 {
         return Some(Vec::new());

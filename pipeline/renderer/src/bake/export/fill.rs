@@ -1,13 +1,12 @@
-//! Texels between charts get the color of what is near.
+//! Texels between charts take the color of their surroundings.
 //!
-//! Viewers may look up a little beside a chart: where the rim of a triangle covers part of a pixel, coordinates are taken at
-//! the pixel's middle, and on slanted surfaces that may be many texels away. Mip levels reach far, too.
+//! Viewers may sample slightly outside of a chart. If the edge of a triangle covers only a fraction of a pixel, coordinates are
+//! evaluated at the pixel's center. On slanted surfaces, this may be many texels away; mip levels reach even further.
 
-/// A picture with holes, in raster order.
+/// An image with holes, in raster order.
 pub(super) type Holed = Vec<Option<[u8; 4]>>;
 
-/// Fills the holes of a picture of `width` columns: from the picture of half the size, whose texels are the means of those that
-/// are there.
+/// Fills the holes of an image of `width` columns from the image at half resolution, which averages the existing texels.
 pub(super) fn filled(picture: Holed, width: usize) -> Vec<[u8; 4]> {
     if picture.iter().all(Option::is_some) || picture.len() <= 1 {
         return picture.into_iter().map(Option::unwrap_or_default).collect();
@@ -21,7 +20,7 @@ pub(super) fn filled(picture: Holed, width: usize) -> Vec<[u8; 4]> {
     picture.into_iter().enumerate().map(color).collect()
 }
 
-/// The picture of half the size, rounded up. Where all four texels are holes, so is theirs.
+/// Returns the image at half resolution, rounded up. A texel is a hole if its four source texels are holes.
 fn halved(picture: &Holed, width: usize) -> Holed {
     let rows = picture.len().div_ceil(width);
     let (half, mut coarse) = (width.div_ceil(2), Vec::new());

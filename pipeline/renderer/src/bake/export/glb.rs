@@ -1,24 +1,24 @@
-//! One file out of a document: all of its bytes in one buffer, images among them.
+//! Packs a document into a single file: one buffer with all bytes, including images.
 
 use super::document::Document;
 use pipeline::error::{Error, Result};
 use serde_json::json;
 use std::path::Path;
 
-/// Chunks of a .glb file (glTF 2.0, 4.4.3).
+/// Chunk types of a .glb file (glTF 2.0, 4.4.3).
 const JSON: [u8; 4] = *b"JSON";
 const BINARY: [u8; 4] = *b"BIN\0";
-/// Bytes before the first chunk, and before the bytes of each.
+/// Bytes before the first chunk, and header bytes of each chunk.
 const HEADER: usize = 12;
 const CHUNK_HEADER: usize = 8;
 
-/// Takes images that lie in other files, or in the text, into the buffers.
+/// Moves images from other files or data URIs into the buffers.
 pub(super) fn take_images_in(document: &mut Document) -> Result<()> {
     for index in 0..document.list("images").len() {
         let Some(uri) = document.list("images")[index]["uri"].as_str().map(str::to_owned) else { continue };
         let bytes = document.resource(&format!("image {index}"), &uri)?;
-        let kind =
-            kind(&bytes).ok_or_else(|| document.damaged(&format!("image {index}, no PNG, JPEG, WebP or KTX2,")))?;
+        let kind = kind(&bytes)
+            .ok_or_else(|| document.damaged(&format!("image {index}, not a PNG, JPEG, WebP or KTX2 file,")))?;
         let view = document.add_view(bytes);
         let mut image = document.list("images")[index].clone();
         if let Some(fields) = image.as_object_mut() {
@@ -31,7 +31,7 @@ pub(super) fn take_images_in(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// The media type of an image, by its first bytes.
+/// Returns the media type of an image, from its first bytes.
 fn kind(bytes: &[u8]) -> Option<&'static str> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => Some("image/png"),
@@ -42,9 +42,9 @@ fn kind(bytes: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// The bytes of the file; `path` is for the message.
+/// Returns the bytes of the file; `path` is used in the error message.
 pub(super) fn packed(mut document: Document, path: &Path) -> Result<Vec<u8>> {
-    // Views one after the other, each at a multiple of four bytes.
+    // Views in order, each aligned to four bytes.
     let mut binary = Vec::new();
     for index in 0..document.list("bufferViews").len() {
         let Some(bytes) = document.view(index) else { return Err(document.damaged(&format!("buffer view {index}"))) };
@@ -61,8 +61,9 @@ pub(super) fn packed(mut document: Document, path: &Path) -> Result<Vec<u8>> {
 
     let length = HEADER + 2 * CHUNK_HEADER + text.len() + binary.len();
     let Ok(length) = u32::try_from(length) else {
-        let problem =
-            format!(" would have {length} bytes, and a .glb file has fewer than 2³²: choose a smaller --texture");
+        let problem = format!(
+            " would have {length} bytes, but a .glb file is limited to less than 2³²: choose a smaller --texture"
+        );
         return Err(Error::content(path, problem));
     };
     let mut file = Vec::with_capacity(length as usize);

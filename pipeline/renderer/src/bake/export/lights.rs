@@ -1,4 +1,4 @@
-//! Lamps of the document: they are in the baked light already, and shine on nothing but what moves.
+//! Punctual lights of the document. The baked light contains them already, so they are needed only for dynamic surfaces.
 
 use super::document::Document;
 use render_core::scene::Scene;
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 const EXTENSION: &str = "KHR_lights_punctual";
 
-/// Keeps the punctual lights if something that moves needs them, `exposure` times as bright, and leaves them out otherwise.
+/// Keeps the punctual lights, scaled by `exposure`, if any dynamic surface needs them, and removes them otherwise.
 pub(super) fn adapt(document: &mut Document, scene: &Scene, exposure: f32) {
     let moving = scene.moving_instances();
     let is_lit = |mesh: usize| !scene.materials[scene.meshes[mesh].material].unlit;
@@ -16,7 +16,7 @@ pub(super) fn adapt(document: &mut Document, scene: &Scene, exposure: f32) {
         return;
     }
 
-    // Viewers have no exposure, so that of the film goes into the intensities.
+    // Viewers have no exposure setting: apply the film's exposure to the intensities.
     let lights = document.json.pointer_mut(&format!("/extensions/{EXTENSION}/lights"));
     for light in lights.and_then(Value::as_array_mut).into_iter().flatten() {
         let intensity = light["intensity"].as_f64().unwrap_or(1.0) * f64::from(exposure);
@@ -26,7 +26,7 @@ pub(super) fn adapt(document: &mut Document, scene: &Scene, exposure: f32) {
     }
 }
 
-/// Leaves the extension out of the document and of its nodes.
+/// Removes the extension from the document and its nodes.
 fn leave_out(json: &mut Value) {
     if let Some(Value::Array(nodes)) = json.get_mut("nodes") {
         nodes.iter_mut().for_each(without_lights);
@@ -34,7 +34,7 @@ fn leave_out(json: &mut Value) {
     without_lights(json);
 }
 
-/// Leaves the extension out of an object.
+/// Removes the extension from an object.
 fn without_lights(object: &mut Value) {
     let Some(map) = object.as_object_mut() else { return };
     let Some(Value::Object(extensions)) = map.get_mut("extensions") else { return };

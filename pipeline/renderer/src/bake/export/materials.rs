@@ -1,17 +1,17 @@
-//! Materials that show the baked texture as it is.
+//! Materials that show the baked texture unchanged.
 
 use super::document::Document;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// glTF's numbers of a filter and a wrapping mode: look-ups never leave the picture, nor its finest level.
+/// glTF constants of filter and wrap modes: samples stay within the image and its finest level.
 const LINEAR: u32 = 9729;
 const CLAMP_TO_EDGE: u32 = 33071;
 
-/// The baked texture, and a material of it for each of the scene's.
+/// The baked texture, and one new material for each of the scene's materials.
 pub(super) struct Materials {
     texture: usize,
-    /// By the material that it stands for; none is glTF's default material.
+    /// New materials by the material that they replace; `None` is glTF's default material.
     made: BTreeMap<Option<usize>, usize>,
 }
 
@@ -28,7 +28,7 @@ impl Materials {
         Self { texture, made: BTreeMap::new() }
     }
 
-    /// The material that shows baked light where `material` was: unlit, seen from its front alone, with the same alpha mode.
+    /// Returns the unlit, single-sided material that replaces `material`, with the same alpha mode.
     pub fn baked(&mut self, document: &mut Document, material: Option<usize>) -> usize {
         if let Some(&made) = self.made.get(&material) {
             return made;
@@ -51,7 +51,7 @@ impl Materials {
     }
 }
 
-/// Names the extensions that the document has, and no others: a mesh with short numbers shows in no other place that it is one.
+/// Lists the extensions that the document uses. Meshes with quantized attributes have no other mark, so that extension stays.
 pub(super) fn list_extensions(document: &mut Document) {
     let mut found = vec!["KHR_mesh_quantization".to_owned()];
     collect(&document.json, &mut found);
@@ -71,7 +71,7 @@ pub(super) fn list_extensions(document: &mut Document) {
     }
 }
 
-/// Names of the extensions that objects have.
+/// Collects the names of the extensions of objects.
 fn collect(value: &Value, found: &mut Vec<String>) {
     match value {
         Value::Array(list) => list.iter().for_each(|value| collect(value, found)),

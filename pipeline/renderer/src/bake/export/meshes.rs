@@ -1,4 +1,4 @@
-//! Meshes of baked surfaces: vertices split along charts, with the coordinates of the baked texture for each node.
+//! Meshes of baked surfaces: vertices split along charts, with coordinates in the baked texture for each node.
 
 use super::apart;
 use super::document::{ARRAY_BUFFER, Document, ELEMENT_ARRAY_BUFFER, number};
@@ -11,25 +11,25 @@ use render_core::{Atlas, FineTexels, Surfaces};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// The sides of an instance that have charts.
+/// Sides of an instance that have charts.
 struct Baked {
     instance: usize,
-    /// Front and back, each with a place for each of its triangles.
+    /// Front and back, each with the texture coordinates of its triangles.
     sides: Vec<(bool, SideTriangles)>,
 }
 
-/// A primitive with its vertices split; its accessors, but for coordinates of the baked texture.
+/// A primitive with split vertices: its accessors except coordinates in the baked texture.
 struct Geometry {
     split: Split,
     attributes: Map<String, Value>,
     targets: Option<Value>,
-    /// An accessor of positions for backs.
+    /// Accessor of positions for backs.
     behind: Option<usize>,
-    /// Accessors of indices that are there already.
+    /// Existing accessors of indices.
     indices: BTreeMap<Vec<u32>, usize>,
 }
 
-/// Writes the meshes of baked surfaces anew.
+/// Writes new meshes of baked surfaces.
 pub(super) struct Meshes<'a> {
     pub document: &'a mut Document,
     pub places: &'a [PrimitiveSlot],
@@ -40,7 +40,7 @@ pub(super) struct Meshes<'a> {
 }
 
 impl Meshes<'_> {
-    /// Gives each node that shows a baked surface a mesh of its own. Other primitives of the node stay as they are.
+    /// Gives each node with a baked surface its own mesh. Other primitives of the node are unchanged.
     pub fn write(mut self) -> Result<()> {
         let mut new: BTreeMap<usize, BTreeMap<usize, Vec<Value>>> = BTreeMap::new();
         for (_, instances) in self.instances_by_mesh() {
@@ -68,7 +68,7 @@ impl Meshes<'_> {
         Ok(())
     }
 
-    /// The instances that have charts, by the mesh that they share.
+    /// Returns the instances that have charts, by their mesh.
     fn instances_by_mesh(&self) -> BTreeMap<usize, Vec<Baked>> {
         let scene = self.surfaces.scene();
         let mut by_mesh: BTreeMap<usize, Vec<Baked>> = BTreeMap::new();
@@ -89,7 +89,7 @@ impl Meshes<'_> {
         by_mesh
     }
 
-    /// The geometry that instances of a mesh share.
+    /// Creates the geometry that instances of a mesh share.
     fn geometry(&mut self, instances: &[Baked]) -> Result<Geometry> {
         let scene = self.surfaces.scene();
         let Baked { instance, .. } = instances[0];
@@ -100,8 +100,8 @@ impl Meshes<'_> {
         }
         let split = Split::new(&mesh.triangles, &sides);
 
-        // Colors are in the baked texture, tangents belong to normal maps, and of other texture coordinates a viewer needs none:
-        // the first set stays, since sets are counted from 0.
+        // The baked texture replaces vertex colors, and without a normal map no tangents are needed. Only the first set of
+        // texture coordinates is kept, since set numbers must start at 0.
         let found = primitives(self.document, place.mesh)[place.primitive].clone();
         let count = mesh.positions.len();
         let mut attributes = Map::new();
@@ -129,7 +129,7 @@ impl Meshes<'_> {
         Ok(Geometry { split, attributes, targets, behind, indices: BTreeMap::new() })
     }
 
-    /// The morph targets of a primitive, for new vertices: a shape that stays may be mixed of several.
+    /// Copies the morph targets of a primitive for the new vertices: a static shape may blend several targets.
     fn targets(&mut self, primitive: &Value, count: usize, vertices: &[u32]) -> Result<Option<Value>> {
         let Some(old) = primitive["targets"].as_array() else { return Ok(None) };
         let mut targets = Vec::new();
@@ -149,7 +149,7 @@ impl Meshes<'_> {
         Ok(Some(json!(targets)))
     }
 
-    /// The primitives of an instance: its front, and its back where that has charts too.
+    /// Creates the primitives of an instance: its front, and its back if that has charts.
     fn primitives(&mut self, baked: &Baked, place: PrimitiveSlot, geometry: &mut Geometry) -> Result<Vec<Value>> {
         let found = primitives(self.document, place.mesh)[place.primitive].clone();
         let material = self.materials.baked(self.document, number(&found["material"]));
@@ -161,7 +161,7 @@ impl Meshes<'_> {
             }
             let coordinates = self.coordinates(&geometry.split.places(side));
             attributes.insert("TEXCOORD_1".into(), json!(coordinates));
-            // Where there is no first set, this one stands for it: sets have no gaps.
+            // Without a first coordinate set, use this one: set numbers must have no gaps.
             attributes.entry("TEXCOORD_0").or_insert(json!(coordinates));
 
             let indices = geometry.split.indices(side, *back);
@@ -185,7 +185,7 @@ impl Meshes<'_> {
         Ok(written)
     }
 
-    /// An accessor of coordinates in the baked texture.
+    /// Adds an accessor of coordinates in the baked texture.
     fn coordinates(&mut self, places: &[Vec2]) -> usize {
         let mut bytes = Vec::with_capacity(8 * places.len());
         for &place in places {
@@ -195,9 +195,9 @@ impl Meshes<'_> {
         self.document.add_accessor(bytes, ARRAY_BUFFER, accessor)
     }
 
-    /// An accessor of indices, of two bytes each if that is enough.
+    /// Adds an accessor of indices, with two bytes each if possible.
     fn indices(&mut self, indices: &[u32]) -> usize {
-        // The largest number of a type is not an index (glTF 2.0, 3.7.2.1).
+        // The largest value of a type is not a valid index (glTF 2.0, 3.7.2.1).
         let is_short = indices.iter().all(|&index| index < u32::from(u16::MAX));
         let mut bytes = Vec::with_capacity(4 * indices.len());
         for &index in indices {

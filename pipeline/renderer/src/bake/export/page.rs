@@ -1,12 +1,12 @@
-//! The picture of the atlas: each texel the color that a film shows there.
+//! Image of the atlas: each texel has the color that a film shows there.
 //!
 //! ```text
-//! L = ρ/π (E_direct + E_indirect) + L_emitted        ρ  reflectance at the texel's own place, filtered over it
-//! code = 255 display(L)                              E  irradiance, between the four texels of the bake around that place
+//! L = ρ/π (E_direct + E_indirect) + L_emitted        ρ  reflectance at the texel's point, filtered over the texel
+//! code = 255 display(L)                              E  irradiance, bilinear between four baked texels
 //! ```
 //!
-//! Reflections of coats depend on the viewer, which no texture can. They are painted as if coats were matte and reflected as
-//! much: a metal has its color and no mirror image, and polish is a little light over the color of its base.
+//! A texture cannot contain reflections of coats, which depend on the viewer. Coats are painted matte, with the same
+//! reflectance: a metal keeps its color, and polish brightens its base color slightly.
 
 use super::fill::{Holed, filled};
 use crate::texels::BakedTexels;
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use render_core::{FinePoint, FineTexels, Surfaces};
 use std::f32::consts::PI;
 
-/// Light, surfaces and tone curve, which colors are made of.
+/// Light, surfaces and tone curve of the colors.
 pub(super) struct Painter<'a> {
     pub texels: &'a FineTexels<'a>,
     pub baked: &'a BakedTexels,
@@ -26,7 +26,7 @@ pub(super) struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    /// R′G′B′ and opacity of all texels in raster order.
+    /// Returns R′G′B′ and opacity of all texels in raster order.
     pub fn painted(&self) -> Vec<[u8; 4]> {
         let (width, height) = (self.texels.width() as usize, self.texels.height() as usize);
         let mut picture: Holed = vec![None; width * height];
@@ -51,12 +51,12 @@ impl Painter<'_> {
     }
 }
 
-/// A display value or an opacity, 0…1, as a byte.
+/// Quantizes a display value or an opacity, 0…1, to a byte.
 fn code(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// A picture as a PNG file, with its opacity if `has_alpha`.
+/// Encodes an image as PNG, with opacity if `has_alpha`.
 pub(super) fn png(picture: &[[u8; 4]], width: u32, height: u32, has_alpha: bool) -> Result<Vec<u8>> {
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, width, height);
@@ -66,8 +66,8 @@ pub(super) fn png(picture: &[[u8; 4]], width: u32, height: u32, has_alpha: bool)
     for texel in picture {
         samples.extend(&texel[..if has_alpha { 4 } else { 3 }]);
     }
-    let mut writer = encoder.write_header().context("the picture of baked light")?;
-    writer.write_image_data(&samples).context("the picture of baked light")?;
-    writer.finish().context("the picture of baked light")?;
+    let mut writer = encoder.write_header().context("the image of baked light")?;
+    writer.write_image_data(&samples).context("the image of baked light")?;
+    writer.finish().context("the image of baked light")?;
     Ok(file)
 }

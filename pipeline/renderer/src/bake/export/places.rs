@@ -1,4 +1,4 @@
-//! Where the instances of a scene stand in its document.
+//! Slots of a scene's instances in its document.
 
 use super::document::{Document, number};
 use pipeline::error::Result;
@@ -6,10 +6,10 @@ use render_core::scene::Scene;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Modes of primitives that are triangles: a list, a strip, a fan.
+/// Primitive modes that consist of triangles: list, strip, fan.
 const TRIANGLES: std::ops::RangeInclusive<u64> = 4..=6;
 
-/// A primitive of the mesh of a node: all are indices into the document's lists.
+/// A primitive of a node's mesh: indices into the document's lists.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PrimitiveSlot {
     pub node: usize,
@@ -17,7 +17,7 @@ pub(super) struct PrimitiveSlot {
     pub primitive: usize,
 }
 
-/// The places of a scene's instances, in their order: that of nodes in the file, and of primitives in a mesh.
+/// Returns the slots of a scene's instances, in the order of nodes in the file and primitives in a mesh.
 pub(super) fn places(document: &Document, scene: &Scene) -> Result<Vec<PrimitiveSlot>> {
     let mut places = Vec::new();
     for node in shown_nodes(document) {
@@ -29,7 +29,7 @@ pub(super) fn places(document: &Document, scene: &Scene) -> Result<Vec<Primitive
         }
     }
 
-    // The scene was read by other code: both have found the same.
+    // The loader read the scene separately: both readers must agree.
     let vertices = |place: &PrimitiveSlot| {
         let position = number(&primitives(document, place.mesh)[place.primitive]["attributes"]["POSITION"])?;
         number(&document.list("accessors").get(position)?["count"])
@@ -42,13 +42,13 @@ pub(super) fn places(document: &Document, scene: &Scene) -> Result<Vec<Primitive
     Ok(places)
 }
 
-/// The primitives of a mesh.
+/// Returns the primitives of a mesh.
 pub(super) fn primitives(document: &Document, mesh: usize) -> &[Value] {
     let list = document.list("meshes").get(mesh).and_then(|mesh| mesh["primitives"].as_array());
     list.map_or(&[], Vec::as_slice)
 }
 
-/// The nodes of the scene that is shown, in the order of the file.
+/// Returns the nodes of the shown scene, in file order.
 fn shown_nodes(document: &Document) -> BTreeSet<usize> {
     let children = |parent: &Value, name: &str| -> Vec<usize> {
         parent[name].as_array().into_iter().flatten().filter_map(number).collect()

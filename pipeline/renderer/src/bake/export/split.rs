@@ -1,25 +1,25 @@
-//! Vertices, split where charts end: a vertex has one place in a texture.
+//! Vertices split at chart boundaries: a vertex has one texture coordinate.
 
 use glam::Vec2;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-/// Places of the triangles of one side of an instance; `None` for a triangle without a place.
+/// Texture coordinates of the triangles on one side of an instance; `None` for a triangle without any.
 pub(super) type SideTriangles = Vec<Option<[Vec2; 3]>>;
 
-/// The vertices of a mesh, split so that each has one place on all sides of all instances.
+/// Vertices of a mesh, split so that each has one texture coordinate on each side of each instance.
 #[derive(Debug, PartialEq)]
 pub(super) struct Split {
-    /// For each new vertex the old one.
+    /// Original vertex of each new vertex.
     pub vertices: Vec<u32>,
-    /// The new vertices of each triangle.
+    /// New vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Split {
-    /// Splits the vertices of `triangles`. Each of `sides` has a place, or none, for each triangle.
+    /// Splits the vertices of `triangles`. Each of `sides` contains one entry per triangle.
     pub fn new(triangles: &[[u32; 3]], sides: &[SideTriangles]) -> Self {
-        // At first corners are of one kind if they have the same vertex; then each side tells more of them apart.
+        // Corners start with their vertex as their class; each side refines the classes.
         let mut kinds: Vec<u32> = triangles.as_flattened().to_vec();
         for side in sides {
             let mut known: HashMap<(u32, Option<[u32; 2]>), u32> = HashMap::new();
@@ -30,7 +30,7 @@ impl Split {
             }
         }
 
-        // Kinds get their numbers in the order of triangles.
+        // Number the classes in the order of triangles.
         let (mut vertices, mut number_of) = (Vec::new(), HashMap::new());
         let mut new = vec![[0; 3]; triangles.len()];
         let olds = triangles.as_flattened().iter();
@@ -47,7 +47,7 @@ impl Split {
         Self { vertices, triangles: new }
     }
 
-    /// The place of each vertex on one of the sides, (0, 0) where it has none.
+    /// Returns the texture coordinate of each vertex on a side, (0, 0) without one.
     pub fn places(&self, side: &SideTriangles) -> Vec<Vec2> {
         let mut places = vec![Vec2::ZERO; self.vertices.len()];
         for (triangle, corners) in self.triangles.iter().zip(side) {
@@ -58,7 +58,7 @@ impl Split {
         places
     }
 
-    /// The vertices of the triangles that have a place on a side, as one list; turned round for a `back`.
+    /// Returns the vertices of all triangles with coordinates on a side, in reverse winding for a `back`.
     pub fn indices(&self, side: &SideTriangles, back: bool) -> Vec<u32> {
         let mut indices = Vec::with_capacity(3 * self.triangles.len());
         for (&[a, b, c], _) in self.triangles.iter().zip(side).filter(|(_, corners)| corners.is_some()) {
@@ -85,7 +85,7 @@ mod tests {
         let one = Split::new(&triangles, std::slice::from_ref(&whole));
         assert_eq!(one, Split { vertices: vec![0, 1, 2, 3], triangles: triangles.to_vec() });
 
-        // A vertex that is split for one side is split for all sides.
+        // A vertex that is split on one side is split on all sides.
         let two = Split::new(&triangles, &[whole.clone(), cut.clone()]);
         assert_eq!(two, Split { vertices: vec![0, 1, 2, 2, 1, 3], triangles: vec![[0, 1, 2], [3, 4, 5]] });
         assert_eq!(two.places(&whole)[2..4], [vec2(0.0, 1.0); 2]);

@@ -1,4 +1,4 @@
-//! The tone curve that the picture of baked light is shown by: the film's.
+//! Tone curve of the baked image, equal to the film's.
 
 use crate::settings::{Lighting, RenderSettings, Size};
 use crate::texels::BakedTexels;
@@ -9,11 +9,11 @@ use pipeline::error::Result;
 use render_core::scene::Scene;
 use std::sync::Arc;
 
-/// Side of the frame that an exposure is found from \[pixels\].
+/// Side of the frame that determines the exposure \[pixels\].
 const SIDE: usize = 128;
 
-/// The tone curve of a film by `settings`. Where the scene states no exposure, it is that of the film's first frame: by the
-/// same rule, from a frame of 128×128 pixels in baked light.
+/// Returns the tone curve of a film with `settings`. Without a given exposure, it is determined from the film's first frame,
+/// rendered with baked light at 128×128 pixels.
 pub(super) fn tone_map(scene: &Scene, settings: &RenderSettings, baked: &Arc<BakedTexels>) -> Result<ToneMap> {
     if !settings.auto_exposure {
         return Ok(settings.tone_map);
@@ -27,7 +27,7 @@ pub(super) fn tone_map(scene: &Scene, settings: &RenderSettings, baked: &Arc<Bak
     Ok(tone_map.with_exposure(exposure))
 }
 
-/// The radiance that looks as `radiance` does by `tone_map`, where the display's own curve is the only one.
+/// Returns the radiance that a plain sRGB display shows like `radiance` under `tone_map`.
 pub(super) fn shown(tone_map: &ToneMap, radiance: Vec3) -> Vec3 {
     let display = ToneMap::srgb();
     Vec3::from(radiance.to_array().map(|light| display.decode(tone_map.encode(light))))

@@ -4,7 +4,7 @@ use render_core::Environment;
 use render_core::scene::{self, Camera, Encoding, Gradient, Instance, Projection, Texture, Wrap};
 use std::path::Path;
 
-/// The nodes of [`stage`].
+/// Nodes of [`stage`].
 const CAMERA: usize = 0;
 const LAMP: usize = 1;
 const BODY: usize = 2;
@@ -27,7 +27,7 @@ fn moves(node: usize, to: f32) -> Channel {
     channel(node, Track::Translation(vec![Vec3::ZERO, Vec3::X * to]))
 }
 
-/// A camera that moves, a lamp, and a body of one triangle that moves and bends.
+/// Returns a scene with a moving camera, a lamp, and a triangle that moves and deforms.
 fn stage() -> Scene {
     let node = |parent| Node { name: String::new(), parent, rest: Transform::IDENTITY };
     let slot = TextureSlot { texture: 0, uv_set: 0, transform: Some((Vec2::ZERO, 0.5, Vec2::ONE)) };
@@ -64,7 +64,7 @@ fn stage() -> Scene {
     }
 }
 
-/// The fingerprint of [`stage`] after `change`.
+/// Returns the fingerprint of [`stage`] after `change`.
 fn after(change: impl FnOnce(&mut Scene)) -> u64 {
     let mut scene = stage();
     change(&mut scene);
@@ -81,7 +81,7 @@ fn a_scene_has_one_fingerprint() {
     assert_eq!(fingerprint(&stage()), fingerprint(&stage()));
 }
 
-/// Where this changes, all files that were baked before are refused.
+/// A change of this value rejects all existing files of baked light.
 #[test]
 fn fingerprints_are_those_of_other_machines_and_versions() {
     assert_eq!(
@@ -112,7 +112,7 @@ fn cameras_names_and_films_do_not_count() {
     }
 }
 
-/// A camera's node at the front, in the middle or at the end gives other nodes other indices.
+/// Other nodes get other indices if a camera node is first, in the middle or last.
 #[test]
 fn nodes_may_have_other_indices() {
     let with_camera_at = |place: usize| {
@@ -179,7 +179,7 @@ fn all_else_counts() {
         ("sky", |s| s.sky = sky(2.5)),
         ("sun", |s| s.settings.sun.angular_diameter = 5.0),
     ];
-    // No two are alike, either.
+    // All of them differ from each other, too.
     let mut found = vec![("none", fingerprint(&stage()))];
     for (name, change) in changes {
         let changed = after(change);
