@@ -1,7 +1,7 @@
-//! Light that coats at rest reflect, for each texel of an atlas and each direction, as it was baked.
+//! Baked light that static coats reflect, for each texel of an atlas and each direction.
 //!
-//! Texels whose coats are equally rough, by the side n of their maps, share a field. A look-up is bilinear in directions; that in
-//! texels is up to the caller, who knows the blend.
+//! Texels of equal coat roughness, quantized to the side n of their maps, share a field. Samples are bilinear in direction.
+//! Callers blend texels.
 
 use glam::Vec3;
 use lightfield::{DirectionCells, FieldError, LookUp, NearLossless, OctahedralMap, TILE_SIDE, TILE_SLOTS};
@@ -9,32 +9,32 @@ use pipeline::state::{decode, encode};
 use render_core::Atlas;
 use serde::{Deserialize, Serialize};
 
-/// Fields of all coats that are baked, with their texels.
+/// Fields of all baked coats, and their texels.
 #[derive(Debug, Default)]
 pub struct CoatFields {
     fields: Vec<CoatField>,
-    /// For each texel of the atlas its field and its slot there, if its coat is baked.
+    /// Field and slot of each texel in the atlas; `None` for texels without baked coat.
     places: Vec<Option<TexelSlot>>,
 }
 
-/// The place of a texel's light.
+/// Position of a texel's light.
 #[derive(Clone, Copy, Debug)]
 struct TexelSlot {
     field: u32,
     slot: u32,
 }
 
-/// The light of equally rough coats.
+/// Light of coats with equal roughness.
 pub(crate) struct CoatField {
     map: OctahedralMap,
-    /// For each tile of the field its number in the atlas: by rows of tiles.
+    /// Tile index in the atlas, by rows of tiles, for each tile of the field.
     tiles: Vec<u32>,
-    /// The light of each code \[W·m⁻²·sr⁻¹\]: a film looks up 48 codes a pixel.
+    /// Radiance of each code \[W·m⁻²·sr⁻¹\]: a table, because a film reads 48 codes per pixel.
     light_of: Vec<f32>,
     light: NearLossless,
 }
 
-/// A field as files have it.
+/// A field in its file format.
 #[derive(Serialize, Deserialize)]
 struct StoredField {
     side: u32,
@@ -56,10 +56,10 @@ impl std::fmt::Debug for CoatField {
 }
 
 impl CoatField {
-    /// A field on a map of n × n directions, n = `side`, whose tiles have these numbers in the atlas.
+    /// Creates a field with maps of n × n directions, n = `side`, for the tiles of these indices in the atlas.
     ///
     /// # Errors
-    /// The light does not fit the map or the tiles, or has no logarithmic scale.
+    /// If the light does not fit the map or the tiles, or has no logarithmic scale.
     pub fn new(side: usize, tiles: Vec<u32>, light: NearLossless) -> Result<Self, FieldError> {
         let map = OctahedralMap { side };
         if light.directions() != map.len() {
@@ -76,7 +76,7 @@ impl CoatField {
         }
     }
 
-    /// Light in the slot of a texel, bilinear in `mirrored` direction; none where no such texel is.
+    /// Returns the radiance in a texel's slot, bilinear in the `mirrored` direction; `None` for an empty slot.
     fn light(&self, slot: usize, mirrored: Vec3) -> Option<Vec3> {
         let DirectionCells { cells, weights } = self.map.bilinear(mirrored);
         let mut sum = Vec3::ZERO;
@@ -89,7 +89,7 @@ impl CoatField {
 }
 
 impl CoatFields {
-    /// The fields of coats on `atlas`. None if a tile is not one of the atlas, or has texels that are not in use there.
+    /// Creates the fields of coats on `atlas`; `None` if a tile or a used texel does not exist in it.
     pub(crate) fn new(atlas: &Atlas, fields: Vec<CoatField>) -> Option<Self> {
         let columns = atlas.size().0 / TILE_SIDE as u32;
         let mut places = vec![None; atlas.len()];
@@ -111,33 +111,33 @@ impl CoatFields {
         self.fields.is_empty()
     }
 
-    /// Texels whose coats are baked.
+    /// Returns the number of texels with baked coats.
     #[must_use]
     pub fn texels(&self) -> usize {
         self.fields.iter().map(|field| field.light.tiles().texels()).sum()
     }
 
-    /// Samples of light: texels, each times its directions.
+    /// Returns the number of light samples: the sum over texels of their directions.
     #[must_use]
     pub fn samples(&self) -> usize {
         self.fields.iter().map(|field| field.light.tiles().texels() * field.map.len()).sum()
     }
 
-    /// Bytes of the light as it is stored.
+    /// Returns the stored size of the light in bytes.
     #[must_use]
     pub fn stored_bytes(&self) -> usize {
         self.fields.iter().map(|field| field.light.as_bytes().len()).sum()
     }
 
-    /// Mean radiance \[W·m⁻²·sr⁻¹\] that the coat of a texel reflects towards a viewer to whom a mirror would show the world in
-    /// the unit direction `mirrored`; the albedo of the coat is the caller's factor. None where the coat is not baked.
+    /// Returns the mean radiance \[W·m⁻²·sr⁻¹\] that a texel's coat reflects, to be multiplied by its albedo. The unit vector
+    /// `mirrored` is the mirror direction. `None` if the coat is not baked.
     #[must_use]
     pub fn mean_radiance(&self, texel: usize, mirrored: Vec3) -> Option<Vec3> {
         let TexelSlot { field, slot } = (*self.places.get(texel)?)?;
         self.fields[field as usize].light(slot as usize, mirrored)
     }
 
-    /// The fields as bytes.
+    /// Encodes the fields as bytes.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut stored = Vec::new();
         for CoatField { map, tiles, light, .. } in &self.fields {
@@ -147,7 +147,7 @@ impl CoatFields {
         encode(&stored)
     }
 
-    /// Fields of `atlas` from bytes; the error is a text without a name of the file.
+    /// Decodes the fields of `atlas`; the error text does not contain the file name.
     pub(crate) fn from_bytes(atlas: &Atlas, bytes: &[u8]) -> Result<Self, String> {
         let stored: Vec<StoredField> = decode(bytes).map_err(|error| error.chain())?;
         let mut fields = Vec::new();
@@ -155,6 +155,6 @@ impl CoatFields {
             let light = NearLossless::from_bytes(light).map_err(|error| error.to_string())?;
             fields.push(CoatField::new(side as usize, tiles, light).map_err(|error| error.to_string())?);
         }
-        Self::new(atlas, fields).ok_or_else(|| "texels of coats that the atlas does not have".into())
+        Self::new(atlas, fields).ok_or_else(|| "its coats refer to texels outside of the atlas".into())
     }
 }

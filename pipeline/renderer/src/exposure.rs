@@ -1,11 +1,11 @@
-//! The exposure of a film that is found before its frames: from its first frame, or from those that are lit.
+//! Exposure of a film, computed before rendering: from its first frame or from its lit frames.
 //!
 //! ```text
-//! e = 0.18 / exp(mean ln Y)         Y  luminance of the lit pixels of the first frame
+//! e = 0.18 / exp(mean ln Y)         Y  luminance of the first frame's lit pixels
 //! ```
 //!
-//! That holds for a film whose first frame is as bright as the others, about. Paths look at a few small frames to see whether it is:
-//! where a film's lamps move, or its first frame is black, the lit frames among them set the exposure.
+//! This rule requires a first frame about as bright as the others. To test this, a few small frames are path-traced. If lamps
+//! move or the first frame is black, the lit frames among them set the exposure.
 
 use super::{Preparation, Shading};
 use crate::plan::{Plan, lamp_moves};
@@ -16,27 +16,28 @@ use pipeline::parts::{LastThresholds, Shade};
 use render_core::scene::Scene;
 use render_core::{PathOptions, Still, path_traced};
 
-/// Larger side of the picture that an exposure is found from \[pixels\].
+/// Larger side of the frame that determines the exposure \[pixels\].
 const SIDE: usize = 128;
-/// The same for a look by paths, and paths for each pixel: the mean of 1024 pixels of a film's first frame is then within 5 %.
+/// Larger side of a path-traced test frame \[pixels\], and paths per pixel. The mean of 1024 pixels of a film's first frame is
+/// then within 5 %.
 const SIDE_OF_A_LOOK: usize = 32;
 const PATHS: u32 = 16;
-/// Frames that are looked at where the first tells too little; and the most of them, if all are black.
+/// Number of test frames if the first frame is not sufficient, and the maximum if all are black.
 const LOOKS: usize = 5;
 const MOST_LOOKS: usize = 64;
-/// A frame is lit if it has this share of the mean luminance of the brightest: six stops less.
+/// Minimum mean luminance of a lit frame, as a fraction of the brightest frame's: six stops less.
 const LIT: f32 = 1.0 / 64.0;
-/// The first frame's exposure is kept if the film's is no more than two stops away.
+/// Largest ratio to the film's exposure at which the first frame's exposure is kept: two stops.
 const NEAR: f32 = 4.0;
 
-/// The exposure of a film in chunks by `settings`, and of each part of it: by the rule of other films, from the first frame at no
-/// more than 128 pixels a side. `shading` makes the second half of the renderer for it.
+/// Returns the exposure of a film in chunks, equal for all chunks. It follows the rule of other films, applied to a first frame
+/// with at most 128 pixels per side. `shading` creates the second half of the renderer.
 pub fn exposure_of_first_frame(
     scene: &Scene,
     settings: &RenderSettings,
     shading: impl for<'a> FnOnce(&RenderSettings, &'a Plan) -> Shading<'a>,
 ) -> f32 {
-    // One sample of all pixels: no part of the picture weighs more than another.
+    // With one sample per pixel, all regions of the frame have equal weight.
     let settings = RenderSettings {
         size: within(settings.size, SIDE),
         frames: 1,
@@ -53,21 +54,21 @@ pub fn exposure_of_first_frame(
     exposure_for(&luminance_plane(&radiance))
 }
 
-/// The exposure of a film whose first frame is no measure of the others; `None` where it is. It depends on the whole film, whatever
-/// range of it is made.
+/// Returns the exposure of a film with an unrepresentative first frame, otherwise `None`. The result depends on the whole film,
+/// not on the rendered range.
 pub fn exposure_of_lit_frames(scene: &Scene, settings: &RenderSettings) -> Option<f32> {
     if settings.frames < 2 || !may_change(scene) {
         return None;
     }
 
-    // The first frame is enough if it is lit, and stays so.
+    // The first frame suffices if it is lit and no lamp moves.
     let first = look(scene, settings, 0);
     let mut looks = vec![first];
     if looks[0].mean > 0.0 && !lamp_moves(scene) {
         return None;
     }
 
-    // Others in an order that halves gaps, until some are lit.
+    // Test further frames, halving the gaps, until some are lit.
     for frame in spread(settings.frames).skip(1) {
         let is_lit = looks.iter().any(|look| look.mean > 0.0);
         if looks.len() >= if is_lit { LOOKS } else { MOST_LOOKS } {
@@ -76,7 +77,7 @@ pub fn exposure_of_lit_frames(scene: &Scene, settings: &RenderSettings) -> Optio
         looks.push(look(scene, settings, frame));
     }
 
-    // Pixels of the lit frames alone.
+    // Use only the pixels of lit frames.
     let brightest = looks.iter().fold(0.0, |most: f32, look| most.max(look.mean));
     let lit = looks.iter().filter(|look| look.mean > 0.0 && look.mean >= LIT * brightest);
     let pixels: Vec<f32> = lit.flat_map(|look| look.luminances.iter().copied()).collect();
@@ -87,7 +88,7 @@ pub fn exposure_of_lit_frames(scene: &Scene, settings: &RenderSettings) -> Optio
     (!first_is_lit || !of_first.is_some_and(is_near)).then_some(of_film)
 }
 
-/// A frame, small and by few paths.
+/// A small frame, path-traced with few paths.
 struct Look {
     luminances: Vec<f32>,
     mean: f32,
@@ -103,16 +104,16 @@ fn look(scene: &Scene, settings: &RenderSettings, frame: u32) -> Look {
     Look { luminances, mean }
 }
 
-/// Whether any frame may have other light than the first: something moves.
+/// Whether any frame may be lit differently than the first, because something moves.
 fn may_change(scene: &Scene) -> bool {
     let nodes = scene.moving_nodes();
     let camera_moves = scene.filming_camera().is_some_and(|camera| nodes[camera.node]);
     camera_moves || scene.moving_instances().contains(&true) || lamp_moves(scene)
 }
 
-/// All frames of a film, once each: the first, then quarters of it, and ever finer.
+/// Returns all frames of a film once: the first, the middle, the quarters, and so on.
 fn spread(frames: u32) -> impl Iterator<Item = u32> {
-    // 0, ½, ¼, ¾, ⅛ … of the film, as far as these are other frames.
+    // 0, ½, ¼, ¾, ⅛ … of the film, without repeated frames.
     let mut seen = std::collections::BTreeSet::new();
     let bits = 32 - (frames - 1).leading_zeros();
     let count = 1u64 << bits;
@@ -121,7 +122,7 @@ fn spread(frames: u32) -> impl Iterator<Item = u32> {
         .filter(move |frame| seen.insert(*frame))
 }
 
-/// A size of the same shape whose sides are `most` pixels at most.
+/// Returns a size with the same aspect ratio and sides of at most `most` pixels.
 fn within(Size { width, height }: Size, most: usize) -> Size {
     let larger = width.max(height).max(most);
     let side = |side: usize| (side * most).div_ceil(larger);

@@ -1,4 +1,4 @@
-//! A frame up to where thresholds are needed: the scene in its pose, its lights, and the visible surfaces.
+//! A prepared frame: everything that needs no thresholds (posed scene, lights and visible surfaces).
 
 use lighttree::LightTree;
 use render_core::{Accelerator, DirectLights, FinalGather, GBuffer, Surfaces};
@@ -6,21 +6,21 @@ use std::sync::Arc;
 
 /// A prepared frame of a scene.
 pub struct Frame<'s> {
-    /// Its number, from 0.
+    /// Frame number, from 0.
     pub index: u32,
     /// The scene in this frame's pose.
     pub surfaces: Surfaces<'s>,
-    /// The scene, ready for shadow rays.
+    /// Acceleration structure for rays.
     pub accelerator: Arc<Accelerator>,
-    /// The lights that are sampled directly.
+    /// Lights that are sampled directly.
     pub direct: Arc<DirectLights>,
-    /// All other lights.
+    /// Light tree with all other lights.
     pub tree: Arc<LightTree>,
-    /// The surroundings of points, and the bias compensation of the tree's lights.
+    /// Final gather: the surroundings of points, and bias compensation for the tree's lights.
     pub gather: Arc<FinalGather>,
-    /// The visible surface of each pixel.
+    /// Visible surface of each pixel.
     pub seen: Arc<GBuffer>,
-    /// Offset of ray origins from their surface \[m\].
+    /// Offset of ray origins from surfaces \[m\].
     pub epsilon: f32,
 }
 
@@ -30,5 +30,5 @@ impl std::fmt::Debug for Frame<'_> {
     }
 }
 
-/// A frame for [`Shading`](super::Shading), with its motion.
+/// A frame with its motion, ready for [`Shading`](super::Shading).
 pub type PreparedFrame<'s> = pipeline::parts::Prepared<Frame<'s>>;

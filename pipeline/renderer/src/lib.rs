@@ -1,4 +1,4 @@
-//! Scenes into linear frames, as exact as per-pixel thresholds ask.
+//! Renders scenes to linear frames whose error stays within per-pixel thresholds.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
@@ -29,5 +29,5 @@ pub use shade::{
 #[cfg(feature = "bake")]
 pub(crate) use shade::{GATHER_RAYS, KnownScene, TexelCoat, Visibility};
 
-/// Perceptual roughness from which on the light of coats is baked: smoother ones show shapes that no texel holds.
+/// Minimum perceptual roughness of baked coats. Smoother coats show shapes finer than texels.
 pub(crate) const BAKED_ROUGHNESS: f32 = 0.35;

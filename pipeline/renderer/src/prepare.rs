@@ -1,4 +1,4 @@
-//! Everything about a frame that needs no thresholds: objects, photons, light tree, primary rays, motion.
+//! First half of the renderer: everything that needs no thresholds (object poses, photons, light tree, primary rays, motion).
 
 use super::frame::{Frame, PreparedFrame};
 use crate::plan::{Plan, Stage};
@@ -20,53 +20,53 @@ use render_core::{
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Directions that the sky is split into: 5° apart, below the size of the shadows that a sky throws.
+/// Number of directions for sky light: 5° apart, less than the width of shadows from a sky.
 const DOME_LIGHTS: usize = 1024;
-/// Points that glowing surfaces are split into when they are lights of the tree, all together.
+/// Total number of points that represent area lights in the light tree.
 const EMITTER_POINTS: f32 = 2048.0;
-/// The same for a single surface, at least and at most.
+/// Minimum and maximum number of points for a single surface.
 const POINTS_OF_A_SURFACE: (f32, f32) = (16.0, 1024.0);
-/// More glowing surfaces than this are lights of the tree: evaluating each at every pixel would cost more than a cut.
+/// Maximum number of area lights sampled at every pixel. If more surfaces are emissive, the light tree is cheaper.
 const MOST_SAMPLED_SURFACES: usize = 8;
-/// Moments of a film that photons are guided by, at most: a camera that walks on for 10 s has seen most rooms of its way.
+/// Maximum number of film moments that guide photons: a camera that walks for 10 s has seen most rooms on its path.
 const MOMENTS: u32 = 8;
-/// A surface of more pieces than this, and larger than this share of the scene, is a crowd of lights, not one.
+/// A surface with more patches, and larger than this fraction of the scene, is not sampled as a single light.
 const FEW_PATCHES: usize = 4;
 const SMALL_EXTENT: f32 = 0.1;
 
-/// The first half of the renderer: makes frames 0, 1, 2 … of a film.
+/// First half of the renderer: prepares frames 0, 1, 2 … of a film.
 pub struct Preparation<'s> {
     scene: &'s Scene,
     settings: RenderSettings,
     plan: &'s Plan,
-    /// Who shares the work.
+    /// Ranks that share the work.
     ranks: Arc<dyn Ranks>,
-    /// Whether light is looked at from anywhere, and not from the camera alone.
+    /// Whether light is needed everywhere, not only where the camera looks.
     everywhere: bool,
-    /// Made with the first frame, which is not before the files of the film are open.
+    /// State, created with the first frame, after the film's files are open.
     work: Option<PrepareState<'s>>,
 }
 
 impl<'s> Preparation<'s> {
-    /// For a film of `scene` from its beginning.
+    /// Starts a film of `scene`.
     #[must_use]
     pub fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan) -> Self {
         Self::among(scene, settings, plan, Arc::new(Alone))
     }
 
-    /// The same, where other `ranks` share the work and prepare the same frames.
+    /// Starts a film of `scene` on several `ranks` that share the work and prepare the same frames.
     #[must_use]
     pub fn among(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan, ranks: Arc<dyn Ranks>) -> Self {
         Self { scene, settings: settings.clone(), plan, ranks, everywhere: false, work: None }
     }
 
-    /// For light that is looked at from anywhere: photons are not guided by the camera.
+    /// Prepares light for all viewpoints: photons are not guided by the camera.
     #[must_use]
     pub fn everywhere(self) -> Self {
         Self { everywhere: true, ..self }
     }
 
-    /// Frame `index`, which may follow any other: motion leads to the one that was made before it.
+    /// Prepares frame `index`, in any order. Motion refers to the previously prepared frame.
     pub fn frame(&mut self, index: u32) -> PreparedFrame<'s> {
         let Self { scene, settings, plan, ranks, everywhere, work } = self;
         work.get_or_insert_with(|| PrepareState::new(scene, settings, plan, ranks, *everywhere)).frame(index)
@@ -89,7 +89,7 @@ impl<'s> Prepare for Preparation<'s> {
         (index < self.settings.end).then(|| self.frame(index))
     }
 
-    /// The light tree.
+    /// Returns the light tree.
     fn state(&self) -> Vec<u8> {
         let kept = self.work.as_ref().and_then(|work| work.kept.as_ref());
         kept.map_or_else(Vec::new, |kept| kept.tree.to_bytes())
@@ -103,7 +103,7 @@ impl<'s> Prepare for Preparation<'s> {
     }
 }
 
-/// State that is kept from frame to frame.
+/// State kept between frames.
 struct PrepareState<'s> {
     scene: &'s Scene,
     settings: RenderSettings,
@@ -112,9 +112,9 @@ struct PrepareState<'s> {
     units: Units,
     anchors: Anchors,
     photons: Photons,
-    /// Whether bright anchors were split.
+    /// Whether bright anchors have been split.
     is_split: bool,
-    /// The tree that a checkpoint brought, in place of the first one.
+    /// Light tree of a checkpoint, which replaces the first one.
     tree: Option<Arc<LightTree>>,
     kept: Option<Kept>,
 }
@@ -125,35 +125,35 @@ struct Kept {
     tree: Arc<LightTree>,
     gather: Arc<FinalGather>,
     seen: Arc<GBuffer>,
-    /// Where nothing moves in the picture, what is true of one frame is true of the next.
+    /// Correspondence of a static view with itself, computed once.
     of_itself: Option<Arc<Correspondence>>,
 }
 
 /// The scene at the time of a frame.
 #[derive(Clone, Copy)]
 struct PlacedScene<'a> {
-    /// The frame's number.
+    /// Frame number.
     frame: u32,
     pose: &'a Pose,
     surfaces: &'a Surfaces<'a>,
     accelerator: &'a Accelerator,
 }
 
-/// The lights of a frame.
+/// Lights of a frame.
 struct Lights {
     tree: Arc<LightTree>,
     direct: Arc<DirectLights>,
     gather: Arc<FinalGather>,
 }
 
-/// Which light and which anchors the camera of a film looks at, by what it sees at some moments.
+/// Finds the photon guide and anchor zones for a film, from the camera's views at several moments.
 fn look_by_camera(
     scene: &Scene,
     settings: &RenderSettings,
     geometry: &Geometry,
     units: &Units,
 ) -> (Option<Guide>, Zones) {
-    // Moments evenly over the film, whichever part of it is made here.
+    // Spread the moments evenly over the film, regardless of the rendered range.
     let is_still = ![scene.moving_nodes(), scene.moving_instances()].concat().contains(&true);
     let moments = if is_still { 1 } else { settings.frames.clamp(1, MOMENTS) };
     let (mut photons, mut zones) = (GuideSearch::over(moments as usize), ZoneSearch::default());
@@ -172,7 +172,7 @@ fn look_by_camera(
     (photons.finish(), zones.finish())
 }
 
-/// Where photons start whose light is looked at from anywhere.
+/// Finds the photon guide for light that is needed everywhere.
 fn guide_by_surfaces(
     surfaces: &Surfaces,
     pose: &Pose,
@@ -213,7 +213,7 @@ impl<'s> PrepareState<'s> {
         };
         let mut photons = Photons::new(photons, settings.seed).with_ranks(ranks.clone());
         if let Some(bounces) = settings.bounces {
-            // The last reflection is the one that the viewer sees.
+            // The last reflection is toward the camera.
             photons = photons.with_bounces(bounces.saturating_sub(1) as usize);
         }
         if has_photons && scene.moving_instances().contains(&true) {
@@ -234,7 +234,7 @@ impl<'s> PrepareState<'s> {
     }
 
     fn frame(&mut self, n: u32) -> PreparedFrame<'s> {
-        // Objects take their places, where any moves.
+        // Place the objects if any moves.
         let mut figures = FrameFigures::default();
         let busy = Busy::default();
         let pose = self.scene.pose(self.settings.time(n));
@@ -245,13 +245,13 @@ impl<'s> PrepareState<'s> {
         };
         figures.seconds.update = busy.seconds();
 
-        // Photons light the anchors.
+        // Trace photons to the anchors.
         let lights = tracing::debug_span!("lights", frame = n).entered();
         let placed = PlacedScene { frame: n, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
         let Lights { tree, direct, gather } = self.lights(placed, &mut figures);
         drop(lights);
 
-        // Primary rays find the visible surfaces.
+        // Trace primary rays to the visible surfaces.
         let _rays = tracing::debug_span!("primary rays and motion", frame = n).entered();
         let busy = Busy::default();
         let Size { width, height } = self.settings.size;
@@ -263,7 +263,7 @@ impl<'s> PrepareState<'s> {
             }
         };
 
-        // Motion from the frame before; a picture that stays corresponds to itself, which is found once.
+        // Find the motion from the previous frame. The correspondence of a static view with itself is computed once.
         let correspondence = self.kept.as_ref().map(|before| match &before.of_itself {
             Some(known) if Arc::ptr_eq(&before.seen, &seen) => known.clone(),
             _ => Arc::new(busy.take(seen.reproject(&before.seen))),
@@ -277,7 +277,7 @@ impl<'s> PrepareState<'s> {
         let forward = before.map(|before| Arc::new(busy.take(before.seen.reproject(&seen))));
         figures.seconds.visibility = busy.seconds();
 
-        // The frame shares its parts with what is kept for the next.
+        // The frame shares its data with the state kept for the next frame.
         let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };
         let frame = Frame {
             index: n,
@@ -293,9 +293,9 @@ impl<'s> PrepareState<'s> {
         Prepared { frame, correspondence, forward, figures }
     }
 
-    /// The light tree and the direct lights of a frame, with their flux there.
+    /// Returns the light tree and the direct lights of a frame, with their current flux.
     fn lights(&mut self, placed: PlacedScene, figures: &mut FrameFigures) -> Lights {
-        // Where nothing changes, the lights of the frame before are those of this one.
+        // If nothing changes, reuse the lights of the previous frame.
         let PlacedScene { frame: n, pose, surfaces, accelerator } = placed;
         let changing = [Stage::Photons, Stage::TreeUpdate, Stage::ObjectPlacing];
         if let Some(kept) = self.kept.as_ref().filter(|_| !changing.into_iter().any(|stage| self.plan.runs(stage, n))) {
@@ -303,7 +303,7 @@ impl<'s> PrepareState<'s> {
             return Lights { tree: tree.clone(), direct: direct.clone(), gather: gather.clone() };
         }
 
-        // Photons bring flux to the anchors. The first frame tells which of them are to be split.
+        // Photons bring flux to the anchors. The first frame determines the anchors to split.
         let emitters = Emitters::new(surfaces, pose, &self.units);
         let scene = PosedScene::new(accelerator, surfaces);
         let Timed { value: mut anchor_flux, seconds } =
@@ -315,7 +315,7 @@ impl<'s> PrepareState<'s> {
         figures.photons_traced = anchor_flux.traced;
         figures.seconds.photons = seconds;
 
-        // The tree: anchors at rest, and glowing surfaces where there are many.
+        // The tree contains static anchors, and area lights if they are numerous.
         let busy = Busy::default();
         let sampled = self.sampled_areas(&emitters, surfaces);
         let tree = match self.kept.as_ref().map(|kept| &kept.tree).or(self.tree.as_ref()) {
@@ -325,7 +325,7 @@ impl<'s> PrepareState<'s> {
                 tree
             }
             None => {
-                // Baked light holds all that the tree would have.
+                // Baked light replaces all light of the tree.
                 let lights = match self.settings.lighting.is_baked() && self.plan.is_off(Stage::TreeUpdate) {
                     true => Vec::new(),
                     false => self.tree_lights(&anchor_flux, self.lights_that_stay(&emitters, surfaces, &sampled)),
@@ -336,14 +336,14 @@ impl<'s> PrepareState<'s> {
             }
         };
 
-        // Lights that pixels sample for themselves.
+        // Collect the lights that each pixel samples directly.
         let mut direct = DirectLights::new(&emitters, surfaces, &self.anchors, &anchor_flux.dynamic, &sampled);
         if self.plan.is_on(Stage::Cache) {
-            // Light that moving things send back is as smooth as all indirect light: records hold it too.
+            // Light reflected by moving objects is as smooth as other indirect light, so records cache it.
             direct = direct.with_dynamic_apart();
         }
 
-        // The surroundings, as final gather sees them: with the glow of all that the tree has.
+        // Final gather sees the surroundings with the emission of all area lights in the tree.
         let mut virtual_emitters = vec![false; self.scene.instances.len()];
         for (place, area) in emitters.areas.iter().enumerate() {
             virtual_emitters[area.instance] |= !sampled.contains(&place);
@@ -358,7 +358,7 @@ impl<'s> PrepareState<'s> {
         Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
     }
 
-    /// The lights of a new tree: the anchors at rest, and those `that_stay` as they are for the whole film.
+    /// Returns the lights of a new tree: the static anchors, and `that_stay`, which are constant for the whole film.
     fn tree_lights(&self, anchor_flux: &AnchorFlux, that_stay: Vec<Light>) -> Vec<Light> {
         let mut lights = Vec::new();
         for (anchor, &flux) in self.anchors.fixed.iter().zip(&anchor_flux.fixed) {
@@ -369,20 +369,20 @@ impl<'s> PrepareState<'s> {
         lights
     }
 
-    /// The tree with the flux that its anchors have now, and the share of its nodes whose children changed places.
+    /// Returns the tree with the current flux of its anchors, and the fraction of nodes with swapped children.
     fn updated(&self, before: &Arc<LightTree>, anchor_flux: &AnchorFlux) -> (Arc<LightTree>, f64) {
-        // After the anchors stand the lights that keep their energy: surfaces and sky.
+        // Lights of constant intensity (surfaces and sky) follow the anchors.
         let mut intensities: Vec<Vec3> = anchor_flux.fixed.iter().map(|&flux| flux / PI).collect();
         intensities.extend(before.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
 
-        // The same flux again changes nothing.
+        // Equal flux leaves the tree unchanged.
         let mut tree = before.clone();
         let same = tree.lights().iter().map(|light| light.intensity).eq(intensities.iter().copied());
         let swapped_share = if same { 0.0 } else { Arc::make_mut(&mut tree).update_drawn(&intensities).swapped_share };
         (tree, swapped_share)
     }
 
-    /// Splits the anchors that are bright in the film's first frame, whatever frame `n` comes first here; `flux` is that of `n`.
+    /// Splits the anchors that are bright in the film's first frame. `flux` belongs to frame `n`, the first one prepared here.
     fn split_anchors(&mut self, n: u32, flux: &[Vec3]) {
         if n == 0 || self.anchors.fixed.is_empty() {
             return self.anchors.split_bright(flux);
@@ -396,7 +396,7 @@ impl<'s> PrepareState<'s> {
         self.anchors.split_bright(&first.fixed);
     }
 
-    /// Places of the glowing surfaces that each pixel samples for itself: few and compact ones, and those that move.
+    /// Returns the indices of the area lights that each pixel samples directly: moving ones, and compact ones if they are few.
     fn sampled_areas(&self, emitters: &Emitters, surfaces: &Surfaces) -> Vec<usize> {
         let moves = |place: usize| surfaces.moving()[emitters.areas[place].instance];
         let compact = |place: usize| {
@@ -412,7 +412,7 @@ impl<'s> PrepareState<'s> {
         }
     }
 
-    /// The lights of the tree that keep their energy: glowing surfaces that are not in `sampled`, and the sky.
+    /// Returns the tree's lights of constant intensity: area lights not in `sampled`, and the sky.
     fn lights_that_stay(&self, emitters: &Emitters, surfaces: &Surfaces, sampled: &[usize]) -> Vec<Light> {
         let luminance = render_core::luminance;
         let areas: Vec<_> = (0..emitters.areas.len()).filter(|place| !sampled.contains(place)).collect();

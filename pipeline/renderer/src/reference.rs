@@ -1,4 +1,4 @@
-//! One frame as exactly as wanted, linear and uncompressed: what the fast ways are measured against.
+//! Reference frames: linear, uncompressed and as accurate as requested.
 
 use super::{Preparation, Shading};
 use crate::plan::Plan;
@@ -13,31 +13,31 @@ use render_core::image_file::{FrameChannel, SampleDepth, write_frame};
 use render_core::scene::Scene;
 use render_core::{PathOptions, Still, path_traced};
 
-/// How a reference is computed.
+/// Method that computes a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ReferenceMethod {
-    /// Every virtual light at every pixel, and four times as many gather rays as films take: what a cut approximates.
+    /// All virtual lights at every pixel, with four times the gather rays of films: the reference for lightcuts.
     AllLights,
-    /// Path tracing without virtual lights: what all lights approximate.
+    /// Path tracing without virtual lights: the reference for all lights.
     Path,
 }
 
-/// A frame, and how far it can be trusted.
+/// A reference frame and its uncertainty.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Reference {
-    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    /// Linear RGB radiance \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
-    /// Variance of each mean, where the method has noise.
+    /// Variance of each pixel's mean \[W²·m⁻⁴·sr⁻²\]; `None` for methods without noise.
     pub variance: Option<Plane<[f32; 3]>>,
-    /// Facts for the header of its file.
+    /// Header of the reference's file.
     pub header: FrameHeader,
 }
 
-/// Frame `frame` of `scene` by paths.
+/// Path-traces frame `frame` of `scene`.
 ///
-/// `progress` is called from any thread with the work done and the work there is.
+/// `progress` is called from any thread with the work done and the total work.
 pub fn by_paths(
     scene: &Scene,
     settings: &RenderSettings,
@@ -53,7 +53,7 @@ pub fn by_paths(
     Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean), header }
 }
 
-/// Frame `frame` of `scene` by all lights, through the parts that films go through.
+/// Renders frame `frame` of `scene` with all lights, by the same stages as films.
 #[must_use]
 pub fn by_all_lights(scene: &Scene, settings: &RenderSettings, frame: u32) -> Reference {
     let settings = RenderSettings { lighting: Lighting::AllLights, ..settings.clone() };
@@ -65,17 +65,17 @@ pub fn by_all_lights(scene: &Scene, settings: &RenderSettings, frame: u32) -> Re
 
 #[cfg(feature = "exr")]
 impl Reference {
-    /// Writes OpenEXR in 32-bit floats: channels R, G, B and, where there is noise, variance.R, variance.G, variance.B.
+    /// Writes OpenEXR in 32-bit floats: channels R, G, B and, with variance, variance.R, variance.G, variance.B.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, path: &std::path::Path) -> Result<()> {
         let mut channels: Vec<FrameChannel> = Vec::new();
         for (prefix, plane) in [("", Some(&self.radiance)), ("variance.", self.variance.as_ref())] {
             let Some(plane) = plane else { continue };
             for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
                 let samples = plane.samples().iter().map(|rgb| rgb[c]).collect();
-                // Others are compared with it.
+                // Comparisons with a reference need full precision.
                 channels.push(FrameChannel { name: format!("{prefix}{name}"), samples, depth: SampleDepth::Float });
             }
         }

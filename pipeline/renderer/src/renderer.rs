@@ -1,4 +1,4 @@
-//! Frames of a scene, one after the other, without a film around them.
+//! Renders frames of a scene one by one, without making a film.
 
 use crate::plan::Plan;
 use crate::settings::RenderSettings;
@@ -6,7 +6,7 @@ use crate::{Preparation, Shading};
 use pipeline::parts::{LastThresholds, Shade, Shaded};
 use render_core::scene::Scene;
 
-/// Both halves of the renderer, for callers without an encoder.
+/// Both halves of the renderer, for use without an encoder.
 #[derive(Debug)]
 pub struct Renderer<'a> {
     prepare: Preparation<'a>,
@@ -14,15 +14,15 @@ pub struct Renderer<'a> {
 }
 
 impl<'a> Renderer<'a> {
-    /// Renders `scene` by `settings`, with the work that `plan` lists.
+    /// Creates a renderer for `scene` with `settings` that runs the stages of `plan`.
     #[must_use]
     pub fn new(scene: &'a Scene, settings: &RenderSettings, plan: &'a Plan) -> Self {
         Self { prepare: Preparation::new(scene, settings, plan), shade: Shading::new(settings, plan) }
     }
 
-    /// Frame `index`: linear radiance \[W·m⁻²·sr⁻¹\] and figures.
+    /// Renders frame `index`: linear radiance \[W·m⁻²·sr⁻¹\] and figures.
     ///
-    /// With `thresholds` of the frame before, each pixel may be wrong by its threshold; without, by 2 % of its luminance.
+    /// `thresholds` of the previous frame set the permitted error of each pixel; without them, it is 2 % of the luminance.
     pub fn frame(&mut self, index: u32, thresholds: LastThresholds<'_>) -> Shaded {
         let prepared = self.prepare.frame(index);
         self.shade.step(&prepared, thresholds)

@@ -1,4 +1,4 @@
-//! Light of the surfaces that stand still, as texels of an atlas.
+//! Baked light of static surfaces, in the texels of an atlas.
 
 use super::coat_fields::CoatFields;
 use glam::Vec3;
@@ -6,22 +6,23 @@ use render_core::{Atlas, PixelSurface, Surfaces};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Light of the texels of an atlas.
+/// Baked light of an atlas's texels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BakedTexels {
-    /// The texels, and where surfaces have them.
+    /// The atlas: texels and their surfaces.
     pub atlas: Atlas,
-    /// Irradiance straight from its sources \[W·m⁻²\], linear RGB, a texel each.
+    /// Direct irradiance of each texel \[W·m⁻²\], linear RGB.
     pub direct: Vec<[f32; 3]>,
-    /// All other irradiance.
+    /// Indirect irradiance of each texel \[W·m⁻²\], linear RGB.
     pub indirect: Vec<[f32; 3]>,
-    /// Light that coats reflect, but for its sources; a section of its own in files.
+    /// Light reflected by coats, except light from direct sources. Files store it in a separate section.
     #[serde(skip)]
     pub coats: Arc<CoatFields>,
 }
 
 impl BakedTexels {
-    /// Indirect irradiance of the surface that a pixel shows; none where it is not in the atlas, as on what moves.
+    /// Returns the indirect irradiance of a pixel's surface \[W·m⁻²\]; `None` if the atlas lacks the surface, such as dynamic
+    /// geometry.
     ///
     /// ```text
     /// E = Σ w E_texel        w  bilinear weights of the four texels around the point
@@ -36,15 +37,15 @@ impl BakedTexels {
         Some(irradiance)
     }
 
-    /// Mean radiance \[W·m⁻²·sr⁻¹\] that the coat which a pixel shows reflects, but for its sources, where a mirror would show the
-    /// world in the unit direction `mirrored`; none where it is not baked. Bilinear like irradiance.
+    /// Returns the mean radiance \[W·m⁻²·sr⁻¹\] that a pixel's coat reflects, without direct sources. The unit vector
+    /// `mirrored` is the mirror direction. `None` if the coat is not baked. Interpolation is bilinear, as for irradiance.
     #[must_use]
     pub fn coat_at(&self, pixel: &PixelSurface, surfaces: &Surfaces, mirrored: Vec3) -> Option<Vec3> {
         if self.coats.is_empty() {
             return None;
         }
         let blend = self.atlas.bilinear(surfaces, &pixel.into())?;
-        // Texels within something and smoother ones have none: the others stand for them.
+        // Texels inside geometry and smoother texels have no light; interpolate the others.
         let (mut light, mut weights) = (Vec3::ZERO, 0.0);
         for (texel, weight) in blend.texels.into_iter().zip(blend.weights) {
             if let Some(found) = self.coats.mean_radiance(texel as usize, mirrored) {
