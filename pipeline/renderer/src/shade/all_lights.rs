@@ -1,4 +1,4 @@
-//! Every light at every pixel: what cuts are measured against.
+//! Every light at every pixel: the reference for lightcuts.
 
 use super::counts::Counts;
 use super::layer::{Layer, Lit, Visible};
@@ -11,18 +11,18 @@ use glam::Vec3;
 use plane::Plane;
 use std::cell::Cell;
 
-/// Rays of a final gather. The noise of 64, as films take them, would be a tenth of a reference's error, and the cost of these is
-/// small beside that of the lights.
+/// Number of gather rays. The noise of 64, as in films, would be a tenth of a reference's error. The additional rays cost
+/// little compared with the lights.
 const GATHER_RAYS: usize = 256;
 
 /// The exhaustive sum over all lights of the tree.
 pub(super) struct AllLights {
-    /// Whether the light that softening takes is found by final gather.
+    /// Whether final gather restores the light lost by clamping virtual lights.
     compensates: bool,
 }
 
 impl AllLights {
-    /// With compensation, or without.
+    /// Creates the layer with or without bias compensation.
     pub fn new(compensates: bool) -> Self {
         Self { compensates }
     }
@@ -56,7 +56,7 @@ impl Layer for AllLights {
     }
 }
 
-/// Radiance that a pixel reflects of all lights.
+/// Returns a pixel's reflected radiance of all lights.
 fn exhaustive(light: &PixelLight, pixel: &MattePixel) -> Vec3 {
     let tree = &light.visible.frame.tree;
     let rays = Cell::new(0);

@@ -1,12 +1,12 @@
-//! Audits: light that is found once more, better, to learn how wrong it was.
+//! Audits: light recomputed with higher accuracy, to measure its error.
 //!
-//! | light | audited | found once more by | error steers |
+//! | light | audited | recomputed by | error sets |
 //! |---|---|---|---|
-//! | cut of a pixel | 1 pixel or more of each macroblock, in turns | a cut at a tenth of its threshold | [`Calibration`] of the next frame |
-//! | cut of a new record | one record in 32, by chance | the same | the same |
-//! | carried light | one macroblock in 16, in turns | the layer that it was carried for | the limit of what is carried |
+//! | lightcut of a pixel | at least 1 pixel of each macroblock, in rotation | a lightcut at a tenth of its threshold | [`Calibration`] of the next frame |
+//! | lightcut of a new record | one random record in 32 | a lightcut at a tenth of its threshold | [`Calibration`] of the next frame |
+//! | reprojected light | one macroblock in 16, in rotation | the reprojected layer | the limit of reprojection |
 //!
-//! An error is noted in units of what the light was allowed; an audit is *within* where that is 1 at most.
+//! Errors are stored as multiples of the permitted error; an audit is *within* if its error is at most 1.
 
 use super::counts::Counts;
 use glam::Vec3;
@@ -15,17 +15,17 @@ use render_core::sampling::hash;
 use render_core::{AuditCounts, MACROBLOCK, Reuse, luminance};
 use std::ops::AddAssign;
 
-/// One record in this number is audited with calibrated stopping; an audit takes some times as long as a record.
+/// With calibrated stopping, one record in this number is audited; an audit costs several times as much as a record.
 const RECORDS: u64 = 32;
-/// Each macroblock of carried light is lit anew once in this number of frames.
+/// Period of the rotation in which macroblocks of reprojected light are recomputed \[frames\].
 const TURN: usize = 16;
 
-/// Errors that the audits of a frame found.
+/// Errors measured by the audits of a frame.
 #[derive(Debug, Default)]
 pub struct Audits {
-    /// Of cuts, by class of their threshold.
+    /// Errors of lightcuts, by class of their threshold.
     pub cuts: lighttree::Audits,
-    /// Of carried light.
+    /// Errors of reprojected light.
     pub carried: AuditCounts,
 }
 
@@ -37,19 +37,19 @@ impl AddAssign for Audits {
     }
 }
 
-/// A cut that was made, to be compared with a finer one.
+/// A lightcut to compare with a finer one.
 pub(super) struct MadeCut<'a> {
     pub tree: &'a LightTree,
-    /// Index of its entry among the errors.
+    /// Class of its threshold.
     pub class: usize,
-    /// The error that it may have.
+    /// Permitted error.
     pub stop: Stop,
     pub radiance: Vec3,
 }
 
 impl MadeCut<'_> {
-    /// Notes in `counts` how wrong the cut for `receiver` is, and the rays that it took to find out.
-    /// `scratch` allows cuts of [`Calibration::LARGEST_CUT`]: one that ends for its size alone would pass for the truth.
+    /// Adds the lightcut's error at `receiver`, and the shadow rays of the audit, to `counts`. `scratch` must allow lightcuts
+    /// of [`Calibration::LARGEST_CUT`], since a lightcut stopped by its size would be an inaccurate reference.
     pub fn audit<M: lighttree::Receiver>(
         &self,
         receiver: &M,
@@ -66,22 +66,23 @@ impl MadeCut<'_> {
     }
 }
 
-/// Whether the cut of a pixel is audited in a frame: as many in each macroblock, and in 256 frames all of them equally often.
+/// Whether a pixel's lightcut is audited in a frame: equally many per macroblock, and all pixels equally often in 256 frames.
 pub(super) fn is_pixel_audited(x: usize, y: usize, width: usize, frame: u32, of_a_macroblock: usize) -> bool {
     let block = (y / MACROBLOCK) * width.div_ceil(MACROBLOCK) + x / MACROBLOCK;
-    // Odd multipliers run through all 256 places.
+    // An odd multiplier permutes all 256 positions.
     let first = (frame as usize * 151 + block * 89) % 256;
     (y % MACROBLOCK * MACROBLOCK + x % MACROBLOCK + 256 - first) * 45 % 256 < of_a_macroblock
 }
 
-/// Whether the cut of a new record is audited in a frame: one in [`RECORDS`] for each pixel that would be of a macroblock.
+/// Whether a new record's lightcut is audited in a frame: one in [`RECORDS`], times the number of pixels audited per
+/// macroblock.
 pub(super) fn is_record_audited(key: u64, frame: u32, of_a_macroblock: usize) -> bool {
     hash(key, u64::from(frame), 0) % RECORDS < of_a_macroblock as u64
 }
 
-/// Whether the light of a pixel, where it has not changed, is carried over or found anew, for comparison.
+/// Whether a pixel's unchanged light may be reprojected, or is recomputed for comparison.
 pub(super) fn reuse_in_turns(x: usize, y: usize, frame: u32) -> Reuse {
-    // Odd multipliers: macroblocks in their turn do not lie side by side.
+    // Odd multipliers keep the audited macroblocks of a frame apart.
     let turn = x / MACROBLOCK * 7 + y / MACROBLOCK * 19 + frame as usize;
     if turn.is_multiple_of(TURN) { Reuse::Audited } else { Reuse::Allowed }
 }

@@ -1,4 +1,4 @@
-//! Indirect light that was baked: what stands still looks it up, what moves is lit as usual.
+//! Baked indirect light on static surfaces; a second layer lights dynamic surfaces.
 
 use super::layer::{Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
@@ -12,15 +12,15 @@ use render_core::Busy;
 use render_core::ranks::Alone;
 use std::sync::Arc;
 
-/// Light of the texels of an atlas.
+/// Layer of baked indirect light.
 pub(super) struct Baked {
     texels: Arc<BakedTexels>,
-    /// Light of the surfaces that are not in the atlas; none where there are none.
+    /// Layer for surfaces outside of the atlas; `None` if it is not needed.
     others: Option<Box<dyn Layer>>,
 }
 
 impl Baked {
-    /// Light of `texels`, and for all other surfaces that of the layer `others`.
+    /// Uses the light of `texels`, and the layer `others` for all other surfaces.
     pub fn new(texels: Arc<BakedTexels>, others: Option<Box<dyn Layer>>) -> Self {
         Self { texels, others }
     }
@@ -32,7 +32,7 @@ impl Layer for Baked {
         let (width, height) = (pixels.width(), pixels.height());
         let is_lit = |x, y| pixels.get(x, y).reflects() && wanted.is_none_or(|wanted| wanted.get(x, y));
 
-        // Surfaces of the atlas look their light up; for others there is none.
+        // Surfaces of the atlas sample baked light.
         let (busy, surfaces) = (Busy::default(), &visible.frame.surfaces);
         let of_pixel = |(x, y): (usize, usize)| match is_lit(x, y) {
             true => self.texels.indirect_at(&pixels.get(x, y), surfaces).map(Into::into),
@@ -42,7 +42,7 @@ impl Layer for Baked {
         let looked_up: Plane<Option<[f32; 3]>> = busy.take(by_macroblock(&Alone, width, height, || (), block));
         let missing = looked_up.map(|light| light.is_none());
 
-        // The others are lit as usual. Without a layer for them they stay dark.
+        // The second layer lights the other surfaces; without it, they stay dark.
         let mut lit = match &mut self.others {
             Some(others) if missing.samples().contains(&true) => others.light(visible, Some(&missing), tolerance),
             _ => Lit::default(),

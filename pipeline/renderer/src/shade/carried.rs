@@ -1,7 +1,7 @@
-//! Light that is carried from the frame before: what neither moves nor changes is not lit again.
+//! Reprojection of the previous frame's light: static, unchanged light is not recomputed.
 //!
-//! A layer says where its light of the frame before still holds. There a pixel takes it, where the error of that is within what
-//! the pixel may have; in turns all light is found anew, to see how wrong carrying would have been.
+//! A layer reports the surfaces with unchanged light. Their pixels take the reprojected light if its error is within the
+//! permitted one. Macroblocks are recomputed in rotation to measure the error of reprojection.
 
 use super::audits::{Audits, reuse_in_turns};
 use super::layer::{Layer, Lit, Visible};
@@ -14,41 +14,41 @@ use plane::Plane;
 use render_core::{Busy, CarriedLight, Completed, Destination, Reuse, Unseen};
 use serde::{Deserialize, Serialize};
 
-/// Mean square of the errors by carrying, in squares of ΔY: its least and largest, and the quantiser_scale at which it is 1. As
-/// the error of coding, it grows with the square of quantiser_scale.
+/// Permitted mean square error of reprojection, in units of ΔY²: the quantiser_scale at which it is 1, then its minimum and
+/// maximum. Like the error of coding, it grows with the square of quantiser_scale.
 ///
-/// At 192×192, 0.25 at quantiser 2 takes 0.15 dB of decoded luma in Sponza and nothing in Sibenik, where all thresholds of 2
-/// together take 0.3. At 16 and 48, 1 takes at most 0.05 dB there, and 2 at most 0.06.
+/// Loss of decoded luma at 192×192: at quantiser 2, 0.25 costs 0.15 dB in Sponza and nothing in Sibenik, where all thresholds
+/// together cost 0.3 dB. At quantiser 16, 1 costs at most 0.05 dB there; at 48, 2 costs at most 0.06 dB.
 const ALLOWED_ONE: f32 = 16.0;
 const ALLOWED: (f32, f32) = (0.25, 2.0);
 
-/// A layer of irradiance that knows what of its light still holds in the next frame.
+/// A layer of irradiance that detects unchanged light.
 pub(super) trait Carriable: Layer {
-    /// Contrast of its light that samples may miss.
+    /// Contrast of light that samples may miss.
     const UNSEEN: Unseen;
 
-    /// Where the light that it had in the frame before is that of `visible`. Asked once in each frame, before its light.
+    /// Returns the surfaces of `visible` with the same light as in the previous frame. Called once per frame, before its light.
     fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a>;
 }
 
-/// Surfaces whose light has not changed.
+/// Surfaces with unchanged light.
 pub(super) enum Holding<'a> {
     Nowhere,
     Everywhere,
-    /// The surfaces of the pixels for which this is true, given column and row.
+    /// Surfaces of the pixels (column, row) that satisfy this predicate.
     Where(Box<dyn Fn(usize, usize) -> bool + Sync + 'a>),
 }
 
-/// A layer whose light is carried from frame to frame where it holds.
+/// A layer with reprojection of unchanged light.
 pub(super) struct Carried<L> {
     layer: L,
     light: CarriedLight,
-    /// [`Destination::allowed`].
+    /// Permitted mean square error; see [`Destination::allowed`].
     allowed: f32,
 }
 
 impl<L> Carried<L> {
-    /// Light of `layer` for a film at this quantiser_scale, 1…112.
+    /// Wraps `layer` for a film with this quantiser_scale, 1…112.
     pub fn new(layer: L, quantiser_scale: u32) -> Self {
         let allowed = (quantiser_scale as f32 / ALLOWED_ONE).powi(2).clamp(ALLOWED.0, ALLOWED.1);
         Self { layer, light: CarriedLight::default(), allowed }
@@ -56,7 +56,7 @@ impl<L> Carried<L> {
 }
 
 impl<L: Carriable> Layer for Carried<L> {
-    /// Finds the light of all pixels in their first sample, wanted or not: the next frame may take it from any of them.
+    /// Lights all pixels in their first sample, wanted or not: the next frame may reproject any of them.
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
         if visible.sample > 0 {
             return self.layer.light(visible, wanted, tolerance);
@@ -64,7 +64,7 @@ impl<L: Carriable> Layer for Carried<L> {
         let Visible { frame, matte, motion, .. } = *visible;
         let busy = Busy::default();
 
-        // Light that changes everywhere is not compared with that of the frame before.
+        // If all light changes, no comparison with the previous frame is needed.
         let holding = self.layer.holding(visible);
         let holds_nowhere = matches!(holding, Holding::Nowhere);
         let known = motion.filter(|_| !holds_nowhere);
@@ -77,7 +77,7 @@ impl<L: Carriable> Layer for Carried<L> {
         let destination = Destination { seen: matte, known, unseen: L::UNSEEN, allowed: self.allowed };
         let carried = busy.take(self.light.carry(destination, reuse, of_pixel));
 
-        // The layer lights the rest.
+        // The layer lights the remaining pixels.
         let missing = carried.missing.clone();
         let mut lit = self.layer.light(visible, (!holds_nowhere).then_some(&missing), tolerance);
         let computed =
@@ -120,14 +120,14 @@ impl<L: Carriable> Layer for Carried<L> {
     }
 }
 
-/// The state as it is written.
+/// Serialized state, for writing.
 #[derive(Serialize)]
 struct WrittenCarried<'a> {
     light: &'a CarriedLight,
     layer: Vec<u8>,
 }
 
-/// The state as it is read.
+/// Serialized state, for reading.
 #[derive(Deserialize)]
 struct Read {
     light: CarriedLight,

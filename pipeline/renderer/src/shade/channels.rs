@@ -1,4 +1,4 @@
-//! Properties of the pixels of a frame, as channels of its OpenEXR file.
+//! Properties of a frame's pixels, as channels of its OpenEXR file.
 
 use super::importance::ImportanceMap;
 use super::layers::Layers;
@@ -11,12 +11,12 @@ use pipeline::parts::Channels;
 use plane::Plane;
 use render_core::{InstanceShares, NOTHING, PixelSurface, Surfaces};
 
-/// The channels R, G and B of `name`.
+/// Returns the channels R, G and B of `name`.
 pub(super) fn colors(name: &str, picture: &Plane<[f32; 3]>) -> Channels {
     triples(name, ["R", "G", "B"], picture.samples().iter().copied())
 }
 
-/// Everything that is known of a frame but its light.
+/// Properties of a frame, without its light.
 pub(super) struct Known<'a> {
     pub prepared: &'a PreparedFrame<'a>,
     pub tolerance: &'a Tolerance<'a>,
@@ -24,12 +24,12 @@ pub(super) struct Known<'a> {
     pub reused: &'a Reused,
     pub importance: Option<&'a ImportanceMap>,
     pub settings: &'a RenderSettings,
-    /// The instances that pixels show, where mattes are wanted.
+    /// Coverage of pixels by instance; `None` unless mattes are requested.
     pub shares: Option<&'a InstanceShares>,
 }
 
 impl Known<'_> {
-    /// The channels of everything but light. They belong to the center of each pixel.
+    /// Returns the channels of `aov`, evaluated at pixel centers; none for light.
     pub fn channels(&self, aov: Aov) -> Channels {
         let frame = &self.prepared.frame;
         let pixels = &frame.seen.pixels;
@@ -59,7 +59,7 @@ impl Known<'_> {
                 let both = mattes.as_ref().zip(self.shares);
                 both.map_or_else(Channels::new, |(mattes, shares)| mattes::channels(mattes, shares))
             }
-            // Nothing where a pixel has no threshold of its own and 2 % of its luminance hold.
+            // The threshold is 0 for pixels without one, where the limit of 2 % applies.
             Aov::Threshold => single("threshold.Y", by_place(&|x, y| self.tolerance.threshold(x, y).unwrap_or(0.0))),
             Aov::CutSize => {
                 let sizes = self.layers.channel(aov, frame);
@@ -71,7 +71,7 @@ impl Known<'_> {
                 vec![("importance.V".into(), importance.samples().to_vec()), ("importance.N".into(), counts)]
             }
             Aov::Shading => single("shading.reused", self.reused.channel(&frame.seen)),
-            // Without a cache there is no such channel.
+            // This channel requires a cache.
             Aov::Cache => match self.layers.channel(aov, frame) {
                 None => Channels::new(),
                 Some(records) => single("cache.records", records),
@@ -79,12 +79,12 @@ impl Known<'_> {
         }
     }
 
-    /// Motion as Blender's vector pass has it, y up, in pixels. A point behind the camera has none.
+    /// Returns the motion in pixels, y up, as in Blender's vector pass. Points behind the camera have none.
     ///
     /// ```text
-    /// (X, Y) = p(n − 1) − p(n)      (Z, W) = p(n) − p(n + 1)      p(n)  place of the point in frame n
+    /// (X, Y) = p(n − 1) − p(n)      (Z, W) = p(n) − p(n + 1)      p(n)  position of the point in frame n
     /// ```
-    /// It is that of the scene whether or not the film has these frames, and whether or not the point is seen there. Cycles has
+    /// The motion is computed from the scene, even if the film lacks these frames or the point is hidden there. Cycles computes
     /// the same in `primitive_motion_vector`.
     fn vectors(&self) -> Channels {
         let frame = &self.prepared.frame;
@@ -96,7 +96,7 @@ impl Known<'_> {
             let view = view.with_pixel_aspect(self.settings.pixel_aspect);
             let motion = seen.motion_to(&Surfaces::new(scene, &pose), &view);
             for (c, name) in names.into_iter().enumerate() {
-                // Rows count from above, and y from below.
+                // Rows count down from the top, y counts up.
                 let sign = if c == 0 { sign } else { -sign };
                 let value = |motion: &Option<[f32; 2]>| motion.map_or(0.0, |motion| sign * motion[c]);
                 channels.push((name.to_owned(), motion.samples().iter().map(value).collect()));
@@ -105,7 +105,7 @@ impl Known<'_> {
         channels
     }
 
-    /// A property of the surface of each pixel; 0 where none is seen.
+    /// Returns a property of each pixel's surface; 0 without a surface.
     fn surfaces(&self, value: fn(&PixelSurface) -> [f32; 3]) -> impl Iterator<Item = [f32; 3]> {
         let pixels = self.prepared.frame.seen.pixels.samples().iter();
         pixels.map(move |pixel| if pixel.instance == NOTHING { [0.0; 3] } else { value(pixel) })

@@ -1,48 +1,48 @@
-//! Counts of the work of a layer. Sums and maxima of integers: the same in any order.
+//! Counts of a layer's work: sums and maxima of integers, which do not depend on order.
 
 use std::ops::AddAssign;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-/// Counts that many threads add to while a layer is computed.
+/// Counts that several threads add to while a layer is computed.
 #[derive(Debug, Default)]
 pub(super) struct Counts {
     cuts: AtomicU64,
     clusters: AtomicU64,
     largest: AtomicU32,
     rays: AtomicU64,
-    /// Errors of cuts that were audited.
+    /// Errors of audited lightcuts.
     pub audits: lighttree::Audits,
-    /// Largest cut of each pixel, where that is requested.
+    /// Size of the largest lightcut of each pixel; empty unless requested.
     by_pixel: Vec<AtomicU32>,
 }
 
-/// Cuts of a layer.
+/// Counts of a layer's lightcuts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CutCounts {
-    /// Cuts that were made.
+    /// Number of lightcuts.
     pub cuts: u64,
-    /// Clusters of all of them.
+    /// Total number of their clusters.
     pub clusters: u64,
-    /// Clusters of the largest.
+    /// Number of clusters in the largest lightcut.
     pub largest: u32,
 }
 
-/// Records of an irradiance cache.
+/// Counts of irradiance cache records.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordCounts {
-    /// Records that pixels took light from: the most of any sample of the pixels.
+    /// Number of records used by the pixels: the maximum over their samples.
     pub in_use: u64,
-    /// Records that were made, or made anew.
+    /// Number of records created or recomputed.
     pub computed: u64,
 }
 
 impl Counts {
-    /// Counts that also keep the largest cut of each pixel; `before` has those of other samples of the frame.
+    /// Counts also the largest lightcut of each pixel; `before` contains the sizes of the frame's earlier samples.
     pub fn by_pixel(before: &[u32]) -> Self {
         Self { by_pixel: before.iter().map(|&size| AtomicU32::new(size)).collect(), ..Self::default() }
     }
 
-    /// A cut of `size` clusters for which `rays` shadow rays were cast.
+    /// Adds a lightcut of `size` clusters that took `rays` shadow rays.
     pub fn count(&self, size: u32, rays: u32) {
         self.cuts.fetch_add(1, Ordering::Relaxed);
         self.clusters.fetch_add(size.into(), Ordering::Relaxed);
@@ -50,19 +50,19 @@ impl Counts {
         self.count_rays(rays);
     }
 
-    /// A cut of `size` clusters was made for the pixel at `index`.
+    /// Adds a lightcut of `size` clusters to the pixel at `index`.
     pub fn note(&self, index: usize, size: u32) {
         if let Some(cell) = self.by_pixel.get(index) {
             cell.fetch_max(size, Ordering::Relaxed);
         }
     }
 
-    /// Shadow rays besides.
+    /// Adds shadow rays.
     pub fn count_rays(&self, rays: u32) {
         self.rays.fetch_add(rays.into(), Ordering::Relaxed);
     }
 
-    /// Cuts so far.
+    /// Returns the counts of lightcuts.
     pub fn cuts(&self) -> CutCounts {
         CutCounts {
             cuts: self.cuts.load(Ordering::Relaxed),
@@ -71,12 +71,12 @@ impl Counts {
         }
     }
 
-    /// Shadow rays so far.
+    /// Returns the number of shadow rays.
     pub fn rays(&self) -> u64 {
         self.rays.load(Ordering::Relaxed)
     }
 
-    /// Largest cut of each pixel, nothing unless that was requested, and the errors of audits.
+    /// Returns the size of the largest lightcut of each pixel, empty unless requested, and the errors of audits.
     pub fn into_parts(self) -> (Vec<u32>, lighttree::Audits) {
         (self.by_pixel.into_iter().map(AtomicU32::into_inner).collect(), self.audits)
     }
@@ -91,7 +91,7 @@ impl AddAssign for CutCounts {
 }
 
 impl AddAssign for RecordCounts {
-    /// Samples of a pixel share records: those in use are not summed.
+    /// Takes the maximum of records in use, because samples of a pixel share records.
     fn add_assign(&mut self, other: Self) {
         self.in_use = self.in_use.max(other.in_use);
         self.computed += other.computed;

@@ -1,4 +1,4 @@
-//! Direct light: what arrives straight from its source.
+//! Direct light: light that arrives straight from its source.
 
 use super::carried::{Carriable, Holding};
 use super::layer::{Layer, Lit, Visible};
@@ -15,15 +15,15 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Distance of moving things and their shadows from a pixel up to which its light is not carried \[pixels\].
+/// Distance from moving objects and their shadows within which a pixel's light is not reprojected \[pixels\].
 const BESIDE: f32 = 2.0;
 /// Side of the squares of pixels that are lit together.
 const SQUARE: usize = 8;
 
-/// Light of glowing surfaces that are few and compact, of points, spots and suns.
+/// Light of directly sampled area lights, points, spots and suns.
 #[derive(Default)]
 pub(super) struct Direct {
-    /// The lamps of the frame before; none where nobody asks what of their light holds.
+    /// Lamps of the previous frame; `None` unless reprojection is used.
     lamps: Option<Arc<DirectLights>>,
 }
 
@@ -55,7 +55,7 @@ impl Layer for Direct {
     }
 }
 
-/// Irradiance of a macroblock in raster order, zero where it is not wanted, and the shadow rays that it took.
+/// Returns the irradiance of a macroblock in raster order, zero for unwanted pixels, and the number of shadow rays.
 fn macroblock(
     visible: &Visible,
     wanted: Option<&Plane<bool>>,
@@ -65,7 +65,7 @@ fn macroblock(
     let width = columns.len();
     let mut light = vec![[0.0; 3]; width * rows.len()];
 
-    // Lit pixels are taken together: the lights send their rays to all of them at once.
+    // Collect the lit pixels: each light sends its rays to all of them together.
     let mut reflects: Vec<(usize, PixelSurface)> = Vec::new();
     for (place, (x, y)) in places(columns, rows).enumerate() {
         let pixel = visible.matte.pixels.get(x, y);
@@ -77,7 +77,7 @@ fn macroblock(
         return (light, 0);
     }
 
-    // Squares lie closer together than rows.
+    // Pixels in a square are closer together than pixels in a row.
     reflects.sort_by_key(|(place, _)| (place / width / SQUARE, place % width / SQUARE));
     let frame = visible.frame;
     let receivers: Vec<ShadingPoint> = reflects.iter().map(|(_, pixel)| receiver(pixel, frame.epsilon)).collect();
@@ -89,10 +89,10 @@ fn macroblock(
 }
 
 impl Carriable for Direct {
-    /// Shadows begin and end anywhere.
+    /// Shadow edges may be anywhere.
     const UNSEEN: Unseen = Unseen::Shadows;
 
-    /// Where nothing has moved between a surface at rest and the lamps, while these stay what they are.
+    /// Light holds on a static surface if nothing has moved between it and the lamps, and the lamps are unchanged.
     fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
         let now = visible.frame.direct.clone();
         let before = self.lamps.replace(now.clone());
@@ -108,7 +108,7 @@ impl Carriable for Direct {
         }
         Holding::Where(Box::new(move |x, y| {
             let pixel = matte.pixels.get(x, y);
-            // The sample that a pixel keeps is beside it, and has to hold as well.
+            // Reprojection may use the sample of an adjacent pixel, whose light must hold, too.
             let margin = BESIDE * matte.view.pixel_width(pixel.depth);
             let is_shaded_by = |thing: &MovingBox| {
                 let thing = thing.grown(margin);
@@ -119,12 +119,12 @@ impl Carriable for Direct {
     }
 }
 
-/// Whether `thing` may stand between a point and a light.
+/// Whether `thing` may be between a point and a light.
 fn shades(thing: &MovingBox, point: Vec3A, source: &Source) -> bool {
     match *source {
         Source::Lamp { low, high } => thing.is_between(point, low, high),
         Source::Disc { towards, angular_radius } => {
-            // Beyond the box there is nothing to cross.
+            // Beyond the box, nothing can be crossed.
             let far = thing.farthest(point);
             let (center, radius) = (point + towards * far, angular_radius.tan() * far);
             thing.is_between(point, center - radius, center + radius)

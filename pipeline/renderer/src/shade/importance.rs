@@ -1,15 +1,15 @@
-//! Importance: how much people look at each pixel, 0…1. One map steers the samples of pixels, their thresholds and the bits of
+//! Importance: the likelihood that viewers look at a pixel, 0…1. One map sets samples per pixel, thresholds and the bits of
 //! macroblocks.
 //!
 //! ```text
 //! v  = min(1, w_s S' + w_t T)                   importance
-//! S' = steady([(S − M) / (P − M)]⁺)             S  saliency      M  its mean      P  its largest value, at least 0.1
-//! |S'_t(x) − S'_(t−1)(x')| ≤ 1/8                x' the place of x in the frame before
-//! n  = 1 + round((N − 1) v)                     samples of a pixel      N  the most
-//! g  = G^(2v − 1)                               gain: thresholds are divided by it      G  gain of the most important pixels
+//! S' = steady([(S − M) / (P − M)]⁺)             S  saliency      M  its mean      P  its maximum, at least 0.1
+//! |S'_t(x) − S'_(t−1)(x')| ≤ 1/8                x' the position of x in the previous frame
+//! n  = 1 + round((N − 1) v)                     samples of a pixel      N  maximum number
+//! g  = G^(2v − 1)                               gain, which divides thresholds      G  gain at importance 1
 //! ```
-//! w_s and w_t are the user's, T is the task map. Saliency is that of the frame before, its light carried along the motion; where
-//! nothing went before, that of the frame's own first sample, and thresholds are without gain.
+//! The user sets w_s and w_t; T is the task map. Saliency comes from the previous frame's light, reprojected along the motion.
+//! Without a previous frame, it comes from the frame's own first sample, and thresholds have no gain.
 
 use crate::frame::{Frame, PreparedFrame};
 use crate::settings::{Importance, RenderSettings};
@@ -21,19 +21,19 @@ use plane::{Correspondence, Plane};
 use render_core::scene::Scene;
 use serde::{Deserialize, Serialize};
 
-/// The least P: no frame of noise, whose S is below 0.01, is stretched to the range of others. Frames of the shipped scenes have
-/// 0.18 to 0.35.
+/// Minimum of P: keeps a frame of noise, with S below 0.01, from being stretched to the full range. Frames of the shipped
+/// scenes have 0.18 to 0.35.
 const LEAST_PEAK: f32 = 0.1;
-/// S' of a surface changes by no more from frame to frame: nothing becomes everything in 0.3 s at 25 frames a second, about as long
-/// as the eye stays where it is. Saliency itself may jump where a second place comes up to the most salient one.
+/// Maximum change of a surface's S' between frames: a full change takes 0.3 s at 25 frames/s, about the duration of a fixation.
+/// Saliency itself may jump when another region becomes as salient as the maximum.
 const MOST_CHANGE: f32 = 0.125;
 
-/// Where people look in a frame, and the samples that its pixels have for it.
+/// Importance of a frame's pixels, and their number of samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct ImportanceMap {
-    /// v.
+    /// Importance v.
     pub importance: Plane<f32>,
-    /// n.
+    /// Number of samples n.
     pub samples: Plane<u8>,
 }
 
@@ -43,50 +43,50 @@ impl ImportanceMap {
         Self { importance, samples }
     }
 
-    /// Pixels that have a sample with this number, from 0.
+    /// Returns the pixels that have sample number `sample`, from 0.
     pub fn wanted(&self, sample: usize) -> Plane<bool> {
         self.samples.map(|count| usize::from(count) > sample)
     }
 
-    /// g.
+    /// Returns the gain g.
     pub fn gain(&self, most: f32) -> Plane<f32> {
         self.importance.map(|v| most.powf(2.0 * v - 1.0))
     }
 
-    /// Whether it is one of a picture of this size.
+    /// Whether the map has this size.
     pub fn fits(&self, width: usize, height: usize) -> bool {
         let (importance, samples) = (&self.importance, &self.samples);
         [(importance.width(), importance.height()), (samples.width(), samples.height())] == [(width, height); 2]
     }
 }
 
-/// Makes the importance map of frame after frame.
+/// Computes the importance map of each frame.
 pub(super) struct Looking {
     weights: Importance,
     most_samples: u32,
     tone_map: ToneMap,
     before: Option<Before>,
-    /// S' of the frame that is being lit.
+    /// Saliency S' of the current frame.
     now: Option<Plane<f32>>,
 }
 
-/// The frame before, as its successor needs it.
+/// State of the previous frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Before {
-    /// n.
+    /// Number of samples n.
     samples: Plane<u8>,
-    /// Radiance and S', where saliency is a part of importance.
+    /// Radiance and S', if importance uses saliency.
     seen: Option<(Plane<[f32; 3]>, Plane<f32>)>,
 }
 
 impl Looking {
-    /// For a film from its beginning.
+    /// Starts a film.
     pub fn new(weights: Importance, settings: &RenderSettings) -> Self {
         let RenderSettings { samples, tone_map, .. } = *settings;
         Self { weights, most_samples: samples, tone_map, before: None, now: None }
     }
 
-    /// The map of a frame that has no light yet; none where that takes its own light.
+    /// Returns the map of a frame before it is lit; `None` if the map requires the frame's own light.
     pub fn ahead(&mut self, prepared: &PreparedFrame) -> Option<ImportanceMap> {
         if self.weights.saliency > 0.0 {
             let (radiance, _) = self.before.as_ref()?.seen.as_ref()?;
@@ -96,13 +96,13 @@ impl Looking {
         Some(self.map(&prepared.frame))
     }
 
-    /// The map of a frame whose pixels show this radiance, in its first sample.
+    /// Returns the map of a frame from the radiance of its first sample.
     pub fn at(&mut self, prepared: &PreparedFrame, radiance: &Plane<[f32; 3]>) -> ImportanceMap {
         self.now = Some(self.salient(radiance, prepared.correspondence.as_deref()));
         self.map(&prepared.frame)
     }
 
-    /// Keeps what the next frame needs of this one. A frame whose light stayed has the saliency of the one before.
+    /// Keeps the state for the next frame. A frame with reused light keeps the previous saliency.
     pub fn keep(&mut self, map: &ImportanceMap, radiance: &Plane<[f32; 3]>) {
         let seen = match self.now.take() {
             Some(saliency) => Some((radiance.clone(), saliency)),
@@ -111,8 +111,8 @@ impl Looking {
         self.before = Some(Before { samples: map.samples.clone(), seen });
     }
 
-    /// Mean difference of the samples of pixels from those that the same surface had in the frame before; none where nothing was
-    /// seen before.
+    /// Returns the mean absolute change of a surface's number of samples since the previous frame; `None` if no surface was
+    /// visible then.
     pub fn change(&self, map: &ImportanceMap, known: Option<&Correspondence>) -> Option<f64> {
         let before = self.before.as_ref()?.samples.samples();
         let (mut sum, mut count) = (0u64, 0u64);
@@ -125,14 +125,14 @@ impl Looking {
         (count > 0).then(|| sum as f64 / count as f64)
     }
 
-    /// For a checkpoint.
+    /// Returns the state for a checkpoint.
     pub fn state(&self) -> Option<&Before> {
         self.before.as_ref()
     }
 
     /// Continues after a frame of this size from its [`state`](Self::state).
     pub fn restore(&mut self, before: Option<Before>, size: (usize, usize)) -> Result<()> {
-        // Forged planes are of other sizes.
+        // Forged planes may have other sizes.
         let fits = |before: &Before| {
             let seen = before.seen.as_ref();
             (before.samples.width(), before.samples.height()) == size
@@ -147,7 +147,7 @@ impl Looking {
         Ok(())
     }
 
-    /// v and n, by the saliency of now and the task map of `frame`.
+    /// Returns v and n from the current saliency and the task map of `frame`.
     fn map(&self, frame: &Frame) -> ImportanceMap {
         let Importance { saliency, task } = self.weights;
         let (width, height) = (frame.seen.pixels.width(), frame.seen.pixels.height());
@@ -161,14 +161,14 @@ impl Looking {
         ImportanceMap::new(importance.map(|v| v.min(1.0)), self.most_samples)
     }
 
-    /// S' of a picture of this radiance, steady along the motion from the frame before.
+    /// Returns S' of a frame with this radiance, smoothed along the motion from the previous frame.
     fn salient(&self, radiance: &Plane<[f32; 3]>, known: Option<&Correspondence>) -> Plane<f32> {
-        // Display values, at an exposure of the picture's own: the film's is set later.
+        // Saliency uses display values, with the frame's own exposure: the film's exposure is set later.
         let tone_map = self.tone_map.with_exposure(exposure_for(&luminance_plane(radiance)));
         let display = radiance.map(|rgb| rgb.map(|linear| tone_map.encode(linear)));
         let found = saliency(&display, known.map(motion).as_ref());
 
-        // Stretched to 0…1: what is no more salient than the mean has nothing.
+        // Stretch to 0…1: saliency up to the mean becomes 0.
         let mean = found.samples().iter().sum::<f32>() / found.samples().len().max(1) as f32;
         let peak = found.samples().iter().copied().fold(LEAST_PEAK, f32::max);
         let range = (peak - mean).max(f32::MIN_POSITIVE);
@@ -180,7 +180,7 @@ impl Looking {
     }
 }
 
-/// A map that differs from that of the frame `before` by no more than it may, where a surface was seen there.
+/// Limits the change from the map `before` for surfaces that were visible then.
 fn limited(mut map: Plane<f32>, before: &Plane<f32>, known: &Correspondence) -> Plane<f32> {
     for (value, &index) in map.samples_mut().iter_mut().zip(known.matches().samples()) {
         if let Some(then) = before.samples().get(index as usize) {
@@ -190,14 +190,14 @@ fn limited(mut map: Plane<f32>, before: &Plane<f32>, known: &Correspondence) -> 
     map
 }
 
-/// Adds a map with its weight.
+/// Adds a weighted map.
 fn add(sum: &mut Plane<f32>, weight: f32, map: &Plane<f32>) {
     for (sum, value) in sum.samples_mut().iter_mut().zip(map.samples()) {
         *sum += weight * value;
     }
 }
 
-/// T of a frame, for the nodes that the scene's settings name.
+/// Returns the task map T of a frame, for the nodes named in the scene's settings.
 fn watched(frame: &Frame) -> Plane<f32> {
     let scene: &Scene = frame.surfaces.scene();
     let mut is_watched = vec![false; scene.instances.len()];
@@ -211,7 +211,7 @@ fn watched(frame: &Frame) -> Plane<f32> {
     task_map(&shown, scene.settings.importance.pixels_per_degree(pixels.width()))
 }
 
-/// The picture before, where its surfaces are now. A pixel whose surface was not seen has what was at its place.
+/// Returns the previous frame's light at the current positions of its surfaces. Other pixels keep their previous light.
 fn carried(before: &Plane<[f32; 3]>, known: &Correspondence) -> Plane<[f32; 3]> {
     let samples = before.samples();
     Plane::from_fn(before.width(), before.height(), |x, y| {
@@ -220,7 +220,7 @@ fn carried(before: &Plane<[f32; 3]>, known: &Correspondence) -> Plane<[f32; 3]> 
     })
 }
 
-/// Motion of every pixel. One that was not seen before moves like the last one that was, in raster order.
+/// Returns the motion of every pixel. Newly visible pixels take the motion of the last known one in raster order.
 fn motion(known: &Correspondence) -> Plane<[f32; 2]> {
     let mut last = [0.0; 2];
     Plane::from_fn(known.width(), known.height(), |x, y| {
@@ -246,7 +246,7 @@ mod tests {
         assert!(map.fits(5, 1) && !map.fits(1, 5));
     }
 
-    /// A surface that was not seen before takes the light that was at its place, and moves like its neighbor.
+    /// A newly visible surface takes the previous light at its pixel, and its neighbor's motion.
     #[test]
     fn light_and_motion_are_carried_where_they_are_known() {
         let before = Plane::from_fn(3, 1, |x, _| [x as f32; 3]);

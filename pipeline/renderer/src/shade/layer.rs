@@ -1,4 +1,4 @@
-//! A layer of light: one way to find a part of the light of every pixel.
+//! A layer of light: one component of every pixel's light.
 
 use super::audits::Audits;
 use super::counts::{CutCounts, RecordCounts};
@@ -15,36 +15,35 @@ use render_core::ranks::{Portable, Ranks};
 use std::f32::consts::PI;
 use std::ops::AddAssign;
 
-/// One way to find a part of the light of every pixel. What a layer keeps from frame to frame is its own.
+/// A component of every pixel's light, with its own state between frames.
 pub trait Layer: Send {
-    /// Finds this layer's light for the pixels of `visible` that are `wanted`, or for all; that of other pixels is not used.
+    /// Computes this layer's light for the `wanted` pixels of `visible`, or for all pixels. Other pixels may have any value.
     ///
-    /// The luminance of each pixel may be wrong by what `tolerance` says. The same input gives the same bits, whatever the number
-    /// of threads.
+    /// `tolerance` sets the permitted luminance error of each pixel. Equal input gives equal bits for any number of threads.
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit;
 
-    /// Whether nothing in `frame` shines that this layer has the light of: it is not called then.
+    /// Whether `frame` contains no light for this layer, which is then not called.
     fn is_dark(&self, _frame: &Frame<'_>) -> bool {
         false
     }
 
-    /// Keeps what the channel `aov` needs, from the next frame on, where this layer has it and does not keep that anyway.
+    /// Keeps the data of the channel `aov` from the next frame on, if this layer provides the channel.
     fn keep(&mut self, _aov: Aov) {}
 
-    /// The channel `aov` of the frame that was lit last, in raster order, where this layer has it.
+    /// Returns the channel `aov` of the last lit frame in raster order; `None` if this layer does not provide it.
     fn channel(&self, _aov: Aov, _frame: &Frame<'_>) -> Option<Vec<f32>> {
         None
     }
 
-    /// This layer in frames that are lit part by part, if it keeps records for them.
+    /// Returns this layer for frames lit in regions; `None` if it keeps no records.
     fn in_parts(&mut self) -> Option<&mut dyn PartLayer> {
         None
     }
 
-    /// Forgets the frames before: the next one is lit as the first of a film. Layers that keep nothing have nothing to forget.
+    /// Discards the state of earlier frames: the next frame is lit like the first of a film.
     fn forget(&mut self) {}
 
-    /// The state after the last frame, for a checkpoint; empty where the layer keeps nothing.
+    /// Returns the state after the last frame, for a checkpoint; empty for a stateless layer.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
@@ -52,63 +51,64 @@ pub trait Layer: Send {
     /// Continues after the frame `last` from its [`state`](Layer::state).
     ///
     /// # Errors
-    /// The state does not fit this layer, or that frame.
+    /// If the state does not fit this layer or that frame.
     fn restore(&mut self, _state: &[u8], _last: &Frame<'_>) -> Result<()> {
         Ok(())
     }
 }
 
-/// A layer that keeps records in frames that are lit part by part: each call of [`light`](Layer::light) is for one part, one sample
-/// of its pixels after the other. Other layers light each pixel by itself and need no preparation.
+/// A layer with records, in frames lit region by region. Each call of [`light`](Layer::light) covers one sample of one region;
+/// samples of a region follow each other. Layers without records need no preparation.
 pub trait PartLayer: Layer {
     /// Begins a frame.
     fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>);
 
-    /// Ends the frame.
+    /// Ends a frame.
     fn end_parts(&mut self, visible: &Visible<'_>);
 
-    /// The records that were made since they were last taken.
+    /// Returns the records created since the last call.
     fn take_records(&mut self) -> Vec<SharedRecord>;
 
-    /// Adds records that layers of the same film on other ranks have made.
+    /// Adds records that the same layer created on other ranks.
     fn adopt(&mut self, records: Vec<SharedRecord>);
 }
 
-/// A call of [`Layer::light`] for a part of a picture.
+/// Order of a call of [`Layer::light`] among the samples of a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PartSample {
-    /// The first for these pixels.
+    /// First sample of the region's pixels.
     First,
-    /// For further samples of the pixels of the call before, or of some of them.
+    /// A later sample of the same pixels, or of some of them.
     Further,
 }
 
-/// The visible surfaces of a frame, to be lit.
+/// Visible surfaces of a frame, to be lit.
 #[derive(Clone, Copy, Debug)]
 pub struct Visible<'a> {
     /// The scene and its lights.
     pub frame: &'a Frame<'a>,
-    /// The surface of each pixel.
+    /// Surface of each pixel.
     pub surfaces: &'a GBuffer,
-    /// The same with the albedo that is left below coats.
+    /// Surface of each pixel, with the albedo below its coat.
     pub matte: &'a GBuffer,
-    /// Which of the places in its pixels the picture goes through, from 0; the first is that of thresholds and motion.
+    /// Number of the sample position within pixels, from 0. Thresholds and motion belong to sample 0.
     pub sample: usize,
-    /// The part of the picture that is lit, between [`PartLayer::begin_parts`] and [`PartLayer::end_parts`]; none if it is the whole.
+    /// Order of the sample in a region lit between [`PartLayer::begin_parts`] and [`PartLayer::end_parts`]; `None` for a whole
+    /// frame.
     pub part: Option<PartSample>,
-    /// Where each pixel was in the frame before; none for the first frame and after a cut.
+    /// Position of each pixel's surface in the previous frame; `None` in the first frame and after a shot change.
     pub motion: Option<&'a Correspondence>,
-    /// Radiance that the layers before this one found, and what surfaces emit \[W·m⁻²·sr⁻¹\].
+    /// Emitted radiance plus the radiance of earlier layers \[W·m⁻²·sr⁻¹\].
     pub radiance: &'a Plane<Vec3>,
-    /// Who shares the work. Layers of all ranks are called in the same order, with the same surfaces.
+    /// Ranks that share the work. They call layers in the same order, with the same surfaces.
     pub ranks: &'a dyn Ranks,
-    /// What has moved since the frame before.
+    /// Motion since the previous frame.
     pub(super) movement: &'a Movement,
 }
 
 #[cfg(test)]
 impl<'a> Visible<'a> {
-    /// The surfaces of `frame` in the middle of its pixels, as in the first frame of a film.
+    /// Returns the surfaces at the pixel centers of `frame`, as in the first frame of a film.
     pub(super) fn alone(frame: &'a Frame<'a>, radiance: &'a Plane<Vec3>) -> Self {
         static MOVEMENT: Movement = Movement { places: Vec::new(), swept: Vec::new(), is_any: true };
         Self {
@@ -125,24 +125,24 @@ impl<'a> Visible<'a> {
     }
 }
 
-/// Light that a layer found, and what it took. Those of several layers add up.
+/// Light of a layer, and the cost of its computation. The values of several layers are summed.
 #[derive(Debug, Default)]
 pub struct Lit {
     /// Irradiance of matte surfaces \[W·m⁻²\], linear RGB.
     pub irradiance: Option<Plane<[f32; 3]>>,
-    /// Radiance that surfaces send to the viewer besides \[W·m⁻²·sr⁻¹\].
+    /// Additional radiance toward the viewer \[W·m⁻²·sr⁻¹\], linear RGB.
     pub radiance: Option<Plane<Vec3>>,
-    /// Pixels whose light was computed, of those that may have that of the frame before; none if no light is carried.
+    /// Pixels with computed light, not reprojected light; `None` if no light can be reprojected.
     pub computed: Option<Plane<bool>>,
-    /// Shadow rays.
+    /// Number of shadow rays.
     pub rays: u64,
     /// CPU time of all threads \[s\].
     pub seconds: f64,
-    /// Cuts through the light tree.
+    /// Counts of lightcuts.
     pub cuts: CutCounts,
-    /// Records of an irradiance cache.
+    /// Counts of irradiance cache records.
     pub records: RecordCounts,
-    /// Light that was found twice.
+    /// Errors measured by recomputing light.
     pub audits: Audits,
 }
 
@@ -156,7 +156,7 @@ impl AddAssign for Lit {
 }
 
 impl Lit {
-    /// Adds the counts of another rank; `None` if the bytes are not those.
+    /// Adds the counts of another rank; `None` if the bytes are invalid.
     fn add_from(&mut self, bytes: &mut &[u8]) -> Option<()> {
         self.rays += u64::take(bytes)?;
         let ((cuts, clusters), largest) = Portable::take(bytes)?;
@@ -165,7 +165,7 @@ impl Lit {
         Some(())
     }
 
-    /// Adds what `other` took, and not its light, which may be that of another picture.
+    /// Adds the counts and times of `other`, without its light, which may belong to another sample.
     pub(super) fn add_counts(&mut self, other: Self) {
         self.rays += other.rays;
         self.seconds += other.seconds;
@@ -175,9 +175,9 @@ impl Lit {
     }
 }
 
-/// Adds to `lit`, whose counts are those of this rank's share of the work, the counts of all other ranks.
+/// Adds the counts of all other ranks to `lit`, which has the counts of this rank's share of work.
 ///
-/// Counts of what was carried, and of records, are those of the whole picture on every rank already.
+/// Counts of reprojected pixels and of records cover the whole frame on every rank already.
 pub(super) fn add_ranks(ranks: &dyn Ranks, lit: &mut Lit) {
     if ranks.count() == 1 {
         return;
@@ -188,12 +188,12 @@ pub(super) fn add_ranks(ranks: &dyn Ranks, lit: &mut Lit) {
     lit.audits.cuts.numbers().put(&mut bytes);
     for (rank, bytes) in ranks.all_gather(bytes).into_iter().enumerate() {
         if rank != ranks.rank() {
-            lit.add_from(&mut &bytes[..]).expect("every rank gives its counts");
+            lit.add_from(&mut &bytes[..]).expect("every rank sends its counts");
         }
     }
 }
 
-/// `sum` and `more`, pixel by pixel where both are there.
+/// Combines `sum` and `more` pixel by pixel if both exist.
 fn add<T: Copy>(sum: &mut Option<Plane<T>>, more: Option<Plane<T>>, both: impl Fn(T, T) -> T) {
     match (&mut *sum, more) {
         (_, None) => {}
@@ -207,16 +207,16 @@ fn add<T: Copy>(sum: &mut Option<Plane<T>>, more: Option<Plane<T>>, both: impl F
 }
 
 impl Lit {
-    /// Light of a layer that has only irradiance \[W·m⁻²\].
+    /// Returns light that consists only of irradiance \[W·m⁻²\].
     #[must_use]
     pub fn of_irradiance(irradiance: Plane<[f32; 3]>) -> Self {
         Self { irradiance: Some(irradiance), ..Self::default() }
     }
 
-    /// Radiance of the pixels of `matte` that already send `radiance` \[W·m⁻²·sr⁻¹\]:
+    /// Adds this light to the `radiance` of the pixels of `matte` \[W·m⁻²·sr⁻¹\]:
     ///
     /// ```text
-    /// L = L₀ + ρ E / π + L_r        ρ  albedo    E  irradiance    L_r  radiance besides
+    /// L = L₀ + ρ E / π + L_r        ρ  albedo    E  irradiance    L_r  additional radiance
     /// ```
     #[must_use]
     pub fn shown(&self, matte: &GBuffer, mut radiance: Plane<Vec3>) -> Plane<Vec3> {

@@ -1,4 +1,4 @@
-//! The list of layers that a frame's light consists of, as the plan of the scene needs it.
+//! Layers of a frame's light, chosen by the scene's plan.
 
 use super::all_lights::AllLights;
 use super::cached::Cached;
@@ -22,21 +22,21 @@ use render_core::cache::SharedRecord;
 use render_core::ranks::Ranks;
 use std::sync::Arc;
 
-/// The light of a frame: the sum over these layers, in this order.
+/// Layers of a frame's light; their sum is the light.
 pub(super) struct Layers {
-    /// Light that arrives straight from its source, and that coats reflect.
+    /// Layers of direct light and of light from coats.
     pub direct: Vec<Box<dyn Layer>>,
-    /// All other light.
+    /// Layers of all other light.
     pub indirect: Vec<Box<dyn Layer>>,
 }
 
 impl Layers {
-    /// Those that `plan` needs:
+    /// Creates the layers of `plan`:
     ///
     /// | light | layers |
     /// |---|---|
-    /// | direct | [`Direct`], carried where the plan says so; [`Coats`], but beside tiles |
-    /// | indirect | [`Cached`], carried where the plan says so; or [`PerPixel`]; or [`AllLights`] |
+    /// | direct | [`Direct`], with reprojection if the plan has it; [`Coats`], except with tiles |
+    /// | indirect | [`Cached`], with reprojection if the plan has it; or [`PerPixel`]; or [`AllLights`] |
     pub fn new(settings: &RenderSettings, plan: &Plan, ranks: &Arc<dyn Ranks>) -> Self {
         let carries = plan.is_on(Stage::CarriedLight);
         let mut direct = vec![carried_if(carries, Direct::default(), settings)];
@@ -44,7 +44,7 @@ impl Layers {
             direct.push(Box::new(Coats::default()));
         }
 
-        // Beside baked light a layer is for surfaces that move: their light changes, and none of it is carried.
+        // With baked light, a layer lights only dynamic surfaces: their light changes, and none of it is reprojected.
         let (is_baked, compensates) = (settings.lighting.is_baked(), plan.is_on(Stage::Compensation));
         let is_needed = !plan.is_off(Stage::Indirect) && (!is_baked || plan.is_on(Stage::DynamicAnchors));
         let mut indirect: Vec<Box<dyn Layer>> = Vec::new();
@@ -54,24 +54,24 @@ impl Layers {
                     carried_if(carries && !is_baked, Cached::new(plan, settings.samples, ranks.clone()), settings)
                 }
                 Lighting::AllLights => Box::new(AllLights::new(compensates)),
-                // Each rank knows the cuts that it made: an observer of one may want those of all.
+                // Each rank counts only its own lightcuts, but an observer of one rank may request all of them.
                 _ => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize) || ranks.count() > 1)),
             });
         }
         Self { direct, indirect }
     }
 
-    /// Lets coats look their light up, where there are any.
+    /// Makes coats sample baked light, if the scene has coats.
     #[cfg(feature = "bake")]
     pub fn look_coats_up(&mut self, texels: &Arc<BakedTexels>) {
-        // Coats follow the layer of direct light.
+        // Coats follow direct light in the list.
         if let [_, coats] = &mut self.direct[..] {
             *coats = Box::new(Coats::baked(texels.clone()));
         }
     }
 
-    /// The light of `visible` surfaces, which only emit as yet: as pictures, and as the layers found it, direct and indirect. That
-    /// of pixels that are not `wanted` has no meaning.
+    /// Lights `visible` surfaces whose radiance is only emission. Returns radiance by sample, and the layers' direct and
+    /// indirect light. Pixels not `wanted` may have any value.
     pub fn sample(
         &mut self,
         visible: &Visible,
@@ -87,21 +87,21 @@ impl Layers {
         (Sample { direct, indirect }, [of_direct, of_indirect])
     }
 
-    /// Begins a frame that is lit part by part.
+    /// Begins a frame lit region by region.
     pub fn begin_parts(&mut self, visible: &Visible, tolerance: &Tolerance) {
         for layer in self.lit_in_parts(visible.frame) {
             layer.begin_parts(visible, tolerance);
         }
     }
 
-    /// Ends it.
+    /// Ends a frame lit region by region.
     pub fn end_parts(&mut self, visible: &Visible) {
         for layer in self.lit_in_parts(visible.frame) {
             layer.end_parts(visible);
         }
     }
 
-    /// Records that these layers have made in parts.
+    /// Returns new records of these layers from frames lit region by region.
     pub fn take_records(&mut self) -> Vec<SharedRecord> {
         let mut records = Vec::new();
         for layer in &mut self.indirect {
@@ -112,14 +112,14 @@ impl Layers {
         records
     }
 
-    /// Adds records that other ranks have made.
+    /// Adds records of other ranks.
     pub fn adopt(&mut self, records: Vec<SharedRecord>) {
         if let Some(first) = self.indirect.first_mut().and_then(|first| first.in_parts()) {
             first.adopt(records);
         }
     }
 
-    /// Layers with records that have light of this frame.
+    /// Returns the layers with records that have light in this frame.
     fn lit_in_parts(&mut self, frame: &Frame) -> impl Iterator<Item = &mut dyn PartLayer> {
         let lit = self.direct.iter_mut().chain(&mut self.indirect).filter(|layer| !layer.is_dark(frame));
         lit.filter_map(|layer| layer.in_parts())
@@ -129,24 +129,24 @@ impl Layers {
         self.direct.iter().chain(&self.indirect).map(|layer| &**layer)
     }
 
-    /// The channel `aov` of the frame that was lit last, of the first layer that has it.
+    /// Returns the channel `aov` of the last lit frame, from the first layer that provides it.
     pub fn channel(&self, aov: Aov, frame: &Frame) -> Option<Vec<f32>> {
         self.all().find_map(|layer| layer.channel(aov, frame))
     }
 
-    /// Lets every layer keep what the channels `aov` need, from the next frame on.
+    /// Makes every layer keep the data of the channels `aov`, from the next frame on.
     pub fn keep(&mut self, aov: &[Aov]) {
         for layer in self.direct.iter_mut().chain(&mut self.indirect) {
             aov.iter().for_each(|&aov| layer.keep(aov));
         }
     }
 
-    /// Lets every layer forget the frames before.
+    /// Discards the state of earlier frames in every layer.
     pub fn forget(&mut self) {
         self.direct.iter_mut().chain(&mut self.indirect).for_each(|layer| layer.forget());
     }
 
-    /// The states of all layers, in order.
+    /// Returns the states of all layers, in order.
     pub fn states(&self) -> Vec<Vec<u8>> {
         self.all().map(|layer| layer.state()).collect()
     }
@@ -164,7 +164,8 @@ impl Layers {
     }
 }
 
-/// Light of all `layers` together, and the radiance of the pixels with it. Each layer knows the light of those before it.
+/// Returns the light of all `layers`, and the pixels' radiance including it. Each layer receives the radiance of earlier
+/// layers.
 fn sum_of(
     layers: &mut [Box<dyn Layer>],
     visible: &Visible,
@@ -182,7 +183,7 @@ fn sum_of(
     (sum, radiance)
 }
 
-/// `layer`, around which light is carried if `is_carried`.
+/// Returns `layer`, with reprojection of its light if `is_carried`.
 fn carried_if<L: Carriable + 'static>(is_carried: bool, layer: L, settings: &RenderSettings) -> Box<dyn Layer> {
     match is_carried {
         true => Box::new(Carried::new(layer, settings.qscale)),

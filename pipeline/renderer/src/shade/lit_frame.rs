@@ -1,4 +1,4 @@
-//! The light of a frame, kept while nothing changes.
+//! Light of a frame, reused while nothing changes.
 
 use super::importance::ImportanceMap;
 use super::layer::Lit;
@@ -14,38 +14,38 @@ use render_core::{
 };
 use std::sync::Arc;
 
-/// The light that the pixels of a picture show through one place of each, before outlines are blended.
+/// Light of all pixels through one sample position each, before outlines are blended \[W·m⁻²·sr⁻¹\].
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct Sample {
-    /// Emitted, and reflected straight from its source.
+    /// Emitted light, and light reflected directly from its source.
     pub direct: Plane<Vec3>,
-    /// All else.
+    /// All other light.
     pub indirect: Plane<Vec3>,
 }
 
 impl Sample {
-    /// All light.
+    /// Returns the sum of direct and indirect light.
     pub fn whole(&self) -> Plane<Vec3> {
         let Self { direct, indirect } = self;
         Plane::from_fn(direct.width(), direct.height(), |x, y| direct.get(x, y) + indirect.get(x, y))
     }
 }
 
-/// Light of a frame, as a film that stands still goes on with it.
+/// Stored light of a frame, which a static film continues with.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct StoredLight {
     pub samples: Vec<Sample>,
-    /// The surfaces of pixels that show several, where these are blended.
+    /// Surfaces of pixels crossed by outlines, if these are blended.
     pub coverage: Option<Coverage>,
-    /// The layers of pixels that show several one behind the other, of each sample where all pixels have several samples.
+    /// Transparent layers within pixels, for each sample, if every pixel has several samples.
     pub layers: Vec<Coverage>,
     pub cache_records: u64,
-    /// Where people look, and how many samples each pixel has for it; where none is stated all have the same number.
+    /// Importance map; `None` if all pixels have the same number of samples.
     pub importance: Option<ImportanceMap>,
 }
 
 impl StoredLight {
-    /// A picture of one kind of light, its samples blended at outlines by `blend` and put together.
+    /// Combines the samples of one kind of light into a frame, with outlines blended by `blend`.
     pub fn picture(
         &self,
         of: impl Fn(&Sample) -> Plane<Vec3>,
@@ -63,7 +63,7 @@ impl StoredLight {
         }
         let places = sample_offsets(planes.len());
 
-        // Coverage is known of the first sample, and has a say where that is alone.
+        // Coverage belongs to the first sample, and is used for pixels without further ones.
         let blended = self.coverage.as_ref().map(|coverage| triples(blend(coverage, &of(&self.samples[0]))));
         match (&self.importance, blended) {
             (Some(map), blended) => {
@@ -75,8 +75,8 @@ impl StoredLight {
         }
     }
 
-    /// The light of all parts of the pixels that show several. A display shows these also where there are further samples, whose
-    /// filter would let bright light cover what is thin before it.
+    /// Returns the light of all surfaces in pixels crossed by outlines. Displays need it even with further samples, because the
+    /// filter would spread bright light over thin objects.
     pub fn outlines(&self) -> Vec<Outline> {
         let Some(coverage) = &self.coverage else { return Vec::new() };
         let light = self.samples[0].whole();
@@ -87,22 +87,22 @@ impl StoredLight {
             }
             Outline { pixel: pixel.index, parts }
         };
-        // Layers are no outlines: a lamp behind glass outshines the glass.
+        // Omit transparent layers: a lamp behind glass outshines the glass.
         coverage.pixels().filter(|pixel| !pixel.is_layered).map(of).collect()
     }
 }
 
-/// Which of a frame's light was computed, and which was that of the frame before.
+/// Pixels with computed light, and pixels with reprojected light.
 #[derive(Default)]
 pub(super) struct Reused {
-    /// Pixels whose direct and whose indirect light was computed; none if none is ever carried.
+    /// Pixels with computed direct and computed indirect light; `None` if a layer has no reprojection.
     computed: [Option<Plane<bool>>; 2],
-    /// Pixels that reflect light.
+    /// Number of pixels that reflect light.
     lit: usize,
 }
 
 impl Reused {
-    /// Of the direct and indirect light of `matte` surfaces.
+    /// Collects these pixels from the direct and indirect light of `matte` surfaces.
     pub fn new([direct, indirect]: [&Lit; 2], matte: &GBuffer) -> Self {
         let computed = [direct.computed.clone(), indirect.computed.clone()];
         let lit = if computed.iter().any(Option::is_some) {
@@ -113,7 +113,7 @@ impl Reused {
         Self { computed, lit }
     }
 
-    /// Share of the lit pixels for which some light was computed.
+    /// Returns the fraction of lit pixels with any computed light.
     pub fn shaded_share(&self) -> f64 {
         let [Some(first), others @ ..] = &self.computed else { return 1.0 };
         let mut shaded = 0;
@@ -124,10 +124,10 @@ impl Reused {
         shaded as f64 / self.lit.max(1) as f64
     }
 
-    /// [`Aov::Shading`](crate::settings::Aov::Shading) of a picture whose surfaces are `seen`.
+    /// Returns the channel [`Aov::Shading`](crate::settings::Aov::Shading) of a frame with the surfaces `seen`.
     pub fn channel(&self, seen: &GBuffer) -> Vec<f32> {
         let [Some(direct), indirect] = &self.computed else { return vec![0.0; seen.pixels.samples().len()] };
-        // Where nothing shines but lamps, all light is direct light.
+        // Without indirect light, only direct light counts.
         let indirect = indirect.as_ref().unwrap_or(direct);
         let mut channel = Vec::new();
         for (index, pixel) in seen.pixels.samples().iter().enumerate() {
@@ -138,7 +138,7 @@ impl Reused {
     }
 }
 
-/// A frame's light, and all that it was made from.
+/// Light of a frame, and all data that it was computed from.
 pub(super) struct LitFrame {
     accelerator: Arc<Accelerator>,
     lights: Arc<DirectLights>,
@@ -150,7 +150,7 @@ pub(super) struct LitFrame {
 }
 
 impl LitFrame {
-    /// The light of `frame`.
+    /// Creates the light of `frame`.
     pub fn new(frame: &Frame, light: StoredLight, reused: Reused) -> Self {
         let Frame { accelerator, direct, tree, gather, seen, .. } = frame;
         Self {
@@ -164,7 +164,7 @@ impl LitFrame {
         }
     }
 
-    /// Whether `frame` has the same parts, shared and not only equal.
+    /// Whether `frame` shares the same data by pointer; equality is not sufficient.
     pub fn is_of(&self, frame: &Frame) -> bool {
         Arc::ptr_eq(&self.accelerator, &frame.accelerator)
             && Arc::ptr_eq(&self.lights, &frame.direct)

@@ -1,4 +1,4 @@
-//! Mattes of objects and materials, by the names that the scene's file has.
+//! Mattes of objects and materials, with the names in the scene file.
 
 use crate::settings::Aov;
 use pipeline::parts::Channels;
@@ -7,15 +7,16 @@ use render_core::scene::{Instance, Scene};
 use render_core::{InstanceShares, NOTHING};
 use std::collections::BTreeSet;
 
-/// The mattes that the channel `aov` asks for, one thing for each instance of `scene`; none for other channels.
+/// Returns the mattes for the channel `aov`, with one entry per instance of `scene`; `None` for other channels.
 ///
-/// Objects are nodes, since those are what animators name: all parts of a node's mesh are one matte. A node without a name has that
-/// of its mesh. Nodes of one name are one matte, as in other programs; things without any name have one of their own, by number.
+/// Objects are nodes, because animators name nodes: all primitives of a node's mesh form one matte. A node without a name takes
+/// its mesh's name. As in other programs, nodes of equal name share a matte. Entries without any name get a unique one with a
+/// number.
 pub(super) fn mattes(aov: Aov, scene: &Scene) -> Option<Cryptomatte> {
     let materials = |&Instance { mesh, .. }: &Instance| scene.meshes[mesh].material;
     match aov {
         Aov::CryptoObject => {
-            // Several instances that hang from a node without a name take that of the first one's mesh.
+            // Several instances below an unnamed node take the first one's mesh name.
             let mut own: Vec<&str> = scene.nodes.iter().map(|node| node.name.as_str()).collect();
             for &Instance { node, mesh } in &scene.instances {
                 if own[node].is_empty() {
@@ -37,7 +38,7 @@ pub(super) fn mattes(aov: Aov, scene: &Scene) -> Option<Cryptomatte> {
     }
 }
 
-/// `own` names, with ones such as node_12 in place of those that are empty: names that no other thing has.
+/// Returns `own` with unique names such as node_12 instead of empty ones.
 fn with_names(own: &[&str], kind: &str) -> Vec<String> {
     let known: BTreeSet<&str> = own.iter().copied().collect();
     let name = |(index, own): (usize, &&str)| {
@@ -53,7 +54,7 @@ fn with_names(own: &[&str], kind: &str) -> Vec<String> {
     own.iter().enumerate().map(name).collect()
 }
 
-/// The channels of `mattes` for a picture that shows these instances.
+/// Returns the channels of `mattes` for a frame with this coverage by instance.
 pub(super) fn channels(mattes: &Cryptomatte, shares: &InstanceShares) -> Channels {
     let mut pixels = Vec::new();
     for pixel in shares.pixels() {

@@ -1,19 +1,19 @@
-//! Light for every pixel: layers that each find a part of it, as wrong as thresholds allow.
-//! The one place where rays and light tree meet.
+//! Light of every pixel: a sum of layers, each as accurate as thresholds require. Only this module combines rays with the light
+//! tree.
 //!
-//! | room | what |
+//! | module | contents |
 //! |---|---|
-//! | `layer` | a layer, the surfaces that it lights, and what it found |
-//! | `layers` | the list of them for a scene |
+//! | `layer` | the layer trait, the surfaces that it lights, and its result |
+//! | `layers` | the layers of a scene |
 //! | `direct`, `coats` | layers of direct light |
 //! | `cached`, `per_pixel`, `all_lights`, `baked` | layers of indirect light |
-//! | `carried` | a layer around another: its light of the frame before, where that still holds |
-//! | `tolerance` | how wrong the light of a pixel may be |
-//! | `tiles` | parts of a picture that ranks take on demand |
-//! | `importance` | where people look, and what that makes of samples and thresholds |
-//! | `audits`, `counts` | light found twice, and counts of the work |
-//! | `visibility`, `movement`, `macroblock`, `pixel` | rays, what has moved, and pixels as layers share them |
-//! | `samples`, `lit_frame`, `channels`, `mattes`, `state` | the result, as pictures and as bytes |
+//! | `carried` | a layer around another one: reprojects its light of the previous frame |
+//! | `tolerance` | permitted error of each pixel's light |
+//! | `tiles` | tiles of a frame that ranks request on demand |
+//! | `importance` | importance map, which sets samples and thresholds |
+//! | `audits`, `counts` | errors measured by recomputing light, and counts of the work |
+//! | `visibility`, `movement`, `macroblock`, `pixel` | rays, moving objects, and pixels as layers process them |
+//! | `samples`, `lit_frame`, `channels`, `mattes`, `state` | the result, as frames, channels and bytes |
 
 mod all_lights;
 mod audits;
@@ -75,41 +75,41 @@ use samples::{SampleSurfaces, SamplesLight};
 use std::sync::Arc;
 use tiles::Tiling;
 
-/// Rays that find the share of a pixel's area that each object covers: one to a sixteenth of its width and of its height.
+/// Number of rays that find the fraction of a pixel covered by each object: one per sixteenth of its width and of its height.
 const MATTE_RAYS: usize = 16;
 
-/// The second half of the renderer: lights frame after frame.
+/// Second half of the renderer: lights frames one by one.
 pub struct Shading<'a> {
     settings: RenderSettings,
     plan: &'a Plan,
     layers: Layers,
-    /// Where the instances were in the frame before; none before the first.
+    /// Poses of the instances in the previous frame; empty before the first.
     places: Vec<Option<InstancePose>>,
-    /// Where nothing moves, the light of one frame is that of the next.
+    /// Light of a static frame, reused for the next one.
     still: Option<LitFrame>,
-    /// Errors measured so far, if cuts are to end by them.
+    /// Measured errors of lightcuts; `None` without calibrated stopping.
     calibration: Option<Calibration>,
-    /// Where people look, if that is to steer anything.
+    /// State of importance; `None` without importance.
     looking: Option<Looking>,
-    /// Channels for observers.
+    /// Channels requested by observers.
     watched: Vec<Aov>,
-    /// Who shares the work.
+    /// Ranks that share the work.
     ranks: Arc<dyn Ranks>,
-    /// Tiles that ranks take on demand, if they do.
+    /// Tiles that ranks request on demand; `None` without tiles.
     tiling: Option<Tiling>,
 }
 
 impl<'a> Shading<'a> {
-    /// For a film from its beginning.
+    /// Starts a film.
     #[must_use]
     pub fn new(settings: &RenderSettings, plan: &'a Plan) -> Self {
         Self::among(settings, plan, Arc::new(Alone))
     }
 
-    /// The same, where other `ranks` share the work and light the same frames.
+    /// Starts a film on several `ranks` that share the work and light the same frames.
     #[must_use]
     pub fn among(settings: &RenderSettings, plan: &'a Plan, ranks: Arc<dyn Ranks>) -> Self {
-        // Ranks that take tiles light them alone.
+        // With tiles, each rank lights its tiles alone.
         let sharing: Arc<dyn Ranks> = if settings.tiles.is_some() { Arc::new(Alone) } else { ranks.clone() };
         let layers = Layers::new(settings, plan, &sharing);
         let (calibration, looking) = (calibration(settings), looking(settings));
@@ -127,18 +127,18 @@ impl<'a> Shading<'a> {
         }
     }
 
-    /// Lets this `crew` take tiles on demand, if the settings say so.
+    /// Sets the `crew` that takes tiles on demand, if the settings have tiles.
     pub fn set_crew(&mut self, crew: Crew) {
         self.tiling = self.settings.tiles.map(|settings| Tiling::new(settings, crew, &self.settings, self.plan));
     }
 
-    /// Lets frames have these channels in [`Shaded::watched`] from now on. Their light stays the same.
+    /// Adds these channels to [`Shaded::watched`] from now on. The light does not change.
     pub fn watch(&mut self, aov: &[Aov]) {
         self.layers.keep(aov);
         self.watched = aov.to_vec();
     }
 
-    /// Forgets the frames before: the next one is lit as the first of a film.
+    /// Discards the state of earlier frames: the next frame is lit like the first of a film.
     fn forget(&mut self) {
         self.layers.forget();
         self.tiling.iter_mut().for_each(Tiling::forget);
@@ -146,7 +146,7 @@ impl<'a> Shading<'a> {
         (self.calibration, self.looking) = (calibration(&self.settings), looking(&self.settings));
     }
 
-    /// With the light of `texels` for the surfaces that stand still.
+    /// Uses the baked light of `texels` for static surfaces.
     #[cfg(feature = "bake")]
     #[must_use]
     pub fn with_baked(mut self, texels: Arc<BakedTexels>) -> Self {
@@ -155,7 +155,7 @@ impl<'a> Shading<'a> {
         self.with_indirect(Box::new(baked::Baked::new(texels, others)))
     }
 
-    /// With another layer in place of all that find indirect light.
+    /// Replaces all layers of indirect light by `layer`.
     #[must_use]
     pub fn with_indirect(mut self, layer: Box<dyn Layer>) -> Self {
         self.layers.indirect = vec![layer];
@@ -163,12 +163,12 @@ impl<'a> Shading<'a> {
     }
 }
 
-/// Errors of cuts before any was measured, if cuts are to end by them.
+/// Returns the initial calibration for calibrated stopping.
 fn calibration(settings: &RenderSettings) -> Option<Calibration> {
     (settings.stopping == Stopping::Calibrated).then(|| Calibration::keeping(settings.within))
 }
 
-/// The state of importance before any frame, if importance is to steer anything.
+/// Returns the initial state of importance, if the settings have weights.
 fn looking(settings: &RenderSettings) -> Option<Looking> {
     settings.importance.map(|weights| Looking::new(weights, settings))
 }
@@ -185,12 +185,12 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
             self.forget();
         }
 
-        // Errors that this frame finds steer the next.
+        // Errors measured in this frame set the thresholds of the next.
         let mut calibration = self.calibration.take();
         let RenderSettings { thresholds: policy, size, kappa, .. } = self.settings;
         let mut tolerance = Tolerance::new(thresholds, policy, size, calibration.as_ref());
 
-        // Light that stays has the importance that it was found with.
+        // Reused light keeps the importance map that it was computed with.
         let is_still = self.still.as_ref().is_some_and(|still| still.is_of(&prepared.frame));
         let (looking, busy) = (self.looking.as_mut().filter(|_| !is_still), Busy::default());
         let ahead = busy.measure(|| looking.and_then(|looking| looking.ahead(prepared)));
@@ -203,7 +203,7 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
         let learned = calibration.as_mut().and_then(|calibration| calibration.learn(&audits.cuts));
         self.calibration = calibration;
 
-        // Where cuts end by measured errors, their multiplier is the one that holds.
+        // With calibrated stopping, report the calibrated multiplier.
         shaded.figures.kappa = Some(learned.as_ref().map_or(kappa.into(), |learned| learned.kappa));
         shaded.figures.audit_error_p95 = learned.map(|learned| learned.error_p95);
         shaded
@@ -219,7 +219,7 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
 }
 
 impl Shading<'_> {
-    /// A frame, and what its audits found. Its importance may be known ahead.
+    /// Lights a frame and returns the errors of its audits. `ahead` is the importance map if it is known already.
     fn shade(
         &mut self,
         prepared: &PreparedFrame,
@@ -229,7 +229,8 @@ impl Shading<'_> {
         let (plan, frame) = (self.plan, &prepared.frame);
         let mut figures = prepared.figures.clone();
 
-        // Direct light has no thresholds, and light from a cache takes them into account only where something is new.
+        // Light of a static view can be reused: direct light has no thresholds, and cached light applies them only to new
+        // records.
         let is_steady = plan.is_on(Stage::Cache) || plan.is_off(Stage::Indirect);
         let may_stay = plan.state(Stage::PrimaryRays) == State::Once && is_steady;
         let (lit, audits) = match self.still.take().filter(|still| still.is_of(frame)) {
@@ -243,7 +244,7 @@ impl Shading<'_> {
         let whole = triples(&lit.light.samples[0].whole());
         figures.threshold_mean_relative = tolerance.mean_relative(&frame.seen, &whole);
 
-        // The picture, and what else is wanted of the frame.
+        // Assemble the frame and its channels.
         let radiance = lit.light.picture(|sample| sample.whole(), Coverage::blend);
         let importance = lit.light.importance.as_ref();
         if let (Some(looking), Some(map)) = (&mut self.looking, importance) {
@@ -280,7 +281,7 @@ impl Shading<'_> {
         (Shaded { radiance, outlines, importance, channels, header, watched, figures }, audits)
     }
 
-    /// The instances that each pixel shows, if mattes are wanted of them. Without anti-aliasing a pixel is what its center shows.
+    /// Returns each pixel's coverage by instance, if mattes are requested. Without antialiasing, only the pixel center counts.
     fn instance_shares(&self, frame: &Frame, busy: &Busy) -> Option<InstanceShares> {
         let RenderSettings { aov, samples, antialiasing, .. } = &self.settings;
         let is_wanted = aov.iter().any(|aov| matches!(aov, Aov::CryptoObject | Aov::CryptoMaterial));
@@ -290,14 +291,14 @@ impl Shading<'_> {
         is_wanted.then(|| busy.take(frame.seen.instance_shares(scene, rays)))
     }
 
-    /// Facts for the header of the frame's file.
+    /// Returns the header of the frame's file.
     fn header(&self, frame: &Frame) -> FrameHeader {
         let mattes = self.settings.aov.iter().filter_map(|&aov| mattes::mattes(aov, frame.surfaces.scene()));
         let texts = mattes.flat_map(|mattes| mattes.texts()).collect();
         FrameHeader { camera: Some(frame.seen.view.frame_camera()), place: self.settings.place(frame.index), texts }
     }
 
-    /// The light of a frame through every place of a pixel, and what its audits found; `figures` get what it took.
+    /// Lights all samples of a frame, adds the cost to `figures`, and returns the errors of its audits.
     fn light(
         &mut self,
         prepared: &PreparedFrame,
@@ -315,13 +316,13 @@ impl Shading<'_> {
         let ranks = self.ranks.clone();
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
         for sample in 0..self.settings.samples as usize {
-            // Where people look decides which pixels have further samples.
+            // Importance decides which pixels have further samples.
             let wanted = lit.importance.as_ref().filter(|_| sample > 0).map(|map| map.wanted(sample));
             if wanted.as_ref().is_some_and(|wanted| !wanted.samples().contains(&true)) {
                 break;
             }
 
-            // Layers find their light on the surfaces of this sample.
+            // Layers light the surfaces of this sample.
             let of_sample = self.surfaces(frame, sample, &lit.visibility);
             let visible = of_sample.visible(prepared, sample, &movement, &*ranks);
             let (light, [of_direct, of_indirect]) = self.layers.sample(&visible, wanted.as_ref(), tolerance);
@@ -341,9 +342,9 @@ impl Shading<'_> {
         self.finished(prepared, lit, figures)
     }
 
-    /// The surfaces of a sample; `visibility` is busy with them.
+    /// Returns the surfaces of a sample, and adds the CPU time to `visibility`.
     fn surfaces<'f>(&self, frame: &'f Frame, sample: usize, visibility: &Busy) -> SampleSurfaces<'f> {
-        // A sample that is alone, or may be, is that of the G-buffer.
+        // The G-buffer contains the only sample, or the first one with importance.
         let offsets = sample_offsets(self.settings.samples as usize);
         let is_center = offsets.len() == 1 || sample == 0 && self.looking.is_some();
         let seen = &*frame.seen;
@@ -359,7 +360,7 @@ impl Shading<'_> {
         SampleSurfaces { seen, own, below, emitted }
     }
 
-    /// Adds the layers of pixels that show several, where each pixel has all of several samples.
+    /// Adds transparent layers within pixels, if every pixel has several samples.
     fn add_layers(
         &self,
         prepared: &PreparedFrame,
@@ -374,7 +375,7 @@ impl Shading<'_> {
         }
     }
 
-    /// The frame of this light, with what it took in its `figures`, and what its audits found.
+    /// Returns the lit frame and the errors of its audits, and adds the cost to `figures`.
     fn finished(
         &mut self,
         prepared: &PreparedFrame,
@@ -384,7 +385,7 @@ impl Shading<'_> {
         let SamplesLight { samples, layers, mut direct, indirect, reused, importance, places, visibility } = lit;
         let Frame { accelerator, surfaces, seen, .. } = &prepared.frame;
 
-        // Outlines are looked for where they are seen: by the light on either side.
+        // Find outlines where they are visible: by the light on both sides.
         let scene = PosedScene::new(accelerator, surfaces);
         let has_outlines = self.plan.is_on(Stage::Antialiasing);
         let has_layers = layers.is_empty() && !seen.layered.is_empty();
@@ -398,7 +399,7 @@ impl Shading<'_> {
         });
         self.places = places;
 
-        // Times and counts of the samples together.
+        // Sum the times and counts of all samples.
         figures.seconds.visibility += visibility.seconds();
         figures.seconds.direct = direct.seconds;
         figures.seconds.indirect = indirect.seconds;
@@ -412,7 +413,7 @@ impl Shading<'_> {
     }
 }
 
-/// Writes what light has taken into the figures of its frame.
+/// Writes the cost of light into the figures of a frame.
 fn put(lit: &Lit, figures: &mut FrameFigures) {
     let CutCounts { cuts, clusters, largest } = lit.cuts;
     figures.cut_size_mean = clusters as f64 / cuts.max(1) as f64;
@@ -423,7 +424,7 @@ fn put(lit: &Lit, figures: &mut FrameFigures) {
     figures.audit_carried_within = (all > 0).then(|| within as f64 / all as f64);
 }
 
-/// Writes where people look into the figures of a frame.
+/// Writes importance into the figures of a frame.
 fn put_importance(map: &ImportanceMap, change: Option<f64>, figures: &mut FrameFigures) {
     let count = map.samples.samples().len().max(1) as f64;
     figures.importance_mean = Some(map.importance.samples().iter().map(|&v| f64::from(v)).sum::<f64>() / count);

@@ -1,4 +1,4 @@
-//! Where things are that move, and where they were: what may have changed between a record and its lights.
+//! Motion of instances between frames: changes between a surface and its lights.
 
 use crate::frame::Frame;
 use glam::{Affine3A, BVec3A, Vec3, Vec3A};
@@ -6,20 +6,20 @@ use render_core::scene::{DeformedMesh, Material};
 use render_core::{GBuffer, Surfaces};
 use std::sync::Arc;
 
-/// Place, shape and material of an instance that moves.
+/// Pose, shape and material of a moving instance.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct InstancePose {
     world: Affine3A,
-    /// The box around it in its own space.
+    /// Lower and upper corner of its bounding box in object space.
     low: Vec3A,
     high: Vec3A,
-    /// Its vertices, where these are bent.
+    /// Vertices of a deformed instance.
     shape: Option<Arc<DeformedMesh>>,
-    /// Its material, where any is animated.
+    /// Material, if any material is animated.
     material: Option<Material>,
 }
 
-/// The box around an instance that moves.
+/// World-space bounding box of a moving instance.
 #[derive(Debug)]
 pub(super) struct MovingBox {
     pub instance: u32,
@@ -27,25 +27,25 @@ pub(super) struct MovingBox {
     high: Vec3A,
 }
 
-/// What has moved since the frame before.
+/// Motion since the previous frame.
 #[derive(Debug)]
 pub(super) struct Movement {
-    /// Where the instances that move are.
+    /// Poses of the moving instances; `None` for static ones.
     pub places: Vec<Option<InstancePose>>,
-    /// Around all that has moved since the frame before, where it was and where it is; nothing in the first frame.
+    /// Boxes around old and new poses of all instances that have moved since the previous frame; empty in the first frame.
     pub swept: Vec<MovingBox>,
-    /// Whether anything moved; true of the first frame.
+    /// Whether anything has moved; true in the first frame.
     pub is_any: bool,
 }
 
 impl Movement {
-    /// Movement to `frame` from the frame before, where the instances were at these places.
+    /// Computes the motion to `frame` from the poses in the previous frame.
     pub fn to(frame: &Frame, before: &[Option<InstancePose>]) -> Self {
         let places = places(&frame.surfaces, &frame.seen, before);
         Self { swept: swept(before, &places), is_any: before != places, places }
     }
 
-    /// Around all that moves, where it is now.
+    /// Returns the boxes around the current poses of all moving instances.
     pub fn standing(&self) -> Vec<MovingBox> {
         let mut standing = Vec::new();
         for (index, place) in (0..).zip(&self.places) {
@@ -57,7 +57,7 @@ impl Movement {
     }
 }
 
-/// Where the instances that move are in the picture `seen`; what keeps its shape keeps its box from `before`.
+/// Returns the poses of the moving instances in the frame `seen`. Rigid instances keep their bounding box from `before`.
 fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<InstancePose>]) -> Vec<Option<InstancePose>> {
     let scene = surfaces.scene();
     let around = |positions: &[Vec3]| {
@@ -78,7 +78,7 @@ fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<InstancePose>]) 
     surfaces.moving().iter().enumerate().map(place).collect()
 }
 
-/// Around what is elsewhere, or otherwise, than before: at both places.
+/// Returns boxes around old and new poses of all instances with a changed pose, shape or material.
 fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<MovingBox> {
     let mut swept = Vec::new();
     for (index, (then, now)) in (0..).zip(before.iter().zip(now)) {
@@ -92,7 +92,7 @@ fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<M
 }
 
 impl MovingBox {
-    /// The box in the world around an instance at all of these places.
+    /// Returns the world-space box around an instance in all these poses.
     fn all<const N: usize>(instance: u32, places: [&InstancePose; N]) -> Self {
         let points = places.into_iter().flat_map(|InstancePose { world, low, high, .. }| {
             let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
@@ -102,12 +102,12 @@ impl MovingBox {
         points.fold(empty, |Self { low, high, .. }, p| Self { instance, low: low.min(p), high: high.max(p) })
     }
 
-    /// Squared distance from a point to the box.
+    /// Returns the squared distance from a point to the box \[m²\].
     pub fn distance2(&self, point: Vec3A) -> f32 {
         (self.low - point).max(point - self.high).max(Vec3A::ZERO).length_squared()
     }
 
-    /// Distance from a point to the farthest corner of the box.
+    /// Returns the distance from a point to the farthest corner of the box \[m\].
     pub fn farthest(&self, point: Vec3A) -> f32 {
         (point - self.low).abs().max((self.high - point).abs()).length()
     }
@@ -117,15 +117,15 @@ impl MovingBox {
         self.is_between(from, to, to)
     }
 
-    /// The box, larger by `margin` on all sides.
+    /// Returns the box enlarged by `margin` on all sides \[m\].
     pub fn grown(&self, margin: f32) -> Self {
         Self { low: self.low - margin, high: self.high + margin, ..*self }
     }
 
     /// Whether a segment from a point to any point of the box `low`…`high` touches this box.
     ///
-    /// After the share t of the way, all segments together fill the box p + t (low − p) … p + t (high − p). Its sides and those
-    /// of this box overlap along an axis for an interval of t (slabs).
+    /// At the fraction t of their length, the segments together fill the box p + t (low − p) … p + t (high − p). Along each
+    /// axis, that box overlaps this one for an interval of t (slabs).
     pub fn is_between(&self, point: Vec3A, low: Vec3A, high: Vec3A) -> bool {
         // t (high − p) ≥ self.low − p and t (low − p) ≤ self.high − p
         let (mut enter, mut leave) = (0f32, 1f32);
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
     use render_core::sampling::hash;
 
-    /// A number in −1…1.
+    /// Returns a number in −1…1.
     fn number(index: u64, dimension: u64) -> f32 {
         (hash(7, index, dimension) >> 40) as f32 / (1 << 23) as f32 - 1.0
     }
@@ -160,7 +160,7 @@ mod tests {
         Vec3A::from_array([0, 1, 2].map(|axis| number(index, 3 * dimension + axis)))
     }
 
-    /// Against a thousand steps along the segments to the box, most of which come out the same.
+    /// Compares with a thousand steps along the segments; most cases must agree.
     #[test]
     fn boxes_between_a_point_and_a_box_are_found() {
         let mut agree = 0;

@@ -1,9 +1,17 @@
-//! Indirect light without a cache: each pixel has its own cut.
+//! Indirect light without a cache: a lightcut for each pixel.
 //!
-//! Where thresholds are known beforehand, neighbors share most of the walk through the light tree, and the shadow rays
-//! between a light and all pixels of a block are cast together. A threshold that hangs on the light that is still being found
-//! allows neither: cuts at 2 % of a pixel's own luminance go one by one, as \[Walter05\] has them. On `cornell` at quantiser 2,
-//! where thresholds are 2 % too, that is 0.21 instead of 1.13 CPU s a frame of 256×256; 0.56 with thresholds known and
+//! If thresholds are known in advance, neighboring pixels share most of the traversal of the light tree. Shadow rays between a
+//! light and all pixels of a block are then traced together. A threshold relative to the pixel's own luminance, as in
+//! \[Walter05\], allows neither.
+//!
+//! CPU time per frame of `cornell` at 256×256 and quantiser 2, where known thresholds are about 2 %, too:
+//!
+//! | thresholds | traversal | shadow rays | CPU s |
+//! |---|---|---|---|
+//! | 2 % of own luminance | by pixel | by pixel | 1.13 |
+//! | known | by pixel | by pixel | 0.56 |
+//! | known | shared | by pixel | 0.49 |
+//! | known | shared | by block | 0.21 |
 //! pixels one by one, 0.49 with shared walks alone.
 
 use super::audits::{Audits, MadeCut, is_pixel_audited};
@@ -21,19 +29,19 @@ use plane::Plane;
 use render_core::ranks::{Portable, Ranks};
 use std::ops::Range;
 
-/// Side of the blocks of pixels whose cuts are made together. (`lighttree`'s `examples/measure.rs` has their gain.)
+/// Side of the pixel blocks with shared lightcuts. `examples/measure.rs` of `lighttree` measures their gain.
 const BLOCK: usize = 8;
 
-/// A cut for each pixel.
+/// Layer with a lightcut for each pixel.
 pub(super) struct PerPixel {
-    /// Whether the light that softening takes is found by final gather.
+    /// Whether final gather restores the light lost by clamping virtual lights.
     compensates: bool,
-    /// Largest cut of each pixel of the last frame, if that is wanted.
+    /// Size of the largest lightcut of each pixel in the last frame; `None` unless requested.
     sizes: Option<Vec<u32>>,
 }
 
 impl PerPixel {
-    /// With compensation, or without, and with the sizes of cuts if these are wanted.
+    /// Creates the layer with or without bias compensation, and with or without sizes of lightcuts.
     pub fn new(compensates: bool, keeps_sizes: bool) -> Self {
         Self { compensates, sizes: keeps_sizes.then(Vec::new) }
     }
@@ -42,7 +50,7 @@ impl PerPixel {
 impl Layer for PerPixel {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
         let (width, height) = (visible.matte.pixels.width(), visible.matte.pixels.height());
-        // Sizes are the largest over the samples of a pixel.
+        // Sizes are maxima over the samples of a pixel.
         let counts = match &mut self.sizes {
             None => Counts::default(),
             Some(sizes) if visible.sample > 0 => Counts::by_pixel(sizes),
@@ -85,7 +93,7 @@ impl Layer for PerPixel {
     }
 }
 
-/// The largest cut of each pixel, given those that each rank has made.
+/// Returns the size of the largest lightcut of each pixel over all ranks.
 fn largest_of_ranks(ranks: &dyn Ranks, own: Vec<u32>) -> Vec<u32> {
     if ranks.count() == 1 {
         return own;
@@ -94,13 +102,13 @@ fn largest_of_ranks(ranks: &dyn Ranks, own: Vec<u32>) -> Vec<u32> {
     own.put(&mut bytes);
     let mut largest = vec![0; own.len()];
     for bytes in ranks.all_gather(bytes) {
-        let sizes = Vec::<u32>::take(&mut &bytes[..]).expect("every rank gives its sizes");
+        let sizes = Vec::<u32>::take(&mut &bytes[..]).expect("every rank sends its sizes");
         largest.iter_mut().zip(sizes).for_each(|(largest, size)| *largest = size.max(*largest));
     }
     largest
 }
 
-/// A picture whose pixels are lit by many threads at once.
+/// A frame with pixels lit by several threads.
 struct LitPicture<'a> {
     light: PixelLight<'a>,
     wanted: Option<&'a Plane<bool>>,
@@ -108,13 +116,13 @@ struct LitPicture<'a> {
 }
 
 impl LitPicture<'_> {
-    /// The surface of a pixel whose light is wanted; none where nothing reflects.
+    /// Returns the surface of a wanted pixel; `None` if it reflects no light.
     fn pixel(&self, x: usize, y: usize) -> Option<MattePixel> {
         let is_wanted = self.wanted.is_none_or(|wanted| wanted.get(x, y));
         is_wanted.then(|| self.light.pixel(x, y)).flatten()
     }
 
-    /// Counts a cut, and measures its error where its pixel is audited.
+    /// Counts a lightcut, and measures its error if its pixel is audited.
     fn finish(&self, pixel: &MattePixel, stop: Stop, cut: &Cut, scratch: &mut Scratch) {
         let &MattePixel { x, y, ref receiver, ref lambert } = pixel;
         let PixelLight { visible, ref visibility, counts, .. } = self.light;
@@ -130,13 +138,13 @@ impl LitPicture<'_> {
     }
 }
 
-/// Memory of a thread, and what the pixels that it is at are.
+/// Memory of a thread, and the pixels of its current block.
 #[derive(Default)]
 struct PixelBlock {
     scratch: Scratch,
     together: Vec<MattePixel>,
     positions: Vec<Vec3A>,
-    /// When the cut of each of `together` ends; then their thresholds, receivers and cuts.
+    /// Stopping criteria of `together`, followed by their thresholds, receivers and lightcuts.
     stops: Vec<Stop>,
     thresholds: Vec<f32>,
     lamberts: Vec<Lambert>,
@@ -145,7 +153,7 @@ struct PixelBlock {
 
 impl PixelBlock {
     fn new(tolerance: &Tolerance) -> Self {
-        // Calibrated cuts may need more clusters than the paper allows.
+        // Calibrated lightcuts may need more clusters than the paper permits.
         let scratch = match tolerance.audits_per_macroblock() {
             Some(_) => Scratch::with_max_size(Calibration::LARGEST_CUT),
             None => Scratch::default(),
@@ -153,7 +161,7 @@ impl PixelBlock {
         Self { scratch, ..Self::default() }
     }
 
-    /// Radiance of a macroblock in raster order.
+    /// Returns the radiance of a macroblock in raster order.
     fn light(&mut self, picture: &LitPicture, columns: Range<usize>, rows: Range<usize>) -> Vec<Vec3> {
         let mut radiance = vec![Vec3::ZERO; columns.len() * rows.len()];
         let (left, top, width) = (columns.start, rows.start, columns.len());
@@ -169,7 +177,7 @@ impl PixelBlock {
         radiance
     }
 
-    /// Gives the radiance of each pixel of a block to `put`.
+    /// Passes the radiance of each pixel of a block to `put`.
     fn light_block(
         &mut self,
         picture: &LitPicture,
@@ -179,7 +187,7 @@ impl PixelBlock {
     ) {
         self.clear();
 
-        // A threshold that is known lets a pixel wait for its neighbors.
+        // Pixels with absolute thresholds wait for the block; the others are lit at once.
         for (x, y) in places(columns, rows) {
             let Some(pixel) = picture.pixel(x, y) else { continue };
             let stop = picture.tolerance.at_pixel(x, y, picture.light.visible.radiance.get(x, y));
@@ -189,7 +197,7 @@ impl PixelBlock {
             }
         }
 
-        // The others are cut together.
+        // Compute the lightcuts of the waiting pixels together.
         self.cut_together(picture);
         for ((pixel, cut), &stop) in self.together.iter().zip(&self.cuts).zip(&self.stops) {
             picture.finish(pixel, stop, cut, &mut self.scratch);
@@ -205,7 +213,7 @@ impl PixelBlock {
         self.lamberts.clear();
     }
 
-    /// Adds a pixel to those that are cut together, its cut to end at `threshold`.
+    /// Adds a pixel to the shared lightcuts, with an absolute `threshold`.
     fn wait(&mut self, pixel: MattePixel, stop: Stop, threshold: f32) {
         self.thresholds.push(threshold);
         self.stops.push(stop);
@@ -214,7 +222,7 @@ impl PixelBlock {
         self.together.push(pixel);
     }
 
-    /// Radiance of a pixel whose cut ends at a share of its own light; `stop` is that before calibration.
+    /// Returns the radiance of a pixel with a relative threshold; `stop` is the criterion before calibration.
     fn cut_alone(&mut self, picture: &LitPicture, pixel: &MattePixel, stop: Stop, relative: Stop) -> Vec3 {
         let PixelLight { visible, ref visibility, .. } = picture.light;
         let sees = |lamp: &Light, _: usize| visibility.sees(&pixel.receiver, lamp);
@@ -223,7 +231,7 @@ impl PixelBlock {
         cut.radiance
     }
 
-    /// The cuts of all that wait.
+    /// Computes the lightcuts of all waiting pixels.
     fn cut_together(&mut self, picture: &LitPicture) {
         let Self { scratch, together, positions, thresholds, lamberts, cuts, .. } = self;
         let PixelLight { visible, ref visibility, .. } = picture.light;

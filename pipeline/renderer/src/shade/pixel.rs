@@ -1,4 +1,4 @@
-//! Pixels that have indirect light of their own, and what all ways to it have in common.
+//! Pixels with their own indirect light: code shared by the layers without a cache.
 
 use super::counts::Counts;
 use super::layer::Visible;
@@ -9,7 +9,7 @@ use lighttree::Lambert;
 use render_core::{NOTHING, ShadingPoint};
 use std::f32::consts::PI;
 
-/// A pixel whose matte surface reflects light.
+/// A pixel with a matte surface that reflects light.
 pub(super) struct MattePixel {
     pub x: usize,
     pub y: usize,
@@ -17,17 +17,17 @@ pub(super) struct MattePixel {
     pub lambert: Lambert,
 }
 
-/// Indirect light of single pixels of a picture.
+/// Indirect light of single pixels.
 pub(super) struct PixelLight<'a> {
     pub visible: &'a Visible<'a>,
     pub visibility: Visibility<'a>,
     pub counts: &'a Counts,
-    /// Whether the light that softening takes is found by final gather.
+    /// Whether final gather restores the light lost by clamping virtual lights.
     pub compensates: bool,
 }
 
 impl PixelLight<'_> {
-    /// The surface of a pixel; none where nothing reflects.
+    /// Returns the surface of a pixel; `None` if it reflects no light.
     pub fn pixel(&self, x: usize, y: usize) -> Option<MattePixel> {
         let pixel = self.visible.matte.pixels.get(x, y);
         let albedo = Vec3::from(pixel.albedo);
@@ -40,7 +40,7 @@ impl PixelLight<'_> {
         Some(MattePixel { x, y, receiver, lambert })
     }
 
-    /// Bias compensation: radiance of the light from close by that softening took.
+    /// Returns the bias compensation of a pixel: nearby radiance lost by clamping virtual lights.
     pub fn compensation(&self, pixel: &MattePixel) -> Vec3 {
         if !self.compensates {
             return Vec3::ZERO;
@@ -50,7 +50,7 @@ impl PixelLight<'_> {
     }
 }
 
-/// Whether nothing shines that the tree has: lamps that pixels sample for themselves are not in it.
+/// Whether neither the light tree nor dynamic anchors emit light. Directly sampled lamps do not count.
 pub(super) fn is_dark(frame: &Frame<'_>) -> bool {
     frame.tree.is_empty() && frame.direct.dynamic().anchors.is_empty()
 }

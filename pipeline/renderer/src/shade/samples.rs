@@ -1,4 +1,4 @@
-//! The samples of a frame's pixels: their surfaces, and their light before it is one picture.
+//! Samples of a frame's pixels: their surfaces and light before reconstruction.
 
 use super::importance::ImportanceMap;
 use super::layer::{Lit, Visible};
@@ -10,37 +10,37 @@ use plane::Plane;
 use render_core::ranks::Ranks;
 use render_core::{Busy, Coverage, GBuffer, PixelSample, PosedScene};
 
-/// Light of a frame through the places of its pixels, before it is one picture.
+/// Light of all samples of a frame, before reconstruction.
 #[derive(Default)]
 pub(super) struct SamplesLight {
     pub samples: Vec<Sample>,
-    /// The layers of pixels that show several, for each of several samples ([`StoredLight::layers`](super::lit_frame::StoredLight::layers)).
+    /// Transparent layers within pixels, for each sample ([`StoredLight::layers`](super::lit_frame::StoredLight::layers)).
     pub layers: Vec<Coverage>,
     /// Times and counts of all samples.
     pub direct: Lit,
     pub indirect: Lit,
     pub reused: Reused,
     pub importance: Option<ImportanceMap>,
-    /// Where the instances are.
+    /// Poses of the instances.
     pub places: Vec<Option<InstancePose>>,
     /// CPU time of primary rays and importance.
     pub visibility: Busy,
 }
 
-/// The surfaces that pixels show through one place of each.
+/// Visible surfaces of one sample of each pixel.
 pub(super) struct SampleSurfaces<'f> {
-    /// Surfaces in the middle of each pixel, as the G-buffer has them.
+    /// Surfaces at the pixel centers: the G-buffer.
     pub seen: &'f GBuffer,
-    /// Surfaces at the sample's place; none if it is the middle of the pixel.
+    /// Surfaces at the sample positions; `None` for the pixel centers.
     pub own: Option<GBuffer>,
-    /// Surfaces at the sample's place with the albedo below their coats; none in scenes without coats.
+    /// Surfaces at the sample positions with the albedo below their coats; `None` in scenes without coats.
     pub below: Option<GBuffer>,
-    /// Radiance that each pixel's surface emits \[W·m⁻²·sr⁻¹\].
+    /// Radiance emitted by each pixel's surface \[W·m⁻²·sr⁻¹\].
     pub emitted: Plane<Vec3>,
 }
 
 impl SampleSurfaces<'_> {
-    /// The surfaces as [`Layer`](super::layer::Layer) takes them, for sample number `sample`.
+    /// Returns the surfaces for [`Layer`](super::layer::Layer), as sample number `sample`.
     pub fn visible<'a>(
         &'a self,
         prepared: &'a PreparedFrame,
@@ -62,7 +62,7 @@ impl SampleSurfaces<'_> {
         }
     }
 
-    /// The layers of pixels that show several, where the `sample` of each pixel shows this light.
+    /// Returns the transparent layers within pixels, given the `light` of this `sample`.
     pub fn layers(&self, prepared: &PreparedFrame, sample: PixelSample, light: &Sample, busy: &Busy) -> Coverage {
         let seen = self.own.as_ref().unwrap_or(self.seen);
         if seen.layered.is_empty() {

@@ -1,4 +1,4 @@
-//! The state of shading between two frames, for checkpoints.
+//! State of shading between two frames, for checkpoints.
 
 use super::Shading;
 use super::importance::Before;
@@ -10,17 +10,17 @@ use pipeline::error::{Error, Result};
 use pipeline::state::{NONSENSE, decode, encode};
 use serde::{Deserialize, Serialize};
 
-/// As it is written.
+/// Serialized state, for writing.
 #[derive(Serialize)]
 struct WrittenState<'a> {
-    /// Of the layers, in their order.
+    /// States of the layers, in order.
     layers: Vec<Vec<u8>>,
     still: Option<&'a StoredLight>,
     calibration: Option<&'a Calibration>,
     looking: Option<&'a Before>,
 }
 
-/// As it is read.
+/// Serialized state, for reading.
 #[derive(Deserialize)]
 struct Read {
     layers: Vec<Vec<u8>>,
@@ -36,13 +36,13 @@ pub(super) fn of(shading: &Shading) -> Vec<u8> {
     encode(&WrittenState { layers: layers.states(), still, calibration: calibration.as_ref(), looking })
 }
 
-/// Brings layers, still light and calibration to where they were after the frame `last`.
+/// Restores the state of shading after the frame `last`.
 pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame) -> Result<()> {
     let Read { layers, still, calibration, looking } = decode(state)?;
     shading.layers.restore(&layers, &last.frame)?;
     shading.places = Movement::to(&last.frame, &[]).places;
 
-    // A forged picture has other pixels.
+    // A forged state may have other pixels.
     let pixels = &last.frame.seen.pixels;
     let (width, height, count) = (pixels.width(), pixels.height(), pixels.samples().len());
     let fits = |light: &StoredLight| {

@@ -1,14 +1,14 @@
-//! Errors that the light of each pixel may have: the one place where a threshold becomes an error.
+//! Permitted error of each pixel's light, computed only here from thresholds.
 //!
 //! ```text
-//! ΔY(x, y)         threshold of the luminance of a pixel, carried along its motion from the frame before
-//! e = ΔY / g       error that the radiance of a pixel may have where its threshold is known        g  gain, 1 where none is given
-//! e = s Y / g      where it is not                                 Y  luminance   s  2 %, or the share that the user fixed
-//! e_E = e π / ρ    the same for irradiance                         ρ  luminance of the albedo, at least 0.05
-//! κ e              where cuts end by measured errors               κ  by class of e / Y
+//! ΔY(x, y)         luminance threshold of a pixel, reprojected from the previous frame
+//! e = ΔY / g       permitted error of radiance if the threshold is known    g  gain, 1 by default
+//! e = s Y / g      otherwise                                             Y  luminance   s  2 %, or the user's fraction
+//! e_E = e π / ρ    permitted error of irradiance                         ρ  luminance of the albedo, at least 0.05
+//! κ e              with calibrated stopping                              κ  by class of e / Y
 //! ```
 //!
-//! The gain is what another map makes of thresholds: 2 where a pixel is to be twice as exact as the encoder needs.
+//! The gain comes from another map: at 2, a pixel is twice as accurate as the encoder requires.
 
 use crate::settings::{Size, Thresholds};
 use glam::Vec3;
@@ -19,42 +19,43 @@ use plane::Plane;
 use render_core::{GBuffer, NOTHING, luminance};
 use std::f32::consts::PI;
 
-/// Reflectance below which a pixel needs no finer irradiance: its own light hardly matters.
+/// Minimum reflectance that counts: a darker pixel needs no more accurate irradiance.
 const LEAST_REFLECTANCE: f32 = 0.05;
-/// Pixels darker than this share of the picture's mean do not count in the mean relative threshold: 0/0 says nothing.
+/// Pixels darker than this fraction of the frame's mean are excluded from the mean relative threshold, where 0/0 is
+/// meaningless.
 const DARK: f64 = 1e-4;
 
-/// Errors that the light of the pixels of a frame may have.
+/// Permitted errors of a frame's pixels.
 #[derive(Clone, Debug)]
 pub struct Tolerance<'a> {
-    /// ΔY of the pixels that have one \[W·m⁻²·sr⁻¹\].
+    /// Thresholds ΔY of the pixels that have one \[W·m⁻²·sr⁻¹\].
     thresholds: ThresholdMap,
-    /// s, for all other pixels.
+    /// Fraction s for all other pixels.
     share: f32,
-    /// Luminance that the pixels had in the frame before, where they were seen there; none where no cut ends by it.
+    /// Luminance of the pixels' surfaces in the previous frame, where visible; `None` without calibrated stopping.
     luminance_before: Option<ThresholdMap>,
-    /// κ, if cuts are to end by measured errors.
+    /// Multipliers κ; `None` without calibrated stopping.
     calibration: Option<&'a Calibration>,
-    /// g, if any is given.
+    /// Gain g of each pixel; `None` for 1.
     gain: Option<&'a Plane<f32>>,
 }
 
-/// A pixel that a record of irradiance answers for.
+/// A pixel lit by an irradiance record.
 #[derive(Clone, Copy, Debug)]
 pub struct FootprintPixel {
-    /// Column and row.
+    /// Column and row of the pixel.
     pub place: (usize, usize),
-    /// Weight of its threshold among the others.
+    /// Weight of the pixel's threshold.
     pub weight: f32,
     /// Diffuse reflectance.
     pub albedo: Vec3,
-    /// Radiance known before its cut \[W·m⁻²·sr⁻¹\].
+    /// Radiance known before the record's lightcut \[W·m⁻²·sr⁻¹\].
     pub radiance: Vec3,
 }
 
 impl<'a> Tolerance<'a> {
-    /// For a picture of `size` by the `thresholds` of the frame before, where `policy` says that they come from. With a
-    /// `calibration` cuts end by measured errors.
+    /// Creates tolerances for a frame of `size` from the previous frame's `thresholds`; `policy` is their source. `calibration`
+    /// enables calibrated stopping.
     #[must_use]
     pub fn new(
         thresholds: LastThresholds<'_>,
@@ -72,24 +73,24 @@ impl<'a> Tolerance<'a> {
         Self { thresholds: map, share, luminance_before, calibration, gain: None }
     }
 
-    /// Absolute errors of radiance for each pixel \[W·m⁻²·sr⁻¹\]; 2 % of its luminance where they are 0.
+    /// Creates absolute tolerances of radiance \[W·m⁻²·sr⁻¹\]. Thresholds of 0 become 2 % of the pixel's luminance.
     #[must_use]
     pub fn of_thresholds(thresholds: &Plane<f32>) -> Self {
         let thresholds = ThresholdMap::from_plane(thresholds);
         Self { thresholds, share: RELATIVE_FLOOR, luminance_before: None, calibration: None, gain: None }
     }
 
-    /// This share of its luminance for each pixel of a picture.
+    /// Creates tolerances of `share` times each pixel's luminance.
     #[must_use]
     pub fn of_shares(width: usize, height: usize, share: f32) -> Self {
         let thresholds = ThresholdMap::relative(width, height);
         Self { thresholds, share, luminance_before: None, calibration: None, gain: None }
     }
 
-    /// The same errors divided by a gain above 0 for each pixel.
+    /// Divides all errors by a positive gain per pixel.
     ///
     /// # Panics
-    /// If the gain is of another size than the picture.
+    /// If the gain has another size than the frame.
     #[must_use]
     pub fn divided_by(self, gain: &'a Plane<f32>) -> Self {
         let size = (self.thresholds.width(), self.thresholds.height());
@@ -97,7 +98,7 @@ impl<'a> Tolerance<'a> {
         Self { gain: Some(gain), ..self }
     }
 
-    /// Error at which the cut of a pixel ends, if errors of clusters did not add up, given the radiance that is known before.
+    /// Returns the threshold for the clusters of a pixel's lightcut, given the radiance known before it.
     #[must_use]
     pub fn at_pixel(&self, x: usize, y: usize, radiance: Vec3) -> Stop {
         match self.absolute(x, y) {
@@ -106,8 +107,8 @@ impl<'a> Tolerance<'a> {
         }
     }
 
-    /// Error at which the cut of a record of irradiance ends: the weighted mean over the pixels of its footprint
-    /// \[Herzog08, 4.3\], made one of irradiance by each pixel's reflectance.
+    /// Returns the threshold for the lightcut of an irradiance record: the weighted mean over the pixels of its footprint
+    /// \[Herzog08, 4.3\], converted to irradiance by each pixel's reflectance.
     #[must_use]
     pub fn over_footprint(&self, pixels: impl Iterator<Item = FootprintPixel>) -> Stop {
         let (mut error, mut weights) = (0.0, 0.0);
@@ -127,7 +128,7 @@ impl<'a> Tolerance<'a> {
             }
         }
 
-        // The majority decides: the two kinds of thresholds have no mean.
+        // Absolute and relative thresholds have no common mean, so the majority decides.
         if weights > known_weights {
             return Stop::Absolute(error / weights);
         }
@@ -136,7 +137,7 @@ impl<'a> Tolerance<'a> {
         Stop::Relative { fraction: self.share / gain, known_luminance: mean(known) }
     }
 
-    /// Error that the luminance of a pixel's irradiance may have \[W·m⁻²\], given that it is `irradiance`.
+    /// Returns the permitted error of a pixel's irradiance \[W·m⁻²\], in luminance, at the value `irradiance`.
     #[must_use]
     pub fn of_irradiance(&self, x: usize, y: usize, albedo: Vec3, irradiance: f32) -> f32 {
         let reflectance = luminance(albedo).max(LEAST_REFLECTANCE);
@@ -146,13 +147,13 @@ impl<'a> Tolerance<'a> {
         }
     }
 
-    /// ΔY of a pixel, if it has one, whatever the gain \[W·m⁻²·sr⁻¹\].
+    /// Returns the threshold ΔY of a pixel without gain \[W·m⁻²·sr⁻¹\]; `None` if it has no threshold.
     #[must_use]
     pub fn threshold(&self, x: usize, y: usize) -> Option<f32> {
         self.thresholds.get(x, y)
     }
 
-    /// e of a pixel whose threshold is known.
+    /// Returns the error e of a pixel with a threshold; otherwise `None`.
     fn absolute(&self, x: usize, y: usize) -> Option<f32> {
         Some(self.thresholds.get(x, y)? / self.gain(x, y))
     }
@@ -161,12 +162,12 @@ impl<'a> Tolerance<'a> {
         self.gain.map_or(1.0, |gain| gain.get(x, y))
     }
 
-    /// How often cuts are audited in each macroblock; none where no cut is.
+    /// Returns the number of audited lightcuts per macroblock; `None` without calibrated stopping.
     pub(super) fn audits_per_macroblock(&self) -> Option<usize> {
         self.calibration.map(Calibration::audits_per_macroblock)
     }
 
-    /// Where pixels with the threshold of this one belong in what is known of errors.
+    /// Returns the calibration class of a pixel.
     pub(super) fn class_at(&self, x: usize, y: usize) -> usize {
         let before = self.luminance_before.as_ref().and_then(|before| before.get(x, y));
         match (self.absolute(x, y), before) {
@@ -176,7 +177,7 @@ impl<'a> Tolerance<'a> {
         }
     }
 
-    /// When a cut of this class is let end, that was to be no more wrong than `stop` says.
+    /// Returns the calibrated threshold for a lightcut of this class with the target `stop`.
     pub(super) fn calibrated(&self, stop: Stop, class: usize) -> Stop {
         match self.calibration {
             Some(calibration) => stop.scaled(calibration.kappa(class)),
@@ -184,9 +185,9 @@ impl<'a> Tolerance<'a> {
         }
     }
 
-    /// Mean of error by luminance over the pixels of a picture that reflect light, for the report.
+    /// Returns the mean ratio of error to luminance over the pixels that reflect light, for the report.
     pub(super) fn mean_relative(&self, seen: &GBuffer, radiance: &Plane<[f32; 3]>) -> f64 {
-        // Error and luminance of each lit pixel.
+        // Collect error and luminance of each lit pixel.
         let mut lit: Vec<(f32, f32)> = Vec::new();
         for (index, pixel) in seen.pixels.samples().iter().enumerate() {
             if pixel.instance == NOTHING || pixel.albedo == [0.0; 3] {
@@ -198,7 +199,7 @@ impl<'a> Tolerance<'a> {
             lit.push((error, luminance));
         }
 
-        // Pixels next to black have huge ratios, which would decide the mean.
+        // Omit nearly black pixels: their huge ratios would dominate the mean.
         let mean = lit.iter().map(|&(_, y)| f64::from(y)).sum::<f64>() / lit.len().max(1) as f64;
         let (mut sum, mut count) = (0.0, 0usize);
         for (error, luminance) in lit {
@@ -220,7 +221,7 @@ mod tests {
 
     const SIZE: Size = Size { width: 2, height: 1 };
 
-    /// Errors of two pixels: the left one has a threshold of 0.5, the right one was not seen before.
+    /// Returns the errors of two pixels: the left has a threshold of 0.5, the right was not visible before.
     fn thresholds() -> (LuminanceThresholds, Correspondence) {
         let plane = |left| Arc::new(Plane::from_vec(2, 1, vec![left, 0.0]));
         let thresholds = LuminanceThresholds { of: 0, delta: plane(0.5), luminance: plane(4.0) };
@@ -234,7 +235,7 @@ mod tests {
         let tolerance = Tolerance::new(last, Thresholds::Codec, SIZE, None);
         assert_eq!(tolerance.at_pixel(0, 0, Vec3::ONE), Stop::Absolute(0.5));
         assert_eq!(tolerance.at_pixel(1, 0, Vec3::ONE), Stop::Relative { fraction: 0.02, known_luminance: 1.0 });
-        // A gray of 25 % sends back E · 0.25 / π.
+        // A gray of 25 % reflects E · 0.25 / π.
         assert_eq!(tolerance.of_irradiance(0, 0, Vec3::splat(0.25), 1.0), 0.5 * PI / 0.25);
         assert_eq!(tolerance.of_irradiance(1, 0, Vec3::splat(0.25), 3.0), 0.06);
         let fixed = Tolerance::new(last, Thresholds::Fixed(0.1), SIZE, None);
