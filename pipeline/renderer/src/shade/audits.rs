@@ -2,8 +2,8 @@
 //!
 //! | light | audited | recomputed by | error sets |
 //! |---|---|---|---|
-//! | lightcut of a pixel | at least 1 pixel of each macroblock, in rotation | a lightcut at a tenth of its threshold | [`Calibration`] of the next frame |
-//! | lightcut of a new record | one random record in 32 | a lightcut at a tenth of its threshold | [`Calibration`] of the next frame |
+//! | lightcut of a pixel | ≥ 1 pixel per macroblock, in rotation | lightcut at 1/10 of its threshold | next [`Calibration`] |
+//! | lightcut of a new record | one random record in 32 | lightcut at 1/10 of its threshold | next [`Calibration`] |
 //! | reprojected light | one macroblock in 16, in rotation | the reprojected layer | the limit of reprojection |
 //!
 //! Errors are stored as multiples of the permitted error; an audit is *within* if its error is at most 1.

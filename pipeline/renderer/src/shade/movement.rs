@@ -124,7 +124,7 @@ impl MovingBox {
 
     /// Whether a segment from a point to any point of the box `low`…`high` touches this box.
     ///
-    /// At the fraction t of their length, the segments together fill the box p + t (low − p) … p + t (high − p). Along each
+    /// At the fraction t of their length, the segments fill the box p + t (low − p) … p + t (high − p). Along each
     /// axis, that box overlaps this one for an interval of t (slabs).
     pub fn is_between(&self, point: Vec3A, low: Vec3A, high: Vec3A) -> bool {
         // t (high − p) ≥ self.low − p and t (low − p) ≤ self.high − p

@@ -1,4 +1,4 @@
-//! Irradiance of a record, and its derivatives, from the clusters of its cut.
+//! Irradiance of a record and its gradients, from the clusters of its lightcut.
 
 use super::recipe::Recipe;
 use super::tree_light::{FINENESS, TreeLight};
@@ -7,17 +7,18 @@ use lighttree::{Cluster, Emission, IrradianceTerm, Light, irradiance_term};
 use render_core::cache::LocalIrradiance;
 use render_core::{Anchor, Gathered, PACKET, ShadingPoint, luminance};
 
-/// An anchor on a moving thing that would add less than this share gets no shadow ray and counts as visible: two dozen
-/// of them together stay below half a per cent.
+/// A dynamic anchor that would add less than this fraction gets no shadow ray and counts as visible: two dozen of them add less
+/// than 0.5 %.
 const UNTRACED_SHARE: f32 = 2e-4;
 
-/// Lights below this cosine are at the horizon, and stand for those behind it.
+/// Lights below this cosine are at the horizon and represent those behind it.
 const HORIZON_COSINE: f32 = 0.4;
 
-/// Σ I t over lights of intensity I, t being the geometric term, and its derivatives.
+/// Sum Σ I t over lights of intensity I and geometry term t, with its derivatives.
 ///
-/// A term's derivative by the normal holds the horizon fixed: of even light L from all around, a normal turned by α would have
-/// π L cos α. What rises over the horizon makes up for that, and is taken to be as bright as what is just above it:
+/// The derivative of a term by the normal keeps the horizon fixed. Under uniform light L, rotating the normal by α would reduce
+/// the irradiance to π L cos α. Light that rises over the horizon compensates for this loss. It is assumed to be as bright as
+/// the light just above the horizon:
 ///
 /// ```text
 /// ∂E/∂n = Σ I ∂t/∂n − min(π Lₕ, E) nᵀ          Lₕ = Σ I t / cos θ over θ near the horizon / (2π h)          h  its cosine
@@ -31,7 +32,7 @@ struct GradientSum {
 }
 
 impl GradientSum {
-    /// Of no light. (A matrix is the identity by default.)
+    /// Sum of no light. (The default matrix would be the identity.)
     const ZERO: Self =
         Self { irradiance: Vec3::ZERO, by_normal: Mat3A::ZERO, by_position: Mat3A::ZERO, horizon: Vec3::ZERO };
 
@@ -48,7 +49,7 @@ impl GradientSum {
 }
 
 impl TreeLight<'_> {
-    /// The sum over the visible clusters with the intensities that they have now, and what softening took from it.
+    /// Returns the sum over the visible clusters with their current intensities, plus bias compensation.
     pub fn estimate(&self, receiver: &ShadingPoint, recipe: &Recipe) -> LocalIrradiance {
         let frame = self.visible.frame;
         let (position, normal): (Vec3, Vec3) = (receiver.position.into(), receiver.normal.into());
@@ -61,7 +62,7 @@ impl TreeLight<'_> {
         self.add_moving_anchors(receiver, &mut sum);
         sum.by_normal -= outer(sum.horizon.min(sum.irradiance), normal);
 
-        // Light from close by, which softening takes, is that of the final gather.
+        // Final gather provides the nearby light lost by clamping.
         let Gathered { harmonic_mean, nearest, .. } = recipe.surroundings;
         if self.compensates {
             let missing = frame.gather.compensation(&recipe.surroundings);
@@ -69,16 +70,16 @@ impl TreeLight<'_> {
             sum.by_position += missing.by_position;
         }
         let GradientSum { irradiance, by_normal, by_position, .. } = sum;
-        // A record's threshold is a share of that of its pixels.
+        // A record's threshold is a fraction of its pixels' threshold.
         let tolerance = recipe.threshold / FINENESS;
         LocalIrradiance { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
     }
 
-    /// Adds the light of the anchors on moving things, which are not in the tree.
+    /// Adds the light of dynamic anchors, which are not in the tree.
     fn add_moving_anchors(&self, receiver: &ShadingPoint, sum: &mut GradientSum) {
         let dynamic = self.visible.frame.direct.dynamic();
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
-        // Anchors that would add next to nothing count as seen, without a ray.
+        // Anchors that would add almost nothing count as visible, without a ray.
         let untraced = UNTRACED_SHARE * luminance(sum.irradiance);
         let mut rays = 0;
         for anchors in dynamic.anchors.chunks(PACKET) {
@@ -92,7 +93,7 @@ impl TreeLight<'_> {
                 active |= u64::from(luminance(*intensity * terms[i].value) > untraced) << i;
             }
 
-            // The shadow rays of a packet are cast together.
+            // Trace the shadow rays of a packet together.
             rays += active.count_ones();
             let place = |(anchor, _): &(Anchor, Vec3)| anchor.position;
             let seen = gives & !active | self.visibility.seen_among(receiver, anchors, place, active);
@@ -105,7 +106,7 @@ impl TreeLight<'_> {
         self.counts.count_rays(rays);
     }
 
-    /// The part of [`TreeLight::estimate`] that comes by the cut alone.
+    /// Returns the contribution of the lightcut to [`TreeLight::estimate`].
     pub fn cut_irradiance(&self, receiver: &ShadingPoint, recipe: &Recipe) -> Vec3 {
         let tree = &self.visible.frame.tree;
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
@@ -117,7 +118,7 @@ impl TreeLight<'_> {
     }
 }
 
-/// `a · bᵀ`.
+/// Returns the outer product `a · bᵀ`.
 fn outer(a: Vec3, b: Vec3) -> Mat3A {
     let a = Vec3A::from(a);
     Mat3A::from_cols(a * b.x, a * b.y, a * b.z)

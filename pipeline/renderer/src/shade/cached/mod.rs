@@ -1,4 +1,4 @@
-//! Indirect light by an irradiance cache: cuts are made for records, and pixels interpolate between them.
+//! Indirect light by an irradiance cache: lightcuts for records, interpolated at pixels.
 
 mod estimate;
 mod recipe;
@@ -26,23 +26,23 @@ use render_core::{Busy, NOTHING, PACKET, Unseen};
 use std::sync::Arc;
 use tree_light::TreeLight;
 
-/// Light of the tree, and of anchors on what moves, by records that stay from frame to frame.
+/// Layer of cached light from the light tree and dynamic anchors. Its records persist between frames.
 pub(super) struct Cached {
     records: IrradianceCache<Recipe>,
-    /// Whether lights and things stay as they are for the whole film: no record is ever lit again.
+    /// Whether lights and geometry are static for the whole film, so that no record is ever updated.
     at_rest: bool,
-    /// Whether the light that softening takes is found by final gather.
+    /// Whether final gather restores the light lost by clamping virtual lights.
     compensates: bool,
     /// Whether pixels may have several samples.
     has_more: bool,
-    /// Intensities of the lights in the frame before; none before the first.
+    /// Intensities of the lights in the previous frame; empty before the first.
     intensities: Vec<Vec3>,
-    /// Who shares the records: the recipe of each is kept by one rank.
+    /// Ranks that share the records: one rank stores the recipe of each.
     ranks: Arc<dyn Ranks>,
 }
 
 impl Cached {
-    /// A cache without records, for a film of this plan; `most_samples` is the largest number of samples to the pixel.
+    /// Creates an empty cache for a film with this plan and at most `most_samples` samples per pixel.
     pub fn new(plan: &Plan, most_samples: u32, ranks: Arc<dyn Ranks>) -> Self {
         let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
         let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
@@ -51,14 +51,14 @@ impl Cached {
         Self { records: IrradianceCache::default(), at_rest, compensates, has_more, intensities: Vec::new(), ranks }
     }
 
-    /// The light of a frame's tree, for records.
+    /// Returns the light tree of a frame, as the source of records.
     fn tree_light<'a>(
         &self,
         visible: &'a Visible<'a>,
         tolerance: &'a Tolerance<'a>,
         counts: &'a Counts,
     ) -> TreeLight<'a> {
-        // Records are brought up to date with the first sample of the pixels.
+        // Records are updated with the first sample of the pixels.
         let Visible { frame, movement, sample, part, .. } = *visible;
         let is_first = part.map_or(sample == 0, |part| part == PartSample::First);
         TreeLight {
@@ -74,7 +74,7 @@ impl Cached {
         }
     }
 
-    /// A picture that `mark` changes at the pixel of each record in use, given the size of the record's cut.
+    /// Returns an image in which `mark` changes the pixel of each record in use, given the size of its lightcut.
     fn at_records(&self, frame: &Frame, mark: impl Fn(&mut f32, u32)) -> Vec<f32> {
         let (width, height) = (frame.seen.pixels.width(), frame.seen.pixels.height());
         let mut picture = vec![0.0; width * height];
@@ -88,17 +88,17 @@ impl Cached {
     }
 }
 
-/// Intensities of a frame's lights.
+/// Returns the intensities of a frame's lights.
 fn intensities(frame: &Frame) -> Vec<Vec3> {
     frame.tree.lights().iter().map(|light| light.intensity).collect()
 }
 
-/// Whether the lights of the tree shine with these intensities.
+/// Whether the lights of the tree have these intensities.
 fn are_lit_by(intensities: &[Vec3], frame: &Frame) -> bool {
     frame.tree.lights().iter().map(|light| light.intensity).eq(intensities.iter().copied())
 }
 
-/// The changes since the frame before, whose lights had these intensities.
+/// Returns the changes since the previous frame, which had these intensities.
 fn changes(before: &[Vec3], visible: &Visible) -> Changes {
     Changes { light: !are_lit_by(before, visible.frame), geometry: visible.movement.is_any }
 }
@@ -150,16 +150,16 @@ impl Layer for Cached {
         (self.records, self.intensities) = (IrradianceCache::default(), Vec::new());
     }
 
-    /// On rank 0 with the recipes of all ranks; nothing on the others.
+    /// Returns the state including the recipes of all ranks on rank 0, and nothing on other ranks.
     fn state(&self) -> Vec<u8> {
         let state = encode(&self.records);
         if self.ranks.count() == 1 {
             return state;
         }
         let Some(kept) = self.ranks.gather(encode(&self.records.kept())) else { return Vec::new() };
-        let mut whole: IrradianceCache<Recipe> = decode(&state).expect("it was encoded here");
+        let mut whole: IrradianceCache<Recipe> = decode(&state).expect("the state was encoded here");
         for kept in kept {
-            whole.complete(decode(&kept).expect("every rank gives its recipes"));
+            whole.complete(decode(&kept).expect("every rank sends its recipes"));
         }
         encode(&whole)
     }
@@ -168,7 +168,7 @@ impl Layer for Cached {
         let mut records: IrradianceCache<Recipe> = decode(state)?;
         let intensities = intensities(last);
 
-        // Indices of a forged state lead nowhere.
+        // Check the indices, which a forged state may have out of range.
         let instances = last.surfaces.scene().instances.len();
         let is_in_scene = |site: &Site| site.carrier == NOTHING || (site.carrier as usize) < instances;
         let is_of_frame = |(_, recipe): (&Site, &Recipe)| {
@@ -210,7 +210,7 @@ impl Carriable for Cached {
     /// Contrast of the light around a pixel.
     const UNSEEN: Unseen = Unseen::Smooth;
 
-    /// Everywhere while no light and no thing in the scene changes.
+    /// Light holds everywhere while no light and no object changes.
     fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
         let is_unchanged = !visible.movement.is_any && are_lit_by(&self.intensities, visible.frame);
         if is_unchanged { Holding::Everywhere } else { Holding::Nowhere }

@@ -1,4 +1,4 @@
-//! The light tree as the source of a cache's records: how one is computed, and lit again from the clusters it remembers.
+//! The light tree as the source of cache records: computes records, and updates them from their stored clusters.
 
 use super::recipe::Recipe;
 use crate::shade::audits::{MadeCut, is_record_audited};
@@ -14,57 +14,62 @@ use render_core::scene::Projected;
 use render_core::{Gathered, Hit, NOTHING, PACKET, PixelSurface, ShadingPoint, luminance};
 use std::f32::consts::PI;
 
-/// A record answers for many pixels and its error is seen as a stain: its threshold is this share of theirs.
+/// Threshold of a record as a fraction of its pixels' threshold. A record lights many pixels, so its error would appear as a
+/// stain.
 pub(super) const FINENESS: f32 = 0.5;
-/// A cut is made anew when its thresholds have become tighter than this share of what it was made for.
+/// A lightcut is recomputed if its threshold falls below this fraction of the original one.
 const TIGHTER: f32 = 0.5;
-/// A cut goes with its record over this share of the harmonic mean distance of what is around, and through this turn of 8°:
-/// what has come up over the horizon then would give 1 % of an even light.
+/// Limits of a record's motion with its lightcut, as a fraction of the harmonic mean distance of its surroundings, and for its
+/// rotation: at 8°, the light newly above the horizon would add 1 % of a uniform light.
 const MOST_MOVED: f32 = 0.1;
 const LEAST_TURNED_COSINE: f32 = 0.99;
-/// Clusters are drawn anew for a record, where their shadow rays have been cast already, from this share of the threshold on.
+/// Minimum error bound, as a fraction of the threshold, of clusters redrawn for a record after their shadow rays were traced.
 ///
-/// In the first frame of `nave` at 96×96 the standard deviation of the mean over eight seeds is 0.53 % without new draws, and
-/// that of blocks 1.4 %. With 0.75 they are 0.28 % and 1.0 %, and the frame takes 1.07 times as long; with 0, 0.09 %, 0.8 % and
-/// 1.4 times.
+/// First frame of `nave` at 96×96, standard deviation over eight seeds:
+///
+/// | value | frame mean | blocks | relative time |
+/// |---|---|---|---|
+/// | no redraws | 0.53 % | 1.4 % | 1 |
+/// | 0.75 | 0.28 % | 1.0 % | 1.07 |
+/// | 0 | 0.09 % | 0.8 % | 1.4 |
 const DRAWN_ANEW: f32 = 0.75;
-/// Points across a record's footprint where thresholds are looked up.
+/// Number of points across a record's footprint at which thresholds are read.
 const FOOTPRINT_POINTS: i32 = 5;
-/// Cosine between normals from which on two pixels are taken to be lit alike.
+/// Minimum cosine between normals of pixels that are assumed to be lit alike.
 const ALIKE_COSINE: f32 = 0.9;
 
-/// The light tree of a frame, for the cache.
+/// Light tree of a frame, as the source of cache records.
 pub(super) struct TreeLight<'a> {
     pub visible: &'a Visible<'a>,
     pub tolerance: &'a Tolerance<'a>,
     pub visibility: Visibility<'a>,
     pub counts: &'a Counts,
-    /// Around all that has moved since the frame before, where it was and where it is.
+    /// Boxes around old and new poses of all objects that have moved since the previous frame.
     pub swept: &'a [MovingBox],
-    /// Around all that ever moves, where it is.
+    /// Boxes around the current poses of all moving objects.
     pub standing: Vec<MovingBox>,
-    /// By instance, whether it ever moves.
+    /// Whether each instance moves during the film.
     pub moving: &'a [bool],
-    /// Whether the light that softening takes is found by final gather.
+    /// Whether final gather restores the light lost by clamping virtual lights.
     pub compensates: bool,
-    /// Whether lights and things stay as they are for the whole film.
+    /// Whether lights and geometry are static for the whole film.
     pub at_rest: bool,
 }
 
-/// Clusters by draws of a record's own: a bit for each, a word for each [`PACKET`] of them.
+/// Clusters with random draws of their own record; masks have one bit each, one word per [`PACKET`].
 struct DrawnClusters {
     clusters: Box<[Cluster]>,
-    /// Bits of the clusters that are known to be seen.
+    /// Bits of the clusters known to be visible.
     visible: Box<[u64]>,
-    /// Bits of the clusters whose visibility shadow rays have to tell.
+    /// Bits of the clusters that need shadow rays.
     unknown: Vec<u64>,
 }
 
-/// Memory that a thread reuses from record to record.
+/// Memory that a thread reuses for its records.
 #[derive(Default)]
 pub(super) struct CutScratch {
     cuts: Scratch,
-    /// Memory of the larger cuts of audits; `None` before the first.
+    /// Memory for the larger lightcuts of audits; `None` before the first.
     audits: Option<Scratch>,
 }
 
@@ -80,11 +85,11 @@ impl Illumination for TreeLight<'_> {
         let white = Lambert {
             position: receiver.position.into(),
             normal: receiver.normal.into(),
-            // Radiance reflected by π is irradiance.
+            // Radiance reflected by reflectance π equals irradiance.
             reflectance: Vec3::splat(PI),
         };
 
-        // Where estimates do not steer the cut, its rays wait until all are known.
+        // If estimates do not steer the lightcut, its shadow rays wait until all clusters are known.
         let stop = self.stop(site, &surroundings);
         let class = self.class_of(site);
         let later = matches!(stop, Stop::Absolute(_));
@@ -92,7 +97,7 @@ impl Illumination for TreeLight<'_> {
         let cut = tree.lightcut_kept(&white, self.tolerance.calibrated(stop, class), sees, cuts);
         self.counts.count(cut.size, cut.shadow_rays);
 
-        // The record draws its own lights of the clusters.
+        // Draw the lights of the clusters for this record.
         let threshold = stop.threshold_at(luminance(cut.radiance));
         let least_bound = if later { 0.0 } else { DRAWN_ANEW * threshold };
         let DrawnClusters { clusters, visible, unknown } = self.drawn_anew(&white, cuts.kept(), site.key, least_bound);
@@ -107,7 +112,7 @@ impl Illumination for TreeLight<'_> {
             threshold,
         };
 
-        // Shadow rays tell which of them are seen.
+        // Trace the shadow rays of the clusters.
         let mut rays = 0;
         for ((clusters, visible), unknown) in recipe.packets().zip(unknown) {
             *visible = *visible & !unknown | self.seen_lights(&receiver, clusters, unknown);
@@ -122,7 +127,7 @@ impl Illumination for TreeLight<'_> {
             made.audit(&white, sees, finer, self.counts);
         }
 
-        // In a scene at rest a record is never lit again, and needs its clusters no more.
+        // A record of a static scene is never updated and needs no clusters.
         let light = self.estimate(&receiver, &recipe);
         if self.at_rest {
             recipe.forget_light();
@@ -131,7 +136,7 @@ impl Illumination for TreeLight<'_> {
     }
 
     fn relight(&self, site: &Site, recipe: &mut Recipe, known: LastUpdate) -> Option<LocalIrradiance> {
-        // A record that has moved, or is to be finer now, needs a new cut.
+        // A record that has moved too far, or now needs a finer lightcut, must be recomputed.
         let Recipe { position, normal, threshold, .. } = *recipe;
         let moved = site.position.distance(position) / recipe.surroundings.harmonic_mean;
         if recipe.has_forgotten() || moved > MOST_MOVED || site.normal.dot(normal) < LEAST_TURNED_COSINE {
@@ -141,7 +146,7 @@ impl Illumination for TreeLight<'_> {
             return None;
         }
 
-        // Close to moving things its surroundings are others.
+        // Close to moving objects, the surroundings have changed.
         let receiver = self.receiver(site);
         let gathers_again = match known {
             LastUpdate::LastFrame => self.is_near(self.swept, site),
@@ -152,7 +157,7 @@ impl Illumination for TreeLight<'_> {
             recipe.near_moving = self.is_near(&self.standing, site);
         }
 
-        // Shadow rays are cast again where something may have passed through them.
+        // Trace the shadow rays that a moving object may have crossed.
         let lights = self.visible.frame.tree.lights();
         let may_have_changed = |cluster: &Cluster| {
             let lamp = lights[cluster.light as usize].position.into();
@@ -171,14 +176,14 @@ impl Illumination for TreeLight<'_> {
         Some(self.estimate(&receiver, recipe))
     }
 
-    /// The number of clusters.
+    /// Returns the number of clusters.
     fn note(&self, recipe: &Recipe) -> u32 {
         recipe.size
     }
 
     fn openness(&self, site: &Site, scale: f32) -> f32 {
-        // An instance may have moved over the record, which then lies inside of it. Its inner walls would make the record seem as
-        // open as a place beside it.
+        // A moving instance may enclose the record. Its inner walls count as closed: otherwise the record would seem as open as
+        // one next to the instance.
         let encloses = |hit: &Hit, direction| {
             let may_have_moved_over = site.carrier != NOTHING || self.moving[hit.instance as usize];
             may_have_moved_over && hit.instance != site.carrier && !self.visible.frame.surfaces.is_front(hit, direction)
@@ -192,14 +197,14 @@ impl Illumination for TreeLight<'_> {
 }
 
 impl TreeLight<'_> {
-    /// The place of a record where rays start.
+    /// Returns the origin of a record's rays.
     pub fn receiver(&self, site: &Site) -> ShadingPoint {
         let Site { position, normal, geometric_normal, .. } = *site;
         ShadingPoint::off_surface(position, [normal, geometric_normal], self.visible.frame.epsilon)
     }
 
-    /// Whether any of these things is so near that its own light has lost much by softening; a record's own carrier, which is
-    /// always as near as it is, does not count.
+    /// Whether any of these objects is so near that clamping reduces its light much. The object that carries the record is
+    /// excluded, because it is always near.
     fn is_near(&self, things: &[MovingBox], site: &Site) -> bool {
         let nearby = self.visible.frame.gather.dynamic_reach();
         let near =
@@ -207,10 +212,10 @@ impl TreeLight<'_> {
         things.iter().any(near)
     }
 
-    /// The clusters of a cut by draws of their record's own: one draw for all would move the light of the whole picture.
+    /// Draws the clusters of a lightcut for one record. A common draw for all records would shift the light of the whole frame.
     ///
-    /// Those whose error bound is not above `least_bound` keep their lights, and what the cut found of their visibility; with 0
-    /// it found nothing.
+    /// Clusters with error bounds up to `least_bound` keep their lights and their visibility from the lightcut. At 0, the
+    /// lightcut has no visibility.
     fn drawn_anew(&self, receiver: &Lambert, kept: &[KeptCluster], key: u64, least_bound: f32) -> DrawnClusters {
         let tree = &self.visible.frame.tree;
         let is_drawn = |cluster| least_bound == 0.0 || tree.cluster_bound(receiver, cluster) > least_bound;
@@ -222,7 +227,7 @@ impl TreeLight<'_> {
             irradiance_term(receiver.position, receiver.normal, light, tree.geometry_term_bound()).value > 0.0
         };
 
-        // A light that stays is as visible as the cut found it; others need a ray if they shine on the record at all.
+        // An unchanged light has the visibility found by the lightcut. The others need a ray if they light the record at all.
         let clusters: Box<[Cluster]> = kept.iter().map(of_record).collect();
         let mut visible = vec![0u64; clusters.len().div_ceil(PACKET)];
         let mut unknown = visible.clone();
@@ -238,26 +243,26 @@ impl TreeLight<'_> {
         DrawnClusters { clusters, visible: visible.into(), unknown }
     }
 
-    /// Finds, among the clusters whose bits are set in `active`, those whose light arrives.
+    /// Returns the bits in `active` of the clusters whose light reaches the receiver.
     fn seen_lights(&self, receiver: &ShadingPoint, clusters: &[Cluster], active: u64) -> u64 {
         let lights = self.visible.frame.tree.lights();
         self.visibility.seen_among(receiver, clusters, |c| lights[c.light as usize].position.into(), active)
     }
 
-    /// Whether the cut of a new record is made again to see how wrong it is.
+    /// Whether the lightcut of a new record is audited.
     fn is_audited(&self, site: &Site) -> bool {
         let audits = self.tolerance.audits_per_macroblock();
         audits.is_some_and(|audits| is_record_audited(site.key, self.visible.frame.index, audits))
     }
 
-    /// [`Tolerance::class_at`] the pixel that shows a site; the first class out of sight.
+    /// Returns [`Tolerance::class_at`] for the pixel that shows a site, 0 outside of the frame.
     fn class_of(&self, site: &Site) -> usize {
         let projected = self.visible.matte.view.project(site.position);
         let place = projected.and_then(|Projected { pixel, .. }| self.pixel_at(pixel));
         place.map_or(0, |(x, y)| self.tolerance.class_at(x, y))
     }
 
-    /// Column and row of a place in the picture; none outside.
+    /// Returns column and row of a point in the frame; `None` outside.
     fn pixel_at(&self, place: Vec2) -> Option<(usize, usize)> {
         let pixels = &self.visible.matte.pixels;
         let (x, y) = (place.x.floor(), place.y.floor());
@@ -265,25 +270,26 @@ impl TreeLight<'_> {
         inside.then_some((x as usize, y as usize))
     }
 
-    /// When the cut of a record ends: at the Gaussian average of the thresholds over its footprint \[Herzog08, 4.3\].
+    /// Returns the stopping criterion of a record's lightcut: the Gaussian mean of the thresholds over its footprint
+    /// \[Herzog08, 4.3\].
     fn stop(&self, site: &Site, surroundings: &Gathered) -> Stop {
         let Visible { matte, radiance, .. } = *self.visible;
         let mut footprint_pixels = [None; (FOOTPRINT_POINTS * FOOTPRINT_POINTS) as usize];
         if let Some(Projected { pixel: center, .. }) = matte.view.project(site.position) {
             let radius = footprint(site, surroundings.harmonic_mean, surroundings.nearest, &matte.view);
 
-            // Of the pixels around, those count that are lit alike.
+            // Use only pixels that are lit alike.
             let alike = |place: Vec2| {
                 let (x, y) = self.pixel_at(place)?;
                 let pixel = matte.pixels.get(x, y);
                 let alike = pixel.instance != NOTHING && site.normal.dot(pixel.shading_normal.into()) >= ALIKE_COSINE;
                 alike.then_some((x, y, pixel))
             };
-            // A glowing pixel says nothing about lit pixels beside it, and its glow outshines the light that it reflects.
+            // Emissive and lit pixels must not mix: emission outshines reflected light.
             let glows = |pixel: &PixelSurface| pixel.emission != [0.0; 3];
             let glows_here = alike(center).is_some_and(|(.., pixel)| glows(&pixel));
 
-            // A square of points with the weights of a Gaussian.
+            // Weight a square of points by a Gaussian.
             let half = FOOTPRINT_POINTS / 2;
             for (k, found) in footprint_pixels.iter_mut().enumerate() {
                 let (i, j) = (k as i32 % FOOTPRINT_POINTS - half, k as i32 / FOOTPRINT_POINTS - half);

@@ -5,25 +5,25 @@ use glam::{Vec2, Vec3, Vec3A};
 use render_core::sampling::{frame, owen_sobol_point};
 use render_core::{Bsdf, GBuffer, NOTHING, PixelSurface, ShadingPoint, Surface};
 
-/// Perceptual roughness from which on a coat shows no sharp shapes: half of its reflection is more than 2° off the mirrored
+/// Minimum perceptual roughness of a coat without sharp reflections: half of its reflection is more than 2° off the mirror
 /// direction.
 const ROUGH: f32 = 0.2;
-/// Roughness up to which a coat is a mirror: its lobe is hardly wider than a pixel.
+/// Maximum roughness of a mirror, with a lobe about as wide as a pixel.
 const MIRROR: f32 = 0.05;
 
-/// A surface with a coat, or that may have one, seen from somewhere.
+/// A surface that may have a coat, seen from one direction.
 pub(super) struct Coated {
     pub receiver: ShadingPoint,
-    /// World space axes of the shading frame; z is the normal.
+    /// World-space axes of the shading frame; z is the normal.
     axes: [Vec3; 3],
-    /// Towards the viewer, in the shading frame.
+    /// Unit vector toward the viewer, in the shading frame.
     pub outgoing: Vec3,
     pub bsdf: Bsdf,
     roughness: f32,
 }
 
 impl Coated {
-    /// The surface that a pixel sees, if it has a coat; rays start `epsilon` meters off it.
+    /// Returns the surface of a pixel; `None` without a coat. Rays start `epsilon` meters off the surface.
     pub fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, epsilon: f32) -> Option<Self> {
         if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
             return None;
@@ -34,21 +34,21 @@ impl Coated {
         Some(Self::new(receiver(pixel, epsilon), bsdf, pixel.roughness, direction))
     }
 
-    /// The surface that a ray in the unit `direction` has met.
+    /// Creates the surface hit by a ray in the unit `direction`.
     pub fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
         let &Surface { position, geometric_normal, shading_normal, albedo, specular, roughness, .. } = surface;
         let receiver = ShadingPoint::off_surface(position, [shading_normal, geometric_normal], epsilon);
         Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, direction)
     }
 
-    /// The `surface` at `receiver`, seen along its normal.
+    /// Creates the `surface` at `receiver`, seen along its normal.
     #[cfg(feature = "bake")]
     pub fn at(receiver: ShadingPoint, surface: &Surface) -> Self {
         let &Surface { albedo, specular, roughness, .. } = surface;
         Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, -receiver.normal)
     }
 
-    /// At `receiver`, for a ray that came in the unit `direction`.
+    /// Creates the surface at `receiver`, hit by a ray in the unit `direction`.
     fn new(receiver: ShadingPoint, bsdf: Bsdf, roughness: f32, direction: Vec3A) -> Self {
         let normal = Vec3::from(receiver.normal);
         let (x, y) = frame(normal);
@@ -58,48 +58,48 @@ impl Coated {
         coated
     }
 
-    /// Whether it shows no sharp shapes.
+    /// Whether the coat shows no sharp reflections.
     pub fn is_rough(&self) -> bool {
         self.roughness >= ROUGH
     }
 
-    /// Whether it reflects in one direction alone.
+    /// Whether the coat reflects only in the mirror direction.
     pub fn is_mirror(&self) -> bool {
         self.roughness < MIRROR
     }
 
-    /// GGX's α: the lobe is about as wide, in radians, on either side.
+    /// Returns GGX's α: about the half-width of the lobe \[rad\].
     pub fn alpha(&self) -> f32 {
         self.roughness * self.roughness
     }
 
-    /// Share of even light that the coat's single scattering reflects towards the viewer.
+    /// Returns the fraction of uniform light that the coat's single scattering reflects toward the viewer.
     pub fn albedo(&self) -> Vec3 {
         self.bsdf.coat_albedo(self.outgoing.z)
     }
 
-    /// Share of even light that is reflected towards the viewer otherwise: by the base, and after bounces within the coat.
+    /// Returns the fraction of uniform light reflected otherwise: by the base, and by multiple scattering in the coat.
     pub fn diffuse_albedo(&self) -> Vec3 {
         self.bsdf.diffuse_albedo(self.outgoing.z)
     }
 
-    /// The components of a world space vector in the shading frame.
+    /// Transforms a world-space vector to the shading frame.
     pub fn to_frame(&self, v: Vec3A) -> Vec3 {
         Vec3::from_array(self.axes.map(|axis| axis.dot(v.into())))
     }
 
-    /// World space direction of a direction of the shading frame, if it leads away from the triangle too.
+    /// Transforms a direction of the shading frame to world space; `None` below the triangle.
     pub fn to_world(&self, local: Vec3) -> Option<Vec3A> {
         let direction = self.direction(local);
         (direction.dot(self.receiver.geometric_normal) > 0.0).then_some(direction)
     }
 
-    /// World space direction in which a mirror shows the viewer the world, if it leads away from the triangle too.
+    /// Returns the mirror direction in world space; `None` below the triangle.
     pub fn mirrored(&self) -> Option<Vec3A> {
         self.to_world(self.mirrored_in_frame())
     }
 
-    /// The middle of the lobe, in world space.
+    /// Returns the center of the lobe in world space.
     pub fn middle(&self) -> Vec3A {
         self.direction(self.mirrored_in_frame())
     }
@@ -114,8 +114,8 @@ impl Coated {
     }
 }
 
-/// The points of a pixel: a piece of a sequence that it shares with the pixels around it. Each piece is even in itself, and so
-/// are all together: neighbors that share their rays have an even set.
+/// Random points of a pixel: a segment of a sequence that nearby pixels share. Each segment is evenly distributed, and so is
+/// their union, so that neighbors with shared rays have an even set.
 pub(super) struct Points {
     seed: u64,
     piece: u32,
@@ -131,13 +131,13 @@ impl Points {
         Self { seed: (row as u64) << 32 | column as u64, piece: (y % Self::SIDE * Self::SIDE + x % Self::SIDE) as u32 }
     }
 
-    /// The first `count` points, which is a power of two.
+    /// Returns the first `count` points; `count` is a power of two.
     pub fn first(self, count: u32) -> impl Iterator<Item = Vec2> {
         let seed = self.seed;
         (self.piece * count..).take(count as usize).map(move |i| owen_sobol_point(i, seed))
     }
 
-    /// As many points more as bring the [`first`](Self::first) `known` to `count`; both are powers of two.
+    /// Returns the remaining points from the [`first`](Self::first) `known` to `count`; both are powers of two.
     pub fn rest(self, known: u32, count: u32) -> impl Iterator<Item = Vec2> {
         let (seed, more) = (self.seed, count - known);
         (Self::PIECES * known + self.piece * more..).take(more as usize).map(move |i| owen_sobol_point(i, seed))

@@ -1,26 +1,27 @@
-//! Light that coats reflect: metals, and the gloss on what is painted or polished.
+//! Light reflected by coats: metals, and the gloss of painted or polished surfaces.
 //!
-//! A coat's single scattering is taken from its sources in three ways, each light by one of them alone:
+//! A coat's single scattering is computed in three ways, with each light in exactly one of them:
 //!
 //! ```text
-//! point and spot lights, the sun       their direction and a shadow ray
-//! glowing surfaces that pixels sample  from roughness 0.2 on by the points that direct light samples; below, by reflection rays
-//! everything else                      reflection rays: glowing surfaces of the light tree, the sky, whatever is lit
+//! point and spot lights, the sun       direction and shadow ray
+//! sampled area lights                  points of direct light for roughness ≥ 0.2, otherwise reflection rays
+//! everything else                      reflection rays: area lights of the light tree, the sky, lit surfaces
 //! ```
 //!
-//! Reflection rays are drawn by the microfacets that the viewer sees \[Dupuy23\], with points that depend on the pixel alone:
-//! noise stands still. The mean of what they bring is weighted by the albedo of the coat, which is known, and not
-//! by what the samples happen to add up to:
+//! Reflection rays follow the visible microfacets \[Dupuy23\]. Their random points depend only on the pixel, so noise is
+//! static. The mean of their radiance is scaled by the known albedo of the coat, not by the sum of the sample weights:
 //!
 //! ```text
 //! L = C(θ_o) · Σ wᵢ Lᵢ / Σ wᵢ            w = F·G₂/G₁   C  albedo of the coat
 //! ```
-//! A coat in even light is even, then, however few the rays.
+//! Under uniform light, a coat is therefore uniform for any number of rays.
 //!
-//! A pixel traces few rays of its own and shares those of the pixels around it (`neighbors.rs`); where these differ, it traces
-//! more. Where the light of rough coats is baked they look it up, and trace no such rays (`texel.rs`). A reflection is coarser than what the viewer sees directly (`reflections.rs`): coats of roughness 0.2 and above show the
-//! radiance of surfels, which photons have left there; in smoother ones surfaces are lit by direct light and a loose cut. A
-//! smooth coat that is seen in a smooth coat shows its sources by their lobes, and of everything else the mirrored direction.
+//! A pixel traces few rays and shares the rays of nearby pixels (`neighbors.rs`); if these differ, it traces more. Rough coats
+//! with baked light sample it, without rays (`texel.rs`).
+//!
+//! Reflected surfaces are computed less accurately than visible ones (`reflections.rs`). Coats of roughness ≥ 0.2 show the
+//! radiance of photons stored in surfels. In smoother coats, surfaces have direct light and a coarse lightcut. A smooth coat
+//! within a smooth coat reflects light sources by their lobes, and everything else in the mirror direction.
 
 mod coated;
 mod neighbors;
@@ -51,14 +52,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(feature = "bake")]
 pub(crate) use texel::{KnownScene, TexelCoat};
 
-/// Reflection rays that each pixel traces, in smooth coats and in rough ones. On a flat coat, two and those of the pixels around
+/// Number of reflection rays per pixel, in smooth and in rough coats. On a flat coat, two rays and the rays of nearby pixels
 /// leave as much noise as 36.
 const OWN_RAYS: [u32; 2] = [4, 2];
-/// Reflection rays of a pixel that shares too few with others.
+/// Number of reflection rays of a pixel that can share too few, in smooth and in rough coats.
 const RAYS: [u32; 2] = [8, 16];
 
-/// `seen` with the albedo that is left under the coats, towards the viewer, for all light that [`Coats`] do not reflect.
-/// Where there is no coat it stays the same.
+/// Returns `seen` with the albedo below coats toward the viewer, for all light that [`Coats`] do not reflect. Surfaces without
+/// a coat are unchanged.
 pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
     let pixels = seen.pixels.map(|pixel| match Coated::of_pixel(&pixel, seen, 0.0) {
         Some(coated) => PixelSurface { albedo: coated.diffuse_albedo().into(), ..pixel },
@@ -67,24 +68,24 @@ pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
     GBuffer { pixels, ..seen.clone() }
 }
 
-/// Radiance that coats reflect towards the viewer, single scattering.
+/// Layer of light that coats reflect toward the viewer by single scattering.
 #[derive(Default)]
 pub(super) struct Coats {
-    /// Light of the coats that stand still, if it is baked.
+    /// Baked light of static coats.
     #[cfg(feature = "bake")]
     baked: Option<Arc<BakedTexels>>,
 }
 
 #[cfg(feature = "bake")]
 impl Coats {
-    /// Coats that look up what they reflect, but for sources of light, where `texels` have it.
+    /// Creates coats that sample the light of `texels`, except for light sources.
     pub fn baked(texels: Arc<BakedTexels>) -> Self {
         Self { baked: Some(texels) }
     }
 }
 
 impl Coats {
-    /// Light of a pixel that needs no reflection rays; none if it does.
+    /// Returns a pixel's light if it is baked; `None` if it needs reflection rays.
     #[cfg(feature = "bake")]
     fn looked_up(&self, reflections: &mut Reflections, coated: &Coated, pixel: &PixelSurface) -> Option<Lobe> {
         let texels = self.baked.as_ref().filter(|_| pixel.roughness >= BAKED_ROUGHNESS)?;
@@ -97,7 +98,7 @@ impl Coats {
         None
     }
 
-    /// Light of a pixel, as far as its own rays find it; nothing where there is no coat.
+    /// Returns a pixel's light by its own rays; empty without a coat.
     fn own_lobe(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Lobe {
         let Some(coated) = coated(reflections, seen, x, y) else { return Lobe::default() };
         let pixel = seen.pixels.get(x, y);
@@ -112,7 +113,7 @@ impl Layer for Coats {
         let (busy, shadow_rays) = (Busy::default(), AtomicU64::new(0));
         let is_wanted = |x, y| wanted.is_none_or(|wanted| wanted.get(x, y));
 
-        // Each pixel traces a few rays of its own.
+        // Trace a few rays for each pixel.
         let own = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
             let mut lobes = Vec::with_capacity(columns.len() * rows.len());
@@ -123,7 +124,7 @@ impl Layer for Coats {
             lobes
         }));
 
-        // A part of its light may be far from what is typical around it.
+        // Find light that is much brighter than typical in its surroundings.
         let beyond = busy.take(by_macroblock(
             &Alone,
             width,
@@ -135,7 +136,7 @@ impl Layer for Coats {
             },
         ));
 
-        // Pixels share their rays; where too few are alike, they trace more.
+        // Share rays between pixels; where too few are similar, trace more.
         let traced = Traced { own, beyond };
         let reflected = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
@@ -144,22 +145,22 @@ impl Layer for Coats {
             pixels
         }));
 
-        // Sparks go to the pixels around them.
+        // Spread sparks over nearby pixels.
         let sparks = sparks::spread(&reflected.map(|pixel| pixel.spark), seen, &busy);
         let radiance = Plane::from_fn(width, height, |x, y| reflected.get(x, y).light + sparks.get(x, y));
         Lit { radiance: Some(radiance), rays: shadow_rays.into_inner(), seconds: busy.seconds(), ..Lit::default() }
     }
 }
 
-/// Light that the pixels of a picture have found by their own rays.
+/// Light of a frame's pixels by their own rays.
 struct Traced {
     own: Plane<Lobe>,
-    /// Excess of each pixel's light over that of the pixels around.
+    /// Excess of each pixel's light over the typical light of nearby pixels.
     beyond: Plane<Vec3>,
 }
 
 impl Traced {
-    /// Light of a pixel by its own rays and those of the pixels around.
+    /// Returns a pixel's light by its own rays and the rays of nearby pixels.
     fn reflected(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Reflected {
         let lobe = self.own.get(x, y);
         if !lobe.has_rays() {
@@ -176,12 +177,12 @@ impl Traced {
     }
 }
 
-/// The coat that a pixel shows, if there is one.
+/// Returns the coat of a pixel; `None` without one.
 fn coated(reflections: &Reflections, seen: &GBuffer, x: usize, y: usize) -> Option<Coated> {
     Coated::of_pixel(&seen.pixels.get(x, y), seen, reflections.prepared.epsilon)
 }
 
-/// Light of a coat by the own rays of its pixel alone.
+/// Computes the light of a coat by its pixel's own rays.
 fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) -> Lobe {
     let known = reflections.sources(coated);
     if coated.is_mirror() {
@@ -194,7 +195,7 @@ fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) 
     Lobe::new(coated, known, brought)
 }
 
-/// The rays with these points more, none of them far brighter than is typical.
+/// Traces rays with these points, and marks light that is much brighter than typical.
 fn more_rays(reflections: &mut Reflections, coated: &Coated, points: impl Iterator<Item = Vec2>, rays: u32) -> Brought {
     let (mut sum, mut typical) = (Brought::default(), Typical::default());
     let brought: Vec<Brought> = reflections.lobe(coated, points, rays).collect();
@@ -207,9 +208,9 @@ fn more_rays(reflections: &mut Reflections, coated: &Coated, points: impl Iterat
 /// Light of a pixel's coat.
 #[derive(Clone, Copy, Debug, Default)]
 struct Reflected {
-    /// Radiance.
+    /// Reflected radiance \[W·m⁻²·sr⁻¹\].
     light: Vec3,
-    /// Radiance that a single ray brings in excess of the others, to be shared among the pixels around.
+    /// Excess radiance of single rays, to be spread over nearby pixels \[W·m⁻²·sr⁻¹\].
     spark: Vec3,
 }
 

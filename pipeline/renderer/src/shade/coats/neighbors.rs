@@ -1,13 +1,13 @@
-//! Reflection rays that a pixel shares with its neighbors.
+//! Reflection rays shared between neighboring pixels.
 //!
-//! Rays of a neighbor q count for pixel p as far as its lobe is the same:
+//! Rays of a neighbor q count for pixel p as far as their lobes agree:
 //!
 //! ```text
 //! k = tent · (1 − u²)           u² = (|m_p − m_q|² + |x_p − x_q|² n²) / (s α)² + ((α_p − α_q) / (r α))²
-//!   m  middle of the lobe       x  position      n  mean of 1/t over the rays      α  width of the lobe, GGX's
+//!   m  center of the lobe       x  position      n  mean of 1/t over the rays      α  GGX's lobe width
 //! ```
-//! and not at all from u = 1 on. The second term is the parallax of the surfaces that the rays have met. So a contact shadow, a
-//! bump and the border of a smoother part keep rays of their own.
+//! From u = 1 on, they do not count. The second term is the parallax of the surfaces hit by the rays. Therefore contact
+//! shadows, bumps and borders of smoother regions keep their own rays.
 
 use super::coated::Coated;
 use super::reflections::{Brought, Typical};
@@ -15,37 +15,38 @@ use glam::Vec3;
 use plane::Plane;
 use ranks::portable;
 
-/// Neighbors that share their rays are at most this far away, in pixels.
+/// Maximum distance of neighbors that share rays \[pixels\].
 const REACH: usize = 2;
-/// The same for those that tell how bright a pixel's rays may be.
+/// Maximum distance of neighbors that determine the typical brightness of rays \[pixels\].
 const NEXT: usize = 1;
-/// s. By α'² = α² (1 + s²/6), as discs of light widen a lobe (`Bsdf::evaluate_coat`), shared rays widen it by 4 % at most.
+/// Maximum distance s between shared lobes, in units of α. Shared rays widen a lobe by at most 4 %, from α'² = α² (1 + s²/6), as for disc lights
+/// (`Bsdf::evaluate_coat`).
 const SAME_LOBE: f32 = 0.7;
-/// r.
+/// Maximum relative difference r between the widths of shared lobes.
 const SAME_ALPHA: f32 = 0.5;
-/// Effective number of rays, (Σ k r)² / Σ k² r, below which a pixel traces more.
+/// Minimum effective number of rays, (Σ k r)² / Σ k² r; below it, a pixel traces more.
 const ENOUGH: f32 = 16.0;
 
-/// The coat of a pixel and its own rays; no rays where there is no coat or one that needs none.
+/// Coat of a pixel and its own rays; no rays if the pixel has no coat, or a coat that needs none.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lobe {
-    /// Radiance that is reflected of what needs no rays.
+    /// Radiance computed without reflection rays \[W·m⁻²·sr⁻¹\].
     pub known: Vec3,
-    /// Share of even light that the coat reflects.
+    /// Fraction of uniform light that the coat reflects.
     pub albedo: Vec3,
     pub brought: Brought,
     position: Vec3,
     middle: Vec3,
     alpha: f32,
     is_rough: bool,
-    /// Mean of 1/t \[1/m\].
+    /// Mean of 1/t over the rays \[1/m\].
     nearness: f32,
 }
 
 portable!(Lobe { known, albedo, brought, position, middle, alpha, is_rough, nearness });
 
 impl Lobe {
-    /// A coat without rays to share.
+    /// Creates a coat without rays.
     pub fn without_rays(known: Vec3) -> Self {
         Self { known, ..Self::default() }
     }
@@ -63,12 +64,12 @@ impl Lobe {
         }
     }
 
-    /// Whether it has rays to share.
+    /// Whether the coat has rays to share.
     pub fn has_rays(&self) -> bool {
         self.brought.rays > 0.0
     }
 
-    /// 1 − u², or 0.
+    /// Returns max(1 − u², 0).
     fn likeness(&self, other: &Self) -> f32 {
         let nearness = self.nearness.max(other.nearness);
         let turned = self.middle.distance_squared(other.middle);
@@ -79,8 +80,8 @@ impl Lobe {
     }
 }
 
-/// The part of the light of a pixel's own rays that is far from typical of those around it. In a smooth coat they are typical,
-/// too: its reflections have edges.
+/// Returns the light of a pixel's own rays beyond the typical light around it. In a smooth coat, the pixel's own rays are
+/// typical, too, because its reflections have edges.
 pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
     let own = lobes.get(x, y);
     let mut typical = Typical::default();
@@ -96,10 +97,10 @@ pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
     }
 }
 
-/// Sums over the rays of a pixel and of those around it, and whether they are enough.
+/// Returns the sums over the rays of a pixel and its neighbors, and whether the rays suffice.
 pub(super) fn shared(lobes: &Plane<Lobe>, excess: &Plane<Vec3>, x: usize, y: usize) -> (Brought, bool) {
     let mut sum = Brought::default();
-    // Σ k r and Σ k² r over pixels with r rays: (Σ k r)² / Σ k² r rays of equal weight have the same variance.
+    // Pixels with r rays of weight k have the variance of (Σ k r)² / Σ k² r rays of equal weight.
     let mut squares = 0.0;
     for_neighbors(lobes, x, y, REACH, |weight, (u, v)| {
         let brought = lobes.get(u, v).brought;
@@ -109,7 +110,7 @@ pub(super) fn shared(lobes: &Plane<Lobe>, excess: &Plane<Vec3>, x: usize, y: usi
     (sum, sum.rays * sum.rays >= ENOUGH * squares)
 }
 
-/// Calls `of` with k and the place of each pixel up to `reach` away whose rays count for (x, y), and of that itself.
+/// Calls `of` with k and the position of each pixel within `reach` whose rays count for (x, y), including itself.
 fn for_neighbors(lobes: &Plane<Lobe>, x: usize, y: usize, reach: usize, mut of: impl FnMut(f32, (usize, usize))) {
     let around = |center: usize, end: usize| center.saturating_sub(reach)..(center + reach + 1).min(end);
     let tent = |apart: usize| (reach + 1 - apart) as f32 / (reach + 1) as f32;
@@ -131,7 +132,7 @@ fn for_neighbors(lobes: &Plane<Lobe>, x: usize, y: usize, reach: usize, mut of: 
 mod tests {
     use super::*;
 
-    /// A coat of α 0.25 that looks along +x and brings two rays of `light`.
+    /// Returns a coat of α 0.25 that faces +x, with two rays of `light`.
     fn lobe(light: f32) -> Lobe {
         let brought = Brought::of(2, Vec3::splat(light));
         Lobe { albedo: Vec3::ONE, brought, middle: Vec3::X, alpha: 0.25, is_rough: true, ..Lobe::default() }
@@ -156,7 +157,7 @@ mod tests {
         let spark = Plane::from_fn(5, 5, |x, y| lobe(if (x, y) == (2, 2) { 1000.0 } else { 1.0 }));
         let excess = Plane::from_fn(5, 5, |x, y| excess(&spark, x, y));
         let (light, beyond) = shared(&spark, &excess, 2, 2).0.mean();
-        // By the tent, (Σ k)² is 81/16 and the pixel's own share of Σ k one ninth.
+        // With the tent weights, (Σ k)² is 81/16, and the pixel's own fraction of Σ k is 1/9.
         assert!((light + beyond - (1000.0 + 8.0) / 9.0).abs().max_element() < 0.1, "{light} + {beyond}");
         assert!(light.max_element() < 20.0, "{light}");
     }

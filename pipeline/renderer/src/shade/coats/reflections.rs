@@ -9,56 +9,57 @@ use ranks::portable;
 use render_core::{Environment, Hit, PosedScene, ShadingPoint, Surface, Traced, luminance};
 use std::f32::consts::PI;
 
-/// Coats that a ray is followed through.
+/// Maximum number of coats that a ray is followed through.
 const MOST_COATS: usize = 4;
-/// Share of a coat in the light of a pixel below which no ray follows its reflection any farther.
+/// Minimum fraction of the pixel's light for which the reflection of a coat is followed.
 const LEAST_SHARE: f32 = 0.02;
-/// The same where the first coat is rough, for smooth coats that it shows and for rough ones: metal that is seen in metal is
-/// followed, and little else. At 0.1 for both, a closed room of metal of roughness 0.5 has 1 % less light than at these.
+/// Minimum fraction if the first coat is rough, for smooth and for rough coats within it: metal within metal is followed, and
+/// little else. With 0.1 for both, a closed room of metal with roughness 0.5 has 1 % less light.
 const LEAST_SHARE_IN_ROUGH: [f32; 2] = [0.1, 0.3];
-/// Share of its luminance that a cluster may be wrong by in a cut for a reflection that a single ray brings, and at most.
+/// Permitted error of a cluster in the lightcut for a reflection, as a fraction of its luminance: for a single ray, and the
+/// maximum.
 const LOOSE: f32 = 0.1;
 const LOOSEST: f32 = 0.5;
-/// Albedo below which a base is not worth a shadow ray: that of polished metals.
+/// Minimum albedo of a base that is worth a shadow ray; polished metals have less.
 const NO_BASE: f32 = 0.01;
-/// Radiance counts up to this many times the typical one: a small lamp that one ray of many happens to meet would be a spark.
-/// The excess is shared among the pixels around. At 4 instead of 2, spots show on the floor of McGuire's CornellBox-Glossy-Floor.
+/// Radiance of a ray is limited to this multiple of the typical one, since a small lamp hit by few rays would be a spark. The
+/// excess is spread over nearby pixels. At 4, spots appear on the floor of McGuire's CornellBox-Glossy-Floor.
 const MOST_TYPICAL: f32 = 2.0;
 
 /// Reflections computed by one thread.
 pub(super) struct Reflections<'a> {
     pub prepared: &'a Frame<'a>,
     pub scratch: &'a mut Scratch,
-    /// Shadow rays so far.
+    /// Number of shadow rays.
     pub shadow_rays: u64,
 }
 
-/// Sums over reflection rays, each by its weight w = F·G₂/G₁.
+/// Sums over reflection rays of weight w = F·G₂/G₁.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Brought {
     /// Number of rays.
     pub rays: f32,
-    /// Σ 1/t, t being the way to what a ray has met first \[1/m\].
+    /// Σ 1/t over the distances t to the first hit \[1/m\].
     pub nearness: f32,
-    /// Σ w.
+    /// Sum of weights Σ w.
     weights: Vec3,
-    /// Σ w L.
+    /// Weighted radiance Σ w L \[W·m⁻²·sr⁻¹\].
     light: Vec3,
-    /// Part of Σ w L that few of the rays bring and that others are to have, too.
+    /// Portion of Σ w L from few very bright rays, to be spread over nearby pixels \[W·m⁻²·sr⁻¹\].
     excess: Vec3,
 }
 
 portable!(Brought { rays, nearness, weights, light, excess });
 
 impl Brought {
-    /// Rays of weight 1 that all bring `radiance`, from far away.
+    /// Returns distant rays of weight 1 with equal `radiance`.
     #[cfg(test)]
     pub fn of(rays: u16, radiance: Vec3) -> Self {
         let rays = f32::from(rays);
         Self { rays, weights: Vec3::splat(rays), light: rays * radiance, ..Self::default() }
     }
 
-    /// Adds other rays, which count `share` times as much.
+    /// Adds other rays, scaled by `share`.
     pub fn add(&mut self, share: f32, other: &Self) {
         self.rays += share * other.rays;
         self.nearness += share * other.nearness;
@@ -67,30 +68,30 @@ impl Brought {
         self.excess += share * other.excess;
     }
 
-    /// With this part of Σ w L as the excess.
+    /// Sets the excess, a portion of Σ w L.
     pub fn with_excess(self, excess: Vec3) -> Self {
         Self { excess, ..self }
     }
 
-    /// Mean radiance without the excess, and the excess.
+    /// Returns the mean radiance without the excess, and the excess.
     pub fn mean(&self) -> (Vec3, Vec3) {
         let weights = self.weights.max(Vec3::splat(f32::MIN_POSITIVE));
         ((self.light - self.excess) / weights, self.excess / weights)
     }
 
-    /// Luminance of the mean radiance, with the excess.
+    /// Returns the luminance of the mean radiance, including the excess.
     pub fn luminance(&self) -> f32 {
         luminance(self.light) / luminance(self.weights).max(f32::MIN_POSITIVE)
     }
 
-    /// The part of Σ w L beyond [`MOST_TYPICAL`] times the `typical` luminance.
+    /// Returns the portion of Σ w L beyond [`MOST_TYPICAL`] times the `typical` luminance.
     pub fn excess_over(&self, typical: f32) -> Vec3 {
         let share = 1.0 - MOST_TYPICAL * typical / self.luminance().max(f32::MIN_POSITIVE);
         self.light * share.max(0.0)
     }
 }
 
-/// Luminance that is typical of values of which few may be far too large: (Σ k √L / Σ k)².
+/// Typical luminance of values with a few huge outliers: (Σ k √L / Σ k)².
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Typical {
     roots: f32,
@@ -98,13 +99,13 @@ pub(super) struct Typical {
 }
 
 impl Typical {
-    /// Adds a luminance that counts `share` times.
+    /// Adds a luminance with weight `share`.
     pub fn add(&mut self, share: f32, luminance: f32) {
         self.roots += share * luminance.max(0.0).sqrt();
         self.weights += share;
     }
 
-    /// The luminance; `None` without values.
+    /// Returns the typical luminance; `None` without values.
     pub fn luminance(self) -> Option<f32> {
         (self.weights > 0.0).then(|| (self.roots / self.weights).powi(2))
     }
@@ -113,25 +114,26 @@ impl Typical {
 /// A ray that leaves a coat.
 pub(super) struct ReflectedRay<'a> {
     pub direction: Vec3A,
-    /// Textures are averaged over this share of the distance.
+    /// Texture footprint divided by distance.
     pub spread: f32,
-    /// Share that the ray has in the light of its pixel.
+    /// Fraction of the pixel's light that the ray contributes.
     pub share: f32,
-    /// Rays that the pixel's light is the mean of.
+    /// Number of rays averaged for the pixel's light.
     pub rays: u32,
-    /// Irradiance of surfaces, if it is known. Such a ray follows every coat that it meets: its light is found once.
+    /// Irradiance of surfaces, if known. With it, a ray is followed through every coat, because its light is computed only
+    /// once.
     pub known: Option<KnownIrradiance<'a>>,
 }
 
-/// Irradiance \[W·m⁻²\] of a surface that a ray has met; none where it is not known.
+/// Function that returns the irradiance of a hit \[W·m⁻²\]; `None` if it is not known.
 pub(crate) type KnownIrradiance<'a> = &'a (dyn Fn(&Hit, &Surface) -> Option<Vec3> + Sync);
 
 impl Reflections<'_> {
-    /// Radiance that the coat reflects of points and suns, and if it is rough of the areas that pixels sample; and how much more or
-    /// less of these the base sends back than of even light, which the layer of direct light takes it for.
+    /// Returns the radiance that the coat reflects of points and suns, and of sampled area lights if it is rough. It includes
+    /// the base's deviation from uniform reflection, which the layer of direct light assumes.
     pub fn sources(&mut self, coated: &Coated) -> Vec3 {
         let Frame { accelerator, direct, .. } = self.prepared;
-        // Of areas, smooth coats have reflection rays: only the base is left.
+        // Smooth coats reflect area lights by reflection rays; only the base remains.
         let brdf_of = |direction, half_angle, with_coat| {
             let (towards, outgoing) = (coated.to_frame(direction), coated.outgoing);
             let excess = coated.bsdf.diffuse_excess(outgoing, towards);
@@ -143,7 +145,7 @@ impl Reflections<'_> {
         self.counted(direct.reflected(accelerator, &coated.receiver, brdf, area_brdf))
     }
 
-    /// Radiance that a coat without a lobe reflects of all but its [`sources`](Self::sources).
+    /// Returns the radiance that a mirror coat reflects, except its [`sources`](Self::sources).
     pub fn mirrored(&mut self, coated: &Coated) -> Vec3 {
         let albedo = coated.albedo();
         let Some(direction) = coated.mirrored() else { return Vec3::ZERO };
@@ -151,14 +153,14 @@ impl Reflections<'_> {
         albedo * self.along(coated, ray).0
     }
 
-    /// The rays drawn with `points`, one by one; the pixel is going to have `rays` of them.
+    /// Traces rays with `points`, one by one; the pixel will have `rays` of them.
     pub fn lobe(
         &mut self,
         coated: &Coated,
         points: impl Iterator<Item = Vec2>,
         rays: u32,
     ) -> impl Iterator<Item = Brought> {
-        // Each ray stands for its share of a lobe that is about α wide on either side.
+        // Each ray represents an equal fraction of a lobe with half-width α.
         let spread = 2.0 * coated.alpha() / (rays as f32).sqrt();
         let share = luminance(coated.albedo());
         points.filter_map(|point| coated.bsdf.sample_coat(coated.outgoing, point)).map(move |local| {
@@ -170,19 +172,19 @@ impl Reflections<'_> {
         })
     }
 
-    /// Radiance that arrives at the coat along a ray, and the way to what the ray meets first \[m\].
+    /// Returns the radiance that arrives at the coat along a ray, and the distance to the first hit \[m\].
     pub fn along(&mut self, coated: &Coated, ray: ReflectedRay<'_>) -> (Vec3, f32) {
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
         let (mut origin, mut direction, mut throughput) = (coated.receiver.position, ray.direction, Vec3::ONE);
         let mut sum = Vec3::ZERO;
-        // Whether the first coat is rough, and whether the one that the ray has left last is.
+        // Roughness of the first coat, and of the last coat that the ray has left.
         let (blurred, mut rough) = (coated.is_rough(), coated.is_rough());
         let (mut way, mut first) = (0.0, f32::INFINITY);
         for coats in 0..=MOST_COATS {
-            // The next surface on the ray's way; if there is none, the sky.
+            // Find the next surface on the ray's path, or the sky.
             let Some(hit) = accelerator.closest(origin, direction) else {
-                // Lamps of the sky are reflected as suns are.
+                // Lamps of the sky are reflected like suns.
                 let sky = scene.sky.as_ref().and_then(Environment::beside_lamps);
                 let sky = sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
                 return (sum + throughput * sky, first);
@@ -191,9 +193,9 @@ impl Reflections<'_> {
             first = first.min(way);
             let surface = surfaces.at(&hit, direction, ray.spread * way);
 
-            // Its glow, which counts once.
+            // Add its emission, which must count once.
             let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
-            // As for paths: what is unlit shines for the camera alone. Rough coats know the areas from their points.
+            // As in path tracing, only the camera sees unlit materials. Rough coats have sampled area lights already.
             let known = rough && direct.samples_instance(hit.instance);
             if !unlit && !known {
                 sum += throughput * surface.emission;
@@ -202,7 +204,7 @@ impl Reflections<'_> {
                 break;
             }
 
-            // A coat is followed while its reflection is a large enough part of the pixel's light.
+            // Follow a coat while its reflection is a large enough fraction of the pixel's light.
             let met = Coated::of_surface(&surface, direction, *epsilon);
             let (coat, diffuse) = (met.albedo(), met.diffuse_albedo());
             let share = ray.share * luminance(throughput);
@@ -211,7 +213,7 @@ impl Reflections<'_> {
             let is_small = share * luminance(coat) < least_share || (blurred || met.is_rough()) && !is_metal;
             let ends = coats == MOST_COATS || coat == Vec3::ZERO || is_small && ray.known.is_none();
 
-            // The base is lit. A coat that no ray follows reflects as if it were part of it.
+            // Light the base. A coat that is not followed reflects as part of the base.
             let albedo = if ends { diffuse + coat } else { diffuse };
             sum += throughput
                 * if let Some(irradiance) = ray.known.and_then(|known| known(&hit, &surface)) {
@@ -227,7 +229,7 @@ impl Reflections<'_> {
                 break;
             }
 
-            // A coat shows sources by its lobe, and all else in the mirrored direction.
+            // A coat reflects sources by its lobe, and everything else in the mirror direction.
             sum += throughput * self.sources(&met);
             throughput *= coat;
             let Some(next) = met.mirrored() else { break };
@@ -237,13 +239,13 @@ impl Reflections<'_> {
         (sum, first)
     }
 
-    /// Adds the shadow rays of a result and unwraps it.
+    /// Counts the shadow rays of a result and returns its value.
     fn counted<T>(&mut self, traced: Traced<T>) -> T {
         self.shadow_rays += traced.shadow_rays;
         traced.value
     }
 
-    /// Radiance that a matte surface at `receiver` reflects; clusters may be wrong by the share `loose` of it.
+    /// Returns the radiance that a matte surface at `receiver` reflects; `loose` is the permitted relative error of clusters.
     fn matte(&mut self, receiver: &ShadingPoint, albedo: Vec3, loose: f32) -> Vec3 {
         if albedo == Vec3::ZERO {
             return Vec3::ZERO;

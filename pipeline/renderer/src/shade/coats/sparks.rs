@@ -1,6 +1,7 @@
-//! Light that a single reflection ray brings in excess of the others, spread over the pixels around.
+//! Excess light of single reflection rays, spread over nearby pixels.
 //!
-//! Each pixel shares its light by a tent along its row, then along columns, among coats of the same instance. None is lost:
+//! Each pixel spreads its light by a tent filter, first along its row, then along columns, within coats of the same instance.
+//! Energy is conserved:
 //!
 //! ```text
 //! S(x) = Σ_u t(x − u) s(u) / T(u)          T(u) = Σ_x t(x − u)
@@ -12,10 +13,10 @@ use plane::Plane;
 use render_core::ranks::Alone;
 use render_core::{Busy, GBuffer, NOTHING};
 
-/// Reach of the tent, in pixels.
+/// Reach of the tent filter \[pixels\].
 const REACH: usize = 10;
 
-/// Share of each pixel in the `sparks` around it: radiance. Adds the work to `busy`.
+/// Returns the radiance that each pixel receives from the `sparks` around it \[W·m⁻²·sr⁻¹\]. Adds the CPU time to `busy`.
 pub(super) fn spread(sparks: &Plane<Vec3>, seen: &GBuffer, busy: &Busy) -> Plane<Vec3> {
     if sparks.samples().iter().all(|&spark| spark == Vec3::ZERO) {
         return sparks.clone();
@@ -34,7 +35,7 @@ enum Line {
 /// Spreads `light` along rows or columns.
 fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) -> Plane<Vec3> {
     let (width, height) = (light.width(), light.height());
-    // Places in reach of the same coat, with their weights.
+    // Positions within reach on the same coat, with their weights.
     let alike = |(x, y): (usize, usize)| {
         let own = carriers.get(x, y);
         let (center, end) = match line {
@@ -64,7 +65,7 @@ fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) ->
 mod tests {
     use super::*;
 
-    /// Light at the border of two coats stays with its own, and all of it.
+    /// Light at the border of two coats stays on its own coat, without loss.
     #[test]
     fn no_light_is_lost() {
         let (width, height) = (40, 30);

@@ -1,4 +1,4 @@
-//! Coats in scenes whose pictures are known: in even light, before a lamp, and where there are none.
+//! Coats in scenes with known images: under uniform light, in front of a lamp, and without coats.
 
 use super::*;
 use crate::plan::{Plan, State};
@@ -15,7 +15,7 @@ use std::f32::consts::PI;
 
 const SIDE: usize = 16;
 
-/// A scene seen by a camera at `eye` that looks down by `tilt` radians towards −z.
+/// A scene seen by a camera at `eye`, which looks toward −z and down by `tilt` \[rad\].
 struct Stage(Scene);
 
 impl Stage {
@@ -35,7 +35,7 @@ impl Stage {
         Self(scene)
     }
 
-    /// A parallelogram that faces `a` × `b`.
+    /// Adds a parallelogram that faces `a` × `b`.
     fn with(mut self, [corner, a, b]: [Vec3; 3], material: Material) -> Self {
         let scene = &mut self.0;
         scene.instances.push(Instance { node: 0, mesh: scene.meshes.len() });
@@ -54,7 +54,7 @@ impl Stage {
         self
     }
 
-    /// Light that coats reflect to each pixel, and the first hits.
+    /// Returns the light that coats reflect to each pixel, and the first hits.
     fn reflected(&self) -> (Plane<Vec3>, GBuffer) {
         let (settings, plan) = self.settings();
         assert!(plan.is_on(plan::Stage::Gloss));
@@ -88,8 +88,8 @@ fn glowing(radiance: f32) -> Material {
     Material { base_color: Vec3::ZERO, emission: Vec3::splat(radiance), ..Material::default() }
 }
 
-/// A plate under a sky of the same radiance from everywhere: coat and what bounces in it reflect their albedo, which is 1 for
-/// F₀ = 1 at any roughness; the coat's part for a color is its albedo times the sky.
+/// A plate under a uniform sky: the coat and multiple scattering reflect their albedo, which is 1 for F₀ = 1 at any roughness.
+/// For a color, the coat reflects its albedo times the sky.
 #[test]
 fn a_plate_in_even_light_shows_its_albedo() {
     for roughness in [0.0, 0.1, 0.25, 0.6, 1.0] {
@@ -109,7 +109,7 @@ fn a_plate_in_even_light_shows_its_albedo() {
     }
 }
 
-/// The picture of a lamp in a mirror is the lamp seen from the eye's own mirror image.
+/// The mirror image of a lamp is the lamp seen from the eye's mirror image.
 #[test]
 fn a_mirror_shows_a_lamp_at_its_reflected_place() {
     let eye = Vec3::new(0.0, 3.0, 3.0);
@@ -132,19 +132,19 @@ fn a_mirror_shows_a_lamp_at_its_reflected_place() {
             assert!((got - 5.0).abs() < 0.01, "{got} at {x}, {y}, {depth} m within the lamp");
         } else if depth < -1e-3 {
             outside += 1;
-            assert!(got < 1e-3, "{got} at {x}, {y}, {depth} m beside the lamp");
+            assert!(got < 1e-3, "{got} at {x}, {y}, {depth} m next to the lamp");
         }
     }
     assert!(inside > 10 && outside > 30, "{inside} pixels show the lamp, {outside} do not");
 }
 
-/// BRDF without the part that even light leaves to other layers \[sr⁻¹\].
+/// Returns the BRDF minus the uniform term that other layers reflect \[sr⁻¹\].
 fn reflectance(coated: &Coated, direction: Vec3A) -> Vec3 {
     coated.bsdf.evaluate(coated.outgoing, coated.to_frame(direction)) - coated.diffuse_albedo() / PI
 }
 
-/// A lamp above metal against the integral over its surface: by the samples of its area where the metal is rough, by few rays
-/// where it is not, and these are held to the light that they bring in all.
+/// Compares a lamp above metal with the integral over its surface. Rough metal uses samples of its area; smooth metal uses few
+/// rays, which are compared by their total light.
 #[test]
 fn metal_shows_a_lamp_as_its_lobe_says() {
     for (roughness, single, whole) in [(0.12, 0.3, 0.05), (0.25, 0.03, 0.01), (0.5, 0.01, 0.01), (0.9, 0.01, 0.01)] {
@@ -163,7 +163,7 @@ fn metal_shows_a_lamp_as_its_lobe_says() {
                     let way = Vec3A::from(corner + a * share(i) + b * share(j)) - coated.receiver.position;
                     let direction = way.normalize();
                     let f = reflectance(&coated, direction);
-                    // Lamp and floor are parallel: both cosines are the direction's y.
+                    // Lamp and floor are parallel: both cosines equal the direction's y.
                     f * (5.0 * direction.y * direction.y / way.length_squared() / (steps * steps) as f32)
                 })
                 .sum();
@@ -177,7 +177,7 @@ fn metal_shows_a_lamp_as_its_lobe_says() {
     }
 }
 
-/// A point light has no size: what a coat shows of it is intensity · f · cos θ / r².
+/// A point light has no size: a coat reflects intensity · f · cos θ / r².
 #[test]
 fn points_of_light_are_seen_by_their_lobe() {
     let mut stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(Vec3::ONE, 0.4));
@@ -196,12 +196,12 @@ fn points_of_light_are_seen_by_their_lobe() {
     }
 }
 
-/// The sun is a disc: what a coat shows of it is the mean over that disc. Where its lobe is narrower the disc's rim is lost.
+/// The sun is a disc: a coat reflects the mean over the disc. A narrower lobe loses the disc's edge.
 #[test]
 fn the_sun_is_seen_as_a_disc() {
     for (roughness, single) in [(0.2, 0.1), (0.4, 0.02)] {
         let mut stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(Vec3::ONE, roughness));
-        // Opposite to the viewer and as high: its glint is in the middle of the picture.
+        // Opposite to the viewer at equal elevation: the glint is at the center of the image.
         let rest = Transform {
             translation: Vec3::ZERO,
             rotation: Quat::from_rotation_y(PI) * Quat::from_rotation_x(-0.8),
@@ -233,7 +233,7 @@ fn the_sun_is_seen_as_a_disc() {
     }
 }
 
-/// Where no coat is, nothing is computed and nothing changes.
+/// Without coats, nothing is computed and nothing changes.
 #[test]
 fn matte_scenes_stay_as_they_are_to_the_last_bit() {
     let matte = Material { base_color: Vec3::new(0.7, 0.4, 0.2), ..Material::default() };

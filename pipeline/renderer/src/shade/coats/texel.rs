@@ -1,13 +1,14 @@
-//! Light that the coat of a texel reflects in all directions, by the same rays.
+//! Light that a texel's coat reflects in all directions, from a common set of rays.
 //!
 //! ```text
 //! M(ω_o) = Σ w_k L_k / Σ w_k        w_k = f(ω_o, ω_k) cos θ_k        L(ω_o) = C(ω_o) M(ω_o)
 //!                                                                     C  albedo of the coat
 //! ```
-//! Rays ω_k are spread evenly over the hemisphere and stand for equal solid angles, so that their density cancels. They bring what
-//! reflection rays of rough coats bring: surfaces, the sky, and what glows and is no source of direct light. Being the same for all
-//! directions and, on flat surfaces, for all texels, they leave no noise between these. Surfaces that they meet have irradiance
-//! that is known by then: that of their texels.
+//! The rays ω_k are evenly distributed over the hemisphere and represent equal solid angles, so their density cancels. They
+//! carry the light that reflection rays of rough coats carry: surfaces, the sky, and emission except direct sources.
+//!
+//! All directions use the same rays, as do all texels of flat surfaces, so no noise appears between them. The surfaces that
+//! they hit have baked irradiance already.
 
 use super::Reflections;
 use super::coated::Coated;
@@ -18,32 +19,32 @@ use lighttree::Scratch;
 use render_core::{ShadingPoint, Surface, luminance};
 use std::f32::consts::{PI, TAU};
 
-/// Rays of a texel, at least; with larger maps, one for each direction of the map: as many in a lobe whatever its width. In a
-/// Cornell box with metal of roughness 0.4, four times as many change its mean by half a percent.
+/// Minimum number of rays per texel. Larger maps use one ray per direction, so that lobes of any width contain equally many. In
+/// a Cornell box with metal of roughness 0.4, four times as many change the mean by 0.5 %.
 const LEAST_RAYS: usize = 256;
-/// Least cosine between the surface's normal and a mirrored direction. Cells of a map beyond have the light at the horizon: look-ups
-/// just above it read them.
+/// Minimum cosine between the surface normal and a mirror direction. Cells below it contain the light at the horizon, since
+/// samples just above it read them.
 const HORIZON: f32 = 0.02;
 
-/// The frame that rays of texels are traced in, and the irradiance that is known of its surfaces.
+/// The frame in which texel rays are traced, and the known irradiance of its surfaces.
 #[derive(Clone, Copy)]
 pub(crate) struct KnownScene<'a> {
     pub frame: &'a Frame<'a>,
     pub known: KnownIrradiance<'a>,
 }
 
-/// A texel's coat, and the rays that found its light.
+/// A texel's coat with the rays of its light.
 pub(crate) struct TexelCoat {
     coated: Coated,
-    /// In the shading frame.
+    /// Directions in the shading frame.
     rays: Vec<Vec3>,
-    /// Radiance that each ray brings \[W·m⁻²·sr⁻¹\].
+    /// Radiance along each ray \[W·m⁻²·sr⁻¹\].
     light: Vec<Vec3>,
 }
 
 impl TexelCoat {
-    /// Traces rays from `surface`, lit at `receiver`, for a map with this number of `directions`. A surface without a coat gives
-    /// none.
+    /// Traces rays from `surface`, lit at `receiver`, for a map with `directions` directions. `None` for a surface without a
+    /// coat.
     pub fn trace(
         scene: KnownScene,
         receiver: ShadingPoint,
@@ -58,7 +59,7 @@ impl TexelCoat {
         let rays = hemisphere(LEAST_RAYS.max(directions));
         let count = rays.len() as u32;
 
-        // Textures are averaged over the share of the hemisphere that a ray stands for. What leads into the triangle brings nothing.
+        // Textures are averaged over the solid angle of a ray. Directions below the triangle carry no light.
         let (spread, share) = ((TAU / count as f32).sqrt(), luminance(coated.albedo()));
         let KnownScene { frame, known } = scene;
         let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
@@ -75,21 +76,21 @@ impl TexelCoat {
         Some(Self { coated, rays, light })
     }
 
-    /// Mean radiance that arrives at the coat, by the cosine.
+    /// Returns the cosine-weighted mean radiance that arrives at the coat.
     pub fn mean_of_all(&self) -> Vec3 {
         let sum: Vec3 = self.rays.iter().zip(&self.light).map(|(ray, &light)| ray.z * light).sum();
-        // The mean cosine over the hemisphere is a half.
+        // The mean cosine over the hemisphere is 1/2.
         2.0 * sum / self.rays.len() as f32
     }
 
-    /// M(ω_o) where a mirror would show the viewer the world in the unit direction `mirrored`.
+    /// Returns M(ω_o) for the unit mirror direction `mirrored`.
     pub fn mean_radiance(&self, mirrored: Vec3) -> Vec3 {
-        // The viewer stands where the mirrored direction comes from.
+        // The viewer is opposite to the mirror direction.
         let mut towards = self.coated.to_frame(Vec3A::from(mirrored));
         towards.z = towards.z.max(HORIZON);
         let outgoing = Vec3::new(-towards.x, -towards.y, towards.z).normalize();
 
-        // Lobes are as wide as the rays are apart, at least.
+        // Lobes are at least as wide as the spacing of the rays.
         let half_angle = (2.0 / self.rays.len() as f32).sqrt();
         let (mut sum, mut weights) = (Vec3::ZERO, Vec3::ZERO);
         for (&ray, &light) in self.rays.iter().zip(&self.light) {
@@ -101,9 +102,9 @@ impl TexelCoat {
     }
 }
 
-/// Directions about +z, evenly spread: `count` points of a spherical Fibonacci lattice \[Keinert15\].
+/// Returns evenly distributed directions about +z: `count` points of a spherical Fibonacci lattice \[Keinert15\].
 fn hemisphere(count: usize) -> Vec<Vec3> {
-    // The golden section of a turn, from point to point.
+    // Consecutive points are rotated by the golden angle.
     let turn = PI * (3.0 - 5f64.sqrt() as f32);
     let mut directions = Vec::with_capacity(count);
     for k in 0..count {
@@ -123,7 +124,7 @@ mod tests {
     fn rays_are_even_over_the_hemisphere() {
         for count in [256, 1024] {
             let rays = hemisphere(count);
-            // ∫ cos θ dω = π and ∫ cos² θ dω = 2π/3; x and y have no mean.
+            // ∫ cos θ dω = π and ∫ cos² θ dω = 2π/3; x and y have zero mean.
             let mean = rays.iter().sum::<Vec3>() / count as f32;
             let squares = rays.iter().map(|ray| *ray * *ray).sum::<Vec3>() / count as f32;
             assert!((mean - Vec3::new(0.0, 0.0, 0.5)).length() < 0.01, "{mean}");

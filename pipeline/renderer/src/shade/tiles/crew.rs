@@ -1,4 +1,4 @@
-//! Ranks that take tiles by messages. Rank 0 lights tiles, too; a thread of it answers the others.
+//! Ranks that request tiles by messages. Rank 0 also lights tiles; one of its threads answers the other ranks.
 
 use super::Workers;
 use super::job::{Job, TileLight};
@@ -11,19 +11,19 @@ use render_core::cache::SharedRecord;
 use render_core::ranks::{Mail, Portable, Ranks};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Text of a rank's failure.
+/// Panic message for invalid data from a rank.
 const DIFFERENT: &str = "ranks run the same program";
 
-/// This rank as one of a team.
+/// This rank as a member of a team.
 pub(super) struct Team {
     settings: TileSettings,
     mail: Arc<dyn Mail>,
     ranks: Arc<dyn Ranks>,
-    /// Of rank 0; the others do not use theirs.
+    /// Tiles and records on rank 0; unused on other ranks.
     master: Mutex<Master>,
-    /// Records of other ranks that are not yet in the cache.
+    /// Records of other ranks, not yet in the cache.
     inbox: Mutex<Vec<SharedRecord>>,
-    /// Records that no other rank has.
+    /// Records that only this rank has.
     outbox: Outbox,
 }
 
@@ -38,7 +38,7 @@ impl Team {
         Self { settings, mail, ranks, master, inbox: Mutex::default(), outbox: Outbox::default() }
     }
 
-    /// Answers the other ranks until each has been told that no tile is left.
+    /// Answers the other ranks until each has received the answer that no tile remains.
     fn serve(&self) {
         let mut at_work = self.mail.count() - 1;
         while at_work > 0 {
@@ -55,20 +55,20 @@ impl Team {
         }
     }
 
-    /// The answer of rank 0.
+    /// Returns the answer of rank 0 to `rank`.
     fn give(&self, rank: usize, records: Vec<SharedRecord>) -> Message {
         let mut master = locked(&self.master);
         let records = if records.is_empty() { Vec::new() } else { master.exchange(rank, records) };
         Message::Give { tile: master.next_tile(), records }
     }
 
-    /// The next message that comes.
+    /// Waits for the next message.
     fn next(&self) -> (usize, Message) {
         let received = self.mail.receive();
         (received.from, Message::take(&mut &received.bytes[..]).expect(DIFFERENT))
     }
 
-    /// The next tile for this rank; records of others come on the way.
+    /// Requests the next tile for this rank, and receives records of other ranks.
     fn ask(&self, records: Vec<SharedRecord>) -> Option<u32> {
         if self.mail.rank() == 0 {
             let Message::Give { tile, records } = self.give(0, records) else { unreachable!("it gives") };
@@ -88,7 +88,7 @@ impl Team {
         }
     }
 
-    /// Lights tile after tile.
+    /// Lights one tile after another.
     fn take_tiles(
         &self,
         layers: &mut Layers,
@@ -97,7 +97,7 @@ impl Team {
     ) -> Vec<TileLight> {
         let mut lit = Vec::new();
         loop {
-            // Records of this rank go to others when there are enough of them.
+            // Send the records of this rank when they fill the buffer.
             let Outgoing { to_master, to_each } = outbox.due(&self.settings);
             if !to_each.is_empty() {
                 self.send_to_each(to_each);
@@ -127,7 +127,7 @@ impl Workers for Team {
     }
 
     fn work(&mut self, layers: &mut Layers, job: &Job, counts: &mut [Lit; 2]) -> Vec<TileLight> {
-        // A thread of rank 0 answers while this one works.
+        // A thread of rank 0 answers requests while this thread lights tiles.
         let mut outbox = std::mem::take(&mut self.outbox);
         let team = &*self;
         let own = std::thread::scope(|scope| {
@@ -139,7 +139,7 @@ impl Workers for Team {
         });
         self.outbox = outbox;
 
-        // All ranks get the light of all tiles.
+        // Exchange the light of all tiles between all ranks.
         let mut bytes = Vec::new();
         own.put(&mut bytes);
         let mut all: Vec<TileLight> = Vec::new();

@@ -1,7 +1,7 @@
-//! A picture cut into tiles of equal cost.
+//! Split of a frame into tiles of equal cost.
 //!
-//! Cost is told by a map beforehand, such as the rays of each pixel: "each tile contains an equal number of primary rays to be
-//! shot" \[Debattista05, 4.2\]. The paper does not say how tiles come about. Here parts of the picture are halved again and again.
+//! A map defines the cost in advance, such as the rays of each pixel: "each tile contains an equal number of primary rays to be
+//! shot" \[Debattista05, 4.2\]. The paper does not describe the split. Here, rectangles are halved recursively.
 //!
 //! ```text
 //! n = 5          3 tiles   2 tiles          2   1     2              1│1│1 │ 1
@@ -16,26 +16,27 @@ use std::ops::Range;
 /// A rectangle of pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tile {
-    /// From the left.
+    /// Columns, from the left.
     pub columns: Range<usize>,
-    /// From the top.
+    /// Rows, from the top.
     pub rows: Range<usize>,
 }
 
-/// Cuts a picture into `count` tiles that cost about the same, each pixel its `cost` in any unit.
+/// Splits a frame into `count` tiles of about equal cost, given the `cost` of each pixel in any unit.
 ///
-/// A part that is to give n tiles is cut across its longer side, across its width if both are equal. The first half gives
-/// ⌈n/2⌉ tiles, and has the nearest to ⌈n/2⌉/n of the part's cost; of several such cuts the nearest to that share of the side is
-/// taken, and of two such the first. Tiles of the left half come before those of the right, and tiles of the upper half before those
-/// of the lower.
+/// A rectangle of n tiles is halved across its longer side; a square is halved into left and right. The first half has ⌈n/2⌉
+/// tiles and the cost nearest to ⌈n/2⌉/n of the rectangle's cost. Ties go to the length nearest to this fraction of the side,
+/// then to the first. Tiles of the left or upper half precede tiles of the right or lower half.
 ///
-/// Costs that are negative, infinite or not a number count as zero. Where all costs are zero, tiles have about the same area.
-/// There are as many tiles as pixels if `count` is larger, and one if it is 0. A picture of no pixels has none.
+/// Negative, infinite and NaN costs count as zero. If all costs are zero, tiles have about equal area. The number of tiles is
+/// at least one and at most the number of pixels; an empty frame has none.
 ///
-/// A half with k of n tiles costs at most k/n of its part, and ⌈k/w⌉ times the dearest line of the part. Lines lie along the cut,
-/// each of w pixels. So a tile costs less than the mean and 2.3 times the dearest line of the parts that it is cut from, where these
-/// are wider than they give tiles: halves on the way to it have 1, 2, 3, 5, 9 … tiles at least, and
-/// 1 + 1/2 + 1/3 + 1/5 + 1/9 + … < 2.3.
+/// A half with k of n tiles costs at most k/n of its rectangle, plus ⌈k/w⌉ times the most expensive line. Lines run along the
+/// split, with w pixels each.
+///
+/// Therefore, if rectangles are wider than their number of tiles, a tile costs less than the mean plus 2.3 times the most
+/// expensive line. The halves on the way to a tile have at least 1, 2, 3, 5, 9 … tiles. The sum 1 + 1/2 + 1/3 + 1/5 + 1/9 + …
+/// is less than 2.3.
 pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
     let whole = Tile { columns: 0..cost.width(), rows: 0..cost.height() };
     let pixels = whole.pixels();
@@ -44,7 +45,7 @@ pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
         return tiles;
     }
 
-    // Parts that are left to be cut, the next one last.
+    // Rectangles to be split, the next one last.
     let sums = CostSums::new(cost);
     let mut parts = vec![(whole, count.clamp(1, pixels))];
     while let Some((part, count)) = parts.pop() {
@@ -60,7 +61,7 @@ pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
 }
 
 impl Tile {
-    /// Its pixels in raster order: column and row of each.
+    /// Returns column and row of each pixel in raster order.
     pub fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let columns = self.columns.clone();
         self.rows.clone().flat_map(move |y| columns.clone().map(move |x| (x, y)))
@@ -70,7 +71,7 @@ impl Tile {
         self.columns.len() * self.rows.len()
     }
 
-    /// The two parts before and from the column or row `at`, counted from the first one of this tile.
+    /// Returns the rectangles before and from the column or row `at`, relative to this tile.
     fn split(&self, is_wide: bool, at: usize) -> [Self; 2] {
         let Self { columns, rows } = self.clone();
         let (column, row) = (columns.start + at, rows.start + at);
@@ -84,7 +85,7 @@ impl Tile {
     }
 }
 
-/// Sums of cost over all pixels above and to the left of a corner: a column and a row more than the picture has.
+/// Sums of cost over all pixels above and to the left of a corner. They have one more column and row than the frame.
 struct CostSums(Plane<f64>);
 
 impl CostSums {
@@ -101,13 +102,13 @@ impl CostSums {
         Self(sums)
     }
 
-    /// The cost of a rectangle.
+    /// Returns the cost of a rectangle.
     fn of(&self, Tile { columns, rows }: &Tile) -> f64 {
         let above = |y: usize| self.0.get(columns.end, y) - self.0.get(columns.start, y);
         above(rows.end) - above(rows.start)
     }
 
-    /// Halves of a part that is to give 2 ≤ `n` ≤ its pixels tiles, each with its own number of them.
+    /// Returns the halves of a rectangle that becomes `n` tiles, 2 ≤ `n` ≤ its pixels, each with its number of tiles.
     fn halves(&self, part: &Tile, n: usize) -> [(Tile, usize); 2] {
         let is_wide = part.columns.len() >= part.rows.len();
         let (length, width) = match is_wide {
@@ -115,13 +116,13 @@ impl CostSums {
             false => (part.rows.len(), part.columns.len()),
         };
 
-        // Each half needs a pixel for each of its tiles. Where lines do not come out even, the first half has its pixels, and the
-        // second as many tiles as it has pixels.
+        // Each half needs a pixel per tile. If lines do not fit evenly, the first half gets its pixels, and the second at most
+        // as many tiles as pixels.
         let first = n.div_ceil(2);
         let least = first.div_ceil(width);
         let most = (length - (n - first).div_ceil(width)).max(least);
 
-        // Distances from the share, n-fold: no quotient is rounded.
+        // Distances to the target fraction, times n to avoid rounding of quotients.
         let total = self.of(part);
         let distance = |at: usize| {
             let [before, _] = part.split(is_wide, at);
@@ -130,7 +131,7 @@ impl CostSums {
         let from_share = |at: usize| (at * n).abs_diff(length * first);
         let nearest = (least..=most)
             .min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then_with(|| from_share(a).cmp(&from_share(b))));
-        let [before, after] = part.split(is_wide, nearest.expect("a part has room for a cut"));
+        let [before, after] = part.split(is_wide, nearest.expect("a rectangle can be split"));
         let second = (n - first).min(after.pixels());
         [(before, n - second), (after, second)]
     }
@@ -142,7 +143,7 @@ mod tests {
     use proptest::collection::vec;
     use proptest::prelude::*;
 
-    /// Pictures of up to 24×24 pixels with whole costs, many of them zero: their sums are exact.
+    /// Frames of up to 24×24 pixels with integer costs, many of them zero, so that sums are exact.
     fn pictures() -> impl Strategy<Value = Plane<f32>> {
         (1usize..=24, 1usize..=24).prop_flat_map(|(width, height)| {
             let cost = prop_oneof![Just(0.0f32), Just(1.0), (0u32..1000).prop_map(|cost| cost as f32)];
@@ -150,13 +151,13 @@ mod tests {
         })
     }
 
-    /// The cost of a tile, pixel by pixel.
+    /// Returns the cost of a tile, pixel by pixel.
     fn cost_of(picture: &Plane<f32>, tile: &Tile) -> f64 {
         let rows = tile.rows.clone().map(|y| &picture.row(y)[tile.columns.clone()]);
         rows.flatten().map(|&cost| f64::from(cost)).sum()
     }
 
-    /// The dearest line along a cut of this part, and the pixels of a line.
+    /// Returns the cost of the most expensive line along a split of this rectangle, and the pixels per line.
     fn dearest_line(picture: &Plane<f32>, part: &Tile) -> (f64, usize) {
         let Tile { columns, rows } = part.clone();
         let (lines, width): (Vec<Tile>, usize) = match columns.len() >= rows.len() {
@@ -166,7 +167,7 @@ mod tests {
         (lines.iter().map(|line| cost_of(picture, line)).fold(0.0, f64::max), width)
     }
 
-    /// Checks the bound of each half of a part, and gives its tiles, each with the most that it may cost.
+    /// Checks the bound of each half of a rectangle, and returns its tiles, each with its maximum cost.
     fn bounded(picture: &Plane<f32>, (part, n): (Tile, usize), mean: f64) -> Vec<(Tile, f64)> {
         if n == 1 {
             return vec![(part, mean)];
@@ -186,7 +187,7 @@ mod tests {
     }
 
     proptest! {
-        /// Also for costs that are none, and for more tiles than pixels.
+        /// Includes invalid costs, and more tiles than pixels.
         #[test]
         fn tiles_cover_each_pixel_once(picture in pictures(), odd in vec(any::<f32>(), 576), count in 0usize..700) {
             let mut odd = odd.into_iter();
@@ -220,13 +221,13 @@ mod tests {
             prop_assert_eq!(tiles, equal_tiles(&picture, count));
         }
 
-        /// The cut is the best one: no other column or row comes nearer to the share.
+        /// The split is optimal: no other column or row is closer to the target fraction.
         #[test]
         fn halves_are_the_nearest_to_their_share(picture in pictures(), n in 2usize..12) {
             let whole = Tile { columns: 0..picture.width(), rows: 0..picture.height() };
             let (is_wide, first) = (picture.width() >= picture.height(), n.div_ceil(2));
             let length = picture.width().max(picture.height());
-            // A line has pixels enough for all tiles, so that each cut is allowed.
+            // A line has enough pixels for all tiles, so that each split is valid.
             prop_assume!(length > 1 && picture.width().min(picture.height()) >= n);
             let share = cost_of(&picture, &whole) * first as f64 / n as f64;
             let [(half, k), _] = CostSums::new(&picture).halves(&whole, n);
@@ -236,7 +237,7 @@ mod tests {
             prop_assert!(distance(&half) <= best + 1e-9, "{} where {best} is possible", distance(&half));
         }
 
-        /// Where costs are even, powers of two of tiles have the same area; costs that are none count as even.
+        /// For uniform costs, powers of two of tiles have equal area; invalid costs count as uniform.
         #[test]
         fn even_costs_give_even_areas(width in 0u32..5, height in 0u32..5, count in 0u32..9) {
             let (width, height, count) = (1usize << width, 1usize << height, (1usize << count).min(1 << (width + height)));
@@ -249,7 +250,7 @@ mod tests {
         }
     }
 
-    /// Dear pixels have small tiles, and tiles come in the order of the recursion.
+    /// Expensive pixels have small tiles, and tiles follow the order of the recursion.
     #[test]
     fn tiles_are_those_made_by_hand() {
         // The left half costs three quarters of the whole: three of four tiles.
@@ -258,7 +259,7 @@ mod tests {
         let expected = [tile(0..2, 0..4), tile(2..4, 0..4), tile(4..6, 0..4), tile(6..12, 0..4)];
         assert_eq!(equal_tiles(&picture, 4), expected);
 
-        // Three of five tiles have 3.6 columns, about 4. Two of these three have 2⅔, about 3, which is less than they are high.
+        // Three of five tiles have 3.6 columns, about 4. Two of these three have 2⅔, about 3, which is less than their height.
         let expected = [tile(0..3, 0..2), tile(0..3, 2..4), tile(3..4, 0..4), tile(4..6, 0..2), tile(4..6, 2..4)];
         assert_eq!(equal_tiles(&Plane::filled(6, 4, 1.0), 5), expected);
         assert_eq!(equal_tiles(&Plane::filled(0, 4, 1.0), 5), []);

@@ -1,4 +1,4 @@
-//! A tile's light, as one rank finds it.
+//! Light of a tile, computed by one rank.
 
 use super::cut::Tile;
 use crate::shade::layer::{Lit, PartSample, Visible};
@@ -9,38 +9,38 @@ use glam::Vec3;
 use plane::Plane;
 use ranks::portable;
 
-/// The work on a picture, or on some of its samples, that ranks take tile by tile.
+/// Work on a frame, or on some of its samples, that ranks take tile by tile.
 pub(super) struct Job<'a> {
-    /// By sample, its surfaces and the pixels that have it.
+    /// Surfaces of each sample, and the pixels that have it.
     pub samples: Vec<(Visible<'a>, Plane<bool>)>,
     pub tolerance: &'a Tolerance<'a>,
     pub tiles: Vec<Tile>,
 }
 
-/// The light of a tile.
+/// Light of a tile.
 #[derive(Debug, PartialEq)]
 pub(super) struct TileLight {
-    /// Which tile.
+    /// Index of the tile.
     pub tile: u32,
     /// CPU time \[s\].
     pub seconds: f64,
-    /// Records that pixels took light from, and that were computed.
+    /// Number of records used by pixels, and number of computed records.
     pub records_in_use: u64,
     pub records_computed: u64,
-    /// Direct and indirect light of the pixels that have each sample, in raster order, sample by sample.
+    /// Direct and indirect radiance of the tile's pixels \[W·m⁻²·sr⁻¹\], in raster order, sample by sample.
     pub light: Vec<(Vec3, Vec3)>,
 }
 
 portable!(TileLight { tile, seconds, records_in_use, records_computed, light });
 
 impl Job<'_> {
-    /// Lights a tile with a rank's own `layers`; adds times and counts of direct and of indirect light to `counts`.
+    /// Lights a tile with a rank's own `layers`; adds times and counts of direct and indirect light to `counts`.
     pub fn light(&self, tile: u32, layers: &mut Layers, counts: &mut [Lit; 2]) -> TileLight {
         let area = &self.tiles[tile as usize];
         let mut result = TileLight { tile, seconds: 0.0, records_in_use: 0, records_computed: 0, light: Vec::new() };
         let mut part = PartSample::First;
         for (visible, wanted) in &self.samples {
-            // Pixels of the tile that have the sample.
+            // Select the tile's pixels that have the sample.
             let mut own = Plane::filled(wanted.width(), wanted.height(), false);
             let mut pixels = Vec::new();
             for (x, y) in area.places() {
@@ -69,10 +69,10 @@ impl Job<'_> {
         result
     }
 
-    /// Puts the light of a tile into pictures of the job's samples.
+    /// Copies the light of a tile into frames of the job's samples.
     ///
     /// # Panics
-    /// If it is not that of all pixels of the tile.
+    /// If the light has too few pixels.
     pub fn put(&self, lit: &TileLight, pictures: &mut [Sample]) {
         let area = &self.tiles[lit.tile as usize];
         let mut light = lit.light.iter();

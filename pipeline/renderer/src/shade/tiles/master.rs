@@ -1,40 +1,40 @@
-//! Rank 0 as the master: it hands out tiles, and keeps the list of a centralized cache.
+//! Rank 0 as the master: distributes tiles, and stores the records of a centralized cache.
 
 use crate::settings::{RecordSharing, TileSettings};
 use render_core::cache::SharedRecord;
 use render_core::ranks::Portable;
 
-/// The tiles that are left, and all records of a centralized cache \[Debattista05, section 4.3\].
+/// The remaining tiles, and the records of a centralized cache \[Debattista05, section 4.3\].
 #[derive(Debug)]
 pub(super) struct Master {
     tiles: u32,
     next: u32,
-    /// Records with the rank that made each, but for those that every rank has.
+    /// Records with the rank that computed each, without the records that every rank has.
     list: Vec<(usize, SharedRecord)>,
-    /// Number of the first of them, and by rank, of the first that it was not given. Numbers run on from frame to frame.
+    /// Number of the first record in the list and, by rank, of the first record not sent to it. Numbers continue across frames.
     first: usize,
     given: Vec<usize>,
 }
 
 impl Master {
-    /// A master of this number of `ranks`, without tiles or records.
+    /// Creates a master of `ranks` ranks, without tiles or records.
     pub fn new(ranks: usize) -> Self {
         Self { tiles: 0, next: 0, list: Vec::new(), first: 0, given: vec![0; ranks] }
     }
 
-    /// Begins to hand out tiles 0 … `tiles` − 1.
+    /// Starts distributing tiles 0 … `tiles` − 1.
     pub fn begin(&mut self, tiles: usize) {
         (self.tiles, self.next) = (tiles as u32, 0);
     }
 
-    /// The next tile, if one is left.
+    /// Returns the next tile; `None` if none remains.
     pub fn next_tile(&mut self) -> Option<u32> {
         let tile = (self.next < self.tiles).then_some(self.next);
         self.next += u32::from(tile.is_some());
         tile
     }
 
-    /// Takes records of a rank, and gives it those of all others that it was not given before.
+    /// Stores the records of a rank, and returns the records of other ranks that it has not received yet.
     pub fn exchange(&mut self, rank: usize, records: Vec<SharedRecord>) -> Vec<SharedRecord> {
         let mut others = Vec::new();
         for &(maker, record) in &self.list[self.given[rank] - self.first..] {
@@ -45,7 +45,7 @@ impl Master {
         self.list.extend(records.into_iter().map(|record| (rank, record)));
         self.given[rank] = self.first + self.list.len();
 
-        // Records that all have are not needed any more.
+        // Drop records that every rank has.
         let all_have = self.given.iter().copied().min().unwrap_or_default();
         self.list.drain(..all_have - self.first);
         self.first = all_have;
@@ -53,26 +53,26 @@ impl Master {
     }
 }
 
-/// The records of a rank that no other rank has.
+/// Records that only this rank has.
 #[derive(Debug, Default)]
 pub(super) struct Outbox(Vec<SharedRecord>);
 
-/// Records that are to be sent now, by their way; most of the time there are none.
+/// Records to be sent now, by recipient; usually empty.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Outgoing {
-    /// With the next question to rank 0.
+    /// Records for rank 0, sent with the next request.
     pub to_master: Vec<SharedRecord>,
-    /// To each other rank.
+    /// Records for each other rank.
     pub to_each: Vec<SharedRecord>,
 }
 
 impl Outbox {
-    /// Adds records that the rank has made.
+    /// Adds records that the rank has computed.
     pub fn add(&mut self, made: Vec<SharedRecord>) {
         self.0.extend(made);
     }
 
-    /// Takes the records that are due: all, when there are enough of them.
+    /// Takes all records if they fill the buffer.
     pub fn due(&mut self, settings: &TileSettings) -> Outgoing {
         let mut due = Outgoing::default();
         let is_full = self.0.len() >= settings.buffer as usize;
@@ -85,7 +85,7 @@ impl Outbox {
         due
     }
 
-    /// Forgets all records.
+    /// Discards all records.
     pub fn clear(&mut self) {
         self.0.clear();
     }
@@ -94,11 +94,11 @@ impl Outbox {
 /// A message between ranks that take tiles.
 #[derive(Debug, PartialEq)]
 pub(super) enum Message {
-    /// To rank 0: the next tile is wanted. With records, the others' are wanted as well.
+    /// Request to rank 0 for the next tile and, if records are sent, for the records of other ranks.
     Ask { records: Vec<SharedRecord> },
-    /// The answer of rank 0.
+    /// Answer of rank 0.
     Give { tile: Option<u32>, records: Vec<SharedRecord> },
-    /// From each to each: records.
+    /// Records for every other rank.
     Records { records: Vec<SharedRecord> },
 }
 
@@ -127,7 +127,7 @@ impl Portable for Message {
 }
 
 impl Message {
-    /// The bytes of the message.
+    /// Returns the bytes of the message.
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         self.put(&mut bytes);
@@ -139,14 +139,15 @@ impl Message {
 mod tests {
     use super::*;
 
-    /// A record that is told apart by its first number.
+    /// Returns a record identified by its first byte.
     fn record(k: u8) -> SharedRecord {
-        // Any bytes are numbers, and so a record.
+        // Any bytes form numbers, and therefore a record.
         let bytes = [&[k][..], &[0; 400]].concat();
         SharedRecord::take(&mut &bytes[..]).expect("bytes enough for a record")
     }
 
-    /// Each rank gets each record of all others once, whoever asks when: against lists of who has what.
+    /// Each rank receives each record of the other ranks once, in any order of requests. Compared with lists of the records
+    /// that each rank has.
     #[test]
     fn every_rank_is_given_what_it_lacks() {
         const RANKS: usize = 4;
@@ -155,7 +156,7 @@ mod tests {
         let mut had = [0; RANKS];
         let mut next = 0u8;
         for turn in 0..60usize {
-            // Ranks in an odd order, of which the last comes rarely.
+            // Ranks take turns in an irregular order; the last rank is rare.
             let rank = if turn % 11 == 10 { RANKS - 1 } else { turn * turn % (RANKS - 1) };
             let own: Vec<u8> = (next..next + (turn % 4) as u8).collect();
             next += own.len() as u8;
@@ -166,13 +167,13 @@ mod tests {
             all.extend(own.iter().map(|&k| (rank, k)));
             had[rank] = all.len();
 
-            // Nothing is kept that all ranks have.
+            // Records that all ranks have are dropped.
             assert_eq!(master.list.len(), all.len() - had.iter().min().unwrap());
         }
         assert!(next > 80 && had[RANKS - 1] > 0);
     }
 
-    /// For each way: nothing before the buffer is full, then all at once, by that way.
+    /// Each mode sends nothing before the buffer is full, then all records at once.
     #[test]
     fn records_go_out_when_there_are_enough() {
         for (text, by_master, by_each) in [("rays,none", 0, 0), ("rays,central:3", 3, 0), ("rays,each:3", 0, 3)] {

@@ -1,20 +1,20 @@
-//! Tiles on demand: each rank lights a part of the picture by itself, and asks rank 0 for the next when it is done
-//! \[Debattista05, section 4\].
+//! Tiles on demand: each rank lights a tile independently, then requests the next from rank 0 \[Debattista05, section 4\].
 //!
 //! ```text
 //! importance map ──► tiles of equal cost ──► rank 0 ──► next tile ──► rank r ──► its light ──► all ranks
 //!                                             ╚══════ records of irradiance caches ═════╝
 //! ```
-//! Each rank has an irradiance cache of its own. Its records go to the others never, by way of rank 0, or to each of them. So the
-//! light of a picture depends on who was faster; the work that all ranks share by turns (`render_core::ranks`) does not.
+//! Each rank has its own irradiance cache. Its records stay local, or are sent through rank 0, or to each other rank. Therefore
+//! the light of a frame depends on the speed of the ranks. Without tiles, ranks share work in a fixed order
+//! (`render_core::ranks`), and the light does not.
 //!
-//! | room | what |
+//! | module | contents |
 //! |---|---|
 //! | `cut` | tiles of equal cost |
-//! | `job` | the light of a tile |
-//! | `master` | rank 0: tiles and records to be handed out, and the messages |
-//! | `crew` | ranks at work, by messages |
-//! | `simulated` | ranks at work one after the other, in imagined time |
+//! | `job` | light of a tile |
+//! | `master` | rank 0: tiles and records to be distributed, and the messages |
+//! | `crew` | ranks that communicate by messages |
+//! | `simulated` | ranks simulated one after the other, in virtual time |
 
 mod crew;
 mod cut;
@@ -50,15 +50,15 @@ use std::sync::Arc;
 /// The ranks that take tiles.
 #[derive(Clone, Debug)]
 pub enum Crew {
-    /// This process and others, of which each lights the same frames: their messages, and the results that go to all.
+    /// This process and others, which light the same frames: their messages, and the exchange of results.
     Ranks(Arc<dyn Mail>, Arc<dyn Ranks>),
-    /// This process in the place of all ranks.
+    /// This process, which simulates all ranks.
     Simulated(SimulatedRanks),
 }
 
-/// Ranks at work.
+/// Ranks that light tiles.
 trait Workers: Send {
-    /// The number of ranks.
+    /// Returns the number of ranks.
     fn count(&self) -> usize;
 
     /// Begins a frame; this rank lights its tiles with these `layers`.
@@ -70,22 +70,22 @@ trait Workers: Send {
     /// Ends the frame.
     fn end(&mut self, layers: &mut Layers, visible: &Visible);
 
-    /// Forgets the frames before.
+    /// Discards the state of earlier frames.
     fn forget(&mut self);
 }
 
-/// The tiles of frame after frame.
+/// State of tiles between frames.
 pub(super) struct Tiling {
     settings: TileSettings,
     workers: Box<dyn Workers>,
-    /// Light of coats, where there are any.
+    /// Layer of coats; `None` in scenes without coats.
     coats: Option<Coats>,
-    /// CPU time that a sample of each pixel took in the frame before \[s\]; none before the first frame.
+    /// CPU time per sample of each pixel in the previous frame \[s\]; `None` before the first frame.
     cost: Option<Plane<f32>>,
 }
 
 impl Tiling {
-    /// For a film from its beginning.
+    /// Starts a film.
     pub fn new(settings: TileSettings, crew: Crew, render: &RenderSettings, plan: &Plan) -> Self {
         let workers: Box<dyn Workers> = match crew {
             Crew::Ranks(mail, ranks) => Box::new(Team::new(settings, mail, ranks)),
@@ -98,13 +98,13 @@ impl Tiling {
         Self { settings, workers, coats, cost: None }
     }
 
-    /// Forgets the frames before.
+    /// Discards the state of earlier frames.
     pub fn forget(&mut self) {
         self.workers.forget();
         self.cost = None;
     }
 
-    /// The light of a frame through every place of a pixel.
+    /// Lights all samples of a frame.
     pub fn light(
         &mut self,
         shading: &mut Shading,
@@ -121,7 +121,7 @@ impl Tiling {
         let frame = FrameSamples { visible: (0..most).map(of_sample).collect(), tolerance };
         self.workers.begin(&mut shading.layers, &frame.visible[0], tolerance);
 
-        // The importance of pixels is known, or found by the light of the first sample.
+        // Importance is known in advance, or computed from the light of the first sample.
         let mut counts = [Lit::default(), Lit::default()];
         let mut seconds = Seconds::new(&frame.visible[0]);
         let mut further = 0..most;
@@ -139,7 +139,7 @@ impl Tiling {
             lit.samples.push(light);
         }
 
-        // Costs of this frame tell those of the next.
+        // The times of this frame predict the costs of the next.
         self.cost = Some(seconds.by_sample());
         let [direct, indirect] = counts;
         lit.direct.add_counts(direct);
@@ -149,7 +149,7 @@ impl Tiling {
         lit
     }
 
-    /// Lights some samples of a frame, all of each pixel at once.
+    /// Lights some samples of a frame, all samples of a pixel together.
     fn light_some(
         &mut self,
         shading: &mut Shading,
@@ -157,7 +157,7 @@ impl Tiling {
         lit: &mut SamplesLight,
         (counts, seconds): (&mut [Lit; 2], &mut Seconds),
     ) {
-        // The pixels that have each sample.
+        // Select the pixels that have each sample.
         let first = &frame.visible[0];
         let (width, height) = (first.matte.pixels.width(), first.matte.pixels.height());
         let mut count = Plane::filled(width, height, 0.0f32);
@@ -179,7 +179,7 @@ impl Tiling {
             return;
         }
 
-        // Coats share rays with the pixels around, whose tiles are others: all ranks find their light in turns.
+        // Coats share rays with nearby pixels of other tiles, so all ranks compute them together in a fixed order.
         let mut radiances = Vec::new();
         for (sample, wanted) in samples.clone().zip(&wanted_by_sample) {
             let visible = Visible { ranks: &*shading.ranks, ..frame.visible[sample] };
@@ -197,14 +197,14 @@ impl Tiling {
             job.samples.push((Visible { radiance, ..visible }, wanted));
         }
 
-        // Tiles of equal numbers of rays, or of what these took in the frame before.
+        // Balance the tiles by the number of rays, or by the predicted time.
         let weight = match (self.settings.cost, &self.cost) {
             (TileCost::Time, Some(cost)) => predicted(cost, &count, first.motion),
             _ => count.clone(),
         };
         job.tiles = equal_tiles(&weight, TILES_PER_RANK * self.workers.count());
 
-        // The light of all tiles makes the pictures.
+        // Assemble the frames from the light of all tiles.
         let results = self.workers.work(&mut shading.layers, &job, counts);
         let dark = || Plane::filled(width, height, Vec3::ZERO);
         let mut pictures: Vec<Sample> =
@@ -217,7 +217,7 @@ impl Tiling {
             records.computed += result.records_computed;
         }
 
-        // Counts of records are those of all ranks. All others are added up later.
+        // The record counts cover all ranks already; all other counts are summed over ranks later.
         counts[1].records = RecordCounts::default();
         lit.indirect.records += records;
         lit.samples.extend(pictures);
@@ -233,7 +233,7 @@ struct FrameSamples<'a> {
 /// CPU time by pixel.
 struct Seconds {
     spent: Plane<f32>,
-    /// Samples.
+    /// Number of samples.
     count: Plane<f32>,
 }
 
@@ -244,7 +244,7 @@ impl Seconds {
         Self { spent: zero.clone(), count: zero }
     }
 
-    /// Spreads the time of a tile evenly over the samples of its pixels.
+    /// Distributes the time of a tile evenly over the samples of its pixels.
     fn add(&mut self, job: &Job, lit: &TileLight, count: &Plane<f32>) {
         let area = &job.tiles[lit.tile as usize];
         let all: f32 = area.places().map(|(x, y)| count.get(x, y)).sum();
@@ -255,15 +255,15 @@ impl Seconds {
         }
     }
 
-    /// Time of a sample of each pixel.
+    /// Returns the CPU time per sample of each pixel \[s\].
     fn by_sample(&self) -> Plane<f32> {
         let Self { spent, count } = self;
         Plane::from_fn(spent.width(), spent.height(), |x, y| spent.get(x, y) / count.get(x, y).max(1.0))
     }
 }
 
-/// Predicted CPU time of each pixel \[s\]: its `count` of samples times the time of a sample `before`, in the frame before, on the same
-/// surface. For a surface that was not seen then, the time at the same pixel is taken.
+/// Returns the predicted CPU time of each pixel \[s\]: its `count` of samples times the previous time per sample on the same
+/// surface. A newly visible surface takes the time of the same pixel.
 fn predicted(before: &Plane<f32>, count: &Plane<f32>, motion: Option<&Correspondence>) -> Plane<f32> {
     let samples = before.samples();
     Plane::from_fn(count.width(), count.height(), |x, y| {

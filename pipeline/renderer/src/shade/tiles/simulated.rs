@@ -1,5 +1,5 @@
-//! Any number of ranks on one processor. Each lights its tiles with a cache of its own, which takes the time it takes; messages
-//! take the time of an imagined network. The rank that is behind all others in that time goes on first.
+//! Simulation of any number of ranks on one processor. Each lights its tiles with its own cache, in measured time; messages
+//! take the time of a simulated network. The rank with the earliest clock runs next.
 
 use super::Workers;
 use super::job::{Job, TileLight};
@@ -14,57 +14,57 @@ use render_core::cache::SharedRecord;
 use render_core::ranks::{Network, Portable};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Ranks that one process stands for, and what it finds out about them.
+/// Ranks that one process simulates, and their statistics.
 #[derive(Clone, Debug)]
 pub struct SimulatedRanks {
-    /// The number of ranks.
+    /// Number of ranks.
     pub count: usize,
-    /// The network between them.
+    /// Network between the ranks.
     pub network: Network,
     frames: Arc<Mutex<Vec<SimulatedFrame>>>,
 }
 
 impl SimulatedRanks {
-    /// `count` ranks, at least one, before any frame.
+    /// Creates `count` ranks, at least one.
     #[must_use]
     pub fn new(count: usize, network: Network) -> Self {
         Self { count: count.max(1), network, frames: Arc::default() }
     }
 
-    /// The frames so far.
+    /// Returns the statistics of the frames so far.
     #[must_use]
     pub fn frames(&self) -> Vec<SimulatedFrame> {
         self.frames.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
-/// The tiles of a frame on several ranks.
+/// Statistics of a frame on several ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SimulatedFrame {
-    /// Time from the first rank's begin to the end of the last, and until all have all light \[s\].
+    /// Time from the start of the first rank until all ranks have all light \[s\].
     pub seconds: f64,
-    /// CPU time of all ranks \[s\].
+    /// Total CPU time of all ranks \[s\].
     pub all_busy: f64,
-    /// CPU time of the rank that worked most \[s\].
+    /// CPU time of the busiest rank \[s\].
     pub most_busy: f64,
-    /// Tiles.
+    /// Number of tiles.
     pub tiles: u64,
-    /// Records that were computed.
+    /// Number of computed records.
     pub records: u64,
-    /// Messages between ranks, but for the light of tiles.
+    /// Number of messages between ranks, without the light of tiles.
     pub messages: u64,
-    /// Bytes of these messages.
+    /// Size of these messages \[bytes\].
     pub bytes: u64,
 }
 
-/// An imagined rank.
+/// A simulated rank.
 struct Rank {
-    /// None for rank 0, whose layers are those of this process.
+    /// Layers of the rank; `None` for rank 0, which uses the layers of this process.
     layers: Option<Layers>,
     outbox: Outbox,
-    /// Records on their way, with the time at which they come.
+    /// Records in transit, with their arrival times \[s\].
     coming: Vec<(f64, Vec<SharedRecord>)>,
-    /// Time since the begin of the job, and from which on its line is free \[s\].
+    /// Time since the start of the job, and the time from which the rank's connection is free \[s\].
     clock: f64,
     line_free: f64,
     /// CPU time in this frame \[s\].
@@ -78,13 +78,13 @@ pub(super) struct SimulatedTeam {
     ranks: SimulatedRanks,
     all: Vec<Rank>,
     master: Master,
-    /// One thread of its own: no other work gets in between.
+    /// A pool of one thread, which no other work can interrupt.
     pool: ThreadPool,
     frame: SimulatedFrame,
 }
 
 impl SimulatedTeam {
-    /// Ranks that light with the layers that `layers` makes.
+    /// Creates ranks that light tiles with layers from `layers`.
     pub fn new(settings: TileSettings, ranks: SimulatedRanks, layers: impl Fn() -> Layers) -> Self {
         let rank = |number: usize| Rank {
             layers: (number > 0).then(&layers),
@@ -101,7 +101,7 @@ impl SimulatedTeam {
         Self { settings, ranks, all, master, pool, frame: SimulatedFrame::default() }
     }
 
-    /// The time for which a message of `bytes` bytes occupies a network connection \[s\].
+    /// Returns the time for which a message of `bytes` bytes occupies a network connection \[s\].
     fn transfer(&self, bytes: usize) -> f64 {
         bytes as f64 / self.ranks.network.bandwidth
     }
@@ -112,7 +112,7 @@ impl SimulatedTeam {
         self.frame.bytes += bytes as u64;
     }
 
-    /// Sends the records of a rank to each other one after the other, beside its work.
+    /// Sends a rank's records to all other ranks in sequence, in parallel with its work.
     fn send_to_each(&mut self, from: usize, records: Vec<SharedRecord>) {
         let bytes = Message::Records { records: records.clone() }.bytes().len();
         let mut free = self.all[from].clock.max(self.all[from].line_free);
@@ -124,7 +124,7 @@ impl SimulatedTeam {
         self.all[from].line_free = free;
     }
 
-    /// The next tile for a rank, whose clock goes on until it has it. The line of rank 0 serves one after the other.
+    /// Returns the next tile for a rank, and advances its clock by the waiting time. Rank 0 serves one request at a time.
     fn ask(&mut self, rank: usize, records: Vec<SharedRecord>) -> Option<u32> {
         let sent = Message::Ask { records: records.clone() }.bytes().len();
         let others = if records.is_empty() { Vec::new() } else { self.master.exchange(rank, records) };
@@ -144,7 +144,7 @@ impl SimulatedTeam {
         tile
     }
 
-    /// The records that a rank has got by now.
+    /// Returns the records that a rank has received by now.
     fn arrived(&mut self, rank: usize) -> Vec<SharedRecord> {
         let Rank { coming, clock, .. } = &mut self.all[rank];
         let mut arrived = Vec::new();
@@ -158,7 +158,7 @@ impl SimulatedTeam {
         arrived
     }
 
-    /// Lets a rank do something with its layers, or `own` if it is this process, and its clock go on by the time that takes.
+    /// Runs `work` with a rank's layers, or with `own` for this process, and advances its clock by the CPU time.
     fn timed<T: Send>(&mut self, rank: usize, own: &mut Layers, work: impl FnOnce(&mut Layers) -> T + Send) -> T {
         let Rank { layers, clock, busy, .. } = &mut self.all[rank];
         let layers = layers.as_mut().unwrap_or(own);
@@ -169,7 +169,7 @@ impl SimulatedTeam {
         result
     }
 
-    /// A step of a rank: its records go out, it takes a tile and lights it. None if there is no tile for it.
+    /// Runs a step of a rank: it sends its records, takes a tile and lights it. `None` if no tile remains.
     fn step(&mut self, rank: usize, own: &mut Layers, (job, counts): (&Job, &mut [Lit; 2])) -> Option<TileLight> {
         let Outgoing { to_master, to_each } = self.all[rank].outbox.due(&self.settings);
         if !to_each.is_empty() {
@@ -204,7 +204,7 @@ impl Workers for SimulatedTeam {
         self.master.begin(job.tiles.len());
         let (mut lit, mut sizes) = (Vec::new(), vec![0; self.all.len()]);
         loop {
-            // The rank that is behind all others.
+            // Select the rank with the earliest clock.
             let mut next: Option<usize> = None;
             for (rank, own) in self.all.iter().enumerate() {
                 if !own.is_done && next.is_none_or(|next| own.clock < self.all[next].clock) {
@@ -223,13 +223,13 @@ impl Workers for SimulatedTeam {
             }
         }
 
-        // All wait for the last, and get the light of all tiles.
+        // All ranks wait for the last, and receive the light of all tiles.
         let last = self.all.iter().map(|rank| rank.clock).fold(0.0, f64::max);
         let gathered = self.ranks.network.all_gather(&sizes);
         self.frame.seconds += last + gathered;
         for rank in &mut self.all {
             (rank.clock, rank.line_free, rank.is_done) = (0.0, 0.0, false);
-            // Records that are on their way have come by then.
+            // All records in transit have arrived by then.
             rank.coming.iter_mut().for_each(|(time, _)| *time = 0.0);
         }
         self.frame.tiles += lit.len() as u64;
@@ -246,7 +246,7 @@ impl Workers for SimulatedTeam {
         self.frame.all_busy = busy.clone().sum();
         self.frame.most_busy = busy.fold(0.0, f64::max);
 
-        // The end of the frame is the last thing on all clocks.
+        // The frame ends when the last clock does.
         self.frame.seconds += self.all.iter().map(|rank| rank.clock).fold(0.0, f64::max);
         self.all.iter_mut().for_each(|rank| rank.clock = 0.0);
         self.ranks.frames.lock().unwrap_or_else(PoisonError::into_inner).push(self.frame);
