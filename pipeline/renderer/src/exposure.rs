@@ -57,6 +57,7 @@ pub fn exposure_of_first_frame(
 /// Returns the exposure of a film with an unrepresentative first frame, otherwise `None`. The result depends on the whole film,
 /// not on the rendered range.
 pub fn exposure_of_lit_frames(scene: &Scene, settings: &RenderSettings) -> Option<f32> {
+    // A static film has one exposure.
     if settings.frames < 2 || !may_change(scene) {
         return None;
     }

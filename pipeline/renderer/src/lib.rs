@@ -1,4 +1,4 @@
-//! Renders scenes to linear frames whose error stays within per-pixel thresholds.
+//! Renders scenes to linear frames with errors within per-pixel thresholds.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 

@@ -199,6 +199,7 @@ impl<'s> PrepareState<'s> {
         let rest = scene.pose(0.0);
         let geometry = Geometry::new(scene);
         let surfaces = Surfaces::new(scene, &rest);
+        // Views of the camera guide photons and anchors, if the film needs photons.
         let has_photons = !plan.is_off(Stage::Photons);
         let (guide, zones) = match has_photons {
             true => look_by_camera(scene, settings, &geometry, &units),
@@ -216,6 +217,7 @@ impl<'s> PrepareState<'s> {
             // The last reflection is toward the camera.
             photons = photons.with_bounces(bounces.saturating_sub(1) as usize);
         }
+        // Moving geometry invalidates some photon paths; the others can be kept.
         if has_photons && scene.moving_instances().contains(&true) {
             let swept = SweptVolume::of(scene, &units, (0..settings.frames).map(|n| settings.time(n)));
             anchors.expect_movement(&swept);
@@ -223,6 +225,7 @@ impl<'s> PrepareState<'s> {
                 photons = photons.with_swept_volume(swept);
             }
         }
+        // Photons start where their light is needed.
         if has_photons && settings.photons > 0 {
             photons = photons.with_guide(match everywhere {
                 true => guide_by_surfaces(&surfaces, &rest, &geometry, &anchors, &units),

@@ -76,7 +76,7 @@ impl CoatBake<'_> {
         for (&side, group) in &coats.0 {
             fields.push(self.field(side, group, unit, done));
         }
-        CoatFields::new(self.places.atlas, fields).expect("tiles are made of texels of the atlas")
+        CoatFields::new(self.places.atlas, fields).expect("tiles consist of texels of the atlas")
     }
 
     /// Bakes the texels that have maps of n × n directions, n = `side`.
@@ -97,7 +97,7 @@ impl CoatBake<'_> {
         let samples = Samples::Logarithmic { scale, codes: codes.concat() };
         let field = Field::new(tiles, map.len(), samples).expect("a map for each texel");
         let light = NearLossless::encode(&field, DELTA).expect("the limit is small");
-        CoatField::new(side, numbers, light).expect("the field is of this map and these tiles")
+        CoatField::new(side, numbers, light).expect("the field has this map and these tiles")
     }
 
     /// Returns the baked irradiance \[W·m⁻²\] at a ray's hit.

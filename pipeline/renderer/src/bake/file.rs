@@ -127,7 +127,7 @@ impl<R: Read> SectionReader<'_, R> {
             Some(total) if total < self.left => return Err(self.damaged("its end")),
             _ => return Err(self.cut_short()),
         }
-        // Sections.
+        // Read and verify the sections.
         let mut sections = Vec::with_capacity(table.len());
         for SectionEntry { tag, length, sum } in table {
             let bytes = self.take(length)?;
@@ -141,7 +141,7 @@ impl<R: Read> SectionReader<'_, R> {
 
     /// Reads the fingerprint and the table of sections.
     fn header(&mut self) -> Result<(u64, Vec<SectionEntry>)> {
-        // Format and version.
+        // Check format and version.
         let magic = self.take(self.left.min(MAGIC.len() as u64))?;
         if magic != MAGIC {
             let problem = ": not a file of baked light: name a file written by `render2mpeg bake`";
@@ -153,7 +153,7 @@ impl<R: Read> SectionReader<'_, R> {
             let problem = format!(": baked light has version {version}, this program reads version {VERSION}: {AGAIN}");
             return Err(Error::content(self.path, problem));
         }
-        // Table, and checksum of all preceding bytes.
+        // Read the table, and verify the checksum of all preceding bytes.
         let table = self.take(number(&fixed[12..16]) * ENTRY as u64)?;
         let sum = self.take(4)?;
         let mut found = crc32fast::Hasher::new();
@@ -270,7 +270,7 @@ mod tests {
             let text = message(&bytes[..place]);
             assert!(
                 text.contains(if place < 4 { "not a file of baked light" } else { "truncated" }),
-                "cut at {place}: {text}"
+                "truncated at {place}: {text}"
             );
         }
         assert!(message(&[&bytes[..], &[0]].concat()).contains("damaged in its end"));

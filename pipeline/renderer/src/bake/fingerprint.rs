@@ -286,7 +286,7 @@ impl SceneHash {
 
     /// Hashes the included nodes and their animation.
     fn nodes(&mut self, scene: &Scene) {
-        // Nodes.
+        // Included nodes, renumbered.
         self.number(self.numbers.iter().flatten().count());
         for (index, Node { name: _, parent, rest }) in scene.nodes.iter().enumerate() {
             if self.numbers[index].is_none() {
@@ -299,7 +299,7 @@ impl SceneHash {
             self.floats(&rotation.to_array());
         }
 
-        // Channels.
+        // Animation of the included nodes.
         let counts = |channel: &&Channel| self.numbers[channel.node].is_some();
         let channels: Vec<&Channel> = scene.channels.iter().filter(counts).collect();
         self.number(channels.len());

@@ -56,6 +56,7 @@ pub fn bake(
     texels: usize,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Bake> {
+    // Light of moving lamps is not constant.
     if lamp_moves(scene) {
         let text = "the light of this scene cannot be baked because a lamp moves; render without baked light";
         return Err(Error::Options(text.into()));

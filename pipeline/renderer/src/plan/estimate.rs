@@ -25,14 +25,15 @@ const POINT_LIGHT: f64 = 8.8e-7;
 /// Price of a dynamic anchor light at a pixel or cache record \[CPU s\]. A record serves several pixels.
 const MOVING_ANCHOR: f64 = 1.8e-8;
 const PIXELS_OF_A_RECORD: f64 = 10.0;
-/// Price of cached indirect light at a pixel, for a scene of one triangle \[CPU s\]. It grows with a power of their number.
+/// Price of cached indirect light at a pixel, for a scene of one triangle \[CPU s\]. It grows with a power of the number of
+/// triangles.
 const CACHED_PIXEL: f64 = 1.1e-7;
 const CACHED_DETAIL: f64 = 0.5;
 /// Larger frames have more pixels per record: above this number of pixels, the price falls with a power of the number. `nave`
 /// takes 2.0 CPU s per frame at 256², 5.6 at 512², and 23 at 1024² with four samples, which share records.
 const SMALL_PICTURE: f64 = 65_536.0;
 const LARGER_PICTURE: f64 = -0.24;
-/// Price of a lightcut per pixel, for a scene of one triangle \[CPU s\]. It grows with a power of their number.
+/// Price of a lightcut per pixel, for a scene of one triangle \[CPU s\]. It grows with a power of the number of triangles.
 const CUT_PIXEL: f64 = 7.8e-7;
 const CUT_DETAIL: f64 = 0.4;
 /// Price of a virtual light at a pixel if all lights are evaluated \[CPU s\].

@@ -39,7 +39,7 @@ pub(super) struct Facts<'a> {
 impl<'a> Facts<'a> {
     pub fn new(scene: &Scene, settings: &'a RenderSettings) -> Self {
         let (moving, moving_instances) = (scene.moving_nodes(), scene.moving_instances());
-        // An animated material has every property that it has at any time.
+        // An animated material counts with the extremes of its properties.
         let materials = scene.extreme_materials();
         let material = |instance: &Instance| &materials[scene.meshes[instance.mesh].material];
         let count = |holds: &dyn Fn(&Instance) -> bool| scene.instances.iter().filter(|one| holds(one)).count();
@@ -100,6 +100,8 @@ impl Facts<'_> {
             (true, 1) => "dome in the light tree, 1 bright region sampled as a lamp".to_owned(),
             (true, lamps) => format!("dome in the light tree, {lamps} bright regions sampled as lamps"),
         };
+
+        // One fact per line of the printed plan.
         vec![
             Fact {
                 share: area_lights,

@@ -41,7 +41,7 @@ const fn otherwise(state: State, reason: &'static str) -> Rule {
 const NO_REFLECTION: &str = "no surface reflects light";
 const NO_INDIRECT: &str = "the scene has no indirect light";
 const ONE_REFLECTION: &str = "light is reflected once, as requested";
-const LEFT_OUT: &str = "left out, as requested";
+const LEFT_OUT: &str = "disabled, as requested";
 const BAKED: &str = "all indirect light is baked";
 
 /// Rules of each stage, in the order of [`Stage::ALL`]. The first matching rule decides.

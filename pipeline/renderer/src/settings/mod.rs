@@ -22,7 +22,7 @@ const PHOTONS_PER_ANCHOR: [u64; 3] = [36, 18, 9];
 /// 1.6·10⁻³ with 24 anchors (two or three per side of a block), 4.5·10⁻⁴ with 96, for 2 % more shadow rays.
 pub const MOVING_ANCHORS: usize = 96;
 
-/// Settings of a film that affect its light, without output files and coding.
+/// Settings that affect the light of a film, but not its output files or coding.
 #[derive(Clone, Debug)]
 pub struct RenderSettings {
     /// Number of frames in the film.

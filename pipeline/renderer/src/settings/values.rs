@@ -202,7 +202,7 @@ impl FromStr for Size {
     }
 }
 
-/// A value as configuration files write it.
+/// A value in a configuration file.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum WrittenValue {

@@ -58,6 +58,7 @@ impl<L> Carried<L> {
 impl<L: Carriable> Layer for Carried<L> {
     /// Lights all pixels in their first sample, wanted or not: the next frame may reproject any of them.
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
+        // Only the first sample is reprojected.
         if visible.sample > 0 {
             return self.layer.light(visible, wanted, tolerance);
         }

@@ -108,7 +108,7 @@ impl Carriable for Direct {
         }
         Holding::Where(Box::new(move |x, y| {
             let pixel = matte.pixels.get(x, y);
-            // Reprojection may use the sample of an adjacent pixel, whose light must hold, too.
+            // Reprojection may use the sample of an adjacent pixel. Its light must hold, too.
             let margin = BESIDE * matte.view.pixel_width(pixel.depth);
             let is_shaded_by = |thing: &MovingBox| {
                 let thing = thing.grown(margin);

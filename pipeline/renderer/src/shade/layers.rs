@@ -70,7 +70,7 @@ impl Layers {
         }
     }
 
-    /// Lights `visible` surfaces whose radiance is only emission. Returns radiance by sample, and the layers' direct and
+    /// Lights `visible` surfaces, which so far only emit. Returns radiance by sample, and the layers' direct and
     /// indirect light. Pixels not `wanted` may have any value.
     pub fn sample(
         &mut self,

@@ -51,6 +51,7 @@ impl StoredLight {
         of: impl Fn(&Sample) -> Plane<Vec3>,
         blend: impl Fn(&Coverage, &Plane<Vec3>) -> Plane<Vec3>,
     ) -> Plane<[f32; 3]> {
+        // Blend the transparent layers of each sample.
         let triples = |light: Plane<Vec3>| light.map(|rgb| rgb.to_array());
         let mut planes: Vec<Plane<[f32; 3]>> = Vec::new();
         for (index, sample) in self.samples.iter().enumerate() {

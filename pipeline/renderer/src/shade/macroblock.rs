@@ -26,6 +26,8 @@ pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
     // Assign by diagonals: a rank with its own columns might get all pixels of a dark wall.
     let turn = |index: usize| Turn::InOrder((index % across + index / across) as u32);
     let turns: Vec<Turn> = (0..across * height.div_ceil(MACROBLOCK)).map(turn).collect();
+
+    // Copy the macroblocks into the frame.
     share_each(ranks, &turns, 1, scratch, block).map(|blocks: Vec<Vec<T>>| {
         let mut picture = Plane::filled(width, height, T::default());
         for (index, pixels) in blocks.iter().enumerate() {

@@ -251,6 +251,7 @@ impl Shading<'_> {
             put_importance(map, looking.change(map, prepared.correspondence.as_deref()), &mut figures);
             looking.keep(map, &radiance);
         }
+        // Mattes need the coverage of pixels, channels the whole frame.
         let busy = Busy::default();
         let shares = self.instance_shares(frame, &busy);
         figures.seconds.visibility += busy.seconds();
@@ -276,6 +277,7 @@ impl Shading<'_> {
         let (channels, watched) = (channels_of(&self.settings.aov), channels_of(&self.watched));
         let header = self.header(frame);
         let outlines = lit.light.outlines();
+        // Keep the light if the next frame may reuse it.
         let importance = importance.map(|map| Arc::new(map.importance.clone()));
         self.still = may_stay.then_some(lit);
         (Shaded { radiance, outlines, importance, channels, header, watched, figures }, audits)
@@ -306,6 +308,7 @@ impl Shading<'_> {
         ahead: Option<ImportanceMap>,
         figures: &mut FrameFigures,
     ) -> (LitFrame, Audits) {
+        // With tiles, the crew lights the frame.
         if let Some(mut tiling) = self.tiling.take() {
             let lit = tiling.light(self, prepared, tolerance, ahead);
             self.tiling = Some(tiling);

@@ -1,4 +1,4 @@
-//! Motion of instances between frames: changes between a surface and its lights.
+//! Motion of instances between frames, which may change the light of surfaces.
 
 use crate::frame::Frame;
 use glam::{Affine3A, BVec3A, Vec3, Vec3A};

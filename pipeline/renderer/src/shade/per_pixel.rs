@@ -4,7 +4,7 @@
 //! light and all pixels of a block are then traced together. A threshold relative to the pixel's own luminance, as in
 //! \[Walter05\], allows neither.
 //!
-//! CPU time per frame of `cornell` at 256×256 and quantiser 2, where known thresholds are about 2 %, too:
+//! CPU time per frame of `cornell` at 256×256 and quantiser 2, where known thresholds are also 2 %:
 //!
 //! | thresholds | traversal | shadow rays | CPU s |
 //! |---|---|---|---|
@@ -12,7 +12,6 @@
 //! | known | by pixel | by pixel | 0.56 |
 //! | known | shared | by pixel | 0.49 |
 //! | known | shared | by block | 0.21 |
-//! pixels one by one, 0.49 with shared walks alone.
 
 use super::audits::{Audits, MadeCut, is_pixel_audited};
 use super::counts::Counts;
@@ -56,6 +55,8 @@ impl Layer for PerPixel {
             Some(sizes) if visible.sample > 0 => Counts::by_pixel(sizes),
             Some(_) => Counts::by_pixel(&vec![0; width * height]),
         };
+
+        // Light the frame by macroblock.
         let visibility = Visibility::new(visible.frame, GATHER_RAYS);
         let light = PixelLight { visible, visibility, counts: &counts, compensates: self.compensates };
         let picture = LitPicture { light, wanted, tolerance };
@@ -69,6 +70,8 @@ impl Layer for PerPixel {
             cuts: counts.cuts(),
             ..Lit::default()
         };
+
+        // Audits and sizes of lightcuts are not complete before all threads are done.
         let (sizes, cuts) = counts.into_parts();
         lit.audits = Audits { cuts, ..Audits::default() };
         if let Some(kept) = &mut self.sizes {

@@ -17,6 +17,8 @@ pub(super) fn settings_text(scene: &Scene, tone_map: &ToneMap) -> String {
     let exposure = ("exposure".to_owned(), Value::from(1.0));
     file.insert("tone_mapping".into(), Value::Table([operator, exposure].into_iter().collect()));
     file.insert("sky".into(), Value::Table(sky(scene, tone_map)));
+
+    // Film and export must use the same camera, animation, sun and video.
     if let Some(name) = &settings.camera.name {
         file.insert("camera".into(), named(name));
     }
@@ -36,6 +38,8 @@ pub(super) fn settings_text(scene: &Scene, tone_map: &ToneMap) -> String {
     if !video.is_empty() {
         file.insert("video".into(), Value::Table(video));
     }
+
+    // The comment explains the tone curve to readers of the file.
     let head = "# The texture contains the scene's light as display values; no further tone curve is applied.\n\n";
     format!("{head}{file}")
 }

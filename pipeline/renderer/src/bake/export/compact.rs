@@ -26,6 +26,7 @@ const LISTS: [(&str, VisitReferences); 7] = [
 
 /// Removes unreferenced objects, and unknown extensions that may refer to objects by index.
 pub(super) fn compact(document: &mut Document) -> Result<()> {
+    // Unknown extensions may refer to objects by index.
     if let Some(Value::Object(extensions)) = document.json.get_mut("extensions") {
         extensions.retain(|name, _| KEPT.contains(&name.as_str()));
     }
@@ -42,6 +43,7 @@ pub(super) fn compact(document: &mut Document) -> Result<()> {
         }
         new.values_mut().enumerate().for_each(|(place, new)| *new = place);
 
+        // Update the references and drop the other objects.
         references(&mut document.json, &mut |reference| {
             if let Some(place) = number(reference).and_then(|index| new.get(&index)) {
                 *reference = json!(place);

@@ -67,6 +67,7 @@ impl Layout {
 impl Document {
     /// Returns the contiguous elements of an accessor; `None` if their number is not `count`, or they exceed their buffer.
     fn elements(&self, accessor: &Value, count: usize) -> Option<Vec<u8>> {
+        // Without a buffer view, all elements are zero (glTF 2.0, 5.1.1).
         let layout = Layout::of(accessor)?;
         let size = layout.size();
         if number(&accessor["count"])? != count {
@@ -115,6 +116,7 @@ impl Document {
     /// Adds an accessor with the elements of `accessor` at `vertices`; `accessor` must have `count` elements. `bounded` adds
     /// minimum and maximum. `None` if `accessor` cannot be read.
     pub fn gather(&mut self, accessor: usize, count: usize, vertices: &[u32], bounded: bool) -> Option<usize> {
+        // Read the original elements.
         let old = self.list("accessors").get(accessor)?.clone();
         let (layout, elements) = (Layout::of(&old)?, self.elements(&old, count)?);
         let size = layout.size();
@@ -127,6 +129,7 @@ impl Document {
             bytes.resize(bytes.len().next_multiple_of(4), 0);
         }
 
+        // Describe the new accessor.
         let mut new = json!({ "componentType": old["componentType"], "type": old["type"], "count": vertices.len() });
         if old["normalized"] == json!(true) {
             new["normalized"] = json!(true);

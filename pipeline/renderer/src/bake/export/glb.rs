@@ -54,11 +54,14 @@ pub(super) fn packed(mut document: Document, path: &Path) -> Result<Vec<u8>> {
         let view = &mut document.json["bufferViews"][index];
         (view["buffer"], view["byteOffset"]) = (json!(0), json!(first));
     }
+
+    // JSON is padded to four bytes, too (glTF 2.0, 4.4.3).
     document.json["buffers"] = json!([{ "byteLength": binary.len() }]);
     document.json["asset"]["generator"] = json!(concat!("render2mpeg ", env!("CARGO_PKG_VERSION")));
     let mut text = document.json.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
 
+    // Chunks: JSON, then the binary buffer.
     let length = HEADER + 2 * CHUNK_HEADER + text.len() + binary.len();
     let Ok(length) = u32::try_from(length) else {
         let problem = format!(

@@ -91,6 +91,7 @@ impl Meshes<'_> {
 
     /// Creates the geometry that instances of a mesh share.
     fn geometry(&mut self, instances: &[Baked]) -> Result<Geometry> {
+        // All sides of all instances share one set of vertices.
         let scene = self.surfaces.scene();
         let Baked { instance, .. } = instances[0];
         let (mesh, place) = (&scene.meshes[scene.instances[instance].mesh], self.places[instance]);
@@ -154,6 +155,7 @@ impl Meshes<'_> {
         let found = primitives(self.document, place.mesh)[place.primitive].clone();
         let material = self.materials.baked(self.document, number(&found["material"]));
         let mut written = Vec::new();
+        // Each side is a primitive with its own texture coordinates.
         for (back, side) in &baked.sides {
             let mut attributes = geometry.attributes.clone();
             if let Some(behind) = geometry.behind.filter(|_| *back) {
@@ -164,6 +166,7 @@ impl Meshes<'_> {
             // Without a first coordinate set, use this one: set numbers must have no gaps.
             attributes.entry("TEXCOORD_0").or_insert(json!(coordinates));
 
+            // Sides with equal triangles share their indices.
             let indices = geometry.split.indices(side, *back);
             let indices = match geometry.indices.get(&indices) {
                 Some(&known) => known,

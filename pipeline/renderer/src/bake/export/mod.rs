@@ -75,6 +75,7 @@ pub fn export(
     baked: &Arc<BakedTexels>,
     side: Option<u32>,
 ) -> Result<Export> {
+    // The image may be finer than the atlas, never coarser.
     let atlas = &baked.atlas;
     let (columns, rows) = atlas.size();
     let longer = columns.max(rows);

@@ -7,8 +7,8 @@ use lighttree::{Cluster, Emission, IrradianceTerm, Light, irradiance_term};
 use render_core::cache::LocalIrradiance;
 use render_core::{Anchor, Gathered, PACKET, ShadingPoint, luminance};
 
-/// A dynamic anchor that would add less than this fraction gets no shadow ray and counts as visible: two dozen of them add less
-/// than 0.5 %.
+/// A dynamic anchor that would add less than this fraction of the irradiance gets no shadow ray and counts as visible. Two dozen
+/// of them add less than 0.5 %.
 const UNTRACED_SHARE: f32 = 2e-4;
 
 /// Lights below this cosine are at the horizon and represent those behind it.

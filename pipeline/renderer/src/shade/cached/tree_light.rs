@@ -78,6 +78,7 @@ impl Illumination for TreeLight<'_> {
     type Scratch = CutScratch;
 
     fn compute(&self, site: &Site, scratch: &mut CutScratch) -> Computed<Recipe> {
+        // A record is lit like a white surface.
         let CutScratch { cuts, audits } = scratch;
         let tree = &self.visible.frame.tree;
         let receiver = self.receiver(site);
@@ -120,6 +121,7 @@ impl Illumination for TreeLight<'_> {
         }
         self.counts.count_rays(rays);
 
+        // Compare some records with a finer lightcut.
         if self.is_audited(site) {
             let finer = audits.get_or_insert_with(|| Scratch::with_max_size(Calibration::LARGEST_CUT));
             let sees = |lamp: &Light, _| self.visibility.sees(&receiver, lamp);

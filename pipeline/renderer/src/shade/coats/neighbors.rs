@@ -19,8 +19,8 @@ use ranks::portable;
 const REACH: usize = 2;
 /// Maximum distance of neighbors that determine the typical brightness of rays \[pixels\].
 const NEXT: usize = 1;
-/// Maximum distance s between shared lobes, in units of α. Shared rays widen a lobe by at most 4 %, from α'² = α² (1 + s²/6), as for disc lights
-/// (`Bsdf::evaluate_coat`).
+/// Maximum distance s between shared lobes, in units of α. Shared rays widen a lobe by at most 4 %, from α'² = α² (1 + s²/6),
+/// as for disc lights (`Bsdf::evaluate_coat`).
 const SAME_LOBE: f32 = 0.7;
 /// Maximum relative difference r between the widths of shared lobes.
 const SAME_ALPHA: f32 = 0.5;

@@ -174,6 +174,7 @@ impl Reflections<'_> {
 
     /// Returns the radiance that arrives at the coat along a ray, and the distance to the first hit \[m\].
     pub fn along(&mut self, coated: &Coated, ray: ReflectedRay<'_>) -> (Vec3, f32) {
+        // Follow the ray through coats until their contribution is small.
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
         let (mut origin, mut direction, mut throughput) = (coated.receiver.position, ray.direction, Vec3::ONE);

@@ -98,7 +98,7 @@ fn a_plate_in_even_light_shows_its_albedo() {
             let (light, seen) = stage.under_a_sky(2.0).reflected();
             let below = below_coats(&seen);
             for (x, y) in places(0..SIDE, 0..SIDE) {
-                let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the picture");
+                let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the image");
                 let albedo = coated.albedo();
                 let got = light.get(x, y) / 2.0;
                 assert!((got - albedo).abs().max_element() < 1e-3, "{got} is not {albedo} at roughness {roughness}");
@@ -187,7 +187,7 @@ fn points_of_light_are_seen_by_their_lobe() {
     stage.0.punctual_lights.push(PunctualLight { node: 2, color: Vec3::splat(7.0), kind: PunctualKind::Point });
     let (light, seen) = stage.reflected();
     for (x, y) in places(0..SIDE, 0..SIDE) {
-        let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the picture");
+        let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the image");
         let way = Vec3A::from(place) - coated.receiver.position;
         let direction = way.normalize();
         let f = reflectance(&coated, direction);
@@ -217,7 +217,7 @@ fn the_sun_is_seen_as_a_disc() {
         let (mut off, mut sum) = (0.0, 0.0);
         for (column, row) in places(0..SIDE, 0..SIDE) {
             let coated =
-                Coated::of_pixel(&seen.pixels.get(column, row), &seen, 0.0).expect("the plate fills the picture");
+                Coated::of_pixel(&seen.pixels.get(column, row), &seen, 0.0).expect("the plate fills the image");
             let count = 512;
             let disc = (0..count).map(|i| {
                 let p = concentric_disc(sobol_point(i)) * 1.5f32.to_radians().sin();

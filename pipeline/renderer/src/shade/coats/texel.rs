@@ -52,6 +52,7 @@ impl TexelCoat {
         directions: usize,
         scratch: &mut Scratch,
     ) -> Option<Self> {
+        // A surface without a coat needs no rays.
         if surface.specular == Vec3::ZERO {
             return None;
         }

@@ -32,7 +32,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Team {
-    /// This rank, before any frame.
+    /// Creates this rank as a member of the team, before any frame.
     pub fn new(settings: TileSettings, mail: Arc<dyn Mail>, ranks: Arc<dyn Ranks>) -> Self {
         let master = Mutex::new(Master::new(mail.count()));
         Self { settings, mail, ranks, master, inbox: Mutex::default(), outbox: Outbox::default() }
@@ -50,7 +50,7 @@ impl Team {
                     self.mail.send(from, give.bytes());
                 }
                 Message::Records { records } => locked(&self.inbox).extend(records),
-                Message::Give { .. } => unreachable!("rank 0 alone gives"),
+                Message::Give { .. } => unreachable!("only rank 0 gives tiles"),
             }
         }
     }
@@ -83,7 +83,7 @@ impl Team {
                     return tile;
                 }
                 Message::Records { records } => locked(&self.inbox).extend(records),
-                Message::Ask { .. } => unreachable!("rank 0 alone is asked"),
+                Message::Ask { .. } => unreachable!("only rank 0 receives requests"),
             }
         }
     }

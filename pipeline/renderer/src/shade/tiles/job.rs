@@ -53,6 +53,7 @@ impl Job<'_> {
                 continue;
             }
 
+            // Light the sample's pixels; the first sample of a tile updates the cache.
             let visible = Visible { part: Some(part), ..*visible };
             let (light, lit) = layers.sample(&visible, Some(&own), self.tolerance);
             part = PartSample::Further;

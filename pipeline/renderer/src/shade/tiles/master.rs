@@ -143,7 +143,7 @@ mod tests {
     fn record(k: u8) -> SharedRecord {
         // Any bytes form numbers, and therefore a record.
         let bytes = [&[k][..], &[0; 400]].concat();
-        SharedRecord::take(&mut &bytes[..]).expect("bytes enough for a record")
+        SharedRecord::take(&mut &bytes[..]).expect("enough bytes for a record")
     }
 
     /// Each rank receives each record of the other ranks once, in any order of requests. Compared with lists of the records

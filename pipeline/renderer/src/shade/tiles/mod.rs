@@ -112,6 +112,7 @@ impl Tiling {
         tolerance: &Tolerance,
         ahead: Option<ImportanceMap>,
     ) -> SamplesLight {
+        // Prepare the surfaces of all samples.
         let movement = Movement::to(&prepared.frame, &shading.places);
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
         let most = shading.settings.samples as usize;

@@ -201,6 +201,7 @@ impl Workers for SimulatedTeam {
     }
 
     fn work(&mut self, layers: &mut Layers, job: &Job, counts: &mut [Lit; 2]) -> Vec<TileLight> {
+        // Run one step of one rank at a time, until no tile remains.
         self.master.begin(job.tiles.len());
         let (mut lit, mut sizes) = (Vec::new(), vec![0; self.all.len()]);
         loop {
