@@ -1,4 +1,4 @@
-//! The settings of an encoder: plain values, checked once.
+//! Encoder settings: plain values, validated together.
 
 mod fingerprint;
 mod geometry;
@@ -13,7 +13,7 @@ use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 
 /// Settings of an [`Encoder`](crate::Encoder); [`Config::validate`] checks them.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-#[must_use = "settings do nothing until an encoder is made of them"]
+#[must_use = "settings do nothing until they make an encoder"]
 pub struct Config {
     pub(crate) width: usize,
     pub(crate) height: usize,
@@ -21,11 +21,11 @@ pub struct Config {
     pub(crate) standard: Standard,
     pub(crate) gop: u32,
     pub(crate) quantiser_scale: u32,
-    /// In 256ths, in the place of `quantiser_scale`.
+    /// Mean quantiser_scale in 256ths, which replaces `quantiser_scale`.
     mean_quantiser_x256: Option<u32>,
     pub(crate) intra_dc_precision: u32,
     pub(crate) level: Option<Level>,
-    /// The level above those that size and rate need, which the first picture has required.
+    /// Level stated instead of the lowest one, because the first picture is too large for it.
     pub(crate) raised: Option<Level>,
     pub(crate) effort: Effort,
     pub(crate) lookahead: u32,
@@ -47,13 +47,15 @@ pub struct Config {
 }
 
 impl Config {
-    /// The most frames of [`Config::with_lookahead`].
+    /// Maximum look-ahead in frames, for [`Config::with_lookahead`].
     pub const LOOKAHEAD_MAX: u32 = LOOKAHEAD_MAX;
 
-    /// Pictures of this size, in luma samples: an I picture every 15, quantiser_scale 8, intra DC of 8 bits, no look-ahead.
+    /// Returns default settings for pictures of this size in luma samples.
     ///
-    /// Width and height go from 1 to 16383. A multiple of 4096 cannot be written as horizontal_size or vertical_size
-    /// (6.3.3): it is coded as one sample more, which decoders that do not look at the display size will show.
+    /// The defaults: an I picture every 15, quantiser_scale 8, intra DC of 8 bits, no look-ahead.
+    ///
+    /// Width and height must be 1 to 16383. horizontal_size and vertical_size cannot represent a multiple of 4096 (6.3.3), so
+    /// one more sample is coded. Decoders that ignore the display size will show it.
     pub fn new(width: usize, height: usize, frame_rate: FrameRate) -> Self {
         Self {
             width,
@@ -85,12 +87,12 @@ impl Config {
         }
     }
 
-    /// The standard that the stream follows: MPEG-2 unless another is requested.
+    /// Sets the standard that the stream follows; the default is MPEG-2.
     pub fn with_standard(self, standard: Standard) -> Self {
         Self { standard, ..self }
     }
 
-    /// Distance between I pictures, 1 to 132.
+    /// Sets the distance between I pictures, 1 to 132.
     pub fn with_gop(self, pictures: u32) -> Self {
         Self { gop: pictures, ..self }
     }
@@ -101,109 +103,114 @@ impl Config {
         self.gop
     }
 
-    /// Quantiser of every macroblock: 1 to 8, even values to 62, 64, multiples of 8 to 112.
+    /// Sets the quantiser_scale of every macroblock: 1 to 8, even values to 62, 64, multiples of 8 to 112.
     pub fn with_quantiser_scale(self, quantiser_scale: u32) -> Self {
         Self { quantiser_scale, mean_quantiser_x256: None, ..self }
     }
 
-    /// Quantiser of every macroblock, where no mean is requested.
+    /// quantiser_scale of every macroblock, unless a mean is requested.
     #[must_use]
     pub fn quantiser_scale(&self) -> u32 {
         self.quantiser_scale
     }
 
-    /// A quantiser between those that exist, from 1 to 112: each macroblock gets the nearest to what it would have, or, where they do
-    /// not vary, each row of them one of the two around, so that their mean follows any fraction. Needs
-    /// [`Config::with_lookahead`]; what is beyond 1 to 112 is brought there.
+    /// Sets a mean quantiser_scale, clamped to 1 to 112; fractions are allowed.
+    ///
+    /// Where quantisers vary, each macroblock gets the value nearest to the one it should have. Otherwise each row of
+    /// macroblocks gets one of the two neighboring values, so that their mean equals the request. Needs
+    /// [`Config::with_lookahead`].
     pub fn with_mean_quantiser_scale(self, quantiser_scale: f64) -> Self {
-        // What is no number counts as the finest.
+        // NaN counts as the finest quantiser.
         let within = if quantiser_scale > 1.0 { quantiser_scale.min(112.0) } else { 1.0 };
         let x256 = (256.0 * within).round() as u32;
         Self { mean_quantiser_x256: Some(x256), ..self }
     }
 
-    /// First value of macroblocks' quantisers, in 256ths.
+    /// Base of the macroblocks' quantiser_scale, in 256ths.
     pub(crate) fn quantiser_x256(&self) -> u32 {
         self.mean_quantiser_x256.unwrap_or(256 * self.quantiser_scale)
     }
 
-    /// Bits of the DC coefficient of intra blocks, 8 to 11 (intra_dc_precision, 6.3.10). 11 are in High Profile only, which the
-    /// stream states then.
+    /// Sets the bits of the DC coefficient of intra blocks, 8 to 11 (intra_dc_precision, 6.3.10). With 11 bits the stream
+    /// states High Profile.
     pub fn with_intra_dc_precision(self, bits: u32) -> Self {
         Self { intra_dc_precision: bits, ..self }
     }
 
-    /// States this level instead of the lowest that holds size and rate. At a constant quantiser, pictures that its buffer does not hold
-    /// are coded coarser.
+    /// States this level instead of the lowest that allows size and rate. At a constant quantiser, pictures that exceed its
+    /// buffer are coded with a coarser one.
     pub fn with_level(self, level: Level) -> Self {
         Self { level: Some(level), ..self }
     }
 
-    /// How much is tried for few bits.
+    /// Sets how much computation the encoder spends to save bits.
     pub fn with_effort(self, effort: Effort) -> Self {
         Self { effort, ..self }
     }
 
-    /// The most frames that wait for later ones before they are coded, 0 to 30.
+    /// Sets the maximum number of frames that wait for later ones before they are coded, 0 to 30.
     ///
-    /// At 0 every frame is coded as it comes, as an I or P picture with one quantiser or with those of given weights. A look-ahead
-    /// allows B pictures, new groups at scene cuts, quantisers that follow what later pictures inherit, means of quantisers, and
-    /// bit rates. 30 frames give the best quality. [`Effort::Fast`] at a constant quantiser waits only for as many as there are B
-    /// pictures in a row.
+    /// With 0 every frame is coded immediately, as an I or P picture with one quantiser or with given weights. A look-ahead
+    /// allows B pictures, new groups at shot changes, mean quantisers and bit rates. It also allows finer quantisers in areas
+    /// that later pictures predict from. 30 frames give the best quality. [`Effort::Fast`] at a constant quantiser waits for
+    /// only as many frames as the maximum number of consecutive B pictures.
     pub fn with_lookahead(self, frames: u32) -> Self {
         Self { lookahead: frames, ..self }
     }
 
-    /// The most frames that wait for later ones before they are coded.
+    /// Maximum number of frames that wait for later ones before they are coded.
     #[must_use]
     pub fn lookahead(&self) -> u32 {
         self.lookahead
     }
 
-    /// The most B pictures in a row, 0 to 7; they need a [look-ahead](Config::with_lookahead) of as many frames.
+    /// Sets the maximum number of consecutive B pictures, 0 to 7, which need an equal or longer
+    /// [look-ahead](Config::with_lookahead).
     pub fn with_b_pictures(self, pictures: u32) -> Self {
         Self { b_pictures: pictures, ..self }
     }
 
-    /// Whether no group of pictures needs the group before: no B pictures in front of its I picture then.
+    /// Sets whether groups of pictures are closed: no group depends on the previous one, and no B pictures precede its I
+    /// picture.
     pub fn with_closed_gop(self, closed: bool) -> Self {
         Self { closed_gop: closed, ..self }
     }
 
-    /// Whether an encoder that looks ahead begins a group of pictures where a new scene begins. On unless switched off.
+    /// Sets whether a shot change begins a new group of pictures; needs a look-ahead. The default is true.
     pub fn with_scene_cuts(self, scene_cuts: bool) -> Self {
         Self { scene_cuts, ..self }
     }
 
-    /// Whether an encoder that looks ahead leaves the quantiser of I and P pictures the same everywhere. Without a look-ahead it is
-    /// the same unless [`Encoder::push_weighted`](crate::Encoder::push_weighted) is given weights, which this switches off.
+    /// Sets whether all macroblocks of an I or P picture have the same quantiser; the default is false. Without a look-ahead
+    /// only [`Encoder::push_weighted`](crate::Encoder::push_weighted) varies quantisers, and this setting overrides its
+    /// weights.
     pub fn with_uniform_quantiser(self, uniform: bool) -> Self {
         Self { uniform_quantiser: uniform, ..self }
     }
 
-    /// Whether an encoder that looks ahead makes quantisers finer where the picture is smooth and coarser where it is busy,
-    /// which eyes and SSIM prefer; PSNR falls. Off unless switched on.
+    /// Sets whether quantisers are finer in smooth areas and coarser in busy ones; needs a look-ahead. This improves perceived
+    /// quality and SSIM but lowers PSNR. The default is false.
     pub fn with_adaptive_quantisation(self, adaptive: bool) -> Self {
         Self { adaptive_quantisation: adaptive, ..self }
     }
 
-    /// Whether coefficients are sent in the order of Figure 7-3, meant for interlace, instead of zig-zag.
+    /// Sets whether coefficients are coded in the order of Figure 7-3, intended for interlaced video, instead of zig-zag order.
     pub fn with_alternate_scan(self, alternate: bool) -> Self {
         Self { alternate_scan: alternate, ..self }
     }
 
-    /// The table that coefficients of intra blocks are coded with (intra_vlc_format, 6.3.10): Table B.15 unless another is
-    /// requested, which takes 1 to 3 % fewer bits over the clips of README.md.
+    /// Sets the code table of intra coefficients (intra_vlc_format, 6.3.10). The default is Table B.15, which takes 1 to 3 %
+    /// fewer bits on the clips of README.md.
     pub fn with_intra_table(self, table: CoefficientTable) -> Self {
         Self { intra_table: table, ..self }
     }
 
-    /// Weighting matrices in raster order (6.3.11): weights of 1 to 255, the first of the intra matrix 8.
+    /// Sets the weighting matrices in raster order (6.3.11): weights are 1 to 255, the first intra weight is 8.
     pub fn with_matrices(self, intra: [u8; 64], non_intra: [u8; 64]) -> Self {
         Self { intra_matrix: intra, non_intra_matrix: non_intra, ..self }
     }
 
-    /// Weighting matrices of intra and of predicted blocks, in raster order.
+    /// Weighting matrices of intra and non-intra blocks, in raster order.
     pub fn matrices(&self) -> ([u8; 64], [u8; 64]) {
         (self.intra_matrix, self.non_intra_matrix)
     }
@@ -213,56 +220,56 @@ impl Config {
         self.intra_dc_precision
     }
 
-    /// How quantisers are chosen; all but [`Rate::ConstantQuantiser`] need a [look-ahead](Config::with_lookahead).
+    /// Sets the rate control; all modes but [`Rate::ConstantQuantiser`] need a [look-ahead](Config::with_lookahead).
     pub fn with_rate(self, rate: Rate) -> Self {
         Self { rate, ..self }
     }
 
-    /// Number of the first picture in time codes (6.3.8): that of a stream which is to follow `number` pictures. 0 unless another is
-    /// requested. [`Packet::display_index`](crate::Packet::display_index) counts from 0 all the same.
+    /// Sets the number of the first picture in time codes (6.3.8); the default is 0. A stream that continues another one starts
+    /// with the number of pictures before it. [`Packet::display_index`](crate::Packet::display_index) still counts from 0.
     pub fn with_first_number(self, number: u64) -> Self {
         Self { first_number: number, ..self }
     }
 
-    /// States these primaries, transfer characteristics and matrix (6.3.6): BT.709 unless others are requested. Samples are coded
-    /// as they come. MPEG-1 states no color.
+    /// States primaries, transfer characteristics and matrix (6.3.6); the default is BT.709. Samples are not converted. MPEG-1
+    /// cannot state a color description.
     pub fn with_color(self, color: ColorDescription) -> Self {
         Self { color, ..self }
     }
 
-    /// States this shape (6.3.3): square samples unless another is requested. MPEG-1 states the nearest shape of a sample.
+    /// States the aspect ratio (6.3.3); the default is square samples. MPEG-1 states the nearest sample aspect ratio.
     pub fn with_aspect(self, aspect: AspectRatio) -> Self {
         Self { aspect, ..self }
     }
 
-    /// Whether 24 pictures a second, or 24000/1001, are shown in 30 frames, or 30000/1001, as DVD-Video has them: every other picture
-    /// for three fields (repeat_first_field, 6.3.10). Not in MPEG-1.
+    /// Sets whether 24 (or 24000/1001) pictures per second are shown in 30 (or 30000/1001) frames, as on DVD-Video. Every other
+    /// picture is shown for three fields (repeat_first_field, 6.3.10). MPEG-1 has no pulldown.
     pub fn with_pulldown(self, pulldown: bool) -> Self {
         Self { pulldown, ..self }
     }
 
-    /// May macroblocks have quantisers of their own?
+    /// Whether macroblocks may have different quantisers.
     pub(crate) fn varies(&self) -> bool {
         self.lookahead > 0 && !self.uniform_quantiser
     }
 
-    /// Is the quantiser a mean of those that macroblocks have?
+    /// Whether a mean quantiser is requested.
     pub(crate) fn has_mean_quantiser(&self) -> bool {
         self.mean_quantiser_x256.is_some()
     }
 
-    /// Does quality follow what later pictures take over?
+    /// Whether quantisers are finer in areas that later pictures predict from.
     pub(crate) fn uses_tree(&self) -> bool {
         self.varies() && self.effort != Effort::Fast
     }
 
-    /// Are B pictures placed by content?
+    /// Whether picture types are chosen by content.
     pub(crate) fn adapts_types(&self) -> bool {
         self.effort != Effort::Fast
     }
 
-    /// Frames that wait before one is coded. Within a rate they tell how bits will be spent: with two or three of them alone,
-    /// an I picture among these took all bits, and fast films at constant rates were 5 dB worse.
+    /// Number of frames that wait before one is coded. Rate control plans over them. With only two or three, an I picture among
+    /// them took all the bits. Films with [`Effort::Fast`] at constant rates then lost 5 dB.
     pub(crate) fn delay(&self) -> usize {
         let needed = match self.effort {
             Effort::Fast if self.rate == Rate::ConstantQuantiser => self.b_pictures,

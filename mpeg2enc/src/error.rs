@@ -1,143 +1,143 @@
-//! Settings that cannot be encoded.
+//! Errors of settings.
 
 use crate::{
     Level,
     limits::{B_PICTURES_MAX, GROUP_MAX, LOOKAHEAD_MAX, SIZE_MAX},
 };
 
-/// Something in a [`Config`](crate::Config) that cannot be encoded.
+/// A setting in a [`Config`](crate::Config) that cannot be encoded.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// Width or height out of range.
-    #[error("a picture of {width}x{height} cannot be encoded; width and height go from 1 to {SIZE_MAX}")]
+    /// Width or height is out of range.
+    #[error("a picture of {width}x{height} cannot be encoded; width and height must be 1 to {SIZE_MAX}")]
     Size {
-        /// The requested width.
+        /// Requested width in luma samples.
         width: usize,
-        /// The requested height.
+        /// Requested height in luma samples.
         height: usize,
     },
-    /// No frame_rate_code says this rate.
-    #[error("{fps} frames a second have no code in MPEG-2; use one of 23.976, 24, 25, 29.97, 30, 50, 59.94, 60")]
+    /// No frame_rate_code exists for this rate.
+    #[error("MPEG-2 has no code for {fps} frames a second; use 23.976, 24, 25, 29.97, 30, 50, 59.94 or 60")]
     FrameRate {
-        /// The requested rate.
+        /// Requested frames per second.
         fps: f64,
     },
-    /// Only 24 pictures a second become 30 frames.
-    #[error("{fps:.3} pictures a second have no pulldown; use it at 23.976 or 24, or leave it out")]
+    /// Pulldown requires 23.976 or 24 pictures per second.
+    #[error("pulldown needs 23.976 or 24 pictures a second, not {fps:.3}; change the rate or omit pulldown")]
     Pulldown {
-        /// The requested rate.
+        /// Requested pictures per second.
         fps: f64,
     },
-    /// Distance of I pictures out of range.
-    #[error("a group of {pictures} pictures is not allowed; the distance of I pictures goes from 1 to {GROUP_MAX}")]
+    /// The distance between I pictures is out of range.
+    #[error("a group of {pictures} pictures is not allowed; the distance between I pictures must be 1 to {GROUP_MAX}")]
     GroupOfPictures {
-        /// The requested distance.
+        /// Requested distance in pictures.
         pictures: u32,
     },
-    /// More B pictures in a row than are allowed.
-    #[error("{pictures} B pictures in a row are not allowed; use 0 to {B_PICTURES_MAX}")]
+    /// Too many consecutive B pictures.
+    #[error("{pictures} consecutive B pictures are not allowed; use 0 to {B_PICTURES_MAX}")]
     BPictures {
-        /// The requested number.
+        /// Requested number of consecutive B pictures.
         pictures: u32,
     },
-    /// Look-ahead out of range.
+    /// The look-ahead is out of range.
     #[error("a look-ahead of {frames} frames is not allowed; use 0 to {LOOKAHEAD_MAX}")]
     Lookahead {
-        /// The number in the settings.
+        /// Requested look-ahead in frames.
         frames: u32,
     },
-    /// B pictures wait for later ones, and so do bit rates and means of quantisers.
+    /// The look-ahead is too short for B pictures, a bit rate or a mean quantiser.
     #[error(
-        "B pictures, bit rates and mean quantisers need a look-ahead: Config::with_lookahead of {least} frames at least, not {frames}"
+        "B pictures, bit rates and mean quantisers need a look-ahead of at least {least} frames, not {frames}; use Config::with_lookahead"
     )]
     NeedsLookahead {
-        /// The look-ahead in the settings.
+        /// Requested look-ahead in frames.
         frames: u32,
-        /// The least that is enough.
+        /// Minimum look-ahead in frames.
         least: u32,
     },
-    /// No stream can state this rate and buffer.
+    /// The level does not allow this rate and buffer size.
     #[error(
-        "{bits_per_second} bits a second with a buffer of {buffer_bits} bits are not possible; at most {rate_max} and {buffer_max} are at {level:?} Level, and the buffer holds 16384 bits or more"
+        "{bits_per_second} bits a second with a buffer of {buffer_bits} bits are not possible; {level:?} Level allows at most {rate_max} bits a second and a buffer of 16384 to {buffer_max} bits"
     )]
     Rate {
-        /// Requested bits a second.
+        /// Requested bits per second.
         bits_per_second: u32,
-        /// The requested buffer.
+        /// Requested buffer size in bits.
         buffer_bits: u32,
-        /// The most that the level allows.
+        /// Maximum bits per second of the level.
         rate_max: u64,
-        /// The largest buffer of the level.
+        /// Maximum buffer size of the level, in bits.
         buffer_max: u64,
-        /// The level.
+        /// Level of the stream.
         level: Level,
     },
-    /// No picture is so small as this rate and buffer require.
+    /// The rate or the buffer is too small for even the smallest pictures.
     #[error(
-        "{bits_per_second} bits a second with a buffer of {buffer_bits} bits hold no pictures of this size, which take {picture_bits} bits each at least; use {rate_least} bits a second and a buffer of {buffer_least} bits, or more"
+        "{bits_per_second} bits a second with a buffer of {buffer_bits} bits are too few for pictures of this size, which take at least {picture_bits} bits each; use {rate_least} bits a second and a buffer of {buffer_least} bits, or more"
     )]
     TooFewBits {
-        /// Requested bits a second.
+        /// Requested bits per second.
         bits_per_second: u32,
-        /// The requested buffer.
+        /// Requested buffer size in bits.
         buffer_bits: u32,
-        /// Bits of the smallest picture.
+        /// Minimum bits of a picture.
         picture_bits: u64,
-        /// Bits a second of such pictures.
+        /// Minimum bits per second.
         rate_least: u64,
-        /// The smallest buffer that holds one.
+        /// Minimum buffer size in bits.
         buffer_least: u64,
     },
-    /// A weight that a matrix may not have.
+    /// A weight in a matrix is not allowed.
     #[error(
-        "a weight of {value} at place {place} of a matrix is not allowed; weights are 1 to 255, the first intra weight is 8"
+        "a weight of {value} at index {place} of a matrix is not allowed; weights must be 1 to 255, and the first intra weight must be 8"
     )]
     Matrix {
-        /// Place in raster order.
+        /// Index in raster order.
         place: usize,
-        /// The weight.
+        /// Requested weight.
         value: u8,
     },
-    /// Neither table of quantiser_scale_code has the value.
-    #[error("quantiser_scale {value} does not exist; nearest are {nearest} and {second}")]
+    /// Neither table of quantiser_scale_code contains the value.
+    #[error("quantiser_scale {value} does not exist; the nearest values are {nearest} and {second}")]
     QuantiserScale {
-        /// The requested value.
+        /// Requested value.
         value: u32,
-        /// The nearest that exists.
+        /// Nearest existing value.
         nearest: u32,
-        /// The nearest but one.
+        /// Second nearest existing value.
         second: u32,
     },
-    /// No profile has such a precision.
+    /// No profile has this intra DC precision.
     #[error("an intra DC precision of {bits} bits does not exist; use 8 to 11")]
     IntraDcPrecision {
-        /// The requested precision.
+        /// Requested precision in bits.
         bits: u32,
     },
-    /// MPEG-1 does not have the requested feature.
+    /// MPEG-1 lacks a requested feature.
     #[error("MPEG-1 does not have {what}: {remedy}")]
     NotInMpeg1 {
-        /// The feature that it does not have.
+        /// Name of the feature.
         what: &'static str,
-        /// The remedy.
+        /// Suggested change of settings.
         remedy: &'static str,
     },
     /// The requested level is too low.
     #[error(
-        "{width}x{height} at {fps:.3} frames a second is beyond {level:?} Level; {}",
-        match .lowest { Some(lowest) => format!("{lowest:?} Level or above holds it"), None => "no level holds it: leave the level out".into() }
+        "{width}x{height} at {fps:.3} frames a second exceeds {level:?} Level; {}",
+        match .lowest { Some(lowest) => format!("use {lowest:?} Level or above"), None => "no level allows it, so omit the level".into() }
     )]
     Level {
-        /// The requested level.
+        /// Requested level.
         level: Level,
-        /// The requested width.
+        /// Requested width in luma samples.
         width: usize,
-        /// The requested height.
+        /// Requested height in luma samples.
         height: usize,
-        /// The requested rate.
+        /// Requested frames per second.
         fps: f64,
-        /// The lowest level that is enough.
+        /// Lowest sufficient level; `None` if no level is.
         lowest: Option<Level>,
     },
 }

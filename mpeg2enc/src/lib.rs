@@ -1,11 +1,12 @@
-//! An MPEG-2 video encoder that takes the motion it is given.
+//! An MPEG-2 video encoder that uses motion supplied by its caller.
 //!
-//! It writes ISO/IEC 13818-2:2000 Main Profile, or ISO/IEC 11172-2:1993 ([`Standard`]): progressive 4:2:0 pictures of 8 bits,
-//! I, P and B, at a constant quantiser or within a bit rate. A [`Multiplexer`] wraps them into program and transport streams.
-//! Make an [`Encoder`] by a [`Config`], give it each [`Picture`], and where pixels were before if that is known
-//! ([`Correspondence`]); each frame gives a [`Packet`], whose reconstruction is what a decoder will show.
-//! With a look-ahead ([`Config::with_lookahead`]) it waits for later frames first: it has B pictures, quality that follows
-//! what later pictures inherit, and [`Rate`]s.
+//! It writes ISO/IEC 13818-2:2000 Main Profile, or ISO/IEC 11172-2:1993 ([`Standard`]). Pictures are progressive
+//! 4:2:0 with 8 bits per sample, of type I, P or B. The quantiser is constant or follows a bit rate.
+//! A [`Multiplexer`] wraps them in a [`Container`].
+//!
+//! A [`Config`] makes an [`Encoder`], which takes each [`Picture`] and, if known, the earlier positions of its pixels
+//! ([`Correspondence`]). Each frame yields a [`Packet`], with the reconstruction that a decoder will show. With a look-ahead ([`Config::with_lookahead`]) the encoder waits for later frames before it codes one. It then offers B pictures,
+//! bit rates ([`Rate`]), and finer quantisers in areas that later pictures predict from.
 //!
 //! ```
 //! use mpeg2enc::{Config, Correspondence, FrameRate, KnownMotion, Picture, Plane};
@@ -13,7 +14,7 @@
 //! let mut encoder = Config::new(64, 48, FrameRate::FPS_25).with_gop(12).with_quantiser_scale(6).encoder()?;
 //! let mut stream = Vec::new();
 //! for time in 0..10 {
-//!     // A pattern that moves one pixel to the left in each frame: it was one pixel farther right before.
+//!     // A pattern that moves one pixel to the left per frame: its previous position is one pixel to the right.
 //!     let luma = Plane::from_fn(64, 48, |x, y| (128.0 + 90.0 * ((x + time) as f32 * 0.4 + y as f32 * 0.1).sin()) as u8);
 //!     let frame = Picture::new(luma, Plane::filled(32, 24, 110), Plane::filled(32, 24, 140))?;
 //!     let motion = Correspondence::from_motion(Plane::filled(64, 48, [1.0, 0.0]));
@@ -27,62 +28,62 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! All that reaches the stream is integer arithmetic over fixed slices: the same frames give the same bits on every
-//! processor and with any number of threads (those of the `rayon` pool that `push` is called in).
-//! Numbers of clauses and tables in this crate are those of the edition of 2000.
+//! Only integer arithmetic over fixed slices determines the stream. The same frames give the same bits on every processor. The
+//! number of threads, which belong to the `rayon` pool that calls `push`, does not matter. Clause and table numbers in this
+//! crate refer to the 2000 edition.
 #![forbid(unsafe_code)]
 
 #[macro_use]
-mod kernel; // innermost loops, twice: plain and with vector instructions
+mod kernel; // innermost loops: scalar and SIMD versions
 
-mod aspect; // shape of samples
-mod color; // meaning of samples
-mod config; // what to encode
-mod effort; // how hard to try
-mod error; // what cannot be encoded
-mod frame; // copies of pictures and their errors
+mod aspect; // sample aspect ratio
+mod color; // color description
+mod config; // settings
+mod effort; // computation per picture
+mod error; // errors of settings
+mod frame; // picture copies and their errors
 mod frame_rate;
-mod limits; // the largest values of settings
-mod pool; // memory of pictures
+mod limits; // maximum values of settings
+mod pool; // reusable picture memory
 mod quantiser_scale;
 
-mod pulldown; // 24 pictures a second in 30 frames
+mod pulldown; // 24 pictures/s shown as 30 frames/s
 mod standard; // MPEG-1 or MPEG-2
 
-mod level; // limits of Main Profile
+mod level; // limits of the Main Profile levels
 
-mod encoder; // the way of a picture: at once, or after a look ahead
-mod restore; // and on from a state
+mod encoder; // codes pictures immediately or after a look-ahead
+mod restore; // errors of restored states
 
-mod lookahead; // what waiting frames tell: types of pictures, quantisers
+mod lookahead; // picture types and quantisers from waiting frames
 
-mod container; // streams with times
-mod elementary; // streams that were written before
+mod container; // containers with timestamps
+mod elementary; // parser of elementary streams
 
-mod bounds; // the level that holds a stream
-mod coder; // one picture
-mod rate; // bounds of bits
-mod rate_control; // the quantiser that keeps to them
-mod vbv; // the buffer of a decoder
-mod verifier; // which follows a stream
+mod bounds; // level limits at a constant quantiser
+mod coder; // codes one picture
+mod rate; // bit rates
+mod rate_control; // chooses quantisers for a bit rate
+mod vbv; // decoder buffer
+mod verifier; // checks buffer fullness over a stream
 
 mod motion;
-mod vector; // vectors: given, predicted, searched
+mod vector; // motion vectors
 
-mod picture; // slices
+mod picture; // slices of a picture
 
-mod decide; // intra, inter, skipped
+mod decide; // mode decision: intra, inter or skipped
 mod predict; // motion compensation
 
 mod block;
 mod dct;
-mod quant; // levels and back
-mod trellis; // which levels cost least
+mod quant; // quantisation and its inverse
+mod trellis; // rate-distortion optimal levels
 
 mod header; // syntax above the macroblock
 mod macroblock; // syntax of a macroblock
 mod scan;
-mod vlc; // code words
+mod vlc; // variable-length codes
 
 mod bits;
 
@@ -109,7 +110,7 @@ pub use crate::{
     vlc::CoefficientTable,
 };
 
-/// Input: pictures, which also come back, their planes, and where their pixels were.
+/// Input types: pictures, planes and motion fields.
 pub use plane::{Correspondence, NO_MATCH, Picture, PictureType, Plane};
 
 pub use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};

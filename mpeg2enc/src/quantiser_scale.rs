@@ -55,7 +55,7 @@ pub(crate) fn one_of([below, above]: [u32; 2], scale_x16: u32, row: usize) -> u3
 /// assert_eq!(quantiser_scale_code(16)?.code, 8);
 /// assert!(quantiser_scale_code(7)?.q_scale_type);
 /// let message = quantiser_scale_code(113).unwrap_err().to_string();
-/// assert_eq!(message, "quantiser_scale 113 does not exist; nearest are 112 and 104");
+/// assert_eq!(message, "quantiser_scale 113 does not exist; the nearest values are 112 and 104");
 /// # Ok::<(), mpeg2enc::ConfigError>(())
 /// ```
 ///

@@ -1,10 +1,10 @@
-//! A number that tells settings apart.
+//! A hash that distinguishes settings.
 
 use super::Config;
 use std::hash::{Hash, Hasher};
 
 impl Config {
-    /// A number for all settings but the quantiser: other settings have another one.
+    /// Hash of all settings but the quantiser.
     pub(crate) fn fingerprint(&self) -> u64 {
         let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
         Self { quantiser_scale: 0, mean_quantiser_x256: None, raised: None, ..self.clone() }.hash(&mut hash);

@@ -1,10 +1,10 @@
-//! Sizes of coded pictures, and the quantisers that there are for them.
+//! Sizes of coded pictures, and the quantisers available to them.
 
 use super::Config;
 use crate::{Standard, quantiser_scale::quantiser_scale_code};
 
-/// The size that horizontal_size or vertical_size states: its low 12 bits shall not be zero (6.3.3). Such a picture is
-/// coded one sample larger, and the display size states the true one.
+/// Returns the size that horizontal_size or vertical_size states. The low 12 bits must not be zero (6.3.3), so a multiple of
+/// 4096 is coded one sample larger. The display size states the true size.
 pub(crate) fn coded_size(size: usize) -> u32 {
     let size = size as u32;
     if size.is_multiple_of(4096) { size + 1 } else { size }
@@ -19,12 +19,12 @@ impl Config {
     /// Width and height in whole macroblocks: mb_width and mb_height (6.3.3).
     pub(crate) fn macroblock_counts(&self) -> (usize, usize) {
         let (width, height) = self.coded_size();
-        // Where sequences are not progressive, each field has whole macroblocks.
+        // In sequences that are not progressive, each field has whole macroblocks.
         let rows = if self.pulldown { 2 * height.div_ceil(32) } else { height.div_ceil(16) };
         (width.div_ceil(16) as usize, rows as usize)
     }
 
-    /// The finest quantiser_scale of the standard that is no finer than `least`; the coarsest where there is none.
+    /// Finest quantiser_scale of the standard that is at least `least`, or the coarsest if there is none.
     pub(crate) fn quantiser_at_least(&self, least: u32) -> u32 {
         let coarsest = match self.standard {
             Standard::Mpeg1 => 62,

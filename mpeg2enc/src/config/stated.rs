@@ -1,4 +1,4 @@
-//! Level, bit rate and buffer that a stream states.
+//! The level, bit rate and buffer size that a stream states.
 
 use super::Config;
 use crate::{FrameRate, Level, level::Limits};
@@ -6,27 +6,26 @@ use crate::{FrameRate, Level, level::Limits};
 const LEVELS: [Level; 4] = [Level::Low, Level::Main, Level::High1440, Level::High];
 
 impl Config {
-    /// The frame rate that the stream states: with pulldown that of the frames.
+    /// Frame rate that the stream states; with pulldown it exceeds the picture rate.
     pub(crate) fn stated_frame_rate(&self) -> FrameRate {
         if self.pulldown { self.frame_rate.after_pulldown().unwrap_or(self.frame_rate) } else { self.frame_rate }
     }
 
-    /// The rate of the periods of a decoder's buffer: frames, or with pulldown fields.
+    /// Periods per second at which the decoder's buffer is emptied: the frame rate, or with pulldown the field rate, as a
+    /// fraction.
     pub(crate) fn buffer_rate(&self) -> (u32, u32) {
         let (numerator, denominator) = self.stated_frame_rate().fraction();
         if self.pulldown { (2 * numerator, denominator) } else { (numerator, denominator) }
     }
 
-    /// Pictures by which each is shown later than it is decoded, if none are in front of it: 1 where there may be B pictures
-    /// (low_delay, 6.3.5).
+    /// Delay in pictures between decoding and display: 1 if B pictures are allowed, otherwise 0 (low_delay, 6.3.5).
     pub(crate) fn reorder(&self) -> u64 {
         u64::from(self.b_pictures > 0)
     }
 
-    /// The level that the stream will state; beyond High Level, where none is right, it states High.
+    /// Level that the stream states; pictures beyond High Level also state High.
     ///
-    /// At a constant quantiser a level above it may be stated, if the first picture is so large that the level does not hold it
-    /// and others like it.
+    /// At a constant quantiser the encoder states a higher level if the first picture is too large for this one.
     pub fn level(&self) -> Level {
         let (rate, buffer) = self.rate.stated().unwrap_or_default();
         let holds_rate = |level: &Level| {
@@ -40,8 +39,8 @@ impl Config {
             .unwrap_or(Level::High)
     }
 
-    /// States a level from now on, unless one is requested, whatever the first picture is: that which holds pictures of `bits` bits each.
-    /// For parts of a stream that are coded apart, and state the same.
+    /// States the level that allows pictures of `bits` bits each, unless a level is requested; the first picture no longer
+    /// matters. Use it for chunks of a stream that are coded separately and must state the same level.
     pub fn with_level_for(mut self, bits: u64) -> Self {
         let has_level = Level::lowest(self.width, self.height, self.stated_frame_rate().fps()).is_some();
         if self.level.is_none() && has_level {
@@ -51,7 +50,7 @@ impl Config {
         self
     }
 
-    /// Raises the level to the lowest that holds pictures of `bits` each, where none is requested.
+    /// Raises the level to the lowest that allows pictures of `bits` bits each, unless a level is requested.
     pub(crate) fn hold(&mut self, bits: u64) {
         let holds = |level: &Level| {
             let Limits { bits_per_second, vbv_buffer_size, .. } = level.limits();
@@ -64,12 +63,12 @@ impl Config {
         }
     }
 
-    /// bit_rate in units of 400 bits a second, and vbv_buffer_size in units of 16 384 bits, as the stream states them: the
-    /// bounds of the level where there are no others.
+    /// bit_rate in units of 400 bits per second and vbv_buffer_size in units of 16 384 bits, as the stream states them. Without
+    /// a bit rate these are the limits of the level.
     pub(crate) fn stated_rate(&self) -> (u32, u32) {
         self.rate.stated().unwrap_or_else(|| {
             let limits = self.level().limits();
-            // Beyond the highest level the bounds grow with the sample rate.
+            // Beyond High Level the limits grow with the sample rate.
             let rate =
                 (self.width * self.height) as f64 * self.stated_frame_rate().fps() / limits.luma_samples_per_second;
             let growth = rate.ceil().max(1.0) as u64;

@@ -1,4 +1,4 @@
-//! Whether settings can be encoded.
+//! Validation of settings.
 
 use super::Config;
 use crate::{
@@ -11,7 +11,8 @@ impl Config {
     /// Checks all settings.
     ///
     /// # Errors
-    /// The first setting that the standard or the encoder does not have; the message says what is possible.
+    /// If a setting is not possible in the standard or in this encoder. The error names the first such setting and its allowed
+    /// range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
         let stated = self.stated_frame_rate().fps();
@@ -55,43 +56,43 @@ impl Config {
     }
 }
 
-/// Whether the standard has these settings.
+/// Checks that the standard allows these settings.
 fn check_standard(config: &Config) -> Result<(), ConfigError> {
     let missing = |what, remedy| Err(ConfigError::NotInMpeg1 { what, remedy });
     match config.standard {
         Standard::Mpeg2 => Ok(()),
         Standard::Mpeg1 if config.width > 4095 || config.height > 2800 => {
-            missing("pictures of this size", "width goes to 4095 and height to 2800")
+            missing("pictures of this size", "use a width of at most 4095 and a height of at most 2800")
         }
         Standard::Mpeg1 if config.quantiser_scale > 62 || !config.quantiser_scale.is_multiple_of(2) => {
-            missing("such a quantiser_scale", "use an even one from 2 to 62")
+            missing("this quantiser_scale", "use an even value from 2 to 62")
         }
-        Standard::Mpeg1 if config.intra_dc_precision != 8 => missing("such an intra DC precision", "use 8 bits"),
-        Standard::Mpeg1 if config.pulldown => missing("pulldown", "leave it out, or use MPEG-2"),
-        Standard::Mpeg1 if config.alternate_scan => missing("the alternate scan", "leave it out"),
+        Standard::Mpeg1 if config.intra_dc_precision != 8 => missing("this intra DC precision", "use 8 bits"),
+        Standard::Mpeg1 if config.pulldown => missing("pulldown", "omit it or use MPEG-2"),
+        Standard::Mpeg1 if config.alternate_scan => missing("the alternate scan", "omit it"),
         Standard::Mpeg1 if config.color != ColorDescription::default() => {
-            missing("a description of color", "leave it out, or use MPEG-2")
+            missing("a color description", "omit it or use MPEG-2")
         }
         Standard::Mpeg1 if config.aspect.code(config.standard, config.width, config.height).is_none() => missing(
-            "samples of this shape",
-            "scale to samples that are 0.8 to 1.5 times as wide as high, or use MPEG-2",
+            "this sample aspect ratio",
+            "scale the pictures to a sample aspect ratio of 0.8 to 1.5, or use MPEG-2",
         ),
         Standard::Mpeg1 => Ok(()),
     }
 }
 
-/// Bits that every picture has at least: its headers, and a slice of one macroblock for each row.
+/// Minimum bits of every picture: its headers, and a slice of one macroblock per row.
 fn least_bits(config: &Config) -> u64 {
-    // picture_header() of a P picture takes 66 bits, picture_coding_extension() as many, and both are filled to whole bytes.
+    // picture_header() of a P picture and picture_coding_extension() take 66 bits each, and both are padded to whole bytes.
     let headers = match config.standard {
         Standard::Mpeg1 => 72,
         Standard::Mpeg2 => 144,
     };
-    // 38 bits of slice() without macroblocks, and 6 of a macroblock without coefficients, filled to whole bytes.
+    // slice() takes 38 bits without macroblocks, and a macroblock without coefficients takes 6; both are padded to whole bytes.
     headers + 48 * config.height.div_ceil(16) as u64
 }
 
-/// Whether the level allows the bit rate and its buffer, and whether they hold any pictures.
+/// Checks that the level allows bit rate and buffer size, and that both suffice for the smallest pictures.
 fn check_rate(config: &Config) -> Result<(), ConfigError> {
     if let Rate::Constant { bits_per_second, buffer_bits } | Rate::Capped { bits_per_second, buffer_bits } = config.rate
     {
@@ -103,7 +104,7 @@ fn check_rate(config: &Config) -> Result<(), ConfigError> {
             return Err(ConfigError::Rate { bits_per_second, buffer_bits, rate_max, buffer_max, level });
         }
 
-        // Even a film in which nothing changes takes some bits.
+        // Even pictures without any change take bits.
         let picture_bits = least_bits(config);
         let rate_least = (picture_bits as f64 * config.frame_rate.fps()).ceil() as u64;
         if 400 * u64::from(rate) < rate_least || 16_384 * u64::from(buffer) < picture_bits {

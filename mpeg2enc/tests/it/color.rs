@@ -88,6 +88,8 @@ fn mpeg1_refuses_what_it_cannot_state() {
     let config = |width, height| Config::new(width, height, FrameRate::FPS_25).with_standard(Standard::Mpeg1);
     let message = |config: Config| config.encoder().expect_err("an error").to_string();
     let color = ColorDescription { primaries: ColorPrimaries::Smpte170M, ..ColorDescription::default() };
-    assert!(message(config(64, 48).with_color(color)).contains("a description of color: leave it out"));
-    assert!(message(config(64, 64).with_aspect(AspectRatio::Display221x100)).contains("samples of this shape: scale"));
+    assert!(message(config(64, 48).with_color(color)).contains("a color description: omit it"));
+    assert!(
+        message(config(64, 64).with_aspect(AspectRatio::Display221x100)).contains("this sample aspect ratio: scale")
+    );
 }

@@ -244,7 +244,7 @@ fn a_rate_that_no_level_allows_is_an_error() {
     let message = config(176, 144).with_lookahead(30).with_rate(rate).encoder().expect_err("an error").to_string();
     assert!(message.contains("90000000") && message.contains("80000000"), "{message}");
     let message = config(176, 144).with_b_pictures(2).encoder().expect_err("an error").to_string();
-    assert!(message.contains("with_lookahead of 2 frames at least, not 0"), "{message}");
+    assert!(message.contains("a look-ahead of at least 2 frames, not 0"), "{message}");
     let message = config(176, 144).with_lookahead(31).validate().expect_err("an error").to_string();
     assert!(message.contains("0 to 30"), "{message}");
     let message = config(176, 144).with_b_pictures(8).encoder().expect_err("an error").to_string();

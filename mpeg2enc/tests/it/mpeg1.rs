@@ -60,7 +60,7 @@ fn what_it_does_not_have_is_an_error() {
     let message = |config: Config| config.encoder().expect_err("an error").to_string();
     assert_eq!(
         message(mpeg1(64, 48).with_quantiser_scale(7)),
-        "MPEG-1 does not have such a quantiser_scale: use an even one from 2 to 62"
+        "MPEG-1 does not have this quantiser_scale: use an even value from 2 to 62"
     );
     assert!(message(mpeg1(64, 48).with_quantiser_scale(64)).contains("2 to 62"));
     assert!(message(mpeg1(64, 48).with_intra_dc_precision(10)).contains("8 bits"));
