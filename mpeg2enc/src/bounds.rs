@@ -1,26 +1,26 @@
-//! Bounds of streams at a constant quantiser: the level that holds them, and its buffer, which no picture may run dry.
+//! Limits of streams at a constant quantiser: their level, and its buffer, which must not underflow.
 //!
-//! Headers come before pictures, so the first picture chooses the level: the lowest whose buffer holds that picture, and whose bit
-//! rate holds as many bits in each. Where later pictures do not fit after all, they are coded coarser.
+//! Headers precede pictures, so the first picture determines the level. It is the lowest with enough buffer for that picture
+//! and enough bit rate for a stream of equally large ones. Later pictures that do not fit are coded with a coarser quantiser.
 
 use crate::{Config, Level, Rate, RestoreError, Standard, restore::ensure, vbv::Buffer};
 
-/// The largest vbv_buffer_size of MPEG-1, in units of 16 384 bits: 10 bits (11172-2, 2.4.3.2).
+/// Maximum vbv_buffer_size of MPEG-1, in units of 16 384 bits: 10 bits (11172-2, 2.4.3.2).
 const MPEG1_BUFFER_MAX: u32 = 0x3ff;
-/// The coarsest quantiser_scale in 256ths.
+/// Coarsest quantiser_scale, in 256ths.
 const COARSEST_X256: u64 = 112 * 256;
 
-/// Level that the stream states, and fullness of its buffer after the pictures so far.
+/// The stated level, and the fullness of its buffer.
 #[derive(Clone, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Bounds {
     level: Option<Level>,
-    /// None before the first picture, and where a rate bounds bits.
+    /// `None` before the first picture, and if a rate bounds the bits.
     buffer: Option<Buffer>,
 }
 
 impl Bounds {
-    /// Chooses the level by the `bits` of the first picture, and lets `config` state it.
+    /// Chooses the level by the `bits` of the first picture and sets it in `config`.
     pub fn begin(&mut self, config: &mut Config, bits: u64) {
         if self.buffer.is_some() || config.rate != Rate::ConstantQuantiser {
             return;
@@ -30,12 +30,13 @@ impl Bounds {
         self.buffer = Some(buffer(config));
     }
 
-    /// Lets `config` state the chosen level again.
+    /// Sets the chosen level in `config` again.
     pub fn restate(&self, config: &mut Config) {
         config.raised = self.level;
     }
 
-    /// A coarser quantiser_scale in 256ths after a picture of `bits` did not fit; `None` if it did, or if there is none.
+    /// Returns a coarser quantiser_scale in 256ths if a picture of `bits` does not fit; `None` if it fits or no coarser one
+    /// exists.
     pub fn coarser(&self, scale_x256: u32, bits: u64) -> Option<u32> {
         let left = self.buffer.as_ref()?.bits().max(1) as u64;
         if bits <= left || u64::from(scale_x256) >= COARSEST_X256 {
@@ -45,25 +46,25 @@ impl Bounds {
         Some(scaled.clamp(u64::from(scale_x256) + 256, COARSEST_X256) as u32)
     }
 
-    /// Takes a picture out of the buffer.
+    /// Removes a picture from the buffer.
     pub fn take(&mut self, bits: u64) {
         if let Some(buffer) = &mut self.buffer {
             buffer.take(bits as i64);
         }
     }
 
-    /// Whether these are bounds of a stream with these settings, of which pictures were coded or not.
+    /// Checks that these are limits of a stream with these settings; `has_pictures` if pictures were coded.
     pub fn check(&self, config: &Config, has_pictures: bool) -> Result<(), RestoreError> {
         let mut stated = config.clone();
         self.restate(&mut stated);
         let is_bounded = has_pictures && config.rate == Rate::ConstantQuantiser;
         let is_possible = self.level.is_none_or(|level| config.level.is_none() && level >= config.level());
-        ensure(is_possible && self.buffer.is_some() == is_bounded, "the bounds of the stream")?;
-        ensure(self.buffer.as_ref().is_none_or(|own| own.is_like(&buffer(&stated))), "the buffer of the stream")
+        ensure(is_possible && self.buffer.is_some() == is_bounded, "bounds of the stream")?;
+        ensure(self.buffer.as_ref().is_none_or(|own| own.is_like(&buffer(&stated))), "buffer of the stream")
     }
 }
 
-/// The full buffer that the headers of a stream at a constant quantiser state.
+/// Full buffer as stated by the headers of a stream at a constant quantiser.
 fn buffer(config: &Config) -> Buffer {
     let (bit_rate, size) = config.stated_rate();
     let size = match config.standard {
@@ -79,7 +80,7 @@ mod tests {
     use super::*;
     use crate::FrameRate;
 
-    /// The level of pictures of 352×288 whose first takes `bits`.
+    /// Level of a stream of 352×288 with a first picture of `bits`.
     fn level_after(config: Config, bits: u64) -> Level {
         let mut config = config;
         Bounds::default().begin(&mut config, bits);
@@ -104,9 +105,9 @@ mod tests {
         let mut config = Config::new(352, 288, FrameRate::FPS_25).with_level(Level::Low);
         let mut bounds = Bounds::default();
         bounds.begin(&mut config, 475_136);
-        assert_eq!(bounds.coarser(256, 475_136), None, "all that the buffer holds");
+        assert_eq!(bounds.coarser(256, 475_136), None, "a picture as large as the buffer");
         bounds.take(475_136);
-        // 160 000 bits have come since.
+        // Since then 160 000 bits have arrived.
         assert_eq!(bounds.coarser(256, 160_000), None);
         assert_eq!(bounds.coarser(256, 300_000), Some(512));
         assert_eq!(bounds.coarser(112 * 256, 300_000), None);

@@ -1,21 +1,22 @@
-//! How much is tried for few bits.
+//! Computation per picture.
 
-/// How much computation a picture is worth.
+/// Amount of computation that a picture may take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Effort {
-    /// Motion as it is given, the prediction that differs least, levels by rounding.
+    /// Given motion, the prediction with the least difference, rounded levels.
     Fast,
-    /// Vectors around what is given, types of pictures by content, macroblock-tree, levels by shortest path.
+    /// Vectors near the given ones, picture types by content, macroblock tree, levels by shortest path.
     #[default]
     Balanced,
-    /// Vectors by transformed differences, every prediction coded for comparison, and where quantisers may vary the cheapest one.
+    /// Vectors by transformed differences, full coding of every prediction, and the cheapest quantiser where quantisers may
+    /// vary.
     Best,
 }
 
 impl Effort {
-    /// All efforts, least computation first.
+    /// All efforts, in order of computation.
     pub const ALL: &[Self] = &[Self::Fast, Self::Balanced, Self::Best];
 
     /// Name in lower case, as in command lines and files.

@@ -1,4 +1,4 @@
-//! Pictures in, packets out: at once, or after a look at later pictures.
+//! The encoder: pictures in, packets out, immediately or after a look-ahead.
 
 mod ahead;
 mod immediate;
@@ -17,23 +17,24 @@ use std::fmt;
 
 /// Encodes pictures; made by [`Config::encoder`].
 ///
-/// Without a look-ahead every frame gives its packet at once: I and P pictures, one quantiser for all macroblocks unless
-/// weights are given. With
-/// [`Config::with_lookahead`], packets come later and in the order of coding, which is that of the stream: a B picture
-/// follows the I or P picture that is shown after it. [`Packet::display_index`] says which frame a packet is.
-#[must_use = "an encoder codes the frames that are pushed"]
+/// Without a look-ahead each frame immediately yields one packet, an I or P picture. All its macroblocks have one quantiser
+/// unless weights are given.
+///
+/// With [`Config::with_lookahead`], packets are delayed and follow the order of coding, which is the order of the stream. A B
+/// picture follows the I or P picture displayed after it. [`Packet::display_index`] identifies the frame.
+#[must_use = "an encoder only codes the frames pushed to it"]
 pub struct Encoder {
     coder: Coder,
     state: EncoderState,
 }
 
-/// All that an [`Encoder`] carries from one picture to the next, waiting frames included.
+/// State of an [`Encoder`] between two pictures, including waiting frames.
 ///
-/// [`Encoder::restore`] continues from it, in another process where the feature `serde` is on.
+/// [`Encoder::restore`] continues from it. With the feature `serde` another process can do so.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EncoderState {
-    /// The [`Config::fingerprint`] of the settings.
+    /// [`Config::fingerprint`] of the settings.
     settings: u64,
     mode: CodingMode,
 }
@@ -45,22 +46,22 @@ enum CodingMode {
     Ahead(Box<Ahead>),
 }
 
-/// The end of a stream: what [`Encoder::finish`] gives.
+/// The end of a stream, returned by [`Encoder::finish`].
 #[derive(Clone, Debug)]
-#[must_use = "the stream lacks these packets and its end"]
+#[must_use = "the stream is incomplete without these packets and its end"]
 #[non_exhaustive]
 pub struct Finish {
-    /// Pictures that waited, in the order of coding.
+    /// Waiting pictures, in the order of coding.
     pub packets: Vec<Packet>,
-    /// The bytes after the last packet: sequence_end_code.
+    /// Bytes after the last packet: sequence_end_code.
     pub end: Vec<u8>,
 }
 
 impl Config {
-    /// Checks all settings and starts an encoder.
+    /// Validates all settings and makes an encoder.
     ///
     /// # Errors
-    /// The settings are refused by [`Config::validate`].
+    /// If [`Config::validate`] refuses the settings.
     pub fn encoder(self) -> Result<Encoder, ConfigError> {
         self.validate()?;
         Ok(Encoder::new(self))
@@ -77,21 +78,21 @@ impl Encoder {
         Self { coder: Coder::new(config), state }
     }
 
-    /// The settings it was made with.
+    /// Settings of this encoder.
     pub fn config(&self) -> &Config {
         &self.coder.config
     }
 
-    /// All that the next packets depend on, besides settings and frames to come.
+    /// State that determines the next packets, together with settings and later frames.
     #[must_use]
     pub fn state(&self) -> &EncoderState {
         &self.state
     }
 
-    /// Continues where an encoder of the same settings was. Only quantiser_scale may differ.
+    /// Continues from the state of an encoder with the same settings; only quantiser_scale may differ.
     ///
     /// # Errors
-    /// The state is of an encoder with other settings, or contradicts itself. The encoder is as before then.
+    /// If the state belongs to other settings or is inconsistent. The encoder is then unchanged.
     pub fn restore(&mut self, state: EncoderState) -> Result<(), RestoreError> {
         if state.settings != self.state.settings {
             return Err(RestoreError::OtherSettings);
@@ -109,10 +110,10 @@ impl Encoder {
         Ok(())
     }
 
-    /// Uses another quantiser_scale from the next coded picture on, in place of a mean too.
+    /// Uses another quantiser_scale from the next coded picture on. It replaces a mean quantiser too.
     ///
     /// # Errors
-    /// The standard does not have this quantiser_scale.
+    /// If the standard does not have this quantiser_scale.
     pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) -> Result<(), ConfigError> {
         quantiser_scale_code(quantiser_scale)?;
         let config = self.config().clone().with_quantiser_scale(quantiser_scale);
@@ -124,43 +125,47 @@ impl Encoder {
         Ok(())
     }
 
-    /// Takes the next frame and gives the packets that can be coded now. Without a look-ahead that is one.
+    /// Takes the next frame and returns the packets that can be coded now. Without a look-ahead this is one packet.
     ///
-    /// `motion` changes what is tried, never what is correct. Without it, vectors are searched for.
+    /// `motion` only affects which vectors are tried, so wrong motion costs bits, not correctness. Without it, the encoder
+    /// searches.
     ///
     /// # Panics
-    /// If frame or motion fields have another size than the [`Config`].
-    #[must_use = "packets are the stream"]
+    /// If the size of the frame or of a motion field differs from the [`Config`].
+    #[must_use = "the packets form the stream"]
     pub fn push(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
         self.push_frame(frame, motion, None)
     }
 
-    /// The same with a factor of quantiser_scale for every macroblock: below 1 where errors show, above 1 where they do not.
+    /// Takes the next frame, with a factor of quantiser_scale for each macroblock: below 1 where errors are visible, above 1
+    /// where they are not.
     ///
-    /// Factors go from 1/16 to 16, and what is not a number counts as 1. They replace those of
-    /// [`Config::with_adaptive_quantisation`], and have no effect with [`Config::with_uniform_quantiser`].
+    /// Factors are clamped to 1/16 to 16; NaN counts as 1. They replace the factors of [`Config::with_adaptive_quantisation`].
+    /// [`Config::with_uniform_quantiser`] disables them.
     ///
-    /// Without a look-ahead only the ratios of factors count: all are multiplied by one number, so that the geometric mean of the
-    /// scales stays quantiser_scale. In each row of macroblocks, a scale between those that exist becomes one of the two around.
-    /// Factors that are all the same give the bits of [`Encoder::push`]. With a look-ahead factors are taken as they are, each scale
-    /// becomes the nearest, and only a bit rate makes up for the mean of the factors.
+    /// Without a look-ahead only the ratios of the factors matter. They are normalized so that the geometric mean of the scales
+    /// stays quantiser_scale. A scale between two existing values becomes one of them, chosen by row. Equal factors give the
+    /// same bits as [`Encoder::push`].
+    ///
+    /// With a look-ahead the factors are not normalized, and each scale is rounded to the nearest existing value. Only a bit
+    /// rate then compensates for their mean.
     ///
     /// # Panics
-    /// If frame or motion fields have another size than the [`Config`], or `weights` is not one sample for each 16×16 luma
-    /// samples, width and height rounded up.
-    #[must_use = "packets are the stream"]
+    /// If the size of the frame or of a motion field differs from the [`Config`]. Or if `weights` does not have one sample for
+    /// each 16×16 luma samples, with width and height rounded up.
+    #[must_use = "the packets form the stream"]
     pub fn push_weighted(&mut self, frame: &Picture, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
         let counts = self.config().shown_macroblocks();
-        assert_eq!((weights.width(), weights.height()), counts, "weights that are not one for each macroblock");
+        assert_eq!((weights.width(), weights.height()), counts, "the weights must have one sample for each macroblock");
         self.push_frame(frame, motion, Some(weights))
     }
 
-    /// Shows the last frame again, as another one. Without a look-ahead all of its macroblocks are skipped, as far as the standard
-    /// allows; with one, `frame` is coded with what changed meanwhile, which may be nothing.
+    /// Repeats the last frame as a new one. Without a look-ahead all of its macroblocks are skipped, as far as the standard
+    /// allows. With a look-ahead, `frame` is coded normally, and only its changes take bits.
     ///
     /// # Panics
-    /// As [`Encoder::push`], or if there was no frame.
-    #[must_use = "packets are the stream"]
+    /// If [`Encoder::push`] would panic, or no frame was pushed before.
+    #[must_use = "the packets form the stream"]
     pub fn push_again(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
         match &mut self.state.mode {
             CodingMode::Immediate(immediate) => vec![immediate.push_again(&mut self.coder)],
@@ -179,8 +184,10 @@ impl Encoder {
         }
     }
 
-    /// quantiser_scale that the frames which wait are to be coded with, as far as bit rate and buffer tell now; `None` where bits are
-    /// not bounded, and where fewer than two frames wait. What is learnt from the frames coded until then, and later frames, may still change it.
+    /// Planned quantiser_scale of the waiting frames, by the current bit rate and buffer fullness.
+    ///
+    /// `None` if bits are not bounded or fewer than two frames wait. Later frames, and statistics of the frames coded until
+    /// then, may still change it.
     pub fn planned_quantiser_scale(&mut self) -> Option<f32> {
         match &mut self.state.mode {
             CodingMode::Immediate(_) => None,
@@ -199,9 +206,9 @@ impl Encoder {
 
     /// Whether a frame, counted from 0 in display order, is the I picture of a group of pictures.
     ///
-    /// For frames that were pushed the result is exact, scene cuts included. Groups of later frames are counted from the last
-    /// group that has begun: only a scene cut can begin another one earlier. `None` stands for frames before the last coded
-    /// I or P picture, whose packets tell.
+    /// For pushed frames the result is exact and includes shot changes. Groups of later frames are counted from the start of
+    /// the latest group; only a shot change can begin one earlier. `None` if the frame precedes the last coded I or P picture;
+    /// see the type of its packet instead.
     #[must_use]
     pub fn begins_group(&self, display_index: u64) -> Option<bool> {
         let gop = self.config().gop;
@@ -214,9 +221,9 @@ impl Encoder {
 
 fn check_input(config: &Config, frame: &Picture, fields: [Option<&Correspondence>; 2]) {
     let size = (config.width, config.height);
-    assert_eq!((frame.width(), frame.height()), size, "a frame of another size than the encoder's");
+    assert_eq!((frame.width(), frame.height()), size, "the size of the frame differs from the settings");
     for field in fields.into_iter().flatten() {
-        assert_eq!((field.width(), field.height()), size, "a motion field of another size than the encoder's");
+        assert_eq!((field.width(), field.height()), size, "the size of the motion field differs from the settings");
     }
 }
 

@@ -14,17 +14,17 @@ pub enum Level {
     High,
 }
 
-/// Limits of a level (the tables of clause 8).
+/// Limits of a level (tables of clause 8).
 pub(crate) struct Limits {
     pub level: Level,
-    /// The level's four bits of profile_and_level_indication.
+    /// The four bits of the level in profile_and_level_indication.
     pub level_indication: u32,
     pub width: usize,
     pub height: usize,
     pub pictures_per_second: f64,
     pub luma_samples_per_second: f64,
     pub bits_per_second: u64,
-    /// Largest vbv_buffer_size, in units of 16 384 bits.
+    /// Maximum vbv_buffer_size, in units of 16 384 bits.
     pub vbv_buffer_size: u64,
     pub f_code_horizontal: u32,
     pub f_code_vertical: u32,
@@ -55,12 +55,12 @@ const LIMITS: [Limits; 4] = [
 ];
 
 impl Level {
-    /// The lowest level that holds pictures of this size at this rate; `None` beyond High Level.
+    /// Lowest level that allows pictures of this size at this rate; `None` beyond High Level.
     pub fn lowest(width: usize, height: usize, fps: f64) -> Option<Self> {
         LIMITS.iter().find(|limits| limits.hold(width, height, fps)).map(|limits| limits.level)
     }
 
-    /// The bit rate of the level with this vbv_buffer_size, in units of 400 bits a second.
+    /// Bit rate of the level with this vbv_buffer_size, in units of 400 bits per second.
     pub(crate) fn rate_of_buffer(vbv_buffer_size: u32) -> Option<u32> {
         let limits = LIMITS.iter().find(|limits| limits.vbv_buffer_size == u64::from(vbv_buffer_size))?;
         Some((limits.bits_per_second / 400) as u32)
@@ -72,7 +72,7 @@ impl Level {
 }
 
 impl Limits {
-    /// Do pictures of this size at this rate fit?
+    /// Whether the level allows pictures of this size at this rate.
     pub fn hold(&self, width: usize, height: usize, fps: f64) -> bool {
         width <= self.width
             && height <= self.height
@@ -93,7 +93,7 @@ mod tests {
         }
         assert_eq!(Level::lowest(352, 288, 30.0), Some(Level::Low));
         assert_eq!(Level::lowest(720, 576, 25.0), Some(Level::Main));
-        assert_eq!(Level::lowest(704, 576, 30.0), Some(Level::High1440), "over the sample rate of Main Level");
+        assert_eq!(Level::lowest(704, 576, 30.0), Some(Level::High1440), "above the sample rate of Main Level");
         assert_eq!(Level::lowest(1920, 1080, 25.0), Some(Level::High));
         assert_eq!(Level::lowest(1920, 1080, 60.0), None);
     }

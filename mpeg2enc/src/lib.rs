@@ -5,8 +5,10 @@
 //! A [`Multiplexer`] wraps them in a [`Container`].
 //!
 //! A [`Config`] makes an [`Encoder`], which takes each [`Picture`] and, if known, the earlier positions of its pixels
-//! ([`Correspondence`]). Each frame yields a [`Packet`], with the reconstruction that a decoder will show. With a look-ahead ([`Config::with_lookahead`]) the encoder waits for later frames before it codes one. It then offers B pictures,
-//! bit rates ([`Rate`]), and finer quantisers in areas that later pictures predict from.
+//! ([`Correspondence`]). Each frame yields a [`Packet`], with the reconstruction that a decoder will show.
+//!
+//! With a look-ahead ([`Config::with_lookahead`]) the encoder waits for later frames before it codes one. It then offers B
+//! pictures, bit rates ([`Rate`]), and finer quantisers in areas that later pictures predict from.
 //!
 //! ```
 //! use mpeg2enc::{Config, Correspondence, FrameRate, KnownMotion, Picture, Plane};

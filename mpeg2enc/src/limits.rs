@@ -1,11 +1,11 @@
-//! The largest values of settings.
+//! Maximum values of settings.
 
-/// The largest distance of I pictures: no macroblock is predicted more than 131 times before it is coded intra again,
-/// so that the differences of inverse transforms, which the standard allows, do not add up without end.
+/// Maximum distance between I pictures. A macroblock is predicted at most 131 times before it is intra coded again. This bounds
+/// the accumulated mismatch of inverse transforms that the standard allows.
 pub(crate) const GROUP_MAX: u32 = 132;
-/// The largest width and height that horizontal_size and vertical_size can say (6.3.3, 14 bits).
+/// Maximum width and height that horizontal_size and vertical_size can represent (6.3.3, 14 bits).
 pub(crate) const SIZE_MAX: usize = 16383;
-/// The most B pictures in a row: vectors would reach too far.
+/// Maximum number of consecutive B pictures; with more, vectors would become too long.
 pub(crate) const B_PICTURES_MAX: u32 = 7;
-/// The longest look-ahead: beyond a few dozen frames, what is inherited no longer changes.
+/// Maximum look-ahead in frames; inheritance beyond a few dozen frames has no effect.
 pub(crate) const LOOKAHEAD_MAX: u32 = 30;

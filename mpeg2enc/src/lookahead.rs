@@ -1,8 +1,8 @@
-//! Frames that wait to be coded, and what is known of them beforehand.
+//! Frames waiting to be coded, and measurements of them.
 //!
-//! All is measured on luma of half the width and height, source against source: how well each block of 8×8 there,
-//! a macroblock of the picture, is predicted from other frames, and how well from nothing.
-//! Types of pictures ([`plan`]) and quantisers ([`tree`]) are chosen from that, and vectors begin with what was found.
+//! All measurements compare source frames in luma at half the width and height. They estimate the cost of each 8×8 block there
+//! (a macroblock of the picture) with and without prediction from other frames. Picture types ([`plan`]) and quantisers
+//! ([`tree`]) follow from these costs. The measured vectors are starting points of the final motion search.
 
 mod block_search;
 mod cost;
@@ -27,21 +27,21 @@ use std::{
 };
 use waiting::{Match, TwoSided, Waiting};
 
-/// More frames than any film has.
+/// Upper bound on the number of frames of a film.
 const MOST_FRAMES: usize = 1 << 30;
 
-/// Frames in display order, from the last coded reference frame on.
+/// Waiting frames in display order, from the last coded reference frame on.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Lookahead {
     frames: VecDeque<Waiting>,
-    /// Display index of the first of them.
+    /// Display index of the first of these frames.
     first: usize,
     /// Display index of the last frame that begins a group.
     last_group: usize,
-    /// Is only what tells new scenes and begins vectors to be found?
+    /// Whether measurements are limited to shot changes and starting vectors.
     quick: bool,
-    /// Do transformed differences count, which are nearer to bits, or plain ones?
+    /// Whether costs are transformed differences, which approximate bits better than plain ones.
     transformed: bool,
 }
 
@@ -70,7 +70,8 @@ impl Lookahead {
         &self.frames[index - self.first]
     }
 
-    /// Takes the next frame, in whole macroblocks, and factors of quantiser_scale for them; decides whether it begins a group.
+    /// Takes the next frame in whole macroblocks, and their factors of quantiser_scale. Decides whether the frame begins a
+    /// group.
     pub fn push(&mut self, config: &Config, source: Arc<Picture>, motion: KnownMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known = [motion.to_previous, motion.to_next]
@@ -87,6 +88,7 @@ impl Lookahead {
             two_sided: BTreeMap::new(),
         });
         let index = self.end() - 1;
+        // A group begins when the previous one is full or the shot changes.
         let is_due = index == 0 || index - self.last_group >= config.gop as usize;
         if is_due || config.scene_cuts && self.is_scene_cut(index) {
             self.last_group = index;
@@ -94,7 +96,7 @@ impl Lookahead {
         }
     }
 
-    /// Whether a frame is the I picture of a group, see [`Encoder::begins_group`](crate::Encoder::begins_group).
+    /// Whether a frame is the I picture of a group; see [`Encoder::begins_group`](crate::Encoder::begins_group).
     pub fn begins_group(&self, index: usize, gop: usize) -> Option<bool> {
         if index >= self.end() {
             return Some((index - self.last_group).is_multiple_of(gop));
@@ -103,14 +105,14 @@ impl Lookahead {
         index.checked_sub(self.first).map_or_else(since_last_group, |place| Some(self.frames[place].begins_group))
     }
 
-    /// Whether this is a look-ahead of an encoder with these settings.
+    /// Checks that this is a look-ahead of an encoder with these settings.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
         let fresh = Self::new(config.effort);
-        ensure((self.quick, self.transformed) == (fresh.quick, fresh.transformed), "the effort of the look-ahead")?;
-        ensure(self.first < MOST_FRAMES, "the number of frames")?;
-        ensure(self.first == 0 || !self.frames.is_empty(), "the waiting frames")?;
+        ensure((self.quick, self.transformed) == (fresh.quick, fresh.transformed), "effort of the look-ahead")?;
+        ensure(self.first < MOST_FRAMES, "number of frames")?;
+        ensure(self.first == 0 || !self.frames.is_empty(), "waiting frames")?;
         self.frames.iter().try_for_each(|frame| frame.check(config))?;
-        // Groups are as long as they may be at most.
+        // Groups must not exceed their maximum length.
         let starts: Vec<usize> = (self.first..self.end()).filter(|&index| self.get(index).begins_group).collect();
         let before = starts.first().map_or(self.last_group, |&first| first.saturating_sub(config.gop as usize));
         let mut bounds = vec![before];
@@ -124,7 +126,7 @@ impl Lookahead {
         )
     }
 
-    /// Forgets the frames before this one.
+    /// Drops the frames before this one.
     pub fn drop_before(&mut self, index: usize) {
         while self.first < index {
             self.frames.pop_front();
@@ -136,18 +138,18 @@ impl Lookahead {
         self.frames[0].source.width() / 16
     }
 
-    /// Macroblocks of a frame.
+    /// Number of macroblocks of a frame.
     pub fn macroblocks(&self) -> usize {
         self.columns() * self.frames[0].source.height() / 16
     }
 
-    /// Cost of every macroblock of a frame without a prediction.
+    /// Cost of every macroblock of a frame without prediction.
     pub fn intra_costs(&self, index: usize) -> &Arc<[u32]> {
         let frame = self.get(index);
         frame.intra_costs.get_or_init(|| intra_costs(frame.half(), self.transformed))
     }
 
-    /// Is the motion of this frame towards its neighbor given?
+    /// Given motion of this frame to its neighbor, if any.
     fn is_known(&self, index: usize, delta: isize) -> Option<&Arc<[Candidates]>> {
         self.get(index).known[usize::from(delta > 0)].as_ref()
     }
@@ -164,7 +166,7 @@ impl Lookahead {
         if delta == step {
             return near;
         }
-        // Where this is in the neighbor, and from there on.
+        // Follow the motion to the neighbor, and continue from there.
         let (first, rest) = (self.matches(index, step), self.matches(neighbor, delta - step));
         let columns = self.columns();
         let rows = rest.len() / columns;
@@ -182,7 +184,7 @@ impl Lookahead {
             .collect()
     }
 
-    /// Vectors from the frame before `later` to it: its own turned round, where they end.
+    /// Vectors from the predecessor of `later` to it: the opposites of its own vectors, at their ends.
     fn reversed(&mut self, later: usize) -> Arc<[Candidates]> {
         let matches = self.matches(later, -1);
         let columns = self.columns();
@@ -193,7 +195,7 @@ impl Lookahead {
         for (i, found) in matches.iter().enumerate() {
             let given = known.get(i).map_or(&[][..], |candidates| candidates.vectors());
             for vector in [full_size(found.vector)].iter().chain(given) {
-                // Up to four macroblocks are covered.
+                // A shifted macroblock covers up to four macroblocks.
                 let (x, y) = (32 * (i % columns) as i32 + vector.x, 32 * (i / columns) as i32 + vector.y);
                 for (x, y) in [(x, y), (x + 31, y), (x, y + 31), (x + 31, y + 31)] {
                     let (column, row) = (x >> 5, y >> 5);
@@ -206,7 +208,7 @@ impl Lookahead {
         out.into()
     }
 
-    /// The best match of every macroblock in the frame `delta` away.
+    /// Best match of every macroblock in the frame `delta` away.
     pub fn matches(&mut self, index: usize, delta: isize) -> Arc<[Match]> {
         if let Some(matches) = self.get(index).matches.get(&delta) {
             return matches.clone();
@@ -216,12 +218,13 @@ impl Lookahead {
             (delta == -1 && index > self.first).then(|| self.get(index - 1).matches.get(&-1).cloned()).flatten();
         let frame = self.get(index);
         let reference = self.get(away(index, delta));
-        // Farther frames are reached by way of nearer ones.
+        // Distant frames are reached through nearer ones, so only neighbors need a wide search.
         let turned_round = delta == 1 && self.is_known(index + 1, -1).is_some();
         let wide = delta.abs() == 1 && self.is_known(index, delta).is_none() && !turned_round;
         let (columns, transformed) = (self.columns(), self.transformed);
         let rows = candidates.len() / columns;
         let search = &BlockSearch { frame, reference, wide, transformed };
+        // Rows are independent; within a row the left vector predicts the next one.
         let matches: Arc<[Match]> = (0..rows)
             .into_par_iter()
             .flat_map_iter(|row| {
@@ -240,7 +243,7 @@ impl Lookahead {
         matches
     }
 
-    /// The best of forward, backward and both in every macroblock of a B picture.
+    /// Best of forward, backward and two-sided prediction in every macroblock of a B picture.
     pub fn two_sided(&mut self, index: usize, back: isize, ahead: isize) -> Arc<[TwoSided]> {
         if let Some(found) = self.get(index).two_sided.get(&(back, ahead)) {
             return found.clone();
@@ -275,7 +278,7 @@ impl Lookahead {
         found
     }
 
-    /// Vectors towards the frame `delta` away, as given from frame to frame and nothing else; `None` if they are not.
+    /// Vectors towards the frame `delta` away, chained only from given motion; `None` if a link is missing.
     fn chained(&mut self, index: usize, delta: isize) -> Option<Arc<[Candidates]>> {
         let step = delta.signum();
         let neighbor = away(index, step);
@@ -305,7 +308,7 @@ impl Lookahead {
         Some(chained.collect())
     }
 
-    /// Vectors that a search in the picture itself begins with, towards the frame `delta` away.
+    /// Starting vectors for the final search towards the frame `delta` away.
     pub fn for_coding(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
         if self.quick
             && let Some(chained) = self.chained(index, delta)
@@ -319,6 +322,7 @@ impl Lookahead {
             .map(|i| {
                 let mut out = near[i];
                 out.add(full_size(matches[i].vector));
+                // A single motion needs no candidates from neighboring macroblocks.
                 if out.one_motion {
                     return out;
                 }
@@ -340,7 +344,7 @@ fn away(index: usize, delta: isize) -> usize {
     index.checked_add_signed(delta).expect("references are frames of the sequence")
 }
 
-/// The macroblock in which the middle of macroblock `i` lands.
+/// Macroblock that contains the center of macroblock `i` after displacement by `vector`.
 fn landing(i: usize, vector: HalfSample, columns: usize, rows: usize) -> usize {
     let place = |position: usize, component: i32, count: usize| {
         ((32 * position as i32 + component + 16) >> 5).clamp(0, count as i32 - 1) as usize

@@ -1,32 +1,32 @@
-//! Bit rates, and how quantisers keep to them.
+//! Bit rates and the modes of rate control.
 
 mod passes;
 
 pub use passes::Passes;
 
-/// Part of the buffer that is full at the beginning, and is to be full again at the end of each window, in 16ths: room for
-/// the first I picture, and for what comes after. Any difference between the two would be spent over the length of the film:
-/// with 13 and 10 a second of film took 9 % more than its rate.
+/// Fullness of the buffer at the beginning, and again at the end of each window, in 16ths. It leaves room for the first I
+/// picture and for later pictures. The two must be equal, because a film spends any difference over its length. With 13 and 10
+/// a second of film exceeded its rate by 9 %.
 const LEVEL_SIXTEENTHS: i64 = 11;
 
-/// How quantisers are chosen.
+/// Mode of rate control.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Rate {
-    /// By quantiser_scale alone; no bound on bits.
+    /// The quantiser_scale of the settings; no bound on bits.
     #[default]
     ConstantQuantiser,
-    /// This many bits a second, always: vbv_delay tells when each picture is due, and nothing overflows.
+    /// Constant bit rate. vbv_delay states when each picture is due, and the buffer never overflows.
     Constant {
-        /// Bits a second; a multiple of 400 is stated and kept, the next above.
+        /// Bits per second, rounded up to a multiple of 400.
         bits_per_second: u32,
-        /// Size of the decoder's buffer, in bits; a multiple of 16384 is stated and kept, the next below.
+        /// Size of the decoder's buffer in bits, rounded down to a multiple of 16384.
         buffer_bits: u32,
     },
-    /// By quantiser_scale, and coarser only where a decoder that reads at most this many bits a second would run dry.
+    /// The quantiser_scale of the settings; coarser only where a decoder that reads at this maximum rate would underflow.
     Capped {
-        /// The most bits a second.
+        /// Maximum bits per second.
         bits_per_second: u32,
         /// Size of the decoder's buffer, in bits.
         buffer_bits: u32,
@@ -34,7 +34,7 @@ pub enum Rate {
 }
 
 impl Rate {
-    /// bit_rate in units of 400 bits a second, and vbv_buffer_size in units of 16 384 bits, if they are bounded.
+    /// bit_rate in units of 400 bits per second and vbv_buffer_size in units of 16 384 bits, if they are bounded.
     pub(crate) fn stated(self) -> Option<(u32, u32)> {
         match self {
             Self::ConstantQuantiser => None,
@@ -45,7 +45,7 @@ impl Rate {
     }
 }
 
-/// Bits in a buffer of `size` bits when the first picture is taken out.
+/// Bits in a buffer of `size` bits when the first picture is removed.
 pub(crate) fn starting_fullness(rate: Rate, size: i64) -> i64 {
     match rate {
         Rate::Constant { .. } => size * LEVEL_SIXTEENTHS / 16,

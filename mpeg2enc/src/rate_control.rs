@@ -1,6 +1,6 @@
-//! The quantiser of the next picture, so that the stream keeps to a bit rate and the decoder's buffer holds it.
+//! Chooses the quantiser of the next picture, so that the stream meets a bit rate and fits the decoder's buffer.
 //!
-//! Bits are predicted from what the lookahead measured:
+//! Bits are predicted from costs measured by the look-ahead:
 //!
 //! ```text
 //! bits = f + c·cost / (q^a·e(u))        f     floor: headers, types, vectors, DC coefficients
@@ -9,56 +9,58 @@
 //!                                       q, n  quantiser_scale, number of macroblocks
 //!                                       a     3/4 for I pictures, 1 for others
 //! ```
-//! e(u) is near e^u: where q is large beside the mean difference cost/n, nearly all levels are zero.
+//! e(u) approximates e^u: if q is large compared with the mean difference cost/n, nearly all levels are zero.
 //!
-//! All frames that wait are to be coded with one quantiser_scale, which is found by bisection. It is the finest with which
-//! the buffer does not run dry, and the bits come out right at the end. Once the buffer is full, what comes later no
-//! longer depends on the pictures before. All that is done anew for each picture.
+//! All waiting frames get one quantiser_scale, found by bisection. It is the finest with which the buffer does not underflow
+//! and the total of bits is right at the end. After the buffer is full, later pictures no longer depend on earlier ones. The
+//! search is repeated for each picture.
 
 use crate::{
     CoefficientTable, Config, PictureStatistics, PictureType, Rate, RestoreError, rate::starting_fullness,
     restore::ensure, vbv::Buffer,
 };
 
-/// A picture that will be coded, in the order of coding.
+/// A picture to be coded, in the order of coding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Upcoming {
     pub picture_type: PictureType,
     pub cost: u64,
 }
 
-/// quantiser_scale in sixteenths: finest and coarsest.
+/// Finest quantiser_scale, in sixteenths.
 const FINEST_X16: u32 = 16;
+/// Coarsest quantiser_scale, in sixteenths.
 const COARSEST_X16: u32 = 112 * 16;
-/// f of I, P, B before anything is learnt, in bits a macroblock. These, and the numbers of c and κ, are middle values over
-/// the clips of the rate table of README.md, at quantiser_scale 1 to 48 and every effort.
+/// Initial f of I, P and B pictures, in bits per macroblock. Like c and κ, these are middle values over the clips of the rate
+/// table of README.md, at quantiser_scale 1 to 48 and every effort.
 const FIRST_FLOOR: [i64; 3] = [45, 8, 8];
-/// c of I, P, B before anything is learnt, in 256ths.
+/// Initial c of I, P and B pictures, in 256ths.
 const FIRST_C: [i64; 3] = [750, 2500, 2000];
-/// κ of I, P, B.
+/// κ of I, P and B pictures.
 const KAPPA: [i64; 3] = [0, 2, 6];
-/// The most that u can be, in 256ths: no level is left there.
+/// Maximum of u, in 256ths: no levels remain there.
 const MOST_U: i64 = 32 << 8;
-/// c is at most this many times as large or as small as before anything is learnt: noise at rest tells little of a scene that
-/// follows. With 16 that scene lost up to 1.1 dB (a title, then action, at most 300 kbit/s).
+/// Maximum ratio of c to its initial value, and of the initial value to c. Noise in a static scene predicts little about the
+/// next scene. With 16 that next scene lost up to 1.1 dB (a title, then action, at most 300 kbit/s).
 const C_RANGE: i64 = 4;
-/// The least cost of a macroblock, in the mean, of which c is learnt: less is noise that even the finest quantiser takes
-/// away, or nothing at all.
+/// Minimum mean cost of a macroblock from which c is learned. Lower costs are noise that even the finest quantiser removes.
 const LEAST_COST: u64 = 2;
-/// Levels tell c where they take more than this part of the floor, or were to take it. Chosen, not tuned.
+/// c is learned only if levels take, or are predicted to take, more than this fraction of the floor, as an inverse. Chosen, not
+/// tuned.
 const LEVELS_OF_FLOOR: i64 = 8;
-/// Least ratio of a quantiser to the one before, in thirds, at a constant rate. With 2 instead of no limit, a clip of slow waves
-/// after dark still frames gains 0.8 dB (effort fast, 70 kbit/s). The clips of the rate table gain 0.04 dB on average at 300 kbit/s.
+/// Minimum ratio of a quantiser to the previous one, in thirds, at a constant rate. Compared with no limit, 2 gains 0.8 dB on a
+/// clip of slow waves after dark static frames (effort fast, 70 kbit/s). The clips of the rate table gain 0.04 dB on average at
+/// 300 kbit/s.
 const LEAST_OF_LAST_THIRDS: u32 = 2;
-/// Part of the buffer that planning does not touch, in 16ths: predicted bits are never exact.
+/// Fraction of the buffer that planning reserves, in 16ths, because predicted bits are never exact.
 const RESERVE_SIXTEENTHS: i64 = 1;
-/// More bits than any picture takes.
+/// Upper bound on the bits of any picture.
 const MOST_BITS: i64 = 1 << 40;
 
-/// Bits that a picture took.
+/// Bits of a coded picture, by kind.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Taken {
-    /// Bits that the quantiser hardly governs.
+    /// Bits that hardly depend on the quantiser.
     pub floor: i64,
     /// Bits of levels.
     pub levels: i64,
@@ -70,37 +72,37 @@ impl Taken {
     }
 }
 
-/// How many bits the pictures of a type take.
+/// Model of the bits of one picture type.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Model {
     /// f, in bits.
     floor: i64,
-    /// c in 256ths.
+    /// c, in 256ths.
     c: i64,
-    /// Was anything learnt?
+    /// Whether a picture has contributed.
     is_learnt: bool,
 }
 
-/// Chooses quantisers, and keeps the buffer.
+/// Chooses quantisers and tracks the decoder's buffer.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct RateControl {
     pub buffer: Buffer,
     rate: Rate,
     quantiser_x16: u32,
-    /// The quantiser of the last picture, in sixteenths.
+    /// quantiser_scale of the last picture, in sixteenths.
     last_x16: u32,
     start: i64,
     macroblocks: i64,
-    /// Bits of an intra macroblock of zeros, without its type.
+    /// Bits of an intra macroblock with only zeros, without its type.
     empty_intra_bits: i64,
-    /// For I, P, B.
+    /// Models of I, P and B pictures.
     models: [Model; 3],
 }
 
 impl RateControl {
-    /// `None` where bits are not bounded.
+    /// Returns the initial control; `None` if bits are not bounded.
     pub fn new(config: &Config, macroblocks: usize) -> Option<Self> {
         let (bit_rate, buffer_size) = config.rate.stated()?;
         let (bit_rate, size) = (400 * i64::from(bit_rate), 16_384 * i64::from(buffer_size));
@@ -115,30 +117,30 @@ impl RateControl {
             last_x16: FINEST_X16,
             start,
             macroblocks,
-            // dct_dc_size of zero has 3 bits in a block of luma and 2 in one of chroma; End of block has 2 or 4.
+            // dct_dc_size of zero has 3 bits in a luma block and 2 in a chroma block; End of block has 2 or 4.
             empty_intra_bits: 4 * 3 + 2 * 2 + 6 * if config.intra_table == CoefficientTable::Zero { 2 } else { 4 },
             models: std::array::from_fn(first),
         })
     }
 
-    /// Uses the quantiser of changed settings.
+    /// Adopts the quantiser of changed settings.
     pub fn set_quantiser(&mut self, config: &Config) {
         self.quantiser_x16 = config.quantiser_x256() / 16;
     }
 
-    /// Whether this follows from the one with which an encoder of the same settings begins.
+    /// Checks that this state can follow from `fresh`, the initial state of the same settings.
     pub fn check(&self, fresh: &Self) -> Result<(), RestoreError> {
         let settings = |of: &Self| (of.rate, of.start, of.macroblocks, of.empty_intra_bits);
         ensure(settings(self) == settings(fresh) && self.buffer.is_like(&fresh.buffer), "rate control")?;
         let is_quantiser = |x16: u32| (FINEST_X16..=COARSEST_X16).contains(&x16);
-        ensure(is_quantiser(self.quantiser_x16) && is_quantiser(self.last_x16), "the quantiser of rate control")?;
+        ensure(is_quantiser(self.quantiser_x16) && is_quantiser(self.last_x16), "quantiser of rate control")?;
         let is_possible = |(model, first): (&Model, i64)| {
             (0..=MOST_BITS).contains(&model.floor) && bounded_c(model.c, first) == model.c
         };
-        ensure(self.models.iter().zip(FIRST_C).all(is_possible), "the models of rate control")
+        ensure(self.models.iter().zip(FIRST_C).all(is_possible), "models of rate control")
     }
 
-    /// q^a·e(u)/cost, of which c is divided to bits: as numerator, in 4096ths, and denominator.
+    /// Returns q^a·e(u) / cost, the divisor of c: numerator in 4096ths, and denominator.
     fn divisor(&self, picture: Upcoming, quantiser_x16: u32) -> (i64, i64) {
         let kappa = KAPPA[picture.picture_type as usize - 1];
         let cost = (picture.cost as i64).max(1);
@@ -147,19 +149,20 @@ impl RateControl {
         (power_x16(picture.picture_type, quantiser_x16) * e, cost)
     }
 
-    /// Bits that a picture will take.
+    /// Predicts the bits of a picture.
     pub fn predicted(&self, picture: Upcoming, quantiser_x16: u32) -> Taken {
         let Model { floor, c, .. } = self.models[picture.picture_type as usize - 1];
         let (divisor, cost) = self.divisor(picture, quantiser_x16);
         Taken { floor, levels: 16 * c * cost / divisor }
     }
 
-    /// quantiser_scale in sixteenths for the first of `upcoming`; `tried` is what that picture took, if it was coded already.
+    /// Returns quantiser_scale in sixteenths for the first of `upcoming`. `tried` is its quantiser and bits, if it was coded
+    /// already.
     pub fn quantiser_x16(&self, upcoming: &[Upcoming], tried: Option<(u32, Taken)>) -> u32 {
         let (finest, left) = match self.rate {
             Rate::ConstantQuantiser => return self.quantiser_x16,
             Rate::Capped { .. } => (self.quantiser_x16, i64::MIN),
-            // Where all levels were zero, nothing tells how many a far finer quantiser makes.
+            // If all levels were zero, the number of levels with a far finer quantiser is unknown.
             Rate::Constant { .. } => ((self.last_x16 * LEAST_OF_LAST_THIRDS / 3).max(FINEST_X16), self.start),
         };
         least(finest, |q| {
@@ -169,15 +172,16 @@ impl RateControl {
         })
     }
 
-    /// Bits of a picture with another quantiser than the one that was tried.
+    /// Predicts the bits of a picture with another quantiser from the bits with a tried one.
     fn rescaled(&self, picture: Upcoming, tried_x16: u32, taken: Taken, quantiser_x16: u32) -> Taken {
         let [(tried, _), (wanted, _)] = [tried_x16, quantiser_x16].map(|q| self.divisor(picture, q));
-        // No levels at all may become many with a finer quantiser.
+        // Zero levels may become many with a finer quantiser.
         let levels = taken.levels.max(taken.floor / LEVELS_OF_FLOOR);
         Taken { levels: (i128::from(levels) * i128::from(tried) / i128::from(wanted)) as i64, ..taken }
     }
 
-    /// Does the buffer get full before these pictures run it dry? If neither happens, are `left` bits in it at the end?
+    /// Whether the buffer becomes full before these pictures empty it. If neither happens, whether at least `left` bits remain
+    /// at the end.
     fn fits(&self, pictures: impl Iterator<Item = Taken>, left: i64) -> bool {
         let mut buffer = self.buffer;
         let reserve = buffer.size * RESERVE_SIXTEENTHS / 16;
@@ -185,7 +189,7 @@ impl RateControl {
         for picture in pictures {
             let bits = picture.bits();
             (floors, all_levels) = (floors + picture.floor, all_levels + picture.levels);
-            // Where few levels are left, none can be saved.
+            // Few levels offer no bits to save.
             if buffer.bits() - bits < reserve && all_levels > floors / LEVELS_OF_FLOOR {
                 return false;
             }
@@ -197,11 +201,11 @@ impl RateControl {
         buffer.bits() >= left || all_levels <= floors / LEVELS_OF_FLOOR
     }
 
-    /// Model of a picture by what it took with this quantiser.
+    /// Returns the model that explains the bits of a picture with this quantiser.
     fn measured(&self, picture: Upcoming, quantiser_x16: u32, taken: Taken) -> Model {
         let index = picture.picture_type as usize - 1;
         let Taken { floor, levels } = taken;
-        // Levels that are few beside the floor, and were to be few, tell nothing about others.
+        // Levels that are few compared with the floor, as predicted, give no information about c.
         let is_quiet = picture.cost < LEAST_COST * self.macroblocks as u64;
         if is_quiet || levels.max(self.predicted(picture, quantiser_x16).levels) < floor / LEVELS_OF_FLOOR {
             return Model { floor, ..self.models[index] };
@@ -211,7 +215,7 @@ impl RateControl {
         Model { floor, c: bounded_c(c, FIRST_C[index]), is_learnt: true }
     }
 
-    /// Learns from a picture that took this with a quantiser.
+    /// Updates the model by a picture coded with this quantiser.
     pub fn learn(&mut self, picture: Upcoming, quantiser_x16: u32, taken: Taken) {
         let measured = self.measured(picture, quantiser_x16, taken);
         let model = &mut self.models[picture.picture_type as usize - 1];
@@ -219,30 +223,30 @@ impl RateControl {
             *model = measured;
             return;
         }
-        // c changes to three quarters at least, to five halves at most.
+        // c changes by a factor of at least 3/4 and at most 5/2.
         model.floor = (model.floor + measured.floor) / 2;
         model.c = (model.c + measured.c.clamp(model.c / 2, model.c * 4)) / 2;
     }
 
-    /// Bits of a picture, told apart: all but those of levels are the floor.
+    /// Splits the bits of a picture into levels and floor.
     pub fn taken(&self, bits: i64, statistics: &PictureStatistics) -> Taken {
         let empty = self.empty_intra_bits * i64::from(statistics.intra);
         let levels = (statistics.coefficient_bits as i64 - empty).clamp(0, bits);
         Taken { floor: bits - levels, levels }
     }
 
-    /// Takes a picture out of the buffer that is finished with this quantiser.
+    /// Removes a finished picture from the buffer and records its quantiser.
     pub fn take(&mut self, bits: i64, quantiser_x16: u32) {
         self.buffer.take(bits);
         self.last_x16 = quantiser_x16;
     }
 
-    /// Was anything learnt of this type?
+    /// Whether the model of this type has learned from a picture.
     pub fn knows(&self, picture_type: PictureType) -> bool {
         self.models[picture_type as usize - 1].is_learnt
     }
 
-    /// A coarser quantiser after a picture of `bits` did not fit; `None` if there is none.
+    /// Returns a coarser quantiser if a picture of `bits` does not fit; `None` if it fits or no coarser one exists.
     pub fn coarser_after(&self, quantiser_x16: u32, bits: i64) -> Option<u32> {
         let room = (self.buffer.bits() * 15 / 16).max(1);
         (bits > self.buffer.bits() && quantiser_x16 < COARSEST_X16).then(|| {
@@ -252,21 +256,21 @@ impl RateControl {
     }
 }
 
-/// c within the range about what it is first.
+/// Clamps c to the allowed range about its initial value.
 fn bounded_c(c: i64, first: i64) -> i64 {
     c.clamp(first / C_RANGE, first * C_RANGE)
 }
 
-/// quantiser_scale to the power that bits follow, in sixteenths.
+/// Returns the power of quantiser_scale that bits depend on, in sixteenths.
 fn power_x16(picture_type: PictureType, quantiser_x16: u32) -> i64 {
     match picture_type {
-        // 16·q^(3/4) = (16^4·q³)^(1/4) = (16·(16·q)³)^(1/4); eight more bits each time keep the fraction.
+        // 16·q^(3/4) = (16^4·q³)^(1/4) = (16·(16·q)³)^(1/4); eight extra bits per root preserve the fraction.
         PictureType::I => ((16 * u64::from(quantiser_x16).pow(3)) << 16).isqrt().isqrt() as i64 >> 4,
         _ => i64::from(quantiser_x16),
     }
 }
 
-/// The finest quantiser from `finest` on for which `fits` holds; the coarsest if none does.
+/// Finest quantiser from `finest` on for which `fits` is true, or the coarsest if there is none.
 fn least(finest: u32, fits: impl Fn(u32) -> bool) -> u32 {
     if fits(finest) {
         return finest;
@@ -284,7 +288,7 @@ mod tests {
     use super::*;
     use crate::FrameRate;
 
-    /// 100 macroblocks at 1 Mbit/s.
+    /// Rate control of 100 macroblocks at 1 Mbit/s.
     fn control() -> RateControl {
         let rate = Rate::Constant { bits_per_second: 1_000_000, buffer_bits: 500_000 };
         let config = Config::new(160, 160, FrameRate::FPS_25).with_lookahead(30).with_rate(rate);

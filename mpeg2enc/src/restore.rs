@@ -1,28 +1,28 @@
-//! States that an encoder cannot continue from.
+//! Errors of states that an encoder cannot continue from.
 
 use crate::Picture;
 
-/// A state that an encoder cannot continue from.
+/// Reason why an encoder cannot continue from a state.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RestoreError {
-    /// The state is of an encoder with other settings than quantiser_scale.
-    #[error("the state is of an encoder with other settings")]
+    /// The state belongs to settings that differ in more than quantiser_scale.
+    #[error("the state belongs to an encoder with other settings")]
     OtherSettings,
-    /// The state contradicts itself or its settings.
-    #[error("the state of the encoder is damaged: {what}")]
+    /// The state is inconsistent or contradicts its settings.
+    #[error("the encoder state is damaged: invalid {what}")]
     Damaged {
-        /// The part that is wrong.
+        /// The invalid element of the state.
         what: &'static str,
     },
 }
 
-/// Refuses a state of which `holds` does not hold.
+/// Returns an error about `what` unless `holds`.
 pub(crate) fn ensure(holds: bool, what: &'static str) -> Result<(), RestoreError> {
     if holds { Ok(()) } else { Err(RestoreError::Damaged { what }) }
 }
 
-/// Whether a frame consists of this many whole macroblocks.
+/// Whether a frame consists of exactly this many whole macroblocks.
 pub(crate) fn is_whole(frame: &Picture, columns: usize, rows: usize) -> bool {
     (frame.width(), frame.height()) == (16 * columns, 16 * rows)
 }

@@ -1,26 +1,26 @@
-//! The buffer of the video buffering verifier (Annex C): what a decoder must hold before a picture is due.
+//! The buffer of the video buffering verifier (Annex C).
 
-/// Fewer bits than any film makes of a buffer.
+/// Lower bound on the fullness of a buffer.
 const FULLNESS_MIN: i64 = -(1 << 44);
 
-/// Fills at the bit rate; each picture is taken out whole when it is decoded.
+/// A buffer that fills at the bit rate. Each picture is removed as a whole when it is decoded.
 ///
-/// A frame period holds a whole number of bits only by chance, so all is counted in bits times the numerator of the
-/// frame rate: no fraction is ever dropped.
+/// A frame period seldom corresponds to a whole number of bits. Bits are therefore multiplied by the numerator of the frame
+/// rate, and no fraction is lost.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Buffer {
-    /// Bits a second, as the sequence header says.
+    /// Bits per second, as stated by the sequence header.
     pub bit_rate: i64,
     /// Size in bits.
     pub size: i64,
     /// Numerator and denominator of the frame rate.
     frame_rate: (i64, i64),
-    /// Bits just before the next picture is taken out, times the numerator.
+    /// Bits just before the next picture is removed, times the numerator.
     fullness: i64,
-    /// Is a full buffer just not filled further (variable rate), or is that an error (constant rate)?
+    /// Whether filling pauses when the buffer is full (variable rate). At a constant rate a full buffer is an error.
     pauses: bool,
-    /// With pulldown, whether the next period has three fields, and not two; the rate is that of the fields then.
+    /// With pulldown, whether the next period has three fields instead of two; `frame_rate` is then the field rate.
     is_long: Option<bool>,
 }
 
@@ -30,12 +30,12 @@ impl Buffer {
         Self { bit_rate, size, frame_rate, fullness: fullness * frame_rate.0, pauses, is_long: None }
     }
 
-    /// The buffer for periods of three and two fields, in turn, at a rate that is that of the fields.
+    /// Returns the buffer for alternating periods of three and two fields; its frame rate must be the field rate.
     pub fn with_pulldown(self, pulldown: bool) -> Self {
         Self { is_long: pulldown.then_some(true), ..self }
     }
 
-    /// Bits that come in until the picture after the next one is taken out, times the numerator.
+    /// Bits that arrive between the next picture and the one after it, times the numerator.
     fn filling(&self) -> i64 {
         let periods = match self.is_long {
             None => 1,
@@ -48,21 +48,21 @@ impl Buffer {
     /// Whether both are the same buffer, at any time of a film.
     pub fn is_like(&self, other: &Self) -> bool {
         let same = |of: &Self| (of.bit_rate, of.size, of.frame_rate, of.pauses, of.is_long.is_some());
-        // Pictures that are too large even with the coarsest quantiser leave less than nothing.
+        // Pictures that are too large even with the coarsest quantiser make the fullness negative.
         same(self) == same(other) && self.bits() <= self.size && self.bits() >= FULLNESS_MIN
     }
 
-    /// Bits in the buffer just before the next picture is taken out.
+    /// Bits in the buffer just before the next picture is removed.
     pub fn bits(&self) -> i64 {
         self.fullness / self.frame_rate.0
     }
 
-    /// vbv_delay of the next picture, of which the headers up to its picture_start_code take `ahead` bits (6.3.9).
+    /// vbv_delay of the next picture, if headers up to its picture_start_code take `ahead` bits (6.3.9).
     pub fn delay(&self, ahead: i64) -> u32 {
         ((self.bits() - ahead).max(0) * 90_000 / self.bit_rate).min(0xfffe) as u32
     }
 
-    /// The fewest bits that the next picture may have, so that the buffer does not overflow before the one after it.
+    /// Minimum bits of the next picture that avoid an overflow before the one after it.
     pub fn least(&self) -> i64 {
         if self.pauses {
             return 0;
@@ -71,13 +71,13 @@ impl Buffer {
         (after + self.frame_rate.0 - 1).div_euclid(self.frame_rate.0).max(0)
     }
 
-    /// Is the buffer full before the picture after one of `bits`, so that bits are stuffed or reading pauses?
+    /// Whether the buffer fills before the picture after one of `bits`, so that stuffing is added or reading pauses.
     pub fn is_full_after(&self, bits: i64) -> bool {
         let after = self.fullness + self.filling() - bits * self.frame_rate.0;
         after > self.size * self.frame_rate.0
     }
 
-    /// Takes out a picture and fills for a frame period.
+    /// Removes a picture and fills the buffer for one period.
     pub fn take(&mut self, bits: i64) {
         self.fullness += self.filling() - bits * self.frame_rate.0;
         self.is_long = self.is_long.map(|is_long| !is_long);

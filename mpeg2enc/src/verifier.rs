@@ -1,14 +1,14 @@
-//! The decoder's buffer over a whole stream: whether pictures come in time.
+//! Checks the decoder's buffer over a whole stream.
 
 use crate::{Config, rate_control::RateControl, vbv::Buffer};
 
-/// More bits than any picture has.
+/// Upper bound on the bits of any picture.
 const BITS_MAX: u64 = 1 << 40;
 
-/// The video buffering verifier (Annex C): follows the buffer that a stream states, picture by picture.
+/// The video buffering verifier (Annex C): tracks the buffer that a stream states, picture by picture.
 ///
-/// An encoder keeps to the buffer as long as the coarsest quantiser is coarse enough. Where it is not, pictures come late,
-/// and this tells which.
+/// An encoder respects the buffer as long as the coarsest quantiser is coarse enough. Otherwise pictures are late, and the
+/// verifier reports which.
 ///
 /// ```
 /// use mpeg2enc::{BufferVerifier, Config, FrameRate, Rate};
@@ -19,20 +19,20 @@ const BITS_MAX: u64 = 1 << 40;
 /// assert_eq!(verifier.take(41_000), 0.001); // 40 000 bits have come since
 /// ```
 #[derive(Clone, Debug)]
-#[must_use = "it tells which pictures come late"]
+#[must_use = "it reports which pictures are late"]
 pub struct BufferVerifier {
     buffer: Buffer,
 }
 
 impl BufferVerifier {
-    /// The buffer as it is when the first picture is due; `None` where the settings bound no bits.
+    /// Returns the buffer when the first picture is due; `None` if the settings do not bound bits.
     #[must_use]
     pub fn new(config: &Config) -> Option<Self> {
-        // Macroblocks play no part in the buffer.
+        // The buffer does not depend on the number of macroblocks.
         RateControl::new(config, 0).map(|rate| Self { buffer: rate.buffer })
     }
 
-    /// Takes out the next picture in the order of coding. Gives the seconds that it comes late, 0 if it is in time.
+    /// Removes the next picture in the order of coding. Returns the seconds by which it is late, or 0.
     pub fn take(&mut self, bits: u64) -> f64 {
         let bits = bits.min(BITS_MAX) as i64;
         let missing = (bits - self.buffer.bits()).max(0);

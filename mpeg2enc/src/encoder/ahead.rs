@@ -1,4 +1,4 @@
-//! Each picture after a look at later ones: I, P and B, within a bit rate.
+//! Codes pictures after a look-ahead: I, P and B, optionally within a bit rate.
 
 use crate::{
     Config, KnownMotion, Picture, PictureType, Rate, RestoreError,
@@ -13,14 +13,14 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// The state between two pictures, waiting frames included.
+/// State between two pictures, including waiting frames.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Ahead {
     lookahead: Lookahead,
     rate: Option<RateControl>,
     bounds: Bounds,
-    /// The last two I or P pictures.
+    /// The last two I or P pictures, older first.
     anchors: [Option<Anchor>; 2],
     /// Display index of the first picture of the group.
     group_start: usize,
@@ -34,20 +34,20 @@ struct Anchor {
     reconstruction: Arc<Picture>,
 }
 
-/// A picture whose turn it is to be coded.
+/// Parameters of the next picture to code.
 struct Turn<'a> {
-    /// Display index.
+    /// Display index of the picture.
     index: usize,
     picture_type: PictureType,
     /// Factors of quantiser_scale of all macroblocks, in 256ths.
     factors: &'a [u32],
-    /// Headers in front of the picture.
+    /// Headers that precede the picture.
     headers: Vec<u8>,
     /// Whether the group that begins with the picture is closed.
     is_closed: bool,
-    /// This picture and the known ones after it, in the order of coding; empty where bits are not bounded.
+    /// This picture and the known ones after it, in the order of coding; empty if bits are not bounded.
     upcoming: &'a [Upcoming],
-    /// No frame comes after those.
+    /// Whether `upcoming` extends to the end of the film.
     complete: bool,
 }
 
@@ -80,17 +80,17 @@ impl Ahead {
         self.code(coder, coder.config.delay())
     }
 
-    /// Codes the frames that wait.
+    /// Codes the waiting frames.
     pub fn finish(&mut self, coder: &mut Coder) -> Vec<Packet> {
         self.code(coder, 0)
     }
 
-    /// See [`Encoder::begins_group`](crate::Encoder::begins_group).
+    /// Whether a frame begins a group; see [`Encoder::begins_group`](crate::Encoder::begins_group).
     pub fn begins_group(&self, index: usize, gop: usize) -> Option<bool> {
         self.lookahead.begins_group(index, gop)
     }
 
-    /// quantiser_scale of the frames that wait, were no other to come: see
+    /// quantiser_scale of the waiting frames if no others followed; see
     /// [`Encoder::planned_quantiser_scale`](crate::Encoder::planned_quantiser_scale).
     pub fn planned_quantiser_scale(&mut self, config: &Config) -> Option<f32> {
         let last = self.last_anchor();
@@ -98,7 +98,7 @@ impl Ahead {
         let spans = self.lookahead.plan(config, last);
         let mut upcoming = self.lookahead.upcoming(last, &spans);
 
-        // An I picture is paid for by those after it: frames that have not come yet count like those that are predicted.
+        // Later pictures pay for an I picture, so future frames are assumed to resemble the waiting predicted ones.
         let is_predicted = |picture: &&Upcoming| picture.picture_type != PictureType::I;
         let predicted: Vec<Upcoming> = upcoming.iter().rev().filter(is_predicted).copied().collect();
         let missing = config.delay().saturating_sub(upcoming.len());
@@ -109,14 +109,14 @@ impl Ahead {
         Some(rate.quantiser_x16(&upcoming, None) as f32 / 16.0)
     }
 
-    /// Takes over the quantiser of changed settings.
+    /// Adopts the quantiser of changed settings.
     pub fn set_quantiser(&mut self, config: &Config) {
         if let Some(rate) = &mut self.rate {
             rate.set_quantiser(config);
         }
     }
 
-    /// Codes as long as more than `keep` frames wait.
+    /// Codes pictures while more than `keep` frames wait.
     fn code(&mut self, coder: &mut Coder, keep: usize) -> Vec<Packet> {
         let mut packets = Vec::new();
         loop {
@@ -135,7 +135,7 @@ impl Ahead {
         self.anchors[1].as_ref().map(|anchor| anchor.index)
     }
 
-    /// Codes the first of `spans`: its anchor, then its B pictures. `complete` if no frame comes after them all.
+    /// Codes the first of `spans`: its anchor, then its B pictures. `complete` if no frame follows the spans.
     fn code_span(&mut self, coder: &mut Coder, spans: &[Span], complete: bool, packets: &mut Vec<Packet>) {
         let span = spans[0];
         let last = self.last_anchor();
@@ -145,6 +145,7 @@ impl Ahead {
             (false, true) => vec![INTRA_FACTOR_256THS; count],
             (false, false) => vec![256; count],
         };
+        // Code the anchor first; a group's headers precede it.
         let upcoming = if self.rate.is_some() { self.lookahead.upcoming(last, spans) } else { Vec::new() };
         let mut headers = Vec::new();
         if span.is_intra {
@@ -166,6 +167,7 @@ impl Ahead {
         packets.push(coded.packet);
         self.anchors.swap(0, 1);
         self.anchors[1] = coded.reference.map(|reconstruction| Anchor { index: span.anchor, reconstruction });
+        // B pictures follow their anchor in the stream.
         let b_factors = vec![16 * B_SCALE_SIXTEENTHS; count];
         for (i, index) in (span.anchor - span.b_pictures..span.anchor).enumerate() {
             let turn = Turn {
@@ -181,7 +183,7 @@ impl Ahead {
         }
     }
 
-    /// Codes one picture with the quantiser that the rate allows, times its factors; again if it does not fit.
+    /// Codes one picture with the quantiser that the rate allows, times its factors. Codes it again if it does not fit.
     fn code_within_rate(&mut self, coder: &mut Coder, turn: Turn) -> CodedPacket {
         let wanted_x256 = coder.config.quantiser_x256();
         let Some(mut rate) = self.rate.take() else {
@@ -194,8 +196,9 @@ impl Ahead {
             _ => VBV_DELAY_VARIABLE,
         };
         let mut base_x16 = rate.quantiser_x16(upcoming, None);
-        // Expensive pictures and the last ones are coded again if the prediction of their bits was far off, others if it was
-        // off by a good part of the buffer; all of them once more if it was too low again.
+        // Pictures are coded again if better knowledge of their bits changes the quantiser by more than a sixteenth. I
+        // pictures, the first picture of each type and the last four pictures get one such attempt. Others get it only if the
+        // prediction was wrong by a sixteenth of the buffer. A third attempt follows only a prediction that was too low again.
         let is_looked_at =
             !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;
         let mut looks = 0;
@@ -229,7 +232,8 @@ impl Ahead {
         coded
     }
 
-    /// Codes one picture with the quantiser of the settings times its factors, coarser if the level's buffer requires it.
+    /// Codes one picture with the quantiser of the settings times its factors, or a coarser one if the level's buffer requires
+    /// it.
     fn code_within_bounds(&mut self, coder: &mut Coder, turn: Turn) -> CodedPacket {
         let mut base_x256 = coder.config.quantiser_x256();
         let mut coded = loop {
@@ -241,7 +245,7 @@ impl Ahead {
                 None => break coded,
             }
         };
-        // Only now is the level known that they state.
+        // The first picture has now determined the level that the headers state.
         let is_first = !turn.headers.is_empty();
         let headers = if is_first { self.group_headers(coder, turn.is_closed) } else { Vec::new() };
         coded.packet.prepend(headers);
@@ -253,7 +257,7 @@ impl Ahead {
         coder.group_headers(self.group_start as u64, is_closed)
     }
 
-    /// Lets `config` state what the stream has stated.
+    /// Sets the level of `config` to the level that the stream already states.
     pub fn restate(&self, config: &mut Config) {
         self.bounds.restate(config);
     }
@@ -262,7 +266,7 @@ impl Ahead {
     fn code_picture(&mut self, coder: &mut Coder, turn: &Turn, base_x256: u32, vbv_delay: u32) -> CodedPacket {
         let &Turn { index, picture_type, factors, .. } = turn;
         let columns = coder.config.macroblock_counts().0;
-        // A factor that all macroblocks share would jump from one quantiser that exists to the next.
+        // A factor common to all macroblocks would round all of them to the same existing quantiser.
         let spreads = coder.config.has_mean_quantiser() && factors.iter().all(|&factor| factor == factors[0]);
         let q_scale_type = coder.q_scale_type();
         let scale_x16 = |(i, factor): (usize, &u32)| {
@@ -271,7 +275,7 @@ impl Ahead {
             if spreads { spread_over_rows(q_scale_type, scale_x16, i / columns) } else { scale_x16 }
         };
         let scales_x16: Vec<u32> = factors.iter().enumerate().map(scale_x16).collect();
-        // Forward from the newest anchor in a P picture, from the one before in a B picture.
+        // P pictures predict from the newest anchor, B pictures from the last two.
         let references = match picture_type {
             PictureType::I => [None, None],
             PictureType::P => [self.anchors[1].as_ref(), None],
@@ -299,23 +303,23 @@ impl Ahead {
         })
     }
 
-    /// Whether an encoder of these settings can continue from here.
+    /// Checks that an encoder with these settings can continue from this state.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
         let (columns, rows) = config.macroblock_counts();
         self.lookahead.check(config)?;
         let (first, end) = (self.lookahead.first(), self.lookahead.end());
         let last = self.last_anchor();
-        ensure(last.unwrap_or(0) == first && (last.is_none() || first < end), "the last anchor")?;
-        ensure(end <= next_after(last) + config.delay(), "the number of waiting frames")?;
+        ensure(last.unwrap_or(0) == first && (last.is_none() || first < end), "last anchor")?;
+        ensure(end <= next_after(last) + config.delay(), "number of waiting frames")?;
         let before = self.anchors[0].as_ref().map(|anchor| anchor.index);
-        // The first anchor is the first frame.
-        ensure(before.is_some() == last.is_some_and(|last| last > 0), "the anchor before")?;
+        // Only the first frame has no earlier anchor.
+        ensure(before.is_some() == last.is_some_and(|last| last > 0), "previous anchor")?;
         let distance = config.b_pictures as usize + 1;
-        ensure(before.is_none_or(|before| before < first && first - before <= distance), "the anchor before")?;
+        ensure(before.is_none_or(|before| before < first && first - before <= distance), "previous anchor")?;
         let whole = |anchor: &Anchor| is_whole(&anchor.reconstruction, columns, rows);
-        ensure(self.anchors.iter().flatten().all(whole), "the size of an anchor")?;
+        ensure(self.anchors.iter().flatten().all(whole), "size of an anchor")?;
         let longest = (config.gop + config.b_pictures) as usize;
-        ensure(self.group_start <= first && first - self.group_start <= longest, "the beginning of the group")?;
+        ensure(self.group_start <= first && first - self.group_start <= longest, "beginning of the group")?;
         let fresh = RateControl::new(config, columns * rows);
         ensure(self.rate.is_some() == fresh.is_some(), "rate control")?;
         self.bounds.check(config, last.is_some())?;
@@ -323,19 +327,20 @@ impl Ahead {
     }
 }
 
-/// The frame after the last anchor.
+/// Display index of the frame after the last anchor.
 fn next_after(anchor: Option<usize>) -> usize {
     anchor.map_or(0, |anchor| anchor + 1)
 }
 
-/// Bits that are this part of the buffer away from their prediction are worth a second look: as much as planning keeps in
-/// reserve.
+/// A picture is coded again if its bits miss their prediction by more than this fraction of the buffer, as an inverse. It
+/// equals the reserve of the planning.
 const SURPRISE_OF_BUFFER: i64 = 16;
-/// A picture is coded at most this many times because its bits were not predicted well. Chosen, not tuned: the second corrects
-/// the prediction, the third what the second has overdone.
+/// Maximum attempts at a picture because of a wrong prediction of its bits. Chosen, not tuned: the second attempt corrects the
+/// prediction, the third corrects an overshoot of the second.
 const MOST_LOOKS: u32 = 3;
-/// Finer quantisers of I pictures where no tree says it: other pictures inherit from them. Ours, tuned on the clips of
-/// README.md: with 190 moving ones take more bits, still ones less.
+/// Factor of quantiser_scale of I pictures without a macroblock tree; finer, because other pictures inherit from them. Not from
+/// the standard: tuned on the clips of README.md. With 190, moving clips take more bits and static ones fewer.
 const INTRA_FACTOR_256THS: u32 = 208;
-/// Coarser quantisers of B pictures: nothing is predicted from them. Ours, tuned on the clips of README.md.
+/// Factor of quantiser_scale of B pictures; coarser, because no picture predicts from them. Not from the standard: tuned on the
+/// clips of README.md.
 const B_SCALE_SIXTEENTHS: u32 = 18;

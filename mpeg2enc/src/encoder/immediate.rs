@@ -1,4 +1,4 @@
-//! Each picture as soon as it comes: I and P.
+//! Codes each picture immediately, as I or P.
 
 use super::weighted::scales_x16;
 use crate::{
@@ -13,11 +13,11 @@ use crate::{
 use plane::{Correspondence, Plane};
 use std::sync::Arc;
 
-/// The state between two pictures.
+/// State between two pictures.
 #[derive(Clone, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Immediate {
-    /// Pictures coded so far.
+    /// Number of pictures coded so far.
     count: u64,
     /// Reconstruction of the last picture, in whole macroblocks.
     reference: Option<Arc<Picture>>,
@@ -27,7 +27,7 @@ pub(super) struct Immediate {
 }
 
 impl Immediate {
-    /// Codes the next frame, with `weights` as factors of quantiser_scale in 256ths; `motion` is not looked at for an I picture.
+    /// Codes the next frame, with `weights` as factors of quantiser_scale in 256ths; an I picture ignores `motion`.
     pub fn push(
         &mut self,
         coder: &mut Coder,
@@ -45,6 +45,7 @@ impl Immediate {
             Some(field) => all_candidates(field, columns, rows),
             None => Vec::new(),
         };
+        // Macroblocks without usable motion are searched for, coarsely at first.
         let quarters: Option<[Plane<u8>; 2]> = reference
             .as_ref()
             .filter(|_| motion.is_none() || candidates.iter().any(|candidates| candidates.is_uncovered))
@@ -55,6 +56,7 @@ impl Immediate {
             before: &self.vectors,
             coarse: quarters.as_ref().map(|[source, reference]| CoarseSearch { source, reference }),
         });
+        // Coarsen the quantiser until the picture fits the buffer of the level.
         let mut settings = coder.config.clone();
         let headers = if forward.is_none() { coder.group_headers(self.count, true) } else { Vec::new() };
         let mut quantiser_scale = settings.quantiser_scale;
@@ -81,7 +83,7 @@ impl Immediate {
             quantiser_scale = coarser;
             coder.set_config(coder.config.clone().with_quantiser_scale(coarser));
         };
-        // Headers have the same length at each level, which is chosen only now.
+        // The first picture has now determined the level; headers have the same length at every level.
         let headers = if forward.is_none() { coder.group_headers(self.count, true) } else { Vec::new() };
         settings.raised = coder.config.raised;
         coder.set_config(settings);
@@ -95,24 +97,24 @@ impl Immediate {
         packet
     }
 
-    /// Codes the last picture again, as it was decoded: nothing is left to code where it is a P picture.
+    /// Codes the last picture's reconstruction again: a P picture then has no differences to code.
     pub fn push_again(&mut self, coder: &mut Coder) -> Packet {
-        let last = self.reference.clone().expect("a picture before");
+        let last = self.reference.clone().expect("a previous picture");
         self.push(coder, &last, None, None)
     }
 
-    /// Lets `config` state what the stream has stated.
+    /// Sets the level of `config` to the level that the stream already states.
     pub fn restate(&self, config: &mut Config) {
         self.bounds.restate(config);
     }
 
-    /// Whether an encoder of these settings can continue from here.
+    /// Checks that an encoder with these settings can continue from this state.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
         let (columns, rows) = config.macroblock_counts();
         let reference = self.reference.as_ref();
-        ensure(reference.is_some() == (self.count > 0), "the reference picture")?;
+        ensure(reference.is_some() == (self.count > 0), "reference picture")?;
         let whole = reference.is_none_or(|reference| is_whole(reference, columns, rows));
-        ensure(whole, "the size of the reference picture")?;
+        ensure(whole, "size of the reference picture")?;
         self.bounds.check(config, self.count > 0)?;
         let complete = self.vectors.is_empty() || self.vectors.len() == columns * rows;
         ensure(complete && self.vectors.iter().all(|vector| vector.is_plausible()), "vectors")

@@ -1,19 +1,19 @@
-//! Scales of macroblocks that follow weights, about the quantiser of the settings.
+//! Quantiser scales that follow weights of macroblocks, with a fixed geometric mean.
 //!
 //! ```text
 //! scale = one of the two around base · weight     weight  factor of quantiser_scale, as `weights::given` has it
 //!                                                 base    such that the geometric mean of all scales is quantiser_scale
 //! ```
-//! The row says which of the two, as with a mean quantiser: where few weights occur, nearest scales would miss the mean by up to half
-//! a step of the table. Without a look-ahead nothing else brings bits back to what they were. All is integer, so that it is the same
-//! everywhere.
+//! The row decides between the two neighbors, as with a mean quantiser. Rounding to the nearest scale could miss the mean by
+//! half a step of the table if few weights occur. Without a look-ahead no later stage corrects the bits. Integer arithmetic
+//! gives the same result on every processor.
 
 use crate::quantiser_scale::{QuantiserScaleCode, neighbors, one_of, quantiser_scale_of};
 
-/// The largest `base`, in 4096ths: it brings the least factor, a sixteenth, to scale 112.
+/// Maximum of `base`, in 4096ths: it maps the least factor, a sixteenth, to scale 112.
 const BASE_MAX: u64 = 112 * 16 * 4096;
 
-/// quantiser_scale of all macroblocks in sixteenths, for their `factors` in 256ths; factors that are all the same change nothing.
+/// Returns quantiser_scale of all macroblocks in sixteenths, for their `factors` in 256ths. Equal factors change nothing.
 pub(super) fn scales_x16(factors: &[u32], columns: usize, quantiser_scale: u32, q_scale_type: bool) -> Vec<u32> {
     let table = Table::new(q_scale_type);
     let counts = counts(factors, columns);
@@ -29,12 +29,12 @@ pub(super) fn scales_x16(factors: &[u32], columns: usize, quantiser_scale: u32, 
     factors.iter().enumerate().map(|(i, &factor)| table.scale_x16(base, factor, i / columns)).collect()
 }
 
-/// The scales that exist.
+/// Existing quantiser scales of one table.
 struct Table {
     finest_x16: u32,
-    /// The scales around the finest one and each sixteenth after it, up to the coarsest one.
+    /// The two existing scales around each sixteenth, from the finest to the coarsest scale.
     neighbors: Vec<[u32; 2]>,
-    /// Logarithms of 0, which counts as 1, and of the numbers up to the coarsest scale.
+    /// Logarithms of the numbers from 0, which counts as 1, to the coarsest scale.
     logarithms: Vec<u64>,
 }
 
@@ -48,7 +48,7 @@ impl Table {
         }
     }
 
-    /// The scale that a macroblock takes in this row.
+    /// Scale of a macroblock in this row, in sixteenths.
     fn scale_x16(&self, base: u64, factor: u32, row: usize) -> u32 {
         let wanted = (base * u64::from(factor) / 65_536) as u32;
         let place = (wanted.saturating_sub(self.finest_x16) as usize).min(self.neighbors.len() - 1);
@@ -56,14 +56,14 @@ impl Table {
     }
 }
 
-/// Each factor that occurs in a row of macroblocks, the row, and how often.
+/// Counts the occurrences of each pair of factor and row of macroblocks.
 fn counts(factors: &[u32], columns: usize) -> Vec<((u32, usize), u64)> {
     let mut sorted: Vec<(u32, usize)> = factors.iter().enumerate().map(|(i, &factor)| (factor, i / columns)).collect();
     sorted.sort_unstable();
     sorted.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as u64)).collect()
 }
 
-/// The last base whose `sum`, which never falls, is less than `wanted`, and the one after it.
+/// Returns the largest base with a `sum` below `wanted`, and its successor; `sum` must not decrease.
 fn around(sum: &impl Fn(u64) -> u64, wanted: u64) -> (u64, u64) {
     let (mut below, mut above) = (0, BASE_MAX);
     while above - below > 1 {
@@ -73,10 +73,10 @@ fn around(sum: &impl Fn(u64) -> u64, wanted: u64) -> (u64, u64) {
     (below, above)
 }
 
-/// The logarithm to the base of two, in 65536ths, rounded down.
+/// Returns the logarithm to base 2, in 65536ths, rounded down.
 fn logarithm(scale: u32) -> u64 {
     let whole = scale.ilog2();
-    // From 1 to 2, in units of 2⁻³¹; each square tells one more bit.
+    // `rest` is in [1, 2), in units of 2⁻³¹. Each squaring yields one more bit.
     let mut rest = u64::from(scale) << (31 - whole);
     (0..16).fold(u64::from(whole), |bits, _| {
         rest = (rest * rest) >> 31;
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn the_geometric_mean_stays() {
-        // Weights of two octaves, no two alike.
+        // Weights over two octaves, all different.
         let factors: Vec<u32> = (0..400).map(|i| 128 + (i * 149) % 389).collect();
         for (scale, q_scale_type) in [(8, false), (16, false), (30, false), (3, true), (16, true), (64, true)] {
             let scales = scales_x16(&factors, 20, scale, q_scale_type);

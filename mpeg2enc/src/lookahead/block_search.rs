@@ -9,25 +9,25 @@ use crate::{
     vector::{HalfSample, Range},
 };
 
-/// The price of a bit of a vector here, as quantiser_scale of [`Search::new`]: that of middling quality.
+/// quantiser_scale that prices vector bits here, as for [`Search::new`]; a medium quality.
 const SEARCH_QUANTISER_SCALE: u32 = 8;
-/// Mean difference a sample above which a block is looked for farther away.
+/// Mean absolute difference per sample above which a wider search is made.
 const POOR_MATCH: u32 = 6;
-/// Like the limits of High Level, at half the size: vectors are brought into the true range later.
+/// Reach in half-size pictures, like the limits of High Level. The true range is enforced later.
 pub(super) const REACH: [u32; 2] = [9, 8];
 
-/// The search for the blocks of one frame in another.
+/// Search for the blocks of one frame in another.
 pub(super) struct BlockSearch<'a> {
     pub frame: &'a Waiting,
     pub reference: &'a Waiting,
-    /// Whether poor matches are looked for farther away.
+    /// Whether poor matches trigger a wider search.
     pub wide: bool,
-    /// Whether transformed differences count.
+    /// Whether costs are transformed differences.
     pub transformed: bool,
 }
 
 impl BlockSearch<'_> {
-    /// The best match of a block; `left` and `before` are vectors of the block on its left and of the previous frame.
+    /// Best match of a block. `left` is the vector of the block to the left, `before` the block's vector in the previous frame.
     pub fn best(
         &self,
         block: BlockPosition,

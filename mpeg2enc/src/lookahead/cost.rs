@@ -1,4 +1,4 @@
-//! Costs of blocks of the half-size picture.
+//! Costs of blocks in half-size pictures.
 
 use crate::{
     kernel::{self, ReferenceBlock},
@@ -9,7 +9,7 @@ use crate::{
 use plane::Plane;
 use std::sync::Arc;
 
-/// Blocks of the half-size picture.
+/// Width and height of a block in the half-size picture.
 pub(super) const BLOCK: usize = 8;
 
 /// Sum of absolute differences to the mean of two predictions, transformed or plain.
@@ -31,7 +31,7 @@ pub(super) fn mean_cost(
     difference(place_of(source, x2, y2), whole(&mean), transformed)
 }
 
-/// Sum of absolute differences, transformed or plain.
+/// Sum of absolute differences of two blocks, transformed or plain.
 fn difference(source: ReferenceBlock, reference: ReferenceBlock, transformed: bool) -> u32 {
     if transformed {
         kernel::transformed_difference::<BLOCK>(source, reference)
@@ -40,7 +40,7 @@ fn difference(source: ReferenceBlock, reference: ReferenceBlock, transformed: bo
     }
 }
 
-/// A prediction that was made already.
+/// Wraps a finished prediction as a reference block.
 fn whole(block: &[[u8; BLOCK]; BLOCK]) -> ReferenceBlock<'_> {
     ReferenceBlock::whole(block.as_flattened(), BLOCK)
 }
@@ -59,7 +59,7 @@ pub(super) fn intra_costs(half: &Plane<u8>, transformed: bool) -> Arc<[u32]> {
         .collect()
 }
 
-/// Means of 2×2 samples.
+/// Averages 2×2 samples.
 pub(super) fn halved(plane: &Plane<u8>) -> Plane<u8> {
     let (width, height) = (plane.width() / 2, plane.height() / 2);
     let mut half = Plane::filled(width, height, 0);

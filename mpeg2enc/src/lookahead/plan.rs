@@ -1,24 +1,24 @@
-//! The choice between I, P and B for each picture.
+//! Choice between I, P and B for each picture.
 
 use super::Lookahead;
 use crate::{Config, PictureType, rate_control::Upcoming};
 
-/// An I or P picture, and the B pictures in front of it.
+/// An I or P picture and the B pictures that precede it in display order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Span {
     /// Display index of the I or P picture.
     pub anchor: usize,
     pub is_intra: bool,
-    /// B pictures in front of it, in display order.
+    /// Number of B pictures before it in display order.
     pub b_pictures: usize,
 }
 
-/// Differences of B pictures count this many sixteenths of others: nothing is predicted from them, and they are coded
-/// coarser. Ours, tuned on the clips of README.md.
+/// Weight of B picture costs, in sixteenths of other costs. It is lower because no picture predicts from B pictures, and they
+/// are coded with a coarser quantiser. Not from the standard: tuned on the clips of README.md.
 const B_WEIGHT_SIXTEENTHS: u64 = 13;
 
 impl Lookahead {
-    /// The spans of all frames after the last anchor, whose display index is `last`.
+    /// Plans the spans of all frames after the last anchor, at display index `last`.
     pub fn plan(&mut self, config: &Config, last: Option<usize>) -> Vec<Span> {
         let end = self.end();
         let Some(anchor) = last else {
@@ -30,9 +30,10 @@ impl Lookahead {
             return spans;
         };
         let count = end - anchor - 1;
-        // By distance from `anchor`: frames that must be I pictures. The anchor itself is coded.
+        // By distance from `anchor`: whether a frame must be an I picture. The anchor itself is coded already.
         let is_intra: Vec<bool> = (anchor..end).map(|index| index > anchor && self.get(index).begins_group).collect();
-        // The least cost of all frames up to each that may be an anchor, and the B pictures in front of it.
+        // By distance from `anchor`: the least cost of all frames up to an anchor there, and the number of B pictures before
+        // it.
         let mut best = vec![(0u64, 0usize); count + 1];
         for j in 1..=count {
             best[j].0 = u64::MAX;
@@ -45,7 +46,7 @@ impl Lookahead {
                 let cost = if config.adapts_types() {
                     best[from].0 + self.span_cost(anchor + from, anchor + j, is_intra[j])
                 } else {
-                    // As many B pictures as there may be: few anchors.
+                    // Prefer few anchors: as many B pictures as allowed.
                     best[from].0 + 1
                 };
                 if cost < best[j].0 {
@@ -64,7 +65,7 @@ impl Lookahead {
         spans
     }
 
-    /// Costs of the pictures of `spans` by themselves, in the order of coding.
+    /// Costs of the individual pictures of `spans`, in the order of coding.
     pub fn upcoming(&mut self, last_anchor: Option<usize>, spans: &[Span]) -> Vec<Upcoming> {
         let mut out = Vec::new();
         let mut from = last_anchor;
@@ -98,7 +99,7 @@ impl Lookahead {
         found.iter().zip(intra.iter()).map(|(t, &intra)| u64::from(t.cost.min(intra))).sum()
     }
 
-    /// Cost of the frames after `from` up to `anchor`, those between as B pictures.
+    /// Cost of the frames after `from` up to `anchor`, with B pictures between them.
     fn span_cost(&mut self, from: usize, anchor: usize, is_intra: bool) -> u64 {
         let span = Span { anchor, is_intra, b_pictures: anchor - from - 1 };
         let mut cost = self.anchor_cost(Some(from), &span);

@@ -1,4 +1,4 @@
-//! Where a new scene begins.
+//! Detection of shot changes.
 
 use super::{Lookahead, away};
 use crate::{
@@ -7,21 +7,21 @@ use crate::{
     vector::Range,
 };
 
-/// A frame of which the frame before predicts less than a quarter is a new scene.
+/// Fraction of the intra cost above which the cost predicted from the previous frame means a shot change, in quarters.
 const SCENE_CUT_QUARTERS: u64 = 3;
-/// One macroblock in this number is measured where the motion is given and all is to be quick. Without a factor in common with
-/// widths in macroblocks such as 32 and 45 they lie in diagonals.
+/// Step between measured macroblocks for quick measurements with given motion. 7 has no common factor with usual widths in
+/// macroblocks, like 32 and 45, so the samples form diagonals.
 const SAMPLED: usize = 7;
 
 impl Lookahead {
-    /// Whether the frame before predicts so little of this one that it begins a new scene.
+    /// Whether a shot change precedes this frame.
     pub fn is_scene_cut(&mut self, index: usize) -> bool {
         let (predicted, total) =
             if self.quick { self.sampled_costs(index) } else { None }.unwrap_or_else(|| self.all_costs(index));
         predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0
     }
 
-    /// Costs of all macroblocks, predicted or not, and without a prediction.
+    /// Total costs of all macroblocks: the cheaper of predicted and intra, and intra alone.
     fn all_costs(&mut self, index: usize) -> (u64, u64) {
         let matches = self.matches(index, -1);
         let intra = self.intra_costs(index);
@@ -29,7 +29,7 @@ impl Lookahead {
         (matches.iter().zip(intra.iter()).map(|(m, &cost)| u64::from(m.cost.min(cost))).sum(), total)
     }
 
-    /// The same of a few, by the first vectors that are given; `None` if none are.
+    /// Total costs of sampled macroblocks with their first given vectors, in the same order; `None` without given motion.
     fn sampled_costs(&self, index: usize) -> Option<(u64, u64)> {
         let known = self.is_known(index, -1)?;
         let (source, reference) = (self.get(index).source.luma(), self.get(away(index, -1)).source.luma());
@@ -38,7 +38,7 @@ impl Lookahead {
         for i in (0..known.len()).step_by(SAMPLED) {
             let (column, row) = (i % columns, i / columns);
             let block: [[u8; 16]; 16] = std::array::from_fn(|y| {
-                source.row(16 * row + y)[16 * column..][..16].try_into().expect("a macroblock lies inside")
+                source.row(16 * row + y)[16 * column..][..16].try_into().expect("a macroblock is inside the picture")
             });
             let range = Range::new(reference, column, row, super::block_search::REACH);
             let vector = range.clamp(known[i].vectors().first().copied().unwrap_or_default());

@@ -1,8 +1,8 @@
-//! Macroblock-tree: quality where later pictures take it over.
+//! Macroblock tree: better quality for macroblocks that later pictures inherit.
 //!
-//! A macroblock that others are predicted from is worth finer quantisation: what is spent on it once is inherited
-//! along the motion, as far as predictions hold. After F. Glaser, "A macroblock-tree algorithm for high-performance
-//! optimization of dependent video coding in H.264/AVC":
+//! Finer quantisation pays off in a macroblock from which others are predicted. Its quality is inherited along the motion, as
+//! far as predictions match. After F. Glaser, "A macroblock-tree algorithm for high-performance optimization of dependent video
+//! coding in H.264/AVC":
 //!
 //! ```text
 //! passed on by a block = (intra + inherited) · (1 − inter / intra)
@@ -10,28 +10,28 @@
 //! ```
 //!
 //! # Differs from the paper
-//! The factor of quantiser_scale is that of the y262 encoder, a root instead of a power of two, and all is integer.
+//! The factor of quantiser_scale follows the y262 encoder: a root instead of a power of two. All arithmetic is integer.
 
 use super::{Lookahead, plan::Span};
 use crate::vector::HalfSample;
 use std::collections::BTreeMap;
 
-/// How much the quantiser follows: factor = 1 / (1 + STRENGTH·(√(1 + inherited / intra) − 1)), in 256ths.
-/// Ours, tuned on the clips of README.md: still scenes would like more, moving ones less.
+/// Strength of the effect: factor = 1 / (1 + STRENGTH·(√(1 + inherited / intra) − 1)), in 256ths. Not from the standard: tuned
+/// on the clips of README.md. Static scenes would benefit from a higher value, moving ones from a lower.
 const STRENGTH_256THS: u64 = 125;
-/// Finest factor of the requested quantiser.
+/// Minimum factor of the requested quantiser, in 256ths.
 const FACTOR_MIN_256THS: u64 = 100;
-/// Added to the cost of every block, so that flat ones do not divide by zero and noise in them does not count.
+/// Offset of every block's cost. It avoids division by zero in flat blocks and suppresses their noise.
 const FLOOR: u64 = 16;
 
 impl Lookahead {
-    /// Factors of quantiser_scale in 256ths for every macroblock of the first anchor of `spans`.
+    /// Computes the factors of quantiser_scale, in 256ths, for every macroblock of the first anchor of `spans`.
     pub fn factors(&mut self, last_anchor: Option<usize>, spans: &[Span]) -> Vec<u32> {
         let count = self.macroblocks();
         let columns = self.columns();
         let mut inherited: BTreeMap<usize, Vec<u64>> = BTreeMap::new();
         let distance = |a: usize, b: usize| b as isize - a as isize;
-        // Against the order of coding: a picture passes its costs on after all that depend on it.
+        // In reverse order of coding: a picture passes costs on only after its dependants.
         for (i, span) in spans.iter().enumerate().rev() {
             let from = if i > 0 { Some(spans[i - 1].anchor) } else { last_anchor };
             let Some(from) = from else { continue };
@@ -70,13 +70,13 @@ impl Lookahead {
     }
 }
 
-/// Adds `amount` to the blocks that the block of `vector` covers in its reference, by area.
+/// Adds `amount` to the blocks covered by the displaced block in its reference, in proportion to area.
 fn pass(amounts: &mut [u64], columns: usize, block: usize, vector: HalfSample, amount: u64) {
     if amount == 0 {
         return;
     }
     let rows = amounts.len() / columns;
-    // In half samples of the half-size picture a block measures 16.
+    // A block measures 16 half samples of the half-size picture.
     let (x, y) = (16 * (block % columns) as i32 + vector.x, 16 * (block / columns) as i32 + vector.y);
     let (right, below) = ((x & 15) as u64, (y & 15) as u64);
     for (dx, dy, area) in [
@@ -92,7 +92,7 @@ fn pass(amounts: &mut [u64], columns: usize, block: usize, vector: HalfSample, a
     }
 }
 
-/// The factor of quantiser_scale, in 256ths.
+/// Factor of quantiser_scale, in 256ths.
 fn factor(inherited: u64, intra: u64) -> u32 {
     let root_256ths = (65536 * (intra + inherited) / intra).isqrt();
     let factor = 256 * 256 * 256 / (256 * 256 + STRENGTH_256THS * (root_256ths - 256));
@@ -108,7 +108,7 @@ mod tests {
         let mut amounts = vec![0; 12];
         pass(&mut amounts, 4, 5, HalfSample { x: 4, y: -8 }, 1000);
         assert_eq!(amounts, [0, 375, 125, 0, 0, 375, 125, 0, 0, 0, 0, 0]);
-        // What lies outside is lost.
+        // Amounts outside the picture are lost.
         let mut amounts = vec![0; 12];
         pass(&mut amounts, 4, 0, HalfSample { x: -8, y: -8 }, 1000);
         assert_eq!(amounts[0], 250);

@@ -1,4 +1,4 @@
-//! A frame that waits, and what was measured of it.
+//! A waiting frame and its measurements.
 
 use super::{cost::halved, weights};
 use crate::{
@@ -13,43 +13,43 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-/// More than any sum of differences of a block, transformed or not.
+/// Upper bound on the sum of differences of a block, transformed or plain.
 const COST_MAX: u32 = 1 << 20;
 
-/// A frame that waits.
+/// A frame waiting to be coded.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Waiting {
     /// The frame in whole macroblocks.
     pub source: Arc<Picture>,
-    /// Luma at half and at a quarter of the width and height, when they are looked at.
+    /// Luma at half and a quarter of the width and height, computed on demand.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub half: OnceLock<Plane<u8>>,
     #[cfg_attr(feature = "serde", serde(skip))]
     pub quarter: OnceLock<Plane<u8>>,
-    /// Candidates of every macroblock that were given: to the frame before and to the frame after.
+    /// Given candidates of every macroblock: to the previous and to the next frame.
     pub known: [Option<Arc<[Candidates]>>; 2],
-    /// Cost of every macroblock without a prediction.
+    /// Cost of every macroblock without prediction.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub intra_costs: OnceLock<Arc<[u32]>>,
     /// Whether this is the I picture of a group.
     pub begins_group: bool,
-    /// Factors of quantiser_scale in 256ths, where macroblocks do not count alike.
+    /// Factors of quantiser_scale of the macroblocks in 256ths, unless all are equal.
     pub weights: Option<Vec<u32>>,
     /// Matches of every macroblock, by distance of the reference frame.
     pub matches: BTreeMap<isize, Arc<[Match]>>,
-    /// Matches of every macroblock as part of a B picture, by the distances of both reference frames.
+    /// Best prediction of every macroblock in a B picture, by the distances of both reference frames.
     pub two_sided: BTreeMap<(isize, isize), Arc<[TwoSided]>>,
 }
 
 impl Waiting {
-    /// Checks that this is a frame for an encoder with these settings, analyzed by one.
+    /// Checks that this frame is valid for an encoder with these settings.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
         let (columns, rows) = config.macroblock_counts();
         let count = columns * rows;
-        ensure(is_whole(&self.source, columns, rows), "the size of a waiting frame")?;
+        ensure(is_whole(&self.source, columns, rows), "size of a waiting frame")?;
         let known = self.known.iter().flatten();
-        ensure(known.clone().all(|known| known.len() == count), "the number of given vectors")?;
+        ensure(known.clone().all(|known| known.len() == count), "number of given vectors")?;
         ensure(known.flat_map(|known| known.iter()).all(Candidates::is_plausible), "given vectors")?;
         let weights = self.weights.as_ref();
         ensure(weights.is_none() || config.varies(), "weights")?;
@@ -74,21 +74,21 @@ impl Waiting {
     }
 }
 
-/// The best vector found for a block, and the difference that it leaves.
+/// Best vector of a block, and its cost.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Match {
-    /// In half samples of the half-size picture.
+    /// Vector in half samples of the half-size picture.
     pub vector: HalfSample,
     /// Sum of absolute differences, transformed or plain.
     pub cost: u32,
 }
 
-/// The best of three predictions of a B picture.
+/// Best of three predictions of a B picture's macroblock.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct TwoSided {
     pub cost: u32,
-    /// How much of it is forward and backward, in halves.
+    /// Fractions predicted forward and backward, in halves.
     pub shares: [u32; 2],
 }

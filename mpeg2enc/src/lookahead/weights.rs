@@ -1,21 +1,21 @@
-//! Quantisers that follow what is seen: finer where the picture is smooth, coarser where it is busy.
+//! Perceptual quantisers: finer in smooth areas, coarser in busy ones.
 //!
 //! ```text
 //! factor = (energy / mean)^STRENGTH      energy  variance of the four luma blocks of a macroblock
 //!                                        mean    their geometric mean over the picture
 //! ```
-//! All is integer, so that it is the same everywhere: logarithms and powers of two are straight between whole ones, where
-//! they are off by 6 % at most, and one undoes the other.
+//! Integer arithmetic gives the same result on every processor. Logarithms and powers of two are linear between integers, with
+//! errors of at most 6 %. One function inverts the other.
 
 use plane::Plane;
 
-/// Ours, tuned by SSIM on the clips of README.md.
+/// Exponent in 256ths. Not from the standard: tuned by SSIM on the clips of README.md.
 const STRENGTH_256THS: i64 = 48;
-/// Added to the energy: below it noise and rounding say more than the picture.
+/// Offset of the energy, below which noise and rounding dominate.
 const FLOOR: u64 = 256;
-/// Limits of factors, in 256ths.
+/// Minimum and maximum factor, in 256ths.
 const FACTORS: (u32, u32) = (128, 512);
-/// Limits of factors from a caller, in 256ths.
+/// Minimum and maximum factor given by a caller, in 256ths.
 const GIVEN: (u32, u32) = (16, 4096);
 
 /// Factors of quantiser_scale, in 256ths, of all macroblocks of a picture in raster order.
@@ -33,8 +33,8 @@ pub(crate) fn by_activity(luma: &Plane<u8>) -> Vec<u32> {
     logarithms.iter().map(|l| power((l - mean) * STRENGTH_256THS / 256).clamp(FACTORS.0, FACTORS.1)).collect()
 }
 
-/// Factors of `counts` macroblocks across and down as they came from a caller: 1 where they are not numbers, and those of
-/// the border outside of the requested picture.
+/// Converts a caller's factors to 256ths for `counts` macroblocks across and down. NaN becomes 1, and macroblocks outside the
+/// requested picture repeat its border.
 pub(crate) fn given(weights: &Plane<f32>, counts: (usize, usize)) -> Vec<u32> {
     let factor = |weight: f32| {
         if weight.is_nan() { 256 } else { (256.0 * weight).round().clamp(GIVEN.0 as f32, GIVEN.1 as f32) as u32 }
@@ -43,25 +43,25 @@ pub(crate) fn given(weights: &Plane<f32>, counts: (usize, usize)) -> Vec<u32> {
     Plane::from_fn(counts.0, counts.1, |x, y| factor(at(x, y))).samples().to_vec()
 }
 
-/// Whether a factor in 256ths is one that an encoder makes.
+/// Whether a factor in 256ths is within the limits of the encoder.
 pub(crate) fn is_plausible(factor: &u32) -> bool {
     (GIVEN.0..=GIVEN.1).contains(factor)
 }
 
-/// 64 times the variance of 64 samples.
+/// Variance of 64 samples, times 64.
 fn variance(samples: [u8; 64]) -> u64 {
     let sum: u64 = samples.iter().map(|&sample| u64::from(sample)).sum();
     let squares: u64 = samples.iter().map(|&sample| u64::from(sample) * u64::from(sample)).sum();
     squares - sum * sum / 64
 }
 
-/// The logarithm to the base of two, in 256ths.
+/// Logarithm to base 2, in 256ths.
 fn logarithm(value: u64) -> i64 {
     let whole = value.ilog2();
     256 * i64::from(whole) + ((value << 8 >> whole) & 255) as i64
 }
 
-/// 256 times two to a power of −8 to 8, in 256ths.
+/// Returns two to a power of −8 to 8; `exponent` and result are in 256ths.
 fn power(exponent: i64) -> u32 {
     let exponent = exponent.clamp(-2048, 2047);
     ((256 + (exponent & 255)) << 8 >> (8 - (exponent >> 8))) as u32

@@ -1,11 +1,11 @@
-//! The quantiser with which a film as a whole takes a bit rate: found by coding it again.
+//! Finds the quantiser with which a whole film has a bit rate, by coding it several times.
 //!
 //! ```text
 //! ln(rate) falls with ln(quantiser_scale), nearly on a line: the next pass is where the line through the two nearest passes
 //! meets the rate, and within what all passes have left possible.
 //! ```
 
-/// A quantiser_scale and what it came to.
+/// A quantiser_scale and the resulting bit rate.
 #[derive(Clone, Copy, Debug)]
 struct Pass {
     quantiser_scale: f64,
@@ -13,17 +13,17 @@ struct Pass {
 }
 
 impl Pass {
-    /// How far ln(rate) is above that of `rate`.
+    /// Logarithm of the ratio of this pass's rate to `rate`.
     fn excess(&self, rate: f64) -> f64 {
         (self.bits_per_second / rate).ln()
     }
 }
 
-/// Looks for the quantiser_scale with which a film takes a given bit rate over its whole length.
+/// Searches for the quantiser_scale with which a film has a given mean bit rate.
 ///
-/// The film is coded as often as it takes, at constant quality each time: twice where the first guess is near, seldom more than four
-/// times. That is what bits are best spent on where no channel of constant rate and small buffer has to be served;
-/// [`Rate::Capped`](crate::Rate::Capped) bounds what a decoder reads meanwhile.
+/// Each pass codes the film at constant quality. A good first guess needs two passes, and more than four are rare. Constant
+/// quality is the best use of bits if no channel of constant rate and small buffer limits them.
+/// [`Rate::Capped`](crate::Rate::Capped) additionally limits a decoder's reading rate.
 ///
 /// ```
 /// use mpeg2enc::{Config, FrameRate, Passes, Picture};
@@ -48,27 +48,27 @@ impl Pass {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-#[must_use = "passes tell the next quantiser"]
+#[must_use = "passes compute the next quantiser"]
 pub struct Passes {
     bits_per_second: f64,
     done: Vec<Pass>,
 }
 
 impl Passes {
-    /// A rate within this share of the requested one is near enough.
+    /// Relative deviation from the requested rate that is acceptable.
     pub const NEAR: f64 = 0.005;
-    /// The most passes.
+    /// Maximum number of passes.
     const MOST: usize = 8;
-    /// Passes whose quantisers are nearer to each other than by this part have the same codes.
+    /// Relative difference of two quantisers below which the codes are the same.
     const SAME: f64 = 1.0 / 4096.0;
 
-    /// Looks for this rate.
+    /// Starts a search for this rate.
     pub fn new(bits_per_second: u32) -> Self {
         Self { bits_per_second: f64::from(bits_per_second.max(1)), done: Vec::new() }
     }
 
-    /// Takes what a pass came to, and gives the quantiser_scale of the next one; `None` if that was the last: it came near enough, or
-    /// no other came nearer.
+    /// Records the bit rate of a pass and returns the quantiser_scale of the next one. `None` ends the search: the last pass
+    /// was near enough, or no better one exists.
     pub fn next(&mut self, quantiser_scale: f64, bits_per_second: f64) -> Option<f64> {
         let pass = Pass { quantiser_scale, bits_per_second: bits_per_second.max(1.0) };
         self.done.push(pass);
@@ -80,7 +80,7 @@ impl Passes {
         if self.done.len() < Self::MOST && !tried(next) {
             return Some(next);
         }
-        // None is better than the best: it is made once more, unless it was made last.
+        // The best pass cannot be improved: repeat it, unless it was the last.
         let best = self.done.iter().min_by(|a, b| self.distance(a).total_cmp(&self.distance(b))).copied()?;
         (best.quantiser_scale != quantiser_scale).then_some(best.quantiser_scale)
     }
@@ -91,13 +91,13 @@ impl Passes {
 
     fn estimate(&self) -> f64 {
         let excess = |pass: &Pass| pass.excess(self.bits_per_second);
-        // The coarsest that took too much and the finest that took too little.
+        // Coarsest quantiser that took too many bits, and finest that took too few.
         let too_fine = self.done.iter().filter(|pass| excess(pass) > 0.0).map(|pass| pass.quantiser_scale);
         let too_coarse = self.done.iter().filter(|pass| excess(pass) <= 0.0).map(|pass| pass.quantiser_scale);
         let (low, high) = (too_fine.reduce(f64::max), too_coarse.reduce(f64::min));
         let mut nearest = self.done.clone();
         nearest.sort_by(|a, b| excess(a).abs().total_cmp(&excess(b).abs()));
-        // Bits are about as the inverse of the quantiser while nothing else is known.
+        // Until two passes exist, assume bits inversely proportional to the quantiser.
         let slope = match nearest[..] {
             [a, b, ..] => (excess(&a) - excess(&b)) / (a.quantiser_scale / b.quantiser_scale).ln(),
             _ => -1.0,
@@ -115,7 +115,7 @@ impl Passes {
 mod tests {
     use super::*;
 
-    /// Passes over a film whose rate is `rate(quantiser_scale)`.
+    /// Passes over a film with the bit rate `rate(quantiser_scale)`.
     fn search(wanted: u32, rate: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
         let (mut passes, mut next, mut all) = (Passes::new(wanted), Some(8.0), Vec::new());
         while let Some(scale) = next {
@@ -139,13 +139,13 @@ mod tests {
 
     #[test]
     fn what_bends_and_has_steps_is_come_near() {
-        // Headers that nothing takes away, quantisers in steps of a 64th.
+        // A constant rate of headers, and quantisers in steps of a 64th.
         let rate = |q: f64| 2e5 + 6e6 / (64.0 * q).round() * 64.0;
         for wanted in [300_000, 500_000, 2_000_000, 5_000_000] {
             let passes = search(wanted, rate);
             assert!((passes.last().unwrap().1 / f64::from(wanted) - 1.0).abs() <= 0.016, "{passes:?}");
         }
-        // Whole ones only: the nearest of those that were tried is what is made last.
+        // Integer quantisers only: the last pass uses the nearest of those tried.
         let whole = |q: f64| 6e6 / q.round();
         let passes = search(1_400_000, whole);
         assert_eq!(passes.last().unwrap().1, whole(4.0), "{passes:?}");

@@ -158,7 +158,7 @@ fn packets_tell_the_scale_of_every_macroblock() {
 }
 
 #[test]
-#[should_panic(expected = "weights that are not one for each macroblock")]
+#[should_panic(expected = "the weights must have one sample for each macroblock")]
 fn weights_of_another_size_are_refused() {
     let weights = Plane::filled(COUNTS.0, COUNTS.1 + 1, 1.0);
     let _ = encode_weighted(settings(8), &[moving(SIZE.0, SIZE.1, 0)], Some(&weights));
