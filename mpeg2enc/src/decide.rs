@@ -1,7 +1,7 @@
-//! Intra, inter or skipped, and how coarse: the cheapest way to code a macroblock.
+//! Mode decision: the cheapest way to code a macroblock as intra, inter or skipped, and its quantiser.
 //!
 //! ```text
-//! J = D + λ·R      D squared error of all samples      R bits as they will be written      λ price of a bit
+//! J = D + λ·R      D squared error of all samples      R bits in the stream      λ price of a bit
 //! ```
 
 pub(crate) mod in_place;
@@ -17,54 +17,53 @@ use crate::{
     vector::{HalfSample, Range},
 };
 
-/// Price of a bit in squared errors: 0.23 times quantiser_scale², here with twice [`dct::COEFFICIENT_BITS`] fractional
-/// bits. Ours, tuned on the clips of README.md: 0.16, the factor of the y262 encoder, takes 0.5 % more bits, and 0.31
-/// as many where quality is high.
+/// Price of a bit in squared errors: 0.23 times quantiser_scale², here with twice [`dct::COEFFICIENT_BITS`] fractional bits.
+/// Not from the standard: tuned on the clips of README.md. 0.16, the factor of the y262 encoder, takes 0.5 % more bits; 0.31
+/// does too at high quality.
 const LAMBDA: i64 = 15;
-/// A prediction is coded for comparison if its error is less than this many tenths of the least.
+/// A prediction is coded for comparison only if its error is less than this many tenths of the least error.
 const WORTH_A_TRIAL_TENTHS: u64 = 14;
 
-/// The alternatives that are tried for a macroblock.
+/// Alternatives tried for a macroblock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Tools {
-    /// Nothing is tried but what the vectors give: see [`quick`].
+    /// Whether only predictions from the given vectors are tried; see [`quick`].
     pub quick: bool,
-    /// Levels by shortest path instead of rounding.
+    /// Whether levels are chosen by shortest path instead of rounding.
     pub trellis: bool,
-    /// Whether other vectors than those found are compared: zero, and those that take no bits.
+    /// Whether zero vectors and cheaper vectors nearby are tried too.
     pub predicts_more: bool,
-    /// Predictions that are coded for comparison.
+    /// Number of predictions that are coded for comparison.
     pub trials: usize,
-    /// Number of halves of the squared error that the means of its blocks leave: with more, a predicted macroblock may still
-    /// become intra.
+    /// Threshold of the prediction error, in halves of the intra `activity`, above which intra coding is tried.
     pub intra_halves: u32,
-    /// Other quantisers than the requested one, where they cost less.
+    /// Whether other quantisers than the requested one are tried.
     pub quantiser_choice: bool,
-    /// Quarters of quantiser_scale²: with less squared error, a predicted block is not transformed. The few levels that it
-    /// would have are worth less than their bits.
+    /// Squared error in quarters of quantiser_scale² below which a predicted block is not transformed. Its few levels would not
+    /// be worth their bits.
     pub worth_a_transform_quarters: i64,
 }
 
 impl Tools {
-    /// Whether a prediction of this squared error is compared with intra coding, which starts from `activity`.
+    /// Whether a prediction of this squared error is compared with intra coding of this `activity`.
     fn may_be_intra(self, error: u32, activity: u32) -> bool {
         2 * u64::from(error) > u64::from(activity) * u64::from(self.intra_halves)
     }
 
-    /// How levels are found where a bit has this price.
+    /// Selection of levels when a bit has this price.
     fn rounding(self, lambda: i64) -> Rounding {
         if self.trellis { Rounding::Trellis { lambda } } else { Rounding::DeadZone }
     }
 }
 
-/// A way to code a macroblock.
+/// One way to code a macroblock, and its cost.
 struct Trial {
     macroblock: Macroblock,
     cost: i64,
-    /// Coefficients of the blocks, for a second look, and what they leave if all become zero.
+    /// Coefficients of the blocks, for further quantisers, and the error if all become zero.
     coefficients: [[i32; 64]; 6],
     energies: [i64; 6],
-    /// Blocks that are all but certain to become zero were not transformed.
+    /// Whether each block was transformed; blocks that almost certainly become zero are not.
     is_transformed: [bool; 6],
 }
 
@@ -80,16 +79,16 @@ impl Trial {
     }
 }
 
-/// Where decisions of a slice are made: kept from one macroblock to the next, so that nothing large is moved.
+/// Buffers for the decisions of a slice, reused for every macroblock to avoid large moves.
 pub(crate) struct Workspace {
     predictions: Predictions,
-    /// The cheapest way so far.
+    /// Cheapest trial so far.
     best: Box<Trial>,
-    /// The one being tried.
+    /// Trial in progress.
     other: Box<Trial>,
-    /// A macroblock that is predicted and nothing else.
+    /// A predicted macroblock without coefficients.
     uncoded: Macroblock,
-    /// The decoded macroblock.
+    /// Decoded macroblock.
     pub reconstruction: MacroblockSamples,
 }
 
@@ -108,17 +107,17 @@ impl Workspace {
         }
     }
 
-    /// The macroblock as it will be written.
+    /// Macroblock as it will be written.
     pub fn macroblock(&self) -> &Macroblock {
         &self.best.macroblock
     }
 
-    /// The same, to be decided elsewhere.
+    /// Macroblock as it will be written, for decisions made elsewhere.
     pub fn macroblock_mut(&mut self) -> &mut Macroblock {
         &mut self.best.macroblock
     }
 
-    /// The trial is the best so far if it is cheaper.
+    /// Swaps the trials if the one in progress is cheaper; returns whether it is.
     fn keep_cheaper(&mut self) -> bool {
         let is_cheaper = self.other.cost < self.best.cost;
         if is_cheaper {
@@ -134,9 +133,9 @@ pub(crate) struct Decision<'a> {
     pub state: &'a SliceState,
     pub quantisers: &'a Quantisers,
     pub tools: Tools,
-    /// The requested quantiser_scale_code.
+    /// Requested quantiser_scale_code.
     pub quantiser: u8,
-    /// Price of a bit, as [`lambda`] gives it.
+    /// Price of a bit, as returned by [`lambda`].
     pub lambda: i64,
     pub references: References<'a>,
     pub column: usize,
@@ -144,12 +143,12 @@ pub(crate) struct Decision<'a> {
     pub source: &'a MacroblockSamples,
 }
 
-/// The price of a bit for the requested quantiser_scale, in sixteenths.
+/// Price of a bit for the requested quantiser_scale, in sixteenths.
 pub(crate) fn lambda(scale_x16: u32) -> i64 {
     (LAMBDA * i64::from(scale_x16) * i64::from(scale_x16) / 256).max(1)
 }
 
-/// The most predictions that are looked at: the skipped one, and six of a B picture.
+/// Maximum number of predictions: the skipped one, and six of a B picture.
 const PREDICTIONS: usize = 8;
 
 /// Predictions to choose from.
@@ -157,15 +156,15 @@ struct Predictions {
     samples: [MacroblockSamples; PREDICTIONS],
     /// Squared errors of their blocks.
     errors: [[u32; 6]; PREDICTIONS],
-    /// Mode, squared error and place in `samples`, the best first.
+    /// Mode, squared error and index in `samples`, in order of error.
     order: Vec<(Mode, u32, usize)>,
 }
 
-/// A prediction that is shown as it is.
+/// A prediction used without coefficients.
 struct Uncoded {
     cost: i64,
     mode: Mode,
-    /// Place in [`Predictions::samples`].
+    /// Index in [`Predictions::samples`].
     index: usize,
 }
 
@@ -182,7 +181,7 @@ impl Predictions {
         self.order.insert(place, (mode, error, index));
     }
 
-    /// Puts the prediction of a mode that is not intra in place `index`, after those that were made (7.6.7).
+    /// Stores the prediction of a non-intra mode at `index`, after the existing ones (7.6.7).
     fn predict(&mut self, decision: &Decision, mode: Mode, index: usize) {
         let (made, new) = self.samples.split_at_mut(index);
         match mode {
@@ -193,7 +192,7 @@ impl Predictions {
                 let mut both = [[[0; 64]; 6]; 2];
                 let modes = [Mode::Forward(forward), Mode::Backward(backward)];
                 let [forward, backward] = std::array::from_fn(|s| {
-                    // Most often it was looked at alone.
+                    // Usually the one-sided prediction exists already.
                     let place = self.order.iter().find(|entry| entry.0 == modes[s]).map(|entry| entry.2);
                     if place.is_none() {
                         decision.predict(s, [forward, backward][s], &mut both[s]);
@@ -208,20 +207,20 @@ impl Predictions {
 }
 
 impl Decision<'_> {
-    /// A cheap way, with vectors found forward and backward; it and what the decoder shows stay in `work`.
+    /// Finds a cheap way with the given forward and backward vectors. `work` receives it and the reconstruction.
     pub fn decide(&self, vectors: [HalfSample; 2], work: &mut Workspace) {
         if !self.tools.quick || !self.decide_quickly(vectors, work) {
             self.decide_by_trials(vectors, work);
         }
     }
 
-    /// The cheapest of what is tried.
+    /// Finds the cheapest of several trials.
     fn decide_by_trials(&self, vectors: [HalfSample; 2], work: &mut Workspace) {
         work.predictions.order.clear();
         work.best.cost = i64::MAX;
         if let Some(mode) = self.state.skipped_mode(self.slice, self.column) {
             work.predictions.consider(self, mode);
-            // What quantises to nothing and takes no bits cannot be beaten by much.
+            // A macroblock that quantises to zero and takes no bits is nearly optimal.
             let quantiser = self.quantisers.of(self.quantiser);
             if let Some(&(_, _, index)) = work.predictions.order.first()
                 && work.predictions.errors[index]
@@ -243,7 +242,7 @@ impl Decision<'_> {
             self.choose_quantiser(work);
         }
         self.finish(coded, work);
-        // Errors of coefficients are those of samples but for rounding: fine steps may change no sample at all.
+        // Errors of coefficients and samples differ by rounding: fine levels may not change any sample.
         if let Some(uncoded) = uncoded
             && work.best.macroblock.mode != Mode::Intra
         {
@@ -255,7 +254,7 @@ impl Decision<'_> {
         }
     }
 
-    /// Makes the predictions that the vectors found give, and those near them that take fewer bits.
+    /// Adds predictions from the given vectors, and from cheaper vectors near them.
     fn consider_vectors(&self, [forward, backward]: [HalfSample; 2], predictions: &mut Predictions) {
         let [forward_prediction, backward_prediction] = self.state.motion_prediction;
         let near = |a: HalfSample, b: HalfSample| (a.x - b.x).abs().max((a.y - b.y).abs()) <= 2;
@@ -287,7 +286,7 @@ impl Decision<'_> {
         }
     }
 
-    /// The cheapest prediction with nothing else; none without predictions.
+    /// Returns the cheapest prediction without coefficients; `None` if there are no predictions.
     fn cheapest_uncoded(&self, work: &mut Workspace) -> Option<Uncoded> {
         let mut cheapest: Option<Uncoded> = None;
         for &(mode, error, index) in &work.predictions.order {
@@ -301,14 +300,14 @@ impl Decision<'_> {
         cheapest
     }
 
-    /// Codes the best predictions, and intra if they are poor; the cheapest stays in `work.best`. Returns the place of its
+    /// Codes the best predictions, and intra if they are poor. `work.best` keeps the cheapest; returns the index of its
     /// prediction.
     fn cheapest_coded(&self, work: &mut Workspace) -> usize {
         let least = work.predictions.order.first().map(|entry| entry.1);
         let mut chosen = 0;
         for i in 0..work.predictions.order.len().min(self.tools.trials) {
             let (mode, error, index) = work.predictions.order[i];
-            // A prediction that is much worse is not going to need fewer bits.
+            // A much worse prediction will not need fewer bits.
             if least.is_some_and(|least| u64::from(error) * 10 > u64::from(least) * WORTH_A_TRIAL_TENTHS) {
                 break;
             }
@@ -339,7 +338,7 @@ impl Decision<'_> {
         })
     }
 
-    /// Squared error if each block were its mean: what intra coding starts from.
+    /// Squared error of the blocks from their means, the starting point of intra coding.
     fn activity(&self) -> u32 {
         kernel::deviation(self.source)
     }
@@ -353,7 +352,7 @@ impl Decision<'_> {
         trial.cost = trial.macroblock.error() + self.lambda * bits as i64;
     }
 
-    /// Prediction number `index` and what the quantiser leaves of the difference.
+    /// Codes prediction number `index` with the quantised difference.
     fn try_coded(&self, mode: Mode, predictions: &Predictions, index: usize, trial: &mut Trial) {
         let quantiser = self.quantisers.of(self.quantiser);
         (trial.macroblock.mode, trial.macroblock.quantiser) = (mode, self.quantiser);
@@ -381,7 +380,7 @@ impl Decision<'_> {
         trial.is_transformed = [true; 6];
         for (i, source) in self.source.iter().enumerate() {
             trial.coefficients[i] = dct::forward_difference(source, &[0; 64]);
-            // The samples' would not do: the square of the DC is so much larger that its rounding alone is an error.
+            // The energy of the samples is unsuitable: the squared DC dominates, and its rounding alone exceeds the AC energy.
             trial.energies[i] = trial.coefficients[i][1..].iter().map(|&c| c * c).sum::<i32>().into();
             let block = &mut trial.macroblock.blocks[i];
             let transformed = Transformed { coefficients: &trial.coefficients[i], energy: trial.energies[i] };
@@ -390,7 +389,7 @@ impl Decision<'_> {
         self.price(trial);
     }
 
-    /// The same mode with the quantiser that costs least: steps away from the requested one, as long as they pay.
+    /// Tries quantisers in steps from the requested one, in the same mode, as long as the cost decreases.
     fn choose_quantiser(&self, work: &mut Workspace) {
         let mode = work.best.macroblock.mode;
         let kind = if mode == Mode::Intra { BlockKind::Intra } else { BlockKind::Inter };
@@ -413,7 +412,7 @@ impl Decision<'_> {
             self.price(trial);
             work.keep_cheaper()
         };
-        // The one in force takes no bits to state.
+        // The current quantiser takes no bits.
         let current = self.state.quantiser;
         if current != self.quantiser && current.abs_diff(self.quantiser) <= 2 {
             is_cheaper(current);
@@ -428,7 +427,7 @@ impl Decision<'_> {
         }
     }
 
-    /// Nothing but the prediction, number `index` of those considered.
+    /// Chooses prediction number `index` without coefficients.
     fn finish_uncoded(&self, mode: Mode, index: usize, work: &mut Workspace) {
         let macroblock = &mut work.best.macroblock;
         (macroblock.mode, macroblock.quantiser) = (mode, self.quantiser);
@@ -436,7 +435,7 @@ impl Decision<'_> {
         work.reconstruction = work.predictions.samples[index];
     }
 
-    /// Reconstructs the choice as the decoder does, with prediction number `index` if it is not intra.
+    /// Reconstructs the choice as a decoder does; prediction number `index` is used unless it is intra.
     fn finish(&self, index: usize, work: &mut Workspace) {
         let macroblock = &work.best.macroblock;
         let quantiser = self.quantisers.of(macroblock.quantiser);
@@ -453,7 +452,7 @@ impl Decision<'_> {
     }
 }
 
-/// A squared error of samples as one of coefficients.
+/// Converts a squared error of samples to the scale of coefficients.
 fn in_coefficients(error: u32) -> i64 {
     i64::from(error) << (2 * dct::COEFFICIENT_BITS)
 }

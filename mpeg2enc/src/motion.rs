@@ -1,4 +1,4 @@
-//! Vectors of a picture: candidates from outside or from neighbors, and a search around them.
+//! Motion estimation of a picture: candidates given or taken from neighbors, and a search around them.
 
 mod coarse;
 mod field;
@@ -19,33 +19,33 @@ use crate::{
 use rayon::prelude::*;
 use search::CROSS;
 
-/// The search for motion of one picture in one reference picture.
+/// Motion search of one picture in one reference picture.
 pub(crate) struct Estimate<'a> {
-    /// The picture to be coded, in whole macroblocks.
+    /// Picture to be coded, in whole macroblocks.
     pub source: &'a Picture,
-    /// The reconstructed reference picture.
+    /// Reconstructed reference picture.
     pub reference: &'a Picture,
     /// Vectors worth trying in every macroblock, or empty.
     pub candidates: &'a [Candidates],
-    /// Vectors of the picture before, or empty.
+    /// Vectors of the previous picture, or empty.
     pub before: &'a [HalfSample],
-    /// Quarter-size pictures for what nothing predicts.
+    /// Quarter-size pictures for macroblocks without good candidates.
     pub coarse: Option<CoarseSearch<'a>>,
     pub quantiser_scale: u32,
     pub f_code_max: [u32; 2],
-    /// Best effort compares half-sample positions by transformed differences; fast effort takes what is given.
+    /// Best effort compares half-sample positions by transformed differences; fast effort takes given vectors.
     pub effort: Effort,
 }
 
-/// Half samples that highlights and shadows are taken to move over a surface at most, whose own motion is known. Farther, the
-/// vectors of the picture before are those of other things.
+/// Maximum motion of highlights and shadows over a surface with known motion, in half samples. Vectors of the previous picture
+/// that differ more belong to other objects.
 const LIGHT_MOVES: i32 = 8;
-/// Mean absolute difference a sample above which more is tried, and what each step of quantiser_scale adds in eighths:
-/// a coarse reference differs that much from its own source. Ours, tuned by the example `mpeg2enc`.
+/// Mean absolute difference per sample above which more vectors are tried. Each step of quantiser_scale adds eighths, because
+/// coding noise in the reference has about this size. Tuned with the example `mpeg2enc`.
 const POOR_MATCH: u32 = 2;
 const POOR_MATCH_EIGHTHS: u32 = 1;
 impl Estimate<'_> {
-    /// The vector of every macroblock in raster order; rows do not depend on each other.
+    /// Returns the vector of every macroblock in raster order; rows are independent of each other.
     pub fn vectors(&self) -> Vec<HalfSample> {
         let (columns, rows) = (self.source.width() / 16, self.source.height() / 16);
         (0..rows)
@@ -82,8 +82,8 @@ impl Estimate<'_> {
         for &vector in candidates.vectors() {
             search.try_vector(vector);
         }
-        // Where every pixel moved alike nothing predicts better than they do. Highlights and shadows move otherwise than
-        // their surface: what matches poorly is still looked for near by.
+        // If all pixels moved alike, no other vector predicts better. Highlights and shadows move differently from their
+        // surface, so poor matches still try nearby vectors.
         let known = candidates.one_motion;
         if search.best_error > poor / 4 {
             let columns = self.source.width() / 16;
@@ -106,7 +106,7 @@ impl Estimate<'_> {
             }
         }
         if self.effort == Effort::Best {
-            // Even around what is given: a field need not be right.
+            // Search even around given vectors, because a motion field may be wrong.
             search.transform_differences();
             search.settle();
         } else {
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
     use plane::{Correspondence, Plane};
 
-    /// Noise of two scales that does not repeat, blended between whole positions.
+    /// Aperiodic noise of two scales, interpolated between integer positions.
     fn texture(x: f64, y: f64) -> u8 {
         let hash = |x: i64, y: i64| {
             let mixed = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0x2545_f491_4f6c_dd1d);

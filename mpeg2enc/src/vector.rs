@@ -1,8 +1,8 @@
-//! Vectors, and the range that a block may have them in.
+//! Motion vectors and their allowed ranges.
 
 use plane::Plane;
 
-/// A vector in half luma samples, as coded (7.6.3): from a macroblock to its place in the reference picture.
+/// A vector in half luma samples, as coded (7.6.3): from a macroblock to its position in the reference picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct HalfSample {
@@ -17,13 +17,13 @@ impl HalfSample {
         Self { x: self.x + x, y: self.y + y }
     }
 
-    /// Whether the vector is no longer than sums of some vectors over the largest picture are.
+    /// Whether the length is possible for a sum of a few vectors over the largest picture.
     pub fn is_plausible(&self) -> bool {
         self.x.unsigned_abs().max(self.y.unsigned_abs()) <= 1 << 24
     }
 }
 
-/// The vectors that a macroblock may have.
+/// Range of vectors that a macroblock may have.
 #[derive(Clone, Copy)]
 pub(crate) struct Range {
     x: (i32, i32),
@@ -31,12 +31,12 @@ pub(crate) struct Range {
 }
 
 impl Range {
-    /// Range of vectors of the macroblock at `(column, row)`.
+    /// Returns the range of vectors of the macroblock at `(column, row)`.
     pub fn new(reference: &Plane<u8>, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
         Self::of_block(reference, 16, column, row, f_code_max)
     }
 
-    /// Range of vectors of a block of `block`² samples: inside of the reference picture (7.6.3.8), and within the reach of the
+    /// Returns the range of vectors of a block of `block`² samples: inside the reference picture (7.6.3.8) and within the
     /// largest f_code of the level.
     pub fn of_block(reference: &Plane<u8>, block: usize, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
         let range = |size: usize, position: usize, f_code: u32| {
@@ -54,7 +54,7 @@ impl Range {
         (self.x.0..=self.x.1).contains(&vector.x) && (self.y.0..=self.y.1).contains(&vector.y)
     }
 
-    /// Does the range hold all vectors up to `distance` away in each component?
+    /// Whether the range contains all vectors up to `distance` away in each component.
     pub fn contains_around(&self, vector: HalfSample, distance: i32) -> bool {
         self.contains(vector.offset(-distance, -distance)) && self.contains(vector.offset(distance, distance))
     }
@@ -64,10 +64,10 @@ impl Range {
     }
 }
 
-/// The smallest f_code whose reach holds every vector component (Table 7-8).
+/// Returns the smallest f_code with a reach that covers all vector components (Table 7-8).
 pub(crate) fn f_code(components: impl Iterator<Item = i32>) -> u32 {
     let (low, high) = components.fold((0, 0), |(low, high), c| (low.min(c), high.max(c)));
-    (1..).find(|f_code| -low <= 16 << (f_code - 1) && high < 16 << (f_code - 1)).expect("some reach is enough")
+    (1..).find(|f_code| -low <= 16 << (f_code - 1) && high < 16 << (f_code - 1)).expect("some reach suffices")
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! The quick way of a P picture: a macroblock is predicted where it will be shown, and of its blocks what is worth its bits is
-//! coded, each by itself.
+//! Quick decision for a macroblock of a P picture: it is predicted directly into the output. Each block is then coded only if
+//! it is worth its bits.
 //!
-//! Samples are read once, where they lie, and nothing is coded twice to compare. What is predicted poorly goes the long way,
-//! since it may have to be intra.
+//! Samples are read once, in place, and no alternatives are coded for comparison. Poor predictions may need intra coding and
+//! are left to the full decision.
 
 use super::{
     Tools, in_coefficients,
@@ -19,22 +19,22 @@ use crate::{
     vector::{HalfSample, Range},
 };
 
-/// Rows of the three planes that belong to one row of macroblocks.
+/// Samples of the three planes in one row of macroblocks.
 pub(crate) struct RowMut<'a> {
     pub luma: &'a mut [u8],
     pub cb: &'a mut [u8],
     pub cr: &'a mut [u8],
 }
 
-/// Input of the decision about a macroblock.
+/// Input of the decision for a macroblock.
 pub(crate) struct InPlace<'a> {
     pub slice: &'a SliceParameters,
     pub state: &'a SliceState,
     pub quantiser: &'a Quantiser,
-    /// quantiser_scale_code of it.
+    /// quantiser_scale_code of the macroblock.
     pub code: u8,
     pub tools: Tools,
-    /// Price of a bit, as [`lambda`](super::lambda) gives it.
+    /// Price of a bit, as returned by [`lambda`](super::lambda).
     pub lambda: i64,
     pub source: &'a Picture,
     pub reference: &'a Picture,
@@ -43,7 +43,8 @@ pub(crate) struct InPlace<'a> {
 }
 
 impl InPlace<'_> {
-    /// Decides, and puts what a decoder shows into `out`; false if it takes a closer look, and nothing counts then.
+    /// Decides and writes the reconstruction to `out`. Returns false if the full decision is needed; the results are then
+    /// invalid.
     pub fn decide(&self, vector: HalfSample, macroblock: &mut Macroblock, out: &mut RowMut) -> bool {
         debug_assert!(Range::new(self.reference.luma(), self.column, self.row, self.slice.f_code[0]).contains(vector));
         let stride = self.source.width();
@@ -67,7 +68,7 @@ impl InPlace<'_> {
             is_coded |= kept;
         }
         if !is_coded && vector != HalfSample::ZERO && self.state.skipped_mode(self.slice, self.column).is_some() {
-            // What takes no bits at all may do as well.
+            // A skipped macroblock takes no bits and may be as good.
             let allowed = in_coefficients(error) + VECTOR_BITS * self.lambda;
             if self.stay(allowed, out) {
                 macroblock.mode = Mode::STILL;
@@ -76,7 +77,7 @@ impl InPlace<'_> {
         true
     }
 
-    /// Codes what the prediction of block `i` lacks, if that is worth its bits.
+    /// Codes the difference of block `i` from its prediction, if that is worth its bits.
     fn code(&self, i: usize, error: u32, block: &mut Block, out: &mut RowMut) -> bool {
         let width = self.source.width();
         let (stride, x, y) = if i < 4 { (width, 8 * (i & 1), 8 * (i >> 1)) } else { (width / 2, 0, 0) };
@@ -99,7 +100,7 @@ impl InPlace<'_> {
         }
         let mut samples = [0; 64];
         dct::inverse_onto(&restored, &predicted, &mut samples);
-        // Where steps are fine, what is left after rounding is not what coefficients predict.
+        // With fine steps, rounding to samples makes the true error differ from the error of the coefficients.
         if self.quantiser.scale <= FINE
             && in_coefficients(kernel::squared_difference(&source, &samples)) + price >= energy
         {
@@ -109,10 +110,10 @@ impl InPlace<'_> {
         true
     }
 
-    /// Shows the macroblock at the same place of the reference, if its squared error is no more than `allowed`.
+    /// Copies the macroblock at the same position of the reference, if its squared error is at most `allowed`.
     fn stay(&self, allowed: i64, out: &mut RowMut) -> bool {
         let still = HalfSample::ZERO;
-        // Squares of sixteen times sixteen differences add up to no less than the square of their sum by their number.
+        // The sum of 256 squares is at least the squared sum divided by 256.
         let difference =
             kernel::absolute_difference::<16>(self.luma(self.source, still), self.luma(self.reference, still));
         if in_coefficients(difference * difference / 256) > allowed {
@@ -133,37 +134,38 @@ impl InPlace<'_> {
         stays
     }
 
-    /// Predicts luma into `out`, rows `stride` apart, and gives the squared errors of its blocks.
+    /// Predicts luma into `out`, with rows `stride` apart, and returns the squared errors of its blocks.
     fn predict_luma(&self, vector: HalfSample, out: &mut [u8], stride: usize) -> [u32; 4] {
         let (source, reference) = (self.luma(self.source, HalfSample::ZERO), self.luma(self.reference, vector));
         kernel::predict_onto::<16>(source, reference, out, stride)
     }
 
-    /// The same of Cb (0) or Cr (1), whose vector is half of that of luma, rounded toward zero (7.6.3.7).
+    /// Predicts Cb (0) or Cr (1) into `out` and returns the squared error. The vector is half of luma's, rounded toward zero
+    /// (7.6.3.7).
     fn predict_chroma(&self, vector: HalfSample, which: usize, out: &mut [u8], stride: usize) -> u32 {
         let vector = HalfSample { x: vector.x / 2, y: vector.y / 2 };
         let source = self.chroma(self.source, which, HalfSample::ZERO);
         kernel::predict_onto::<8>(source, self.chroma(self.reference, which, vector), out, stride)[0]
     }
 
-    /// Where the macroblock begins in luma, `vector` away.
+    /// Luma samples at the macroblock's position plus `vector`.
     fn luma<'a>(&self, frame: &'a Picture, vector: HalfSample) -> ReferenceBlock<'a> {
         place_of(frame.luma(), 32 * self.column as i32 + vector.x, 32 * self.row as i32 + vector.y)
     }
 
-    /// Where it begins in Cb (0) or Cr (1).
+    /// Samples of Cb (0) or Cr (1) at the macroblock's position plus `vector`.
     fn chroma<'a>(&self, frame: &'a Picture, which: usize, vector: HalfSample) -> ReferenceBlock<'a> {
         let plane = if which == 0 { frame.cb() } else { frame.cr() };
         place_of(plane, 16 * self.column as i32 + vector.x, 16 * self.row as i32 + vector.y)
     }
 
-    /// Squared error if each block were its mean: what intra coding starts from.
+    /// Squared error of the blocks from their means, the starting point of intra coding.
     fn activity(&self) -> u32 {
         kernel::deviation(&crate::predict::samples(self.source, self.column, self.row))
     }
 }
 
-/// Puts N rows of N samples where `out` begins, `stride` apart.
+/// Copies N rows of N samples to the start of `out`, with rows `stride` apart.
 fn copy_rows<const N: usize>(samples: &[u8], out: &mut [u8], stride: usize) {
     for (row, out) in samples.as_chunks::<N>().0.iter().zip(out.chunks_mut(stride)) {
         out[..N].copy_from_slice(row);

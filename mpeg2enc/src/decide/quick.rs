@@ -1,24 +1,24 @@
-//! The quick choice for a macroblock of a B picture: the prediction that differs least, and of its blocks what is worth its bits,
-//! each by itself. [`in_place`](super::in_place) does so in P pictures.
+//! Quick decision for a macroblock of a B picture: the prediction with the least error. Each block is coded only if it is worth
+//! its bits. [`in_place`](super::in_place) does the same in P pictures.
 //!
-//! Nothing is coded twice to compare. What is predicted poorly goes the long way, since it may have to be intra.
+//! No alternatives are coded for comparison. Poor predictions may need intra coding and are left to the full decision.
 
 use super::{Decision, Workspace, in_coefficients};
 use crate::{PictureType, block::Block, dct, kernel, macroblock::Mode, quant::Transformed, vector::HalfSample};
 
-/// Bits that an intra macroblock takes, or nearly so, on the clips of README.md: what differs less than these are worth is not
-/// intra.
+/// Approximate bits of an intra macroblock on the clips of README.md. A macroblock with an error worth fewer bits is not intra
+/// coded.
 pub(super) const INTRA_BITS: i64 = 150;
 
-/// The price in bits of a macroblock that has a vector and nothing else: less than it takes, since later pictures inherit what a
-/// skipped one lacks. With 8, plain walls take 5 % more bits.
+/// Price in bits of a macroblock with only a vector. It is below the true value because later pictures inherit the error of a
+/// skipped one. With 8, plain walls take 5 % more bits.
 pub(super) const VECTOR_BITS: i64 = 2;
 
-/// The last quantiser_scale at which rounding to whole samples counts.
+/// Largest quantiser_scale at which rounding to integer samples matters.
 pub(super) const FINE: i32 = 6;
 
 impl Decision<'_> {
-    /// False if it takes a closer look to decide.
+    /// Decides, or returns false if the full decision is needed.
     pub(super) fn decide_quickly(&self, [forward, backward]: [HalfSample; 2], work: &mut Workspace) -> bool {
         work.predictions.order.clear();
         let quantiser = self.quantisers.of(self.quantiser);
@@ -59,7 +59,7 @@ impl Decision<'_> {
                 let coded = &*block;
                 if coded.is_coded() && coded.error + self.lambda * i64::from(coded.bits) < energy {
                     dct::inverse_onto(&restored, predicted, &mut work.reconstruction[i]);
-                    // Where steps are fine, what is left after rounding is not what coefficients predict.
+                    // With fine steps, rounding to samples makes the true error differ from the error of the coefficients.
                     let left = || kernel::squared_difference(source, &work.reconstruction[i]);
                     if quantiser.scale > FINE || in_coefficients(left()) + self.lambda * i64::from(coded.bits) < energy
                     {
@@ -74,7 +74,7 @@ impl Decision<'_> {
             && let Some(skipped) = self.state.skipped_mode(self.slice, self.column)
             && skipped != mode
         {
-            // What takes no bits at all may do as well.
+            // A skipped macroblock takes no bits and may be as good.
             work.predictions.consider(self, skipped);
             let entry = work.predictions.order.iter().find(|entry| entry.0 == skipped);
             if let Some(&(_, skipped_error, index)) = entry

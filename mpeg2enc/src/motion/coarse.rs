@@ -1,4 +1,4 @@
-//! A wide search at a quarter of the resolution, for macroblocks whose motion nothing predicts.
+//! Wide search at a quarter of the resolution, for macroblocks without good candidates.
 
 use crate::{kernel, predict::place_of, vector::HalfSample};
 use plane::Plane;
@@ -12,11 +12,11 @@ pub(crate) struct CoarseSearch<'a> {
 
 /// Reach of the search in coarse samples: ±64 samples of the picture.
 const REACH: i32 = 16;
-/// The window is larger than the macroblock's 4 samples, which alone would match by chance.
+/// Width of the compared window. It exceeds the macroblock's 4 samples, which would often match by chance.
 const WINDOW: usize = 8;
 
 impl CoarseSearch<'_> {
-    /// The best vector for macroblock `(column, row)`; one that leaves the picture may come out.
+    /// Best vector for macroblock `(column, row)`; it may point outside the picture.
     pub fn search(&self, column: usize, row: usize) -> HalfSample {
         let (width, height) = (self.source.width() as i32, self.source.height() as i32);
         let window = WINDOW as i32;
@@ -30,7 +30,7 @@ impl CoarseSearch<'_> {
         let mut best = (u32::MAX, HalfSample::ZERO);
         for dy in (-REACH).max(-y)..=REACH.min(height - window - y) {
             for dx in (-REACH).max(-x)..=REACH.min(width - window - x) {
-                // Shorter vectors win where the picture is flat.
+                // In flat areas shorter vectors win.
                 let difference = kernel::absolute_difference::<WINDOW>(source, place(x + dx, y + dy));
                 let error = (dx.abs() + dy.abs()) as u32 + difference;
                 if error < best.0 {
@@ -42,7 +42,7 @@ impl CoarseSearch<'_> {
     }
 }
 
-/// Means of 4×4 samples.
+/// Averages 4×4 samples.
 pub(crate) fn quarter(plane: &Plane<u8>) -> Plane<u8> {
     Plane::from_fn(plane.width() / 4, plane.height() / 4, |x, y| {
         let sum: u32 =

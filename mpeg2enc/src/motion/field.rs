@@ -1,18 +1,18 @@
-//! Motion given from outside, pixel by pixel.
+//! Motion given per pixel.
 
 use crate::vector::HalfSample;
 use plane::{Correspondence, NO_MATCH};
 use rayon::prelude::*;
 
-/// Vectors to be tried for one macroblock.
+/// Vectors to try for one macroblock.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Candidates {
     vectors: [HalfSample; CANDIDATES],
     count: usize,
-    /// Every pixel could be seen before and moved like the others, to within half a sample.
+    /// Whether all pixels were visible before and have equal motion, within half a sample.
     pub one_motion: bool,
-    /// Some pixel could not be seen before.
+    /// Whether some pixel was not visible before.
     pub is_uncovered: bool,
 }
 
@@ -24,12 +24,12 @@ impl Candidates {
         &self.vectors[..self.count]
     }
 
-    /// Whether there are no more vectors than fit, and none of them is too long.
+    /// Whether the vectors fit in their number and length.
     pub fn is_plausible(&self) -> bool {
         self.count <= CANDIDATES && self.vectors().iter().all(HalfSample::is_plausible)
     }
 
-    /// Adds a vector if it is new and there is room.
+    /// Adds a vector if it is new and capacity remains.
     pub fn add(&mut self, vector: HalfSample) {
         if self.count < CANDIDATES && !self.vectors().contains(&vector) {
             self.vectors[self.count] = vector;
@@ -38,21 +38,21 @@ impl Candidates {
     }
 }
 
-/// As many as are ever worth trying; a field gives the mean and the four most frequent vectors.
+/// Maximum number of vectors worth trying. A field supplies the mean and the four most frequent vectors.
 const CANDIDATES: usize = 8;
-/// The most frequent vectors that a field gives.
+/// Number of most frequent vectors taken from a field.
 const FREQUENT: usize = 4;
-/// Different vectors that are counted in one macroblock; what is left over then counts for the mean alone.
+/// Maximum number of different vectors counted in one macroblock; any more affect only the mean.
 const DISTINCT: usize = 24;
-/// Larger than any picture, and small enough for 64ths and their sums: beyond it a vector is as good as unknown.
+/// Length in pixels above which a vector is ignored. It exceeds every picture, and sums of 64ths still fit in the integer type.
 const FARTHEST_PX: f32 = 16384.0;
 
-/// Candidates of all macroblocks in raster order.
+/// Returns the candidates of all macroblocks in raster order.
 pub(crate) fn all_candidates(known: &Correspondence, columns: usize, rows: usize) -> Vec<Candidates> {
     (0..columns * rows).into_par_iter().map(|i| candidates(known, i % columns, i / columns)).collect()
 }
 
-/// The mean and the most frequent vectors of macroblock `(column, row)`.
+/// Returns the mean and the most frequent vectors of macroblock `(column, row)`.
 fn candidates(known: &Correspondence, column: usize, row: usize) -> Candidates {
     let (left, top) = (16 * column, 16 * row);
     let (width, height) = (known.width(), known.height());
@@ -61,7 +61,7 @@ fn candidates(known: &Correspondence, column: usize, row: usize) -> Candidates {
         let spread = spread(&known.motion().samples()[first..], &known.matches().samples()[first..], width);
         let mean = mean_of(spread.sum, 16 * SAMPLED_ROWS as i32);
         let near = |half: [i32; 2]| (half[0] - mean.x).abs() <= 1 && (half[1] - mean.y).abs() <= 1;
-        // The most frequent ones are looked at as neighbors of the mean then.
+        // The search then reaches the most frequent vectors as neighbors of the mean.
         if spread.all_known && near(spread.least.map(half_of)) && near(spread.most.map(half_of)) {
             let mut out = Candidates { one_motion: true, ..Candidates::NONE };
             out.add(mean);
@@ -71,20 +71,20 @@ fn candidates(known: &Correspondence, column: usize, row: usize) -> Candidates {
     several(known, left, top)
 }
 
-/// A vector in 64ths of a pixel; none where nothing corresponds or the vector is too long.
+/// Converts a vector to 64ths of a pixel; `None` if there is no match or the vector is too long.
 fn parts(motion_px: [f32; 2], index: u32) -> Option<[i32; 2]> {
     let is_known = index != NO_MATCH && motion_px.iter().all(|component| component.abs() < FARTHEST_PX); // false for NaN
     is_known.then(|| motion_px.map(in_64ths))
 }
 
-/// The mean and the most frequent vectors of a macroblock that is not of one motion.
+/// Returns the mean and the most frequent vectors of a macroblock with different motions.
 fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
     let (right, bottom) = ((left + 16).min(known.width()), (top + 16).min(known.height()));
     let columns = left.min(right)..right;
     let mut counts = [(HalfSample::ZERO, 0u32); DISTINCT];
     let (mut distinct, mut latest) = (0, 0);
     let (mut sum, mut count, mut unknown) = ([0; 2], 0, 0);
-    // A macroblock may lie wholly in the padding.
+    // A macroblock may be completely in the padding.
     for y in top..bottom.max(top) {
         let (motion_px, matches) = (&known.motion().row(y)[columns.clone()], &known.matches().row(y)[columns.clone()]);
         for (&motion_px, &index) in motion_px.iter().zip(matches) {
@@ -122,14 +122,14 @@ fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
     out
 }
 
-/// A component in 64ths of a pixel: the sum with 3·2²² has no bits left for a fraction.
+/// Converts a component to 64ths of a pixel. The sum with 3·2²² has no fractional bits, so it rounds.
 #[inline(always)]
 fn in_64ths(component_px: f32) -> i32 {
     const ROUNDING: f32 = 12_582_912.0;
     (component_px * 64.0 + ROUNDING).to_bits().wrapping_sub(ROUNDING.to_bits()) as i32
 }
 
-/// Half samples of 64ths of a pixel.
+/// Converts 64ths of a pixel to half samples.
 #[inline(always)]
 fn half_of(part: i32) -> i32 {
     (part + 16) >> 5
@@ -140,26 +140,26 @@ fn mean_of(sum: [i32; 2], count: i32) -> HalfSample {
     HalfSample { x, y }
 }
 
-/// Rows of vectors of a macroblock that are looked at to tell whether it is of one motion: all of them differ too little to pay
-/// for reading twice the memory.
+/// Number of rows of vectors sampled to detect uniform motion. Reading all rows would cost twice the memory traffic and seldom
+/// change the result.
 const SAMPLED_ROWS: usize = 4;
 
-/// How far the vectors of 16×16 pixels lie apart, in 64ths of a pixel.
+/// Spread of the vectors of 16×16 pixels, in 64ths of a pixel.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Spread {
     sum: [i32; 2],
     least: [i32; 2],
     most: [i32; 2],
-    /// Nothing else means anything if this is false.
+    /// Whether all sampled vectors are known; if not, the other fields are meaningless.
     all_known: bool,
 }
 
 vectorized! {
-    /// The spread of 16 rows of 16 vectors with their matches, which begin `stride` apart.
+    /// Measures the spread of 16 rows of 16 vectors with their matches; rows are `stride` apart.
     fn spread, spread_plain(motion_px: &[[f32; 2]], matches: &[u32], stride: usize) -> Spread {
-        // A row is 32 components: the compiler vectorizes loops of that length, and no nested shorter ones.
+        // A row has 32 components: the compiler vectorizes loops of this length, but not shorter nested ones.
         let (mut sum, mut least, mut most, mut farthest) = ([0; 32], [i32::MAX; 32], [i32::MIN; 32], [0; 32]);
-        let mut last_match = [0; 16]; // NO_MATCH is the last index
+        let mut last_match = [0; 16]; // NO_MATCH is the maximum index
         for y in (0..16).step_by(16 / SAMPLED_ROWS) {
             let row: &[f32; 32] = motion_px[y * stride..][..16].as_flattened().try_into().expect("16 vectors");
             for k in 0..32 {
@@ -167,7 +167,7 @@ vectorized! {
                 sum[k] = i32::wrapping_add(sum[k], part);
                 least[k] = least[k].min(part);
                 most[k] = most[k].max(part);
-                // Magnitudes and their bits are in the same order, infinity and NaN last.
+                // Magnitudes have the same order as their bit patterns; infinity and NaN are greatest.
                 farthest[k] = i32::max(farthest[k], row[k].abs().to_bits() as i32);
             }
             let row: &[u32; 16] = matches[y * stride..][..16].try_into().expect("16 matches");
@@ -185,10 +185,10 @@ vectorized! {
     }
 }
 
-/// The horizontal and the vertical components of sixteen vectors, each reduced by `f`.
+/// Reduces the horizontal and the vertical components of sixteen vectors by `f`.
 #[inline(always)]
 fn fold<T: Copy>(mut values: [T; 32], f: fn(T, T) -> T) -> [T; 2] {
-    // By halves, which vector instructions can do.
+    // Halving suits vector instructions.
     for half in [16, 8, 4, 2] {
         for k in 0..half {
             values[k] = f(values[k], values[k + half]);
@@ -222,7 +222,7 @@ mod tests {
     fn one_motion_is_recognized() {
         for (slope, one_motion) in [(0.02, true), (0.05, true), (0.2, false), (-0.2, false), (f32::NAN, false)] {
             let plane = Plane::from_fn(16, 16, |x, _| [2.0 + slope * x as f32, -0.75]);
-            // A motion that is not a number counts as unknown whatever its match.
+            // NaN motion counts as unknown, whatever its match.
             let all_match = Correspondence::new(plane.clone(), Plane::filled(16, 16, 0)).unwrap();
             for known in [Correspondence::from_motion(plane), all_match] {
                 let (quick, thorough) = (candidates(&known, 0, 0), several(&known, 0, 0));

@@ -1,8 +1,8 @@
-//! Motion that a caller knows.
+//! Motion supplied by the caller.
 
 use plane::Correspondence;
 
-/// Motion of a frame that the caller knows; nothing by default.
+/// Motion of a frame supplied by the caller; empty by default.
 ///
 /// ```
 /// use mpeg2enc::KnownMotion;
@@ -11,21 +11,21 @@ use plane::Correspondence;
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct KnownMotion<'a> {
-    /// Where each pixel was in the frame before.
+    /// Position of each pixel in the previous frame.
     pub to_previous: Option<&'a Correspondence>,
-    /// Where each pixel will be in the frame after.
+    /// Position of each pixel in the next frame.
     pub to_next: Option<&'a Correspondence>,
 }
 
 impl<'a> From<&'a Correspondence> for KnownMotion<'a> {
-    /// Where each pixel was in the frame before.
+    /// Uses a field of positions in the previous frame.
     fn from(to_previous: &'a Correspondence) -> Self {
         Self { to_previous: Some(to_previous), to_next: None }
     }
 }
 
 impl<'a> From<Option<&'a Correspondence>> for KnownMotion<'a> {
-    /// Where each pixel was in the frame before, if it is known.
+    /// Uses a field of positions in the previous frame, if there is one.
     fn from(to_previous: Option<&'a Correspondence>) -> Self {
         Self { to_previous, to_next: None }
     }

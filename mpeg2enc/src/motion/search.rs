@@ -1,4 +1,4 @@
-//! The search for the vector of one block.
+//! Search for the vector of one block.
 
 use crate::{
     kernel::{self, ReferenceBlock},
@@ -7,18 +7,18 @@ use crate::{
 };
 use plane::Plane;
 
-/// A step of half a sample in each of four directions.
+/// Steps of half a sample in four directions.
 pub(super) const CROSS: [(i32, i32); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
-/// A step of half a sample in each of eight directions.
+/// Steps of half a sample in eight directions.
 const NEIGHBORS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
-/// Steps of the search by whole samples.
+/// Steps of one sample in four directions.
 const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
-/// The longest of these steps.
+/// Length of the longest of these steps, in half samples.
 const FARTHEST_STEP: i32 = 2;
-/// A vector's differences are transformed if, as they are, they are less than this many eighths of the best one's. With 9
-/// the vectors that are compared depend on where a search began, and with them its result.
+/// A vector's transformed difference is computed if its plain difference is less than this many eighths of the best one's. With
+/// 9, the compared vectors and thus the result depend on the starting point.
 const WORTH_A_TRANSFORM_EIGHTHS: u64 = 12;
-/// Both kinds of steps.
+/// Steps of half a sample and of one sample.
 const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
     let mut steps = [(0, 0); 12];
     let (first, last) = steps.split_at_mut(NEIGHBORS.len());
@@ -26,22 +26,22 @@ const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
     last.copy_from_slice(&DIAMOND);
     steps
 };
-/// The most rounds of [`Search::settle`]: after two, searches from different vectors still end apart now and then.
+/// Maximum rounds of [`Search::settle`]; after two, searches from different vectors still sometimes end apart.
 const SETTLED: usize = 4;
-/// Shares of the error of a poor match. A given vector with at most the first is taken as it is where all is to be quick; one
-/// with more than the second may lie where light moves. Ours, tuned on the clips of README.md: with trust in all that is
-/// no poor match, plain walls take 12 % more bits.
+/// Fractions of the error of a poor match, for quick searches. With at most the first, a given vector is accepted immediately.
+/// With more than the second, the block may show moving light. Tuned on the clips of README.md: accepting everything below a
+/// poor match costs 12 % more bits on plain walls.
 const TRUSTED_16THS: u32 = 2;
 const LIGHT_16THS: u32 = 4;
 
-/// The position of a block in a grid of blocks.
+/// Position of a block in a grid of blocks.
 #[derive(Clone, Copy)]
 pub(crate) struct BlockPosition {
     pub column: usize,
     pub row: usize,
 }
 
-/// The search for one block of N×N samples.
+/// Search for one block of N×N samples.
 pub(crate) struct Search<'a, const N: usize> {
     source: ReferenceBlock<'a>,
     reference: &'a Plane<u8>,
@@ -52,14 +52,14 @@ pub(crate) struct Search<'a, const N: usize> {
     price: u32,
     pub best: HalfSample,
     best_cost: u32,
-    /// Sum of absolute differences, plain at first and then transformed.
+    /// Sum of absolute differences: plain at first, later transformed.
     pub best_error: u32,
     best_plain: u32,
     transformed: bool,
 }
 
 impl<'a, const N: usize> Search<'a, N> {
-    /// For a block of `source`; `quantiser_scale` determines the price of bits.
+    /// Starts a search for a block of `source`; `quantiser_scale` determines the price of bits.
     pub fn new(
         [source, reference]: [&'a Plane<u8>; 2],
         block: BlockPosition,
@@ -75,7 +75,7 @@ impl<'a, const N: usize> Search<'a, N> {
             y2,
             range,
             predicted,
-            // The root of the price of a bit in squared errors, 0.4·quantiser_scale, in sixteenths.
+            // Square root of the price of a bit in squared errors, 0.4·quantiser_scale, in sixteenths.
             price: (6 * quantiser_scale).max(1),
             best: HalfSample::ZERO,
             best_cost: u32::MAX,
@@ -85,18 +85,18 @@ impl<'a, const N: usize> Search<'a, N> {
         }
     }
 
-    /// The vector where one is given, and little is to be tried around it.
+    /// Returns the best vector near a given one after a few trials.
     pub fn around(mut self, given: HalfSample, poor: u32) -> HalfSample {
         self.try_vector(given);
         if self.best_error <= poor * TRUSTED_16THS / 16 {
             return self.best;
         }
-        // Highlights and shadows move otherwise than their surface.
+        // Highlights and shadows move differently from their surface.
         let may_be_light = self.best_error > poor * LIGHT_16THS / 16;
         if may_be_light {
             self.try_vector(self.predicted);
         }
-        // Where no half step helps, no whole one will.
+        // If no half-sample step helps, no whole-sample step will.
         if self.try_around(CROSS) && may_be_light && self.try_around(DIAMOND) {
             self.descend();
             self.try_around(CROSS);
@@ -104,13 +104,13 @@ impl<'a, const N: usize> Search<'a, N> {
         self.best
     }
 
-    /// Tries a vector, brought into range; true if it is the best so far.
+    /// Tries a vector, clamped to the range; returns whether it is the best so far.
     pub fn try_vector(&mut self, vector: HalfSample) -> bool {
         let vector = self.range.clamp(vector);
         (vector != self.best || self.best_cost == u32::MAX) && self.try_allowed(vector)
     }
 
-    /// Tries a vector within range; true if it is the best so far.
+    /// Tries a vector within the range; returns whether it is the best so far.
     fn try_allowed(&mut self, vector: HalfSample) -> bool {
         let price = self.price_of(vector);
         if price >= self.best_cost {
@@ -119,7 +119,7 @@ impl<'a, const N: usize> Search<'a, N> {
         let plain = self.plain_error(vector);
         let error = match self.transformed {
             false => plain,
-            // What differs much more will not differ less when transformed.
+            // A much larger plain difference will not be the smallest after the transform.
             true if u64::from(plain) * 8 > u64::from(self.best_plain) * WORTH_A_TRANSFORM_EIGHTHS => return false,
             true => self.transformed_error(vector),
         };
@@ -131,13 +131,13 @@ impl<'a, const N: usize> Search<'a, N> {
         false
     }
 
-    /// The price of the bits of a vector.
+    /// Price of the bits of a vector.
     fn price_of(&self, vector: HalfSample) -> u32 {
         let bits = component_bits(vector.x - self.predicted.x) + component_bits(vector.y - self.predicted.y);
         (self.price * bits) >> 4
     }
 
-    /// Follows the steepest of four whole-sample steps until none is better.
+    /// Follows the steepest of four whole-sample steps until none improves the vector.
     pub fn descend(&mut self) {
         for _ in 0..24 {
             if !self.try_around(DIAMOND) {
@@ -146,7 +146,7 @@ impl<'a, const N: usize> Search<'a, N> {
         }
     }
 
-    /// Tries four vectors around the best one; true if one of them is better.
+    /// Tries four vectors around the best one; returns whether one is better.
     pub fn try_around(&mut self, steps: [(i32, i32); 4]) -> bool {
         let center = self.best;
         let vectors = steps.map(|(x, y)| center.offset(x, y));
@@ -168,24 +168,24 @@ impl<'a, const N: usize> Search<'a, N> {
         self.best != center
     }
 
-    /// Tries the half-sample neighbors, twice if one is better.
+    /// Tries the half-sample neighbors, in a second round if one is better.
     pub fn refine(&mut self) {
         self.follow(NEIGHBORS, 2);
     }
 
-    /// Follows half- and whole-sample steps until none is better.
+    /// Follows half- and whole-sample steps until none improves the vector.
     ///
-    /// Half positions smooth the reference, noise in it too, and whole ones do not: differences then lie lower on one kind
-    /// of position than on the other. Steps to neighbors, all of the other kind, would end on any position of the better
-    /// kind, depending on where they began, so steps to the next of the same kind are tried as well.
+    /// Half-sample positions smooth the reference and its noise; whole ones do not. One kind of position therefore has lower
+    /// differences. Steps of half a sample all lead to the other kind, so a search could end at any position of the better
+    /// kind. Whole-sample steps to the same kind avoid this.
     pub fn settle(&mut self) {
         self.follow(NEIGHBORS_AND_DIAMOND, SETTLED);
     }
 
-    /// Goes to the best of `steps` from the best vector, and on from there; no vector is tried twice.
+    /// Moves repeatedly to the best of `steps` from the best vector; no vector is tried twice.
     fn follow<const STEPS: usize>(&mut self, steps: [(i32, i32); STEPS], rounds: usize) {
         let start = self.best;
-        // A bit for each vector around the start, farther than the rounds reach.
+        // One bit for each vector around the start, beyond the reach of the rounds.
         let mut tried = [0u32; 32];
         for _ in 0..rounds {
             let center = self.best;
@@ -203,7 +203,7 @@ impl<'a, const N: usize> Search<'a, N> {
         }
     }
 
-    /// From here on compares by transformed differences, which are nearer to what coefficients cost.
+    /// Switches to transformed differences, which approximate the cost of coefficients better.
     pub fn transform_differences(&mut self) {
         self.transformed = true;
         self.best_cost -= self.best_error;
@@ -226,7 +226,7 @@ impl<'a, const N: usize> Search<'a, N> {
     }
 }
 
-/// About the bits of a vector difference, for a middling f_code.
+/// Approximate bits of a vector difference, for a medium f_code.
 fn component_bits(delta: i32) -> u32 {
     2 * (32 - delta.unsigned_abs().leading_zeros()) + 1
 }
