@@ -1,8 +1,8 @@
-//! Streams that say when each picture is due: program streams (`.mpg`) and transport streams (`.ts`) of ISO/IEC
-//! 13818-1:2000, MP4 in fragments (`.mp4`) and Matroska (`.mkv`) around the elementary stream.
+//! Containers that state when each picture is due. They are program streams (`.mpg`) and transport streams (`.ts`) of ISO/IEC
+//! 13818-1:2000, fragmented MP4 (`.mp4`) and Matroska (`.mkv`).
 //!
-//! Numbers of clauses and tables in this module are those of 13818-1, but for the last two, whose files name their own standards.
-//! All of them are written from the first byte to the last, and nothing that was written changes later.
+//! Clause and table numbers in this module refer to 13818-1, except in the files of MP4 and Matroska, which name their own
+//! standards. All files are written sequentially; bytes already written never change.
 
 mod access_unit;
 mod clock;
@@ -24,28 +24,28 @@ use schedule::Schedule;
 use stated::stated_rate;
 use std::{fmt, path::Path};
 
-/// The container around a stream.
+/// Container of a stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Container {
-    /// Nothing: the video elementary stream itself, `.m2v`.
+    /// No container: the video elementary stream, `.m2v`.
     #[default]
     Elementary,
-    /// A program stream, `.mpg`: for files.
+    /// A program stream, `.mpg`, for files.
     Program,
-    /// A program stream with empty packs for navigation, `.vob`: for programs that author DVD-Video, which fill them.
+    /// A program stream with empty navigation packs, `.vob`, for DVD-Video authoring programs, which fill these packs.
     Disc,
-    /// A transport stream, `.ts`: for where bytes get lost.
+    /// A transport stream, `.ts`, for transmission with losses.
     Transport,
-    /// MP4 in fragments of a group of pictures each, `.mp4`: for editing programs, and players that show MPEG-2.
+    /// MP4 with one fragment per group of pictures, `.mp4`, for editing programs and players that support MPEG-2.
     Mp4,
-    /// Matroska, `.mkv`: for players.
+    /// Matroska, `.mkv`, for players.
     Matroska,
 }
 
 impl Container {
-    /// The container for a file's ending: `.m2v`, `.m1v`, `.mpv`; `.mpg`, `.mpeg`; `.vob`; `.ts`, `.m2t`; `.mp4`; `.mkv`.
-    /// `None` for all others, and where there is no ending.
+    /// Returns the container for a file extension: `.m2v`, `.m1v`, `.mpv`; `.mpg`, `.mpeg`; `.vob`; `.ts`, `.m2t`; `.mp4`;
+    /// `.mkv`. `None` for other extensions, or without one.
     ///
     /// ```
     /// use mpeg2enc::Container;
@@ -66,14 +66,13 @@ impl Container {
     }
 }
 
-/// Wraps packets as they come out of an encoder.
+/// Wraps an encoder's packets in a container.
 ///
-/// Pictures are due at the frame rate. What arrives when is that of a decoder whose buffer is as large as the stream states,
-/// filled at the bit rate that it states, as soon as there is room, and a second before it is needed at most. Everything is
-/// there in time unless even the coarsest quantiser is not coarse enough, and at a constant rate just as vbv_delay states.
+/// Pictures are due at the frame rate. Bytes arrive according to a decoder with the buffer size and bit rate stated in the
+/// stream. They arrive as soon as the buffer has room, at most a second early. All pictures are in time unless even the coarsest quantiser takes too many bits. At a constant rate the times agree with vbv_delay.
 ///
-/// Packs of a program stream have 2048 bytes at most, those of a disc just as many, and each picture begins with one. In MP4 and
-/// Matroska a group of pictures is written when the next one begins.
+/// Packs of a program stream have at most 2048 bytes, and exactly 2048 on a disc; each picture begins with a new pack. In MP4
+/// and Matroska a group of pictures is written when the next group begins.
 ///
 /// ```
 /// use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Picture};
@@ -92,14 +91,14 @@ impl Container {
 /// # Ok::<(), mpeg2enc::ConfigError>(())
 /// ```
 #[derive(Clone)]
-#[must_use = "packets are wrapped by it"]
+#[must_use = "a multiplexer only wraps packets pushed to it"]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Multiplexer {
     wrapper: Wrapper,
     clock: Clock,
-    /// Whether the first picture may state another bit rate and buffer than settings have: at a constant quantiser.
+    /// Whether the first picture may state another bit rate and buffer size than the settings, as at a constant quantiser.
     is_open: bool,
-    /// The last packet: what ends the sequence belongs to it.
+    /// The last packet, held back because the end of the sequence is appended to it.
     waiting: Option<StreamPicture>,
 }
 
@@ -114,11 +113,11 @@ enum Wrapper {
 }
 
 impl Multiplexer {
-    /// For the packets of an encoder with these settings.
+    /// Makes a multiplexer for the packets of an encoder with these settings.
     pub fn new(container: Container, config: &Config) -> Self {
         let schedule = Schedule::new(config);
         let (numerator, denominator) = config.stated_frame_rate().fraction();
-        // Only streams of 13818-1 have times of bytes, and only in Matroska are there none of decoding.
+        // Only streams of 13818-1 have arrival times of bytes, and Matroska has no decoding times.
         let start = match container {
             Container::Mp4 | Container::Matroska => 0,
             _ => schedule.start(),
@@ -143,7 +142,8 @@ impl Multiplexer {
         Self { wrapper, clock, is_open: config.rate == Rate::ConstantQuantiser, waiting: None }
     }
 
-    /// States at the beginning of the file, where the container can, how long `count` pictures are. A film of fewer states too much.
+    /// States the duration of `count` pictures at the beginning of the file, if the container supports it. A shorter film then
+    /// states a duration that is too long.
     pub fn with_pictures(mut self, count: u64) -> Self {
         match &mut self.wrapper {
             Wrapper::Mp4(writer) => writer.set_pictures(count),
@@ -153,8 +153,8 @@ impl Multiplexer {
         self
     }
 
-    /// Takes the next picture in the order of coding, a [`Packet`](crate::Packet) or one of a stream that was written before, and
-    /// gives what can be written now: all but that picture.
+    /// Takes the next picture in the order of coding: a [`Packet`](crate::Packet), or an access unit of an existing stream.
+    /// Returns the bytes that can be written now, which exclude that picture.
     pub fn push(&mut self, picture: impl Into<AccessUnit>) -> Vec<u8> {
         let AccessUnit { data, display_index, picture_type } = picture.into();
         if std::mem::take(&mut self.is_open)
@@ -168,8 +168,8 @@ impl Multiplexer {
         before.map_or(Vec::new(), |picture| self.wrap(picture))
     }
 
-    /// Bytes that [`finish`](Self::finish) would give now, after the sequence_end_code that ends any stream (13818-2, 6.2.1): for a file that
-    /// is to end here in case no more comes. Nothing before the first picture.
+    /// Returns the bytes that [`finish`](Self::finish) would return now, with the sequence_end_code that ends any stream
+    /// (13818-2, 6.2.1). Append them to a file that may end here. Empty before the first picture.
     #[must_use]
     pub fn ending(&self) -> Vec<u8> {
         match self.waiting {
@@ -178,7 +178,7 @@ impl Multiplexer {
         }
     }
 
-    /// The remaining bytes, with `sequence_end` as the encoder gives it, and the end of the stream.
+    /// Returns the remaining bytes, with the encoder's `sequence_end`, and ends the stream.
     pub fn finish(mut self, sequence_end: &[u8]) -> Vec<u8> {
         let Some(mut picture) = self.waiting.take() else {
             let end: &[u8] = if matches!(self.wrapper, Wrapper::Program(_)) { &program::END } else { &[] };
@@ -194,7 +194,7 @@ impl Multiplexer {
         }
     }
 
-    /// Wraps for a decoder with this bit rate and buffer.
+    /// Adapts to a decoder with this bit rate and buffer size.
     fn restate(&mut self, bit_rate: u32, buffer_size: u32) {
         match &mut self.wrapper {
             Wrapper::Program(writer) => self.clock.start = writer.restate(bit_rate, buffer_size),

@@ -49,7 +49,7 @@ pub enum ConfigError {
     },
     /// The look-ahead is too short for B pictures, a bit rate or a mean quantiser.
     #[error(
-        "B pictures, bit rates and mean quantisers need a look-ahead of at least {least} frames, not {frames}; use Config::with_lookahead"
+        "B pictures, bit rates and mean quantisers need a look-ahead of at least {least} frames, not {frames}; see with_lookahead"
     )]
     NeedsLookahead {
         /// Requested look-ahead in frames.
@@ -91,7 +91,7 @@ pub enum ConfigError {
     },
     /// A weight in a matrix is not allowed.
     #[error(
-        "a weight of {value} at index {place} of a matrix is not allowed; weights must be 1 to 255, and the first intra weight must be 8"
+        "a weight of {value} at index {place} of a matrix is not allowed; use 1 to 255, and 8 for the first intra weight"
     )]
     Matrix {
         /// Index in raster order.

@@ -1,11 +1,11 @@
-//! The system clock, and when pictures are due.
+//! The system clock and the times of pictures.
 
 use crate::pulldown::fields;
 
-/// Units of the system clock in a second (2.4.2.1).
+/// Frequency of the system clock in Hz (2.4.2.1).
 pub(super) const CLOCK: u64 = 27_000_000;
 
-/// When a picture is decoded and shown, in units of 1/27 000 000 s.
+/// Decoding and display time of a picture, in units of 1/27 000 000 s.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Times {
@@ -13,20 +13,20 @@ pub(super) struct Times {
     pub presentation: u64,
 }
 
-/// When pictures are decoded and shown.
+/// Computes decoding and display times of pictures.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Clock {
     /// Numerator and denominator of the frame rate.
     pub frame_rate: (u64, u64),
-    /// From the first byte to the first picture that is decoded, in units of 1/27 000 000 s.
+    /// Time from the first byte to the decoding of the first picture, in units of 1/27 000 000 s.
     pub start: u64,
-    /// Pictures decoded so far.
+    /// Number of pictures decoded so far.
     pub count: u64,
-    /// Frame periods by which pictures are shown later than they were decoded if none are in front of them: 1 where there
-    /// may be B pictures (low_delay, 13818-2 6.3.5).
+    /// Delay in frame periods between decoding and display of pictures without reordering: 1 if B pictures are allowed,
+    /// otherwise 0 (low_delay, 13818-2 6.3.5).
     pub reorder: u64,
-    /// Whether every other picture has three fields; `frame_rate` is that of the frames then.
+    /// Whether every other picture has three fields; `frame_rate` is then the rate of the frames.
     pub pulldown: bool,
 }
 

@@ -1,38 +1,38 @@
-//! Description of the one video of a container: all that it states besides the pictures.
+//! Description of a container's video: all stated properties except the pictures.
 
 use super::{clock::CLOCK, pes::StreamPicture};
 use crate::{ColorDescription, Config, Standard, header::GROUP_START_CODE};
 
-/// The video of a file, as its header describes it.
+/// Properties of a file's video, for its headers.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Description {
-    /// Samples of luma.
+    /// Width in luma samples.
     pub width: u32,
-    /// Lines.
+    /// Height in lines.
     pub height: u32,
-    /// Samples and lines as they are coded: some are not shown.
+    /// Coded width and height, which may exceed the displayed size.
     pub coded: (u32, u32),
     /// Width and height of a sample, as a ratio.
     pub sample: (u32, u32),
-    /// Meaning of the samples; MPEG-1 does not say.
+    /// Color description; `None` for MPEG-1, which cannot state it.
     pub color: Option<ColorDescription>,
-    /// The standard that the stream follows.
+    /// Standard that the stream follows.
     pub standard: Standard,
-    /// Does it need a decoder of High Profile?
+    /// Whether the stream needs a decoder of High Profile.
     pub is_high: bool,
     /// Numerator and denominator of the frame rate.
     pub frame_rate: (u64, u64),
-    /// The decoder's buffer, in bytes.
+    /// Size of the decoder's buffer, in bytes.
     pub buffer: u32,
-    /// Bits a second, if the stream is bound to a rate.
+    /// Bits per second, if the stream has a bounded rate.
     pub bit_rate: u32,
-    /// Pictures that there are to be, where that is known.
+    /// Number of pictures, if known in advance.
     pub pictures: Option<u64>,
 }
 
 impl Description {
-    /// For a stream with these settings.
+    /// Describes a stream with these settings.
     pub fn new(config: &Config) -> Self {
         let (bit_rate, buffer_size) = config.stated_rate();
         let (numerator, denominator) = config.frame_rate.fraction();
@@ -51,7 +51,7 @@ impl Description {
         }
     }
 
-    /// Width of the picture in samples as wide as high, rounded.
+    /// Width of the picture in square samples, rounded.
     pub fn display_width(&self) -> u32 {
         let (width, height) = self.sample;
         (f64::from(self.width) * f64::from(width) / f64::from(height)).round() as u32
@@ -71,23 +71,23 @@ fn sample(config: &Config) -> (u32, u32) {
     (ratio.0 as u32, ratio.1 as u32)
 }
 
-/// A place where a reader can begin.
+/// A position where decoding can begin.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct SeekPoint {
-    /// When its picture is shown, in the file's own units.
+    /// Display time of the I picture there, in the file's own units.
     pub time: u64,
-    /// The byte at which the part of the file begins that holds it.
+    /// Byte offset of the fragment or cluster that contains the picture.
     pub place: u64,
 }
 
-/// The sequence header and its extensions in front of an I picture (13818-2, 6.2.2.1).
+/// Returns the sequence header and its extensions that precede an I picture (13818-2, 6.2.2.1).
 pub(super) fn sequence_header(picture: &StreamPicture) -> &[u8] {
     let group = picture.data.windows(4).position(|bytes| bytes == [0, 0, 1, GROUP_START_CODE]);
     &picture.data[..group.unwrap_or(0)]
 }
 
-/// A ratio without a common factor.
+/// Reduces a ratio to lowest terms.
 pub(super) fn reduced(ratio: (u64, u64)) -> (u64, u64) {
     let (mut divisor, mut rest) = ratio;
     while rest > 0 {

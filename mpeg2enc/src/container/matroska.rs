@@ -1,9 +1,9 @@
-//! Matroska: RFC 9559, in the syntax of EBML, RFC 8794.
+//! Matroska (RFC 9559), in EBML syntax (RFC 8794).
 //!
-//! Numbers of clauses in this file are those of RFC 9559.
+//! Clause numbers in this file refer to RFC 9559.
 //!
-//! The file is written as it is made: a segment of unknown size, a cluster for each group of pictures, and the cues behind them.
-//! Times are those at which pictures are shown, whatever the order in which they are coded.
+//! The file is written sequentially: a segment of unknown size, a cluster for each group of pictures, and finally the cues. All
+//! times are display times, although pictures are in the order of coding.
 
 use super::{
     clock::CLOCK,
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::Standard;
 
-/// Identifiers of elements that hold others (5.1).
+/// Identifiers of elements that contain other elements (5.1).
 const EBML: u32 = 0x1a45_dfa3;
 const SEGMENT: u32 = 0x1853_8067;
 const INFO: u32 = 0x1549_a966;
@@ -26,56 +26,56 @@ const CUES: u32 = 0x1c53_bb6b;
 const CUE_POINT: u32 = 0xbb;
 const CUE_TRACK_POSITIONS: u32 = 0xb7;
 
-/// The one track.
+/// Number of the only track.
 const TRACK: u64 = 1;
-/// Nanoseconds of a unit of time (TimestampScale, 5.1.2.9): the default, which all programs write.
+/// Nanoseconds per time unit (TimestampScale, 5.1.2.9): the default, which all programs write.
 const TIMESTAMP_SCALE: u64 = 1_000_000;
-/// Units of the system clock in one of them.
+/// Units of the system clock per millisecond.
 const MILLISECOND: u64 = CLOCK / 1000;
-/// Flags of a SimpleBlock (10.2): a decoder can begin here; no other picture needs it.
+/// Flags of a SimpleBlock (10.2): decoding can begin here, or no other picture depends on it.
 const KEYFRAME: u8 = 0x80;
 const DISCARDABLE: u8 = 0x01;
 
-/// Writes clusters.
+/// Writes a Matroska file.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Writer {
     description: Description,
     /// Bytes written so far.
     length: u64,
-    /// Beginning of the contents of the segment, from which places are counted.
+    /// Offset of the segment's contents, from which positions are counted.
     segment: u64,
-    /// The pictures of the group that is not whole yet.
+    /// Pictures of the group that is not yet complete.
     group: Vec<StreamPicture>,
     entries: Vec<SeekPoint>,
 }
 
 impl Writer {
-    /// For a video as it is described.
+    /// Makes a writer for the described video.
     pub fn new(description: Description) -> Self {
         Self { description, length: 0, segment: 0, group: Vec::new(), entries: Vec::new() }
     }
 
-    /// States how many pictures there are to be.
+    /// Sets the number of pictures to state.
     pub fn set_pictures(&mut self, count: u64) {
         self.description.pictures = Some(count);
     }
 
-    /// Takes a picture, and gives the cluster of the group before if it begins one.
+    /// Takes a picture; if it begins a group, returns the cluster of the previous group.
     pub fn put(&mut self, picture: StreamPicture) -> Vec<u8> {
         let out = if picture.is_entry { self.flush() } else { Vec::new() };
         self.group.push(picture);
         out
     }
 
-    /// The last cluster, and the cues (5.1.5).
+    /// Returns the last cluster and the cues (5.1.5).
     pub fn finish(mut self) -> Vec<u8> {
         let mut out = self.flush();
         out.extend(self.cues());
         out
     }
 
-    /// The cluster of the pictures that wait, after the headers if it is the first.
+    /// Returns the cluster of the waiting pictures, preceded by the headers if it is the first.
     fn flush(&mut self) -> Vec<u8> {
         let Some(first) = self.group.first() else { return Vec::new() };
         let mut out = Vec::new();
@@ -83,7 +83,7 @@ impl Writer {
             out.extend(ebml_header());
             self.segment = out.len() as u64 + 12;
             out.extend(SEGMENT.to_be_bytes());
-            out.extend([1, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff]); // of unknown size (RFC 8794, 6.2)
+            out.extend([1, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff]); // unknown size (RFC 8794, 6.2)
             out.extend(self.info());
             out.extend(element(TRACKS, &[&self.track(sequence_header(first))]));
         }
@@ -95,7 +95,7 @@ impl Writer {
         out
     }
 
-    /// Info (5.1.2). The program has no version here: files depend on settings and pictures alone.
+    /// Info (5.1.2). The program's version is omitted, so files depend only on settings and pictures.
     fn info(&self) -> Vec<u8> {
         let duration = self.description.pictures.map_or(Vec::new(), |count| {
             let milliseconds = count as f64 * self.description.period() as f64 / MILLISECOND as f64;
@@ -166,7 +166,7 @@ impl Writer {
         )
     }
 
-    /// DisplayUnit, DisplayWidth and DisplayHeight: as a ratio, unless samples are as wide as high, which is the default.
+    /// DisplayUnit, DisplayWidth and DisplayHeight as a ratio; empty for square samples, the default.
     fn shape(&self) -> Vec<u8> {
         let Description { width, height, sample, .. } = self.description;
         if sample == (1, 1) {
@@ -182,7 +182,7 @@ impl Writer {
         let begin = times.min().unwrap_or(0);
         let mut blocks = number(0xe7, begin); // Timestamp
         for picture in &self.group {
-            // SimpleBlock (10.2): the track's number, the time from that of the cluster, flags. A group is shorter than 32 s.
+            // SimpleBlock (10.2): track number, time relative to the cluster, flags. Groups are shorter than the limit of 32 s.
             let time = milliseconds(picture.times.presentation) - begin;
             let flags = match picture {
                 StreamPicture { is_entry: true, .. } => KEYFRAME,
@@ -195,7 +195,7 @@ impl Writer {
         element(CLUSTER, &[&blocks])
     }
 
-    /// Cues (5.1.5): the clusters, each of which begins with an I picture.
+    /// Cues (5.1.5): positions of the clusters, each of which begins with an I picture.
     fn cues(&self) -> Vec<u8> {
         let points = self.entries.iter().map(|entry| {
             let position = element(CUE_TRACK_POSITIONS, &[&number(0xf7, TRACK), &number(0xf1, entry.place)]);
@@ -206,7 +206,7 @@ impl Writer {
     }
 }
 
-/// The header of any EBML document (RFC 8794, 11.2).
+/// Header of any EBML document (RFC 8794, 11.2).
 fn ebml_header() -> Vec<u8> {
     element(
         EBML,
@@ -222,7 +222,7 @@ fn ebml_header() -> Vec<u8> {
     )
 }
 
-/// An element of these contents (RFC 8794, 5 and 6).
+/// Element with these contents (RFC 8794, 5 and 6).
 fn element(id: u32, contents: &[&[u8]]) -> Vec<u8> {
     let size: usize = contents.iter().map(|bytes| bytes.len()).sum();
     let mut out = without_zeros(id.into());
@@ -231,30 +231,30 @@ fn element(id: u32, contents: &[&[u8]]) -> Vec<u8> {
     out
 }
 
-/// An element that holds an unsigned integer.
+/// Element that contains an unsigned integer.
 fn number(id: u32, value: u64) -> Vec<u8> {
     element(id, &[&without_zeros(value)])
 }
 
-/// An element of coded samples that are not shown, where there are any.
+/// Element with a number of coded but hidden samples; empty for 0.
 fn crop(id: u32, samples: u32) -> Vec<u8> {
     if samples > 0 { number(id, samples.into()) } else { Vec::new() }
 }
 
-/// A number by its bytes, the highest first, from the first that is not zero on; at least one.
+/// Big-endian bytes of a number without leading zero bytes; at least one byte.
 fn without_zeros(value: u64) -> Vec<u8> {
     let zeros = value.leading_zeros() as usize / 8;
     value.to_be_bytes()[zeros.min(7)..].to_vec()
 }
 
-/// A number in as few bytes as hold it, of which the leading zero bits tell how many they are (RFC 8794, 4).
+/// Variable-length number with as few bytes as possible; its leading zero bits encode the length (RFC 8794, 4).
 fn size_of(value: u64) -> Vec<u8> {
-    // All ones are kept for unknown sizes.
+    // All ones are reserved for unknown sizes.
     let bytes = (1..8).find(|bytes| value < (1 << (7 * bytes)) - 1).unwrap_or(8);
     (value | 1 << (7 * bytes)).to_be_bytes()[8 - bytes..].to_vec()
 }
 
-/// A time of the system clock in milliseconds, rounded.
+/// Converts a time of the system clock to milliseconds, rounded.
 fn milliseconds(time: u64) -> u64 {
     (time + MILLISECOND / 2) / MILLISECOND
 }
@@ -263,7 +263,7 @@ fn milliseconds(time: u64) -> u64 {
 mod tests {
     use super::*;
 
-    /// Lengths of RFC 8794, 4.4, and around the largest of each length.
+    /// Lengths from RFC 8794, 4.4, and values around the maximum of each length.
     #[test]
     fn sizes_take_few_bytes() {
         assert_eq!(size_of(2), [0x82]);

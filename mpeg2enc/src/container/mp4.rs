@@ -1,10 +1,10 @@
-//! MP4 in fragments: ISO/IEC 14496-12:2015, with the descriptors of ISO/IEC 14496-1 as ISO/IEC 14496-14 stores them.
+//! Fragmented MP4: ISO/IEC 14496-12:2015, with the descriptors of ISO/IEC 14496-1 stored as in ISO/IEC 14496-14.
 //!
-//! Numbers of clauses in this file are those of 14496-12, unless another part is named.
+//! Clause numbers in this file refer to 14496-12, unless another standard is named.
 //!
-//! A file of one piece has the sizes of all pictures in front, or in a table at its end without which nothing plays. In fragments
-//! it is written as it is made: each group of pictures is a `moof` with its sizes and times, and a `mdat`. The table at the end,
-//! `mfra`, only tells where they lie.
+//! An unfragmented file needs the sizes of all pictures in one table, without which nothing plays. A fragmented file is written
+//! sequentially: each group of pictures is a `moof` with its sizes and times, and a `mdat`. The final table, `mfra`, only
+//! contains their positions.
 
 use super::{
     clock::CLOCK,
@@ -13,70 +13,70 @@ use super::{
 };
 use crate::Standard;
 
-/// The one track (8.3.2).
+/// Number of the only track (8.3.2).
 const TRACK: u32 = 1;
-/// Fewest units of time in a second: players are used to finer ones than 24.
+/// Minimum timescale in Hz; many players expect a finer one than 24.
 const TIMESCALE_LEAST: u64 = 1000;
 /// The unit matrix of video headers (8.2.2): 16.16 and, in the last column, 2.30.
 const MATRIX: [u32; 9] = [0x1_0000, 0, 0, 0, 0x1_0000, 0, 0, 0, 0x4000_0000];
-/// Fields of default-base-is-moof and default-sample-duration-present (8.8.7).
+/// Flags of default-base-is-moof and default-sample-duration-present (8.8.7).
 const FRAGMENT_HEADER_FLAGS: u32 = 0x02_0008;
-/// Fields of data-offset, sample-size, sample-flags and sample-composition-time-offsets (8.8.8).
+/// Flags of data-offset, sample-size, sample-flags and sample-composition-time-offsets (8.8.8).
 const RUN_FLAGS: u32 = 0x00_0e01;
 /// sample_depends_on: no other picture (8.6.4.3, 8.8.3.1).
 const FLAGS_ENTRY: u32 = 2 << 24;
-/// sample_depends_on others, and sample_is_non_sync_sample.
+/// sample_depends_on: other pictures; sample_is_non_sync_sample.
 const FLAGS_PREDICTED: u32 = 1 << 24 | 1 << 16;
-/// sample_is_depended_on: by none.
+/// sample_is_depended_on: no other picture.
 const FLAGS_DISPOSABLE: u32 = 2 << 22;
-/// is_leading: shown before the I picture that it follows, and needs the group before.
+/// is_leading: displayed before its preceding I picture, and dependent on the previous group.
 const FLAGS_LEADING: u32 = 1 << 26;
 
-/// Writes fragments.
+/// Writes a fragmented MP4 file.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Writer {
     description: Description,
-    /// When the first picture is shown, in units of 1/27 000 000 s: all before is left out by the edit list.
+    /// Display time of the first picture, in units of 1/27 000 000 s; the edit list skips all earlier time.
     begin: u64,
     /// Bytes written so far.
     length: u64,
-    /// The pictures of the group that is not whole yet.
+    /// Pictures of the group that is not yet complete.
     group: Vec<StreamPicture>,
     entries: Vec<SeekPoint>,
 }
 
 impl Writer {
-    /// For pictures of which the first is shown at `begin`, in units of 1/27 000 000 s.
+    /// Makes a writer; `begin` is the display time of the first picture, in units of 1/27 000 000 s.
     pub fn new(description: Description, begin: u64) -> Self {
         Self { description, begin, length: 0, group: Vec::new(), entries: Vec::new() }
     }
 
-    /// States how many pictures there are to be.
+    /// Sets the number of pictures to state.
     pub fn set_pictures(&mut self, count: u64) {
         self.description.pictures = Some(count);
     }
 
-    /// States this buffer.
+    /// Sets the decoder's buffer to state, in units of 16 384 bits.
     pub fn restate(&mut self, buffer_size: u32) {
         self.description.buffer = buffer_size.saturating_mul(2048);
     }
 
-    /// Takes a picture, and gives the fragment of the group before if it begins one.
+    /// Takes a picture; if it begins a group, returns the fragment of the previous group.
     pub fn put(&mut self, picture: StreamPicture) -> Vec<u8> {
         let out = if picture.is_entry { self.flush() } else { Vec::new() };
         self.group.push(picture);
         out
     }
 
-    /// The last fragment, and the table of all (8.8.9).
+    /// Returns the last fragment and the table of all fragments (8.8.9).
     pub fn finish(mut self) -> Vec<u8> {
         let mut out = self.flush();
         out.extend(self.random_access());
         out
     }
 
-    /// The fragment of the pictures that wait, after the headers if it is the first.
+    /// Returns the fragment of the waiting pictures, preceded by the headers if it is the first.
     fn flush(&mut self) -> Vec<u8> {
         let Some(first) = self.group.first() else { return Vec::new() };
         let mut out = if self.length == 0 { self.headers() } else { Vec::new() };
@@ -117,7 +117,8 @@ impl Writer {
         atom(b"trak", &[&header, &self.edits(), &self.media()])
     }
 
-    /// `edts` (8.6.5): from the first picture that is shown to the end. Without B pictures there is nothing to leave out.
+    /// `edts` (8.6.5): from the first displayed picture to the end. Empty without B pictures, because the display then starts
+    /// at 0.
     fn edits(&self) -> Vec<u8> {
         if self.begin == 0 {
             return Vec::new();
@@ -129,10 +130,10 @@ impl Writer {
 
     /// `mdia` (8.4.1).
     fn media(&self) -> Vec<u8> {
-        let header = words(&[0, 0, self.timescale() as u32, 0, 0x55c4_0000]); // …, timescale, duration, language: und
-        // Programs show any other name than this one as a title.
+        let header = words(&[0, 0, self.timescale() as u32, 0, 0x55c4_0000]); // times as above, timescale, duration, language: und
+        // Programs display any other name as a title.
         let handler: [&[u8]; 4] = [&[0; 4], b"vide", &[0; 12], b"VideoHandler\0"];
-        let reference = full_atom(b"dref", 0, 0, &[&words(&[1]), &full_atom(b"url ", 0, 1, &[])]); // in this file
+        let reference = full_atom(b"dref", 0, 0, &[&words(&[1]), &full_atom(b"url ", 0, 1, &[])]); // data is in this file
         let none = words(&[0]);
         let samples = atom(
             b"stbl",
@@ -150,7 +151,7 @@ impl Writer {
         atom(b"mdia", &[&header, &full_atom(b"hdlr", 0, 0, &handler), &information])
     }
 
-    /// `mp4v` (12.1.3; 14496-14, 5.6), with the shape of samples and their color.
+    /// `mp4v` (12.1.3; 14496-14, 5.6), with sample aspect ratio and color.
     fn sample_entry(&self) -> Vec<u8> {
         let Description { width, height, sample, color, .. } = &self.description;
         let size = [*width as u16, *height as u16].map(u16::to_be_bytes).concat();
@@ -158,7 +159,7 @@ impl Writer {
         let color = color.map_or(Vec::new(), |color| {
             let codes = [color.primaries.code(), color.transfer.code(), color.matrix.code()];
             let codes = codes.map(|code| [0, code]).concat();
-            atom(b"colr", &[b"nclx", &codes, &[0]]) // the last bit: no full range
+            atom(b"colr", &[b"nclx", &codes, &[0]]) // last bit: not full range
         });
         let fields: [&[u8]; 8] = [
             &[0, 0, 0, 0, 0, 0, 0, 1], // reserved, data_reference_index
@@ -184,14 +185,14 @@ impl Writer {
         };
         let mut decoder = vec![object_type, 4 << 2 | 1]; // streamType: visual; upStream, reserved
         decoder.extend(&buffer.min(0xff_ffff).to_be_bytes()[1..]); // bufferSizeDB
-        decoder.extend(words(&[bit_rate, 0])); // maxBitrate, avgBitrate: it varies
+        decoder.extend(words(&[bit_rate, 0])); // maxBitrate, avgBitrate: variable
         let mut stream = vec![0, 0, 0]; // ES_ID, flags and streamPriority
         stream.extend(descriptor(4, &decoder)); // DecoderConfigDescriptor (7.2.6.6)
-        stream.extend(descriptor(6, &[2])); // SLConfigDescriptor: as 14496-14 has it
+        stream.extend(descriptor(6, &[2])); // SLConfigDescriptor: as required by 14496-14
         full_atom(b"esds", 0, 0, &[&descriptor(3, &stream)])
     }
 
-    /// `mvex` (8.8.1): there are fragments, and how long all are together.
+    /// `mvex` (8.8.1): announces fragments and their total duration.
     fn extends(&self) -> Vec<u8> {
         let length = self.description.pictures.map_or(Vec::new(), |count| {
             let duration = self.ticks(count.saturating_mul(self.description.period()));
@@ -208,7 +209,7 @@ impl Writer {
             Ok(size) => [&words(&[size])[..], b"mdat"].concat(),
             Err(_) => [&words(&[1])[..], b"mdat", &(size + 16).to_be_bytes()].concat(),
         };
-        // The data begin behind the header whose size does not depend on that place.
+        // The data offset does not change the size of the header, so compute the size first.
         let length = self.fragment_header(0).len() + data_header.len();
         let mut out = self.fragment_header(length as u32);
         out.extend(data_header);
@@ -216,7 +217,7 @@ impl Writer {
         out
     }
 
-    /// `moof`, behind whose first byte the data begin at `offset`.
+    /// `moof`; `offset` is the distance from its first byte to the data.
     fn fragment_header(&self, offset: u32) -> Vec<u8> {
         let number = full_atom(b"mfhd", 0, 0, &[&words(&[self.entries.len() as u32])]);
         let duration = self.ticks(self.description.period()) as u32;
@@ -234,7 +235,7 @@ impl Writer {
         atom(b"moof", &[&number, &atom(b"traf", &[&header, &time, &run])])
     }
 
-    /// Pictures that one of the group needs, and is needed for (8.8.3.1).
+    /// Dependencies of a picture of the group on other pictures, and of others on it (8.8.3.1).
     fn flags(&self, picture: &StreamPicture) -> u32 {
         let entry = self.group.first().map_or(0, |first| first.times.presentation);
         match picture {
@@ -249,19 +250,19 @@ impl Writer {
 
     /// `mfra` (8.8.9 to 8.8.11).
     fn random_access(&self) -> Vec<u8> {
-        let mut table = words(&[TRACK, 0, self.entries.len() as u32]); // numbers of traf, trun and sample take a byte each
+        let mut table = words(&[TRACK, 0, self.entries.len() as u32]); // traf, trun and sample numbers take a byte each
         for SeekPoint { time, place } in &self.entries {
             table.extend(time.to_be_bytes());
             table.extend(place.to_be_bytes()); // moof_offset
             table.extend([1, 1, 1]); // traf_number, trun_number, sample_number
         }
         let table = full_atom(b"tfra", 1, 0, &[&table]);
-        // Its own header, the table, and the box that tells the size of all three.
+        // Total size of the box's header, the table and the final box, which states it.
         let size = 8 + table.len() as u32 + 16;
         atom(b"mfra", &[&table, &full_atom(b"mfro", 0, 0, &[&words(&[size])])])
     }
 
-    /// Units of time in a second: the frame rate's numerator, or a thousand of it.
+    /// Timescale in Hz: the frame rate's numerator, or a thousand times it.
     fn timescale(&self) -> u64 {
         match self.description.frame_rate.0 {
             numerator if numerator < TIMESCALE_LEAST => numerator * TIMESCALE_LEAST,
@@ -269,30 +270,30 @@ impl Writer {
         }
     }
 
-    /// A time of the system clock in the file's units, exact for whole frame periods.
+    /// Converts a time of the system clock to the file's units; exact for whole frame periods.
     fn ticks(&self, time: u64) -> u64 {
         (u128::from(time) * u128::from(self.timescale()) / u128::from(CLOCK)) as u64
     }
 }
 
-/// A box of these contents (4.2).
+/// Box with these contents (4.2).
 fn atom(kind: &[u8; 4], contents: &[&[u8]]) -> Vec<u8> {
     let contents = contents.concat();
     [&words(&[contents.len() as u32 + 8])[..], kind, &contents].concat()
 }
 
-/// A box with version and flags (4.2).
+/// Box with version and flags (4.2).
 fn full_atom(kind: &[u8; 4], version: u8, flags: u32, contents: &[&[u8]]) -> Vec<u8> {
     let head = words(&[u32::from(version) << 24 | flags]);
     atom(kind, &[&head, &contents.concat()])
 }
 
-/// A descriptor of fewer than 128 bytes (14496-1, 8.3.3).
+/// Descriptor of fewer than 128 bytes (14496-1, 8.3.3).
 fn descriptor(tag: u8, contents: &[u8]) -> Vec<u8> {
     [&[tag, contents.len() as u8], contents].concat()
 }
 
-/// Numbers of 32 bits, the highest byte first.
+/// Big-endian bytes of 32-bit numbers.
 fn words(numbers: &[u32]) -> Vec<u8> {
     numbers.iter().flat_map(|number| number.to_be_bytes()).collect()
 }

@@ -1,4 +1,4 @@
-//! Packets of an elementary stream (PES), which carry its times, and packets of padding (2.4.3.6, 2.4.3.7).
+//! Packets of an elementary stream (PES) with timestamps, and padding packets (2.4.3.6, 2.4.3.7).
 
 use super::clock::{CLOCK, Times};
 use crate::bits::{BitSink, BitWriter};
@@ -7,36 +7,36 @@ use crate::bits::{BitSink, BitWriter};
 pub(super) const VIDEO_STREAM: u8 = 0xe0;
 /// stream_id of padding_stream (Table 2-18).
 const PADDING_STREAM: u8 = 0xbe;
-/// The smallest packet of padding: start code, length and one byte.
+/// Minimum size of a padding packet: start code, length and one byte.
 pub(super) const PADDING_LEAST: usize = 7;
-/// The clock of time stamps runs at 90 kHz.
+/// Units of the system clock per unit of a timestamp, at 90 kHz.
 const STAMP: u64 = CLOCK / 90_000;
 
-/// A picture's part of the elementary stream.
+/// A picture's bytes of the elementary stream.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct StreamPicture {
     pub data: Vec<u8>,
     pub times: Times,
-    /// Can a decoder begin here?
+    /// Whether decoding can begin here.
     pub is_entry: bool,
-    /// Is it a B picture, which no other needs?
+    /// Whether it is a B picture, on which no other picture depends.
     pub is_disposable: bool,
 }
 
-/// Contents of the header of a PES packet.
+/// Optional fields of a PES packet header.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Header {
-    /// Times of the picture that begins with the packet.
+    /// Times of the picture that begins in the packet.
     pub times: Option<Times>,
-    /// Size of the decoder's buffer in KiB: the first packet of a program stream has it.
+    /// Size of the decoder's buffer in KiB; present in the first packet of a program stream.
     pub buffer_kib: Option<u64>,
-    /// Bytes of stuffing at the end of the header, 32 at most.
+    /// Number of stuffing bytes at the end of the header, at most 32.
     pub stuffing: usize,
 }
 
 impl Header {
-    /// PES_packet() up to its data; a length of `None` is not said, which only transport streams may.
+    /// Returns PES_packet() up to its data. `None` omits the length, which only transport streams may do.
     pub fn bytes(self, data: Option<usize>) -> Vec<u8> {
         let mut fields = BitWriter::default();
         let flags = self.put_fields(&mut fields);
@@ -49,7 +49,7 @@ impl Header {
         writer.put(0b10, 2);
         writer.put(0, 2); // PES_scrambling_control
         writer.put(0, 1); // PES_priority
-        writer.put(self.times.is_some().into(), 1); // data_alignment_indicator: a picture, or headers, begin
+        writer.put(self.times.is_some().into(), 1); // data_alignment_indicator: the data begin with a picture or headers
         writer.put(0, 2); // copyright, original_or_copy
         writer.put(flags, 2); // PTS_DTS_flags
         writer.put(0, 5); // ESCR, ES_rate, DSM_trick_mode, additional_copy_info, PES_CRC
@@ -60,7 +60,7 @@ impl Header {
         bytes
     }
 
-    /// Writes the fields that the flags promise; gives PTS_DTS_flags.
+    /// Writes the optional fields and returns PTS_DTS_flags.
     fn put_fields(self, writer: &mut BitWriter) -> u32 {
         let mut flags = 0;
         if let Some(Times { decoding, presentation }) = self.times {
@@ -72,7 +72,7 @@ impl Header {
             }
         }
         if let Some(kib) = self.buffer_kib {
-            writer.put(0b0001, 4); // of five fields only P-STD_buffer
+            writer.put(0b0001, 4); // of five optional fields only P-STD_buffer
             writer.put(0b1110, 4); // reserved, PES_extension_flag_2
             writer.put(0b01, 2);
             writer.put(1, 1); // P-STD_buffer_scale: KiB
@@ -82,7 +82,7 @@ impl Header {
     }
 }
 
-/// A packet of padding of `bytes` bytes, at least [`PADDING_LEAST`]: decoders leave it out.
+/// Returns a padding packet of `bytes` bytes, at least [`PADDING_LEAST`]; decoders skip it.
 pub(super) fn padding(bytes: usize) -> Vec<u8> {
     let mut writer = BitWriter::default();
     writer.start_code(PADDING_STREAM); // packet_start_code_prefix, stream_id
@@ -92,13 +92,13 @@ pub(super) fn padding(bytes: usize) -> Vec<u8> {
     packet
 }
 
-/// A time stamp of 33 bits in three parts, after four bits that identify it.
+/// Writes a timestamp of 33 bits in three pieces, preceded by a 4-bit identifier.
 fn put_stamp(writer: &mut BitWriter, kind: u32, stamp: u64) {
     writer.put(kind, 4);
     put_parts(writer, stamp);
 }
 
-/// 33 bits, a marker bit after the first 3 and after each 15.
+/// Writes 33 bits, with a marker bit after the first 3 and after each 15.
 pub(super) fn put_parts(writer: &mut BitWriter, stamp: u64) {
     writer.put((stamp >> 30) as u32 & 0x7, 3);
     writer.put(1, 1); // marker_bit

@@ -1,14 +1,14 @@
-//! Bit rate and buffer as the first sequence header of a stream states them.
+//! Bit rate and buffer size from the first sequence header of a stream.
 
 use crate::{Level, header::SEQUENCE_HEADER_CODE};
 
 /// Start code and identifier of sequence_extension() (13818-2, 6.2.2.3).
 const SEQUENCE_EXTENSION: [u8; 5] = [0, 0, 1, 0xb5, 0x10];
-/// bit_rate of an MPEG-1 stream of variable bit rate (11172-2, 2.4.3.2).
+/// bit_rate of an MPEG-1 stream with a variable bit rate (11172-2, 2.4.3.2).
 const BIT_RATE_VARIABLE: u32 = 0x3_ffff;
 
-/// bit_rate in units of 400 bits a second, and vbv_buffer_size in units of 16 384 bits, of a stream whose first picture has this
-/// `data`. A variable rate of MPEG-1 states no number: the rate is that of the level with this buffer.
+/// Reads bit_rate in units of 400 bits per second and vbv_buffer_size in units of 16 384 bits from the `data` of the first
+/// picture. MPEG-1 states no value for a variable rate; the rate of the level with this buffer is used then.
 pub(super) fn stated_rate(data: &[u8]) -> Option<(u32, u32)> {
     if !data.starts_with(&[0, 0, 1, SEQUENCE_HEADER_CODE]) {
         return None;

@@ -1,4 +1,4 @@
-//! Transport streams: packets of 188 bytes with one program of one video (2.4.3, 2.4.4).
+//! Transport streams: packets of 188 bytes, with one program of one video (2.4.3, 2.4.4).
 
 use super::{
     clock::CLOCK,
@@ -12,21 +12,21 @@ use crate::{
 
 const PACKET: usize = 188;
 const SYNC_BYTE: u32 = 0x47;
-/// Packet identifiers: those below 0x10 are taken (Table 2-3).
+/// Packet identifiers; those below 0x10 are reserved (Table 2-3).
 const PAT_PID: u32 = 0;
 const PMT_PID: u32 = 0x1000;
 const VIDEO_PID: u32 = 0x100;
 const NULL_PID: u32 = 0x1fff;
 const PROGRAM: u32 = 1;
-/// The byte of a packet with the last bit of program_clock_reference_base.
+/// Index of the packet byte with the last bit of program_clock_reference_base.
 const REFERENCE_BYTE: usize = 10;
-/// A clock reference goes with a packet that comes this long after the last one, and the tables as often as every third of them, so
-/// that a receiver finds its way soon.
+/// Interval after which the next packet has a clock reference. The tables follow at every third interval, so that receivers
+/// synchronize quickly.
 const CLOCK_INTERVAL: u64 = CLOCK / 30;
-/// The longest time between two clock references, 0.04 s: that of DVB (ETSI TS 101 154, 4.1.5.3). The standard allows 0.1 s (2.7.2).
+/// Maximum interval between clock references, 0.04 s, as in DVB (ETSI TS 101 154, 4.1.5.3). The standard allows 0.1 s (2.7.2).
 const CLOCK_INTERVAL_MOST: u64 = CLOCK / 25;
 const TABLE_INTERVAL: u64 = CLOCK / 10;
-/// The fewest packets of a stream: ffmpeg recognizes none with less than 2040 bytes, ten times the largest packet.
+/// Minimum number of packets: ffmpeg does not recognize streams below 2040 bytes, ten times the largest packet.
 const LEAST_PACKETS: usize = 11;
 
 #[derive(Clone)]
@@ -36,16 +36,16 @@ pub(super) struct Writer {
     standard: Standard,
     /// continuity_counter of PAT, PMT and video.
     counters: [u32; 3],
-    /// When the tables and a clock reference were sent last.
+    /// Times of the last tables and of the last clock reference.
     tables_sent: Option<u64>,
     clock_sent: Option<u64>,
-    /// Packets so far.
+    /// Number of packets so far.
     packets: usize,
-    /// Times of packets at a constant rate.
+    /// Packet times at a constant rate.
     slots: Option<Slots>,
 }
 
-/// Packets that come one after the other, at a constant rate.
+/// Consecutive packets at a constant rate.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Slots {
@@ -53,20 +53,20 @@ struct Slots {
 }
 
 impl Slots {
-    /// For video at `bytes_per_second` of `fps` pictures.
+    /// Packet rate for video at `bytes_per_second` and `fps`.
     fn new(bytes_per_second: u64, fps: f64) -> Self {
-        // A picture may come with two tables, and leave a packet that is not full; its times take a part of another one.
+        // Each picture may add two tables, one partial packet, and timestamps.
         let extra = (4 * fps.ceil() as u64 + CLOCK / CLOCK_INTERVAL * 2).max(4 * CLOCK / SLACK);
         let full = (bytes_per_second * PACKET as u64).div_ceil((PACKET - 4) as u64);
         Self { bytes_per_second: full + extra * PACKET as u64 }
     }
 
-    /// When the first byte of a packet comes in, rounded down.
+    /// Arrival time of a packet's first byte, rounded down.
     fn begin(self, number: usize) -> u64 {
         self.time(number, 0)
     }
 
-    /// program_clock_reference in a packet: when the byte comes in that ends its base (2.4.2.2).
+    /// program_clock_reference in a packet: the arrival time of the byte that ends its base (2.4.2.2).
     fn reference_after(self, number: usize) -> u64 {
         self.time(number, REFERENCE_BYTE)
     }
@@ -76,16 +76,16 @@ impl Slots {
     }
 }
 
-/// Adaptation field, in front of the payload of a packet (2.4.3.4).
+/// Adaptation field before the payload of a packet (2.4.3.4).
 #[derive(Clone, Copy, Default)]
 struct Adaptation {
-    /// Can a decoder begin here?
+    /// Whether decoding can begin here.
     random_access: bool,
     /// program_clock_reference, in units of 1/27 000 000 s.
     clock: Option<u64>,
 }
 
-/// The header of a transport packet.
+/// Header of a transport packet.
 #[derive(Clone, Copy)]
 struct PacketHeader {
     /// Packet identifier.
@@ -99,7 +99,7 @@ impl Writer {
     pub fn new(mut schedule: Schedule, config: &Config) -> Self {
         let (standard, limits) = (config.standard, config.level().limits());
         let (bit_rate, buffer_size) = config.stated_rate();
-        // Up to Main Level, a buffer that is smaller than the level's leaves room for multiplexing.
+        // Up to Main Level, a buffer below the level's maximum leaves room for multiplexing.
         let buffer_size = match limits.level <= Level::Main {
             true => limits.vbv_buffer_size.max(buffer_size.into()),
             false => buffer_size.into(),
@@ -110,14 +110,14 @@ impl Writer {
         Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None, packets: 0, slots }
     }
 
-    /// Fills a buffer that the stream states. Gives when the first picture is decoded then.
+    /// Adapts to the stated bit rate and buffer size. Returns the decoding time of the first picture.
     pub fn restate(&mut self, bit_rate: u32, buffer_size: u32) -> u64 {
         self.schedule = Schedule::of_stated(bit_rate, buffer_size);
         self.schedule.bound(most_waiting(400 * u64::from(bit_rate), buffer_size.into()));
         self.schedule.start()
     }
 
-    /// The packets of one picture.
+    /// Returns the packets of one picture.
     pub fn put(&mut self, picture: &StreamPicture) -> Vec<u8> {
         self.schedule.begin(picture.times.decoding);
         let mut data = Header { times: Some(picture.times), ..Header::default() }.bytes(None);
@@ -129,7 +129,8 @@ impl Writer {
         while !rest.is_empty() {
             let free = self.schedule.now();
             let due = self.schedule.wait(rest.len().min(PACKET - 4) as u64);
-            // Bytes between two references come at one rate: a pause ends with a reference, and the next packet has one for the rate after it.
+            // Bytes between two references arrive at one rate. A pause therefore ends with a reference, and the next packet has
+            // one for the new rate.
             let is_paused = due > free;
             self.fill(&mut out, due);
             let is_due = |sent: Option<u64>, interval, now| sent.is_none_or(|sent| now >= sent + interval);
@@ -144,7 +145,7 @@ impl Writer {
             let adaptation = Adaptation { random_access: begins && picture.is_entry, clock };
             let taken =
                 put_packet(&mut out, PacketHeader { pid: VIDEO_PID, begins, adaptation }, &mut self.counters[2], rest);
-            // Only the elementary stream goes through the buffer.
+            // Only the elementary stream passes through the buffer.
             self.schedule.take(taken.saturating_sub(if begins { header } else { 0 }) as u64);
             (rest, begins, was_paused) = (&rest[taken..], false, is_paused && !begins);
         }
@@ -152,13 +153,13 @@ impl Writer {
         out
     }
 
-    /// Time after which the next packet has a clock reference.
+    /// Interval after which the next packet has a clock reference.
     fn clock_interval(&self) -> u64 {
-        // Tables may come in between, in packets that take their time.
+        // Tables in between delay the next reference.
         if self.slots.is_some() { CLOCK_INTERVAL / 2 } else { CLOCK_INTERVAL }
     }
 
-    /// Packets without video until the video is `due`: clock references, and at a constant rate null packets.
+    /// Writes packets without video until the video is `due`: clock references, and null packets at a constant rate.
     fn fill(&mut self, out: &mut Vec<u8>, due: u64) {
         if let Some(slots) = self.slots {
             loop {
@@ -182,7 +183,7 @@ impl Writer {
         }
     }
 
-    /// A packet with a clock reference alone, which does not count (2.4.3.3).
+    /// Writes a packet with only a clock reference; it does not advance the counter (2.4.3.3).
     fn put_clock(&mut self, out: &mut Vec<u8>, clock: u64) {
         let adaptation = Adaptation { random_access: false, clock: Some(clock) };
         let mut counter = (self.counters[2] + 15) % 16;
@@ -190,7 +191,7 @@ impl Writer {
         self.clock_sent = Some(clock);
     }
 
-    /// Null packets (Table 2-3), if the stream is so short that programs would not recognize it.
+    /// Returns null packets (Table 2-3) if the stream is too short for programs to recognize it.
     pub fn finish(self) -> Vec<u8> {
         let mut out = Vec::new();
         for _ in self.packets..LEAST_PACKETS {
@@ -199,7 +200,7 @@ impl Writer {
         out
     }
 
-    /// program_association_section() and TS_program_map_section() (2.4.4.3, 2.4.4.8).
+    /// Writes program_association_section() and TS_program_map_section() (2.4.4.3, 2.4.4.8).
     fn put_tables(&mut self, out: &mut Vec<u8>) {
         let mut association = BitWriter::default();
         association.put(PROGRAM, 16); // program_number
@@ -225,19 +226,19 @@ impl Writer {
     }
 }
 
-/// The most bytes that may wait in a decoder: 4 ms of the level's bit rate and a 750th of it for headers, and the buffer of
-/// `buffer_size` times 16 384 bits (2.4.2.3).
+/// Maximum bytes that may wait in a decoder (2.4.2.3): 4 ms of the level's bit rate, a 750th of it for headers, and
+/// `buffer_size` in units of 16 384 bits.
 fn most_waiting(bits_per_second: u64, buffer_size: u64) -> u64 {
     (bits_per_second / 250 + bits_per_second / 750 + 16_384 * buffer_size) / 8
 }
 
-/// A null packet (Table 2-3).
+/// Writes a null packet (Table 2-3).
 fn put_null(out: &mut Vec<u8>) {
     let header = PacketHeader { pid: NULL_PID, begins: false, adaptation: Adaptation::default() };
     put_packet(out, header, &mut 0, &[0xff; PACKET - 4]);
 }
 
-/// A section in a packet of its own. The number after its length is that of the stream, or of the program: both are 1.
+/// Writes a section in its own packet. The identifier after its length is 1, for the stream as well as for the program.
 fn put_section(out: &mut Vec<u8>, pid: u32, counter: &mut u32, table_id: u32, body: &[u8]) {
     let mut writer = BitWriter::default();
     writer.put(table_id, 8);
@@ -251,14 +252,14 @@ fn put_section(out: &mut Vec<u8>, pid: u32, counter: &mut u32, table_id: u32, bo
     let mut section = writer.into_bytes();
     section.extend(body);
     let check = crc_32(&section).to_be_bytes();
-    let mut payload = vec![0]; // pointer_field: the section begins at once
+    let mut payload = vec![0]; // pointer_field: the section begins immediately
     payload.extend(section);
     payload.extend(check);
     payload.resize(PACKET - 4, 0xff); // stuffing after the section (2.4.4)
     put_packet(out, PacketHeader { pid, begins: true, adaptation: Adaptation::default() }, counter, &payload);
 }
 
-/// transport_packet() (2.4.3.2): as much of `payload` as there is room for. Gives how much that was.
+/// Writes transport_packet() (2.4.3.2) with as much of `payload` as fits. Returns the number of payload bytes.
 fn put_packet(
     out: &mut Vec<u8>,
     PacketHeader { pid, begins, adaptation }: PacketHeader,
@@ -280,7 +281,7 @@ fn put_packet(
     writer.put(pid, 13); // PID
     writer.put(0, 2); // transport_scrambling_control
     let has_payload = !payload.is_empty();
-    writer.put((field > 0).into(), 1); // adaptation_field_control: a field, a payload
+    writer.put((field > 0).into(), 1); // adaptation_field_control: field and payload present
     writer.put(has_payload.into(), 1);
     writer.put(*counter, 4); // continuity_counter
     *counter = (*counter + 1) % 16;
@@ -308,7 +309,8 @@ fn put_packet(
     taken
 }
 
-/// CRC_32 (Annex A): x³² + x²⁶ + x²³ + x²² + x¹⁶ + x¹² + x¹¹ + x¹⁰ + x⁸ + x⁷ + x⁵ + x⁴ + x² + x + 1, the highest bit first.
+/// CRC_32 (Annex A): x³² + x²⁶ + x²³ + x²² + x¹⁶ + x¹² + x¹¹ + x¹⁰ + x⁸ + x⁷ + x⁵ + x⁴ + x² + x + 1, most significant bit
+/// first.
 fn crc_32(bytes: &[u8]) -> u32 {
     const POLYNOMIAL: u32 = 0x04c1_1db7;
     bytes.iter().fold(u32::MAX, |crc, &byte| {
@@ -322,7 +324,7 @@ mod tests {
 
     #[test]
     fn the_check_of_a_checked_section_is_zero() {
-        // The check value of CRC-32/MPEG-2 in the catalog of parametrized CRC algorithms.
+        // Check value of CRC-32/MPEG-2 in the catalog of parametrized CRC algorithms.
         assert_eq!(crc_32(b"123456789"), 0x0376_e6e7);
     }
 
