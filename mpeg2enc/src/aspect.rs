@@ -1,37 +1,37 @@
-//! The shape of samples, which a display needs to show pictures undistorted.
+//! Aspect ratios of samples and pictures, for undistorted display.
 
 use crate::Standard;
 
-/// Shape of the samples or of the whole picture (aspect_ratio_information, Table 6-3).
+/// Aspect ratio of the samples or of the whole picture (aspect_ratio_information, Table 6-3).
 ///
-/// MPEG-2 states the shape of the displayed picture, and square samples. MPEG-1 states the shape of a sample
-/// (pel_aspect_ratio, 11172-2, 2.4.3.2); the nearest of its table is written.
+/// MPEG-2 states the aspect ratio of the displayed picture, or square samples. MPEG-1 states the nearest sample aspect ratio of
+/// its own table (pel_aspect_ratio, 11172-2, 2.4.3.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum AspectRatio {
-    /// Samples are as wide as high.
+    /// Square samples.
     #[default]
     SquareSamples,
-    /// The picture is 4 wide and 3 high.
+    /// A 4:3 picture.
     Display4x3,
-    /// The picture is 16 wide and 9 high.
+    /// A 16:9 picture.
     Display16x9,
-    /// The picture is 2.21 times as wide as high.
+    /// A 2.21:1 picture.
     Display221x100,
 }
 
-/// Height of a sample as a share of its width, for pel_aspect_ratio 1, 2, 3, … (11172-2, 2.4.3.2).
+/// Height of a sample divided by its width, for pel_aspect_ratio 1, 2, 3, … (11172-2, 2.4.3.2).
 const PEL_ASPECT_RATIOS: [f64; 14] =
     [1.0, 0.6735, 0.7031, 0.7615, 0.8055, 0.8437, 0.8935, 0.9157, 0.9815, 1.0255, 1.0695, 1.0950, 1.1575, 1.2015];
-/// The most that a shape of MPEG-1 may be off. Neighbors in its table are up to 8 % apart.
+/// Maximum relative error of an MPEG-1 sample aspect ratio. Neighbors in its table differ by up to 8 %.
 const PEL_TOLERANCE: f64 = 0.05;
-/// The most that a sample's shape may be off. Pictures of 720 columns are called 4:3 or 16:9 although 702 to 711 of
-/// these columns have that shape, which makes 2.5 %.
+/// Maximum relative error of a sample aspect ratio. Pictures of 720 columns are called 4:3 or 16:9 although 702 to 711 of these
+/// columns have that ratio, an error of 2.5 %.
 const SAMPLE_TOLERANCE: f64 = 0.03;
 
 impl AspectRatio {
-    /// All shapes, in the order of their codes.
+    /// All aspect ratios, in the order of their codes.
     pub const ALL: &[Self] = &[Self::SquareSamples, Self::Display4x3, Self::Display16x9, Self::Display221x100];
 
     /// Name in command lines.
@@ -45,9 +45,9 @@ impl AspectRatio {
         }
     }
 
-    /// The shape of pictures of `width`×`height` whose samples are `sample.0` wide and `sample.1` high.
+    /// Returns the aspect ratio of pictures of `width`×`height` with samples `sample.0` wide and `sample.1` high.
     ///
-    /// `None` where no shape of the standard is within 3 %.
+    /// `None` if no aspect ratio of the standard is within 3 %.
     ///
     /// ```
     /// use mpeg2enc::AspectRatio;
@@ -59,19 +59,19 @@ impl AspectRatio {
     pub fn of_samples(width: usize, height: usize, sample: (u32, u32)) -> Option<Self> {
         let requested = f64::from(sample.0) / f64::from(sample.1);
         let distance = |shape: Self| (shape.sample_width(width, height) / requested).ln().abs();
-        // Of equal distances the first is taken: square samples.
+        // Among equal distances the first wins: square samples.
         let nearest = Self::ALL.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b)))?;
         (distance(nearest) <= SAMPLE_TOLERANCE).then_some(nearest)
     }
 
-    /// Width of a sample as a share of its height, in pictures of `width`×`height`.
+    /// Width of a sample divided by its height, in pictures of `width`×`height`.
     fn sample_width(self, width: usize, height: usize) -> f64 {
         let Some((wide, high)) = self.of_display() else { return 1.0 };
         let picture = f64::from(wide) / f64::from(high);
         picture * height as f64 / width as f64
     }
 
-    /// Width and height of the displayed picture, as a ratio; `None` where samples are square.
+    /// Width and height of the displayed picture, as a ratio; `None` for square samples.
     pub(crate) fn of_display(self) -> Option<(u32, u32)> {
         match self {
             Self::SquareSamples => None,
@@ -81,7 +81,7 @@ impl AspectRatio {
         }
     }
 
-    /// aspect_ratio_information, or pel_aspect_ratio in MPEG-1; `None` where MPEG-1 has none that is near.
+    /// aspect_ratio_information, or pel_aspect_ratio in MPEG-1; `None` if the MPEG-1 table has no near value.
     pub(crate) fn code(self, standard: Standard, width: usize, height: usize) -> Option<u32> {
         if standard == Standard::Mpeg2 {
             return Some(self as u32 + 1);
@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn samples_of_known_formats() {
         let shape = AspectRatio::of_samples;
-        assert_eq!(shape(720, 540, (1, 1)), Some(AspectRatio::SquareSamples), "4:3 as well");
+        assert_eq!(shape(720, 540, (1, 1)), Some(AspectRatio::SquareSamples), "also 4:3");
         for sample in [(16, 15), (59, 54), (12, 11)] {
             assert_eq!(shape(720, 576, sample), Some(AspectRatio::Display4x3), "{sample:?}");
         }
@@ -123,8 +123,7 @@ mod tests {
         }
     }
 
-    /// The notes beside the table of 11172-2: 0.7031 is 16:9 of 625 lines, 0.8437 of 525; 0.9157 is 4:3 of 625 lines,
-    /// 1.0950 of 525.
+    /// Notes on the table of 11172-2: 0.7031 is 16:9 of 625 lines, 0.8437 of 525; 0.9157 is 4:3 of 625 lines, 1.0950 of 525.
     #[test]
     fn mpeg1_states_samples() {
         let code = |shape: AspectRatio, width, height| shape.code(Standard::Mpeg1, width, height);

@@ -1,6 +1,6 @@
-//! Color as sequence_display_extension() describes it (6.3.6): primaries, transfer and matrix.
+//! Color description of sequence_display_extension() (6.3.6): primaries, transfer characteristics and matrix.
 
-/// An enumeration of values that a table of the standard has a code for, each with its name in command lines.
+/// Defines an enum of the values of a table in the standard, each with its code and its name in command lines.
 macro_rules! coded {
     ($(#[$doc:meta])* $name:ident { $($(#[$of:meta])* $variant:ident = $code:literal, $text:literal;)* }) => {
         $(#[$doc])*
@@ -15,7 +15,7 @@ macro_rules! coded {
             /// All values, in the order of their codes.
             pub const ALL: &[Self] = &[$(Self::$variant),*];
 
-            /// Name in lower case, which ffmpeg uses too.
+            /// Name in lower case, the same as in ffmpeg.
             #[must_use]
             pub fn name(self) -> &'static str {
                 match self {
@@ -44,9 +44,9 @@ coded! {
         /// Rec. ITU-R BT.709: high definition.
         #[default]
         Bt709 = 1, "bt709";
-        /// The stream does not say.
+        /// Unspecified in the stream.
         Unspecified = 2, "unknown";
-        /// Rec. ITU-R BT.470-2 System M: the first NTSC.
+        /// Rec. ITU-R BT.470-2 System M: original NTSC.
         Bt470M = 4, "bt470m";
         /// Rec. ITU-R BT.470-2 System B, G: 625 lines.
         Bt470Bg = 5, "bt470bg";
@@ -58,18 +58,18 @@ coded! {
 }
 
 coded! {
-    /// The curve between light and samples (transfer_characteristics, Table 6-8).
+    /// Transfer function between light and samples (transfer_characteristics, Table 6-8).
     TransferCharacteristics {
         /// Rec. ITU-R BT.709: high definition.
         #[default]
         Bt709 = 1, "bt709";
-        /// The stream does not say.
+        /// Unspecified in the stream.
         Unspecified = 2, "unknown";
         /// Rec. ITU-R BT.470-2 System M: a display gamma of 2.2.
         Bt470M = 4, "bt470m";
         /// Rec. ITU-R BT.470-2 System B, G: a display gamma of 2.8.
         Bt470Bg = 5, "bt470bg";
-        /// SMPTE 170M: the curve of BT.709.
+        /// SMPTE 170M: the same function as BT.709.
         Smpte170M = 6, "smpte170m";
         /// SMPTE 240M of 1987.
         Smpte240M = 7, "smpte240m";
@@ -79,25 +79,25 @@ coded! {
 }
 
 coded! {
-    /// The sums that make luma and chroma of red, green and blue (matrix_coefficients, Table 6-9).
+    /// Weights that form luma and chroma from red, green and blue (matrix_coefficients, Table 6-9).
     MatrixCoefficients {
         /// Rec. ITU-R BT.709: high definition.
         #[default]
         Bt709 = 1, "bt709";
-        /// The stream does not say.
+        /// Unspecified in the stream.
         Unspecified = 2, "unknown";
-        /// FCC: the first NTSC.
+        /// FCC: original NTSC.
         Fcc = 4, "fcc";
         /// Rec. ITU-R BT.470-2 System B, G: 625 lines.
         Bt470Bg = 5, "bt470bg";
-        /// SMPTE 170M: 525 lines, with the same sums as 625.
+        /// SMPTE 170M: 525 lines, with the same weights as 625 lines.
         Smpte170M = 6, "smpte170m";
         /// SMPTE 240M of 1987.
         Smpte240M = 7, "smpte240m";
     }
 }
 
-/// Color of the pictures (colour_description, 6.3.6): BT.709 in all three parts unless another is requested.
+/// Color description of the pictures (colour_description, 6.3.6); all three fields default to BT.709.
 ///
 /// ```
 /// use mpeg2enc::{ColorDescription, ColorPrimaries, Config, FrameRate, MatrixCoefficients};
@@ -114,8 +114,8 @@ coded! {
 pub struct ColorDescription {
     /// Chromaticities of red, green, blue and white.
     pub primaries: ColorPrimaries,
-    /// The curve between light and samples.
+    /// Transfer function between light and samples.
     pub transfer: TransferCharacteristics,
-    /// The sums that make luma and chroma.
+    /// Weights that form luma and chroma.
     pub matrix: MatrixCoefficients,
 }

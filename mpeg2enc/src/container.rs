@@ -69,7 +69,8 @@ impl Container {
 /// Wraps an encoder's packets in a container.
 ///
 /// Pictures are due at the frame rate. Bytes arrive according to a decoder with the buffer size and bit rate stated in the
-/// stream. They arrive as soon as the buffer has room, at most a second early. All pictures are in time unless even the coarsest quantiser takes too many bits. At a constant rate the times agree with vbv_delay.
+/// stream. They arrive as soon as the buffer has room, at most a second early. All pictures are in time unless even the
+/// coarsest quantiser takes too many bits. At a constant rate the times agree with vbv_delay.
 ///
 /// Packs of a program stream have at most 2048 bytes, and exactly 2048 on a disc; each picture begins with a new pack. In MP4
 /// and Matroska a group of pictures is written when the next group begins.

@@ -1,66 +1,66 @@
-//! An elementary stream that was written before, taken apart into its pictures: for what puts streams together.
+//! Parser of elementary streams written earlier, for programs that join streams.
 //!
-//! Only start codes and the headers behind them are read (6.2.2, 6.2.3), for streams as this crate writes them: sequence and group
-//! headers in front of every I picture.
+//! It reads only start codes and the headers after them (6.2.2, 6.2.3). Streams must follow this crate's layout: sequence and
+//! group headers before every I picture.
 
 use crate::{
     AccessUnit, PictureType,
     header::{GROUP_START_CODE, PICTURE_START_CODE, SEQUENCE_END_CODE, SEQUENCE_HEADER_CODE},
 };
 
-/// The pictures of an elementary stream, and what its headers say of all of them.
+/// The pictures and headers of an elementary stream.
 #[derive(Clone, Debug)]
 pub struct ElementaryStream {
-    /// Pictures in the order of coding. Their display indices count from 0.
+    /// Pictures in the order of coding; their display indices count from 0.
     pub units: Vec<AccessUnit>,
-    /// Sequence header and its extensions, which are the same in front of every group of pictures.
+    /// Sequence header and its extensions, which are the same before every group of pictures.
     pub sequence_header: Vec<u8>,
     /// Hours, minutes, seconds and pictures of the first group's time code (6.3.8).
     pub time_code: [u32; 4],
-    /// closed_gop of the first group: it needs no pictures before it (6.3.8).
+    /// closed_gop of the first group: it depends on no earlier pictures (6.3.8).
     pub begins_closed: bool,
-    /// Whether sequence_end_code ends the stream. Without one it was cut short.
+    /// Whether sequence_end_code ends the stream; without it the stream is incomplete.
     pub is_ended: bool,
 }
 
-/// Bytes that are no stream of this crate.
+/// Reason why bytes are not a stream in this crate's layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StreamError {
-    /// The first bytes are of something else.
-    #[error("begins with no sequence header: it is no elementary stream of MPEG-1 or MPEG-2 video")]
+    /// The bytes do not begin with a sequence header.
+    #[error("begins with no sequence header: it is not an elementary stream of MPEG-1 or MPEG-2 video")]
     NoSequenceHeader,
-    /// There is a header, and no picture.
-    #[error("holds no picture")]
+    /// The stream has a header but no picture.
+    #[error("contains no picture")]
     NoPicture,
-    /// A header ends early, or a picture is none of I, P and B.
+    /// A header is incomplete, or a picture type is not I, P or B.
     #[error("is damaged at byte {at}")]
     Damaged {
-        /// The place of the start code.
+        /// Byte offset of the start code.
         at: usize,
     },
-    /// A group whose sequence header is not that of the first.
-    #[error("has another sequence header at byte {at}: it is several streams, one after the other")]
+    /// The sequence header of a group differs from the first one.
+    #[error("has a different sequence header at byte {at}: it consists of several streams")]
     OtherHeader {
-        /// The place of the header.
+        /// Byte offset of the header.
         at: usize,
     },
-    /// Something follows the end.
-    #[error("goes on after its end at byte {at}")]
+    /// Bytes follow the end of the stream.
+    #[error("continues after its end at byte {at}")]
     AfterEnd {
-        /// The place of sequence_end_code.
+        /// Byte offset of sequence_end_code.
         at: usize,
     },
 }
 
 impl ElementaryStream {
-    /// sequence_end_code (6.2.2), which ends a stream once.
+    /// sequence_end_code (6.2.2), which ends a stream.
     pub const END: [u8; 4] = [0, 0, 1, SEQUENCE_END_CODE];
 
-    /// Takes `bytes` apart.
+    /// Parses `bytes` into pictures.
     ///
     /// # Errors
-    /// The bytes are no such stream. One that was cut short is no error as long as its headers are whole.
+    /// If the bytes are not a stream in this crate's layout. A truncated stream is accepted if its headers are complete.
     pub fn parse(bytes: &[u8]) -> Result<Self, StreamError> {
         let mut stream = Self {
             units: Vec::new(),
@@ -74,7 +74,7 @@ impl ElementaryStream {
             return Err(StreamError::NoSequenceHeader);
         }
 
-        // A picture begins with the first header in front of it, and ends where that of the next begins.
+        // A picture begins with the first header before it and ends at the first header of the next picture.
         let (mut begin, mut has_picture, mut end) = (0, false, bytes.len());
         let (mut group, mut shown) = (0, 0);
         for (place, &(at, code)) in codes.iter().enumerate() {
@@ -119,14 +119,14 @@ impl ElementaryStream {
         if stream.units.is_empty() { Err(StreamError::NoPicture) } else { Ok(stream) }
     }
 
-    /// Gives the last picture its bytes.
+    /// Assigns its bytes to the last picture.
     fn close(&mut self, data: &[u8]) {
         if let Some(last) = self.units.last_mut() {
             last.data = data.into();
         }
     }
 
-    /// Keeps the sequence header at byte `at`, which ends before the first of the start codes `after` it that is no extension.
+    /// Stores the sequence header at byte `at`. It ends before the first start code in `after` that is not an extension.
     fn note_sequence_header(&mut self, bytes: &[u8], at: usize, after: &[(usize, u8)]) -> Result<(), StreamError> {
         let next =
             after.iter().find(|(_, code)| [GROUP_START_CODE, PICTURE_START_CODE, SEQUENCE_END_CODE].contains(code));
@@ -138,7 +138,7 @@ impl ElementaryStream {
     }
 }
 
-/// Places and values of all start codes (5.2.3): the bytes 0, 0, 1 and the value.
+/// Positions and values of all start codes (5.2.3): the bytes 0, 0, 1 and the value.
 fn start_codes(bytes: &[u8]) -> Vec<(usize, u8)> {
     let mut codes = Vec::new();
     let mut at = 0;

@@ -2,7 +2,7 @@
 
 use crate::ConfigError;
 
-/// A frame rate that MPEG-2 has a code for (Table 6-4).
+/// A frame rate with a code in MPEG-2 (Table 6-4).
 ///
 /// ```
 /// use mpeg2enc::FrameRate;
@@ -21,15 +21,15 @@ const FRAME_RATES: [(u32, u32); 8] =
     [(24000, 1001), (24, 1), (25, 1), (30000, 1001), (30, 1), (50, 1), (60000, 1001), (60, 1)];
 
 impl FrameRate {
-    /// 25 frames a second.
+    /// 25 frames per second.
     pub const FPS_25: Self = Self { code: 3 };
-    /// 30 frames a second.
+    /// 30 frames per second.
     pub const FPS_30: Self = Self { code: 5 };
 
-    /// The rate nearest to `fps`, less than 0.01 frames a second away.
+    /// Returns the rate nearest to `fps`, if it differs by less than 0.01 frames per second.
     ///
     /// # Errors
-    /// No rate of the standard is so near.
+    /// If no rate of the standard is that near.
     pub fn from_fps(fps: f64) -> Result<Self, ConfigError> {
         (1..=8)
             .map(|code| Self { code })
@@ -37,7 +37,8 @@ impl FrameRate {
             .ok_or(ConfigError::FrameRate { fps })
     }
 
-    /// The rate of frames in which every other picture of this rate has three fields; none of rates other than 24.
+    /// Returns the frame rate if every other picture of this rate has three fields; `None` unless the picture rate is 24 or
+    /// 23.976.
     pub(crate) fn after_pulldown(self) -> Option<Self> {
         match self.code {
             1 => Some(Self { code: 4 }),
@@ -46,13 +47,13 @@ impl FrameRate {
         }
     }
 
-    /// Frames a second.
+    /// Frames per second.
     pub fn fps(self) -> f64 {
         let (numerator, denominator) = self.fraction();
         f64::from(numerator) / f64::from(denominator)
     }
 
-    /// Frames a second as a fraction, such as (30000, 1001).
+    /// Frames per second as a fraction, for example (30000, 1001).
     pub fn fraction(self) -> (u32, u32) {
         FRAME_RATES[usize::from(self.code) - 1]
     }

@@ -1,23 +1,23 @@
-//! Memory of pictures that are no longer in use, for those to come.
+//! Reuses the memory of pictures that are no longer in use.
 //!
-//! A system gives fresh memory page by page, each cleared first: of the time of a quick encoder that is a fifth.
+//! The operating system provides and clears fresh memory page by page, which takes a fifth of the time of a quick encoder.
 
 use crate::Picture;
 use std::sync::Arc;
 
-/// Frames that were given out, some of which may be free again.
+/// Frames handed out, some of which may be free again.
 #[derive(Default)]
 pub(crate) struct Pool {
     given: Vec<Arc<Picture>>,
 }
 
-/// The most frames that are remembered: as many as may wait, and some that a caller holds.
+/// Maximum number of frames tracked: the waiting ones and some in use by the caller.
 const REMEMBERED: usize = 64;
-/// The most free frames that are kept.
+/// Maximum number of free frames kept.
 const SPARE: usize = 4;
 
 impl Pool {
-    /// A frame of this size that `fill` gives its samples, all of them: before, they are any.
+    /// Returns a frame of this size. `fill` must write all samples, because their initial values are arbitrary.
     pub fn filled<T>(
         &mut self,
         width: usize,
@@ -28,7 +28,7 @@ impl Pool {
             |frame: &Arc<Picture>| Arc::strong_count(frame) == 1 && (frame.width(), frame.height()) == (width, height);
         let found = self.given.iter().position(fits).map(|place| self.given.swap_remove(place));
         let mut frame = found.unwrap_or_else(|| Arc::new(Picture::black(width, height)));
-        let result = fill(Arc::get_mut(&mut frame).expect("a free frame belongs to the pool alone"));
+        let result = fill(Arc::get_mut(&mut frame).expect("only the pool owns a free frame"));
         self.remember(&frame);
         (frame, result)
     }

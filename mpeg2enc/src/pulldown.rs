@@ -1,12 +1,12 @@
-//! Pulldown: 24 pictures a second in a stream of 30 frames, as discs have it. Every other picture is shown for three fields, the
-//! others for two (repeat_first_field, 13818-2, 6.3.10).
+//! Pulldown: 24 pictures per second in a stream of 30 frames per second, as on discs. Pictures are alternately displayed for
+//! three and two fields (repeat_first_field, 13818-2, 6.3.10).
 
-/// Fields that are shown in the time of `periods` pictures, from one of three fields on.
+/// Number of fields in the time of `periods` pictures, starting with a picture of three fields.
 pub(crate) fn fields(periods: u64) -> u64 {
     (5 * periods).div_ceil(2)
 }
 
-/// How a picture is shown, as its picture coding extension states it.
+/// Display of a picture, as its picture coding extension states it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ShownFields {
     /// top_field_first.
@@ -15,15 +15,15 @@ pub(crate) struct ShownFields {
     pub repeat_first_field: bool,
 }
 
-/// How the picture with this `number` in the order of display is shown. With B pictures each is shown a period after it was decoded at
-/// the earliest: `reorder` is 1 then, and 0 elsewhere. So pictures are decoded in the rhythm in which they are shown.
+/// Returns the display of picture `number` in display order. With B pictures each is displayed at least one period after
+/// decoding: `reorder` is then 1, otherwise 0. Decoding and display thus have the same rhythm of fields.
 pub(crate) fn shown(number: u64, reorder: u64) -> ShownFields {
     let before = fields_before(number, reorder);
     let own = fields_before(number + 1, reorder) - before;
     ShownFields { top_field_first: before.is_multiple_of(2), repeat_first_field: own == 3 }
 }
 
-/// Fields that are shown before the picture with this `number`.
+/// Number of fields displayed before picture `number`.
 pub(crate) fn fields_before(number: u64, reorder: u64) -> u64 {
     fields(number + reorder) - fields(reorder)
 }

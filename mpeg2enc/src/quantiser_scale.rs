@@ -2,16 +2,16 @@
 
 use crate::ConfigError;
 
-/// quantiser_scale for quantiser_scale_code 1 to 31 with q_scale_type 1 (Table 7-6).
+/// quantiser_scale of quantiser_scale_code 1 to 31 with q_scale_type 1 (Table 7-6).
 #[rustfmt::skip]
 const NON_LINEAR: [u32; 31] = [
     1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 20, 22, 24, 28, 32, 36, 40, 44, 48, 52, 56, 64, 72, 80, 88, 96, 104, 112,
 ];
 
-/// How a quantiser_scale is written.
+/// Coded form of a quantiser_scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QuantiserScaleCode {
-    /// False for the linear table (2, 4, … 62), true for the other (1 … 112).
+    /// False for the linear table (2, 4, … 62), true for the non-linear one (1 … 112).
     pub q_scale_type: bool,
     /// quantiser_scale_code, 1 to 31.
     pub code: u8,
@@ -22,33 +22,34 @@ pub(crate) fn quantiser_scale_of(code: QuantiserScaleCode) -> u32 {
     if code.q_scale_type { NON_LINEAR[usize::from(code.code) - 1] } else { 2 * u32::from(code.code) }
 }
 
-/// The quantiser_scale_code whose scale is nearest to one in sixteenths.
+/// Returns the quantiser_scale_code nearest to a scale in sixteenths.
 pub(crate) fn nearest_code(q_scale_type: bool, scale_x16: u32) -> u8 {
     let distance =
         |&code: &u8| (16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code })).abs_diff(scale_x16);
     (1..=31).min_by_key(distance).expect("31 codes")
 }
 
-/// One of the two scales around `scale_x16`, also in sixteenths, such that over many rows their mean is that.
+/// Returns one of the two scales around `scale_x16`, in sixteenths. Their mean over many rows is `scale_x16`.
 pub(crate) fn spread_over_rows(q_scale_type: bool, scale_x16: u32, row: usize) -> u32 {
     neighbors(q_scale_type, scale_x16).map_or(scale_x16, |neighbors| one_of(neighbors, scale_x16, row))
 }
 
-/// The scales around `scale_x16`, it itself twice if it exists; all in sixteenths. None beyond the first and the last.
+/// Returns the two scales around `scale_x16`, in sixteenths; both are equal if it exists. `None` outside the table.
 pub(crate) fn neighbors(q_scale_type: bool, scale_x16: u32) -> Option<[u32; 2]> {
     let scales = (1..=31).map(|code| 16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code }));
     let below = scales.clone().filter(|&scale| scale <= scale_x16).max()?;
     Some([below, scales.filter(|&scale| scale >= scale_x16).min()?])
 }
 
-/// The one of two neighbors that a row takes for a scale between them.
+/// Returns the neighbor that a row uses for a scale between the two.
 pub(crate) fn one_of([below, above]: [u32; 2], scale_x16: u32, row: usize) -> u32 {
-    // Neighbors are far apart in this order: 0, 128, 64, 192, …
+    // This order separates neighboring rows: 0, 128, 64, 192, …
     let order = u32::from((row as u8).reverse_bits());
     if 256 * (scale_x16 - below) > order * (above - below) { above } else { below }
 }
 
-/// The code of a quantiser_scale (7.4.2.2, Table 7-6): even values to 62 by the linear table, others by the non-linear.
+/// Returns the code of a quantiser_scale (7.4.2.2, Table 7-6): even values to 62 from the linear table, others from the
+/// non-linear.
 ///
 /// ```
 /// use mpeg2enc::quantiser_scale_code;
@@ -60,7 +61,7 @@ pub(crate) fn one_of([below, above]: [u32; 2], scale_x16: u32, row: usize) -> u3
 /// ```
 ///
 /// # Errors
-/// Neither table has this value.
+/// If neither table contains the value.
 pub fn quantiser_scale_code(quantiser_scale: u32) -> Result<QuantiserScaleCode, ConfigError> {
     if (2..=62).contains(&quantiser_scale) && quantiser_scale.is_multiple_of(2) {
         return Ok(QuantiserScaleCode { q_scale_type: false, code: (quantiser_scale / 2) as u8 });
@@ -86,12 +87,12 @@ mod tests {
                 let rows: Vec<u32> = (0..256).map(|row| spread_over_rows(q_scale_type, scale_x16, row)).collect();
                 let mean = f64::from(rows.iter().sum::<u32>()) / 256.0;
                 assert!((mean - f64::from(scale_x16)).abs() <= 0.5, "{mean} for {scale_x16}");
-                // Each is a scale that exists, and no more than two are taken.
+                // Each scale exists, and at most two different ones occur.
                 assert!(rows.iter().all(|&x16| x16 % 16 == 0 && spread_over_rows(q_scale_type, x16, 1) == x16));
                 assert!(rows.iter().max().unwrap() - rows.iter().min().unwrap() <= 16 * 8);
             }
         }
-        assert_eq!(spread_over_rows(true, 16 * 120, 3), 16 * 120, "beyond the last");
+        assert_eq!(spread_over_rows(true, 16 * 120, 3), 16 * 120, "above the last");
     }
 
     #[test]
@@ -108,7 +109,7 @@ mod tests {
             }
         }
         let nearest = |scale| quantiser_scale_code(scale).unwrap_err().to_string();
-        assert!(nearest(0).ends_with("nearest are 1 and 2"));
-        assert!(nearest(63).ends_with("nearest are 62 and 64"));
+        assert!(nearest(0).ends_with("nearest values are 1 and 2"));
+        assert!(nearest(63).ends_with("nearest values are 62 and 64"));
     }
 }
