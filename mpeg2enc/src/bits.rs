@@ -1,6 +1,6 @@
-//! Where bits go: into bytes, or into a count.
+//! Bit sinks: one writes bytes, one counts bits.
 
-/// A code word: the `length` low bits of `code`, first bit highest.
+/// A code word: the `length` low bits of `code`, most significant bit first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Vlc {
     pub code: u32,
@@ -8,35 +8,35 @@ pub(crate) struct Vlc {
 }
 
 impl Vlc {
-    /// No code: what a table holds where the standard prints none.
+    /// Missing code: a table entry for which the standard has none.
     pub const NONE: Self = Self { code: 0, length: 0 };
 
-    /// The code with one more bit, the sign `s` of the printed tables: 1 is negative.
+    /// Returns the code with the sign bit `s` of the printed tables appended: 1 is negative.
     #[inline]
     pub const fn signed(self, negative: bool) -> Self {
         Self { code: self.code << 1 | negative as u32, length: self.length + 1 }
     }
 }
 
-/// Takes the bits of a stream, so that decisions count with the code that writes.
+/// Receives the bits of a stream, so that the same code writes them and counts them for decisions.
 pub(crate) trait BitSink {
-    /// Takes the `length` low bits of `value`, the highest first; `length` is at most 32.
+    /// Receives the `length` low bits of `value`, most significant bit first; `length` is at most 32.
     fn put(&mut self, value: u32, length: u32);
 
-    /// Bits taken so far.
+    /// Number of bits received so far.
     fn bits(&self) -> u64;
 
-    /// Is the number of bits all that is wanted?
+    /// Whether the sink only counts bits.
     fn only_counts(&self) -> bool {
         false
     }
 
-    /// Takes `bits` bits whose values do not matter; only for sinks that only count.
+    /// Receives `bits` bits of any value; only for sinks that only count.
     fn count(&mut self, bits: u32) {
-        unreachable!("{bits} bits without values for a sink that keeps them");
+        unreachable!("{bits} bits without values for a sink that writes them");
     }
 
-    /// Takes a code word.
+    /// Receives a code word.
     #[inline]
     fn put_code(&mut self, vlc: Vlc) {
         debug_assert!(vlc.length > 0, "the table has no such code");
@@ -44,25 +44,25 @@ pub(crate) trait BitSink {
     }
 }
 
-/// Makes bytes.
+/// Writes bits as bytes.
 #[derive(Default)]
 pub(crate) struct BitWriter {
-    /// Bytes that are whole, and room for more.
+    /// Complete bytes, followed by free space.
     bytes: Vec<u8>,
     whole: usize,
-    /// Bits that do not make a byte yet are the low ones; those above were written before.
+    /// The low bits form the incomplete last byte; higher bits were written before.
     pending: u64,
     pending_bits: u32,
 }
 
 impl BitWriter {
-    /// Fills the last byte with zero bits: `next_start_code()` of 5.2.3, and a start code follows.
+    /// Pads the last byte with zero bits (`next_start_code()` of 5.2.3) and writes a start code.
     pub fn start_code(&mut self, code: u8) {
         self.align();
         self.put(0x0000_0100 | u32::from(code), 32);
     }
 
-    /// The bytes, the last one filled with zero bits.
+    /// Returns the bytes, with the last one padded with zero bits.
     pub fn into_bytes(mut self) -> Vec<u8> {
         self.align();
         self.bytes.truncate(self.whole);
@@ -73,7 +73,7 @@ impl BitWriter {
         self.put(0, self.pending_bits.wrapping_neg() % 8);
     }
 
-    /// More room: rarely needed, so it stays out of the way.
+    /// Enlarges the buffer: rarely needed, so not inlined.
     #[cold]
     fn grow(&mut self) {
         self.bytes.resize(2 * self.bytes.len() + 256, 0);
@@ -81,7 +81,7 @@ impl BitWriter {
 }
 
 impl BitSink for BitWriter {
-    /// Eight bytes are written whatever the length, so that nothing depends on it but how many of them stay.
+    /// Always writes eight bytes, so only the number of retained bytes depends on the length.
     #[inline]
     fn put(&mut self, value: u32, length: u32) {
         debug_assert!(length <= 32 && (length == 32 || value >> length == 0), "{value:#x} has more than {length} bits");
@@ -89,7 +89,7 @@ impl BitSink for BitWriter {
             self.grow();
         }
         self.pending = self.pending << length | u64::from(value);
-        // 7 + 32 at most.
+        // At most 7 + 32.
         let bits = self.pending_bits + length;
         let highest_first = (self.pending << (63 - bits) << 1).to_be_bytes();
         self.bytes[self.whole..self.whole + 8].copy_from_slice(&highest_first);
@@ -102,7 +102,7 @@ impl BitSink for BitWriter {
     }
 }
 
-/// Makes a decision possible: only counts.
+/// Counts bits for decisions.
 #[derive(Default)]
 pub(crate) struct BitCounter(pub u64);
 

@@ -1,33 +1,33 @@
-//! The levels of one 8×8 block.
+//! Quantised levels of one 8×8 block.
 
 /// Quantised levels of one block.
 #[derive(Clone, Copy)]
 pub(crate) struct Block {
     /// Levels in transmission order.
     pub levels: [i16; 64],
-    /// Places of the levels that are not zero, the first place lowest, and of the DC of an intra block.
+    /// Bit set of the positions with non-zero levels, and of the DC of an intra block; bit 0 is the first position.
     pub places: u64,
-    /// Bits of the coefficients and End of block; the intra DC is left out, an empty inter block takes none.
+    /// Bits of the coefficients and End of block. The intra DC is excluded; an empty inter block takes none.
     pub bits: u32,
-    /// Squared error that is left, with twice [`COEFFICIENT_BITS`](crate::dct::COEFFICIENT_BITS) fractional bits.
+    /// Squared error, with twice [`COEFFICIENT_BITS`](crate::dct::COEFFICIENT_BITS) fractional bits.
     pub error: i64,
 }
 
 impl Block {
     pub const EMPTY: Self = Self { levels: [0; 64], places: 0, bits: 0, error: 0 };
 
-    /// Leaves nothing to write; levels at other than the first place are not looked at then.
+    /// Removes all levels. Only the first entry of `levels` is reset, because an empty set of positions hides the others.
     pub fn clear(&mut self) {
         (self.levels[0], self.places, self.bits, self.error) = (0, 0, 0, 0);
     }
 
-    /// Is there anything to write? Always, in an intra block.
+    /// Whether the block has anything to write; always true for an intra block.
     pub fn is_coded(&self) -> bool {
         self.places != 0
     }
 }
 
-/// The places of a set, the lowest first.
+/// Positions in a set, in ascending order.
 #[inline]
 pub(crate) fn places(mut set: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -37,7 +37,7 @@ pub(crate) fn places(mut set: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The formulae of 7.4 that hold for a block.
+/// Kind of block, which selects the formulae of 7.4.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum BlockKind {
     Intra,

@@ -1,4 +1,4 @@
-//! One picture: vectors, slices, headers. What zero-delay and lookahead coding have in common.
+//! Coding of one picture (vectors, slices, headers), with or without look-ahead.
 
 use crate::{
     CoefficientTable, Config, Picture, PictureStatistics, PictureType, Standard,
@@ -23,37 +23,37 @@ use std::sync::Arc;
 
 /// One coded picture.
 #[derive(Clone, Debug)]
-#[must_use = "packets are the stream"]
+#[must_use = "the packets form the stream"]
 #[non_exhaustive]
 pub struct Packet {
-    /// Its part of the stream; an I picture's begins with sequence and group headers.
+    /// Bytes of the stream; an I picture begins with sequence and group headers.
     pub data: Vec<u8>,
-    /// Place of the frame among those that came in, from 0: the order in which pictures are shown.
+    /// Index of the frame in display order, from 0.
     pub display_index: u64,
-    /// Intra, predicted, or predicted from both sides.
+    /// Picture type: I, P or B.
     pub picture_type: PictureType,
-    /// The requested quantiser_scale.
+    /// Requested quantiser_scale.
     pub quantiser_scale: u32,
-    /// quantiser_scale in force at every macroblock: all the same unless settings or weights vary it.
+    /// quantiser_scale at every macroblock; all equal unless settings or weights vary it.
     pub quantiser_scales: Plane<u8>,
-    /// quantiser_scale that made the levels of every macroblock. Where all became zero the stream does not write it.
+    /// quantiser_scale that produced the levels of every macroblock. The stream omits it if all levels are zero.
     scales_of_levels: Plane<u8>,
-    /// How every macroblock was coded.
+    /// Coding of every macroblock.
     pub macroblock_kinds: Plane<MacroblockKind>,
-    /// For every macroblock, places of the levels of its luma blocks in transmission order.
+    /// Positions of non-zero levels of each macroblock's luma blocks, in transmission order.
     levels: Plane<[u64; 4]>,
     alternate_scan: bool,
-    /// Bits of `data`.
+    /// Number of bits of `data`.
     pub bits: u64,
-    /// The decoded picture, to within the differences of inverse transforms that the standard allows.
+    /// Decoded picture, except for the mismatch of inverse transforms that the standard allows.
     pub reconstruction: Arc<Picture>,
-    /// PSNR of luma against the frame that came in, dB; infinite if nothing was lost.
+    /// PSNR of luma against the source frame, in dB; infinite if they are equal.
     pub psnr_y: f64,
-    /// Use of the bits.
+    /// Numbers of macroblocks and use of bits.
     pub statistics: PictureStatistics,
 }
 
-/// Where vectors of one direction are searched, and what is known of them.
+/// Reference picture of one direction, with known motion.
 #[derive(Clone, Copy)]
 pub(crate) struct Direction<'a> {
     pub reference: &'a Picture,
@@ -63,30 +63,30 @@ pub(crate) struct Direction<'a> {
     pub coarse: Option<CoarseSearch<'a>>,
 }
 
-/// The coding of one picture, as it is wanted.
+/// Parameters for coding one picture.
 pub(crate) struct PictureJob<'a> {
     pub picture_type: PictureType,
     pub display_index: u64,
     pub temporal_reference: u32,
     pub vbv_delay: u32,
-    /// The picture in whole macroblocks.
+    /// Picture in whole macroblocks.
     pub source: &'a Picture,
-    /// Forward and backward.
+    /// Forward and backward direction.
     pub directions: [Option<Direction<'a>>; 2],
     pub quantiser_scale: u32,
-    /// The requested quantiser_scale of every macroblock, in sixteenths.
+    /// Requested quantiser_scale of every macroblock, in sixteenths.
     pub scales_x16: &'a [u32],
 }
 
-/// Counts of macroblocks across and down.
+/// Numbers of macroblocks across and down.
 struct Macroblocks {
     coded: (usize, usize),
-    /// Fewer than `coded` where the standard requires macroblocks outside of the requested picture.
+    /// Number that covers the requested picture; less than `coded` if the standard requires more macroblocks.
     shown: (usize, usize),
 }
 
 impl Macroblocks {
-    /// The samples of the shown macroblocks, of one sample for each coded macroblock.
+    /// Extracts the shown macroblocks from one sample per coded macroblock.
     fn plane<T: Copy>(&self, samples: Vec<T>) -> Plane<T> {
         let coded = Plane::from_vec(self.coded.0, self.coded.1, samples);
         if self.shown == self.coded {
@@ -96,19 +96,19 @@ impl Macroblocks {
     }
 }
 
-/// A packet without sequence and group headers, and what the next picture needs.
+/// A packet without sequence and group headers, and data for coding the next picture.
 pub(crate) struct CodedPacket {
     pub packet: Packet,
-    /// In whole macroblocks; of a B picture, from which nothing is predicted, there is none.
+    /// Reconstruction in whole macroblocks; `None` for a B picture, because no picture predicts from it.
     pub reference: Option<Arc<Picture>>,
-    /// Forward and backward.
+    /// Forward and backward vectors.
     pub vectors: [Vec<HalfSample>; 2],
-    /// Bytes of the picture header and its extension, after which user data may follow.
+    /// Length in bytes of the picture header and its extension, after which user data may follow.
     header_bytes: usize,
 }
 
 impl CodedPacket {
-    /// Brings the packet to at least `bits` bits.
+    /// Pads the packet to at least `bits` bits.
     pub fn fill_to(&mut self, bits: i64) {
         let missing = (bits - self.packet.bits as i64).max(0) as u64;
         if missing > 0 {
@@ -119,7 +119,7 @@ impl CodedPacket {
     }
 }
 
-/// Codes pictures one after the other, each by itself.
+/// Codes single pictures with common settings.
 pub(crate) struct Coder {
     pub config: Config,
     quantisers: Quantisers,
@@ -132,7 +132,7 @@ impl Coder {
         Self { config, quantisers, pool: Pool::default() }
     }
 
-    /// Uses other settings of quantisers, which were checked.
+    /// Adopts other quantiser settings, which must be valid.
     pub fn set_config(&mut self, config: Config) {
         self.config = config;
         let parameters = parameters(&self.config);
@@ -146,7 +146,7 @@ impl Coder {
         self.quantisers.parameters.q_scale_type
     }
 
-    /// A copy of a frame in whole macroblocks.
+    /// Returns a copy of a frame, extended to whole macroblocks.
     pub fn whole(&mut self, frame: &Picture) -> Arc<Picture> {
         let (columns, rows) = self.config.macroblock_counts();
         self.pool.filled(16 * columns, 16 * rows, |whole| copy(frame, whole)).0
@@ -177,7 +177,7 @@ impl Coder {
         let reach = |vectors: &[HalfSample]| {
             let [x, y] = [f_code(vectors.iter().map(|v| v.x)), f_code(vectors.iter().map(|v| v.y))];
             match standard {
-                Standard::Mpeg1 => [x.max(y); 2], // one for both
+                Standard::Mpeg1 => [x.max(y); 2], // one for both components
                 Standard::Mpeg2 => [x, y],
             }
         };
@@ -214,7 +214,7 @@ impl Coder {
         CodedPacket { packet, reference, vectors, header_bytes }
     }
 
-    /// The packet of a picture, `whole` in its macroblocks, with this coded `header`.
+    /// Makes the packet of a picture from its reconstruction `whole`, its coded `header` and its slices.
     fn pack(&mut self, job: &PictureJob, header: Vec<u8>, whole: &Arc<Picture>, coded: CodedPicture) -> Packet {
         let mut data = header;
         data.extend(coded.slices);
@@ -246,8 +246,8 @@ impl Coder {
         }
     }
 
-    /// Sequence and group headers, which stand in front of an I picture; `number` is the first picture of the group to
-    /// be shown, counted from the encoder's first.
+    /// Sequence and group headers, which precede an I picture. `number` is the index of the group's first picture in display
+    /// order, from 0.
     pub fn group_headers(&self, number: u64, closed: bool) -> Vec<u8> {
         let mut writer = BitWriter::default();
         header::put_sequence_header(&mut writer, &self.config);
@@ -257,22 +257,22 @@ impl Coder {
 }
 
 impl Packet {
-    /// The coded picture as masking sees it. It shares the samples of the reconstruction.
+    /// Returns the coded picture for the masking model; it shares the samples of the reconstruction.
     ///
-    /// A macroblock without levels has the quantiser_scale that made them zero, whichever was in force where it lies.
+    /// A macroblock without levels has the quantiser_scale that set them to zero, not the current one of the stream.
     ///
     /// # Panics
-    /// If a field was changed that tells of the macroblocks.
+    /// If a macroblock field was modified.
     #[must_use]
     pub fn coded(&self) -> plane::Coded {
         let intra = self.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra);
         plane::Coded::new(self.reconstruction.clone(), self.luma_levels(), intra, self.scales_of_levels.clone())
-            .expect("planes of one picture")
+            .expect("the planes belong to one picture")
     }
 
-    /// Coefficients that were written of each 8×8 block of luma. Bit 8·v + u of a block's number is set where the level of
-    /// the coefficient of frequency u across and v down is not zero, and for the DC of an intra block. Two blocks across and
-    /// two down for every macroblock.
+    /// Returns the coded coefficients of each 8×8 luma block, as a bit set; there are 2×2 blocks per macroblock. Bit 8·v + u
+    /// represents horizontal frequency u and vertical frequency v. A set bit means a non-zero level, or the DC of an intra
+    /// block.
     pub fn luma_levels(&self) -> Plane<u64> {
         let scan = if self.alternate_scan { &ALTERNATE } else { &ZIGZAG };
         let raster = |set| places(set).fold(0, |raster, place| raster | 1 << scan[place]);
@@ -280,7 +280,7 @@ impl Packet {
         Plane::from_fn(width, height, |x, y| raster(self.levels.get(x / 2, y / 2)[2 * (y % 2) + x % 2]))
     }
 
-    /// Puts headers in front.
+    /// Inserts headers before the picture.
     pub(crate) fn prepend(&mut self, mut headers: Vec<u8>) {
         headers.append(&mut self.data);
         self.bits = 8 * headers.len() as u64;
@@ -295,9 +295,9 @@ pub(crate) fn sequence_end() -> Vec<u8> {
     writer.into_bytes()
 }
 
-/// An encoder that looks ahead varies quantisers: it uses the table with finer steps.
+/// Returns the quantiser parameters. With a look-ahead quantisers vary, so the table with finer steps is used.
 fn parameters(config: &Config) -> QuantiserParameters {
-    let code = quantiser_scale_code(config.quantiser_scale).expect("checked when it was set");
+    let code = quantiser_scale_code(config.quantiser_scale).expect("the setting was validated");
     let is_mpeg2 = config.standard == Standard::Mpeg2;
     QuantiserParameters {
         standard: config.standard,
@@ -311,9 +311,9 @@ fn parameters(config: &Config) -> QuantiserParameters {
 }
 
 fn tools(effort: Effort, varies: bool) -> Tools {
-    // Where it shall be quick, a fixed bound does what the trellis does elsewhere. Tuned on the clips of README.md: without B
-    // pictures 80 quarters take 2 % more bits than 60, and 40 take 2 % less; each step is 3 to 5 % of the time. With the trellis, 20 cost 0.1 %,
-    // and nothing where decisions are quick.
+    // For quick decisions a fixed threshold replaces the trellis. Tuned on the clips of README.md. Without B pictures, 80
+    // quarters take 2 % more bits than 60, and 40 take 2 % fewer; each step is 3 to 5 % of the time. With the trellis, 20 cost
+    // 0.1 %, and nothing for quick decisions.
     let (quick, thorough) = (60, 10);
     match effort {
         Effort::Fast => Tools {

@@ -1,16 +1,17 @@
-//! The forward and inverse 8×8 DCT in integers: the same bits on every processor (7.5, Annex A).
+//! Forward and inverse 8×8 DCT in integers, with the same bits on every processor (7.5, Annex A).
 //!
 //! ```text
 //! F(u,v) = 1/4 C(u) C(v) Σx Σy f(x,y) cos((2x+1)uπ/16) cos((2y+1)vπ/16)      C(0) = 1/√2, else 1
 //! ```
-//! Both run over columns, then over columns of the transposed block, with even and odd frequencies apart:
-//! 22 products for eight values, for eight columns beside each other. Coefficients lie column by column, the one of
-//! frequency u across and v down at `8 * u + v`: that is how they come out, and a second transposition is saved.
-//! The forward transform has 13 fractional bits in the cosines and 5 between the passes: 32 bits hold everything.
-//! The inverse, which every decoder must agree with, has 28 and 14: far finer than IEEE 1180 requires. Nearly all of its blocks
-//! go through a faster one of floats, which knows when it has the same.
+//! Both transforms process columns, then the columns of the transposed block, with even and odd frequencies separated. Eight
+//! values take 22 products, and eight columns run in parallel. Coefficients are stored by column: horizontal frequency u and
+//! vertical frequency v are at `8 * u + v`. This order saves a second transposition.
+//!
+//! The forward transform has 13 fractional bits in the cosines and 5 between the passes, so 32-bit integers suffice. The
+//! inverse, on which every decoder must agree, has 28 and 14, which is far finer than IEEE 1180 requires. Nearly all blocks use
+//! a faster floating-point inverse, which detects whether its result is the same.
 
-mod short; // the inverse in floats
+mod short; // floating-point inverse
 
 use lanes::Choice;
 use short::ShortInverse;
@@ -36,10 +37,10 @@ const SHORT_COSINE: [i32; 8] = {
 const SHORT_COSINE_BITS: u32 = 13;
 const SHORT_MIDDLE_BITS: u32 = 5;
 
-/// Fractional bits of the coefficients that [`forward`] gives.
+/// Fractional bits of the coefficients returned by [`forward`].
 pub(crate) const COEFFICIENT_BITS: u32 = 3;
 
-/// Twice the one-dimensional transform along the first index, rounded after a shift.
+/// Computes twice the one-dimensional transform along the first index, shifted right and rounded.
 #[inline(always)]
 fn forward_1d(f: &[[i32; 8]; 8], shift: u32) -> [[i32; 8]; 8] {
     let [_, c1, c2, c3, c4, c5, c6, c7] = SHORT_COSINE;
@@ -61,7 +62,7 @@ fn forward_1d(f: &[[i32; 8]; 8], shift: u32) -> [[i32; 8]; 8] {
     out
 }
 
-/// Twice the one-dimensional inverse transform along the first index, rounded after a shift.
+/// Computes twice the one-dimensional inverse transform along the first index, shifted right and rounded.
 #[inline(always)]
 fn inverse_1d(c: &[[i32; 8]; 8], shift: u32) -> [[i32; 8]; 8] {
     let [_, c1, c2, c3, c4, c5, c6, c7] = COSINE;
@@ -109,24 +110,24 @@ fn flat(block: &[[i32; 8]; 8]) -> [i32; 64] {
     block.as_flattened().try_into().expect("8 rows of 8")
 }
 
-/// Coefficients of samples or differences, with [`COEFFICIENT_BITS`] fractional bits.
+/// Transforms samples or differences to coefficients with [`COEFFICIENT_BITS`] fractional bits.
 #[inline(always)]
 fn forward(samples: &[i32; 64]) -> [i32; 64] {
     let middle = forward_1d(rows(samples), SHORT_COSINE_BITS + 1 - SHORT_MIDDLE_BITS);
     flat(&forward_1d(&transposed(&middle), SHORT_COSINE_BITS + 1 + SHORT_MIDDLE_BITS - COEFFICIENT_BITS))
 }
 
-/// Samples or differences of coefficients, saturated to −256 … 255 (7.5).
+/// Transforms coefficients to samples or differences, saturated to −256 … 255 (7.5).
 #[inline(always)]
 fn inverse(coefficients: &[i32; 64]) -> [i32; 64] {
-    // Columns first: where rounding in between matters, the order of the passes does.
+    // Columns first: intermediate rounding makes the order of the passes matter.
     let middle = inverse_1d(&transposed(rows(coefficients)), COSINE_BITS + 1 - MIDDLE_BITS);
     let out = inverse_1d(&transposed(&middle), COSINE_BITS + 1 + MIDDLE_BITS);
     flat(&transposed(&out)).map(|sample| sample.clamp(-256, 255))
 }
 
 vectorized! {
-    /// Coefficients of what a prediction lacks, as [`forward`] gives them.
+    /// Coefficients of the difference between source and prediction, in the format of [`forward`].
     fn forward_difference, forward_difference_plain(source: &[u8; 64], predicted: &[u8; 64]) -> [i32; 64] {
         let mut difference = [0; 64];
         for i in 0..64 {
@@ -136,16 +137,16 @@ vectorized! {
     }
 }
 
-/// A prediction and what coefficients add to it, saturated (7.6.8).
+/// Adds the inverse transform to a prediction and saturates the sum (7.6.8).
 ///
-/// Values far enough from the middle between two whole numbers are rounded from 24 bits, to
-/// what [`inverse`] gives; the rest, about one block of thirty, goes through that.
+/// A 24-bit transform suffices if all values are far enough from rounding boundaries; its result then equals [`inverse`].
+/// Otherwise, for about one block in thirty, [`inverse`] itself is used.
 #[inline]
 pub(crate) fn inverse_onto(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
     inverse_onto_with(Choice::best(), coefficients, predicted, out);
 }
 
-/// [`inverse_onto`] by some instructions.
+/// [`inverse_onto`] with selected instructions.
 #[inline(always)]
 fn inverse_onto_with(choice: Choice, coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
     if !choice.run(ShortInverse { coefficients, predicted, out }) {
@@ -155,7 +156,7 @@ fn inverse_onto_with(choice: Choice, coefficients: &[i32; 64], predicted: &[u8; 
 
 fn add(predicted: &[u8; 64], added: &[i32; 64], out: &mut [u8; 64]) {
     for i in 0..64 {
-        // Beyond −256 … 255 the sum saturates whatever the rest.
+        // Beyond −256 … 255 the sum saturates in any case.
         out[i] = (i32::from(predicted[i]) + added[i]).clamp(0, 255) as u8;
     }
 }
@@ -179,7 +180,7 @@ mod tests {
         std::array::from_fn(|i| (0..8).map(|k| rows[8 * k + i % 8] * f(i / 8, k)).sum())
     }
 
-    /// Rows become columns.
+    /// Transposes rows and columns.
     fn turned<T: Copy>(block: [T; 64]) -> [T; 64] {
         std::array::from_fn(|i| block[i % 8 * 8 + i / 8])
     }
@@ -257,7 +258,7 @@ mod tests {
         assert_eq!(inverse(&[0; 64]), [0; 64]);
     }
 
-    /// The one-dimensional inverse transform along the first index.
+    /// One-dimensional inverse transform along the first index.
     fn inverse_short_1d(c: &[[f32; 8]; 8]) -> [[f32; 8]; 8] {
         let [_, c1, c2, c3, c4, c5, c6, c7] = FLOAT_COSINE;
         let mut out = [[0.0; 8]; 8];
@@ -281,12 +282,12 @@ mod tests {
         out
     }
 
-    /// The result of [`inverse`] before it saturates, and whether that is certain.
+    /// Returns the result of [`inverse`] before saturation, and whether it is certain to be exact.
     fn inverse_short(coefficients: &[i32; 64]) -> ([i32; 64], bool) {
         let float = rows(coefficients).map(|row| row.map(|c| c as f32));
         let bound = certain(coefficients.iter().map(|c| c.abs()).sum());
         let out = inverse_short_1d(&transposed(&inverse_short_1d(&float)));
-        // The sum with 3·2²² has no bits left for a fraction.
+        // The sum with 3·2²² has no fractional bits, so it rounds.
         const ROUNDING: f32 = 12_582_912.0;
         let (mut rounded, mut farthest) = ([0; 64], 0.0f32);
         for (rounded, &value) in rounded.iter_mut().zip(out.as_flattened()) {
@@ -297,7 +298,7 @@ mod tests {
         (rounded, farthest < bound)
     }
 
-    /// [`inverse_onto`] in numbers one by one.
+    /// Scalar version of [`inverse_onto`].
     fn inverse_onto_plain(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
         let (rounded, is_certain) = inverse_short(coefficients);
         add(predicted, &if is_certain { rounded } else { inverse(coefficients) }, out);
@@ -347,7 +348,7 @@ mod tests {
             }
         }
         assert!(certain > 25 * 400 / 2, "{certain} of 10 000 are certain");
-        // A mean of 4½ lies in the middle, where nothing is certain.
+        // A mean of 4½ is on a rounding boundary, where no result is certain.
         let mut middle = [0; 64];
         middle[0] = 36;
         assert!(!inverse_short(&middle).1);

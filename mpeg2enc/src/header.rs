@@ -23,30 +23,30 @@ const SEQUENCE_EXTENSION_ID: u32 = 1;
 const SEQUENCE_DISPLAY_EXTENSION_ID: u32 = 2;
 const PICTURE_CODING_EXTENSION_ID: u32 = 8;
 
-/// vbv_delay of a stream of variable bit rate (6.3.9).
+/// vbv_delay of a stream with a variable bit rate (6.3.9).
 pub(crate) const VBV_DELAY_VARIABLE: u32 = 0xffff;
-/// bit_rate of an MPEG-1 stream of variable bit rate (11172-2, 2.4.3.2).
+/// bit_rate of an MPEG-1 stream with a variable bit rate (11172-2, 2.4.3.2).
 const BIT_RATE_VARIABLE: u32 = 0x3_ffff;
-/// f_code where no vector is used (6.3.10).
+/// f_code of an unused vector (6.3.10).
 const F_CODE_UNUSED: u32 = 15;
 
 /// Contents of the headers of one picture.
 #[derive(Clone, Copy)]
 pub(crate) struct PictureHeader {
     pub picture_type: PictureType,
-    /// Place in the group of pictures, in display order.
+    /// Position in the group of pictures, in display order.
     pub temporal_reference: u32,
-    /// In units of 1/90000 s, or [`VBV_DELAY_VARIABLE`].
+    /// vbv_delay in units of 1/90000 s, or [`VBV_DELAY_VARIABLE`].
     pub vbv_delay: u32,
     /// f_code\[s\]\[t\]: forward and backward, horizontal and vertical reach of vectors.
     pub f_code: [[u32; 2]; 2],
     pub quantisers: QuantiserParameters,
-    /// How a picture with pulldown is shown.
+    /// Displayed fields of a picture with pulldown.
     pub shown: Option<ShownFields>,
 }
 
-/// sequence_header(), sequence_extension(), sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4); in MPEG-1 the first
-/// of them (11172-2, 2.4.2.3).
+/// Writes sequence_header(), sequence_extension() and sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4). MPEG-1 only has
+/// the first of them (11172-2, 2.4.2.3).
 pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     let (horizontal_size, vertical_size) = config.coded_size();
     let limits = config.level().limits();
@@ -60,7 +60,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.start_code(SEQUENCE_HEADER_CODE);
     writer.put(horizontal_size & 0xfff, 12); // horizontal_size_value
     writer.put(vertical_size & 0xfff, 12); // vertical_size_value
-    // Settings without a code are refused before.
+    // Validation has refused settings without a code.
     let aspect = config.aspect.code(config.standard, config.width, config.height).unwrap_or(1);
     writer.put(aspect, 4); // aspect_ratio_information; pel_aspect_ratio in MPEG-1
     writer.put(config.stated_frame_rate().code().into(), 4); // frame_rate_code
@@ -74,7 +74,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
         writer.put((matrix != default).into(), 1); // load_intra_quantiser_matrix, load_non_intra_quantiser_matrix
         if matrix != default {
             for raster in ZIGZAG {
-                writer.put(matrix[raster].into(), 8); // in zig-zag order whatever the scan (6.3.11)
+                writer.put(matrix[raster].into(), 8); // in zig-zag order for both scans (6.3.11)
             }
         }
     }
@@ -108,9 +108,9 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(config.height as u32, 14); // display_vertical_size
 }
 
-/// group_of_pictures_header() (6.2.2.6) of a group whose first picture to be shown is `number` of the sequence.
+/// Writes group_of_pictures_header() (6.2.2.6); `number` is the index of the group's first picture in display order.
 ///
-/// A group that is not `closed` begins with B pictures that the group before is needed for.
+/// A group that is not `closed` begins with B pictures that depend on the previous group.
 pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: u64, closed: bool) {
     let per_second = config.stated_frame_rate().fps().round() as u64;
     let number = if config.pulldown { fields_before(number, config.reorder()) / 2 } else { number };
@@ -126,14 +126,15 @@ pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: 
     writer.put(0, 1); // broken_link
 }
 
-/// picture_header() and picture_coding_extension() (6.2.3, 6.2.3.1); in MPEG-1 the first of them (11172-2, 2.4.2.5).
+/// Writes picture_header() and picture_coding_extension() (6.2.3, 6.2.3.1). MPEG-1 only has the first of them (11172-2,
+/// 2.4.2.5).
 pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader) {
     writer.start_code(PICTURE_START_CODE);
     writer.put(picture.temporal_reference, 10); // temporal_reference
     writer.put(picture.picture_type as u32, 3); // picture_coding_type
     writer.put(picture.vbv_delay, 16); // vbv_delay
     let is_mpeg1 = picture.quantisers.standard == Standard::Mpeg1;
-    // f_code of the extension is used where there is one.
+    // An extension contains its own f_code.
     let f_code = |s: usize| if is_mpeg1 { picture.f_code[s][0] } else { 7 };
     if picture.picture_type != PictureType::I {
         writer.put(0, 1); // full_pel_forward_vector
@@ -172,7 +173,7 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
     writer.put(0, 1); // composite_display_flag
 }
 
-/// user_data() (6.2.2.2.2) of `bytes` bytes, its start code included, at least 4: what fills a picture that is too small.
+/// Returns user_data() (6.2.2.2.2) of `bytes` bytes, at least 4, including its start code. It pads a picture that is too small.
 pub(crate) fn filling(bytes: usize) -> Vec<u8> {
     let mut writer = BitWriter::default();
     writer.start_code(USER_DATA_START_CODE);
@@ -181,7 +182,7 @@ pub(crate) fn filling(bytes: usize) -> Vec<u8> {
     data
 }
 
-/// The beginning of slice() in macroblock row `row` (6.2.4).
+/// Writes the beginning of slice() in macroblock row `row` (6.2.4).
 pub(crate) fn put_slice_header(writer: &mut BitWriter, row: usize, height: usize, quantiser_scale_code: u8) {
     if coded_size(height) > 2800 {
         writer.start_code((row % 128 + 1) as u8); // slice_start_code: slice_vertical_position
@@ -193,7 +194,7 @@ pub(crate) fn put_slice_header(writer: &mut BitWriter, row: usize, height: usize
     writer.put(0, 1); // extra_bit_slice
 }
 
-/// sequence_end_code (6.2.2).
+/// Writes sequence_end_code (6.2.2).
 pub(crate) fn put_sequence_end(writer: &mut BitWriter) {
     writer.start_code(SEQUENCE_END_CODE);
 }

@@ -1,4 +1,4 @@
-//! Syntax of a macroblock (6.2.5), and the predictors that run along a slice.
+//! Syntax of a macroblock (6.2.5), and the predictors of a slice.
 
 use crate::{
     PictureType,
@@ -8,22 +8,22 @@ use crate::{
     vlc::{self, Codes},
 };
 
-/// How a macroblock is predicted.
+/// Prediction mode of a macroblock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mode {
     Intra,
-    /// From the reference picture before it.
+    /// Prediction from the earlier reference picture.
     Forward(HalfSample),
-    /// From the reference picture after it, in B pictures.
+    /// Prediction from the later reference picture, in B pictures.
     Backward(HalfSample),
-    /// From the mean of both, in B pictures.
+    /// Prediction from the mean of both, in B pictures.
     Both(HalfSample, HalfSample),
 }
 
 impl Mode {
     pub const STILL: Self = Self::Forward(HalfSample::ZERO);
 
-    /// The forward and the backward vector.
+    /// Forward and backward vector.
     pub fn vectors(self) -> [Option<HalfSample>; 2] {
         match self {
             Self::Intra => [None, None],
@@ -33,7 +33,7 @@ impl Mode {
         }
     }
 
-    /// Place of the directions in the tables of macroblock_type of B pictures.
+    /// Index of the directions in the tables of macroblock_type of B pictures.
     fn directions(self) -> usize {
         match self {
             Self::Intra => unreachable!("an intra macroblock has no direction"),
@@ -44,13 +44,13 @@ impl Mode {
     }
 }
 
-/// The syntax elements of a macroblock.
+/// Syntax elements of a macroblock.
 #[derive(Clone)]
 pub(crate) struct Macroblock {
     pub mode: Mode,
-    /// quantiser_scale_code that the levels were made with.
+    /// quantiser_scale_code that produced the levels.
     pub quantiser: u8,
-    /// Levels of the four luma blocks, Cb, Cr.
+    /// Levels of the four luma blocks, Cb and Cr.
     pub blocks: [Block; 6],
 }
 
@@ -60,13 +60,13 @@ impl Macroblock {
         self.blocks.iter().map(|block| block.error).sum()
     }
 
-    /// pattern_code as a number, the first block highest (6.3.17.4).
+    /// pattern_code as a number, with the first block as the highest bit (6.3.17.4).
     pub fn coded_block_pattern(&self) -> usize {
         self.blocks.iter().fold(0, |pattern, block| 2 * pattern + usize::from(block.is_coded()))
     }
 }
 
-/// Parameters that do not change within a slice.
+/// Parameters that are constant in a slice.
 #[derive(Clone, Copy)]
 pub(crate) struct SliceParameters {
     pub picture_type: PictureType,
@@ -74,38 +74,38 @@ pub(crate) struct SliceParameters {
     pub f_code: [[u32; 2]; 2],
     /// Value of the DC predictors after a reset (7.2.1).
     pub dc_reset: i32,
-    /// Codes of the coefficients of intra blocks, and of others.
+    /// Coefficient codes of intra blocks and of non-intra blocks.
     pub codes: [Codes; 2],
     /// quantiser_scale_code of the slice header.
     pub quantiser: u8,
-    /// Column of the last macroblock of the slice, which may not be skipped.
+    /// Column of the last macroblock of the slice, which must not be skipped.
     pub last_column: usize,
 }
 
-/// Bits of a macroblock by what they say.
+/// Bits of a macroblock by purpose.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct MacroblockBits {
     pub motion: u64,
     pub coefficients: u64,
 }
 
-/// Predictors within a slice.
+/// State of the predictors in a slice.
 #[derive(Clone, Copy)]
 pub(crate) struct SliceState {
     /// PMV, the vector predictions, forward and backward (7.6.3).
     pub motion_prediction: [HalfSample; 2],
-    /// quantiser_scale_code in force.
+    /// Current quantiser_scale_code.
     pub quantiser: u8,
-    /// Mode of the macroblock before.
+    /// Mode of the previous macroblock.
     last_mode: Mode,
-    /// dct_dc_pred for Y, Cb, Cr (7.2.1).
+    /// dct_dc_pred of Y, Cb and Cr (7.2.1).
     dc_prediction: [i32; 3],
-    /// Macroblocks since the last written one, this one included: macroblock_address_increment.
+    /// macroblock_address_increment: number of macroblocks since the last written one, including this one.
     increment: usize,
 }
 
 impl SliceState {
-    /// At the start of a slice (7.2.1, 7.6.3.4), which begins with the first macroblock of its row.
+    /// State at the start of a slice (7.2.1, 7.6.3.4), which begins with the first macroblock of its row.
     pub fn new(slice: &SliceParameters) -> Self {
         Self {
             motion_prediction: [HalfSample::ZERO; 2],
@@ -116,9 +116,9 @@ impl SliceState {
         }
     }
 
-    /// The mode in which a macroblock without coefficients would not be written at all (7.6.6), if there is one here.
+    /// Mode in which a macroblock without coefficients may be skipped (7.6.6), if there is one.
     ///
-    /// In a P picture that is a zero vector, in a B picture what the macroblock before had unless that was intra.
+    /// In a P picture it is a zero vector. In a B picture it is the previous macroblock's mode, unless that was intra.
     pub fn skipped_mode(&self, slice: &SliceParameters, column: usize) -> Option<Mode> {
         if column == 0 || column == slice.last_column {
             return None;
@@ -130,7 +130,7 @@ impl SliceState {
         }
     }
 
-    /// Writes a macroblock, or counts it as skipped: false then.
+    /// Writes a macroblock, or skips it and returns false.
     pub fn put_macroblock(
         &mut self,
         sink: &mut impl BitSink,
@@ -170,7 +170,7 @@ impl SliceState {
             self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4
         } else {
             if slice.picture_type == PictureType::P && macroblock.mode == Mode::STILL && pattern != 0 {
-                self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4: macroblock_type says that there is no vector
+                self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4: macroblock_type without a vector
             } else {
                 self.put_motion_vectors(sink, slice, macroblock.mode);
             }
@@ -189,7 +189,7 @@ impl SliceState {
         (true, bits)
     }
 
-    /// motion_vectors(0), motion_vectors(1) (6.2.5.2); each vector is the next prediction (7.6.3.1).
+    /// Writes motion_vectors(0) and motion_vectors(1) (6.2.5.2); each vector becomes the next prediction (7.6.3.1).
     fn put_motion_vectors(&mut self, sink: &mut impl BitSink, slice: &SliceParameters, mode: Mode) {
         for (s, vector) in mode.vectors().into_iter().enumerate() {
             if let Some(vector) = vector {
@@ -200,7 +200,7 @@ impl SliceState {
         }
     }
 
-    /// Bits that `macroblock` would take here.
+    /// Number of bits that `macroblock` would take here.
     pub fn count(&self, slice: &SliceParameters, column: usize, macroblock: &Macroblock) -> u64 {
         let mut counter = BitCounter::default();
         self.clone().put_macroblock(&mut counter, slice, column, macroblock);

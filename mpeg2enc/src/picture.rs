@@ -1,4 +1,4 @@
-//! Slices of a picture: each macroblock row is one, so rows are coded beside each other.
+//! Slices of a picture: one per macroblock row, coded in parallel.
 
 use crate::{
     Picture, PictureType,
@@ -20,19 +20,19 @@ use crate::{
 };
 use rayon::prelude::*;
 
-/// Use of a picture's bits.
+/// Numbers of macroblocks and use of bits in a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PictureStatistics {
-    /// Macroblocks coded without a prediction.
+    /// Number of macroblocks coded without a prediction.
     pub intra: u32,
-    /// Macroblocks coded with a prediction.
+    /// Number of macroblocks coded with a prediction.
     pub inter: u32,
-    /// Macroblocks that are predicted without a bit.
+    /// Number of predicted macroblocks that take no bits.
     pub skipped: u32,
-    /// Bits of macroblock types and vectors of the predicted macroblocks.
+    /// Bits of the types and vectors of predicted macroblocks.
     pub motion_bits: u64,
-    /// Bits of coefficients and of coded block patterns.
+    /// Bits of coefficients and coded block patterns.
     pub coefficient_bits: u64,
 }
 
@@ -46,25 +46,25 @@ impl std::ops::AddAssign for PictureStatistics {
     }
 }
 
-/// Input of the coding of a picture.
+/// Input for coding a picture.
 pub(crate) struct PictureCoder<'a> {
     pub header: PictureHeader,
-    /// The picture in whole macroblocks.
+    /// Picture in whole macroblocks.
     pub source: &'a Picture,
     pub references: References<'a>,
     /// Forward and backward vector of every macroblock, or empty.
     pub vectors: [&'a [HalfSample]; 2],
     pub quantisers: &'a Quantisers,
-    /// The requested quantiser_scale of every macroblock, in sixteenths.
+    /// Requested quantiser_scale of every macroblock, in sixteenths.
     pub scales_x16: &'a [u32],
     pub tools: Tools,
-    /// horizontal_size and vertical_size as the sequence header has them, before padding.
+    /// horizontal_size and vertical_size of the sequence header, before padding.
     pub size: (usize, usize),
 }
 
 /// A coded picture.
 pub(crate) struct CodedPicture {
-    /// The slices one after the other.
+    /// Bytes of all slices.
     pub slices: Vec<u8>,
     pub quantiser_scales: Vec<Scales>,
     pub macroblocks: Vec<CodedMacroblock>,
@@ -73,7 +73,7 @@ pub(crate) struct CodedPicture {
     pub luma_error: u64,
 }
 
-/// A coded slice, with the same of its row of macroblocks.
+/// A coded slice, with the results of its row of macroblocks.
 struct CodedSlice {
     bytes: Vec<u8>,
     quantiser_scales: Vec<Scales>,
@@ -82,26 +82,26 @@ struct CodedSlice {
     luma_error: u64,
 }
 
-/// How a macroblock was coded.
+/// Coding of a macroblock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MacroblockKind {
-    /// By itself.
+    /// Intra coded.
     Intra,
     /// Predicted from other pictures.
     Inter,
-    /// Predicted, and not written at all.
+    /// Predicted and omitted from the stream.
     #[default]
     Skipped,
 }
 
-/// quantiser_scale in force at a macroblock, and the one that made its levels, all of them zero perhaps.
+/// quantiser_scale at a macroblock, and the one that produced its levels, even if all are zero.
 pub(crate) type Scales = (u8, u8);
 
-/// How a macroblock was coded, and the places of the levels that were written of its luma blocks, in transmission order.
+/// Coding of a macroblock, and the positions of its coded luma levels in transmission order.
 pub(crate) type CodedMacroblock = (MacroblockKind, [u64; 4]);
 
 impl PictureCoder<'_> {
-    /// picture_data() (6.2.3): all slices. What a decoder shows, in whole macroblocks, goes to `reconstruction`.
+    /// Codes picture_data() (6.2.3): all slices. `reconstruction` receives the decoded picture in whole macroblocks.
     pub fn code(&self, reconstruction: &mut Picture) -> CodedPicture {
         let width = self.source.width();
         let rows = {
@@ -132,7 +132,7 @@ impl PictureCoder<'_> {
         coded
     }
 
-    /// slice() (6.2.4) of one row of macroblocks.
+    /// Codes slice() (6.2.4) of one row of macroblocks.
     fn code_slice(&self, row: usize, mut out: RowMut, work: &mut Workspace) -> CodedSlice {
         let columns = self.source.width() / 16;
         let scales_x16 = &self.scales_x16[row * columns..][..columns];
@@ -209,7 +209,7 @@ impl PictureCoder<'_> {
         CodedSlice { bytes: writer.into_bytes(), quantiser_scales, macroblocks, statistics, luma_error }
     }
 
-    /// Sum of squared errors of the luma of a row of macroblocks, without padding: taken here, where all of it was looked at last.
+    /// Sum of squared errors of a row of luma macroblocks, without padding; computed here while the row is in the cache.
     fn luma_error(&self, row: usize, shown: &[u8]) -> u64 {
         let (width, height) = self.size;
         let rows = 16 * row..(16 * row + 16).min(height);
@@ -218,7 +218,7 @@ impl PictureCoder<'_> {
             .sum()
     }
 
-    /// Puts the blocks of a macroblock where they are shown.
+    /// Copies the blocks of a macroblock to their positions in the picture.
     fn show(&self, blocks: &MacroblockSamples, column: usize, out: &mut RowMut) {
         let width = self.source.width();
         for (i, block) in blocks.iter().enumerate() {

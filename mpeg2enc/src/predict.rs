@@ -7,10 +7,10 @@ use crate::{
 };
 use plane::Plane;
 
-/// The six blocks of a macroblock in coding order: four of luma, Cb, Cr (6.1.3), each in raster order.
+/// The six blocks of a macroblock in coding order: four luma blocks, Cb, Cr (6.1.3), each in raster order.
 pub(crate) type MacroblockSamples = [[u8; 64]; 6];
 
-/// Place of a block of a macroblock: which plane, and its upper left sample there.
+/// Plane of a block of a macroblock, and the position of its upper left sample there.
 #[cfg(test)]
 fn place(frame: &Picture, block: usize, column: usize, row: usize) -> (&Plane<u8>, usize, usize) {
     match block {
@@ -20,24 +20,24 @@ fn place(frame: &Picture, block: usize, column: usize, row: usize) -> (&Plane<u8
     }
 }
 
-/// The samples of macroblock `(column, row)` of a frame in whole macroblocks.
+/// Samples of macroblock `(column, row)` of a frame in whole macroblocks.
 pub(crate) fn samples(frame: &Picture, column: usize, row: usize) -> MacroblockSamples {
     let mut out = [[0; 64]; 6];
     predict(frame, column, row, HalfSample::ZERO, &mut out);
     out
 }
 
-/// The reference pictures: before and after the picture in display order.
+/// Reference pictures: the earlier and the later one in display order.
 pub(crate) type References<'a> = [Option<&'a Picture>; 2];
 
-/// The mean of two predictions, rounded up (7.6.7.1).
+/// Averages two predictions, rounding up (7.6.7.1).
 pub(crate) fn mean(a: &MacroblockSamples, b: &MacroblockSamples, out: &mut MacroblockSamples) {
     kernel::mean(a.as_flattened(), b.as_flattened(), out.as_flattened_mut());
 }
 
-/// The prediction of macroblock `(column, row)` from `reference` with `vector`.
+/// Predicts macroblock `(column, row)` from `reference` with `vector`.
 ///
-/// The vector of chroma is half of it, rounded toward zero (7.6.3.7).
+/// The chroma vector is half of it, rounded toward zero (7.6.3.7).
 pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: HalfSample, out: &mut MacroblockSamples) {
     let chroma = HalfSample { x: vector.x / 2, y: vector.y / 2 };
     let (x2, y2) = (32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
@@ -49,9 +49,9 @@ pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: Ha
     }
 }
 
-/// Where a prediction begins: its upper left sample is at `(x2, y2)` in half samples.
+/// Start of a prediction with its upper left sample at `(x2, y2)` in half samples.
 ///
-/// The rectangle, with the neighbors that half positions need, lies inside of the plane.
+/// The plane must contain the rectangle and the neighbors that half positions need.
 #[inline]
 pub(crate) fn place_of(plane: &Plane<u8>, x2: i32, y2: i32) -> ReferenceBlock<'_> {
     let first = (y2 >> 1) as usize * plane.width() + (x2 >> 1) as usize;
@@ -82,7 +82,7 @@ mod tests {
                 let (plane, x, y) = place(&frame, block, 1, 2);
                 let v = if block < 4 { vector } else { HalfSample { x: vector.x / 2, y: vector.y / 2 } };
                 for (i, &sample) in samples.iter().enumerate() {
-                    // The mean of the four samples around, of which two or four are the same at whole positions.
+                    // The mean of the four nearest samples; at whole positions two or four of them are the same.
                     let (x2, y2) = (2 * (x + i % 8) as i32 + v.x, 2 * (y + i / 8) as i32 + v.y);
                     let at = |x2: i32, y2: i32| u32::from(plane.get((x2 >> 1) as usize, (y2 >> 1) as usize));
                     let sum = at(x2, y2) + at(x2 + 1, y2) + at(x2, y2 + 1) + at(x2 + 1, y2 + 1);

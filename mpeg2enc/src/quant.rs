@@ -1,4 +1,4 @@
-//! Quantisation, and the inverse that every decoder shares (7.4).
+//! Quantisation, and the inverse quantisation that every decoder shares (7.4).
 
 mod direct;
 #[cfg(test)]
@@ -14,12 +14,12 @@ use crate::{
     vlc::{Codes, CoefficientTable, block_bits},
 };
 
-/// Parameters that the quantisers of a picture have in common.
+/// Parameters common to all quantisers of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct QuantiserParameters {
     pub standard: Standard,
     pub q_scale_type: bool,
-    /// In bits, 8 to 11.
+    /// Precision of the intra DC in bits, 8 to 11.
     pub intra_dc_precision: u32,
     pub alternate_scan: bool,
     /// Table of the coefficients of intra blocks: intra_vlc_format.
@@ -30,19 +30,19 @@ pub(crate) struct QuantiserParameters {
 }
 
 impl QuantiserParameters {
-    /// The codes of the coefficients of a block.
+    /// Codes of the coefficients of a block.
     pub fn codes(&self, kind: BlockKind) -> Codes {
         let table = if kind == BlockKind::Intra { self.intra_table } else { CoefficientTable::Zero };
         Codes { table, standard: self.standard }
     }
 
-    /// The DC prediction at the start of a slice (7.2.1): half of the range.
+    /// DC prediction at the start of a slice (7.2.1): half of the range.
     pub fn dc_reset(&self) -> i32 {
         1 << (self.intra_dc_precision - 1)
     }
 }
 
-/// The quantisers of all 31 values of quantiser_scale_code.
+/// Quantisers of all 31 values of quantiser_scale_code.
 pub(crate) struct Quantisers {
     pub parameters: QuantiserParameters,
     by_code: Vec<Quantiser>,
@@ -54,44 +54,44 @@ impl Quantisers {
         Self { parameters, by_code: (1..=31).map(|code| Quantiser::new(scale(code), &parameters)).collect() }
     }
 
-    /// The quantiser of quantiser_scale_code `code`, 1 to 31.
+    /// Quantiser of quantiser_scale_code `code`, 1 to 31.
     #[inline]
     pub fn of(&self, code: u8) -> &Quantiser {
         &self.by_code[usize::from(code) - 1]
     }
 }
 
-/// The quantiser of one quantiser_scale.
+/// Quantiser of one quantiser_scale.
 pub(crate) struct Quantiser {
     pub scale: i32,
     intra_dc_mult: i32,
     intra_dc_max: i32,
-    /// Where the coefficients of a block lie, [column by column](dct), in transmission order.
+    /// Index of the coefficients in a block, [stored by column](dct), in transmission order.
     scan: [usize; 64],
-    /// Place in transmission order of every coefficient of a block.
+    /// Position in transmission order of each coefficient of a block.
     places: [u8; 64],
     standard: Standard,
-    /// Codes of intra blocks and of others.
+    /// Codes of intra blocks and of non-intra blocks.
     codes: [Codes; 2],
     intra: Weights,
     inter: Weights,
 }
 
-/// A weighting matrix times quantiser_scale: in transmission order, and as coefficients lie, with its reciprocals.
+/// A weighting matrix times quantiser_scale: in transmission order, and in storage order with reciprocals.
 struct Weights {
     scaled: [i32; 64],
     turned: [i32; 64],
     reciprocal: [u32; 64],
-    /// Fractional bits of `reciprocal`, one less.
+    /// Fractional bits of `reciprocal`, minus one.
     shift: u32,
 }
 
 impl Weights {
     fn new(scale: i32, matrix: &[u8; 64], scan: &[usize; 64]) -> Self {
         let steps = matrix.map(|weight| i32::from(weight) * scale);
-        // The intra DC, of the least weight, is not quantised with these.
+        // The intra DC, which has the smallest weight, is quantised separately.
         let least = *steps[1..].iter().min().expect("63 weights") as u64;
-        // The largest reciprocal has 17 bits, so that its product with a coefficient, of 14, has no more than 32.
+        // The largest reciprocal has 17 bits, so its product with a 14-bit coefficient has at most 32.
         let shift = (least << 16).ilog2();
         let reciprocal = |i: usize| ((2u64 << shift) / steps[turned(i)] as u64 + 1).min(1 << 17) as u32;
         Self {
@@ -103,27 +103,26 @@ impl Weights {
     }
 }
 
-/// Where the coefficient of a raster position lies in a block, and the other way round.
+/// Converts between raster position and storage index, in both directions.
 fn turned(i: usize) -> usize {
     i % 8 * 8 + i / 8
 }
 
-/// How levels are found.
+/// Method of choosing levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rounding {
-    /// To what is nearest, with a wider zero.
+    /// Nearest level, with a wider zero interval.
     DeadZone,
-    /// To what costs least with a bit at this price, in squared errors with twice [`dct::COEFFICIENT_BITS`]
-    /// fractional bits.
+    /// Minimum cost at this price of a bit, in squared errors with twice [`dct::COEFFICIENT_BITS`] fractional bits.
     Trellis { lambda: i64 },
 }
 
-/// A block after its transform.
+/// A block after the transform.
 #[derive(Clone, Copy)]
 pub(crate) struct Transformed<'a> {
-    /// As [`dct::forward`] gives them.
+    /// Coefficients from [`dct::forward`].
     pub coefficients: &'a [i32; 64],
-    /// Sum of their squares, without that of the DC of an intra block: the error if all become zero.
+    /// Sum of their squares, without the DC of an intra block: the error if all become zero.
     pub energy: i64,
 }
 
@@ -148,21 +147,22 @@ impl Quantiser {
         }
     }
 
-    /// Levels of the coefficients of a block. They take the place of those of `block`.
+    /// Quantises the coefficients of a block and stores the levels in `block`.
     pub fn quantise(&self, transformed: Transformed, kind: BlockKind, rounding: Rounding, block: &mut Block) {
         let Transformed { coefficients, energy } = transformed;
         let [intra_codes, inter_codes] = self.codes;
         let (weights, codes, zero_256ths) = match (kind, rounding) {
             (BlockKind::Intra, Rounding::Trellis { .. }) => (&self.intra, intra_codes, 128),
-            // 3/8: what ffmpeg and others add, near the middle of the mass of a Laplacian interval.
+            // 3/8, as in ffmpeg and others: near the centroid of a Laplacian interval.
             (BlockKind::Intra, Rounding::DeadZone) => (&self.intra, intra_codes, 96),
-            // (2·QF+1)·quantiser_scale/2 lies in the middle of its interval already: no rounding, zero is twice as wide.
+            // (2·QF+1)·quantiser_scale/2 is already in the middle of its interval: no rounding, and the zero interval is twice
+            // as wide.
             (BlockKind::Inter, _) => (&self.inter, inter_codes, 0),
         };
         let mut levels = [0; 64];
         let zero = (zero_256ths << weights.shift) >> 8;
         let nonzero = kernel::divide(coefficients, &weights.reciprocal, zero, weights.shift, &mut levels);
-        // The DC of an intra block is not among them.
+        // The DC of an intra block is excluded.
         let nonzero = if kind == BlockKind::Intra { nonzero & !1 } else { nonzero };
         block.clear();
         block.error = energy;
@@ -208,16 +208,16 @@ impl Quantiser {
 
     /// Whether the squared error of a non-intra block is less than this number of quarters of quantiser_scale².
     ///
-    /// No coefficient is larger than the root of the sum, and those below quantiser_scale become zero: with
-    /// [`CERTAIN`](Self::CERTAIN) quarters, of which the missing one covers rounding, no level is left.
+    /// No coefficient exceeds the square root of the sum, and coefficients below quantiser_scale become zero. With
+    /// [`CERTAIN`](Self::CERTAIN) quarters no level remains; the fourth quarter covers rounding.
     pub fn leaves_nothing(&self, squared_error: u32, quarters: i64) -> bool {
         4 * i64::from(squared_error) < quarters * i64::from(self.scale).pow(2)
     }
 
-    /// See [`leaves_nothing`](Self::leaves_nothing).
+    /// Quarters for [`leaves_nothing`](Self::leaves_nothing) at which all levels are certain to be zero.
     pub const CERTAIN: i64 = 3;
 
-    /// Coefficients as the decoder gets them (7.4): arithmetic, saturation, mismatch control.
+    /// Returns the coefficients that a decoder restores (7.4): arithmetic, saturation, mismatch control.
     pub fn dequantise(&self, block: &Block, kind: BlockKind) -> [i32; 64] {
         let mut out = [0; 64];
         let mut sum = 0;
@@ -238,7 +238,7 @@ impl Quantiser {
         out
     }
 
-    /// Inverse quantisation of one coefficient, all but the intra DC: in MPEG-1 an even one is made odd, toward zero (11172-2,
+    /// Inverse quantisation of one coefficient except the intra DC. In MPEG-1 even values are made odd, toward zero (11172-2,
     /// 2.4.4.1 and 2.4.4.2).
     #[inline]
     fn inverse_quantise(&self, level: i32, kind: BlockKind, scaled_weight: i32) -> i32 {
@@ -247,14 +247,14 @@ impl Quantiser {
     }
 }
 
-/// Mismatch control (7.4.4): an even sum of all coefficients changes the last bit of F\[7\]\[7\].
+/// Mismatch control (7.4.4): if the sum of all coefficients is even, the last bit of F\[7\]\[7\] is inverted.
 fn odd_sum(coefficients: &mut [i32; 64], sum: i32) {
     if sum & 1 == 0 {
         coefficients[63] += if coefficients[63] & 1 == 0 { 1 } else { -1 };
     }
 }
 
-/// Inverse quantisation of one coefficient (7.4.2.3), all but the intra DC.
+/// Inverse quantisation of one coefficient (7.4.2.3) except the intra DC.
 ///
 /// ```text
 /// F'' = (2·QF + k) · W · quantiser_scale / 32      "/" truncates toward zero

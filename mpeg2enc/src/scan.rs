@@ -1,4 +1,4 @@
-//! Scanning orders (7.3): zig-zag, and the alternate one.
+//! Scanning orders (7.3): zig-zag and alternate.
 
 /// Raster position (`8 * v + u`) of the coefficients in transmission order, Figure 7-2.
 pub(crate) const ZIGZAG: [usize; 64] = {
@@ -30,7 +30,7 @@ pub(crate) const ZIGZAG: [usize; 64] = {
     order
 };
 
-/// Figure 7-3, alternate_scan = 1: the place in the order of each raster position, as printed.
+/// Figure 7-3, alternate_scan = 1: the index in transmission order of each raster position, as printed.
 #[rustfmt::skip]
 const ALTERNATE_PRINTED: [usize; 64] = [
      0,  4,  6, 20, 22, 36, 38, 52,
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn the_order_is_the_printed_one() {
-        // Table of scan[0][v][u], as printed: the place in the order of each raster position.
+        // Table of scan[0][v][u], as printed: the index in transmission order of each raster position.
         #[rustfmt::skip]
         let printed = [
             0, 1, 5, 6, 14, 15, 27, 28,

@@ -1,8 +1,8 @@
-//! Levels that cost least: squared error plus the price of their bits, over a whole block.
+//! Rate-distortion optimal levels of a block: minimum squared error plus price of bits.
 //!
-//! Each coefficient may keep its level, lose one, or become zero.
-//! The bits of a level depend on the run of zeros before it, so the best choice is a shortest path (Viterbi)
-//! from one non-zero level to the next; lengths are those of Tables B.14 and B.15 themselves.
+//! Each coefficient may keep its level, decrease it by one, or become zero. The bits of a level depend on the preceding run of
+//! zeros. The best choice is therefore a shortest path (Viterbi) between non-zero levels, with the lengths of Tables B.14 and
+//! B.15.
 
 use crate::{
     block::BlockKind,
@@ -13,16 +13,16 @@ use crate::{
 /// A path that ends with a non-zero level, or before the first coefficient.
 #[derive(Clone, Copy)]
 struct PathNode {
-    /// Error saved against all zeros, and the price of the bits.
+    /// Price of the bits minus the error saved, compared with all zeros.
     cost: i64,
     level: i32,
-    /// Place after the level.
+    /// Position after the level.
     next: u8,
-    /// Index of the node before.
+    /// Index of the previous node.
     from: u8,
 }
 
-/// The cost of the bits of a level.
+/// Prices of a level's bits.
 #[derive(Clone, Copy)]
 pub(crate) struct BitPrice {
     pub codes: Codes,
@@ -30,11 +30,11 @@ pub(crate) struct BitPrice {
     pub lambda: i64,
 }
 
-/// Gives `keep` the places and levels of a block that stay, the last first.
+/// Calls `keep` with the position and value of each remaining level of a block, from last to first.
 ///
-/// `nonzero` are places in transmission order, magnitudes of coefficients with [`COEFFICIENT_BITS`] fractional bits and
-/// their nearest levels, where these are not zero; `restore` is the inverse quantisation of a level at a place. The DC
-/// coefficient of an intra block takes no part.
+/// `nonzero` yields positions in transmission order, coefficient magnitudes with [`COEFFICIENT_BITS`] fractional bits, and
+/// their nearest non-zero levels. `restore` is the inverse quantisation of a level at a position. The DC coefficient of an
+/// intra block is excluded.
 pub(crate) fn choose(
     nonzero: impl Iterator<Item = (usize, i32, i32)>,
     kind: BlockKind,
@@ -43,7 +43,7 @@ pub(crate) fn choose(
     mut keep: impl FnMut(usize, i32),
 ) {
     let start = if kind == BlockKind::Intra { 1 } else { 0 };
-    // An empty inter block needs no End of block; an intra block has one in any case.
+    // An empty inter block needs no End of block; an intra block always has one.
     let end_bits = if kind == BlockKind::Intra { 0 } else { i64::from(end_of_block_bits(codes)) };
     let mut best_end = (0, 0);
     let mut nodes = [PathNode { cost: 0, level: 0, next: start, from: 0 }; 65];
@@ -73,7 +73,7 @@ pub(crate) fn choose(
         if best.cost + end_bits * lambda < best_end.0 {
             best_end = (best.cost + end_bits * lambda, number);
         }
-        // A later path that is cheaper has the shorter run as well: the dearer ones cannot win any more.
+        // Drop more expensive earlier paths: a later, cheaper path also has the shorter run.
         while alive_count > 0 && nodes[usize::from(alive[alive_count - 1])].cost >= best.cost {
             alive_count -= 1;
         }
@@ -95,7 +95,7 @@ mod tests {
 
     const CODES: Codes = Codes { table: CoefficientTable::Zero, standard: Standard::Mpeg2 };
 
-    /// The levels that are chosen from those of an inter block.
+    /// Levels chosen from the levels of an inter block.
     fn chosen(
         magnitudes: &[i32; 64],
         levels: &[i32; 64],
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn no_choice_of_a_small_block_is_cheaper() {
-        // Every combination of level, level − 1 and zero over five coefficients.
+        // All combinations of level, level − 1 and zero over five coefficients.
         let lambda = 700;
         let restore = |_: usize, level: i32| (2 * level + 1) * 4;
         for seed in 0..200 {

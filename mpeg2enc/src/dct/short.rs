@@ -1,9 +1,9 @@
-//! The inverse transform in floats, which knows when it has the result of the exact one.
+//! Floating-point inverse transform, which detects whether it equals the exact one.
 
 use super::{COSINE, COSINE_BITS};
 use lanes::{Kernel, LANES, Lanes};
 
-/// Half of [`COSINE`], as numbers of 24 bits.
+/// Half of [`COSINE`], with 24 significant bits.
 pub(super) const FLOAT_COSINE: [f32; 8] = {
     let mut float = [0.0; 8];
     let mut k = 0;
@@ -14,20 +14,20 @@ pub(super) const FLOAT_COSINE: [f32; 8] = {
     float
 };
 
-/// How far the exact transform twice may be from the truth: ½·Σ cos(kπ/16), 2.65, times half of the last place in the middle,
-/// and a little for 28 bits of cosines.
+/// Maximum error of the exact transform after two passes. It is ½·Σ cos(kπ/16), or 2.65, times half of the last place between
+/// the passes, plus the error of 28-bit cosines.
 const EXACT_ERROR: f32 = 1e-4;
-/// How far [`inverse_1d`] twice may be from the truth, by the sum of magnitudes: a coefficient is multiplied by no more
-/// than 1/4, and is rounded 6 times in a pass (cosine, product, four sums) by 2⁻²⁴ at most. That makes 1.8·10⁻⁷.
+/// Maximum error of two passes of [`inverse_1d`], relative to the sum of magnitudes. A coefficient has a factor of at most 1/4.
+/// Each pass rounds it 6 times (cosine, product, four sums) by at most 2⁻²⁴, which makes 1.8·10⁻⁷.
 const SHORT_ERROR: f32 = 2.2e-7;
 
-/// How far from a whole number a sample may be that is certain to be rounded to it, by the sum of magnitudes of coefficients.
+/// Maximum distance of a sample from an integer that ensures exact rounding, given the sum of the coefficients' magnitudes.
 pub(super) fn certain(magnitude: i32) -> f32 {
     0.5 - EXACT_ERROR - SHORT_ERROR * magnitude as f32
 }
 
-/// A prediction and what coefficients add to it, saturated, and whether rounding to the nearest is [`certain`]. If not, `out`
-/// is anything.
+/// Adds the inverse transform to a prediction, and saturates. Returns whether the rounding is [`certain`]; if not, `out` is
+/// undefined.
 pub(super) struct ShortInverse<'a> {
     pub coefficients: &'a [i32; 64],
     pub predicted: &'a [u8; 64],
@@ -47,7 +47,7 @@ impl Kernel for ShortInverse<'_> {
             *row = lanes.to_f(coefficients);
         }
         let rows = inverse_1d(lanes, lanes.transposed(inverse_1d(lanes, rows)));
-        // The sum with 3·2²² has no bits left for a fraction.
+        // The sum with 3·2²² has no fractional bits, so it rounds.
         let rounding = lanes.splat(12_582_912.0);
         let mut farthest = lanes.splat(0.0);
         let mut sums = [lanes.splat_i(0); LANES];
@@ -67,14 +67,14 @@ impl Kernel for ShortInverse<'_> {
     }
 }
 
-/// One-dimensional inverse transforms of columns beside each other.
+/// One-dimensional inverse transforms of columns in parallel.
 #[inline(always)]
 fn inverse_1d<L: Lanes>(lanes: L, c: [L::F; LANES]) -> [L::F; LANES] {
     let mut cosine = [lanes.splat(0.0); LANES];
     for (wide, &cosine) in cosine.iter_mut().zip(&FLOAT_COSINE) {
         *wide = lanes.splat(cosine);
     }
-    // Products and sums of two, in the order of the operators.
+    // Products and two-term sums, in a fixed order.
     macro_rules! times {
         ($k:literal, $x:expr) => {
             lanes.mul(cosine[$k], $x)

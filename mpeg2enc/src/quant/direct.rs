@@ -1,14 +1,14 @@
-//! Levels of a block that is predicted by rounding alone, and what a decoder makes of them, at once.
+//! Quantises a predicted block by rounding and restores its coefficients, in one step.
 //!
-//! Quantisation and its inverse for all of a block together, whatever its levels are.
-//! [`quantise`](Quantiser::quantise) and [`dequantise`](Quantiser::dequantise) do it level by level: tests compare the two.
+//! All coefficients are processed together, whatever their levels. [`quantise`](Quantiser::quantise) and
+//! [`dequantise`](Quantiser::dequantise) process single levels; tests compare the two.
 
 use super::{Block, BlockKind, Quantiser, Rounding, Transformed, odd_sum, places};
 use crate::{Standard, kernel, vlc::block_bits};
 
 impl Quantiser {
-    /// [`quantise`](Self::quantise) of a non-intra block, and in `restored` what [`dequantise`](Self::dequantise) makes of it;
-    /// that is anything where nothing is coded.
+    /// Combines [`quantise`](Self::quantise) of a non-intra block with [`dequantise`](Self::dequantise), which writes
+    /// `restored`. `restored` is undefined if no level is coded.
     pub fn quantise_predicted(
         &self,
         transformed: Transformed,
@@ -49,7 +49,7 @@ mod tests {
     use crate::{dct, quant::QuantiserParameters, vlc::CoefficientTable};
     use plane::matrices::DEFAULT_INTRA_MATRIX;
 
-    /// Differences of samples that fall off with frequency, or do not.
+    /// Coefficients of random differences, which decrease with frequency unless `flat`.
     fn coefficients(state: &mut u32, flat: bool) -> [i32; 64] {
         let mut random = || {
             *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -52,7 +52,7 @@ fn mpeg_1_makes_each_coefficient_odd_toward_zero() {
                 let block = quantise(&ours, &coefficients, kind, trellis(scale));
                 assert!(block.levels.iter().skip(1).all(|level| level.unsigned_abs() <= 255));
                 let (odd, before) = (ours.dequantise(&block, kind), mpeg2.dequantise(&block, kind));
-                // The last one is what mismatch control changes.
+                // Mismatch control changes the last coefficient.
                 for i in usize::from(kind == BlockKind::Intra)..63 {
                     assert!(odd[i] == 0 || odd[i] & 1 == 1 || odd[i].abs() >= 2047, "{}", odd[i]);
                     assert_eq!(odd[i], before[i] - if before[i] & 1 == 0 { before[i].signum() } else { 0 });
