@@ -1,9 +1,8 @@
-//! The innermost loops.
+//! Innermost loops.
 //!
-//! All are kernels of the crate [`lanes`]: compiled for AVX2 and for any processor, of one source and with the same bits.
-//! Differences, plain and transformed, and predictions with their errors are made of its samples, levels of its integers. The
-//! others are plain loops over fixed sizes, of which the compiler makes vector instructions where it may.
-//! Tests run every one both ways.
+//! All loops are kernels of the crate [`lanes`], compiled from one source for AVX2 and for any processor, with identical
+//! results. Difference and prediction kernels use its sample types, level kernels its integers. The others are plain loops of
+//! fixed size that the compiler vectorizes if possible. Tests compare both versions of every kernel.
 
 mod absolute;
 mod levels;
@@ -18,7 +17,7 @@ pub(crate) use onto::predict_onto;
 use predicted::for_predicted;
 pub(crate) use transformed::transformed_difference;
 
-/// Defines a function that runs its body with AVX2 where there is such, and `$plain` that does not.
+/// Defines a function that runs its body with AVX2 if available, and a scalar version `$plain`.
 macro_rules! vectorized {
     ($(#[$meta:meta])* fn $name:ident, $plain:ident $(<const $n:ident: usize>)? ($($arg:ident: $type:ty),* $(,)?) $(-> $out:ty)? $body:block) => {
         #[inline(always)]
@@ -27,10 +26,10 @@ macro_rules! vectorized {
         $(#[$meta])*
         #[inline]
         pub(crate) fn $name $(<const $n: usize>)? ($($arg: $type),*) $(-> $out)? {
-            /// The arguments.
+            /// Arguments of the call.
             struct Call<A $(, const $n: usize)?>(A);
 
-            #[allow(unused_parens, reason = "a function without a result has the result ()")]
+            #[allow(unused_parens, reason = "a function without a result returns ()")]
             impl $(<const $n: usize>)? lanes::Kernel for Call<($($type,)*) $(, $n)?> {
                 type Output = ($($out)?);
 
@@ -48,7 +47,7 @@ macro_rules! vectorized {
 
 use vectorized;
 
-/// Where prediction comes from: the rest of a plane from the upper left whole sample on, and half-sample steps.
+/// Source of a prediction: the samples of a plane from the upper left whole sample on, and the half-sample steps.
 #[derive(Clone, Copy)]
 pub(crate) struct ReferenceBlock<'a> {
     pub samples: &'a [u8],
@@ -57,7 +56,7 @@ pub(crate) struct ReferenceBlock<'a> {
 }
 
 impl<'a> ReferenceBlock<'a> {
-    /// Whole rows of `stride` samples.
+    /// Reference block at a whole position, in rows of `stride` samples.
     #[inline(always)]
     pub fn whole(samples: &'a [u8], stride: usize) -> Self {
         Self { samples, stride, half: (false, false) }
@@ -65,7 +64,7 @@ impl<'a> ReferenceBlock<'a> {
 }
 
 vectorized! {
-    /// N rows of N predicted samples (7.6.4); N is 8 or 16.
+    /// Predicts N rows of N samples (7.6.4); N is 8 or 16.
     fn predict, predict_plain<const N: usize>(place: &ReferenceBlock<'_>, out: &mut [[u8; N]; N]) {
         let (out, _) = out.as_flattened_mut().as_chunks_mut::<8>();
         for_predicted::<N>(place, |i, bytes| [out[2 * i], out[2 * i + 1]] = bytes.halves());
@@ -73,7 +72,7 @@ vectorized! {
 }
 
 vectorized! {
-    /// The four luma blocks of a predicted macroblock (7.6.4), upper before lower.
+    /// Predicts the four luma blocks of a macroblock (7.6.4), upper before lower.
     fn predict_blocks, predict_blocks_plain(place: &ReferenceBlock<'_>, out: &mut [[u8; 64]; 4]) {
         for_predicted::<16>(place, |y, bytes| {
             for (x, eight) in bytes.halves().into_iter().enumerate() {
@@ -83,7 +82,7 @@ vectorized! {
     }
 }
 
-/// A block whose rows begin `stride` apart.
+/// Copies a block from rows `stride` apart.
 #[inline]
 pub(crate) fn gathered(samples: &[u8], stride: usize) -> [u8; 64] {
     let (samples, mut block) = (&samples[..7 * stride + 8], [0; 64]);
@@ -93,7 +92,7 @@ pub(crate) fn gathered(samples: &[u8], stride: usize) -> [u8; 64] {
     block
 }
 
-/// Puts a block where `out` begins, rows `stride` apart.
+/// Copies a block to the start of `out`, with rows `stride` apart.
 #[inline]
 pub(crate) fn scatter(block: &[u8; 64], out: &mut [u8], stride: usize) {
     let out = &mut out[..7 * stride + 8];
@@ -102,7 +101,7 @@ pub(crate) fn scatter(block: &[u8; 64], out: &mut [u8], stride: usize) {
     }
 }
 
-/// The mean of two predictions, rounded up (7.6.7.1); a multiple of 16 samples.
+/// Averages two predictions of a multiple of 16 samples, rounding up (7.6.7.1).
 #[inline]
 pub(crate) fn mean(a: &[u8], b: &[u8], out: &mut [u8]) {
     let ((a, _), (b, _), (out, _)) = (a.as_chunks(), b.as_chunks(), out.as_chunks_mut::<16>());
@@ -112,7 +111,7 @@ pub(crate) fn mean(a: &[u8], b: &[u8], out: &mut [u8]) {
 }
 
 vectorized! {
-    /// The means of 2×2 samples of two rows, rounded.
+    /// Averages 2×2 samples of two rows, rounded.
     fn means_of_four, means_of_four_plain(upper: &[u8], lower: &[u8], out: &mut [u8]) {
         let (upper, lower) = (upper.as_chunks::<2>().0, lower.as_chunks::<2>().0);
         for ((upper, lower), out) in upper.iter().zip(lower).zip(out) {
@@ -134,7 +133,7 @@ vectorized! {
 }
 
 vectorized! {
-    /// Sums of squared differences, block by block.
+    /// Sums of squared differences of each block.
     fn squared_differences, squared_differences_plain(a: &[[u8; 64]; 6], b: &[[u8; 64]; 6]) -> [u32; 6] {
         let mut sums = [0; 6];
         for block in 0..6 {
@@ -145,7 +144,7 @@ vectorized! {
 }
 
 vectorized! {
-    /// Sum of squared differences of blocks to their means.
+    /// Sum of the squared deviations of blocks from their means.
     fn deviation, deviation_plain(blocks: &[[u8; 64]; 6]) -> u32 {
         let mut deviation = 0;
         for samples in blocks {
@@ -176,7 +175,7 @@ mod tests {
         std::array::from_fn(|_| std::array::from_fn(|_| random.u8(..)))
     }
 
-    /// The definition of 7.6.4: the mean of the two or four samples around a half position, rounded up.
+    /// Definition of 7.6.4: the mean of the two or four samples around a half position, rounded up.
     fn predicted<const N: usize>(place: ReferenceBlock) -> [[u8; N]; N] {
         let (right, below) = (usize::from(place.half.0), usize::from(place.half.1));
         let at = |x: usize, y: usize| u32::from(place.samples[y * place.stride + x]);
@@ -187,7 +186,7 @@ mod tests {
         })
     }
 
-    /// Entry (u, v) of the transform has the sign of the parity of the bits that u and x, v and y have in common.
+    /// The sign of entry (u, v) of the transform is the parity of the common bits of u and x, and of v and y.
     fn transformed(source: &[[u8; 8]; 8], predicted: &[[u8; 8]; 8]) -> u32 {
         let mut sum = 0i32;
         for (u, v) in (0..8).flat_map(|u| (0..8).map(move |v| (u, v))) {
@@ -202,7 +201,7 @@ mod tests {
 
     fn follow_their_definitions<const N: usize>() {
         let mut random = fastrand::Rng::with_seed(N as u64);
-        // An interpreter of all that is done to memory takes ten thousand times as long.
+        // Miri runs ten thousand times slower.
         for _ in 0..if cfg!(miri) { 1 } else { 50 } {
             let samples: Vec<u8> = (0..40 * 40).map(|_| random.u8(..)).collect();
             let source = block::<N>(&mut random);
@@ -254,7 +253,7 @@ mod tests {
         follow_their_definitions::<16>();
         let place = ReferenceBlock { samples: &[0; 64], stride: 8, half: (false, false) };
         let white = ReferenceBlock::whole(&[255; 64], 8);
-        assert_eq!(transformed_difference::<8>(white, place), 255 * 8, "the largest values fit");
+        assert_eq!(transformed_difference::<8>(white, place), 255 * 8, "the largest values must fit");
     }
 
     #[test]
@@ -273,7 +272,7 @@ mod tests {
             let level = |i: usize| (values[i].unsigned_abs() * reciprocals[i] + (1 << 20)) >> 26;
             assert_eq!(x, std::array::from_fn(level));
             assert_eq!((nonzero, x), (divide_plain(&values, &reciprocals, 1 << 20, 26, &mut y), y));
-            // Levels that belong to their coefficients, or squares would not fit.
+            // The levels must match their coefficients, otherwise the squares overflow.
             let weights: [i32; 64] = std::array::from_fn(|i| 16 * i32::from(b[i]) + 16);
             let coefficients = values.map(|value| value / 8);
             let level = |i: usize| (2 * coefficients[i].abs() / weights[i]) as u32;

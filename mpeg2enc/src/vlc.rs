@@ -1,4 +1,4 @@
-//! Variable length codes: which elements become which code words (clause 7.2, Annex B).
+//! Variable-length codes of the syntax elements (clause 7.2, Annex B).
 
 mod tables;
 
@@ -16,7 +16,7 @@ use tables::{
     LEVELS, MACROBLOCK_ADDRESS_INCREMENT, MACROBLOCK_ESCAPE, MOTION_CODE, RUNS,
 };
 
-/// The table that codes the coefficients of a block (Table 7-3).
+/// Code table of a block's coefficients (Table 7-3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CoefficientTable {
     /// Table B.14.
@@ -25,16 +25,16 @@ pub enum CoefficientTable {
     One = 1,
 }
 
-/// The codes of the coefficients of a block.
+/// Codes of the coefficients of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Codes {
     pub table: CoefficientTable,
-    /// How the level is written where the table has no code.
+    /// Standard that determines the escape coding of levels.
     pub standard: Standard,
 }
 
-/// Bits of an escape-coded coefficient: the code, a run of 6 bits and the level, of 12 (7.2.2.3), or of 8 or 16 bits (11172-2,
-/// Annex B).
+/// Bits of an escape-coded coefficient. They are the escape code, a run of 6 bits and the level: 12 bits (7.2.2.3), or 8 or 16
+/// bits (11172-2, Annex B).
 const fn escape_bits(standard: Standard, level: u32) -> u32 {
     ESCAPE.length
         + 6
@@ -45,7 +45,7 @@ const fn escape_bits(standard: Standard, level: u32) -> u32 {
         }
 }
 
-/// macroblock_escape as often as needed, then macroblock_address_increment (6.2.5, 6.3.17).
+/// Writes macroblock_escape as often as needed, then macroblock_address_increment (6.2.5, 6.3.17).
 pub(crate) fn put_macroblock_address_increment(sink: &mut impl BitSink, mut increment: usize) {
     while increment > 33 {
         sink.put_code(MACROBLOCK_ESCAPE);
@@ -54,9 +54,9 @@ pub(crate) fn put_macroblock_address_increment(sink: &mut impl BitSink, mut incr
     sink.put_code(MACROBLOCK_ADDRESS_INCREMENT[increment - 1]);
 }
 
-/// motion_code and motion_residual of one vector component (6.2.5.2.1, 7.6.3.1).
+/// Writes motion_code and motion_residual of one vector component (6.2.5.2.1, 7.6.3.1).
 ///
-/// `delta` is vector minus prediction in half samples; it is brought into the range of `f_code` here.
+/// `delta` is the vector minus its prediction in half samples; it is wrapped to the range of `f_code` here.
 pub(crate) fn put_motion_component(sink: &mut impl BitSink, delta: i32, f_code: u32) {
     let r_size = f_code - 1;
     let f = 1 << r_size;
@@ -79,7 +79,7 @@ pub(crate) fn put_motion_component(sink: &mut impl BitSink, delta: i32, f_code: 
     }
 }
 
-/// dct_dc_size and dct_dc_differential (6.2.6, 7.2.1).
+/// Writes dct_dc_size and dct_dc_differential (6.2.6, 7.2.1).
 fn put_dc(sink: &mut impl BitSink, differential: i32, luminance: bool) {
     let size = 32 - differential.unsigned_abs().leading_zeros();
     let table = if luminance { &DCT_DC_SIZE_LUMINANCE } else { &DCT_DC_SIZE_CHROMINANCE };
@@ -90,7 +90,7 @@ fn put_dc(sink: &mut impl BitSink, differential: i32, luminance: bool) {
     }
 }
 
-/// The code of a coefficient without its sign; [`Vlc::NONE`] if it needs an escape.
+/// Code of a coefficient without its sign; [`Vlc::NONE`] if it needs an escape.
 #[inline]
 fn coefficient_code(table: CoefficientTable, run: usize, level: u32) -> Vlc {
     if run < RUNS && (level as usize) < LEVELS {
@@ -100,12 +100,12 @@ fn coefficient_code(table: CoefficientTable, run: usize, level: u32) -> Vlc {
     }
 }
 
-/// Bits by standard, table, run and level, the sign included.
+/// Number of bits by standard, table, run and level, including the sign.
 static COEFFICIENT_BITS: [[[[u8; LEVELS]; 64]; 2]; 2] =
     [all_coefficient_bits(Standard::Mpeg1), all_coefficient_bits(Standard::Mpeg2)];
 
 const fn all_coefficient_bits(standard: Standard) -> [[[u8; LEVELS]; 64]; 2] {
-    const { assert!(LEVELS < 128, "escapes have one length here") };
+    const { assert!(LEVELS < 128, "levels in the table have escapes of equal length") };
     let mut bits = [[[escape_bits(standard, 1) as u8; LEVELS]; 64]; 2];
     let mut table = 0;
     while table < 2 {
@@ -125,7 +125,7 @@ const fn all_coefficient_bits(standard: Standard) -> [[[u8; LEVELS]; 64]; 2] {
     bits
 }
 
-/// Bits of a coefficient that is not the first one of a non-intra block.
+/// Bits of a coefficient, except the first one of a non-intra block.
 #[inline]
 pub(crate) fn coefficient_bits(codes: Codes, run: usize, level: u32) -> u32 {
     if (level as usize) < LEVELS {
@@ -147,7 +147,7 @@ pub(crate) fn end_of_block_bits(codes: Codes) -> u32 {
     END_OF_BLOCK[codes.table as usize].length
 }
 
-/// One run and level (7.2.2.1), by escape where the table has no code (7.2.2.3).
+/// Writes one run and level (7.2.2.1), with an escape if the table has no code (7.2.2.3).
 #[inline]
 fn put_coefficient(sink: &mut impl BitSink, codes: Codes, run: usize, level: i16) {
     let code = coefficient_code(codes.table, run, level.unsigned_abs().into());
@@ -164,7 +164,7 @@ fn put_coefficient(sink: &mut impl BitSink, codes: Codes, run: usize, level: i16
     }
 }
 
-/// An intra block: the DC differential to `dc_prediction`, coefficients, End of block (6.2.6).
+/// Writes an intra block: the difference of the DC from `dc_prediction`, coefficients, End of block (6.2.6).
 pub(crate) fn put_intra_block(
     sink: &mut impl BitSink,
     codes: Codes,
@@ -180,7 +180,7 @@ pub(crate) fn put_intra_block(
     }
 }
 
-/// A coded non-intra block (6.2.6).
+/// Writes a coded non-intra block (6.2.6).
 pub(crate) fn put_inter_block(sink: &mut impl BitSink, codes: Codes, block: &Block) {
     debug_assert!(block.is_coded(), "a coded block has a coefficient");
     if sink.only_counts() {
@@ -204,7 +204,7 @@ fn put_coefficients(sink: &mut impl BitSink, codes: Codes, block: &Block, start:
     sink.put_code(END_OF_BLOCK[codes.table as usize]);
 }
 
-/// Bits of the coefficients of a block with its End of block, the intra DC left out.
+/// Bits of the coefficients of a block and its End of block, without the intra DC.
 pub(crate) fn block_bits(codes: Codes, block: &Block, intra: bool) -> u32 {
     let start = usize::from(intra);
     let (mut bits, mut next) = (0, start);
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn escapes_of_mpeg_1_are_the_printed_ones() {
-        // ISO/IEC 11172-2, Annex B: level and digits after an escape and a run.
+        // ISO/IEC 11172-2, Annex B: level, and digits after escape code and run.
         for (level, digits) in [
             (-255, "1000 0000 0000 0001"),
             (-128, "1000 0000 1000 0000"),
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn motion_residual_restores_the_difference() {
-        // The decoding process of 7.6.3.1 on what the writer makes of each difference.
+        // Checks the written codes by the decoding process of 7.6.3.1.
         struct Words(Vec<(u32, u32)>);
         impl BitSink for Words {
             fn put(&mut self, value: u32, length: u32) {

@@ -1,4 +1,4 @@
-//! Sums of absolute differences: what a search for vectors compares.
+//! Sums of absolute differences, for vector searches.
 
 use super::{
     ReferenceBlock,
@@ -7,21 +7,21 @@ use super::{
 use lanes::{Bytes, Choice, Kernel, Lanes, Samples, Sum, Window};
 use std::marker::PhantomData;
 
-/// Sum of absolute differences between N×N samples, at a whole position, and their prediction; N is 8 or 16.
+/// Sum of absolute differences between N×N samples at a whole position and their prediction; N is 8 or 16.
 #[inline]
 pub(crate) fn absolute_difference<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::best().run(One::<N> { source: &source, reference: &reference })
 }
 
-/// [`absolute_difference`] for any processor.
+/// Scalar version of [`absolute_difference`].
 #[cfg(test)]
 pub(super) fn absolute_difference_plain<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::SCALAR.run(One::<N> { source: &source, reference: &reference })
 }
 
-/// Sums of absolute differences between N×N samples, at a whole position, and each of four predictions; N is 8 or 16.
+/// Sums of absolute differences between N×N samples at a whole position and each of four predictions; N is 8 or 16.
 ///
-/// The samples are read once, and the instructions are chosen once: half of the time of four calls of
+/// The source samples are read once and the instruction set is chosen once. This takes half the time of four calls of
 /// [`absolute_difference`].
 #[inline]
 pub(crate) fn absolute_differences<const N: usize>(
@@ -31,7 +31,7 @@ pub(crate) fn absolute_differences<const N: usize>(
     Choice::best().run(Four::<N> { source: &source, references: &references })
 }
 
-/// [`absolute_difference`]. A block of 8×8 is too small to gain by longer registers.
+/// Kernel of [`absolute_difference`]. A block of 8×8 is too small to benefit from longer registers.
 struct One<'a, const N: usize> {
     source: &'a ReferenceBlock<'a>,
     reference: &'a ReferenceBlock<'a>,
@@ -51,7 +51,7 @@ impl<const N: usize> Kernel for One<'_, N> {
     }
 }
 
-/// [`absolute_differences`].
+/// Kernel of [`absolute_differences`].
 struct Four<'a, const N: usize> {
     source: &'a ReferenceBlock<'a>,
     references: &'a [ReferenceBlock<'a>; 4],
@@ -66,7 +66,7 @@ impl<const N: usize> Kernel for Four<'_, N> {
     }
 }
 
-/// The sums of [`Four`]. A source of eight groups stays in registers.
+/// Sums of absolute differences of [`Four`]. A source of eight groups stays in registers.
 #[inline(always)]
 fn four<const N: usize, S: Samples>(Four { source, references }: Four<'_, N>) -> [u32; 4] {
     let source = whole::<N, N>(source);
@@ -81,7 +81,7 @@ fn four<const N: usize, S: Samples>(Four { source, references }: Four<'_, N>) ->
     sums
 }
 
-/// Difference to samples in memory.
+/// Work that sums absolute differences to samples in memory.
 struct ToWindow<'a, const N: usize, S>(Window<'a, N, N, false, false>, PhantomData<S>);
 
 impl<const N: usize, S: Samples> BlockWork<N, N> for ToWindow<'_, N, S> {
@@ -97,7 +97,7 @@ impl<const N: usize, S: Samples> BlockWork<N, N> for ToWindow<'_, N, S> {
     }
 }
 
-/// Difference to groups of samples, as many as there are.
+/// Work that sums absolute differences to groups of samples.
 struct ToGroups<'a, S>(&'a [S; 16]);
 
 impl<const N: usize, S: Samples> BlockWork<N, N> for ToGroups<'_, S> {

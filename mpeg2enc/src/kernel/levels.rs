@@ -1,15 +1,15 @@
-//! From coefficients to levels and back, all of a block at once.
+//! Quantisation and inverse quantisation of whole blocks.
 
 use super::vectorized;
 use crate::dct::COEFFICIENT_BITS;
 use lanes::{Choice, Kernel, Lanes};
 
-/// `(|value|·reciprocal + zero) >> shift` of every value, and a bit for each that is not zero.
+/// Computes `(|value|·reciprocal + zero) >> shift` of every value, and returns a bit set of the non-zero results.
 #[inline]
 pub(crate) fn divide(values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]) -> u64 {
     Choice::best().run(Divide { values, reciprocals, zero, shift, out })
 }
-/// [`divide`] for any processor.
+/// Scalar version of [`divide`].
 #[cfg(test)]
 pub(super) fn divide_plain(
     values: &[i32; 64],
@@ -21,7 +21,7 @@ pub(super) fn divide_plain(
     Choice::SCALAR.run(Divide { values, reciprocals, zero, shift, out })
 }
 
-/// [`divide`] of eight values at a time.
+/// Kernel of [`divide`], with eight values at a time.
 struct Divide<'a> {
     values: &'a [i32; 64],
     reciprocals: &'a [u32; 64],
@@ -50,18 +50,18 @@ impl Kernel for Divide<'_> {
     }
 }
 
-/// The largest level of MPEG-2.
+/// Maximum level of MPEG-2.
 const LEVEL_MAX: u32 = 2047;
 
 vectorized! {
-    /// Coefficients that a decoder of MPEG-2 makes of the levels of a non-intra block (7.4.2.3, 7.4.3), without mismatch control.
-    /// Their signs are those of the coefficients that were quantised:
+    /// Restores the coefficients of a non-intra block from its levels, like an MPEG-2 decoder (7.4.2.3, 7.4.3), but without
+    /// mismatch control. Their signs are the signs of the original coefficients:
     ///
     /// ```text
     /// F'' = ±(2·|QF| + 1) · W · quantiser_scale / 32, 0 where QF is      F' = F'' within −2048 … 2047
     /// ```
-    /// Levels are held at their limit. The results are the change of the squared error, in last places of the coefficients,
-    /// and the sum of F'. Squares of all coefficients together fit into 31 bits, as those of 64 differences of samples do.
+    /// Levels are clamped to their limit. Returns the change of the squared error, in last places of the coefficients, and the
+    /// sum of F'. The squares of all coefficients together fit into 31 bits, like the squares of 64 sample differences.
     fn restore, restore_plain(coefficients: &[i32; 64], scaled_weights: &[i32; 64], levels: &mut [u32; 64], restored: &mut [i32; 64]) -> (i32, i32) {
         let (mut change, mut sum) = (0, 0);
         for i in 0..64 {

@@ -1,4 +1,4 @@
-//! Predictions put where they will be shown, with the errors that they leave.
+//! Predictions written to their final position, with their errors.
 
 use super::{
     ReferenceBlock,
@@ -7,8 +7,8 @@ use super::{
 use lanes::{Choice, Kernel, Lanes, Samples, Sum, Window, WindowMut};
 use std::marker::PhantomData;
 
-/// W rows of W predicted samples (7.6.4), put where `out` begins and `stride` apart, and the squared errors of their blocks
-/// of 8×8, upper before lower, against the source at a whole position; W is 16, or 8 for a single block.
+/// Predicts W rows of W samples (7.6.4) to the start of `out`, with rows `stride` apart. Returns the squared errors of its 8×8
+/// blocks against the source at a whole position, upper before lower. W is 16, or 8 for a single block.
 #[inline]
 pub(crate) fn predict_onto<const W: usize>(
     source: ReferenceBlock,
@@ -19,7 +19,7 @@ pub(crate) fn predict_onto<const W: usize>(
     Choice::best().run(Onto::<W> { source: &source, reference: &reference, out, stride })
 }
 
-/// [`predict_onto`] for any processor.
+/// Scalar version of [`predict_onto`].
 #[cfg(test)]
 pub(super) fn predict_onto_plain<const W: usize>(
     source: ReferenceBlock,
@@ -30,7 +30,7 @@ pub(super) fn predict_onto_plain<const W: usize>(
     Choice::SCALAR.run(Onto::<W> { source: &source, reference: &reference, out, stride })
 }
 
-/// [`predict_onto`].
+/// Kernel of [`predict_onto`].
 struct Onto<'a, const W: usize> {
     source: &'a ReferenceBlock<'a>,
     reference: &'a ReferenceBlock<'a>,
@@ -48,7 +48,7 @@ impl<const W: usize> Kernel for Onto<'_, W> {
     }
 }
 
-/// Copies a prediction and sums up its squared errors.
+/// Work that copies a prediction and sums its squared errors.
 struct Copied<'a, const W: usize, S> {
     source: Window<'a, W, W, false, false>,
     out: WindowMut<'a, W, W>,
@@ -71,7 +71,7 @@ impl<const W: usize, S: Samples> BlockWork<W, W> for Copied<'_, W, S> {
                 let [a, b] = self.source.group::<S>(i).squared(predicted);
                 (left, right) = (left.plus(a), right.plus(b));
             }
-            // Rows of eight take turns.
+            // Rows of eight alternate between the sums.
             (sums[2 * strip], sums[2 * strip + 1]) = if W == 16 { (left, right) } else { (left.plus(right), zero) };
         }
         Sum::totals(sums)

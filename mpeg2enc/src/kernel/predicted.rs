@@ -1,4 +1,4 @@
-//! Predictions with half positions that are known when the code is compiled.
+//! Predictions with half positions as compile-time constants.
 
 use super::ReferenceBlock;
 use lanes::{Bytes, Samples, Window};
@@ -8,11 +8,11 @@ pub(super) trait BlockWork<const N: usize, const R: usize> {
     /// Result of the work.
     type Output;
 
-    /// Does the work, at half positions to the right (`H`) and below (`V`).
+    /// Does the work, with half positions to the right (`H`) and below (`V`).
     fn on<const H: bool, const V: bool>(self, predicted: Window<'_, N, R, H, V>) -> Self::Output;
 }
 
-/// Does `work` on the prediction from a place.
+/// Does `work` on the prediction at `place`.
 #[inline(always)]
 pub(super) fn predicted<const N: usize, const R: usize, W: BlockWork<N, R>>(
     place: &ReferenceBlock,
@@ -34,7 +34,7 @@ pub(super) fn whole<'a, const N: usize, const R: usize>(source: &ReferenceBlock<
     Window::new(source.samples, source.stride)
 }
 
-/// Gives `each` the predicted samples of N rows of N (7.6.4), in groups from the upper left on; N is 8 or 16.
+/// Passes the predicted samples of N rows of N (7.6.4) to `each` in groups, starting at the upper left; N is 8 or 16.
 #[inline(always)]
 pub(super) fn for_predicted<const N: usize>(place: &ReferenceBlock, each: impl FnMut(usize, Bytes)) {
     struct Each<F>(F);

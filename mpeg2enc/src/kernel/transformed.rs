@@ -1,4 +1,4 @@
-//! Sums of absolute transformed differences: nearly what differences cost when they are coded.
+//! Sums of absolute transformed differences, which approximate coding cost.
 
 use super::{
     ReferenceBlock,
@@ -6,23 +6,22 @@ use super::{
 };
 use lanes::{Bytes, Choice, Differences, Kernel, Lanes, Samples, Window, Words};
 
-/// Sum of absolute transformed differences of N×N samples to their prediction; N is 8 or 16.
+/// Sum of absolute transformed differences between N×N samples and their prediction; N is 8 or 16.
 ///
-/// Each block of 8×8 differences goes through a Hadamard transform; an eighth of the sum of magnitudes is taken:
-/// one coefficient of a flat difference d then counts 8·d, about as 64 plain differences spread over many
-/// coefficients do.
+/// Each block of 8×8 differences is Hadamard transformed, and the sum of magnitudes is divided by eight. The single coefficient
+/// of a flat difference d then counts 8·d. This is about the same as 64 plain differences spread over many coefficients.
 #[inline]
 pub(crate) fn transformed_difference<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::best().run(Transformed::<N> { source: &source, reference: &reference })
 }
 
-/// [`transformed_difference`] for any processor.
+/// Scalar version of [`transformed_difference`].
 #[cfg(test)]
 pub(super) fn transformed_difference_plain<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::SCALAR.run(Transformed::<N> { source: &source, reference: &reference })
 }
 
-/// [`transformed_difference`]: two blocks at a time for N of 16.
+/// Kernel of [`transformed_difference`], with two blocks at a time if N is 16.
 struct Transformed<'a, const N: usize> {
     source: &'a ReferenceBlock<'a>,
     reference: &'a ReferenceBlock<'a>,
@@ -41,7 +40,7 @@ impl<const N: usize> Kernel for Transformed<'_, N> {
     }
 }
 
-/// Differences to a single block.
+/// Work on the differences to a single block.
 struct SingleBlock<'a>(Window<'a, 8, 8, false, false>);
 
 impl BlockWork<8, 8> for SingleBlock<'_> {
@@ -57,7 +56,7 @@ impl BlockWork<8, 8> for SingleBlock<'_> {
     }
 }
 
-/// Differences to four blocks.
+/// Work on the differences to four blocks.
 struct Macroblock<'a, L>(Window<'a, 16, 16, false, false>, L);
 
 impl<L: Lanes> BlockWork<16, 16> for Macroblock<'_, L> {
@@ -73,7 +72,7 @@ impl<L: Lanes> BlockWork<16, 16> for Macroblock<'_, L> {
     }
 }
 
-/// An eighth of the sum of magnitudes of transformed differences, each block's rounded.
+/// An eighth of the sum of magnitudes of transformed differences, rounded for each block.
 #[inline(always)]
 fn hadamard_sum<W: Differences>(mut rows: [W; 8]) -> u32 {
     butterflies::<W, 4>(&mut rows);
@@ -82,7 +81,7 @@ fn hadamard_sum<W: Differences>(mut rows: [W; 8]) -> u32 {
     let mut columns = W::transposed(rows);
     butterflies::<W, 4>(&mut columns);
     butterflies::<W, 2>(&mut columns);
-    // The last step is |x + y| + |x − y| = 2·max(|x|, |y|), which four times is more than 16 bits hold.
+    // The last step is |x + y| + |x − y| = 2·max(|x|, |y|); four times this would exceed 16 bits.
     let [a, b, c, d, e, f, g, h] = columns;
     let upper = a.abs().max(b.abs()).plus(c.abs().max(d.abs())).sums();
     let lower = e.abs().max(f.abs()).plus(g.abs().max(h.abs())).sums();
@@ -90,7 +89,7 @@ fn hadamard_sum<W: Differences>(mut rows: [W; 8]) -> u32 {
     eighth(0) + eighth(1)
 }
 
-/// Sums and differences of rows that lie this far apart: a third of an eight-point Hadamard transform.
+/// Computes sums and differences of rows at this distance: a third of an eight-point Hadamard transform.
 #[inline(always)]
 fn butterflies<W: Differences, const DISTANCE: usize>(rows: &mut [W; 8]) {
     for k in 0..4 {

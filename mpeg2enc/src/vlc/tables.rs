@@ -1,17 +1,17 @@
-//! The code tables of ISO/IEC 13818-2, Annex B, in the digits of the standard.
+//! Code tables of ISO/IEC 13818-2, Annex B, in the digits of the standard.
 //!
-//! A trailing `s` of the standard, the sign, is left out: [`Vlc::signed`] adds it.
+//! The trailing `s` of the standard, the sign, is omitted; [`Vlc::signed`] adds it.
 
 use crate::bits::Vlc;
 
-/// Value and length of a code from the digits of the standard; spaces are allowed.
+/// Parses a code from the digits of the standard; spaces are allowed.
 pub(crate) const fn vlc(digits: &str) -> Vlc {
     let bytes = digits.as_bytes();
     let mut out = Vlc::NONE;
     let mut i = 0;
     while i < bytes.len() {
         if bytes[i] != b' ' {
-            assert!(bytes[i] == b'0' || bytes[i] == b'1', "a code has the digits 0 and 1");
+            assert!(bytes[i] == b'0' || bytes[i] == b'1', "a code consists of the digits 0 and 1");
             out = out.signed(bytes[i] == b'1');
         }
         i += 1;
@@ -30,7 +30,7 @@ pub(crate) const MACROBLOCK_ADDRESS_INCREMENT: [Vlc; 33] = [
     vlc("0000 0011 100"), vlc("0000 0011 011"), vlc("0000 0011 010"), vlc("0000 0011 001"), vlc("0000 0011 000"),
 ];
 
-/// Table B.1: macroblock_escape, 33 macroblocks more.
+/// Table B.1: macroblock_escape, 33 more macroblocks.
 pub(crate) const MACROBLOCK_ESCAPE: Vlc = vlc("0000 0001 000");
 
 /// Table B.2: macroblock_type of an intra macroblock in an I picture.
@@ -40,9 +40,9 @@ pub(crate) const I_INTRA_QUANT: Vlc = vlc("01");
 
 /// Table B.3: macroblock_type in a P picture: vector and coefficients.
 pub(crate) const P_MOTION_CODED: Vlc = vlc("1");
-/// Table B.3: coefficients, the vector is zero.
+/// Table B.3: coefficients with a zero vector.
 pub(crate) const P_CODED: Vlc = vlc("01");
-/// Table B.3: a vector and nothing else.
+/// Table B.3: only a vector.
 pub(crate) const P_MOTION: Vlc = vlc("001");
 /// Table B.3: intra.
 pub(crate) const P_INTRA: Vlc = vlc("0001 1");
@@ -80,7 +80,7 @@ const CODED_BLOCK_PATTERN_PRINTED: [(u8, &str); 64] = [
     (39, "0000 0001 0"), (0, "0000 0000 1"),
 ];
 
-/// Table B.9, by pattern.
+/// Table B.9, indexed by pattern.
 pub(crate) const CODED_BLOCK_PATTERN: [Vlc; 64] = {
     let mut table = [Vlc::NONE; 64];
     let mut i = 0;
@@ -92,7 +92,7 @@ pub(crate) const CODED_BLOCK_PATTERN: [Vlc; 64] = {
     table
 };
 
-/// Table B.10: motion_code, in order 0, 1, 2, …; all but 0 are followed by their sign.
+/// Table B.10: motion_code, in order 0, 1, 2, …; a sign follows all but 0.
 #[rustfmt::skip]
 pub(crate) const MOTION_CODE: [Vlc; 17] = [
     vlc("1"), vlc("01"), vlc("001"), vlc("0001"), vlc("0000 11"), vlc("0000 101"), vlc("0000 100"), vlc("0000 011"),
@@ -116,9 +116,9 @@ pub(crate) const DCT_DC_SIZE_CHROMINANCE: [Vlc; 12] = [
 
 /// End of block in Tables B.14 and B.15.
 pub(crate) const END_OF_BLOCK: [Vlc; 2] = [vlc("10"), vlc("0110")];
-/// Tables B.14 and B.15: Escape; run and level follow (7.2.2.3).
+/// Escape code of Tables B.14 and B.15, before run and level (7.2.2.3).
 pub(crate) const ESCAPE: Vlc = vlc("0000 01");
-/// Table B.14: run 0, level 1 as the first coefficient of a non-intra block.
+/// Table B.14: run 0 and level 1 as the first coefficient of a non-intra block.
 pub(crate) const FIRST_COEFFICIENT_ONE: Vlc = vlc("1");
 
 /// Table B.14: DCT coefficients table zero, as (run, level, code).
@@ -160,7 +160,7 @@ pub(crate) const DCT_COEFFICIENTS_PRINTED: [(u8, u8, &str); 111] = [
     (31, 1, "0000 0000 0001 1011"),
 ];
 
-/// Table B.15: DCT coefficients table one, as (run, level, code), by length.
+/// Table B.15: DCT coefficients table one, as (run, level, code), in order of length.
 #[rustfmt::skip]
 pub(crate) const DCT_COEFFICIENTS_ONE_PRINTED: [(u8, u8, &str); 111] = [
     (0, 1, "10"), (0, 2, "110"), (1, 1, "010"), (0, 3, "0111"), (0, 4, "1110 0"), (0, 5, "1110 1"), (1, 2, "0011 0"),
@@ -195,12 +195,12 @@ pub(crate) const DCT_COEFFICIENTS_ONE_PRINTED: [(u8, u8, &str); 111] = [
     (31, 1, "0000 0000 0001 1011"),
 ];
 
-/// Runs below this may have a code of their own in Tables B.14 and B.15.
+/// Number of runs for which Tables B.14 and B.15 may contain codes.
 pub(crate) const RUNS: usize = 32;
-/// Levels below this may have a code of their own in Tables B.14 and B.15.
+/// One more than the largest level for which Tables B.14 and B.15 contain codes.
 pub(crate) const LEVELS: usize = 41;
 
-/// Tables B.14 and B.15 by run and level; [`Vlc::NONE`] where escape coding is used.
+/// Tables B.14 and B.15, indexed by run and level; [`Vlc::NONE`] where escape coding is used.
 pub(crate) static DCT_COEFFICIENTS: [[[Vlc; LEVELS]; RUNS]; 2] =
     [by_run_and_level(&DCT_COEFFICIENTS_PRINTED), by_run_and_level(&DCT_COEFFICIENTS_ONE_PRINTED)];
 
@@ -219,7 +219,7 @@ const fn by_run_and_level(printed: &[(u8, u8, &str)]) -> [[Vlc; LEVELS]; RUNS] {
 mod tests {
     use super::*;
 
-    /// No code is the beginning of another, and Kraft's sum is at most one.
+    /// Checks that no code is a prefix of another, and that Kraft's sum is at most one.
     fn check(name: &str, codes: &[Vlc]) {
         let mut kraft = 0.0;
         for (i, a) in codes.iter().enumerate() {
@@ -227,7 +227,7 @@ mod tests {
             kraft += 0.5f64.powi(a.length as i32);
             for (j, b) in codes.iter().enumerate() {
                 let begins = i != j && a.length <= b.length && b.code >> (b.length - a.length) == a.code;
-                assert!(!begins, "{name}: code {i} {a:?} begins code {j} {b:?}");
+                assert!(!begins, "{name}: code {i} {a:?} is a prefix of code {j} {b:?}");
             }
         }
         assert!(kraft <= 1.0, "{name}: Kraft's sum is {kraft}");
@@ -273,7 +273,7 @@ mod tests {
                 assert_eq!(written, digits.replace(' ', ""), "run {run}, level {level}");
             }
             let codes = DCT_COEFFICIENTS[table].iter().flatten().filter(|code| code.length > 0).count();
-            assert_eq!(codes, printed.len(), "an entry stands twice");
+            assert_eq!(codes, printed.len(), "an entry occurs twice");
         }
     }
 }
