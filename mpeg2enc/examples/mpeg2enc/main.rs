@@ -1,10 +1,10 @@
-//! Encodes a YUV4MPEG2 file (4:2:0, 8 bits) to MPEG-2, as elementary, program or transport stream:
+//! Encodes a YUV4MPEG2 file (4:2:0, 8 bits) to MPEG-2, as an elementary stream or in a container:
 //!
 //! ```text
 //! ffmpeg -f lavfi -i testsrc2=size=512x512:rate=25:duration=2 -pix_fmt yuv420p clip.y4m
 //! cargo run --release -p mpeg2enc --example mpeg2enc -- clip.y4m -o clip.m2v --qscale 8
 //! ```
-//! `--help` names all options.
+//! `--help` lists all options.
 
 mod program;
 

@@ -135,7 +135,7 @@ fn damaged_markers_are_errors() {
         damaged[marker..marker + 6].copy_from_slice(wrong.as_bytes());
         let input = folder.with("clip.y4m", &damaged);
         let place = format!("frame 3 at byte {marker}");
-        call(&[&input, "-o", &output]).fails(FAILED, &[&input, &place, "make the clip anew", "the 3 frames before"]);
+        call(&[&input, "-o", &output]).fails(FAILED, &[&input, &place, "recreate the clip", "the first 3 frames"]);
         assert_eq!(folder.names(), ["clip.y4m", "film.m2v.part"]);
         assert_eq!(pictures_in(folder.path("film.m2v.part")), 3);
     }
@@ -154,7 +154,7 @@ fn cut_clips_are_errors_that_keep_whole_frames() {
     let clip = clip(HEADER, 4);
     for cut in [HEADER.len() + 1 + 2 * FRAME + 3, HEADER.len() + 1 + 2 * FRAME + 6, HEADER.len() + 3 * FRAME] {
         let input = folder.with("clip.y4m", &clip[..cut]);
-        call(&[&input, "-o", &output]).fails(FAILED, &["frame 2 at byte", "film.m2v.part has the 2 frames before"]);
+        call(&[&input, "-o", &output]).fails(FAILED, &["frame 2 at byte", "film.m2v.part contains the first 2 frames"]);
         assert_eq!(pictures_in(folder.path("film.m2v.part")), 2);
         assert_eq!(std::fs::read(&output).expect("a file"), b"an older film");
     }
@@ -162,7 +162,7 @@ fn cut_clips_are_errors_that_keep_whole_frames() {
 
     // A stream has the whole frames, and the exit code tells.
     let called = call_with(&["-", "-o", "-"], &clip[..clip.len() - 1]);
-    called.fails(FAILED, &["standard input: frame 3", "the output has the 3 frames before"]);
+    called.fails(FAILED, &["standard input: frame 3", "the output contains the first 3 frames"]);
     assert_eq!(ElementaryStream::parse(&called.output).expect("a stream").units.len(), 3);
 
     // Of a first frame nothing is left.
@@ -221,7 +221,7 @@ fn rates_that_are_not_kept_are_told() {
     let folder = Folder::new();
     let (input, output) = (folder.with("clip.y4m", &clip(HEADER, 100)), folder.path("film.m2v"));
     let called = call(&[&input, "-o", &output, "-b", "6", "--gop", "1"]).succeeds();
-    assert!(called.messages.contains("of 100 pictures come late") && called.messages.contains("--bitrate"));
+    assert!(called.messages.contains("of 100 pictures are late") && called.messages.contains("--bitrate"));
     assert_eq!(called.messages.lines().count(), 1);
     let called = call(&[&input, "-o", &output, "-b", "500"]).succeeds();
     assert_eq!(called.messages, "");

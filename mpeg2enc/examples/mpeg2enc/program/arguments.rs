@@ -1,4 +1,4 @@
-//! Options, and the settings that they make.
+//! Command-line options and the settings made from them.
 
 use super::{output::is_stream, y4m::Format};
 use anyhow::{Context, Result, bail};
@@ -16,12 +16,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The most kbit/s or kbit whose bits a setting can hold.
+/// Maximum kbit/s or kbit for which the number of bits fits a setting.
 const KILOBITS_MAX: i64 = (u32::MAX / 1000) as i64;
-/// The smallest buffer that a stream can state, in kbit.
+/// Minimum buffer that a stream can state, in kbit.
 const BUFFER_MIN: u32 = 17;
 
-/// The arguments are wrong: the exit code says so.
+/// An error of the arguments, with its own exit code.
 #[derive(Debug)]
 pub struct WrongArguments(pub String);
 
@@ -39,11 +39,11 @@ impl std::error::Error for WrongArguments {}
 pub struct Arguments {
     /// YUV4MPEG2, 4:2:0, 8 bits, progressive; - for standard input
     pub input: PathBuf,
-    /// The stream to be written: .m2v (elementary), .mpg (program), .vob (program, for authoring), .ts (transport), .mp4 or .mkv;
-    /// - for standard output
+    /// Output file: .m2v (elementary), .mpg (program), .vob (program, for authoring), .ts (transport), .mp4 or .mkv; - for
+    /// standard output
     #[arg(short, long)]
     pub output: PathBuf,
-    /// The kind of stream, whatever the output's name says
+    /// Container; overrides the extension of the output
     #[arg(long, value_parser = container())]
     pub container: Option<Container>,
     /// quantiser_scale: 1 to 8, even values to 62, 64, multiples of 8 to 112
@@ -52,41 +52,41 @@ pub struct Arguments {
     /// Constant bit rate in kbit/s instead of a constant quantiser
     #[arg(short, long, value_parser = value_parser!(u32).range(1..=KILOBITS_MAX))]
     pub bitrate: Option<u32>,
-    /// The most kbit/s that a decoder reads, with the quantiser of --qscale where that is enough
+    /// Maximum kbit/s that a decoder reads; uses the quantiser of --qscale where that is enough
     #[arg(long, value_parser = value_parser!(u32).range(1..=KILOBITS_MAX))]
     pub maxrate: Option<u32>,
-    /// Codes the clip again and again, from --qscale on, until the whole takes --bitrate at constant quality, which only
-    /// --maxrate bounds then
+    /// Encode repeatedly at constant quality, starting from --qscale, until the whole clip has --bitrate; only --maxrate limits
+    /// peaks
     #[arg(long, requires = "bitrate", conflicts_with = "zero_delay")]
     pub two_pass: bool,
-    /// The decoder's buffer in kbit, 17 at least; half a second of the rate if not given
+    /// Decoder's buffer in kbit, at least 17; the default is half a second of the rate
     #[arg(long, value_parser = value_parser!(u32).range(i64::from(BUFFER_MIN)..=KILOBITS_MAX))]
     vbv: Option<u32>,
-    /// The work that is done for few bits
+    /// Computation spent to save bits
     #[arg(short, long, value_parser = named(Effort::ALL, Effort::name), default_value_t = Effort::Balanced)]
     effort: Effort,
-    /// The longest distance of I pictures, 1 to 132
+    /// Maximum distance between I pictures, 1 to 132
     #[arg(short, long, value_parser = value_parser!(u32).range(1..=132), default_value_t = 15)]
     gop: u32,
-    /// The most B pictures in a row, 0 to 7
+    /// Maximum number of consecutive B pictures, 0 to 7
     #[arg(long, value_parser = value_parser!(u32).range(0..=7), default_value_t = 2)]
     bframes: u32,
-    /// No group of pictures needs the group before
+    /// Closed groups of pictures: none depends on the previous group
     #[arg(long)]
     closed: bool,
-    /// No I pictures besides those of --gop
+    /// No I pictures except those of --gop
     #[arg(long)]
     no_scene_cuts: bool,
-    /// One quantiser for all macroblocks of I and P pictures
+    /// Same quantiser for all macroblocks of I and P pictures
     #[arg(long)]
     uniform: bool,
-    /// Finer quantisers where the picture is smooth, coarser ones where it is busy
+    /// Adaptive quantisation: finer in smooth areas, coarser in busy ones
     #[arg(long, conflicts_with = "uniform")]
     adaptive: bool,
-    /// No reordering and no waiting: I and P pictures only
+    /// No reordering and no delay: only I and P pictures
     #[arg(long, conflicts_with_all = ["bitrate", "maxrate"])]
     zero_delay: bool,
-    /// The scan of Figure 7-3
+    /// Alternate scan, Figure 7-3
     #[arg(long)]
     alternate_scan: bool,
     /// Table B.14 for intra blocks instead of Table B.15
@@ -95,41 +95,41 @@ pub struct Arguments {
     /// Bits of the intra DC coefficient, 8 to 11
     #[arg(long, value_parser = value_parser!(u32).range(8..=11), default_value_t = 8)]
     dc: u32,
-    /// Shape of the displayed picture, or square samples; that of the clip if not given
+    /// Aspect ratio of the displayed picture, or square samples; the default comes from the clip
     #[arg(long, value_parser = named(AspectRatio::ALL, AspectRatio::name))]
     aspect: Option<AspectRatio>,
-    /// colour_primaries to be stated, which YUV4MPEG2 does not tell
+    /// colour_primaries to state; YUV4MPEG2 does not contain them
     #[arg(long, value_parser = named(ColorPrimaries::ALL, ColorPrimaries::name), default_value_t = ColorPrimaries::Bt709)]
     primaries: ColorPrimaries,
-    /// transfer_characteristics to be stated
+    /// transfer_characteristics to state
     #[arg(
         long,
         value_parser = named(TransferCharacteristics::ALL, TransferCharacteristics::name),
         default_value_t = TransferCharacteristics::Bt709
     )]
     transfer: TransferCharacteristics,
-    /// matrix_coefficients to be stated; that of BT.601 if not given, which programs assume in YUV4MPEG2
+    /// matrix_coefficients to state; the default is BT.601, which programs assume for YUV4MPEG2
     #[arg(long, value_parser = named(MatrixCoefficients::ALL, MatrixCoefficients::name))]
     matrix: Option<MatrixCoefficients>,
-    /// Motion to the frame before: i16 pairs, little endian, in 64ths of a pixel, frame after frame
+    /// Motion to the previous frame: i16 pairs per pixel, little endian, in 64ths of a pixel, frame by frame
     #[arg(short, long)]
     pub motion: Option<PathBuf>,
-    /// Motion to the frame after, in the same form
+    /// Motion to the next frame, in the same format
     #[arg(long)]
     pub motion_next: Option<PathBuf>,
     /// MPEG-1 instead of MPEG-2
     #[arg(long)]
     mpeg1: bool,
-    /// Threads to encode with, 0 for as many as there are processors
+    /// Number of threads, 0 for one per processor
     #[arg(short, long, value_parser = threads, default_value_t = 1)]
     pub threads: usize,
-    /// Prints a line for each picture
+    /// Print a line for each picture
     #[arg(short, long)]
     pub verbose: bool,
 }
 
 impl Arguments {
-    /// The settings for a clip of this name and format.
+    /// Returns the settings for a clip of this name and format.
     pub fn config(&self, clip: &str, format: &Format) -> Result<Config> {
         let usual = if self.mpeg1 { MatrixCoefficients::default() } else { MatrixCoefficients::Smpte170M };
         let matrix = self.matrix.unwrap_or(usual);
@@ -162,16 +162,16 @@ impl Arguments {
         Ok(config)
     }
 
-    /// The rate of each pass. Two passes keep to no bound but `--maxrate`.
+    /// Returns the rate control of each pass. In two-pass mode only `--maxrate` bounds the rate.
     fn rate(&self) -> Result<Rate> {
         let wrong = |text: &str| Err(WrongArguments(text.into()).into());
         let buffer = |kbps: u32| 1000 * self.vbv.unwrap_or((kbps / 2).max(BUFFER_MIN));
         Ok(match (self.bitrate.filter(|_| !self.two_pass), self.maxrate) {
             (Some(_), Some(_)) => {
-                return wrong("a constant rate has no other maximum: leave out --maxrate, or add --two-pass");
+                return wrong("a constant rate has no separate maximum: omit --maxrate or add --two-pass");
             }
             (None, None) if self.vbv.is_some() => {
-                return wrong("--vbv is the buffer of a rate: add --maxrate, or --bitrate without --two-pass");
+                return wrong("--vbv needs a rate: add --maxrate, or --bitrate without --two-pass");
             }
             (Some(kbps), None) => Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: buffer(kbps) },
             (None, Some(kbps)) => Rate::Capped { bits_per_second: 1000 * kbps, buffer_bits: buffer(kbps) },
@@ -179,43 +179,44 @@ impl Arguments {
         })
     }
 
-    /// The kind of stream, by `--container` or by the output's name. Standard output and devices have none, and take an elementary
+    /// Returns the container from `--container` or the output's name. Standard output and devices default to an elementary
     /// stream.
     pub fn container(&self) -> Result<Container> {
         match self.container.or_else(|| Container::of(&self.output)) {
             Some(container) => Ok(container),
             None if is_stream(&self.output) => Ok(Container::Elementary),
             None => {
-                let text = "name the output .m2v, .mpg, .vob, .ts, .mp4 or .mkv, or say --container";
+                let text = "use the extension .m2v, .mpg, .vob, .ts, .mp4 or .mkv, or add --container";
                 bail!(WrongArguments(format!("{}: {text}", self.output.display())))
             }
         }
     }
 }
 
-/// Parser of the names of `values`.
+/// Makes a parser of the names of `values`.
 fn named<T>(values: &'static [T], name: fn(T) -> &'static str) -> impl TypedValueParser<Value = T>
 where
     T: Copy + Send + Sync + 'static,
 {
-    let parsed = move |text: String| values.iter().copied().find(|&value| name(value) == text).expect("one of them");
+    let parsed =
+        move |text: String| values.iter().copied().find(|&value| name(value) == text).expect("one of the names");
     PossibleValuesParser::new(values.iter().map(|&value| name(value))).map(parsed)
 }
 
-/// Parser of the kinds of streams, by the endings of their files.
+/// Makes a parser of file extensions of containers.
 fn container() -> impl TypedValueParser<Value = Container> {
-    let parsed = |ending: String| Container::of(Path::new(&format!("film.{ending}"))).expect("an ending");
+    let parsed = |ending: String| Container::of(Path::new(&format!("film.{ending}"))).expect("a known extension");
     PossibleValuesParser::new(["m2v", "mpg", "vob", "ts", "mp4", "mkv"]).map(parsed)
 }
 
-/// Parser of quantiser_scale.
+/// Parses quantiser_scale.
 fn quantiser_scale(text: &str) -> Result<u32> {
     let value = text.parse()?;
     quantiser_scale_code(value)?;
     Ok(value)
 }
 
-/// Parser of a number of threads.
+/// Parses a number of threads.
 fn threads(text: &str) -> Result<usize> {
     match text.parse()? {
         count @ 0..=1024 => Ok(count),

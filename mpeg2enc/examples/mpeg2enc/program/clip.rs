@@ -1,4 +1,4 @@
-//! The files that are encoded: frames, and their motion if it is known.
+//! Input files: frames, and optionally their motion.
 
 use super::{
     arguments::Arguments,
@@ -13,32 +13,32 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Bytes that are read at once.
+/// Size of the read buffer, in bytes.
 const BUFFER: usize = 1 << 16;
 
-/// Frames and motion, from the first frame on.
+/// Reads frames and motion, starting with the first frame.
 pub struct Clip<'a> {
     name: String,
     reader: Reader<BufReader<Box<dyn Read + Send + 'a>>>,
     motion: [Option<Motion>; 2],
-    /// The last frame, and its motion to the frames before and after.
+    /// The last frame read, and its motion to the previous and next frame.
     frame: Picture,
     known: [Option<Correspondence>; 2],
 }
 
-/// A file of motion.
+/// An open motion file.
 struct Motion {
     path: PathBuf,
     file: File,
 }
 
-/// Whether this is standard input by any of its names.
+/// Whether this is standard input, by any of its names.
 pub fn is_standard_input(path: &Path) -> bool {
     ["-", "/dev/stdin", "/dev/fd/0", "/proc/self/fd/0"].iter().any(|name| path == Path::new(name))
 }
 
 impl<'a> Clip<'a> {
-    /// Opens the files and reads the header. Standard input is `standard`.
+    /// Opens the files and reads the header; `standard` is standard input.
     pub fn open(arguments: &Arguments, standard: &'a mut (dyn Read + Send)) -> Result<Self> {
         let open = |path: &PathBuf| File::open(path).with_context(|| format!("{} cannot be read", path.display()));
         let (name, input): (_, Box<dyn Read + Send>) = match &arguments.input {
@@ -59,19 +59,19 @@ impl<'a> Clip<'a> {
         &self.reader.format
     }
 
-    /// Name for messages.
+    /// Name in messages.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The next frame and its known motion; `None` after the last one. A clip of no frame is an error.
+    /// Reads the next frame and its known motion; `None` after the last one. A clip without frames is an error.
     pub fn next(&mut self) -> Result<Option<(&Picture, KnownMotion<'_>)>> {
         let (number, size) = (self.reader.count(), (self.reader.format.width, self.reader.format.height));
         if number == 0 {
             self.frame = Picture::black(size.0, size.1);
         }
         if !self.reader.read(&mut self.frame).with_context(|| self.name.clone())? {
-            ensure!(number > 0, "{} holds no frame after its header; {MAKE}", self.name);
+            ensure!(number > 0, "{} contains no frame after its header; {MAKE}", self.name);
             return Ok(None);
         }
         for (motion, known) in self.motion.iter_mut().zip(&mut self.known) {
@@ -85,13 +85,13 @@ impl<'a> Clip<'a> {
 }
 
 impl Motion {
-    /// The motion of a frame, given in 64ths of a pixel. The first frame of a file has none before it, and its zeros do no harm.
+    /// Reads the motion of a frame, in 64ths of a pixel. The first frame has no previous one; its zeros do no harm.
     fn read(&mut self, frame: u64, (width, height): (usize, usize)) -> Result<Correspondence> {
         let mut motion = Plane::filled(width, height, [0i16; 2]);
         let components = motion.samples_mut().as_flattened_mut();
         self.file
             .read_exact(bytemuck::cast_slice_mut(components))
-            .with_context(|| format!("{} ends before the motion of frame {frame} does", self.path.display()))?;
+            .with_context(|| format!("{} ends within the motion of frame {frame}", self.path.display()))?;
         if cfg!(target_endian = "big") {
             components.iter_mut().for_each(|component| *component = i16::from_le(*component));
         }
@@ -99,7 +99,7 @@ impl Motion {
     }
 }
 
-/// A vector of a motion file in pixels; a component of `i16::MIN` says that the pixel was not visible.
+/// Converts a vector of a motion file to pixels; a component of `i16::MIN` means that the pixel was not visible.
 fn in_pixels(vector_64ths: [i16; 2]) -> [f32; 2] {
     if vector_64ths.contains(&i16::MIN) { [f32::NAN; 2] } else { vector_64ths.map(|part| f32::from(part) / 64.0) }
 }

@@ -1,4 +1,4 @@
-//! Frames in, packets out, and a report of them.
+//! Encodes frames to packets, and reports on them.
 
 use super::{
     Streams,
@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use mpeg2enc::{BufferVerifier, Multiplexer, Packet, Passes};
 use std::io::Write;
 
-/// Encodes the clip, and tells the sum of it.
+/// Encodes the clip and prints a summary.
 pub fn encode(arguments: &Arguments, streams: &mut Streams) -> Result<()> {
     let totals = match arguments.bitrate.filter(|_| arguments.two_pass) {
         Some(kbps) => encode_in_passes(arguments, 1000 * kbps, streams)?,
@@ -21,7 +21,7 @@ pub fn encode(arguments: &Arguments, streams: &mut Streams) -> Result<()> {
         }
     };
 
-    // The sum goes to standard error if the film takes standard output.
+    // Use standard error for the summary if the film takes standard output.
     let report: &mut dyn Write = if is_stream(&arguments.output) { streams.messages } else { streams.output };
     writeln!(
         report,
@@ -30,14 +30,14 @@ pub fn encode(arguments: &Arguments, streams: &mut Streams) -> Result<()> {
         totals.bits_per_second() / 1000.0,
         10.0 * (255.0f64.powi(2) * totals.count.max(1) as f64 / totals.error).log10()
     )
-    .context("the film is written, but its report cannot be")?;
+    .context("the film is complete, but its report cannot be written")?;
     for note in totals.notes() {
         writeln!(streams.messages, "mpeg2enc: {note}")?;
     }
     Ok(())
 }
 
-/// Each pass takes the place of the one before.
+/// Encodes in several passes; each replaces the previous output.
 fn encode_in_passes(arguments: &Arguments, bits_per_second: u32, streams: &mut Streams) -> Result<Totals> {
     check_passes(arguments)?;
     let mut passes = Passes::new(bits_per_second);
@@ -59,20 +59,21 @@ fn encode_in_passes(arguments: &Arguments, bits_per_second: u32, streams: &mut S
     }
 }
 
-/// Refuses what cannot be read or written more than once.
+/// Refuses inputs and outputs that cannot be used more than once.
 fn check_passes(arguments: &Arguments) -> Result<()> {
     for path in [&arguments.input, &arguments.output] {
         if is_stream(path) {
-            let text = "is no file, and --two-pass goes over files more than once: encode from a file into a file";
+            let text =
+                "is not a file, but --two-pass reads and writes files several times: encode from a file into a file";
             bail!(WrongArguments(format!("{} {text}", path.display())));
         }
     }
     Ok(())
 }
 
-/// One pass over the clip, perhaps with a quantiser between those that exist. The output is written, but not finished.
+/// Encodes the clip in one pass, optionally with a mean quantiser. The output is written but not finished.
 ///
-/// If the clip is damaged, the frames before the damage are encoded, and their file keeps the ending `.part`.
+/// If the clip is damaged, the frames before the damage are encoded, and their file keeps the extension `.part`.
 fn encode_once<'a>(
     arguments: &Arguments,
     quantiser_scale: Option<f64>,
@@ -85,7 +86,7 @@ fn encode_once<'a>(
         config = config.with_mean_quantiser_scale(quantiser_scale);
     }
 
-    // The report must not get into the film.
+    // Keep the report out of the film.
     let (report, standard): (&mut (dyn Write + Send), _) = match is_stream(&arguments.output) {
         true => (streams.messages, Some(streams.output)),
         false => (streams.output, None),
@@ -98,7 +99,7 @@ fn encode_once<'a>(
         totals: Totals::new(&clip),
     };
 
-    // An error of the output ends the film at once. After an error of the clip, the frames before it are still written.
+    // An output error ends the film immediately. After a clip error, the frames before it are still written.
     let mut encoder = config.encoder()?;
     let read = loop {
         match clip.next() {
@@ -117,16 +118,16 @@ fn encode_once<'a>(
         Err(error) if totals.count == 0 => Err(error),
         Err(error) => {
             let place = output.abandon()?.map_or("the output".into(), |part| part.display().to_string());
-            bail!("{error:#}; {place} has the {} frames before", totals.count)
+            bail!("{error:#}; {place} contains the first {} frames", totals.count)
         }
     }
 }
 
-/// The way of packets into the output, and a report of them.
+/// Writes packets to the output and reports on them.
 struct Sink<'a> {
     output: Output<'a>,
     multiplexer: Multiplexer,
-    /// Takes a line for each picture.
+    /// Receives a line for each picture.
     report: Option<&'a mut (dyn Write + Send)>,
     verifier: Option<BufferVerifier>,
     totals: Totals,
@@ -134,14 +135,14 @@ struct Sink<'a> {
 
 struct Totals {
     fps: f64,
-    /// Size of the elementary stream.
+    /// Size of the elementary stream, in bits.
     bits: u64,
     count: u64,
     /// Sum of the mean squared errors of luma.
     error: f64,
-    /// Pictures that come late, and by how many seconds at most.
+    /// Number of late pictures, and their maximum delay in seconds.
     late: (u64, f64),
-    /// Name of a clip whose range is changed.
+    /// Name of the clip if its range was converted.
     full_range: Option<String>,
 }
 
@@ -156,16 +157,16 @@ impl Totals {
         self.bits as f64 / self.count.max(1) as f64 * self.fps
     }
 
-    /// A line for each thing that is not as requested.
+    /// Lines about deviations from the request.
     fn notes(&self) -> Vec<String> {
         let full_range = self.full_range.as_ref().map(|clip| {
-            format!("{clip} has full range, which MPEG-2 has not: its samples were brought to limited range")
+            format!("{clip} has full range, which MPEG-2 does not support: its samples were converted to limited range")
         });
         let late = (self.late.0 > 0).then(|| {
             let (late, seconds) = self.late;
             format!(
-                "{late} of {} pictures come late, by {seconds:.2} s at most: the coarsest quantiser is too fine for this rate \
-                 and buffer; raise --bitrate, --maxrate or --vbv",
+                "{late} of {} pictures are late, by up to {seconds:.2} s: the coarsest quantiser takes too many bits for this \
+                 rate and buffer; raise --bitrate, --maxrate or --vbv",
                 self.count
             )
         });
@@ -195,7 +196,7 @@ impl<'a> Sink<'a> {
     }
 }
 
-/// Writes a line of a picture.
+/// Writes the line of a picture.
 fn tell(report: &mut dyn Write, packet: &Packet) -> Result<()> {
     let scales = packet.quantiser_scales.samples();
     let mean = scales.iter().map(|&scale| f64::from(scale)).sum::<f64>() / scales.len() as f64;

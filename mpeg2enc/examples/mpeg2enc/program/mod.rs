@@ -1,4 +1,4 @@
-//! The program without its process: tests call it with arguments and streams of their own.
+//! The program without its process, so that tests can call it with their own arguments and streams.
 
 mod arguments;
 mod clip;
@@ -14,11 +14,11 @@ use std::{
     io::{Read, Write},
 };
 
-/// Exit code: the film is written.
+/// Exit code of a finished film.
 pub const DONE: u8 = 0;
-/// Exit code: the clip cannot be read or encoded, or the film cannot be written.
+/// Exit code if the clip cannot be read or encoded, or the film cannot be written.
 pub const FAILED: u8 = 1;
-/// Exit code: arguments are wrong.
+/// Exit code of wrong arguments.
 pub const WRONG_ARGUMENTS: u8 = 2;
 
 /// Standard input, output and error.
@@ -29,13 +29,13 @@ pub struct Streams<'a> {
 }
 
 impl Streams<'_> {
-    /// The same streams, for a while.
+    /// Borrows the streams for one call.
     fn borrowed(&mut self) -> Streams<'_> {
         Streams { input: &mut *self.input, output: &mut *self.output, messages: &mut *self.messages }
     }
 }
 
-/// Runs the program: arguments begin with its name. Gives the exit code.
+/// Runs the program and returns the exit code; the first argument is the program's name.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, mut streams: Streams) -> u8 {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
@@ -46,7 +46,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, mut streams: Streams) 
         }
     };
     let Err(error) = encode_in_pool(&arguments, &mut streams) else { return DONE };
-    // The exit code tells of the error even if the message cannot be written.
+    // The exit code reports the error even if the message cannot be written.
     let _ = writeln!(streams.messages, "mpeg2enc: {error:#}");
     if error.is::<WrongArguments>() { WRONG_ARGUMENTS } else { FAILED }
 }

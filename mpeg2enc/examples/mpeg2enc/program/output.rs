@@ -1,4 +1,4 @@
-//! The output: a file that has its name only once it is whole, or a stream.
+//! Output: a file that is named only when complete, or a stream.
 
 use anyhow::{Context, Result};
 use std::{
@@ -7,22 +7,22 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Bytes of a stream on their way.
+/// An open output.
 pub struct Output<'a> {
     writer: BufWriter<Box<dyn Write + Send + 'a>>,
     name: String,
-    /// The file being written, and the one that it becomes.
+    /// Path of the temporary file, and its final path.
     part: Option<(PathBuf, PathBuf)>,
 }
 
-/// Whether this is standard output by any of its names.
+/// Whether this is standard output, by any of its names.
 fn is_standard_output(path: &Path) -> bool {
     ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }
 
-/// Whether this is a pipe, a device or a standard stream, which cannot begin again.
+/// Whether this is a pipe, a device or a standard stream, which cannot be rewritten from the beginning.
 pub fn is_stream(path: &Path) -> bool {
-    // These names lead to open files: their true names are unknown, so that nothing can take their places.
+    // These names refer to open files of unknown path, which no other file can replace.
     let is_open = ["/dev/stdin", "/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
     path == Path::new("-")
         || is_open.iter().any(|start| path.starts_with(start))
@@ -30,19 +30,19 @@ pub fn is_stream(path: &Path) -> bool {
 }
 
 impl<'a> Output<'a> {
-    /// Begins to write. A file is named `NAME.part` until [`finish`](Self::finish) gives it its name. Standard output is `standard`, if
-    /// that is free.
+    /// Opens the output. A file is named `NAME.part` until [`finish`](Self::finish) renames it. Standard output is `standard`,
+    /// if available.
     pub fn create(path: &Path, standard: Option<&'a mut (dyn Write + Send)>) -> Result<Self> {
         let name = path.display().to_string();
         let fail = |path: &Path| format!("{} cannot be written", path.display());
         let (writer, part): (Box<dyn Write + Send>, _) = match standard.filter(|_| is_standard_output(path)) {
             Some(standard) => (Box::new(standard), None),
-            // An open file may have contents already: nothing of it is cut off.
+            // An open file may already have contents, so do not truncate it.
             None if is_stream(path) => {
                 (Box::new(File::options().append(true).open(path).with_context(|| fail(path))?), None)
             }
             None => {
-                // A link stays: the file that it leads to is replaced.
+                // Keep a link and replace the file that it refers to.
                 let target = fs::canonicalize(path).unwrap_or_else(|_| path.into());
                 let mut part = target.clone().into_os_string();
                 part.push(".part");
@@ -57,18 +57,17 @@ impl<'a> Output<'a> {
         self.writer.write_all(bytes).with_context(|| format!("{} cannot be written", self.name))
     }
 
-    /// All is written: the file gets its name.
+    /// Renames the complete file to its final path.
     pub fn finish(mut self) -> Result<()> {
         self.flush()?;
         match self.part.take() {
-            Some((part, target)) => {
-                fs::rename(&part, &target).with_context(|| format!("{} cannot become {}", part.display(), self.name))
-            }
+            Some((part, target)) => fs::rename(&part, &target)
+                .with_context(|| format!("{} cannot be renamed to {}", part.display(), self.name)),
             None => Ok(()),
         }
     }
 
-    /// Something is missing: the file keeps its ending, and this is its name. `None` for streams.
+    /// Keeps an incomplete file under its temporary path and returns that path; `None` for streams.
     pub fn abandon(mut self) -> Result<Option<PathBuf>> {
         self.flush()?;
         Ok(self.part.take().map(|(part, _)| part))
@@ -80,7 +79,7 @@ impl<'a> Output<'a> {
 }
 
 impl Drop for Output<'_> {
-    /// A file that is neither finished nor abandoned is worth nothing.
+    /// Deletes a file that is neither finished nor abandoned.
     fn drop(&mut self) {
         if let Some((part, _)) = &self.part {
             let _ = fs::remove_file(part);

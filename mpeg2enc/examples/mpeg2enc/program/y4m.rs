@@ -1,51 +1,51 @@
-//! Frames of a YUV4MPEG2 file.
+//! Reader of YUV4MPEG2 frames.
 //!
-//! Lines are read up to [`LINE_MAX`] bytes, so that a file of another kind takes no memory.
+//! Lines are read up to [`LINE_MAX`] bytes, so that a file of another type takes no memory.
 
 use anyhow::{Context, Result, bail, ensure};
 use mpeg2enc::{AspectRatio, FrameRate, Picture};
 use std::io::{BufRead, Read};
 
-/// The most bytes of a line, its end included. Headers have about a hundred.
+/// Maximum bytes of a line, including its end; usual headers have about a hundred.
 const LINE_MAX: u64 = 1024;
 /// First word of a file and of each frame.
 const MAGIC: &str = "YUV4MPEG2";
 const FRAME: &str = "FRAME";
-/// The remedy where a clip is none that can be encoded.
-pub const MAKE: &str = "make a clip by ffmpeg -i FILM -pix_fmt yuv420p clip.y4m";
+/// Suggestion for clips that cannot be encoded.
+pub const MAKE: &str = "make a clip with ffmpeg -i FILM -pix_fmt yuv420p clip.y4m";
 
-/// The fields of a file's first line.
+/// Fields of a file's first line.
 #[derive(Debug)]
 pub struct Format {
     pub width: usize,
     pub height: usize,
     pub frame_rate: FrameRate,
-    /// Width and height of a sample, if they are known.
+    /// Width and height of a sample as a ratio, if known.
     sample: Option<(u32, u32)>,
-    /// Do code values go from 0 to 255?
+    /// Whether code values range from 0 to 255.
     pub is_full_range: bool,
 }
 
 impl Format {
-    /// The shape that the standard has for these pictures; square samples where none is known.
+    /// Returns the aspect ratio in the standard for these pictures; the default is square samples.
     pub fn aspect(&self) -> Result<AspectRatio> {
         let Some((width, height)) = self.sample else { return Ok(AspectRatio::SquareSamples) };
         AspectRatio::of_samples(self.width, self.height, (width, height)).with_context(|| {
             format!(
-                "the standard has no shape for samples of {width}:{height} (field A); name another one by --aspect, or scale \
-                 to square samples by ffmpeg -i FILM -vf scale=iw*sar:ih,setsar=1 -pix_fmt yuv420p clip.y4m"
+                "the standard has no aspect ratio for samples of {width}:{height} (field A); set one with --aspect, or scale \
+                 to square samples with ffmpeg -i FILM -vf scale=iw*sar:ih,setsar=1 -pix_fmt yuv420p clip.y4m"
             )
         })
     }
 }
 
-/// A file whose header was read.
+/// A file after its header was read.
 pub struct Reader<R> {
     input: R,
     pub format: Format,
-    /// Bytes read so far.
+    /// Number of bytes read so far.
     at: u64,
-    /// Number of the next frame.
+    /// Index of the next frame.
     frame: u64,
     line: Vec<u8>,
 }
@@ -57,19 +57,19 @@ impl<R: BufRead> Reader<R> {
         (&mut input).take(LINE_MAX).read_until(b'\n', &mut line)?;
         ensure!(line.starts_with(MAGIC.as_bytes()), "byte 0: the file does not begin with {MAGIC}; {MAKE}");
         if line.last() != Some(&b'\n') {
-            let what = if line.len() as u64 == LINE_MAX { "the first line goes on" } else { "the file ends" };
-            bail!("byte {}: {what} where the header should have ended with a new line; {MAKE}", line.len());
+            let what = if line.len() as u64 == LINE_MAX { "the first line continues" } else { "the file ends" };
+            bail!("byte {}: {what} where the header should end with a newline; {MAKE}", line.len());
         }
         let format = parse_header(String::from_utf8_lossy(&line).trim_end())?;
         Ok(Self { input, format, at: line.len() as u64, frame: 0, line })
     }
 
-    /// Number of frames that were read.
+    /// Number of frames read.
     pub fn count(&self) -> u64 {
         self.frame
     }
 
-    /// Reads the next frame over the last one; false at the end of the file.
+    /// Reads the next frame into `frame`; returns false at the end of the file.
     pub fn read(&mut self, frame: &mut Picture) -> Result<bool> {
         let (number, start) = (self.frame, self.at);
         let place = || format!("frame {number} at byte {start}");
@@ -79,11 +79,11 @@ impl<R: BufRead> Reader<R> {
             return Ok(false);
         }
 
-        // The marker is a line of its own, perhaps with parameters.
+        // The marker is a separate line, possibly with parameters.
         let rest = self.line.strip_prefix(FRAME.as_bytes());
         if !rest.is_some_and(|rest| matches!(rest, [b'\n'] | [b' ', .., b'\n'])) {
             let found = String::from_utf8_lossy(&self.line[..self.line.len().min(16)]).into_owned();
-            bail!("{}: there should be a line {FRAME}, and {found:?} is there; make the clip anew", place());
+            bail!("{}: expected a line {FRAME}, found {found:?}; recreate the clip", place());
         }
         self.at += self.line.len() as u64;
 
@@ -92,7 +92,7 @@ impl<R: BufRead> Reader<R> {
             while read < size {
                 match self.input.read(&mut samples[read..]) {
                     Ok(0) => bail!(
-                        "{}: the file ends within it, at byte {}; make the clip anew",
+                        "{}: the file ends within the frame, at byte {}; recreate the clip",
                         place(),
                         self.at + read as u64
                     ),
@@ -111,7 +111,7 @@ impl<R: BufRead> Reader<R> {
     }
 }
 
-/// Brings code values from 0 … 255 to 16 … 235 in luma and 16 … 240 in chroma, the only range that MPEG-2 has.
+/// Maps code values 0 … 255 to 16 … 235 in luma and 16 … 240 in chroma, the only range of MPEG-2.
 fn limit_range(frame: &mut Picture) {
     for (samples, steps) in frame.samples_mut().into_iter().zip([219, 224, 224]) {
         for sample in samples {
@@ -120,39 +120,39 @@ fn limit_range(frame: &mut Picture) {
     }
 }
 
-/// Reads a line such as `YUV4MPEG2 W512 H512 F25:1 Ip A1:1 C420jpeg XCOLORRANGE=LIMITED`.
+/// Parses a line such as `YUV4MPEG2 W512 H512 F25:1 Ip A1:1 C420jpeg XCOLORRANGE=LIMITED`.
 fn parse_header(line: &str) -> Result<Format> {
     let value = |tag: &str| line.split(' ').skip(1).find_map(|word| word.strip_prefix(tag));
     let number = |tag: &str, name: &str| -> Result<usize> {
-        let text = value(tag).with_context(|| format!("the header states no {name} (field {tag}); {MAKE}"))?;
-        text.parse().with_context(|| format!("the {name} {tag}{text} is no number; {MAKE}"))
+        let text = value(tag).with_context(|| format!("the header has no {name} (field {tag}); {MAKE}"))?;
+        text.parse().with_context(|| format!("the {name} {tag}{text} is not a number; {MAKE}"))
     };
     let pair = |tag: &str, text: &str| -> Result<(u32, u32)> {
         let parts = text.split_once(':').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
-        parts.with_context(|| format!("{tag}{text} is no ratio of two numbers; {MAKE}"))
+        parts.with_context(|| format!("{tag}{text} is not a ratio of two numbers; {MAKE}"))
     };
 
-    // Pictures of this encoder are progressive, of 4:2:0 and 8 bits.
+    // This encoder only supports progressive pictures, 4:2:0, 8 bits.
     match value("I") {
         None | Some("p" | "?" | "") => {}
         Some(kind @ ("t" | "b" | "m")) => bail!(
-            "frames are interlaced (I{kind}), and only progressive ones can be encoded; deinterlace by ffmpeg -i FILM -vf \
+            "frames are interlaced (I{kind}), but only progressive ones can be encoded; deinterlace with ffmpeg -i FILM -vf \
              bwdif -pix_fmt yuv420p clip.y4m"
         ),
-        Some(kind) => bail!("I{kind} is no interlacing of {MAGIC}; {MAKE}"),
+        Some(kind) => bail!("I{kind} is not an interlacing mode of {MAGIC}; {MAKE}"),
     }
     if let Some(format) = value("C").filter(|format| !format.starts_with("420") || format.starts_with("420p1")) {
-        bail!("only 4:2:0 of 8 bits can be encoded, not C{format}; {MAKE}");
+        bail!("only 4:2:0 with 8 bits can be encoded, not C{format}; {MAKE}");
     }
 
-    // 0:0 stands for an unknown shape.
+    // 0:0 represents an unknown aspect ratio.
     let sample = value("A").map(|text| pair("A", text)).transpose()?.filter(|&sample| sample != (0, 0));
     let is_full_range = match value("XCOLORRANGE=") {
         None | Some("LIMITED") => false,
         Some("FULL") => true,
         Some(range) => bail!("XCOLORRANGE={range} is neither FULL nor LIMITED; {MAKE}"),
     };
-    let rate = value("F").with_context(|| format!("the header states no frame rate (field F); {MAKE}"))?;
+    let rate = value("F").with_context(|| format!("the header has no frame rate (field F); {MAKE}"))?;
     let (numerator, denominator) = pair("F", rate)?;
     let frame_rate = FrameRate::from_fps(f64::from(numerator) / f64::from(denominator))?;
     Ok(Format { width: number("W", "width")?, height: number("H", "height")?, frame_rate, sample, is_full_range })
