@@ -1,4 +1,4 @@
-//! Whole pictures of 512×512, panned: `cargo bench -p mpeg2enc`.
+//! Whole panned pictures of 512×512: `cargo bench -p mpeg2enc`.
 
 use divan::{Bencher, counter::ItemsCount};
 use mpeg2enc::{Config, Encoder, FrameRate, Picture};
@@ -21,7 +21,7 @@ fn frame(time: usize) -> Picture {
         }
     };
     let chroma = Plane::from_fn(SIZE / 2, SIZE / 2, at(2));
-    Picture::new(Plane::from_fn(SIZE, SIZE, at(1)), chroma.clone(), chroma).expect("planes that belong together")
+    Picture::new(Plane::from_fn(SIZE, SIZE, at(1)), chroma.clone(), chroma).expect("the planes must match")
 }
 
 fn encoder(quantiser_scale: u32, gop: u32) -> Encoder {

@@ -35,14 +35,14 @@ fn a_still_sequence_is_skipped() {
         let (intra, predicted) = packets.split_at(1);
         for (i, packet) in predicted.iter().enumerate() {
             assert_eq!(packet.picture_type, PictureType::P);
-            // The first predicted pictures may still sharpen what the intra matrix left coarse.
+            // The first predicted pictures may still refine coarse details of the I picture.
             if i >= 2 {
                 let statistics = packet.statistics;
                 let most = 8 * (160 / 16 - 2);
                 assert!(statistics.skipped * 20 >= most * 19, "picture {i} at {quantiser_scale}: {statistics:?}");
             }
         }
-        // What is left is headers, and the first and last macroblock of each slice.
+        // Only headers remain, and the first and last macroblock of each slice.
         let headers = 200 + 8 * 80;
         assert!(
             predicted[2..].iter().all(|packet| packet.bits < headers.max(intra[0].bits / 20)),
@@ -88,7 +88,7 @@ fn finer_quantisers_give_better_pictures_and_more_bits() {
     }
 }
 
-/// Distance of two planes, in code values.
+/// Root mean square difference of two planes, in code values.
 fn root_mean_square(a: &Plane<u8>, b: &Plane<u8>) -> f64 {
     let squares = a.samples().iter().zip(b.samples()).map(|(&a, &b)| f64::from(a.abs_diff(b)).powi(2));
     (squares.sum::<f64>() / a.samples().len() as f64).sqrt()
@@ -117,18 +117,18 @@ proptest! {
                 }
             };
             let packets = encoder.push(&frame, (i % 2 == 0).then_some(&field).into());
-            let [packet] = &packets[..] else { return Err(TestCaseError::fail("not one packet")) };
+            let [packet] = &packets[..] else { return Err(TestCaseError::fail("exactly one packet expected")) };
             prop_assert!(packet.bits > 0);
             let error = root_mean_square(frame.luma(), packet.reconstruction.luma());
             let told = 255.0 / 10f64.powf(packet.psnr_y / 20.0);
-            prop_assert!((error - told).abs() <= 1e-6 * error, "an error of {error} is told as {} dB", packet.psnr_y);
-            // At most 1.48 in a quarter of a million pictures; those of a few pixels come closest.
+            prop_assert!((error - told).abs() <= 1e-6 * error, "an error of {error} is reported as {} dB", packet.psnr_y);
+            // At most 1.48 in a quarter of a million pictures; pictures of a few pixels come closest to the limit.
             prop_assert!(error <= 2.0 * f64::from(scale + 1), "quantiser_scale {scale}: an error of {error}");
         }
     }
 }
 
-/// The plan is known while frames wait, and is about what they are coded with.
+/// The planned quantiser is available while frames wait, and is close to the quantiser of their coding.
 #[test]
 fn the_quantiser_of_waiting_frames_is_planned() {
     let config = || Config::new(96, 80, FrameRate::FPS_25).with_lookahead(20).with_b_pictures(1);
@@ -140,12 +140,12 @@ fn the_quantiser_of_waiting_frames_is_planned() {
         assert!(encoder.push(&moving(96, 80, time), KnownMotion::default()).is_empty(), "it waits");
         planned.extend(encoder.planned_quantiser_scale());
     }
-    assert_eq!(planned.len(), 19, "all but the first, which nothing is known of that follows it");
+    assert_eq!(planned.len(), 19, "all but the first frame, whose successor is unknown");
     let packets = encoder.finish().packets;
     let coded = packets.iter().map(|packet| packet.quantiser_scale as f32).sum::<f32>() / packets.len() as f32;
     assert!(planned.iter().all(|planned| (0.5..2.0).contains(&(planned / coded))), "{planned:?}, {coded}");
 
-    // Nothing is planned at a constant quantiser, and nothing waits at zero look-ahead.
+    // A constant quantiser needs no plan, and without look-ahead no frames wait.
     for config in [config(), Config::new(96, 80, FrameRate::FPS_25)] {
         let mut encoder = config.encoder().expect("a valid configuration");
         let _ = encoder.push(&moving(96, 80, 0), KnownMotion::default());

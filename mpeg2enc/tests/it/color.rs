@@ -1,4 +1,4 @@
-//! Headers say what samples mean: color and shape, as ffprobe and the bits tell.
+//! Color and aspect ratio in headers, as read by ffprobe and bit by bit.
 
 use crate::common::*;
 use mpeg2enc::{
@@ -6,12 +6,12 @@ use mpeg2enc::{
     TransferCharacteristics,
 };
 
-/// A stream of one picture.
+/// Stream of one picture.
 fn stream(config: Config, (width, height): (usize, usize)) -> Vec<u8> {
     encode(config, [moving(width, height, 0)].into_iter()).0
 }
 
-/// The values that ffprobe reads from a stream, one for each entry.
+/// Values that ffprobe reads from a stream, one for each entry.
 fn probed(stream: &[u8], entries: &str) -> Vec<String> {
     let file = StreamFile::new(stream);
     let shown = format!("stream={entries}");
@@ -20,7 +20,7 @@ fn probed(stream: &[u8], entries: &str) -> Vec<String> {
     String::from_utf8(listed).expect("text").lines().map(str::to_owned).collect()
 }
 
-/// The bytes after extension_start_code with this identifier.
+/// Bytes after extension_start_code with this identifier.
 fn extension(stream: &[u8], identifier: u8) -> &[u8] {
     let found = stream.windows(5).position(|bytes| bytes[..4] == [0, 0, 1, 0xb5] && bytes[4] >> 4 == identifier);
     &stream[found.expect("an extension") + 4..]
@@ -45,7 +45,7 @@ fn every_color_is_stated() {
     }
 }
 
-/// Tables 6-7 to 6-9 and 6-3 begin with 1, which has stood in every stream so far.
+/// The default is code 1 of Tables 6-7 to 6-9 and 6-3, as in all earlier versions.
 #[test]
 fn without_settings_bt_709_and_square_samples_are_stated() {
     let stream = stream(config(96, 80), (96, 80));

@@ -1,4 +1,4 @@
-//! Moving pictures made by formula, and the two decoders that judge a stream.
+//! Synthetic moving pictures, and the two decoders that check a stream.
 
 use mpeg2enc::{Config, FrameRate, KnownMotion, Packet, Picture, PictureType, psnr};
 use plane::{Correspondence, Plane};
@@ -9,7 +9,7 @@ use std::{
     sync::atomic::{AtomicU32, Ordering},
 };
 
-/// A texture with detail that does not repeat, at a position in pixels.
+/// Aperiodic texture with detail, at a position in pixels.
 pub fn texture(x: f64, y: f64) -> f64 {
     let smooth = |x: f64, y: f64| {
         let hash = |x: i64, y: i64| {
@@ -17,7 +17,7 @@ pub fn texture(x: f64, y: f64) -> f64 {
             f64::from((mixed >> 40) as u8) - 127.5
         };
         let (i, j) = (x.floor() as i64, y.floor() as i64);
-        // A soft blend between whole positions: no corners that no vector could follow.
+        // Smooth interpolation between integer positions, without edges that vectors cannot follow.
         let soft = |t: f64| t * t * (3.0 - 2.0 * t);
         let (u, v) = (soft(x - x.floor()), soft(y - y.floor()));
         let upper = hash(i, j) * (1.0 - u) + hash(i + 1, j) * u;
@@ -30,7 +30,7 @@ pub fn texture(x: f64, y: f64) -> f64 {
         + 0.2 * smooth(x / 4.0, y / 4.0 + 70.0)
 }
 
-/// The texture seen from `(x, y)` on.
+/// Picture of the texture with its upper left corner at `(x, y)`.
 pub fn pan(width: usize, height: usize, x: f64, y: f64) -> Picture {
     let at = |scale: f64, phase: f64| {
         move |i: usize, j: usize| {
@@ -43,10 +43,10 @@ pub fn pan(width: usize, height: usize, x: f64, y: f64) -> Picture {
         Plane::from_fn(chroma_width, chroma_height, at(2.0, 100.0)),
         Plane::from_fn(chroma_width, chroma_height, at(2.0, 300.0)),
     )
-    .expect("planes that belong together")
+    .expect("the planes must match")
 }
 
-/// Frame `time` of moving content: a pan, a faster disc, flicker in a corner, and a cut at frame 60.
+/// Frame `time` of moving content: a pan, a faster disc, flicker in a corner, and a shot change at frame 60.
 pub fn moving(width: usize, height: usize, time: usize) -> Picture {
     let t = time as f64 + if time >= 60 { 5000.0 } else { 0.0 };
     let mut frame = pan(width, height, 1.7 * t, -0.6 * t);
@@ -65,16 +65,16 @@ pub fn moving(width: usize, height: usize, time: usize) -> Picture {
     frame
 }
 
-/// Noise of full range, seeded.
+/// Full-range noise with a seed.
 pub fn noise(width: usize, height: usize, seed: u64) -> Picture {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut plane = |width: usize, height: usize| Plane::from_fn(width, height, |_, _| random.u8(..));
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
     Picture::new(plane(width, height), plane(chroma_width, chroma_height), plane(chroma_width, chroma_height))
-        .expect("planes that belong together")
+        .expect("the planes must match")
 }
 
-/// A field with one motion everywhere.
+/// Motion field with the same vector everywhere.
 pub fn uniform_motion(width: usize, height: usize, x: f32, y: f32) -> Correspondence {
     Correspondence::from_motion(Plane::filled(width, height, [x, y]))
 }
@@ -88,7 +88,7 @@ pub fn encode(config: Config, frames: impl Iterator<Item = Picture>) -> (Vec<u8>
     (stream, packets)
 }
 
-/// Encodes frames, each with the motion to the frame before it if there is one; packets come back in display order.
+/// Encodes frames, optionally with motion to the previous frame. Returns the packets in display order.
 pub fn encode_ahead(
     config: Config,
     frames: impl Iterator<Item = Picture>,
@@ -112,7 +112,7 @@ pub fn largest_difference(a: &Picture, b: &Picture) -> u8 {
     of(a.luma(), b.luma()).max(of(a.cb(), b.cb())).max(of(a.cr(), b.cr()))
 }
 
-/// How far decoders were from reconstructions.
+/// Differences between decoded pictures and reconstructions.
 #[derive(Debug, Default)]
 pub struct Distance {
     pub largest: u8,
@@ -131,16 +131,16 @@ impl Distance {
     }
 }
 
-/// Both decoders show the reconstruction, to within one for each prediction on the way and one for the picture itself: that is as
-/// far as transforms may be off. Errors rarely meet: farther than [`FARTHEST`] is refused however long the way is.
+/// Checks that both decoders show the reconstruction. The tolerance is one for each prediction up to the picture and one for
+/// the picture itself, the allowed mismatch of transforms. Errors rarely add up, so more than [`FARTHEST`] always fails.
 pub fn check(stream: &[u8], packets: &[Packet], what: &str) {
     measure_distances(stream, packets, what, &mut Default::default());
 }
 
-/// The most that a sample may differ.
+/// Maximum difference of a sample.
 const FARTHEST: usize = 2;
 
-/// The same, and adds up how far ffmpeg and mpeg2dec are away.
+/// Runs [`check`], and adds the differences of ffmpeg and mpeg2dec to `distances`.
 pub fn measure_distances(stream: &[u8], packets: &[Packet], what: &str, distances: &mut [Distance; 2]) {
     let (width, height) = (packets[0].reconstruction.width(), packets[0].reconstruction.height());
     let decoders = [
@@ -149,7 +149,7 @@ pub fn measure_distances(stream: &[u8], packets: &[Packet], what: &str, distance
     ];
     let predictions = predictions(packets);
     for ((decoder, frames), sum) in decoders.into_iter().zip(distances) {
-        assert_eq!(frames.len(), packets.len(), "{decoder} shows every picture of {what}");
+        assert_eq!(frames.len(), packets.len(), "{decoder} must show every picture of {what}");
         for (i, (frame, packet)) in frames.iter().zip(packets).enumerate() {
             sum.add(frame, &packet.reconstruction);
             let difference = largest_difference(frame, &packet.reconstruction);
@@ -163,7 +163,7 @@ pub fn measure_distances(stream: &[u8], packets: &[Packet], what: &str, distance
     }
 }
 
-/// How many predictions lie between each picture and an I picture, in display order.
+/// Number of predictions between each picture and an I picture, in display order.
 fn predictions(packets: &[Packet]) -> Vec<usize> {
     let mut depths = vec![0; packets.len()];
     let mut last = 0;
@@ -188,7 +188,7 @@ pub fn config(width: usize, height: usize) -> Config {
     Config::new(width, height, FrameRate::FPS_25)
 }
 
-/// A file that goes away with the value.
+/// A file that is deleted when the value is dropped.
 pub struct StreamFile(PathBuf);
 
 impl StreamFile {
@@ -207,12 +207,12 @@ impl StreamFile {
 
 impl Drop for StreamFile {
     fn drop(&mut self) {
-        // Nothing is lost if a temporary file stays.
+        // A remaining temporary file does no harm.
         let _ = std::fs::remove_file(&self.0);
     }
 }
 
-/// Runs a program that must succeed: what it writes, and its messages.
+/// Runs a program that must succeed; returns its output and its messages.
 pub fn run(program: &str, arguments: &[&str]) -> (Vec<u8>, String) {
     let output = Command::new(program).args(arguments).stdin(Stdio::null()).output().unwrap_or_else(|error| {
         panic!("{program} cannot be run ({error}); these tests need the programs ffmpeg and mpeg2dec on the PATH")
@@ -224,25 +224,25 @@ pub fn run(program: &str, arguments: &[&str]) -> (Vec<u8>, String) {
 
 /// Decodes with ffmpeg at its strictest; any message is a failure.
 ///
-/// With `aggressive`, ffmpeg takes the four bytes of a sequence_end_code for what a slice left over,
-/// so this check runs without them, and a second one, of warnings alone, with them.
-/// `idct` is its inverse transform: `auto`, or `faani` for the one in floating point that is nearest to the definition.
+/// With `aggressive`, ffmpeg considers the four bytes of a sequence_end_code excess data of a slice. This check therefore runs
+/// without them, and a second one, only of warnings, with them. `idct` is the inverse transform: `auto`, or `faani` for the
+/// floating-point one nearest to the definition.
 pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> Vec<Picture> {
     let (body, end) = stream.split_at(stream.len() - 4);
-    assert_eq!(end, [0, 0, 1, 0xb7], "a stream ends with sequence_end_code");
+    assert_eq!(end, [0, 0, 1, 0xb7], "the stream must end with sequence_end_code");
     let common = ["-nostdin", "-v", "warning", "-xerror", "-threads", "1", "-idct", idct, "-f", "mpegvideo"];
-    // Enough for a few pictures of noise: with less ffmpeg says that it cannot estimate their rate.
+    // Enough for a few pictures of noise; with less ffmpeg cannot estimate their rate and warns.
     let common = [&common[..], &["-probesize", "100M"]].concat();
     let decode = |stream: &[u8], flags: &[&str], output: &[&str]| {
         let file = StreamFile::new(stream);
         let input = ["-i", file.path(), "-fps_mode", "passthrough"];
         let (bytes, messages) = run("ffmpeg", &[&common[..], flags, &input, output, &["-"]].concat());
-        // Not about the stream: what it says of its own raw output for the very smallest pictures, and of the length of a
-        // file that states a bit rate.
+        // Warnings that do not concern the stream: about ffmpeg's own raw output of tiny pictures, and about the duration of a
+        // file with a stated bit rate.
         let elsewhere = ["The bitrate parameter is set too low", "Estimating duration from bitrate"];
         let is_about_stream = |line: &&str| !elsewhere.iter().any(|text| line.contains(text));
         let messages: Vec<&str> = messages.lines().filter(is_about_stream).collect();
-        assert!(messages.is_empty(), "ffmpeg has something to say: {messages:?}");
+        assert!(messages.is_empty(), "ffmpeg printed messages: {messages:?}");
         bytes
     };
     decode(stream, &[], &["-f", "null"]);
@@ -250,7 +250,7 @@ pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> 
     let bytes = decode(body, &strict, &["-f", "rawvideo", "-pix_fmt", "yuv420p"]);
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
     let (luma_size, chroma_size) = (width * height, chroma_width * chroma_height);
-    assert_eq!(bytes.len() % (luma_size + 2 * chroma_size), 0, "ffmpeg gives whole pictures of {width}x{height}");
+    assert_eq!(bytes.len() % (luma_size + 2 * chroma_size), 0, "ffmpeg must return whole pictures of {width}x{height}");
     bytes
         .chunks_exact(luma_size + 2 * chroma_size)
         .map(|picture| {
@@ -261,7 +261,7 @@ pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> 
                 Plane::from_vec(chroma_width, chroma_height, cb.to_vec()),
                 Plane::from_vec(chroma_width, chroma_height, cr.to_vec()),
             )
-            .expect("planes that belong together")
+            .expect("the planes must match")
         })
         .collect()
 }
@@ -273,7 +273,7 @@ pub fn decode_mpeg2dec(stream: &[u8], width: usize, height: usize) -> Vec<Pictur
     let mut rest = &bytes[..];
     let mut frames = Vec::new();
     while !rest.is_empty() {
-        // A gray map of luma above both chroma planes side by side, in whole macroblocks.
+        // A grayscale map with luma above both chroma planes, which are side by side, in whole macroblocks.
         let (header, start) = pgm_header(rest);
         let [map_width, map_height] = header;
         let samples = &rest[start..start + map_width * map_height];
@@ -285,13 +285,13 @@ pub fn decode_mpeg2dec(stream: &[u8], width: usize, height: usize) -> Vec<Pictur
             |offset: usize| Plane::from_fn(chroma_width, chroma_height, |x, y| at(x + offset, luma_height + y));
         frames.push(
             Picture::new(Plane::from_fn(width, height, at), chroma(0), chroma(map_width / 2))
-                .expect("planes that belong together"),
+                .expect("the planes must match"),
         );
     }
     frames
 }
 
-/// Width and height, and where the samples start.
+/// Returns width and height, and the offset of the samples.
 fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
     let mut words = Vec::new();
     let mut position = 0;
@@ -301,14 +301,14 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
         words.push(std::str::from_utf8(&bytes[position..end]).expect("a header of ASCII words"));
         position = end + 1;
     }
-    assert_eq!((words[0], words[3]), ("P5", "255"), "a binary gray map");
+    assert_eq!((words[0], words[3]), ("P5", "255"), "a binary grayscale map");
     ([words[1], words[2]].map(|word| word.parse().expect("a number")), position)
 }
 
-/// PSNR over all three planes at their worst, dB.
+/// Minimum PSNR of the three planes, in dB.
 pub fn agreement(a: &Picture, b: &Picture) -> f64 {
     let of_plane = |a: &Plane<u8>, b: &Plane<u8>| {
-        // In a handful of samples a single one off by one is below any limit in dB.
+        // With few samples a single difference of one would violate any limit in dB.
         let few = a.samples().len() < 256;
         let near = a.samples().iter().zip(b.samples()).all(|(&a, &b)| a.abs_diff(b) <= 1);
         if few && near { f64::INFINITY } else { psnr(a, b) }
@@ -316,16 +316,16 @@ pub fn agreement(a: &Picture, b: &Picture) -> f64 {
     of_plane(a.luma(), b.luma()).min(of_plane(a.cb(), b.cb())).min(of_plane(a.cr(), b.cr()))
 }
 
-/// Every picture as two decoders show it is as near to the reconstruction as required, dB.
+/// Checks that both decoders agree with the reconstructions to at least this many dB.
 pub fn check_decoders(stream: &[u8], packets: &[Packet], at_least: f64) {
     let (width, height) = (packets[0].reconstruction.width(), packets[0].reconstruction.height());
     check_agreement("ffmpeg", &decode_ffmpeg(stream, width, height, "auto"), packets, at_least);
     check_agreement("mpeg2dec", &decode_mpeg2dec(stream, width, height), packets, at_least);
 }
 
-/// Agreement of decoded pictures with the reconstructions, dB; it is nowhere less than required.
+/// Returns the agreement of decoded pictures with the reconstructions in dB, after checking its minimum.
 pub fn check_agreement(decoder: &str, frames: &[Picture], packets: &[Packet], at_least: f64) -> Vec<f64> {
-    assert_eq!(frames.len(), packets.len(), "{decoder} shows every picture");
+    assert_eq!(frames.len(), packets.len(), "{decoder} must show every picture");
     let agreements = frames.iter().zip(packets).map(|(frame, packet)| agreement(frame, &packet.reconstruction));
     let agreements: Vec<f64> = agreements.collect();
     for (i, (&db, packet)) in agreements.iter().zip(packets).enumerate() {

@@ -1,10 +1,10 @@
-//! Program and transport streams: the times that pictures have in them, and that what is inside is what went in.
+//! Program and transport streams: timestamps of pictures, and the unchanged elementary stream.
 
 use crate::common::*;
 use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Packet, PictureType, Rate, Standard};
 use std::process::{Command, Stdio};
 
-/// The packets of an encoder in the order of coding, and its sequence_end_code.
+/// Packets of an encoder in the order of coding, and its sequence_end_code.
 fn packets(config: &Config, frames: usize) -> (Vec<Packet>, Vec<u8>) {
     let mut encoder = config.clone().with_lookahead(Config::LOOKAHEAD_MAX).encoder().expect("a valid configuration");
     let mut packets: Vec<Packet> =
@@ -14,7 +14,7 @@ fn packets(config: &Config, frames: usize) -> (Vec<Packet>, Vec<u8>) {
     (packets, finish.end)
 }
 
-/// The file, and the elementary stream in it.
+/// The file, and the elementary stream inside.
 fn wrapped(container: Container, config: &Config, packets: &[Packet], end: &[u8]) -> (Vec<u8>, Vec<u8>) {
     let mut multiplexer = Multiplexer::new(container, config);
     let mut file: Vec<u8> = packets.iter().flat_map(|packet| multiplexer.push(packet.clone())).collect();
@@ -33,7 +33,7 @@ fn output_of(program: &str, arguments: &[&str]) -> Vec<u8> {
     output.stdout
 }
 
-/// Properties of both containers.
+/// Settings for both containers, with names.
 fn configurations() -> Vec<(Config, &'static str)> {
     let config = |fps| Config::new(96, 80, FrameRate::from_fps(fps).expect("a rate of Table 6-4"));
     let constant = Rate::Constant { bits_per_second: 400_000, buffer_bits: 200_000 };
@@ -101,14 +101,14 @@ fn ffmpeg_finds_the_elementary_stream_and_nothing_to_complain_about() {
             let input = ["-nostdin", "-v", "warning", "-xerror", "-err_detect", "explode", "-i", file.path()];
             let copied = output_of("ffmpeg", &[&input[..], &["-c", "copy", "-f", "mpeg2video", "-"]].concat());
             assert!(copied == stream, "{container:?} {what}: {} bytes, not {}", copied.len(), stream.len());
-            // The other decoder takes containers apart by itself.
+            // mpeg2dec demultiplexes containers itself.
             let md5 = |of: &[&str], file: &StreamFile| {
                 let arguments = [of, &["-o", "md5", file.path()]].concat();
                 Command::new("mpeg2dec").args(arguments).output().expect("mpeg2dec can be run").stdout
             };
             let demultiplex: &[&str] = if container == Container::Program { &["-s"] } else { &["-t", "0x100"] };
             let pictures = md5(&[], &StreamFile::new(&stream));
-            assert!(pictures.len() > 32 * packets.len(), "a check sum of each picture");
+            assert!(pictures.len() > 32 * packets.len(), "a checksum of each picture");
             assert!(md5(demultiplex, &file) == pictures, "{container:?} {what}");
             let decoded =
                 output_of("ffmpeg", &[&input[..], &["-f", "rawvideo", "-fps_mode", "passthrough", "-"]].concat());
@@ -117,7 +117,7 @@ fn ffmpeg_finds_the_elementary_stream_and_nothing_to_complain_about() {
     }
 }
 
-/// Packs of a program stream: when their first byte comes, and the size of what they bring; and when pictures leave.
+/// Packs of a program stream (arrival of the first byte, and payload sizes), and decoding times of pictures.
 #[derive(Default)]
 struct Read {
     packs: Vec<(f64, usize, usize)>,
@@ -127,7 +127,8 @@ struct Read {
     buffer: usize,
 }
 
-/// Reads a program stream as 2.5.3 prints it, without the writer's help. Packs of a disc fill sectors; others hold no padding.
+/// Parses a program stream according to 2.5.3, independently of the writer. Packs of a disc fill sectors; others must not
+/// contain padding.
 fn read_program(file: &[u8], is_disc: bool) -> Read {
     let bits = |bytes: &[u8], first: usize, count: usize| -> u64 {
         (first..first + count).fold(0, |value, i| value << 1 | u64::from(bytes[i / 8] >> (7 - i % 8) & 1))
@@ -148,7 +149,7 @@ fn read_program(file: &[u8], is_disc: bool) -> Read {
             read.buffer = 1024 * bits(&file[at + 13..], 3, 13) as usize;
             at += 6 + bits(&file[at + 4..], 0, 16) as usize;
         }
-        // A pack for navigation has two packets of private_stream_2, and no video.
+        // A navigation pack has two packets of private_stream_2 and no video.
         if is_disc && file[at..][..4] == [0, 0, 1, 0xbf] {
             at = start + 2048;
             continue;
@@ -167,13 +168,13 @@ fn read_program(file: &[u8], is_disc: bool) -> Read {
             assert!(padding > 0 && file[at + 6..][..padding].iter().all(|&byte| byte == 0xff), "padding at {at}");
             at += 6 + padding;
         }
-        // The end belongs to the last sector.
+        // The end code belongs to the last sector.
         let end = if at + 4 == file.len() { 4 } else { 0 };
         let size = at + end - start;
         assert!(if is_disc { size == 2048 } else { size <= 2048 }, "the pack at {start} of {size} bytes");
         read.packs.push((clock as f64 / 27e6, at - start, data));
     }
-    assert_eq!(at + 4, file.len(), "nothing after the end");
+    assert_eq!(at + 4, file.len(), "no bytes after the end");
     read
 }
 
@@ -187,7 +188,7 @@ fn packs_come_one_after_the_other_and_in_time() {
         let mut sizes: Vec<usize> = packets.iter().map(|packet| packet.data.len()).collect();
         *sizes.last_mut().unwrap() += end.len();
         let mut ends = 0;
-        // Bytes of the stream that must have come when each picture is decoded.
+        // Bytes of the stream that must have arrived when each picture is decoded.
         let needed: Vec<usize> = sizes
             .iter()
             .map(|size| {
@@ -198,7 +199,7 @@ fn packs_come_one_after_the_other_and_in_time() {
         let mut free = 0.0;
         let (mut sent, mut picture) = (0, 0);
         for &(clock, size, data) in &read.packs {
-            assert!(clock >= free - 1e-6, "{what}: a pack at {clock} before the one before has passed at {free}");
+            assert!(clock >= free - 1e-6, "{what}: a pack at {clock}, although the previous pack ends at {free}");
             free = clock + size as f64 / read.mux_rate;
             sent += data;
             while picture < needed.len() && needed[picture] <= sent {
@@ -213,7 +214,7 @@ fn packs_come_one_after_the_other_and_in_time() {
                 _ => 475_136 / 8,
             };
             assert!(held <= read.buffer, "{what}: {held} bytes in a buffer of {}", read.buffer);
-            // A hundredth of a second of the rate, and two packs: no more than headers explain.
+            // The headers explain only a hundredth of a second at the rate, and two packs.
             assert!(
                 read.buffer <= buffer + (0.01 * read.mux_rate) as usize + 5120,
                 "{what}: a buffer of {}",
@@ -224,7 +225,7 @@ fn packs_come_one_after_the_other_and_in_time() {
     }
 }
 
-/// A last picture of every size around that of a pack, so that padding, stuffing and the end fit in all ways.
+/// Tests a last picture of every size near a pack, so that padding, stuffing and end code occur in all combinations.
 #[test]
 fn packs_of_discs_are_sectors_whatever_is_left_in_them() {
     let (packets, end) = packets(&config(96, 80), 1);
@@ -238,14 +239,14 @@ fn packs_of_discs_are_sectors_whatever_is_left_in_them() {
             if is_disc {
                 assert_eq!(file.len() % 2048, 0, "{size} bytes");
             } else {
-                // Headers, and nothing more: of packs and packets, and one that announces the system.
+                // Only headers are added: of packs and packets, and one system header.
                 assert!(file.len() - stream.len() <= 15 + 40 * read.packs.len(), "{size} bytes in {}", file.len());
             }
         }
     }
 }
 
-/// Films of a few small pictures make few packets, which ffmpeg took for something else or for nothing.
+/// Short films have few packets, which ffmpeg misdetected or did not detect.
 #[test]
 fn short_transport_streams_are_recognized() {
     let config = config(96, 80).with_quantiser_scale(62);
@@ -264,7 +265,7 @@ fn short_transport_streams_are_recognized() {
     }
 }
 
-/// Authoring programs look for packets of private_stream_2 at bytes 38 and 1024 of the sector before each I picture.
+/// Authoring programs expect packets of private_stream_2 at bytes 38 and 1024 of the sector before each I picture.
 #[test]
 fn discs_have_packs_for_navigation() {
     let config = config(96, 80).with_b_pictures(2).with_gop(6);
@@ -279,7 +280,7 @@ fn discs_have_packs_for_navigation() {
             assert_eq!(sector[1024..1031], [0, 0, 1, 0xbf, 0x03, 0xfa, 1], "sector {number}");
             entries += 1;
         }
-        // The sector of an I picture holds a sequence header behind the packet's header.
+        // The sector of an I picture contains a sequence header after the packet header.
         let header = 14 + 9 + usize::from(sector[22]);
         if sector[14..18] == [0, 0, 1, 0xe0] && sector[header..][..4] == [0, 0, 1, 0xb3] {
             assert!(is_navigation(sectors[number - 1]), "sector {number}");
@@ -288,7 +289,7 @@ fn discs_have_packs_for_navigation() {
     assert_eq!(entries, packets.iter().filter(|packet| packet.picture_type == PictureType::I).count());
 
     let file = StreamFile::new(&file);
-    // It warns that packets for navigation have no times, as it does of its own.
+    // ffmpeg warns about navigation packets without timestamps, even in its own files.
     let input = ["-nostdin", "-v", "error", "-xerror", "-i", file.path()];
     let copied = output_of("ffmpeg", &[&input[..], &["-c", "copy", "-f", "mpeg2video", "-"]].concat());
     assert!(copied == stream);

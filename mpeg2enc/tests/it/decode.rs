@@ -1,11 +1,11 @@
-//! Decoders show what the encoder says they show.
+//! Decoded pictures equal the encoder's reconstructions.
 
 use crate::common::*;
 use mpeg2enc::{KnownMotion, Level, Packet};
 use plane::Plane;
 
-/// Least agreement that is required in a group of 15, dB: in each picture the integer transforms of both decoders
-/// are off by one in one or two of a hundred samples, and the next picture is predicted from that.
+/// Minimum agreement in a group of 15, in dB. In each picture both decoders' integer transforms are off by one in 1 to 2 % of
+/// the samples, and later pictures inherit these errors.
 const AGREEMENT_DB: f64 = 55.0;
 
 #[test]
@@ -42,8 +42,8 @@ fn groups_of_one() {
     check_decoders(&stream, &packets, AGREEMENT_DB);
 }
 
-/// The longest group, in which differences stay: none against an exact inverse transform.
-/// Differences of the decoders add up as in a random walk, and only their own precision sets how far.
+/// The longest group, with persistent mismatch: none for an exact inverse transform. The errors of the decoders accumulate like
+/// a random walk, with a step size given by their precision.
 #[test]
 fn no_drift_over_131_predicted_pictures() {
     for quantiser_scale in [4, 16] {
@@ -110,7 +110,7 @@ fn a_stream_may_end_after_any_picture() {
 
 #[test]
 fn wide_vectors_at_every_level() {
-    // One long jump to and fro: vectors up to the reach of the level, in both directions.
+    // One long jump back and forth: vectors up to the limit of the level, in both directions.
     for (level, width, height) in [(Level::Low, 352, 64), (Level::Main, 720, 64), (Level::High, 64, 720)] {
         let mut encoder = config(width, height).with_level(level).with_gop(8).encoder().unwrap();
         let mut packets = Vec::new();
@@ -122,7 +122,7 @@ fn wide_vectors_at_every_level() {
             packets.extend(encoder.push(&frame, KnownMotion::from(&motion)));
         }
         let predicted: u32 = packets[1..].iter().map(|packet| packet.statistics.inter).sum();
-        assert!(predicted > 40, "the vectors reach what can still be seen: {predicted} macroblocks");
+        assert!(predicted > 40, "the vectors must reach visible content: {predicted} macroblocks");
         let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
         stream.extend(encoder.finish().end);
         check_decoders(&stream, &packets, AGREEMENT_DB);
@@ -131,7 +131,7 @@ fn wide_vectors_at_every_level() {
 
 #[test]
 fn a_multiple_of_4096_is_coded_one_larger() {
-    // The twelve low bits of horizontal_size may not all be zero; the display size tells the truth.
+    // The low twelve bits of horizontal_size must not all be zero; the display size states the true size.
     let (stream, packets) = encode(config(4096, 20), (0..3).map(|time| moving(4096, 20, time)));
     for frames in [decode_ffmpeg(&stream, 4097, 20, "auto"), decode_mpeg2dec(&stream, 4096, 20)] {
         assert_eq!(frames.len(), packets.len());
@@ -142,7 +142,7 @@ fn a_multiple_of_4096_is_coded_one_larger() {
     }
 }
 
-/// Planes of packets are those of the requested picture, whatever is coded around it.
+/// Planes of packets have the requested size, even if more is coded.
 #[test]
 fn a_multiple_of_4096_takes_weights_and_gives_planes_of_its_own_size() {
     for (width, height) in [(4096usize, 20usize), (20, 8192), (12_288, 16)] {

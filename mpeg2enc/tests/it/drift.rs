@@ -1,12 +1,12 @@
-//! Long films: what decoders show stays as good as the encoder says.
+//! Long films: the quality of decoded pictures equals the encoder's reconstruction.
 
 use crate::common::*;
 use mpeg2enc::Picture;
 
-/// As good as the same, dB.
+/// Difference that counts as equal, in dB.
 const EQUAL_DB: f64 = 0.02;
 
-/// PSNR of luma over all pictures, dB.
+/// PSNR of luma over all pictures, in dB.
 fn psnr_of_all<'a>(shown: impl Iterator<Item = &'a Picture>, sources: &[Picture]) -> f64 {
     let (mut squares, mut samples) = (0u64, 0);
     for (shown, source) in shown.zip(sources) {
@@ -17,9 +17,9 @@ fn psnr_of_all<'a>(shown: impl Iterator<Item = &'a Picture>, sources: &[Picture]
     10.0 * (255f64.powi(2) * samples as f64 / squares as f64).log10()
 }
 
-/// Over the longest groups, decoders with an exact transform lose nothing. The integers of ffmpeg's default and of mpeg2dec are off by
-/// one now and then: coarse quantisers drown that, and the finest common one shows what those decoders do to any stream. No decoder
-/// loses more at the end than at the beginning.
+/// Over the longest groups, decoders with an exact transform lose no quality. The integer transforms of ffmpeg's default and of
+/// mpeg2dec are sometimes off by one. Coarse quantisers hide this; the finest common one shows the effect of these decoders on
+/// any stream. No decoder loses more at the end than at the beginning.
 #[test]
 fn three_hundred_pictures_lose_no_quality_in_decoders() {
     let (width, height, count) = (64, 48, 300);
@@ -36,7 +36,7 @@ fn three_hundred_pictures_lose_no_quality_in_decoders() {
         ] {
             assert_eq!(frames.len(), count);
             let change = psnr_of_all(frames.iter(), &sources) - ours;
-            // What is lost does not grow from the first hundred pictures to the last.
+            // The loss must not grow from the first hundred pictures to the last.
             let [first, last] = [0, count - 100].map(|from| {
                 let hundred = from..from + 100;
                 let said = packets[hundred.clone()].iter().map(|packet| &*packet.reconstruction);

@@ -1,9 +1,9 @@
-//! Streams that are taken to pieces again.
+//! Parsing of elementary streams.
 
 use crate::common::*;
 use mpeg2enc::{AccessUnit, Config, ElementaryStream, FrameRate, KnownMotion, Standard, StreamError};
 
-/// The packets of a stream of moving pictures as access units, and all of its bytes.
+/// Packets of moving pictures as access units, and the bytes of the whole stream.
 fn stream(config: &Config, frames: usize) -> (Vec<AccessUnit>, Vec<u8>) {
     let mut encoder = config.clone().encoder().expect("a valid configuration");
     let mut units: Vec<AccessUnit> = Vec::new();
@@ -29,7 +29,7 @@ fn its_pictures_are_the_packets() {
         config().with_quantiser_scale(1),
         config().with_lookahead(30).with_b_pictures(3),
         config().with_lookahead(30).with_b_pictures(2).with_standard(Standard::Mpeg1),
-        // Pictures that are too small are filled with user data.
+        // Small pictures are padded with user data.
         config().with_lookahead(30).with_rate(constant),
     ] {
         let (units, bytes) = stream(&config, 23);
@@ -40,7 +40,7 @@ fn its_pictures_are_the_packets() {
     }
 }
 
-/// 6.3.8 counts pictures within seconds; 29.97 frames a second are numbered as 30.
+/// 6.3.8 counts pictures within seconds; 29.97 frames per second are numbered like 30.
 #[test]
 fn time_codes_go_on_from_the_first_number() {
     for (fps, number, time_code) in [
@@ -54,7 +54,7 @@ fn time_codes_go_on_from_the_first_number() {
         let (_, bytes) = stream(&config.with_first_number(number), 1);
         assert_eq!(ElementaryStream::parse(&bytes).expect("a stream").time_code, time_code, "{number} at {fps}");
     }
-    // Nothing else depends on the number, the order in which pictures count included.
+    // The number affects nothing else, not even the order of pictures.
     let [(plain, _), (later, _)] = [0, 25].map(|number| stream(&config().with_first_number(number), 9));
     let differing = |(a, b): (&AccessUnit, &AccessUnit)| a.data.iter().zip(&b.data).filter(|(a, b)| a != b).count();
     assert_eq!(plain.iter().zip(&later).map(differing).collect::<Vec<_>>(), [1, 0, 0, 0, 0, 0, 0, 1, 0]);
@@ -72,7 +72,7 @@ fn what_is_no_whole_stream_is_noticed() {
     let headers = ElementaryStream::parse(&bytes).unwrap().sequence_header.len();
     assert_eq!(parse(&bytes[..headers]).unwrap_err(), StreamError::NoPicture);
 
-    // Wherever it is cut, it has no end, and at most the last picture has lost something.
+    // A truncated stream has no end code, and at most its last picture is incomplete.
     for length in headers + 8..bytes.len() {
         match parse(&bytes[..length]) {
             Ok(stream) => {
@@ -84,7 +84,7 @@ fn what_is_no_whole_stream_is_noticed() {
         }
     }
 
-    // Two streams are not one.
+    // Two concatenated streams are an error.
     assert_eq!(parse(&[&bytes[..], &bytes].concat()).unwrap_err(), StreamError::AfterEnd { at: bytes.len() - 4 });
     let (_, other) = stream(&config().with_standard(Standard::Mpeg1).with_quantiser_scale(8), 2);
     let without_end = &bytes[..bytes.len() - 4];

@@ -1,7 +1,8 @@
-//! The ends of what the syntax can say, judged by ffmpeg at its strictest and by mpeg2dec: largest levels, every escape
-//! code, vectors at their reach, smallest and widest pictures, streams of one picture, long times, buffers at their edge.
+//! Limits of the syntax, checked by ffmpeg at its strictest and by mpeg2dec. They include the largest levels, every escape
+//! code, the longest vectors, and the smallest and widest pictures. Streams of one picture, long durations and full buffers
+//! complete them.
 //!
-//! Checks of `decode.rs`, `lookahead.rs` and `container.rs` are not repeated here.
+//! Checks in `decode.rs`, `lookahead.rs` and `container.rs` are not repeated here.
 
 use crate::common::*;
 use mpeg2enc::{
@@ -10,21 +11,21 @@ use mpeg2enc::{
 use plane::Plane;
 use std::process::{Command, Stdio};
 
-/// Every sample of one kind of pattern, in all three planes.
+/// Picture with the same pattern in all three planes.
 fn patterned(width: usize, height: usize, at: impl Fn(usize, usize) -> u8) -> Picture {
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
     let plane = |width, height| Plane::from_fn(width, height, &at);
     Picture::new(plane(width, height), plane(chroma_width, chroma_height), plane(chroma_width, chroma_height)).unwrap()
 }
 
-/// Black or white by a wave that the DCT has a coefficient for: the largest that 8 bits can make, for 64 frequencies.
+/// Black and white blocks by the sign of a DCT basis function: the largest coefficient of 8-bit samples, for 64 frequencies.
 fn wave(u: usize, v: usize, inverted: bool) -> Picture {
     let cosine = |k: usize, f: usize| ((2 * k + 1) as f64 * f as f64 * std::f64::consts::PI / 16.0).cos();
     patterned(32, 32, |x, y| if (cosine(x % 8, u) * cosine(y % 8, v) > 0.0) != inverted { 255 } else { 0 })
 }
 
-/// All weights 1 and quantiser_scale 1: levels would be far beyond what a code can say, and are held at ±2047 (MPEG-2) and ±255
-/// (MPEG-1); the decoders show what the encoder says all the same. Every frequency, both signs, intra and predicted.
+/// All weights and quantiser_scale are 1. Levels would far exceed their range and are clamped to ±2047 (MPEG-2) and ±255
+/// (MPEG-1). Decoders still show the encoder's reconstruction, for every frequency, both signs, intra and predicted.
 #[test]
 fn levels_at_their_limit() {
     let mut flat = [1; 64];
@@ -37,7 +38,7 @@ fn levels_at_their_limit() {
                 .with_matrices(flat, [1; 64])
                 .with_quantiser_scale(scale)
                 .with_effort(effort)
-                // One prediction: where samples lie half-way between two values, decoders' roundings add up.
+                // Only one prediction: for samples half-way between two values the decoders' rounding errors accumulate.
                 .with_gop(2);
             let frames = (0..64).flat_map(|k| [wave(k % 8, k / 8, k % 3 == 0), wave(k % 8, k / 8, k % 3 != 0)]);
             let (stream, packets) = encode(settings, frames);
@@ -46,7 +47,7 @@ fn levels_at_their_limit() {
     }
 }
 
-/// With the default matrices at quantiser_scale 1 nothing has to be held back: the worst of blocks come out nearly as they were.
+/// With the default matrices at quantiser_scale 1 no level is clamped: even the worst blocks are nearly preserved.
 #[test]
 fn the_finest_quantiser_is_nearly_lossless_for_the_worst_blocks() {
     let settings = config(32, 32).with_quantiser_scale(1).with_gop(3);
@@ -57,7 +58,7 @@ fn the_finest_quantiser_is_nearly_lossless_for_the_worst_blocks() {
     }
 }
 
-/// Random blocks over all scans, tables, efforts and precisions, most of whose runs and levels have no code of their own.
+/// Random blocks for all scans, tables, efforts and precisions; most of their runs and levels need escapes.
 #[test]
 fn escape_codes_in_every_table_and_scan() {
     for (k, (zero, alternate)) in [(false, false), (false, true), (true, false), (true, true)].into_iter().enumerate() {
@@ -80,7 +81,7 @@ fn escape_codes_in_every_table_and_scan() {
     }
 }
 
-/// Vectors that point out of the picture on every side, and vectors that are no numbers: the stream never refers to what is not there.
+/// Vectors out of the picture on every side, and NaN vectors: the stream only refers to existing samples.
 #[test]
 fn vectors_beyond_the_picture() {
     let (width, height) = (48, 32);
@@ -103,7 +104,7 @@ fn vectors_beyond_the_picture() {
     }
 }
 
-/// One picture, with all that an encoder that waits would have done with more.
+/// A film of one picture, with settings that expect more.
 #[test]
 fn streams_of_one_picture() {
     for (width, height) in [(1, 1), (16, 16), (33, 7)] {
@@ -122,7 +123,7 @@ fn streams_of_one_picture() {
     }
 }
 
-/// No frames at all: nothing is coded, and nothing breaks.
+/// A film without frames: nothing is coded, and nothing fails.
 #[test]
 fn streams_of_no_picture() {
     let settings = config(16, 16).with_b_pictures(2);
@@ -139,8 +140,8 @@ fn output_of(program: &str, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// A hundred thousand pictures: temporal_reference and the time codes of groups start again many times, and the 90 kHz clock of the
-/// containers goes beyond 32 bits' half. Every picture is due exactly when the frame rate says.
+/// A hundred thousand pictures: temporal_reference and time codes wrap many times, and the 90 kHz timestamps exceed 31 bits.
+/// All timestamps follow the frame rate to one tick.
 #[test]
 fn a_hundred_thousand_pictures_keep_their_times() {
     const COUNT: usize = 100_000;
@@ -152,7 +153,7 @@ fn a_hundred_thousand_pictures_keep_their_times() {
         let still = uniform_motion(16, 16, 0.0, 0.0);
         let mut file = Vec::new();
         for n in 0..COUNT {
-            // Now and then something changes.
+            // Change the picture occasionally.
             for packet in encoder.push(&frames[n / 5000 % 2], KnownMotion::from(&still)) {
                 file.extend(multiplexer.push(packet));
             }
@@ -164,9 +165,9 @@ fn a_hundred_thousand_pictures_keep_their_times() {
         let text = output_of("ffprobe", &[&arguments[..], &[path.to_str().unwrap()]].concat());
         std::fs::remove_file(&path).unwrap();
         let times: Vec<i64> = text.lines().filter_map(|line| line.split(',').next()?.parse().ok()).collect();
-        assert_eq!(times.len(), COUNT, "{name}: ffprobe finds every picture");
+        assert_eq!(times.len(), COUNT, "{name}: ffprobe must find every picture");
         for (n, time) in times.iter().enumerate() {
-            // 90 kHz · 1001 / 24000 is 3753.75: rounded, never added up.
+            // 90 kHz · 1001 / 24000 is 3753.75: rounding errors must not accumulate.
             let exact = n as f64 * 90_000.0 * 1001.0 / 24_000.0;
             let off = (time - times[0]) as f64 - exact;
             assert!(off.abs() <= 1.0, "{name}, picture {n}: {off} ticks off");
@@ -174,9 +175,8 @@ fn a_hundred_thousand_pictures_keep_their_times() {
     }
 }
 
-/// Noise, which cannot be predicted and hardly compressed, through the smallest buffer there is at low and high rates: what comes
-/// out is what decoders take, and where a picture is larger than the buffer allows, that is told by a coarser quantiser and not
-/// by a stream that no decoder could play.
+/// Noise, which cannot be predicted and hardly compressed, with the smallest buffers at low and high rates. Decoders accept the
+/// stream. Where a picture would exceed the buffer, its quantiser is coarser and the stream stays playable.
 #[test]
 fn buffers_at_their_edge() {
     let (width, height) = (64, 48);
@@ -189,7 +189,7 @@ fn buffers_at_their_edge() {
             for b_pictures in [0, 2] {
                 let settings =
                     config(width, height).with_rate(rate).with_b_pictures(b_pictures).with_quantiser_scale(1);
-                // Black, then noise, then black: nothing could be saved beforehand.
+                // Black, then noise, then black: no bits could be saved in advance.
                 let frames = (0..40)
                     .map(|n| if n / 10 % 2 == 1 { noise(width, height, n) } else { Picture::black(width, height) });
                 let mut encoder = settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().unwrap();
@@ -208,8 +208,8 @@ fn buffers_at_their_edge() {
     }
 }
 
-/// A decoder's buffer by its definition (C.3): bits come in at the rate as long as there is room, and each picture leaves when it
-/// is due. Before the first it is as full as it ever gets, or at a constant rate as full as its vbv_delay says.
+/// Checks a decoder's buffer by its definition (C.3): bits arrive at the rate while there is room, and each picture leaves when
+/// due. The initial fullness is the maximum, or at a constant rate the value of the first vbv_delay.
 fn never_runs_dry(packets: &[Packet], rate: Rate, what: &str) {
     let (Rate::Constant { bits_per_second, buffer_bits } | Rate::Capped { bits_per_second, buffer_bits }) = rate else {
         panic!("a bounded rate")
@@ -229,7 +229,7 @@ fn never_runs_dry(packets: &[Packet], rate: Rate, what: &str) {
     }
 }
 
-/// The container of a configuration that no encoder takes can be queried.
+/// Containers can be made from settings that every encoder refuses.
 #[test]
 fn containers_of_impossible_rates() {
     for rate in [
@@ -246,7 +246,7 @@ fn containers_of_impossible_rates() {
     }
 }
 
-/// Waits for more pictures than there are, with and without motion of them.
+/// Look-aheads longer than the film, with and without given motion.
 #[test]
 fn short_films_with_many_b_pictures() {
     for count in 1..=9 {

@@ -1,4 +1,4 @@
-//! MP4 and Matroska, which are written by groups of pictures: times, places to begin at, and that what is inside is what went in.
+//! MP4 and Matroska, which are written by groups of pictures: times, seeking, and the unchanged elementary stream.
 
 use crate::common::*;
 use mpeg2enc::{
@@ -11,7 +11,7 @@ const BOTH: [Container; 2] = [Container::Mp4, Container::Matroska];
 /// A film of `frames` pictures.
 struct Film {
     config: Config,
-    /// In the order of coding.
+    /// Packets in the order of coding.
     packets: Vec<Packet>,
     end: Vec<u8>,
 }
@@ -35,7 +35,7 @@ impl Film {
         stream
     }
 
-    /// A file of the first `count` packets that says how long all of them are, and what would end it there.
+    /// A multiplexer that states the duration of all pictures, and the file after the first `count` packets with its ending.
     fn begun(&self, container: Container, count: usize) -> (Multiplexer, Vec<u8>) {
         let mut multiplexer = Multiplexer::new(container, &self.config).with_pictures(self.packets.len() as u64);
         let packets = self.packets[..count].iter();
@@ -50,14 +50,14 @@ impl Film {
     }
 }
 
-/// Output of a program, without a warning.
+/// Output of a program that must not print warnings.
 fn told_by(program: &str, arguments: &[&str]) -> String {
     let (output, messages) = run(program, arguments);
     assert!(messages.is_empty(), "{program} {arguments:?}: {messages}");
     String::from_utf8(output).expect("text")
 }
 
-/// Entries that ffprobe tells, a line for each packet, stream or file.
+/// Entries read by ffprobe, one line for each packet, stream or file.
 fn probed(file: &StreamFile, entries: &str) -> Vec<String> {
     let arguments = ["-v", "error", "-err_detect", "explode", "-show_entries", entries, "-of", "csv=p=0", file.path()];
     let text = told_by("ffprobe", &arguments);
@@ -116,7 +116,7 @@ fn the_elementary_stream_comes_out_again() {
             let file = film.file(container);
             let input = ["-nostdin", "-v", "warning", "-xerror", "-err_detect", "explode", "-i", file.path()];
             let (copied, messages) = run("ffmpeg", &[&input[..], &["-c", "copy", "-f", "mpeg2video", "-"]].concat());
-            // Matroska has no times of decoding: ffmpeg makes up some, and finds fault with its own.
+            // Matroska has no decoding times: ffmpeg invents some and then warns about them.
             let is_of_file = |line: &&str| !line.is_empty() && !line.contains("non monotonically increasing dts");
             let messages: Vec<&str> = messages.lines().filter(is_of_file).collect();
             assert!(messages.is_empty(), "{container:?}: {messages:?}");
@@ -126,7 +126,7 @@ fn the_elementary_stream_comes_out_again() {
     }
 }
 
-/// Pictures as ffmpeg decodes them, with options in front of the file.
+/// Pictures decoded by ffmpeg, with options before the file.
 fn decode(file: &StreamFile, options: &[&str]) -> Vec<u8> {
     let input = [&["-nostdin", "-v", "error"], options, &["-i", file.path()]].concat();
     let output = ["-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "yuv420p", "-"];
@@ -142,7 +142,7 @@ fn films_are_sought_in() {
         for container in BOTH {
             let file = film.file(container);
             for place in [count / 3, count / 2, count - 1] {
-                // Half a picture before it is due: Matroska rounds times.
+                // Half a picture before it is due, because Matroska rounds times.
                 let seconds = ((place as f64 - 0.5) / fps).max(0.0);
                 let rest = decode(&file, &["-ss", &format!("{seconds:.6}")]);
                 assert!(rest == all[place * PICTURE..], "{container:?}, {fps}: not the pictures from {place} on");
@@ -151,7 +151,7 @@ fn films_are_sought_in() {
     }
 }
 
-/// A file that ends early at any place has all pictures that were given, and the tables behind them.
+/// A file that ends after any picture contains all pictures so far, and its tables.
 #[test]
 fn files_end_anywhere() {
     let film = Film::new(Config::new(96, 80, FrameRate::FPS_25).with_b_pictures(2).with_gop(6), 20);
@@ -165,13 +165,13 @@ fn files_end_anywhere() {
             let told = probed(&file, "packet=size");
             assert_eq!(told.len(), count, "{container:?}, {count}: {told:?}");
         }
-        // The ending is that of the film where nothing more comes.
+        // After the last picture the ending is the same as the regular end.
         let (multiplexer, _) = film.begun(container, film.packets.len());
         assert!(multiplexer.ending() == multiplexer.finish(&film.end), "{container:?}");
     }
 }
 
-/// A file that was cut off anywhere shows the groups that are whole.
+/// A file truncated at any position shows its complete groups.
 #[test]
 fn files_that_are_cut_off_play() {
     let film = Film::new(Config::new(96, 80, FrameRate::FPS_25).with_gop(6), 24);
@@ -201,7 +201,7 @@ fn color_and_shape_are_stated() {
     }
 }
 
-/// The boxes of an MP4 file from its first byte to its last, at the upper level.
+/// Top-level boxes of an MP4 file from its first byte to its last.
 #[test]
 fn fragments_begin_with_an_i_picture_and_are_listed() {
     let film = Film::new(Config::new(96, 80, FrameRate::FPS_25).with_b_pictures(2).with_gop(6), 20);
@@ -213,13 +213,13 @@ fn fragments_begin_with_an_i_picture_and_are_listed() {
         boxes.push((at, String::from_utf8_lossy(&file[at + 4..at + 8]).into_owned()));
         at += word(at);
     }
-    assert_eq!(at, file.len(), "boxes fill the file");
+    assert_eq!(at, file.len(), "boxes must fill the file");
     let groups = film.packets.iter().filter(|packet| packet.picture_type == PictureType::I).count();
     let kinds: Vec<&str> = boxes.iter().map(|(_, kind)| kind.as_str()).collect();
     let fragments = ["moof", "mdat"].repeat(groups);
     assert_eq!(kinds, [&["ftyp", "moov"][..], &fragments, &["mfra"]].concat());
 
-    // The last four bytes tell where the table begins, and the table where fragments do.
+    // The last four bytes contain the size of the table, and the table contains the positions of the fragments.
     let table = file.len() - word(file.len() - 4);
     assert_eq!(Some(&(table, "mfra".into())), boxes.last());
     assert_eq!(word(table + 8 + 20), groups);

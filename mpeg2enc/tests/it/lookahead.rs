@@ -1,4 +1,4 @@
-//! Streams with B pictures, varying quantisers and bounded rates: what decoders show, what a buffer holds.
+//! Streams with B pictures, varying quantisers and bounded rates: decoded pictures and buffer fullness.
 
 use crate::common::*;
 use fastrand::Rng;
@@ -7,13 +7,13 @@ use mpeg2enc::{
 };
 use plane::Plane;
 
-/// One of a list that is not empty.
+/// Random element of a non-empty list.
 fn choose<T: Copy>(random: &mut Rng, list: &[T]) -> T {
     list[random.usize(..list.len())]
 }
 
-/// Random settings, sizes and content. `MPEG2ENC_STREAMS` says how many, `MPEG2ENC_SEED` which first; a failure names its seed, and `--nocapture` shows how far
-/// the decoders were from the reconstructions.
+/// Random settings, sizes and content. `MPEG2ENC_STREAMS` sets the number of streams and `MPEG2ENC_SEED` the first seed. A
+/// failure prints its seed; `--nocapture` prints the decoders' differences from the reconstructions.
 #[test]
 fn random_streams_are_understood() {
     let number = |name: &str| std::env::var(name).ok().map(|text| text.parse().expect("a number"));
@@ -72,7 +72,8 @@ fn random_streams_are_understood() {
     for (decoder, distance) in ["ffmpeg", "mpeg2dec"].into_iter().zip(distances) {
         let mean_square = distance.squares as f64 / distance.samples as f64;
         println!("{decoder}: {count} streams, largest difference {}, mean square {mean_square:.4}", distance.largest);
-        // ffmpeg decodes with floats here, which are as good as exact: what mpeg2dec is farther away, its integers are.
+        // ffmpeg uses a floating-point transform here, practically exact; mpeg2dec's larger differences come from its integer
+        // transform.
         assert!(decoder != "ffmpeg" || distance.largest <= 1 && mean_square < 1e-3, "{decoder}: {mean_square}");
     }
 }
@@ -101,7 +102,7 @@ fn without_b_pictures_a_packet_follows_each_frame() {
 
 #[test]
 fn a_cut_begins_a_group() {
-    // moving() cuts at 60.
+    // moving() has a shot change at frame 60.
     let settings = config(96, 64).with_gop(100).with_b_pictures(2);
     let types = |settings: Config| -> Vec<PictureType> {
         let (_, packets) = encode_ahead(settings, (52..68).map(|time| moving(96, 64, time)), None);
@@ -132,7 +133,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 
 #[test]
 fn more_effort_takes_fewer_bits_for_as_good_a_picture() {
-    // Bits at equal quality, by the slope of 6 dB a factor of two in quantiser_scale and bits.
+    // Compare bits at equal quality, with 6 dB for each halving of quantiser_scale and doubling of bits.
     let mut last = f64::INFINITY;
     for effort in [Effort::Fast, Effort::Balanced, Effort::Best] {
         let settings = config(176, 144).with_gop(15).with_b_pictures(2).with_effort(effort);
@@ -145,11 +146,11 @@ fn more_effort_takes_fewer_bits_for_as_good_a_picture() {
     }
 }
 
-/// The decoder's buffer of Annex C, from the bytes of the stream alone: the rate and size that it states, the pictures that it has.
+/// The decoder's buffer of Annex C, parsed only from the bytes of the stream: stated rate and size, and its pictures.
 struct Verifier {
     bit_rate: f64,
     buffer: f64,
-    /// For each picture: bits since the end of the one before, of these up to picture_start_code, and vbv_delay.
+    /// For each picture: its bits, the bits up to and including its picture_start_code, and vbv_delay.
     pictures: Vec<(f64, f64, u32)>,
 }
 
@@ -168,7 +169,7 @@ fn verifier(stream: &[u8]) -> Verifier {
             _ => {}
         }
         if in_picture {
-            // The picture before ends where this header begins.
+            // The previous picture ends where this header begins.
             v.pictures.last_mut().expect("a picture").0 += 8.0 * (i - end) as f64;
             (end, in_picture) = (i, false);
         }
@@ -206,12 +207,12 @@ fn a_constant_rate_keeps_buffer_and_delays() {
         let seconds = packets.len() as f64 / 25.0;
         let reached = 8.0 * stream.len() as f64 / seconds / v.bit_rate;
         println!("{kbps} kbit/s are reached to {reached:.4}");
-        // Where even the finest quantiser takes too few bits, the buffer fills up before anything is stuffed.
+        // If even the finest quantiser takes too few bits, the buffer fills before stuffing begins.
         let finest = packets.iter().any(|packet| packet.quantiser_scale == 1);
         assert_eq!(finest, kbps == 3000);
         assert!(reached < 1.01 && (finest || reached > 0.99), "{kbps} kbit/s are reached to {reached}");
-        // The longest of these groups are long enough for the rounding of libmpeg2's transform to add up to 3 in a sample: the
-        // mean of it is held to what it is in a group of 15.
+        // In the longest of these groups libmpeg2's rounding errors accumulate to 3 in a sample. The mean limit is the same as
+        // for a group of 15.
         let (width, height) = (176, 144);
         check_agreement("ffmpeg", &decode_ffmpeg(&stream, width, height, "faani"), &packets, 55.0);
         check_agreement("mpeg2dec", &decode_mpeg2dec(&stream, width, height), &packets, 55.0);
@@ -230,8 +231,8 @@ fn a_capped_rate_never_runs_dry() {
         assert!(bits <= fullness);
         fullness = (fullness + v.bit_rate / 25.0 - bits).min(v.buffer);
     }
-    assert!(packets.iter().any(|packet| packet.quantiser_scale > 2), "the cap is felt");
-    // Where it is not felt, the quantiser is the requested one.
+    assert!(packets.iter().any(|packet| packet.quantiser_scale > 2), "the cap must have an effect");
+    // With a high cap the quantiser is the requested one.
     let rate = Rate::Capped { bits_per_second: 14_000_000, buffer_bits: 1_800_000 };
     let settings = config(176, 144).with_b_pictures(2).with_quantiser_scale(8).with_rate(rate);
     let (_, packets) = encode_ahead(settings, (0..20).map(|time| moving(176, 144, time)), None);
@@ -297,8 +298,8 @@ fn passes_reach_the_requested_rate() {
     }
 }
 
-/// Bits that a buffer makes even are spent a little worse than at constant quality, not much: with too short a view of what comes,
-/// an I picture takes all, and the others are left with nothing.
+/// With an even buffer, bits are spent only slightly worse than at constant quality. With too short a look-ahead, an I picture
+/// would take all bits and leave none for the others.
 #[test]
 fn a_constant_rate_costs_little_quality() {
     let psnr = |packets: &[Packet]| {
@@ -322,16 +323,16 @@ fn a_constant_rate_costs_little_quality() {
                 next = passes.next(quantiser_scale, taken as f64 / 45.0 * 25.0);
             }
             let lost = even - psnr(&constant);
-            println!("{effort:?}, {b_pictures} B pictures, {kbps} kbit/s: {lost:.2} dB less than at constant quality");
+            println!("{effort:?}, {b_pictures} B pictures, {kbps} kbit/s: {lost:.2} dB below constant quality");
             assert!(lost < 0.3, "{effort:?}, {b_pictures} B pictures, {kbps} kbit/s: {lost} dB");
         }
     }
 }
 
-/// The moment a frame comes in, the encoder knows whether it begins a group; groups of later frames follow by counting.
+/// For each pushed frame the encoder knows immediately whether it begins a group; later groups follow by counting.
 #[test]
 fn groups_are_known_before_they_are_coded() {
-    // moving() cuts at 60: the seventh frame, which is neither of two groups of four.
+    // moving() has a shot change at frame 60: the seventh frame, which begins no group of four.
     let (start, cut, count, gop) = (54, 6, 20, 4);
     for (b_pictures, effort) in [(0, Effort::Balanced), (2, Effort::Fast), (2, Effort::Best)] {
         let settings = config(96, 64).with_lookahead(30).with_gop(gop).with_b_pictures(b_pictures).with_effort(effort);
@@ -348,7 +349,7 @@ fn groups_are_known_before_they_are_coded() {
         let coded: Vec<_> = packets.iter().map(|packet| Some(packet.picture_type == PictureType::I)).collect();
         assert_eq!(known, coded, "{effort:?}, {b_pictures} B pictures");
         assert_eq!(coded[cut], Some(true));
-        // Only the cut itself was not announced.
+        // Only the shot change itself was not announced.
         announced.pop();
         announced[cut] = Some(true);
         assert_eq!(announced, coded, "{effort:?}, {b_pictures} B pictures");
@@ -358,7 +359,7 @@ fn groups_are_known_before_they_are_coded() {
     assert_eq!(groups, [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|index| index % 4 == 0));
 }
 
-/// A stream that another encoder continues anywhere is the same; of other settings, an encoder takes no state.
+/// A stream continued by another encoder from any state is identical. An encoder with other settings refuses the state.
 #[test]
 fn a_state_fits_its_settings_only() {
     let frames: Vec<_> = (52..70).map(|time| moving(64, 48, time)).collect();

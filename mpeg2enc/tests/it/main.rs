@@ -1,4 +1,4 @@
-//! Tests of the encoder as its users see it, in one program: a module for each subject.
+//! Integration tests of the encoder in one program, with a module per subject.
 
 mod behavior;
 mod color;

@@ -1,4 +1,4 @@
-//! MPEG-1: decoders show what the encoder says they show, in streams of ISO/IEC 11172-2.
+//! MPEG-1: decoded pictures equal the encoder's reconstructions in streams of ISO/IEC 11172-2.
 
 use crate::common::*;
 use mpeg2enc::{Config, Effort, FrameRate, Rate, Standard};
@@ -7,7 +7,8 @@ fn mpeg1(width: usize, height: usize) -> Config {
     config(width, height).with_standard(Standard::Mpeg1)
 }
 
-/// As for MPEG-2: transforms of decoders are off by one now and then, and predictions hand that on.
+/// Minimum agreement in dB. As with MPEG-2, transforms of decoders are sometimes off by one, and predictions inherit these
+/// errors.
 const AGREEMENT_DB: f64 = 55.0;
 
 #[test]
@@ -28,7 +29,7 @@ fn quantisers_efforts_and_sizes() {
     }
 }
 
-/// Noise has levels that need the long escapes, and vectors that go anywhere.
+/// Noise has levels that need long escapes, and arbitrary vectors.
 #[test]
 fn levels_up_to_255() {
     let settings = mpeg1(64, 48).with_b_pictures(1).with_quantiser_scale(2).with_gop(6);
@@ -48,7 +49,7 @@ fn a_constant_rate_is_stated_and_kept() {
     let settings = mpeg1(176, 144).with_b_pictures(2).with_rate(rate);
     let (stream, packets) = encode_ahead(settings, (0..100).map(|time| moving(176, 144, time)), None);
     check_decoders(&stream, &packets, AGREEMENT_DB);
-    // bit_rate, in units of 400 bits a second, follows two sizes of 12 bits and two codes of 4.
+    // bit_rate, in units of 400 bits per second, follows two sizes of 12 bits and two codes of 4.
     let bit_rate = u32::from_be_bytes(stream[8..12].try_into().unwrap()) >> 14;
     assert_eq!(bit_rate, 1000);
     let bits: u64 = packets.iter().map(|packet| packet.bits).sum();

@@ -1,4 +1,4 @@
-//! The example program, called as its process is: exit codes, messages, files and streams.
+//! The example program, called like its process: exit codes, messages, files and streams.
 
 use crate::common::*;
 use example::{DONE, FAILED, Streams, WRONG_ARGUMENTS};
@@ -12,12 +12,12 @@ use std::{
 #[path = "../../examples/mpeg2enc/program/mod.rs"]
 mod example;
 
-/// Width and height of clips, and bytes of a frame with its marker.
+/// Width and height of clips in pixels, and bytes of a frame with its marker.
 const SIZE: (usize, usize) = (32, 24);
 const FRAME: usize = 6 + 32 * 24 * 3 / 2;
 const HEADER: &str = "YUV4MPEG2 W32 H24 F25:1 Ip A1:1 C420jpeg";
 
-/// A folder that goes away with the value.
+/// A folder that is deleted when the value is dropped.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -29,12 +29,12 @@ impl Folder {
         Self(path)
     }
 
-    /// The path of a file, as text.
+    /// Path of a file, as text.
     fn path(&self, name: &str) -> String {
         self.0.join(name).to_str().expect("a path of text").into()
     }
 
-    /// Writes a file; gives its path.
+    /// Writes a file and returns its path.
     fn with(&self, name: &str, contents: &[u8]) -> String {
         std::fs::write(self.0.join(name), contents).expect("a file");
         self.path(name)
@@ -55,7 +55,7 @@ impl Drop for Folder {
     }
 }
 
-/// The exit code of a call, standard output and standard error.
+/// Exit code, standard output and standard error of a call.
 #[derive(Debug)]
 struct Called {
     code: u8,
@@ -76,7 +76,7 @@ fn call(arguments: &[&str]) -> Called {
 }
 
 impl Called {
-    /// The call failed with one line, which has these words.
+    /// Checks that the call failed with one line that contains these words.
     fn fails(&self, code: u8, words: &[&str]) {
         assert_eq!(self.code, code, "{}", self.messages);
         assert!(self.messages.starts_with("mpeg2enc: ") && self.messages.lines().count() == 1, "{}", self.messages);
@@ -91,7 +91,7 @@ impl Called {
     }
 }
 
-/// A clip with this header.
+/// Clip with this header.
 fn clip_of(header: &str, frames: impl IntoIterator<Item = Picture>) -> Vec<u8> {
     let mut clip = format!("{header}\n").into_bytes();
     for mut frame in frames {
@@ -105,7 +105,7 @@ fn clip(header: &str, count: usize) -> Vec<u8> {
     clip_of(header, (0..count).map(|time| moving(SIZE.0, SIZE.1, time)))
 }
 
-/// Pictures of a file, which must be whole.
+/// Number of pictures in a file, which must be complete.
 fn pictures_in(path: impl AsRef<Path>) -> usize {
     let stream = std::fs::read(path).expect("a file");
     let stream = ElementaryStream::parse(&stream).expect("a stream");
@@ -121,7 +121,7 @@ fn lines_are_read_as_far_as_headers_go() {
         called.fails(FAILED, &["standard input", words[0], words[1]]);
         assert!(called.output.is_empty());
     }
-    // The same within the film.
+    // The same limit applies to markers within the film.
     let endless = [&clip(HEADER, 2)[..], b"FRAME "].concat();
     call_with(&["-", "-o", "-"], endless.chain(std::io::repeat(b'1'))).fails(FAILED, &["frame 2", "FRAME 1111"]);
 }
@@ -139,7 +139,7 @@ fn damaged_markers_are_errors() {
         assert_eq!(folder.names(), ["clip.y4m", "film.m2v.part"]);
         assert_eq!(pictures_in(folder.path("film.m2v.part")), 3);
     }
-    // Parameters of a frame are allowed.
+    // A frame marker may have parameters.
     let mut parameters = clip(HEADER, 2);
     let marker = HEADER.len() + 1 + FRAME;
     parameters.splice(marker + 5..marker + 6, *b" Ixyz\n");
@@ -160,12 +160,12 @@ fn cut_clips_are_errors_that_keep_whole_frames() {
     }
     std::fs::remove_file(folder.path("film.m2v.part")).expect("a file");
 
-    // A stream has the whole frames, and the exit code tells.
+    // A stream receives the complete frames, and the exit code reports the error.
     let called = call_with(&["-", "-o", "-"], &clip[..clip.len() - 1]);
     called.fails(FAILED, &["standard input: frame 3", "the output contains the first 3 frames"]);
     assert_eq!(ElementaryStream::parse(&called.output).expect("a stream").units.len(), 3);
 
-    // Of a first frame nothing is left.
+    // An incomplete first frame leaves no output.
     let input = folder.with("clip.y4m", &clip[..200]);
     call(&[&input, "-o", &folder.path("new.m2v")]).fails(FAILED, &["frame 0 at byte 41"]);
     assert_eq!(folder.names(), ["clip.y4m", "film.m2v"]);
@@ -202,7 +202,7 @@ fn numbers_out_of_range_are_wrong_arguments() {
         assert_eq!(called.code, WRONG_ARGUMENTS, "{option} {value}");
         assert!(called.messages.contains(option) && called.messages.contains(value), "{}", called.messages);
     }
-    // These depend on each other, or on the clip.
+    // These options depend on each other, or on the clip.
     let wrong = |options: &[&str], words: &[&str]| {
         call(&[&[&input, "-o", &output], options].concat()).fails(WRONG_ARGUMENTS, words);
     };
@@ -234,10 +234,10 @@ fn standard_streams_and_devices_are_written_as_they_are() {
     let input = folder.with("clip.y4m", &clip);
     let called = call(&[&input, "-o", &output]).succeeds();
     assert!(called.output.starts_with(b"5 frames, ") && called.messages.is_empty());
-    assert_eq!(folder.names(), ["clip.y4m", "film.m2v"], "no part is left");
+    assert_eq!(folder.names(), ["clip.y4m", "film.m2v"], "no temporary file must remain");
     let film = std::fs::read(&output).expect("a film");
 
-    // The report does not get into a film on standard output.
+    // The report must not be mixed into a film on standard output.
     for (from, to) in [("-", "-"), (&*input, "/dev/stdout"), ("/dev/stdin", "-")] {
         let called = call_with(&[from, "-o", to, "--verbose"], &clip[..]).succeeds();
         assert!(called.output == film, "{from} {to}");
@@ -251,7 +251,7 @@ fn standard_streams_and_devices_are_written_as_they_are() {
     call_with(&["-", "-o", &output, "-b", "100", "--two-pass"], &clip[..]).fails(WRONG_ARGUMENTS, &words);
     call(&[&input, "-o", "-", "-b", "100", "--two-pass"]).fails(WRONG_ARGUMENTS, &words);
 
-    // A link stays, and the file that it leads to is replaced.
+    // A link is kept, and its target is replaced.
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink(folder.path("film.m2v"), folder.path("link.m2v")).expect("a link");
@@ -269,7 +269,7 @@ fn two_passes_leave_one_film() {
     assert_eq!((folder.names(), pictures_in(&output)), (vec!["clip.y4m".into(), "film.m2v".into()], 10));
 }
 
-/// aspect_ratio_information of the stream that a header leads to, or the failed call.
+/// aspect_ratio_information of the stream from a clip with this header, or the failed call.
 fn aspect_of(header: &str, options: &[&str]) -> Result<u8, Called> {
     let called = call_with(&[&["-", "-o", "-"], options].concat(), &clip(header, 1)[..]);
     if called.code == DONE { Ok(called.output[7] >> 4) } else { Err(called) }
@@ -289,7 +289,7 @@ fn fields_of_headers_are_obeyed_or_refused() {
     }
     refused(&with("Ip", "Iz"), &["Iz"]);
 
-    // 32×24 of 4:3 samples have 16:9.
+    // 32×24 samples with an aspect ratio of 4:3 make a 16:9 picture.
     for (field, code) in [("A1:1", 1), ("A4:3", 3), ("A1657:1000", 4), ("A0:0", 1), ("", 1)] {
         assert_eq!(aspect_of(&with("A1:1", field), &[]).ok(), Some(code), "{field}");
     }

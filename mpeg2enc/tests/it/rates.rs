@@ -1,4 +1,4 @@
-//! Bounded rates on quiet films, beside a constant quantiser that the same buffer holds.
+//! Bounded rates on quiet films, compared with a constant quantiser that fits the same buffer.
 
 use crate::common::*;
 use mpeg2enc::{Config, Effort, KnownMotion, Picture, Rate};
@@ -7,7 +7,7 @@ use plane::Plane;
 const SIZE: (usize, usize) = (96, 80);
 const FPS: f64 = 25.0;
 
-/// Bits of each picture in the order of coding, and PSNR of luma over all of them.
+/// Bits of each picture in the order of coding, and PSNR of luma over all pictures.
 struct Film {
     bits: Vec<f64>,
     psnr: f64,
@@ -32,7 +32,7 @@ impl Film {
         self.bits.iter().sum()
     }
 
-    /// Fullness of a decoder's buffer of this rate at the beginning, at the least and at the end.
+    /// Initial, minimum and final fullness of a decoder's buffer at this rate, in bits.
     fn fullness(&self, rate: Rate) -> [f64; 3] {
         let (bits_per_second, buffer_bits, start) = match rate {
             Rate::Constant { bits_per_second, buffer_bits } => (bits_per_second, buffer_bits, 11.0 / 16.0),
@@ -52,24 +52,25 @@ impl Film {
         self.fullness(rate)[1] >= 0.0
     }
 
-    /// Does the buffer never run dry, and end as full as it began where the rate is constant?
+    /// Whether the buffer never underflows and, at a constant rate, is finally at least as full as initially.
     fn is_held(&self, rate: Rate) -> bool {
         let [start, _, end] = self.fullness(rate);
         self.never_runs_dry(rate) && (matches!(rate, Rate::Capped { .. }) || end >= start)
     }
 }
 
-/// At this constant rate, in a buffer of half a second.
+/// This constant rate in kbit/s, with a buffer of half a second.
 fn constant(kbps: u32) -> Rate {
     Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: 500 * kbps }
 }
 
-/// At most at this rate, in a buffer of half a second.
+/// This maximum rate in kbit/s, with a buffer of half a second.
 fn capped(kbps: u32) -> Rate {
     Rate::Capped { bits_per_second: 1000 * kbps, buffer_bits: 500 * kbps }
 }
 
-/// A film of a bounded rate is at most 0.3 dB worse than the finest constant quantiser that is no larger and as well held.
+/// Checks that a film at a bounded rate is at most 0.3 dB worse than with a constant quantiser. The reference is the finest
+/// quantiser that takes no more bits and respects the buffer equally well.
 fn check_rates(frames: &[Picture], rates: &[Rate]) {
     for &effort in Effort::ALL {
         let settings = config(SIZE.0, SIZE.1).with_effort(effort);
@@ -79,16 +80,16 @@ fn check_rates(frames: &[Picture], rates: &[Rate]) {
         for &rate in rates {
             let film = Film::of(settings.clone().with_quantiser_scale(4).with_rate(rate), frames);
             let best = uniform.iter().find(|other| other.size() <= film.size() && other.is_held(rate));
-            let best = best.expect("a quantiser that the buffer holds");
+            let best = best.expect("a quantiser that fits the buffer");
             let what = format!("{effort:?}, {rate:?}");
             println!("{what}: {:.2} dB, a constant quantiser {:.2} dB", film.psnr, best.psnr);
-            assert!(film.never_runs_dry(rate), "{what} runs dry");
+            assert!(film.never_runs_dry(rate), "{what} underflows");
             assert!(film.psnr >= best.psnr - 0.3, "{what}: {:.2} dB, not {:.2}", film.psnr, best.psnr);
         }
     }
 }
 
-/// Waves that pass slowly, `light` sixteenths of them, with noise of at most one that changes with `seed`.
+/// Slow waves, with an amplitude of `light` sixteenths and noise of at most one, which depends on `seed`.
 fn waves(time: usize, light: usize, seed: usize) -> Picture {
     let hash = |x: usize, y: usize| (x * 7919 + y * 104_729 + seed * 1_299_709 + x * y % 31 * 17) >> 3;
     let wave = |x: usize, y: usize| {
@@ -97,7 +98,7 @@ fn waves(time: usize, light: usize, seed: usize) -> Picture {
     };
     let luma = |x, y| (16.0 + wave(x, y) * light as f64 / 16.0) as u8 + (hash(x, y) % 2) as u8;
     let chroma = Plane::filled(SIZE.0 / 2, SIZE.1 / 2, 128);
-    Picture::new(Plane::from_fn(SIZE.0, SIZE.1, luma), chroma.clone(), chroma).expect("planes that belong together")
+    Picture::new(Plane::from_fn(SIZE.0, SIZE.1, luma), chroma.clone(), chroma).expect("the planes must match")
 }
 
 #[test]

@@ -1,11 +1,11 @@
-//! Figures that an encoder reports of a picture, against the input.
+//! Statistics of a picture reported by the encoder, compared with the input.
 
 use crate::common::*;
 use mpeg2enc::{MacroblockKind, Packet, Picture};
 use plane::Plane;
 use std::f64::consts::PI;
 
-/// One wave of the DCT in every block: `u` across, `v` down, upon middle gray.
+/// One DCT basis function in every block, on middle gray; `u` is the horizontal and `v` the vertical frequency.
 fn wave(u: usize, v: usize) -> Picture {
     let cosine = |x: usize, u: usize| ((2 * (x % 8) + 1) as f64 * u as f64 * PI / 16.0).cos();
     let luma = Plane::from_fn(64, 48, |x, y| (126.0 + 60.0 * cosine(x, u) * cosine(y, v)).round() as u8);

@@ -1,11 +1,11 @@
-//! Rates and buffers that pictures cannot keep to are refused, or their late pictures are told.
+//! Rates and buffers too small for the pictures: refused, or their late pictures reported.
 
 use crate::common::*;
 use mpeg2enc::{BufferVerifier, Config, ConfigError, Picture, Rate, Standard};
 
 #[test]
 fn rates_below_the_smallest_pictures_are_refused() {
-    // 5 rows of macroblocks: 144 + 5·48 bits a picture in MPEG-2, 72 + 5·48 in MPEG-1.
+    // 5 rows of macroblocks: 144 + 5·48 bits per picture in MPEG-2, 72 + 5·48 in MPEG-1.
     for (standard, picture_bits) in [(Standard::Mpeg2, 384), (Standard::Mpeg1, 312)] {
         let settings = |bits_per_second| {
             let rate = Rate::Constant { bits_per_second, buffer_bits: 100_000 };
@@ -23,13 +23,13 @@ fn rates_below_the_smallest_pictures_are_refused() {
             settings(rate_least as u32 - 400).validate().is_err() && settings(rate_least as u32).validate().is_ok()
         );
     }
-    // 1024 rows do not go into the smallest buffer.
+    // 1024 rows do not fit into the smallest buffer.
     let rate = Rate::Capped { bits_per_second: 8_000_000, buffer_bits: 16_384 };
     let error = config(16, 16_383).with_lookahead(30).with_rate(rate).validate().expect_err("an error");
     assert!(error.to_string().contains("a buffer of 16384 bits"), "{error}");
 }
 
-/// Of a film in which nothing changes no picture is smaller than the bound says.
+/// In a static film no picture is smaller than the bound.
 #[test]
 fn pictures_are_no_smaller_than_the_bound() {
     for (standard, picture_bits) in [(Standard::Mpeg2, 384), (Standard::Mpeg1, 312)] {
@@ -40,7 +40,7 @@ fn pictures_are_no_smaller_than_the_bound() {
     }
 }
 
-/// Seconds that each packet comes late, in the order of coding.
+/// Delay of each packet in seconds, in the order of coding.
 fn lateness(settings: Config, frames: impl Iterator<Item = Picture>) -> Vec<f64> {
     let mut verifier = BufferVerifier::new(&settings).expect("a bounded rate");
     let mut encoder = settings.encoder().expect("a valid configuration");
