@@ -31,8 +31,8 @@
 //! ```
 //!
 //! Only integer arithmetic over fixed slices determines the stream. The same frames give the same bits on every processor. The
-//! number of threads, which belong to the `rayon` pool that calls `push`, does not matter. Clause and table numbers in this
-//! crate refer to the 2000 edition.
+//! number of threads does not matter; they belong to the `rayon` pool in which `push` is called. Clause and table numbers in
+//! this crate refer to the 2000 edition.
 #![forbid(unsafe_code)]
 
 #[macro_use]

@@ -235,7 +235,7 @@ impl Writer {
         atom(b"moof", &[&number, &atom(b"traf", &[&header, &time, &run])])
     }
 
-    /// Dependencies of a picture of the group on other pictures, and of others on it (8.8.3.1).
+    /// Dependencies between a picture of the group and other pictures, in both directions (8.8.3.1).
     fn flags(&self, picture: &StreamPicture) -> u32 {
         let entry = self.group.first().map_or(0, |first| first.times.presentation);
         match picture {

@@ -222,7 +222,7 @@ mod tests {
     fn one_motion_is_recognized() {
         for (slope, one_motion) in [(0.02, true), (0.05, true), (0.2, false), (-0.2, false), (f32::NAN, false)] {
             let plane = Plane::from_fn(16, 16, |x, _| [2.0 + slope * x as f32, -0.75]);
-            // NaN motion counts as unknown, whatever its match.
+            // NaN motion counts as unknown, even with a match.
             let all_match = Correspondence::new(plane.clone(), Plane::filled(16, 16, 0)).unwrap();
             for known in [Correspondence::from_motion(plane), all_match] {
                 let (quick, thorough) = (candidates(&known, 0, 0), several(&known, 0, 0));

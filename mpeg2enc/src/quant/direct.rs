@@ -1,6 +1,6 @@
 //! Quantises a predicted block by rounding and restores its coefficients, in one step.
 //!
-//! All coefficients are processed together, whatever their levels. [`quantise`](Quantiser::quantise) and
+//! All coefficients are processed together, including zero levels. [`quantise`](Quantiser::quantise) and
 //! [`dequantise`](Quantiser::dequantise) process single levels; tests compare the two.
 
 use super::{Block, BlockKind, Quantiser, Rounding, Transformed, odd_sum, places};

@@ -54,7 +54,7 @@ fn time_codes_go_on_from_the_first_number() {
         let (_, bytes) = stream(&config.with_first_number(number), 1);
         assert_eq!(ElementaryStream::parse(&bytes).expect("a stream").time_code, time_code, "{number} at {fps}");
     }
-    // The number affects nothing else, not even the order of pictures.
+    // The number affects only time codes, not the order of pictures.
     let [(plain, _), (later, _)] = [0, 25].map(|number| stream(&config().with_first_number(number), 9));
     let differing = |(a, b): (&AccessUnit, &AccessUnit)| a.data.iter().zip(&b.data).filter(|(a, b)| a != b).count();
     assert_eq!(plain.iter().zip(&later).map(differing).collect::<Vec<_>>(), [1, 0, 0, 0, 0, 0, 0, 1, 0]);

@@ -329,7 +329,7 @@ fn a_constant_rate_costs_little_quality() {
     }
 }
 
-/// For each pushed frame the encoder knows immediately whether it begins a group; later groups follow by counting.
+/// For each pushed frame the encoder decides immediately whether it begins a group; later groups follow by counting.
 #[test]
 fn groups_are_known_before_they_are_coded() {
     // moving() has a shot change at frame 60: the seventh frame, which begins no group of four.

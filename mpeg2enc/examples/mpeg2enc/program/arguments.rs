@@ -74,7 +74,7 @@ pub struct Arguments {
     /// Closed groups of pictures: none depends on the previous group
     #[arg(long)]
     closed: bool,
-    /// No I pictures except those of --gop
+    /// No I pictures at shot changes, only at the distance of --gop
     #[arg(long)]
     no_scene_cuts: bool,
     /// Same quantiser for all macroblocks of I and P pictures
