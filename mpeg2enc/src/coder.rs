@@ -158,6 +158,7 @@ impl Coder {
         let standard = self.config.standard;
         let f_code_max = [limits.f_code_horizontal, limits.f_code_vertical].map(|max| max.min(standard.f_code_max()));
         let effort = self.config.effort;
+        // Headers state the f_code of the longest vectors, so search all vectors before writing.
         let find = |direction: &Option<Direction>| {
             direction.as_ref().map_or(Vec::new(), |direction| {
                 Estimate {
@@ -184,6 +185,7 @@ impl Coder {
         let references: References =
             [&job.directions[0], &job.directions[1]].map(|direction| direction.as_ref().map(|d| d.reference));
         let number = self.config.first_number + job.display_index;
+        // Reconstruct into reused memory while the slices are coded.
         let header = PictureHeader {
             picture_type: job.picture_type,
             temporal_reference: job.temporal_reference,
@@ -221,11 +223,13 @@ impl Coder {
         let (width, height) = (self.config.width, self.config.height);
         let (columns, rows) = (job.source.width() / 16, job.source.height() / 16);
         let psnr_y = psnr_of(coded.luma_error, width * height);
+        // Without padding the packet shares the reference's memory.
         let reconstruction = if (whole.width(), whole.height()) == (width, height) {
             whole.clone()
         } else {
             self.pool.filled(width, height, |shown| copy(whole, shown)).0
         };
+        // Packets describe only macroblocks of the requested picture.
         let (kinds, levels) = coded.macroblocks.into_iter().unzip();
         let (in_force, of_levels) = coded.quantiser_scales.into_iter().unzip();
         let macroblocks = Macroblocks { coded: (columns, rows), shown: self.config.shown_macroblocks() };

@@ -230,6 +230,7 @@ impl Decision<'_> {
                 return self.finish_uncoded(mode, index, work);
             }
         }
+        // Compare uncoded predictions with coded ones.
         self.consider_vectors(vectors, &mut work.predictions);
         let uncoded = self.cheapest_uncoded(work);
         let coded = self.cheapest_coded(work);
@@ -395,6 +396,7 @@ impl Decision<'_> {
         let kind = if mode == Mode::Intra { BlockKind::Intra } else { BlockKind::Inter };
         let (coefficients, energies, is_transformed) =
             (work.best.coefficients, work.best.energies, work.best.is_transformed);
+        // Reuse the coefficients of the best trial with each quantiser.
         let mut is_cheaper = |code: u8| {
             let quantiser = self.quantisers.of(code);
             let trial = &mut *work.other;

@@ -90,6 +90,7 @@ impl ElementaryStream {
             match code {
                 SEQUENCE_HEADER_CODE => stream.note_sequence_header(bytes, at, after)?,
                 GROUP_START_CODE => {
+                    // temporal_reference restarts in each group, so add the pictures of earlier groups.
                     group += shown;
                     shown = 0;
                     let header = bytes.get(at + 4..at + 8).ok_or(StreamError::Damaged { at })?;

@@ -68,6 +68,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(1, 1); // marker_bit
     writer.put(vbv_buffer_size & 0x3ff, 10); // vbv_buffer_size_value
     writer.put(0, 1); // constrained_parameters_flag
+    // The standard's default matrices are not written.
     for (matrix, default) in
         [(&config.intra_matrix, &DEFAULT_INTRA_MATRIX), (&config.non_intra_matrix, &DEFAULT_NON_INTRA_MATRIX)]
     {

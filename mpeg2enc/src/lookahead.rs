@@ -256,6 +256,7 @@ impl Lookahead {
             .into_par_iter()
             .map(|i| {
                 let (f, b) = (forward[i], backward[i]);
+                // Both vectors stay fixed; only the kind of prediction is chosen.
                 let both = mean_cost(
                     frame.half(),
                     references,
@@ -291,6 +292,7 @@ impl Lookahead {
             return Some(near);
         }
         let rest = self.chained(neighbor, delta - step)?;
+        // Continue each vector from the macroblock where it ends.
         let columns = self.columns();
         let rows = rest.len() / columns;
         let chained = near.iter().enumerate().map(|(i, near)| {

@@ -140,6 +140,7 @@ impl SliceState {
     ) -> (bool, MacroblockBits) {
         let mut bits = MacroblockBits::default();
         let pattern = macroblock.coded_block_pattern();
+        // Skipped macroblocks reset predictors, and only increase the address increment.
         if pattern == 0 && self.skipped_mode(slice, column) == Some(macroblock.mode) {
             self.increment += 1;
             if slice.picture_type == PictureType::P {
@@ -149,6 +150,7 @@ impl SliceState {
             self.dc_prediction = [slice.dc_reset; 3];
             return (false, bits);
         }
+        // The quantiser is only written together with coefficients.
         vlc::put_macroblock_address_increment(sink, self.increment);
         self.increment = 1;
         let is_intra = macroblock.mode == Mode::Intra;

@@ -68,6 +68,7 @@ impl Estimate<'_> {
         let candidates = self.candidates.get(index).unwrap_or(&Candidates::NONE);
         let block = BlockPosition { column, row };
         let mut search = Search::<16>::new([source, reference], block, range, left, self.quantiser_scale);
+        // With uniform motion the fast search only tests the given vector and its neighborhood.
         if self.effort == Effort::Fast
             && candidates.one_motion
             && let Some(&given) = candidates.vectors().first()
@@ -99,6 +100,7 @@ impl Estimate<'_> {
                 search.descend();
             }
         }
+        // Search widely if nothing matches.
         if search.best_error > poor && !known {
             let found = self.coarse.as_ref().map(|coarse| coarse.search(column, row));
             if found.is_some_and(|found| search.try_vector(found)) {

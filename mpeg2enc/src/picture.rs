@@ -104,6 +104,7 @@ impl PictureCoder<'_> {
     /// Codes picture_data() (6.2.3): all slices. `reconstruction` receives the decoded picture in whole macroblocks.
     pub fn code(&self, reconstruction: &mut Picture) -> CodedPicture {
         let width = self.source.width();
+        // Slices only share the source and the references, so rows are independent.
         let rows = {
             let [luma, cb, cr] = reconstruction.samples_mut();
             let (cb, cr) = (cb.par_chunks_mut(4 * width), cr.par_chunks_mut(4 * width));
@@ -115,6 +116,7 @@ impl PictureCoder<'_> {
                 })
                 .collect::<Vec<_>>()
         };
+        // Join the rows in order; they were coded by several threads.
         let mut coded = CodedPicture {
             slices: Vec::new(),
             quantiser_scales: Vec::new(),
@@ -145,6 +147,7 @@ impl PictureCoder<'_> {
             quantiser: nearest_code(parameters.q_scale_type, scales_x16[0]),
             last_column: columns - 1,
         };
+        // A slice begins with the quantiser of its first macroblock.
         let mut writer = BitWriter::default();
         let mut statistics = PictureStatistics::default();
         let mut quantiser_scales = Vec::with_capacity(columns);
@@ -158,6 +161,7 @@ impl PictureCoder<'_> {
                 quantiser = (scale_x16, nearest_code(parameters.q_scale_type, scale_x16));
             }
             let lambda = lambda(scale_x16);
+            // P pictures with quick decisions predict directly into the output.
             let is_shown = self.tools.quick
                 && slice.picture_type == PictureType::P
                 && InPlace {
@@ -189,6 +193,7 @@ impl PictureCoder<'_> {
                 decision.decide(vectors, work);
                 self.show(&work.reconstruction, column, &mut out);
             }
+            // Packets report the current quantiser and the one that produced the levels.
             let macroblock = work.macroblock();
             let (written, bits) = state.put_macroblock(&mut writer, &slice, column, macroblock);
             let has_levels = macroblock.mode == Mode::Intra || macroblock.coded_block_pattern() != 0;

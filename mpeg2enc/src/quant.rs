@@ -164,6 +164,7 @@ impl Quantiser {
         let nonzero = kernel::divide(coefficients, &weights.reciprocal, zero, weights.shift, &mut levels);
         // The DC of an intra block is excluded.
         let nonzero = if kind == BlockKind::Intra { nonzero & !1 } else { nonzero };
+        // Start from the error of an empty block and subtract the gain of each level.
         block.clear();
         block.error = energy;
         let restore = |place: usize, level: i32| self.inverse_quantise(level, kind, weights.scaled[place]);
@@ -196,6 +197,7 @@ impl Quantiser {
                 trellis::choose(candidates, kind, BitPrice { codes, lambda }, restore, save);
             }
         }
+        // The intra DC has its own step, independent of quantiser_scale (7.4.1).
         if kind == BlockKind::Intra {
             let step = self.intra_dc_mult << dct::COEFFICIENT_BITS;
             let level = ((coefficients[0] + step / 2) / step).clamp(0, self.intra_dc_max);

@@ -49,6 +49,7 @@ pub(crate) fn choose(
     let mut nodes = [PathNode { cost: 0, level: 0, next: start, from: 0 }; 65];
     let mut alive = [0u8; 65];
     let mut alive_count = 1;
+    // Extend the best path to each level or its predecessor, from every useful earlier node.
     for (number, (i, magnitude, level)) in (1u8..).zip(nonzero) {
         let magnitude = i64::from(magnitude);
         let mut best = PathNode { cost: i64::MAX, level, next: i as u8 + 1, from: 0 };
@@ -80,6 +81,7 @@ pub(crate) fn choose(
         alive[alive_count] = number;
         alive_count += 1;
     }
+    // Follow the cheapest path back to the start.
     let mut node = best_end.1;
     while node != 0 {
         let PathNode { next, level, from, .. } = nodes[usize::from(node)];

@@ -16,6 +16,7 @@ impl Config {
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
         let stated = self.stated_frame_rate().fps();
+        // Ranges of single settings come first, combinations of settings later.
         if !(1..=SIZE_MAX).contains(&width) || !(1..=SIZE_MAX).contains(&height) {
             return Err(ConfigError::Size { width, height });
         }
@@ -30,6 +31,7 @@ impl Config {
         if !(8..=11).contains(&self.intra_dc_precision) {
             return Err(ConfigError::IntraDcPrecision { bits: self.intra_dc_precision });
         }
+        // An explicit level must allow size and rate.
         if let Some(level) = self.level.filter(|level| !level.limits().hold(width, height, stated)) {
             let lowest = Level::lowest(width, height, stated);
             return Err(ConfigError::Level { level, width, height, fps: stated, lowest });
@@ -40,12 +42,14 @@ impl Config {
         if self.lookahead > LOOKAHEAD_MAX {
             return Err(ConfigError::Lookahead { frames: self.lookahead });
         }
+        // Rate control and mean quantisers plan over at least one waiting frame.
         let plans = self.rate != Rate::ConstantQuantiser || self.mean_quantiser_x256.is_some();
         let least = self.b_pictures.max(plans.into());
         if self.lookahead < least {
             return Err(ConfigError::NeedsLookahead { frames: self.lookahead, least });
         }
         check_rate(self)?;
+        // The intra DC has a fixed weight of 8 (6.3.11).
         for (matrix, first) in [(&self.intra_matrix, Some(8)), (&self.non_intra_matrix, None)] {
             let wrong = |&(place, &value): &(usize, &u8)| value == 0 || place == 0 && first.is_some_and(|f| f != value);
             if let Some((place, &value)) = matrix.iter().enumerate().find(wrong) {

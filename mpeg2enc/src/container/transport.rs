@@ -120,6 +120,7 @@ impl Writer {
     /// Returns the packets of one picture.
     pub fn put(&mut self, picture: &StreamPicture) -> Vec<u8> {
         self.schedule.begin(picture.times.decoding);
+        // A picture is one PES packet, and its header counts as payload.
         let mut data = Header { times: Some(picture.times), ..Header::default() }.bytes(None);
         let header = data.len();
         data.extend(&picture.data);
@@ -138,6 +139,7 @@ impl Writer {
                 self.put_tables(&mut out);
                 self.tables_sent = Some(due);
             }
+            // Receivers need a reference at least once per interval, and at every change of the rate.
             let now = self.slots.map_or(due, |slots| slots.reference_after(self.packets + out.len() / PACKET));
             let has_clock = begins || is_paused || was_paused || is_due(self.clock_sent, self.clock_interval(), now);
             let clock = has_clock.then_some(now);
@@ -266,6 +268,7 @@ fn put_packet(
     counter: &mut u32,
     payload: &[u8],
 ) -> usize {
+    // A short payload enlarges the adaptation field to fill the packet.
     let needed = match adaptation {
         Adaptation { clock: Some(_), .. } => 8,
         Adaptation { random_access: true, .. } => 2,

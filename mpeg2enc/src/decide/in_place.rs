@@ -49,6 +49,7 @@ impl InPlace<'_> {
         debug_assert!(Range::new(self.reference.luma(), self.column, self.row, self.slice.f_code[0]).contains(vector));
         let stride = self.source.width();
         let [place, chroma_place] = [16 * self.column, 8 * self.column];
+        // Predict directly into the output, which may already be the final result.
         let luma = self.predict_luma(vector, &mut out.luma[place..], stride);
         let cb = self.predict_chroma(vector, 0, &mut out.cb[chroma_place..], stride / 2);
         let cr = self.predict_chroma(vector, 1, &mut out.cr[chroma_place..], stride / 2);
@@ -58,6 +59,7 @@ impl InPlace<'_> {
             return false;
         }
         (macroblock.mode, macroblock.quantiser) = (Mode::Forward(vector), self.code);
+        // Each block is coded only if it gains more than its bits cost.
         let mut is_coded = false;
         for (i, block) in macroblock.blocks.iter_mut().enumerate() {
             let kept = !self.quantiser.leaves_nothing(errors[i], self.tools.worth_a_transform_quarters)
@@ -86,6 +88,7 @@ impl InPlace<'_> {
             4 => (self.chroma(self.source, 0, HalfSample::ZERO), &mut out.cb[8 * self.column..]),
             _ => (self.chroma(self.source, 1, HalfSample::ZERO), &mut out.cr[8 * self.column..]),
         };
+        // The output currently contains the prediction.
         let source = kernel::gathered(&source.samples[y * stride + x..], stride);
         let shown = &mut shown[y * stride + x..];
         let predicted = kernel::gathered(shown, stride);
@@ -94,6 +97,7 @@ impl InPlace<'_> {
         let (rounding, mut restored) = (self.tools.rounding(self.lambda), [0; 64]);
         let transformed = Transformed { coefficients: &coefficients, energy };
         self.quantiser.quantise_predicted(transformed, rounding, block, &mut restored);
+        // Compare the cost with the error of the uncoded block.
         let price = self.lambda * i64::from(block.bits);
         if !block.is_coded() || block.error + price >= energy {
             return false;

@@ -25,6 +25,7 @@ impl Decision<'_> {
         match self.slice.picture_type {
             PictureType::I | PictureType::P => return false,
             PictureType::B => {
+                // A skipped macroblock with a small error needs no further trials.
                 if let Some(mode) = self.state.skipped_mode(self.slice, self.column) {
                     work.predictions.consider(self, mode);
                     if let Some(&(_, _, index)) = work.predictions.order.first()
@@ -45,6 +46,7 @@ impl Decision<'_> {
         if in_coefficients(error) > INTRA_BITS * self.lambda && self.tools.may_be_intra(error, self.activity()) {
             return false;
         }
+        // Each block is coded only if it gains more than its bits cost.
         let macroblock = &mut work.best.macroblock;
         (macroblock.mode, macroblock.quantiser) = (mode, self.quantiser);
         for (i, block) in macroblock.blocks.iter_mut().enumerate() {

@@ -140,6 +140,7 @@ impl Ahead {
         let span = spans[0];
         let last = self.last_anchor();
         let count = self.lookahead.macroblocks();
+        // The tree decides the quality of anchors; otherwise I pictures have a fixed factor.
         let factors = match (coder.config.uses_tree(), span.is_intra && coder.config.varies()) {
             (true, _) => self.lookahead.factors(last, spans),
             (false, true) => vec![INTRA_FACTOR_256THS; count],
@@ -225,6 +226,7 @@ impl Ahead {
                 None => break coded,
             }
         };
+        // Pad too small pictures, so that the buffer does not overflow.
         coded.fill_to(rate.buffer.least() - header_bits);
         coded.packet.prepend(turn.headers);
         rate.take(coded.packet.bits as i64, base_x16);
@@ -288,6 +290,7 @@ impl Ahead {
             }
         }
         let source = &self.lookahead.get(index).source;
+        // Without a coarse search: the look-ahead has supplied all candidates.
         coder.code(&PictureJob {
             picture_type,
             display_index: index as u64,

@@ -38,6 +38,7 @@ impl Immediate {
         let config = &coder.config;
         let (columns, rows) = config.macroblock_counts();
         let place_in_group = self.count % u64::from(config.gop);
+        // A new group starts without a reference picture.
         let padded = (!is_whole(frame, columns, rows)).then(|| coder.whole(frame));
         let source = padded.as_deref().unwrap_or(frame);
         let reference = self.reference.take().filter(|_| place_in_group != 0);

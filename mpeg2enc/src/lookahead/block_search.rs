@@ -40,10 +40,12 @@ impl BlockSearch<'_> {
         let range = Range::of_block(reference.half(), BLOCK, column, row, REACH);
         let mut search =
             Search::<BLOCK>::new([frame.half(), reference.half()], block, range, left, SEARCH_QUANTISER_SCALE);
+        // Candidates have full-size units.
         search.try_vector(HalfSample::ZERO);
         for vector in candidates.vectors() {
             search.try_vector(HalfSample { x: (vector.x + 1) >> 1, y: (vector.y + 1) >> 1 });
         }
+        // Without a uniform motion search around the best candidate, and widely if it matches poorly.
         if !candidates.one_motion && search.best_error > 0 {
             search.try_vector(left);
             if let Some(before) = before {
@@ -58,6 +60,7 @@ impl BlockSearch<'_> {
                 }
             }
         }
+        // Transformed differences become the cost of the match.
         if transformed {
             if !candidates.one_motion {
                 search.refine();

@@ -54,6 +54,7 @@ impl Lookahead {
                 }
             }
         }
+        // Follow the decisions back from the last frame.
         let mut spans = Vec::new();
         let mut j = count;
         while j > 0 {

@@ -35,6 +35,7 @@ impl Lookahead {
         for (i, span) in spans.iter().enumerate().rev() {
             let from = if i > 0 { Some(spans[i - 1].anchor) } else { last_anchor };
             let Some(from) = from else { continue };
+            // B pictures inherit nothing, and pass their gain on to both anchors.
             for index in from + 1..span.anchor {
                 let (back, ahead) = (distance(index, from), distance(index, span.anchor));
                 let found = self.two_sided(index, back, ahead);
@@ -50,10 +51,12 @@ impl Lookahead {
                     }
                 }
             }
+            // An I picture ends the chain; the first anchor is the result.
             if span.is_intra || i == 0 {
                 continue;
             }
             let matches = self.matches(span.anchor, distance(span.anchor, from));
+            // P pictures also pass on the fraction of their inheritance that they predict.
             let intra = self.intra_costs(span.anchor).clone();
             let own = inherited.remove(&span.anchor).unwrap_or_else(|| vec![0; count]);
             let amounts = inherited.entry(from).or_insert_with(|| vec![0; count]);

@@ -92,6 +92,7 @@ fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
                 unknown += 1;
                 continue;
             };
+            // Neighboring vectors are usually equal, so compare with the latest first.
             count += 1;
             sum = [sum[0] + parts[0], sum[1] + parts[1]];
             let vector = HalfSample { x: half_of(parts[0]), y: half_of(parts[1]) };
@@ -107,6 +108,7 @@ fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
             counts[latest].1 += 1;
         }
     }
+    // The most frequent vectors come first; sorting ties makes the order unique.
     let counts = &mut counts[..distinct];
     counts.sort_unstable_by_key(|&(vector, count)| (std::cmp::Reverse(count), vector));
     let mut out = Candidates { is_uncovered: unknown > 0, ..Candidates::NONE };

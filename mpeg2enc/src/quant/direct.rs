@@ -17,6 +17,7 @@ impl Quantiser {
         restored: &mut [i32; 64],
     ) {
         let Transformed { coefficients, energy } = transformed;
+        // Only rounding in MPEG-2 has a kernel for whole blocks.
         if rounding != Rounding::DeadZone || self.standard != Standard::Mpeg2 {
             self.quantise(transformed, BlockKind::Inter, rounding, block);
             if block.is_coded() {
@@ -31,6 +32,7 @@ impl Quantiser {
         if nonzero == 0 {
             return;
         }
+        // Mismatch control affects the restored coefficients, not the levels.
         let (change, sum) = kernel::restore(coefficients, &self.inter.turned, &mut levels, restored);
         odd_sum(restored, sum);
         block.error += i64::from(change);

@@ -155,6 +155,7 @@ impl Arguments {
             .with_color(color)
             .with_rate(self.rate()?)
             .with_effort(self.effort);
+        // The size comes from the clip; all other errors are wrong arguments.
         config.validate().map_err(|error| match error {
             ConfigError::Size { .. } => anyhow::Error::new(error).context(clip.to_owned()),
             _ => WrongArguments(error.to_string()).into(),
