@@ -223,7 +223,7 @@ impl Coder {
         let (width, height) = (self.config.width, self.config.height);
         let (columns, rows) = (job.source.width() / 16, job.source.height() / 16);
         let psnr_y = psnr_of(coded.luma_error, width * height);
-        // Without padding the packet shares the reference's memory.
+        // Without padding the packet uses the reference's memory.
         let reconstruction = if (whole.width(), whole.height()) == (width, height) {
             whole.clone()
         } else {
@@ -261,7 +261,7 @@ impl Coder {
 }
 
 impl Packet {
-    /// Returns the coded picture for the masking model; it shares the samples of the reconstruction.
+    /// Returns the coded picture for the masking model; it refers to the samples of the reconstruction.
     ///
     /// A macroblock without levels has the quantiser_scale that set them to zero, not the current one of the stream.
     ///

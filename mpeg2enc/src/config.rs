@@ -116,9 +116,8 @@ impl Config {
 
     /// Sets a mean quantiser_scale, clamped to 1 to 112; fractions are allowed.
     ///
-    /// Where quantisers vary, each macroblock gets the value nearest to the one it should have. Otherwise each row of
-    /// macroblocks gets one of the two neighboring values, so that their mean equals the request. Needs
-    /// [`Config::with_lookahead`].
+    /// Where quantisers vary, each macroblock gets the existing value nearest to its target. Otherwise each row of macroblocks
+    /// gets one of the two neighboring values, so that their mean equals the request. Needs [`Config::with_lookahead`].
     pub fn with_mean_quantiser_scale(self, quantiser_scale: f64) -> Self {
         // NaN counts as the finest quantiser.
         let within = if quantiser_scale > 1.0 { quantiser_scale.min(112.0) } else { 1.0 };
@@ -170,8 +169,8 @@ impl Config {
         Self { b_pictures: pictures, ..self }
     }
 
-    /// Sets whether groups of pictures are closed: no group depends on the previous one, and no B pictures precede its I
-    /// picture.
+    /// Sets whether groups of pictures are closed. A closed group does not depend on the previous one, and begins with its I
+    /// picture in display order too.
     pub fn with_closed_gop(self, closed: bool) -> Self {
         Self { closed_gop: closed, ..self }
     }

@@ -99,7 +99,7 @@ pub struct Multiplexer {
     clock: Clock,
     /// Whether the first picture may state another bit rate and buffer size than the settings, as at a constant quantiser.
     is_open: bool,
-    /// The last packet, held back because the end of the sequence is appended to it.
+    /// The last packet, delayed because the end of the sequence is appended to it.
     waiting: Option<StreamPicture>,
 }
 

@@ -184,7 +184,8 @@ impl Lookahead {
             .collect()
     }
 
-    /// Vectors from the predecessor of `later` to it: the opposites of its own vectors, at their ends.
+    /// Vectors from the previous frame of `later` to it: the negated vectors of `later`, assigned to the macroblocks where they
+    /// end.
     fn reversed(&mut self, later: usize) -> Arc<[Candidates]> {
         let matches = self.matches(later, -1);
         let columns = self.columns();

@@ -116,7 +116,7 @@ impl SliceState {
         }
     }
 
-    /// Mode in which a macroblock without coefficients may be skipped (7.6.6), if there is one.
+    /// Mode in which a macroblock without coefficients may be skipped (7.6.6); `None` if it must be written.
     ///
     /// In a P picture it is a zero vector. In a B picture it is the previous macroblock's mode, unless that was intra.
     pub fn skipped_mode(&self, slice: &SliceParameters, column: usize) -> Option<Mode> {

@@ -62,7 +62,7 @@ const MOST_BITS: i64 = 1 << 40;
 pub(crate) struct Taken {
     /// Bits that hardly depend on the quantiser.
     pub floor: i64,
-    /// Bits of levels.
+    /// Bits of the quantised levels.
     pub levels: i64,
 }
 
@@ -76,9 +76,9 @@ impl Taken {
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Model {
-    /// f, in bits.
+    /// Floor f, in bits.
     floor: i64,
-    /// c, in 256ths.
+    /// Factor c, in 256ths.
     c: i64,
     /// Whether a picture has contributed.
     is_learnt: bool,

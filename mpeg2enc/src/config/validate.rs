@@ -10,13 +10,12 @@ use crate::{
 impl Config {
     /// Checks all settings.
     ///
-    /// # Errors
-    /// If a setting is not possible in the standard or in this encoder. The error names the first such setting and its allowed
-    /// range.
+    /// # Errors If a setting is not possible in the standard or in this encoder. The error contains the first of these settings
+    /// and its allowed range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
         let stated = self.stated_frame_rate().fps();
-        // Ranges of single settings come first, combinations of settings later.
+        // Check ranges of single settings first, combinations later.
         if !(1..=SIZE_MAX).contains(&width) || !(1..=SIZE_MAX).contains(&height) {
             return Err(ConfigError::Size { width, height });
         }

@@ -1,8 +1,8 @@
 //! Program streams: packs of at most 2048 bytes, with one PES packet of video each (2.5.3).
 //!
 //! On discs each pack fills a sector. The last pack of a picture is filled with a padding packet, or with stuffing if the gap
-//! is too small. Files have no such padding. DVD-Video also has a navigation pack before each I picture, which authoring
-//! programs fill.
+//! is too small. Files have no padding. DVD-Video also has a navigation pack before each I picture, which authoring programs
+//! fill.
 
 use super::{
     clock::CLOCK,

@@ -198,7 +198,7 @@ impl Ahead {
         };
         let mut base_x16 = rate.quantiser_x16(upcoming, None);
         // Pictures are coded again if better knowledge of their bits changes the quantiser by more than a sixteenth. I
-        // pictures, the first picture of each type and the last four pictures get one such attempt. Others get it only if the
+        // pictures, the first picture of each type and the last four pictures get one attempt. Others get one only if the
         // prediction was wrong by a sixteenth of the buffer. A third attempt follows only a prediction that was too low again.
         let is_looked_at =
             !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;

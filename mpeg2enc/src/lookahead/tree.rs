@@ -9,8 +9,8 @@
 //!   intra, inter   its costs without and with prediction      inherited   what its own dependants pass to it
 //! ```
 //!
-//! # Differs from the paper
-//! The factor of quantiser_scale follows the y262 encoder: a root instead of a power of two. All arithmetic is integer.
+//! # Differences from the paper The factor of quantiser_scale follows the y262 encoder: a root instead of a power of two. All
+//! arithmetic is integer.
 
 use super::{Lookahead, plan::Span};
 use crate::vector::HalfSample;

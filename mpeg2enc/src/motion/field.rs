@@ -24,7 +24,7 @@ impl Candidates {
         &self.vectors[..self.count]
     }
 
-    /// Whether the vectors fit in their number and length.
+    /// Whether the number and lengths of the vectors are possible.
     pub fn is_plausible(&self) -> bool {
         self.count <= CANDIDATES && self.vectors().iter().all(HalfSample::is_plausible)
     }
@@ -71,7 +71,7 @@ fn candidates(known: &Correspondence, column: usize, row: usize) -> Candidates {
     several(known, left, top)
 }
 
-/// Converts a vector to 64ths of a pixel; `None` if there is no match or the vector is too long.
+/// Converts a vector to 64ths of a pixel; `None` without a match, or if the vector is too long.
 fn parts(motion_px: [f32; 2], index: u32) -> Option<[i32; 2]> {
     let is_known = index != NO_MATCH && motion_px.iter().all(|component| component.abs() < FARTHEST_PX); // false for NaN
     is_known.then(|| motion_px.map(in_64ths))

@@ -25,7 +25,7 @@ impl<'a> From<&'a Correspondence> for KnownMotion<'a> {
 }
 
 impl<'a> From<Option<&'a Correspondence>> for KnownMotion<'a> {
-    /// Uses a field of positions in the previous frame, if there is one.
+    /// Uses an optional field of positions in the previous frame.
     fn from(to_previous: Option<&'a Correspondence>) -> Self {
         Self { to_previous, to_next: None }
     }

@@ -16,7 +16,7 @@ const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
 /// Length of the longest of these steps, in half samples.
 const FARTHEST_STEP: i32 = 2;
 /// A vector's transformed difference is computed if its plain difference is less than this many eighths of the best one's. With
-/// 9, the compared vectors and thus the result depend on the starting point.
+/// 9, the compared vectors and the result depend on the starting point.
 const WORTH_A_TRANSFORM_EIGHTHS: u64 = 12;
 /// Steps of half a sample and of one sample.
 const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
@@ -26,7 +26,7 @@ const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
     last.copy_from_slice(&DIAMOND);
     steps
 };
-/// Maximum rounds of [`Search::settle`]; after two, searches from different vectors still sometimes end apart.
+/// Maximum rounds of [`Search::settle`]; after two, searches from different vectors sometimes still have different results.
 const SETTLED: usize = 4;
 /// Fractions of the error of a poor match, for quick searches. With at most the first, a given vector is accepted immediately.
 /// With more than the second, the block may show moving light. Tuned on the clips of README.md: accepting everything below a

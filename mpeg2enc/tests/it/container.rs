@@ -101,7 +101,7 @@ fn ffmpeg_finds_the_elementary_stream_and_nothing_to_complain_about() {
             let input = ["-nostdin", "-v", "warning", "-xerror", "-err_detect", "explode", "-i", file.path()];
             let copied = output_of("ffmpeg", &[&input[..], &["-c", "copy", "-f", "mpeg2video", "-"]].concat());
             assert!(copied == stream, "{container:?} {what}: {} bytes, not {}", copied.len(), stream.len());
-            // mpeg2dec demultiplexes containers itself.
+            // mpeg2dec has its own demultiplexer.
             let md5 = |of: &[&str], file: &StreamFile| {
                 let arguments = [of, &["-o", "md5", file.path()]].concat();
                 Command::new("mpeg2dec").args(arguments).output().expect("mpeg2dec can be run").stdout

@@ -349,7 +349,7 @@ fn groups_are_known_before_they_are_coded() {
         let coded: Vec<_> = packets.iter().map(|packet| Some(packet.picture_type == PictureType::I)).collect();
         assert_eq!(known, coded, "{effort:?}, {b_pictures} B pictures");
         assert_eq!(coded[cut], Some(true));
-        // Only the shot change itself was not announced.
+        // Only the shot change was not announced.
         announced.pop();
         announced[cut] = Some(true);
         assert_eq!(announced, coded, "{effort:?}, {b_pictures} B pictures");
