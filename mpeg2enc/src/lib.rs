@@ -26,7 +26,7 @@
 //!     }
 //! }
 //! stream.extend(encoder.finish().end);
-//! assert_eq!(stream[..4], [0, 0, 1, 0xb3]); // sequence_header_code: the stream plays as an .m2v file
+//! assert_eq!(stream[..4], [0, 0, 1, 0xb3]); // sequence_header_code: the stream is a valid .m2v file
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

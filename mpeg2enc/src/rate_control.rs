@@ -4,8 +4,8 @@
 //!
 //! ```text
 //! bits = f + c·cost / (q^a·e(u))        f     floor: headers, types, vectors, DC coefficients
-//! u    = κ·q·n / cost                   c     learnt from the pictures of the same type
-//! e(u) = 1 + u + u²/2 + u³/6            cost  sum of differences that a picture leaves when predicted
+//! u    = κ·q·n / cost                   c     learned from pictures of the same type
+//! e(u) = 1 + u + u²/2 + u³/6            cost  sum of absolute differences of the predicted picture
 //!                                       q, n  quantiser_scale, number of macroblocks
 //!                                       a     3/4 for I pictures, 1 for others
 //! ```

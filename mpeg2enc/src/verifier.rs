@@ -15,8 +15,8 @@ const BITS_MAX: u64 = 1 << 40;
 /// let rate = Rate::Capped { bits_per_second: 1_000_000, buffer_bits: 65_536 };
 /// let config = Config::new(64, 48, FrameRate::FPS_25).with_lookahead(30).with_rate(rate);
 /// let mut verifier = BufferVerifier::new(&config).expect("a bounded rate");
-/// assert_eq!(verifier.take(65_536), 0.0); // all that the buffer holds
-/// assert_eq!(verifier.take(41_000), 0.001); // 40 000 bits have come since
+/// assert_eq!(verifier.take(65_536), 0.0); // as large as the buffer
+/// assert_eq!(verifier.take(41_000), 0.001); // 40 000 bits have arrived since
 /// ```
 #[derive(Clone, Debug)]
 #[must_use = "it reports which pictures are late"]

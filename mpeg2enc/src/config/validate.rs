@@ -10,8 +10,9 @@ use crate::{
 impl Config {
     /// Checks all settings.
     ///
-    /// # Errors If a setting is not possible in the standard or in this encoder. The error contains the first of these settings
-    /// and its allowed range.
+    /// # Errors
+    /// If a setting is not possible in the standard or in this encoder. The error contains the first of these settings and its
+    /// allowed range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
         let stated = self.stated_frame_rate().fps();

@@ -1,8 +1,8 @@
 //! Quantiser scales that follow weights of macroblocks, with a fixed geometric mean.
 //!
 //! ```text
-//! scale = one of the two around base · weight     weight  factor of quantiser_scale, as `weights::given` has it
-//!                                                 base    such that the geometric mean of all scales is quantiser_scale
+//! scale = existing scale next to base · weight     weight  factor of quantiser_scale, from `weights::given`
+//!                                                  base    gives all scales the geometric mean quantiser_scale
 //! ```
 //! The row decides between the two neighbors, as with a mean quantiser. Rounding to the nearest scale could miss the mean by
 //! half a step of the table if few weights occur. Without a look-ahead no later stage corrects the bits. Integer arithmetic

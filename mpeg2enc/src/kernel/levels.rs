@@ -58,7 +58,7 @@ vectorized! {
     /// mismatch control. Their signs are the signs of the original coefficients:
     ///
     /// ```text
-    /// F'' = ±(2·|QF| + 1) · W · quantiser_scale / 32, 0 where QF is      F' = F'' within −2048 … 2047
+    /// F'' = ±(2·|QF| + 1) · W · quantiser_scale / 32, or 0 for QF = 0      F' = F'' clamped to −2048 … 2047
     /// ```
     /// Levels are clamped to their limit. Returns the change of the squared error, in last places of the coefficients, and the
     /// sum of F'. The squares of all coefficients together fit into 31 bits, like the squares of 64 sample differences.

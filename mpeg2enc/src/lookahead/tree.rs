@@ -5,12 +5,12 @@
 //! coding in H.264/AVC":
 //!
 //! ```text
-//! passed on by a block = (intra + inherited) · (1 − inter / intra)
-//!   intra, inter   its costs without and with prediction      inherited   what its own dependants pass to it
+//! passed by a block = (intra + inherited) · (1 − inter / intra)
+//!   intra, inter   its costs without and with prediction      inherited   sum passed to it by its dependants
 //! ```
 //!
-//! # Differences from the paper The factor of quantiser_scale follows the y262 encoder: a root instead of a power of two. All
-//! arithmetic is integer.
+//! # Differences from the paper
+//! The factor of quantiser_scale follows the y262 encoder: a root instead of a power of two. All arithmetic is integer.
 
 use super::{Lookahead, plan::Span};
 use crate::vector::HalfSample;

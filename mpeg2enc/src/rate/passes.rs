@@ -1,8 +1,8 @@
 //! Finds the quantiser with which a whole film has a bit rate, by coding it several times.
 //!
 //! ```text
-//! ln(rate) falls with ln(quantiser_scale), nearly on a line: the next pass is where the line through the two nearest passes
-//! meets the rate, and within what all passes have left possible.
+//! ln(rate) is nearly a linear function of ln(quantiser_scale). The next pass is where the line through the two nearest passes
+//! meets the rate, within the interval that all passes have left.
 //! ```
 
 /// A quantiser_scale and the resulting bit rate.
