@@ -316,8 +316,8 @@ fn parameters(config: &Config) -> QuantiserParameters {
 
 fn tools(effort: Effort, varies: bool) -> Tools {
     // For quick decisions a fixed threshold replaces the trellis. Tuned on the clips of README.md. Without B pictures, 80
-    // quarters take 2 % more bits than 60, and 40 take 2 % fewer; each step is 3 to 5 % of the time. With the trellis, 20 cost
-    // 0.1 %, and nothing for quick decisions.
+    // quarters take 2 % more bits than 60, and 40 take 2 % fewer; each step is 3 to 5 % of the time. With the trellis, 20
+    // quarters cost 0.1 % more bits, or none if decisions are quick.
     let (quick, thorough) = (60, 10);
     match effort {
         Effort::Fast => Tools {

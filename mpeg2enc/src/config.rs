@@ -52,7 +52,7 @@ impl Config {
 
     /// Returns default settings for pictures of this size in luma samples.
     ///
-    /// The defaults: an I picture every 15, quantiser_scale 8, intra DC of 8 bits, no look-ahead.
+    /// The defaults: an I picture every 15 pictures, quantiser_scale 8, intra DC of 8 bits, no look-ahead.
     ///
     /// Width and height must be 1 to 16383. horizontal_size and vertical_size cannot represent a multiple of 4096 (6.3.3), so
     /// one more sample is coded. Decoders that ignore the display size will show it.

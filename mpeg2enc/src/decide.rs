@@ -381,7 +381,7 @@ impl Decision<'_> {
         trial.is_transformed = [true; 6];
         for (i, source) in self.source.iter().enumerate() {
             trial.coefficients[i] = dct::forward_difference(source, &[0; 64]);
-            // The energy of the samples is unsuitable: the squared DC dominates, and its rounding alone exceeds the AC energy.
+            // The energy of the samples is unsuitable: the squared DC is so large that its rounding alone causes an error.
             trial.energies[i] = trial.coefficients[i][1..].iter().map(|&c| c * c).sum::<i32>().into();
             let block = &mut trial.macroblock.blocks[i];
             let transformed = Transformed { coefficients: &trial.coefficients[i], energy: trial.energies[i] };

@@ -39,8 +39,8 @@ impl Config {
             .unwrap_or(Level::High)
     }
 
-    /// States the level that allows pictures of `bits` bits each, unless a level is requested; the first picture no longer
-    /// matters. Use it for chunks of a stream that are coded separately and must state the same level.
+    /// States the level that allows pictures of `bits` bits each, unless a level is requested. The first picture then has no
+    /// influence. Use it for chunks of a stream that are coded separately and must state the same level.
     pub fn with_level_for(mut self, bits: u64) -> Self {
         let has_level = Level::lowest(self.width, self.height, self.stated_frame_rate().fps()).is_some();
         if self.level.is_none() && has_level {
