@@ -185,7 +185,6 @@ impl Coder {
         let references: References =
             [&job.directions[0], &job.directions[1]].map(|direction| direction.as_ref().map(|d| d.reference));
         let number = self.config.first_number + job.display_index;
-        // Reconstruct into reused memory while the slices are coded.
         let header = PictureHeader {
             picture_type: job.picture_type,
             temporal_reference: job.temporal_reference,
@@ -204,6 +203,7 @@ impl Coder {
             tools: tools(effort, self.config.varies()),
             size: (self.config.width, self.config.height),
         };
+        // Reconstruct into reused memory while the slices are coded.
         let (width, height) = (job.source.width(), job.source.height());
         let (whole, coded) = self.pool.filled(width, height, |out| picture.code(out));
 

@@ -237,9 +237,10 @@ mod tests {
                         peak = peak.max(error.abs());
                     }
                 }
+                // The limits of IEEE 1180.
                 let overall = |values: &[f64; 64]| values.iter().sum::<f64>() / 64.0;
                 println!(
-                    "{}..{}: peak {peak}, mean square {:.5} (worst place {:.5}), mean {:.6} (worst place {:.6})",
+                    "{}..{}: peak {peak}, mean square {:.5} (worst position {:.5}), mean {:.6} (worst position {:.6})",
                     -low * sign,
                     high * sign,
                     overall(&square),
@@ -329,6 +330,7 @@ mod tests {
         for size in [3, 20, 100, 500, 2000] {
             for count in [1, 2, 4, 12, 64] {
                 for _ in 0..400 {
+                    // Cover sparse and dense blocks of small and large coefficients.
                     let mut coefficients = [0; 64];
                     for _ in 0..count {
                         coefficients[random.next(0, 63) as usize] = random.next(size, size);

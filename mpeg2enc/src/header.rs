@@ -83,6 +83,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     if config.standard == Standard::Mpeg1 {
         return;
     }
+    // MPEG-2 stores the high bits of sizes and rates in the extension.
     writer.start_code(EXTENSION_START_CODE);
     writer.put(SEQUENCE_EXTENSION_ID, 4); // extension_start_code_identifier
     writer.put(profile_and_level(config.intra_dc_precision, limits), 8);
@@ -97,6 +98,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(0, 2); // frame_rate_extension_n
     writer.put(0, 5); // frame_rate_extension_d
 
+    // State the color description and the size to display.
     writer.start_code(EXTENSION_START_CODE);
     writer.put(SEQUENCE_DISPLAY_EXTENSION_ID, 4); // extension_start_code_identifier
     writer.put(5, 3); // video_format: unspecified
@@ -150,6 +152,7 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
         return;
     }
 
+    // The extension states the coding tools and the displayed fields.
     writer.start_code(EXTENSION_START_CODE);
     writer.put(PICTURE_CODING_EXTENSION_ID, 4); // extension_start_code_identifier
     for (s, used) in

@@ -166,6 +166,7 @@ mod tests {
                     effort,
                 };
                 let vectors = estimate.vectors();
+                // Expect the true vector wherever the range contains it.
                 let truth = HalfSample { x: (2.0 * x) as i32, y: (2.0 * y) as i32 };
                 for (i, &vector) in vectors.iter().enumerate() {
                     let range = Range::new(reference.luma(), i % 8, i / 8, [7, 4]);

@@ -86,6 +86,7 @@ mod tests {
                             non_intra_matrix: matrix,
                         },
                     );
+                    // Compare both implementations with dense and sparse coefficients.
                     for case in 0..200 {
                         let coefficients = coefficients(&mut state, case % 2 == 0);
                         let energy = coefficients.iter().map(|&c| i64::from(c).pow(2)).sum();

@@ -66,6 +66,7 @@ fn pictures_are_due_at_the_frame_rate() {
                 })
                 .collect();
             assert_eq!(times.len(), packets.len(), "{container:?} {what}: {listed}");
+            // Timestamps are multiples of 1/90 kHz, so allow one unit of rounding.
             let fps = config_fps(what);
             let reorder = u64::from(packets.iter().any(|packet| packet.picture_type == PictureType::B));
             let at = |frames: u64| times[0][1] as f64 + 90_000.0 * frames as f64 / fps;

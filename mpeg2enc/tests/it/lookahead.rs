@@ -69,6 +69,7 @@ fn random_streams_are_understood() {
         let (stream, packets) = encode_ahead(config, content, motion.as_ref());
         measure_distances(&stream, &packets, &what, &mut distances);
     }
+    // Print and check the agreement of each decoder over all streams.
     for (decoder, distance) in ["ffmpeg", "mpeg2dec"].into_iter().zip(distances) {
         let mean_square = distance.squares as f64 / distance.samples as f64;
         println!("{decoder}: {count} streams, largest difference {}, mean square {mean_square:.4}", distance.largest);
@@ -378,10 +379,12 @@ fn a_state_fits_its_settings_only() {
         for frame in &frames {
             whole.extend(encoder.push(frame, KnownMotion::default()).into_iter().flat_map(|packet| packet.data));
             let state = other.state().clone();
+            // Encoders with other settings must refuse the state.
             for settings in &others {
                 let error = settings.clone().encoder().unwrap().restore(state.clone()).unwrap_err();
                 assert_eq!(error, RestoreError::OtherSettings);
             }
+            // Continue each frame with a new encoder, even one with another quantiser.
             other = settings.clone().with_quantiser_scale(62).encoder().unwrap();
             other.restore(state).unwrap();
             other.set_quantiser_scale(8).unwrap();
