@@ -5,7 +5,7 @@
 
 Quick builds nothing and counts the dependencies with `cargo tree`.
 
-Full makes two release builds, with all features and with the command line only. The first measures the compilation of each
+Full makes two release builds, with the default features and with none. The first measures the compilation of each
 crate in CPU seconds of the compiler's processes, which depend little on other load. The seconds of a feature are the sum over
 the crates that only this feature adds. The program's own crates are a separate sum for all features together.
 Sizes are of programs without symbols.
@@ -21,17 +21,14 @@ from running import ROOT, Failure, need_installed, run
 # Measured features: name, and their description in the table.
 PARTS = {
     "textures": "PNG and JPEG on surfaces, skies from `.hdr` files",
+    "webp": "WebP on surfaces",
+    "basis": "KTX2 on surfaces",
+    "meshopt": "meshes packed by meshoptimizer",
+    "draco": "meshes packed by Draco",
     "bake": "`bake`, `--lighting baked`",
-    "exr": "`--exr`, `--aov`, `reference`, skies from `.exr` files",
-    "still": "`still`, `reference` into `.png` and `.jpg`, `--png`",
-    "compare": "`compare`, with SSIMULACRA 2",
-    "html": "`render --html`",
-    "sweep": "`sweep`; brings `compare`, `exr` and `html`",
-    "trace": "`-v`, `--trace`",
-    "shell": "`completions`, `man`",
 }
 EVERYTHING = []
-NOTHING = ["--no-default-features", "--features", "command-line"]
+NOTHING = ["--no-default-features"]
 
 
 def add_options(parser):
@@ -41,13 +38,13 @@ def add_options(parser):
 
 
 def with_part(name):
-    """Returns the options of a build with the command line and one feature."""
-    return ["--no-default-features", "--features", f"command-line,{name}"]
+    """Returns the options of a build with one feature."""
+    return ["--no-default-features", "--features", name]
 
 
 def packages(options):
     """Returns the dependencies of a build."""
-    command = ["cargo", "tree", "--package", "render2mpeg", "--edges", "normal,build", "--prefix", "none", "--no-dedupe"]
+    command = ["cargo", "tree", "--package", "render2mpeg-cli", "--edges", "normal,build", "--prefix", "none", "--no-dedupe"]
     output = run([*command, *options], folder=ROOT).output
     # Crates of this workspace appear with their folders.
     return {" ".join(line.split()[:2]) for line in output.splitlines() if line and f"({ROOT}" not in line}
@@ -62,7 +59,7 @@ def package_of(identity):
 
 def build(options, folder):
     """Builds the program. Returns its compiled units by package, and its path."""
-    command = ["cargo", "build", "--release", "--package", "render2mpeg", "--bin", "render2mpeg", *options]
+    command = ["cargo", "build", "--release", "--package", "render2mpeg-cli", "--bin", "render2mpeg", *options]
     command += ["--message-format", "json", "--target-dir", folder]
     wrapper = Path(__file__).resolve().parent / "compile_log.py"
     environment = dict(os.environ, RUSTC_WRAPPER=str(wrapper), COMPILE_LOG=str(folder / "compile.log"))
@@ -112,22 +109,22 @@ def full(folder):
     took, *all_figures = measured(EVERYTHING, folder)
     _, *base_figures = measured(NOTHING, folder)
     base = packages(NOTHING)
-    rows = [["`command-line`", "`render`, `plan`", len(base), *base_figures]]
+    rows = [["none", "all commands except `bake`", len(base), *base_figures]]
     for name, about in PARTS.items():
         brought = packages(with_part(name)) - base
         compiling = sum(took.get(package, 0) for package in brought)
         rows.append([f"`{name}`", about, f"+{len(brought)}", f"{compiling:.0f} s", ""])
     rows.append(["all, the default", "", len(packages(EVERYTHING)), *all_figures])
-    print(tables.table(["Feature", "adds", "crates of others", "compiling these", "program"], rows))
+    print(tables.table(["Feature", "adds", "dependencies", "compiling these", "program"], rows))
 
 
 def quick():
     """Prints the table of crates only."""
     base = packages(NOTHING)
-    rows = [["`command-line`", "`render`, `plan`", len(base)]]
+    rows = [["none", "all commands except `bake`", len(base)]]
     rows += [[f"`{name}`", about, f"+{len(packages(with_part(name)) - base)}"] for name, about in PARTS.items()]
     rows.append(["all, the default", "", len(packages(EVERYTHING))])
-    print(tables.table(["Feature", "adds", "crates of others"], rows))
+    print(tables.table(["Feature", "adds", "dependencies"], rows))
     print("\nCounts are exact. Nothing was built.")
     print("`--full` builds twice for compile times and sizes.")
 

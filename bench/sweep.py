@@ -10,7 +10,7 @@ Quick: a sweep renders both methods frame by frame, and is repeated within five 
     bits, flicker   changes against 2 %; flicker is the change of the decoded film in excess of all lights'
     equal           whether PSNR is at most 0.1 dB less, bits at most 1 % and flicker at most 10 % more
 
-Full rebuilds docs/sweep. Sweeps are kept in out/sweeps, and existing ones are reused: remove the folder for figures of a
+Full writes the plots of docs/sweep and the tables in out/sweeps/README.md. Sweeps are kept in out/sweeps, and existing ones are reused: remove the folder for figures of a
 new build. With --page-only no sweep is made, and the page shows the existing ones.
 Sponza does not ship: without --sponza, or a copy next to the repository, the page reports it as missing.
 """

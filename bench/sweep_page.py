@@ -1,4 +1,4 @@
-"""The page docs/sweep: error against run time for the shipped scenes and, if available, Sponza."""
+"""Plots for docs/sweep, and a page of tables next to the sweeps: error against run time of the shipped scenes and Sponza."""
 
 import json
 import shutil
@@ -124,4 +124,4 @@ def make(options):
     for folder in (DOCS, SWEPT):
         folder.mkdir(parents=True, exist_ok=True)
     page = HEAD + "\n".join(sweep(options, *scene) for scene in SCENES)
-    Path(DOCS / "README.md").write_text(page)
+    Path(SWEPT / "README.md").write_text(page)

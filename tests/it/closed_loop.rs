@@ -1,7 +1,7 @@
 //! The loop thresholds → picture → coding → thresholds over up to 10 000 frames. The encoder is real, and the renderers use
 //! their full error.
 //!
-//! `docs/stiff-and-extreme.md` contains the analysis; `perceptual/tests/it/dynamics.rs` covers masking alone.
+//! `docs/limits.md` contains the analysis; `perceptual/tests/it/dynamics.rs` covers masking alone.
 
 use mpeg2enc::{Config, Effort, Encoder, FrameRate, KnownMotion};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};

@@ -70,7 +70,10 @@ fn other_kinds_of_films_take_it_too() {
         "--aq masking",
     ] {
         let found = film(folder, "film", &format!("{more} --importance saliency:1,task:1"));
-        assert!(found.figures(&["samples_mean"]).iter().all(|&mean| (1.0..=5.0).contains(&mean)), "{more}");
+        // Some pixels have one sample and some five, unless one is the maximum.
+        let has_one = more == "--samples 1";
+        let is_right = |&mean: &f64| if has_one { mean == 1.0 } else { mean > 1.0 && mean < 5.0 };
+        assert!(found.figures(&["samples_mean"]).iter().all(is_right), "{more}");
     }
 }
 

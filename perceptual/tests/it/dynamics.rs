@@ -4,7 +4,7 @@
 //! ```text
 //! (5)  T(n) = (1 − w) e(n) + w T(n−1)        e(n) given: T(n) − e* = wⁿ (T(0) − e*) where e(n) = e* stays
 //! ```
-//! `docs/stiff-and-extreme.md` has the analysis that these tests hold the code to.
+//! `docs/limits.md` has the analysis that these tests hold the code to.
 
 use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA, tolerable_error};
 use plane::{Correspondence, NO_MATCH, Plane};

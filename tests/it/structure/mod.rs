@@ -1,6 +1,7 @@
 //! Rules about sources and documents that no compiler checks.
 
 mod circles;
+mod idioms;
 mod layers;
 mod release;
 mod sentences;

@@ -1,7 +1,7 @@
 //! Cost estimates of the stages before the first frame: amount of work times unit price.
 //!
 //! Prices are means over the shipped scenes. They come from reports of runs with every stage: seconds per unit of work, in
-//! frames after the first. `docs/plan.md` lists the commands and compares estimates with measurements.
+//! frames after the first. `docs/guide.md#plan` lists the commands and compares estimates with measurements.
 //!
 //! Only ratios of prices matter, and they differ little between processors. They differ more between scenes: the cost of
 //! lightcuts depends on a scene's detail, of which the number of triangles is a poor measure.
