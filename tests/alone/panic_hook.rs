@@ -9,7 +9,7 @@ static SEEN: AtomicUsize = AtomicUsize::new(0);
 /// Scenes on which the `gltf` crate would panic, and the required text of the message.
 const FORESEEN: [(&str, &str); 4] = [
     ("positions-out-of-range", "mesh 0 primitive 0: its positions are accessor 99"),
-    ("camera-without-its-part", "camera 0 is of type perspective"),
+    ("camera-without-its-part", "camera 0 has type perspective"),
     ("channel-out-of-range", "animation 0 channel 0 moves node 99"),
     ("length-in-header", "its header claims 5 bytes"),
 ];

@@ -380,7 +380,7 @@ fn wrong_arguments_end_with_two_and_a_line() {
         (
             "render room.glb --set exposre=1",
             2,
-            "\"exposre=1\" names no setting; settings are operator, exposure, gamma",
+            "\"exposre=1\" names an unknown setting; settings are operator, exposure, gamma",
         ),
         ("render room.glb --set sky.zenit=1", 2, "zenith, horizon, ground, image, intensity, rotation"),
         (
@@ -416,7 +416,7 @@ fn wrong_arguments_end_with_two_and_a_line() {
         ("join part.m2v -o there.png", 2, "there.png: such files are not written; name the output .mpg"),
         ("render missing.glb", 1, "missing.glb"),
         ("render broken.glb", 1, "broken.glb"),
-        ("render README.md", 1, "README.md: this is no glTF file; scenes are .glb or .gltf"),
+        ("render README.md", 1, "README.md: this is not a glTF file; scenes are .glb or .gltf files"),
         ("render room.glb -o film.m2v --exr there.png", 1, "there.png is a file, not a folder; choose another name"),
         ("sweep room.glb -o there.png", 1, "there.png is a file, not a folder; choose another name"),
         ("render room.glb --camera nobody", 1, "nobody"),

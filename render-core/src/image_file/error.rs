@@ -41,7 +41,7 @@ pub enum ImageFileError {
         path: PathBuf,
     },
     /// This build leaves the format out.
-    #[error("{}: this build reads no .{ending}; build it with the feature {feature}", path.display())]
+    #[error("{}: this build does not read .{ending}; build it with the feature {feature}", path.display())]
     LeftOut {
         /// The picture.
         path: PathBuf,

@@ -1,31 +1,31 @@
-//! Keys and what lies between them (glTF 2.0, appendix C).
+//! Keyframes and their interpolation (glTF 2.0, appendix C).
 
 use super::Transform;
 use crate::steps;
 use glam::{Quat, Vec3};
 use std::ops::{Add, Mul};
 
-/// How values between two keys come about.
+/// Interpolation between two keys.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interpolation {
-    /// The earlier key holds.
+    /// The value of the earlier key.
     Step,
-    /// On the straight line, or the great arc for rotations.
+    /// A straight line; for rotations, the great arc.
     Linear,
-    /// Hermite spline; each key has an in-tangent, a value and an out-tangent.
+    /// A Hermite spline; each key has an in-tangent, a value and an out-tangent.
     CubicSpline,
 }
 
-/// The animated property, with the values of all keys (three per key for splines).
+/// The animated property and the values of all keys (three per key for splines).
 #[derive(Clone, Debug)]
 pub enum Track {
-    /// Meters.
+    /// Translations \[m\].
     Translation(Vec<Vec3>),
-    /// Quaternions.
+    /// Rotations, unit quaternions.
     Rotation(Vec<Quat>),
-    /// Factors.
+    /// Scale factors.
     Scale(Vec<Vec3>),
-    /// Shares of the morph targets; for each key those of all targets, one after the other.
+    /// Weights of the morph targets; each key lists the weights of all targets.
     Weights(Vec<f32>),
 }
 
@@ -34,16 +34,16 @@ pub enum Track {
 pub struct Channel {
     /// Index into the scene's nodes.
     pub node: usize,
-    /// Seconds of the keys, ascending, at least one.
+    /// Times of the keys \[s\], ascending, at least one.
     pub times: Vec<f32>,
-    /// The keys' values.
+    /// Values of the keys.
     pub track: Track,
     /// Interpolation between the keys.
     pub interpolation: Interpolation,
 }
 
 impl Track {
-    /// The numbers of weights; none of other tracks.
+    /// The weights of all keys; empty for other tracks.
     pub(super) fn weights(&self) -> &[f32] {
         match self {
             Self::Weights(keys) => keys,
@@ -53,7 +53,7 @@ impl Track {
 }
 
 impl Channel {
-    /// Writes the value at `time` into `transform`; before the first and after the last key these hold.
+    /// Writes the value at `time` into `transform`. Before the first key and after the last, the end value applies.
     pub fn apply(&self, time: f32, transform: &mut Transform) {
         match &self.track {
             Track::Translation(keys) => transform.translation = self.value(time, |k| keys[k]),
@@ -63,7 +63,7 @@ impl Channel {
         }
     }
 
-    /// Writes the morph weights at `time` into `weights`, if that is what it animates.
+    /// Writes the morph weights at `time` into `weights`, if the channel animates weights.
     pub fn apply_weights(&self, time: f32, weights: &mut [f32]) {
         let Track::Weights(keys) = &self.track else { return };
         let count = weights.len();
@@ -78,7 +78,7 @@ impl Channel {
     pub fn changes(&self) -> bool {
         let several = self.times.len() > 1;
         steps::count(self.times.len());
-        // Splines may also leave their keys between them, along non-zero tangents.
+        // Splines with nonzero tangents also change between equal keys.
         let spline = self.interpolation == Interpolation::CubicSpline;
         several
             && (spline
@@ -96,7 +96,7 @@ impl Channel {
         if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
     }
 
-    /// Key before `time`, the seconds to the next one, and the place between them, 0…1.
+    /// Index of the key before `time`, seconds to the next key, and fraction of that interval, 0…1.
     fn segment(&self, time: f32) -> (usize, f32, f32) {
         let after = self.times.partition_point(|&key| key <= time);
         if after == 0 || after == self.times.len() {
@@ -106,7 +106,7 @@ impl Channel {
         (after - 1, length, if length > 0.0 { (time - self.times[after - 1]) / length } else { 0.0 })
     }
 
-    /// The value at `time` of a quantity that interpolates component by component, given its keys.
+    /// The value at `time` of a quantity that is interpolated component by component, given its keys.
     fn value<T>(&self, time: f32, keys: impl Fn(usize) -> T) -> T
     where
         T: Mul<f32, Output = T> + Add<Output = T>,
@@ -129,7 +129,7 @@ impl Channel {
         let value = match self.interpolation {
             _ if t == 0.0 => keys[key * self.stride() + self.stride() / 2],
             Interpolation::Step => keys[key],
-            // slerp takes the short way whatever the signs of the two quaternions.
+            // slerp takes the shorter arc, whatever the signs of the two quaternions.
             Interpolation::Linear => keys[key].slerp(keys[key + 1], t),
             Interpolation::CubicSpline => {
                 let [a, b, c, d] = hermite(t, length);
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_spline_follows_its_cubic() {
-        // x(t) = t³ on 1…3 as a Hermite segment: the spline must give the cubic back.
+        // x(t) = t³ on 1…3 as a Hermite segment: the spline must reproduce the cubic.
         let x = |t: f32| Vec3::new(t * t * t, 0.0, 0.0);
         let slope = |t: f32| Vec3::new(3.0 * t * t, 0.0, 0.0);
         let keys = vec![slope(1.0), x(1.0), slope(1.0), slope(3.0), x(3.0), slope(3.0)];
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(at(Interpolation::Linear, vec![0.0, 1.0, 1.0, 0.0], 1.5), [0.25, 0.75]);
         assert_eq!(at(Interpolation::Step, vec![0.0, 1.0, 1.0, 0.0], 2.9), [0.0, 1.0]);
         assert_eq!(at(Interpolation::Step, vec![0.0, 1.0, 1.0, 0.0], 3.0), [1.0, 0.0]);
-        // In-tangents, values, out-tangents, each of both targets: the first is t², the second the constant 5.
+        // In-tangents, values, out-tangents of both targets: the first target is t², the second the constant 5.
         let keys = vec![2.0, 0.0, 1.0, 5.0, 2.0, 0.0, 6.0, 0.0, 9.0, 5.0, 6.0, 0.0];
         let [square, constant] = at(Interpolation::CubicSpline, keys, 2.5);
         assert!((square - 6.25).abs() < 1e-5 && (constant - 5.0).abs() < 1e-5, "{square} {constant}");

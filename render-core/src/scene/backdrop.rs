@@ -1,10 +1,10 @@
-//! Unlit surfaces around a scene, such as a painted sky: light from far away does not pass them.
+//! Unlit surfaces around a scene, such as a painted sky, which block distant light.
 
 use super::{PointBox, PunctualKind, Scene};
 use glam::Vec3A;
 
 impl Scene {
-    /// A note where an unlit surface encloses all others, and a sun or a sky is outside.
+    /// A note if an unlit surface encloses all others, and a sun or a sky is outside.
     pub(super) fn backdrop_note(&self) -> Option<String> {
         let has_sun = self.punctual_lights.iter().any(|light| light.kind == PunctualKind::Directional);
         if !has_sun && self.sky.is_none() {
@@ -24,11 +24,11 @@ impl Scene {
                 lit.add(around.high);
             }
         }
-        // A backdrop is closed at least to all sides: a wall or a floor has no depth.
+        // A backdrop has an extent along all three axes; a flat wall or floor does not.
         let is_something = lit.low.cmple(lit.high).all();
         let encloses = |around: &PointBox| around.holds(&lit) && (around.high - around.low).cmpgt(Vec3A::ZERO).all();
         let (_, name) = backdrops.into_iter().find(|(around, _)| is_something && encloses(around))?;
         let source = if has_sun { "the sun" } else { "the sky" };
-        Some(format!("the unlit surface \"{name}\" encloses the scene: where it is closed it keeps {source} out"))
+        Some(format!("the unlit surface \"{name}\" encloses the scene and blocks {source} wherever it is closed"))
     }
 }

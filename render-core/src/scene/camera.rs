@@ -1,32 +1,32 @@
-//! From points in the world to pixels and back.
+//! Cameras: from points in the world to pixels and back.
 
 use super::{Channel, Scene};
 use crate::image_file::FrameCamera;
 use glam::{Affine3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
-/// How a camera sees.
+/// Projection of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Projection {
-    /// Vertical field of view in radians.
+    /// Perspective projection.
     Perspective {
-        /// Angle between the upper and the lower border of the picture.
+        /// Vertical field of view \[rad\].
         yfov: f32,
     },
-    /// Half the picture's height in meters.
+    /// Orthographic projection.
     Orthographic {
-        /// Distance from the axis to the upper border.
+        /// Half the height of the picture \[m\].
         ymag: f32,
     },
 }
 
-/// Where a picture shows a point.
+/// A point projected onto the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projected {
-    /// Place in the picture, in pixels.
+    /// Position in the picture \[pixels\].
     pub pixel: Vec2,
-    /// Meters along the camera's axis.
+    /// Depth along the camera's axis \[m\].
     pub depth: f32,
 }
 
@@ -37,11 +37,11 @@ pub struct Camera {
     pub name: String,
     /// Index into the scene's nodes.
     pub node: usize,
-    /// How it sees.
+    /// Projection of the camera.
     pub projection: Projection,
-    /// Width of its picture over the height; pictures of another shape show all of it, and more.
+    /// Aspect ratio, width over height. Pictures of another shape show the whole view, and more.
     pub aspect: Option<f32>,
-    /// Depths between which it shows surfaces \[m\].
+    /// Depths between which surfaces are visible \[m\].
     pub depths: DepthRange,
 }
 
@@ -62,11 +62,11 @@ pub enum CameraProperty {
     HalfHeight,
     /// Distance from the axis to the right border \[m\].
     HalfWidth,
-    /// Width over height.
+    /// Aspect ratio, width over height.
     Aspect,
-    /// Least depth \[m\].
+    /// Least visible depth \[m\].
     Near,
-    /// Greatest depth \[m\].
+    /// Greatest visible depth \[m\].
     Far,
 }
 
@@ -75,14 +75,14 @@ pub enum CameraProperty {
 pub struct CameraChannel {
     /// Index into the scene's cameras.
     pub camera: usize,
-    /// The property.
+    /// Animated property.
     pub property: CameraProperty,
-    /// Its values, as one weight each.
+    /// Keys, one weight each.
     pub keys: Channel,
 }
 
 impl Scene {
-    /// The cameras at `time` seconds; none where no lens is animated. Values that no lens can have leave it as it is.
+    /// The cameras at `time` seconds; empty if no lens is animated. Ignores values that are invalid for a lens.
     pub(super) fn cameras_at(&self, time: f32) -> Vec<Camera> {
         if self.camera_channels.is_empty() {
             return Vec::new();
@@ -98,7 +98,7 @@ impl Scene {
 }
 
 impl Camera {
-    /// Changes a property, if the lens can have the value.
+    /// Sets a property, if the value is valid for a lens.
     fn set(&mut self, property: CameraProperty, value: f32) {
         let is_size = value > 0.0 && value.is_finite();
         match (property, &mut self.projection) {
@@ -120,10 +120,10 @@ impl Camera {
     }
 }
 
-/// Widest field of view \[rad\], a little below half a turn.
+/// Greatest field of view \[rad\], slightly below π.
 const MOST_YFOV: f32 = 3.1;
 
-/// Depths between which a camera shows surfaces. Light and shadows ignore it.
+/// Depths between which a camera shows surfaces. Light and shadows ignore them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DepthRange {
@@ -138,7 +138,7 @@ impl DepthRange {
     pub const ALL: Self = Self { near: 0.0, far: f32::INFINITY };
 }
 
-/// A camera at one time, with a picture of one size. Pixels have their centers at `(x + 0.5, y + 0.5)`, y down.
+/// A camera at one time, with the size of its picture. Pixel centers are at `(x + 0.5, y + 0.5)`, y down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct View {
@@ -148,15 +148,15 @@ pub struct View {
     half_height: f32,
     width: f32,
     height: f32,
-    /// Width of a pixel as a share of its height.
+    /// Aspect ratio of a pixel, width over height.
     pixel_aspect: f32,
     depths: DepthRange,
-    /// Width over height that is shown at least.
+    /// Aspect ratio of the camera, width over height; the picture shows at least this view.
     shape: f32,
 }
 
 impl View {
-    /// A view from the node transform `world_from_camera` (its scale is ignored) on `width × height` pixels.
+    /// Builds a view from the node transform `world_from_camera` (its scale is ignored) on `width × height` pixels.
     #[must_use]
     pub fn new(world_from_camera: Affine3A, projection: Projection, width: usize, height: usize) -> Self {
         let m = world_from_camera.matrix3;
@@ -182,8 +182,8 @@ impl View {
         }
     }
 
-    /// The view on pixels of this width, as a share of their height: what is seen above and below stays, unless the camera's whole
-    /// width would not be seen.
+    /// The view with pixels of this aspect ratio, width over height. The vertical extent stays, unless the camera's
+    /// whole width would not fit.
     #[must_use]
     pub fn with_pixel_aspect(self, pixel_aspect: f32) -> Self {
         let before = self.widening();
@@ -191,13 +191,14 @@ impl View {
         Self { half_height: view.half_height * view.widening() / before, ..view }
     }
 
-    /// Factor on the height so that a picture narrower than the camera's shows its whole width.
+    /// Factor on the height that fits the camera's whole width into a narrower picture.
     fn widening(&self) -> f32 {
         (self.shape / (self.width / self.height * self.pixel_aspect)).max(1.0)
     }
 
-    /// The view of a camera from the node transform `world_from_camera` on `width × height` pixels. A picture that is narrower than
-    /// the camera's shows its whole width: glTF 2.0, 3.10.3: "The viewport's aspect ratio SHOULD NOT crop or stretch".
+    /// Builds the view of a camera from the node transform `world_from_camera` on `width × height` pixels. A picture
+    /// narrower than the camera's view shows its whole width. (glTF 2.0, 3.10.3: "The viewport's aspect ratio SHOULD
+    /// NOT crop or stretch".)
     #[must_use]
     pub fn of(camera: &Camera, world_from_camera: Affine3A, width: usize, height: usize) -> Self {
         let mut view = Self::new(world_from_camera, camera.projection, width, height);
@@ -206,14 +207,14 @@ impl View {
         view
     }
 
-    /// Distances along the ray through a pixel, in a unit `direction`, between which it shows surfaces \[m\].
+    /// Least and greatest distance at which a ray in the unit `direction` shows surfaces \[m\].
     #[must_use]
     pub fn distances(&self, direction: Vec3A) -> (f32, f32) {
         let depth_per_meter = self.depth_per_meter(direction);
         (self.depths.near / depth_per_meter, self.depths.far / depth_per_meter)
     }
 
-    /// Depth that a ray in the unit `direction` gains per meter.
+    /// Depth gained per meter by a ray in the unit `direction`.
     pub(crate) fn depth_per_meter(&self, direction: Vec3A) -> f32 {
         match self.projection {
             Projection::Perspective { .. } => -direction.dot(self.world_from_camera.matrix3.z_axis),
@@ -221,7 +222,7 @@ impl View {
         }
     }
 
-    /// Least and greatest depth of some points along the axis \[m\], and the depths that are shown.
+    /// Least and greatest depth of `points` along the axis \[m\], and the visible depths.
     pub(super) fn depths_of(&self, points: &[Vec3A]) -> (f32, f32, DepthRange) {
         let depths = points.iter().map(|&point| -self.camera_from_world.transform_point3a(point).z);
         let (nearest, farthest) =
@@ -248,14 +249,14 @@ impl View {
         }
     }
 
-    /// Where a point is in the picture; `None` behind the camera.
+    /// Projects a point onto the picture; `None` behind the camera.
     #[must_use]
     pub fn project(&self, point: Vec3A) -> Option<Projected> {
         let p = self.camera_from_world.transform_point3a(point);
         self.pixel_of(p, -p.z).map(|(pixel, depth)| Projected { pixel, depth })
     }
 
-    /// Pixel of a point infinitely far away in `direction`; `None` behind the camera.
+    /// Pixel of a point at infinity in `direction`; `None` behind the camera and for orthographic projection.
     #[must_use]
     pub fn project_direction(&self, direction: Vec3A) -> Option<Vec2> {
         let d = self.camera_from_world.transform_vector3a(direction);
@@ -278,7 +279,7 @@ impl View {
         pixel.is_finite().then_some((pixel, depth))
     }
 
-    /// Width in meters that a pixel covers at `depth` meters, facing the camera.
+    /// Width of a pixel at `depth` meters, facing the camera \[m\].
     #[must_use]
     pub fn pixel_width(&self, depth: f32) -> f32 {
         let at_one = 2.0 * self.half_height / self.height;
@@ -288,25 +289,26 @@ impl View {
         }
     }
 
-    /// Half the width of the picture, at a distance of 1 m in perspective \[m\].
+    /// Half the width of the picture \[m\]; in perspective, at a distance of 1 m.
     fn half_width(&self) -> f32 {
         self.half_height * self.width / self.height * self.pixel_aspect
     }
 
-    /// Camera space from the world \[m\], left-handed: x to the right, y up, z along the view.
+    /// Camera space from world space \[m\], left-handed: x to the right, y up, z along the view.
     ///
-    /// It is OpenEXR's attribute `worldToCamera`, and Renderman's camera space.
+    /// This is OpenEXR's attribute `worldToCamera` and RenderMan's camera space.
     fn left_handed_camera(&self) -> Mat4 {
         Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0)) * Mat4::from(self.camera_from_world)
     }
 
-    /// Picture space from the world: x and y are 0…1 from the upper left to the lower right corner, once divided by w.
+    /// Picture space from world space: after division by w, x and y are 0…1 from the upper left to the lower right
+    /// corner.
     ///
     /// ```text
     /// perspective      w = d    z / w = 1 − 1 m / d        d  meters along the camera's axis
     /// orthographic     w = 1    z = d
     /// ```
-    /// It is OpenEXR's attribute `worldToNDC`, of which readers drop z; here z lets the matrix have an inverse.
+    /// This is OpenEXR's attribute `worldToNDC`. Readers of it drop z; here z makes the matrix invertible.
     fn normalized_device(&self) -> Mat4 {
         let half = Vec2::new(self.half_width(), self.half_height);
         let (x, y) = (0.5 / half.x, -0.5 / half.y);
@@ -322,7 +324,7 @@ impl View {
         picture_from_camera * self.left_handed_camera()
     }
 
-    /// The camera for the header of a picture's file.
+    /// The camera, for the header of an image file.
     #[must_use]
     pub fn frame_camera(&self) -> FrameCamera {
         let width = 2.0 * self.half_width();
@@ -334,13 +336,13 @@ impl View {
         }
     }
 
-    /// Where the camera is.
+    /// Position of the camera \[m\].
     #[must_use]
     pub fn position(&self) -> Vec3A {
         self.world_from_camera.translation
     }
 
-    /// A view of the whole box from its front and a little above, for scenes without a camera.
+    /// Builds a view of the whole box from its front and slightly above, for scenes without a camera.
     #[must_use]
     pub fn around(min: Vec3A, max: Vec3A, width: usize, height: usize) -> Self {
         let (center, radius) = ((min + max) / 2.0, ((max - min).length() / 2.0).max(1e-6));
@@ -381,7 +383,7 @@ mod tests {
         assert!((view.frame_camera().window_width.unwrap() - 2.0 * 0.4f32.tan() * 640.0 / 360.0).abs() < 1e-6);
     }
 
-    /// A camera of 16:9 shows its whole view on pictures of any shape, and more on those of another.
+    /// A 16:9 camera shows its whole view in pictures of any aspect ratio, and more if theirs differs.
     #[test]
     fn all_of_a_camera_is_shown_on_any_picture() {
         let perspective = Projection::Perspective { yfov: 0.8 };
@@ -393,7 +395,7 @@ mod tests {
                 let Projected { pixel, .. } = view.project(corner).unwrap();
                 let size = Vec2::new(width as f32, height as f32);
                 assert!(pixel.x <= size.x + 0.01 && pixel.y >= -0.01, "{pixel} of {size}");
-                // It touches the border of one of both sides.
+                // The view touches the border on one of the two axes.
                 assert!(pixel.x >= size.x - 0.01 || pixel.y <= 0.01, "{pixel} of {size}");
             }
         }

@@ -1,4 +1,5 @@
-//! Meshes that bend: morph targets are mixed in first, then a skin's joints carry the vertices (glTF 2.0, 3.7.2.2 and 3.7.3).
+//! Deformed meshes: morph targets are added first, then the joints of a skin move the vertices (glTF 2.0, 3.7.2.2 and
+//! 3.7.3).
 
 use super::{Influence, Mesh, MorphTarget, Scene, Skinning, Track, normal_matrix};
 use crate::steps;
@@ -12,29 +13,29 @@ use std::sync::Arc;
 pub struct MorphedNode {
     /// Index into [`Scene::nodes`].
     pub node: usize,
-    /// Weights of the targets while no animation says otherwise.
+    /// Weights of the targets without animation.
     pub weights: Vec<f32>,
 }
 
-/// A skeleton that meshes may hang from.
+/// A skeleton that deforms meshes.
 #[derive(Clone, Debug)]
 pub struct Skin {
-    /// Indices into [`Scene::nodes`].
+    /// Joints, as indices into [`Scene::nodes`].
     pub joints: Vec<usize>,
-    /// Joint from mesh when the skin was bound, at least one per joint.
+    /// Joint-from-mesh transforms of the bind pose, at least one per joint.
     pub inverse_bind: Vec<Affine3A>,
 }
 
-/// The vertices of a mesh at one time: in world space if a skin bends it, else in local space.
+/// The vertices of a mesh at one time: in world space if it has a skin, else in local space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeformedMesh {
-    /// Meters.
+    /// Positions \[m\].
     pub positions: Vec<Vec3>,
-    /// Unit normals, or none if the mesh has none.
+    /// Unit normals; empty if the mesh has none.
     pub normals: Vec<Vec3>,
-    /// Unit tangents with sign, likewise.
+    /// Unit tangents with their sign; empty if the mesh has none.
     pub tangents: Vec<Vec4>,
-    /// The mesh's triangles: a copy, so that two times can be compared without the scene.
+    /// The mesh's triangles, a copy: two times can be compared without the scene.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -48,7 +49,8 @@ impl DeformedMesh {
 }
 
 impl Mesh {
-    /// The shape with `weights` of the morph targets and, if it has a skin, joints that carry from mesh to world.
+    /// The shape with these `weights` of the morph targets and, for a skinned mesh, these world-from-mesh matrices of
+    /// the joints.
     fn deformed(&self, weights: &[f32], joints: &[Affine3A]) -> DeformedMesh {
         let mixed = |vertex: usize, rest: Vec3, list: fn(&MorphTarget) -> &[Vec3]| {
             let targets = self.morph_targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
@@ -97,7 +99,7 @@ impl Skinning {
 }
 
 impl Scene {
-    /// The shapes of all instances that have a skin or morph targets; empty where none has. Instances that show one mesh with
+    /// The shapes of all instances with a skin or morph targets; empty if there are none. Instances of one mesh with
     /// the same weights share one shape.
     pub(super) fn deformed_meshes(&self, world: &[Affine3A], time: f32) -> Vec<Option<Arc<DeformedMesh>>> {
         if self.skins.is_empty() && self.morphed_nodes.is_empty() {
@@ -110,7 +112,7 @@ impl Scene {
             .map(|skin| skin.joints.iter().zip(&skin.inverse_bind).map(|(&node, bind)| world[node] * *bind).collect())
             .collect();
 
-        // A shape is a function of its mesh, which names its skin, and of the weights.
+        // A shape depends only on its mesh, which names its skin, and on the weights.
         let mut shapes: HashMap<(usize, Vec<u32>), Arc<DeformedMesh>> = HashMap::new();
         let deformed = self.instances.iter().map(|instance| {
             let mesh = &self.meshes[instance.mesh];
@@ -130,9 +132,9 @@ impl Scene {
         deformed.collect()
     }
 
-    /// For each node with morph targets, its place in [`Scene::morphed_nodes`].
+    /// For each node with morph targets, its index in [`Scene::morphed_nodes`].
     pub(super) fn morphed_places(&self) -> HashMap<usize, usize> {
-        // Of several for one node the first counts.
+        // If a node has several entries, the first counts.
         self.morphed_nodes.iter().enumerate().rev().map(|(place, morphed)| (morphed.node, place)).collect()
     }
 
@@ -151,7 +153,7 @@ impl Scene {
     /// For each instance, whether its shape changes with time.
     #[must_use]
     pub fn deforming_instances(&self) -> Vec<bool> {
-        // Nodes whose weights change, and skins of which a joint moves.
+        // Nodes with changing weights, and skins with a moving joint.
         let moving = self.moving_nodes();
         let mut morphing = vec![false; self.nodes.len()];
         for channel in &self.channels {

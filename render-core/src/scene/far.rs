@@ -1,37 +1,37 @@
-//! Scenes that lie far from the origin are moved there: `f32` loses the shape of things that are far away.
+//! Moves scenes far from the origin to it: far away, `f32` is too coarse for their shape.
 //!
-//! Pictures depend on positions relative to each other alone.
+//! Images depend only on relative positions.
 
 use super::{Node, Scene, Track, Transform};
 use crate::scene::Interpolation;
 use glam::Vec3;
 
-/// A scene is far when its middle is this number of times farther away than half of its size: positions then lie 8·10⁻⁶ of its
-/// size apart.
+/// Least ratio of the distance of a far scene's center to half its size. At this ratio, `f32` positions are 8·10⁻⁶ of
+/// the size apart.
 const FAR: f32 = 64.0;
 
 impl Scene {
-    /// Moves the scene to the origin if it is far from there.
+    /// Moves the scene to the origin, if it is far away.
     pub(super) fn move_to_origin(&mut self) {
         let Some((min, max)) = self.bounds(&self.pose(0.0)) else { return };
         let Some(middle) = far_middle(min.into(), max.into()) else { return };
         self.move_far_meshes();
         for (index, node) in self.nodes.iter_mut().enumerate() {
-            // A curtain hides in place: the joints of its mesh move.
+            // A node that hides a skinned mesh keeps its transform: the joints move instead.
             if node.parent.is_none() && self.curtains.binary_search(&index).is_err() {
                 node.rest.translation -= middle;
             }
         }
         for channel in self.channels.iter_mut().filter(|channel| self.nodes[channel.node].parent.is_none()) {
             let Track::Translation(keys) = &mut channel.track else { continue };
-            // Each key of a spline is a tangent, a value and a tangent.
+            // Each key of a spline is an in-tangent, a value and an out-tangent.
             let (first, step) = if channel.interpolation == Interpolation::CubicSpline { (1, 3) } else { (0, 1) };
             keys.iter_mut().skip(first).step_by(step).for_each(|key| *key -= middle);
         }
     }
 
-    /// Gives meshes whose own vertices are far from their origin a node of their own, which holds that distance. Those that
-    /// bend stay as they are: their joints or weights belong to their node.
+    /// Gives meshes with vertices far from their own origin an extra node with that offset. Deforming meshes stay
+    /// unchanged: their joints or weights belong to their node.
     fn move_far_meshes(&mut self) {
         let mut moved: Vec<Option<Vec3>> = vec![None; self.meshes.len()];
         for (mesh, moved) in self.meshes.iter_mut().zip(&mut moved) {
@@ -55,7 +55,7 @@ impl Scene {
     }
 }
 
-/// Middle of a box that is far from the origin.
+/// Center of a box that is far from the origin; `None` if it is near.
 fn far_middle(min: Vec3, max: Vec3) -> Option<Vec3> {
     let (middle, half) = ((min + max) / 2.0, (max - min) / 2.0);
     let is_far = half.is_finite() && middle.abs().max_element() > FAR * half.max_element();

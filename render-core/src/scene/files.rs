@@ -1,34 +1,34 @@
-//! The one way in for the files of a scene: what may be read, how much of it, and a sum of all that was.
+//! Reads all files of a scene: restricts paths, limits sizes and computes a checksum.
 //!
-//! A scene may come from a stranger. Its names lead to regular files in its own folder, after links are followed, and nowhere else
-//! unless the user allows it. Sizes are looked at before anything is read.
+//! Scenes may come from untrusted sources. Their names lead only to regular files in the scene's folder, after links
+//! are resolved, unless the user allows others. Sizes are checked before reading.
 
 use std::cell::RefCell;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
-/// Most bytes of all files of a scene together: glTF counts the bytes of a buffer in 32 bits.
+/// Most bytes of all files of a scene: glTF counts the bytes of a buffer in 32 bits.
 const MOST_BYTES: u64 = 1 << 32;
 
-/// Folders from which files are read that a scene names.
+/// Folders that the files named by a scene may be in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reach {
-    /// In the folder of the scene file, or below it, after links are followed.
+    /// The folder of the scene file and its subfolders, after links are resolved.
     #[default]
     Folder,
-    /// Anywhere.
+    /// Any folder.
     Anywhere,
 }
 
 /// The files that a scene was read from.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
-    /// The folders from which they could be read.
+    /// Folders that the files could be in.
     pub reach: Reach,
-    /// Paths with all links followed, in the order of reading.
+    /// Paths with all links resolved, in reading order.
     pub files: Vec<PathBuf>,
-    /// CRC-32 of the sizes and contents of all of them, in that order, and of settings that were given besides.
+    /// CRC-32 of the sizes and contents of all files in that order, and of the settings given in addition.
     pub sum: u32,
 }
 
@@ -46,21 +46,21 @@ struct State {
 }
 
 impl SceneFiles {
-    /// For the scene at `scene`.
+    /// Reads files for the scene at path `scene`.
     pub fn of(scene: &Path, reach: Reach) -> Self {
         let folder = scene.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let state = State { files: Vec::new(), sum: crc32fast::Hasher::new(), bytes_left: MOST_BYTES };
         Self { folder: folder.into(), reach, state: RefCell::new(state) }
     }
 
-    /// Reads the scene file or the settings beside it, which the user has named.
+    /// Reads a file that the user named: the scene or its settings.
     ///
     /// # Errors
-    /// The message of the system, or why the file is not read.
+    /// The system's message, or the reason why the file is refused.
     pub fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         let size = self.admit(path)?;
         let mut bytes = Vec::new();
-        // A file that grows meanwhile is read as far as it was admitted.
+        // A file that grows meanwhile is read only up to its admitted size.
         File::open(path)?.take(size).read_to_end(&mut bytes)?;
         let mut state = self.state.borrow_mut();
         state.sum.update(&size.to_le_bytes());
@@ -69,21 +69,21 @@ impl SceneFiles {
         Ok(bytes)
     }
 
-    /// Reads the file that the scene names so.
+    /// Reads a file that the scene names.
     ///
     /// # Errors
-    /// Why it is not read.
+    /// The reason why the file is not read.
     pub fn read_named(&self, name: &Path) -> Result<Vec<u8>, String> {
         let path = self.resolved(name)?;
         self.read(&path).map_err(|error| error.to_string())
     }
 
-    /// The place of the file that the scene names so, where it may be read.
+    /// The path of a file that the scene names, if it may be read.
     ///
     /// # Errors
-    /// Why it may not be.
+    /// The reason why it may not be read.
     pub fn resolved(&self, name: &Path) -> Result<PathBuf, String> {
-        let outside = "it lies outside of the scene's folder; put it there, or allow it by --allow-outside";
+        let outside = "it is outside the scene's folder; move it there or pass --allow-outside";
         let stays = name.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
         let path = self.folder.join(name);
         if self.reach == Reach::Anywhere {
@@ -96,27 +96,28 @@ impl SceneFiles {
         if real(&path)?.starts_with(real(&self.folder)?) { Ok(path) } else { Err(outside.into()) }
     }
 
-    /// The size of a file, if it is one that is read: opening a pipe might wait for ever, and a device might never end.
+    /// The size of a file. Refuses anything but regular files: opening a pipe may block forever, and a device may be
+    /// endless.
     fn admit(&self, path: &Path) -> io::Result<u64> {
         let refused = |text: String| Err(io::Error::new(io::ErrorKind::InvalidInput, text));
         let metadata = fs::metadata(path)?;
         if !metadata.is_file() {
-            return refused("it is no regular file".into());
+            return refused("it is not a regular file".into());
         }
         let (size, state) = (metadata.len(), &mut *self.state.borrow_mut());
         if size > state.bytes_left {
-            return refused(format!("it has {size} bytes; the files of a scene have {MOST_BYTES} at most"));
+            return refused(format!("it has {size} bytes; all files of a scene may have at most {MOST_BYTES}"));
         }
         state.bytes_left -= size;
         Ok(size)
     }
 
-    /// Adds to the sum what the user has set beside the files.
+    /// Adds settings that the user gave in addition to the files to the checksum.
     pub fn note(&self, text: &str) {
         self.state.borrow_mut().sum.update(text.as_bytes());
     }
 
-    /// All files that were read, and their sum.
+    /// All files that were read, and their checksum.
     pub fn into_origin(self) -> Origin {
         let State { files, sum, .. } = self.state.into_inner();
         Origin { reach: self.reach, files, sum: sum.finalize() }
@@ -164,12 +165,12 @@ mod tests {
         for name in ["far", "up/secret", "zero"] {
             assert!(files.read_named(Path::new(name)).unwrap_err().contains("outside"), "{name}");
         }
-        // A folder and a device are no files, wherever they may lie.
+        // A folder and a device are not regular files, wherever they are.
         let anywhere = SceneFiles::of(&folder.path().join("scene/scene.gltf"), Reach::Anywhere);
         for name in ["zero", "up"] {
             assert!(anywhere.read_named(Path::new(name)).unwrap_err().contains("regular"), "{name}");
         }
-        // The whole folder of a scene may be a link.
+        // The scene's folder itself may be a link.
         std::os::unix::fs::symlink("scene", folder.path().join("linked")).unwrap();
         let linked = SceneFiles::of(&folder.path().join("linked/scene.gltf"), Reach::Folder);
         assert_eq!(linked.read_named(Path::new("a.bin")).unwrap(), b"abc");
@@ -178,12 +179,12 @@ mod tests {
     #[test]
     fn sizes_are_looked_at_first() {
         let (folder, files) = scene();
-        // A file of holes takes no room on the disk.
+        // A sparse file takes no disk space.
         let large = File::create(folder.path().join("scene/large.bin")).unwrap();
         large.set_len(MOST_BYTES + 1).unwrap();
         let why = files.read_named(Path::new("large.bin")).unwrap_err();
         assert!(why.contains("4294967296 at most"), "{why}");
-        // Together they have too much.
+        // Together the files are too large.
         files.state.borrow_mut().bytes_left = 5;
         assert!(files.read_named(Path::new("a.bin")).is_ok());
         assert!(files.read_named(Path::new("a.bin")).is_err());

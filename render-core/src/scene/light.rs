@@ -1,42 +1,42 @@
-//! Lights without area, as `KHR_lights_punctual` describes them.
+//! Punctual lights: lights without area, as defined by `KHR_lights_punctual`.
 
 use super::{Channel, Scene, Transform};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::f32::consts::FRAC_PI_2;
 
-/// Strongest that any light may be \[W·sr⁻¹ or W·m⁻²·sr⁻¹\]: ten thousand million times the sun's surface. Sums over pixels, lights
-/// and photons, and their squares over what falls off with distance, stay inside of the range of `f32`.
+/// Greatest strength of a light \[W·sr⁻¹ or W·m⁻²·sr⁻¹\], 10¹⁰ times the radiance of the sun's surface. It keeps sums
+/// over pixels, lights and photons, and their squares over distance, within the range of `f32`.
 pub(super) const STRONGEST: f32 = 1e18;
 
-/// Shape of the light that leaves a point, or comes from a direction.
+/// Shape of a punctual light's emission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum PunctualKind {
-    /// Parallel light along the node's −z; `color` is the irradiance \[W·m⁻²\] of a surface that faces it.
+    /// Parallel light along the node's −z; `color` is the irradiance \[W·m⁻²\] of a surface facing it.
     Directional,
     /// `color` is the intensity \[W·sr⁻¹\] in every direction.
     Point,
-    /// `color` is the intensity \[W·sr⁻¹\] inside of the inner cone; the angles are from the axis, in radians.
+    /// `color` is the intensity \[W·sr⁻¹\] inside the inner cone. Both angles are measured from the axis.
     Spot {
-        /// Where the fall-off begins.
+        /// Angle where the falloff begins \[rad\].
         inner: f32,
-        /// Where nothing is left.
+        /// Angle where the intensity reaches 0 \[rad\].
         outer: f32,
     },
 }
 
 /// A punctual light on a node.
 ///
-/// glTF gives candela and lux; here one candela counts as one W·sr⁻¹ and one lux as one W·m⁻², and a
-/// nit of emission as one W·m⁻²·sr⁻¹: a common factor of all lights, which the exposure takes up.
+/// glTF gives candela and lux. Here one candela counts as one W·sr⁻¹, one lux as one W·m⁻², and one nit of emission as
+/// one W·m⁻²·sr⁻¹. The exposure absorbs this common factor of all lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PunctualLight {
-    /// Index into the scene's nodes: place and direction (−z).
+    /// Index into the scene's nodes; the node sets position and direction (−z).
     pub node: usize,
-    /// Linear RGB intensity or irradiance, see [`PunctualKind`].
+    /// Linear RGB intensity or irradiance; see [`PunctualKind`].
     pub color: Vec3,
-    /// The shape.
+    /// Shape of the emission.
     pub kind: PunctualKind,
 }
 
@@ -48,11 +48,11 @@ pub enum LightProperty {
     Color,
     /// Factor on the color \[cd or lx\].
     Intensity,
-    /// Angle where the fall-off of a spot begins \[rad\].
+    /// Angle where the falloff of a spot begins \[rad\].
     InnerCone,
-    /// Angle where nothing is left of a spot \[rad\].
+    /// Angle where the intensity of a spot reaches 0 \[rad\].
     OuterCone,
-    /// Visibility of the light's node or one above it: 1 or 0.
+    /// Visibility, 0 or 1, of the light's node or of one of its ancestors.
     Visibility,
 }
 
@@ -61,16 +61,16 @@ pub enum LightProperty {
 pub struct LightChannel {
     /// Index into the scene's punctual lights.
     pub light: usize,
-    /// The property.
+    /// Animated property.
     pub property: LightProperty,
-    /// Linear RGB color and intensity of the file, and the factor on their product.
+    /// Linear RGB color and intensity in the file, and the factor on their product.
     pub rest: (Vec3, f32, f32),
-    /// Its values: translations are colors, weights are numbers.
+    /// Keys: translations for colors, weights for numbers.
     pub keys: Channel,
 }
 
 impl Scene {
-    /// The punctual lights at `time` seconds; none where no light is animated. Values that no light can have are clamped.
+    /// The punctual lights at `time` seconds; empty if no light is animated. Clamps values that are out of range.
     pub(super) fn lights_at(&self, time: f32) -> Vec<PunctualLight> {
         if self.light_channels.is_empty() {
             return Vec::new();
@@ -102,7 +102,7 @@ impl Scene {
 }
 
 impl PunctualKind {
-    /// Share of the intensity in a direction whose angle to the axis has this cosine.
+    /// Fraction of the intensity in a direction, given the cosine of its angle to the axis.
     #[must_use]
     pub fn falloff(&self, cos_axis: f32) -> f32 {
         match *self {

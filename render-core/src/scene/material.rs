@@ -1,11 +1,11 @@
-//! How a surface reflects and emits: a Lambert base below a GGX coat, and their textures.
+//! Materials: a Lambert base below a GGX coat, emission, and textures.
 
 use glam::{Vec2, Vec3};
 
-/// Sets of texture coordinates that a mesh may have.
+/// Number of texture coordinate sets of a mesh.
 pub const UV_SETS: usize = 4;
 
-/// A texture with the coordinates through which it is looked up.
+/// A texture and the coordinates that sample it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureSlot {
     /// Index into the scene's textures.
@@ -17,7 +17,7 @@ pub struct TextureSlot {
 }
 
 impl TextureSlot {
-    /// The coordinates to look up for the mesh's own `uv`.
+    /// Maps the mesh's `uv` to the texture's coordinates.
     #[inline]
     #[must_use]
     pub fn map(&self, uv: Vec2) -> Vec2 {
@@ -35,54 +35,54 @@ impl TextureSlot {
 /// Meaning of the opacity of a base color.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alpha {
-    /// Nothing.
+    /// The opacity is ignored.
     Opaque,
-    /// Where it is below the cutoff there is a hole.
+    /// Texels with an opacity below the cutoff are holes.
     Mask {
-        /// Least opacity that is not a hole.
+        /// Least opacity of the surface \[0…1\].
         cutoff: f32,
     },
-    /// The share of the surface that is there: the rest is holes too small to see.
+    /// The opacity is the covered fraction of the surface; the remainder is holes too small to see.
     Blend,
 }
 
-/// A surface.
+/// Reflection and emission of a surface.
 ///
-/// Of glTF's metallic-roughness model all is here but occlusion textures: they stand for light that is computed here.
+/// Contains all of glTF's metallic-roughness model except occlusion textures: this crate computes occlusion itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name in the file, or empty.
     pub name: String,
-    /// Linear RGB reflectance, times the texture's.
+    /// Linear RGB reflectance, multiplied by the texture's.
     pub base_color: Vec3,
     /// sRGB texture of the reflectance.
     pub base_color_texture: Option<TextureSlot>,
-    /// 0 for a dielectric over a diffuse base, 1 for a metal, times the texture's blue.
+    /// Metalness: 0 for a dielectric over a diffuse base, 1 for a metal. Multiplied by the texture's blue.
     pub metallic: f32,
-    /// Perceptual roughness, 0…1, the square root of GGX's α; times the texture's green.
+    /// Perceptual roughness, 0…1, the square root of GGX's α. Multiplied by the texture's green.
     pub roughness: f32,
-    /// Linear texture: green is roughness, blue is metalness.
+    /// Linear texture: roughness in green, metalness in blue.
     pub metallic_roughness_texture: Option<TextureSlot>,
     /// Linear texture of normals in tangent space, and the factor on their x and y.
     pub normal_texture: Option<(TextureSlot, f32)>,
-    /// Linear RGB reflectance at normal incidence where the surface is not metal.
+    /// Linear RGB reflectance of the dielectric at normal incidence.
     pub dielectric_f0: Vec3,
-    /// Opacity, 0…1, times the opacity of the base color's texture and of the vertices.
+    /// Opacity, 0…1, multiplied by the opacity of the base color's texture and of the vertices.
     pub opacity: f32,
     /// Meaning of the opacity.
     pub alpha: Alpha,
-    /// Emitted radiance \[W·m⁻²·sr⁻¹\], times the texture's.
+    /// Emitted radiance \[W·m⁻²·sr⁻¹\], multiplied by the texture's.
     pub emission: Vec3,
     /// sRGB texture of the emission.
     pub emission_texture: Option<TextureSlot>,
-    /// Light leaves and arrives on both sides.
+    /// Whether both sides reflect and emit light.
     pub double_sided: bool,
-    /// Shows its color whatever the light; neither lit nor a light.
+    /// Whether the surface shows its color regardless of light; it is neither lit nor a light.
     pub unlit: bool,
 }
 
 impl Default for Material {
-    /// A white Lambert surface without emission. (A glTF material that states nothing is a rough metal.)
+    /// A white Lambert surface without emission. (glTF's default material is a rough metal.)
     fn default() -> Self {
         Self {
             name: String::new(),
@@ -109,8 +109,8 @@ const DIELECTRIC_F0: f32 = 0.04;
 impl Material {
     /// Diffuse reflectance, and specular reflectance at normal incidence, for a base color and metalness.
     ///
-    /// A dielectric of roughness 1 counts as Lambert: its coat of 4 % would be spread over the whole hemisphere, and
-    /// leaving it out keeps matte scenes free of glossy work.
+    /// A dielectric of roughness 1 counts as Lambert. Its coat of 4 % would cover the whole hemisphere; omitting it
+    /// keeps matte scenes free of glossy work.
     #[must_use]
     pub fn split(&self, base_color: Vec3, metallic: f32, roughness: f32) -> (Vec3, Vec3) {
         if metallic <= 0.0 && roughness >= 1.0 {
@@ -119,14 +119,14 @@ impl Material {
         (base_color * (1.0 - metallic), self.dielectric_f0.lerp(base_color, metallic))
     }
 
-    /// Whether [`Material::split`] finds a coat anywhere on the surface.
+    /// Whether [`Material::split`] returns a coat anywhere on the surface.
     #[must_use]
     pub fn may_have_coat(&self) -> bool {
         let smoother = self.roughness < 1.0 || self.metallic_roughness_texture.is_some();
         !self.unlit && (self.metallic > 0.0 || smoother)
     }
 
-    /// The textures it looks up.
+    /// The textures of the material.
     pub fn slots(&self) -> impl Iterator<Item = &TextureSlot> {
         let normal = self.normal_texture.as_ref().map(|(slot, _)| slot);
         let others = [&self.base_color_texture, &self.metallic_roughness_texture, &self.emission_texture];
@@ -139,15 +139,15 @@ impl Material {
         [base_color_texture, metallic_roughness_texture, emission_texture].into_iter().flatten().chain(normal)
     }
 
-    /// Whether the surface was made to light others: it glows as a whole, or its file makes it glow stronger than 1, as
-    /// `KHR_materials_emissive_strength` does for lamps and windows. A texture of up to 1 (the instruments of a helmet) is part
-    /// of its looks: a scene with nothing else waits for its viewer's light.
+    /// Whether the surface is meant to light others: it emits without a texture, or the file sets an emission above 1.
+    /// `KHR_materials_emissive_strength` does so for lamps and windows. A texture of at most 1, such as the instruments
+    /// of a helmet, belongs to the surface's appearance: a scene with no other light needs one from its viewer.
     #[must_use]
     pub fn is_lamp(&self) -> bool {
         self.emits() && (self.emission_texture.is_none() || self.emission.max_element() > 1.0)
     }
 
-    /// Whether the surface is a light.
+    /// Whether the surface emits light.
     #[must_use]
     pub fn emits(&self) -> bool {
         self.emission.max_element() > 0.0

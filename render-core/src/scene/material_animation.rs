@@ -1,4 +1,4 @@
-//! Materials that change with time.
+//! Animated properties of materials.
 
 use super::light::STRONGEST;
 use super::{Alpha, Channel, Material, Scene, TextureSlot};
@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A texture of a material.
+/// A texture slot of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SlotName {
     /// The texture of the base color.
@@ -23,7 +23,7 @@ pub enum SlotName {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MaterialProperty {
-    /// Linear RGB reflectance and opacity.
+    /// Linear RGB reflectance, and opacity.
     BaseColor,
     /// Factor of metalness.
     Metallic,
@@ -33,15 +33,15 @@ pub enum MaterialProperty {
     Emission,
     /// Factor on the emission \[W·m⁻²·sr⁻¹\].
     EmissionStrength,
-    /// Factor on x and y of the normals of a texture.
+    /// Factor on x and y of the normals in the texture.
     NormalScale,
-    /// Least opacity that is not a hole.
+    /// Least opacity of the surface \[0…1\].
     AlphaCutoff,
     /// Index of refraction.
     Ior,
-    /// Factor of the reflectance at normal incidence.
+    /// Factor on the reflectance at normal incidence.
     Specular,
-    /// Linear RGB factor of the same.
+    /// Linear RGB factor on the reflectance at normal incidence.
     SpecularColor,
     /// `KHR_texture_transform`: offset of the coordinates.
     Offset(SlotName),
@@ -52,7 +52,7 @@ pub enum MaterialProperty {
 }
 
 impl MaterialProperty {
-    /// Numbers of a value: 1 to 4.
+    /// Number of components of a value: 1 to 4.
     #[must_use]
     pub fn width(self) -> usize {
         match self {
@@ -64,16 +64,16 @@ impl MaterialProperty {
     }
 }
 
-/// Factors of the file that a [`Material`] has only as products.
+/// Factors in the file that a [`Material`] contains only as products.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaterialFactors {
     /// Linear RGB reflectance.
     pub base_color: Vec3,
-    /// Linear RGB factor of the emission, and the factor on it \[W·m⁻²·sr⁻¹\].
+    /// Linear RGB factor of the emission, and its strength \[W·m⁻²·sr⁻¹\].
     pub emission: (Vec3, f32),
-    /// Index of refraction; 0 reflects all.
+    /// Index of refraction; 0 reflects all light.
     pub ior: f32,
-    /// Factor of the reflectance at normal incidence, and its linear RGB factor.
+    /// Factor on the reflectance at normal incidence, and its linear RGB factor.
     pub specular: (f32, Vec3),
     /// Whether the surface shows the sum of base color and emission, as points and lines do.
     pub shows_sum: bool,
@@ -84,21 +84,21 @@ pub struct MaterialFactors {
 pub struct MaterialChannel {
     /// Index into the scene's materials.
     pub material: usize,
-    /// The property.
+    /// Animated property.
     pub property: MaterialProperty,
-    /// Factors of the file.
+    /// Factors in the file.
     pub rest: MaterialFactors,
-    /// Its values, as weights: [`MaterialProperty::width`] for each key.
+    /// Keys, as weights: [`MaterialProperty::width`] for each.
     pub keys: Channel,
 }
 
 impl Scene {
-    /// The materials at `time` seconds; none where no material is animated. Values that no material can have are clamped.
+    /// The materials at `time` seconds; empty if none is animated. Clamps values that are out of range.
     pub(super) fn materials_at(&self, time: f32) -> Arc<[Material]> {
         self.animated_materials(|channel, value| channel.keys.apply_weights(time, value))
     }
 
-    /// The materials with `value` of each channel; none where no material is animated.
+    /// The materials with the given `value` of each channel; empty if none is animated.
     fn animated_materials(&self, value: impl Fn(&MaterialChannel, &mut [f32])) -> Arc<[Material]> {
         if self.material_channels.is_empty() {
             return Arc::default();
@@ -123,8 +123,7 @@ impl Scene {
         changing
     }
 
-    /// Each material as it is at its brightest and smoothest: with the largest value of all keys for each factor, and the least
-    /// roughness.
+    /// Each material at its brightest and smoothest: the largest key of each factor, and the smallest roughness.
     #[must_use]
     pub fn extreme_materials(&self) -> Vec<Material> {
         if self.material_channels.is_empty() {
@@ -144,7 +143,7 @@ impl Scene {
 }
 
 impl Material {
-    /// Changes a property to the first of these numbers, with the other `factors` of the file.
+    /// Sets a property to the first of these numbers, given the other `factors` of the file.
     fn set(&mut self, property: MaterialProperty, [x, y, z, w]: [f32; 4], factors: &mut MaterialFactors) {
         let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 1.0 };
         let vector = Vec3::new(x, y, z);
@@ -189,7 +188,7 @@ impl Material {
         }
     }
 
-    /// Changes the transform of a texture, which is the identity where the file has none.
+    /// Changes the transform of a texture, or of the identity if the file has none.
     fn move_slot(&mut self, name: SlotName, change: impl Fn(&mut (Vec2, f32, Vec2))) {
         let slot: Option<&mut TextureSlot> = match name {
             SlotName::BaseColor => self.base_color_texture.as_mut(),
@@ -211,7 +210,7 @@ impl MaterialFactors {
     #[must_use]
     pub fn dielectric_f0(&self) -> Vec3 {
         let ior = if self.ior.is_finite() && self.ior >= 1.0 { self.ior } else { DEFAULT_IOR };
-        // An index of 0 stands for "reflects all", for the sake of older material models.
+        // An index of 0 means total reflection, for older material models.
         let f0 = if self.ior == 0.0 { 1.0 } else { ((ior - 1.0) / (ior + 1.0)).powi(2) };
         let (factor, color) = self.specular;
         let f0 = (color * f0).min(Vec3::ONE) * factor;

@@ -1,4 +1,4 @@
-//! Triangles with one material, and what may bend them.
+//! Triangle meshes, their morph targets and their skinning.
 
 use super::UV_SETS;
 use glam::{Vec2, Vec3, Vec4};
@@ -8,13 +8,13 @@ use glam::{Vec2, Vec3, Vec4};
 pub struct Mesh {
     /// Name in the file, or empty.
     pub name: String,
-    /// Meters in local space.
+    /// Positions in local space \[m\].
     pub positions: Vec<Vec3>,
-    /// Unit normals; when empty, the mesh is flat shaded as glTF prescribes.
+    /// Unit normals; if empty, the mesh is flat shaded, as glTF prescribes.
     pub normals: Vec<Vec3>,
-    /// Unit tangents along which a normal map's x points, and in w the sign of its y: y = (normal × tangent) · w.
+    /// Unit tangents: a normal map's x axis, and in w the sign of its y axis, y = (normal × tangent) · w.
     pub tangents: Vec<Vec4>,
-    /// Texture coordinates, those of the sets that the material uses.
+    /// Texture coordinates of the sets that the material uses.
     pub uvs: [Vec<Vec2>; UV_SETS],
     /// Linear RGB factor on the base color, and factor on its opacity.
     pub colors: Vec<Vec4>,
@@ -22,21 +22,21 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Index into the scene's materials.
     pub material: usize,
-    /// Shapes that may be mixed in.
+    /// Morph targets.
     pub morph_targets: Vec<MorphTarget>,
-    /// The joints that bend it; its vertices are then placed by them alone.
+    /// Skinning; joints alone then place the vertices.
     pub skinning: Option<Skinning>,
 }
 
 impl Mesh {
-    /// The three corners of triangle `index` in local space, as the file has them.
+    /// The three corners of triangle `index` in local space, undeformed.
     #[inline]
     #[must_use]
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
         self.triangles[index].map(|vertex| self.positions[vertex as usize])
     }
 
-    /// Bytes of all its lists.
+    /// Size of all lists \[bytes\].
     #[must_use]
     pub fn byte_count(&self) -> usize {
         let Self { positions, normals, tangents, colors, triangles, .. } = self;
@@ -50,38 +50,38 @@ impl Mesh {
     }
 }
 
-/// Displacements of the vertices of a mesh at full weight. Every list is as long as the mesh's positions, or empty.
+/// Displacements of a mesh's vertices at full weight. Every list is as long as the mesh's positions, or empty.
 #[derive(Clone, Debug, Default)]
 pub struct MorphTarget {
-    /// Meters in local space.
+    /// Displacements of the positions in local space \[m\].
     pub positions: Vec<Vec3>,
-    /// Added to the normals.
+    /// Displacements of the normals.
     pub normals: Vec<Vec3>,
-    /// Added to the tangents.
+    /// Displacements of the tangents.
     pub tangents: Vec<Vec3>,
 }
 
-/// A joint's pull on a vertex.
+/// The weight of one joint on a vertex.
 #[derive(Clone, Copy, Debug)]
 pub struct Influence {
     /// Index into [`Skin::joints`](super::Skin::joints).
     pub joint: u32,
-    /// Share, 0…1; those of a vertex sum to 1.
+    /// Weight, 0…1; the weights of a vertex sum to 1.
     pub weight: f32,
 }
 
-/// How a mesh hangs from a skin.
+/// The attachment of a mesh to a skin.
 #[derive(Clone, Debug)]
 pub struct Skinning {
     /// Index into [`Scene::skins`](super::Scene::skins).
     pub skin: usize,
-    /// Influences on each vertex.
+    /// Number of influences on each vertex.
     pub per_vertex: usize,
-    /// Influences of the first vertex, then of the second …
+    /// Influences of the first vertex, then of the second, and so on.
     pub influences: Vec<Influence>,
 }
 
-/// Value at barycentric `(u, v)` with weight `1 - u - v` on the first corner; `None` where the list is empty.
+/// Value at barycentric `(u, v)` with weight `1 - u - v` on the first corner; `None` if the list is empty.
 #[inline]
 pub(crate) fn interpolate<T>(list: &[T], corners: [u32; 3], u: f32, v: f32) -> Option<T>
 where

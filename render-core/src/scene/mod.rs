@@ -1,4 +1,4 @@
-//! A scene, and the places of its things at a time: nodes, meshes, materials, lights, cameras.
+//! A scene and its pose at a time: nodes, meshes, materials, lights, cameras.
 
 mod animation;
 mod backdrop;
@@ -41,7 +41,7 @@ use crate::steps;
 use glam::{Affine3A, BVec3A, Mat3A, Quat, Vec3, Vec3A};
 use std::sync::Arc;
 
-/// A node of the hierarchy with its transform at rest.
+/// A node of the hierarchy with its rest transform.
 #[derive(Clone, Debug)]
 pub struct Node {
     /// Name in the file, or empty.
@@ -52,14 +52,14 @@ pub struct Node {
     pub rest: Transform,
 }
 
-/// Translation, rotation, scale: what glTF animates.
+/// Translation, rotation and scale: the properties that glTF animates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
-    /// Meters.
+    /// Translation \[m\].
     pub translation: Vec3,
-    /// Unit quaternion.
+    /// Rotation, a unit quaternion.
     pub rotation: Quat,
-    /// Factor along each axis.
+    /// Scale factor along each axis.
     pub scale: Vec3,
 }
 
@@ -70,7 +70,7 @@ impl Default for Transform {
 }
 
 impl Transform {
-    /// Leaves everything in place.
+    /// The identity transform.
     pub const IDENTITY: Self = Self { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
 
     /// The transform as an affine map.
@@ -80,7 +80,7 @@ impl Transform {
     }
 }
 
-/// A mesh hung from a node.
+/// A mesh attached to a node.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance {
     /// Index into [`Scene::nodes`].
@@ -89,20 +89,20 @@ pub struct Instance {
     pub mesh: usize,
 }
 
-/// A scene as loaded: everything that does not depend on time, and the tracks that do.
+/// A scene as loaded: its static data and its animation tracks.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Parents come before their children.
+    /// Nodes; parents precede their children.
     pub nodes: Vec<Node>,
-    /// One per glTF primitive: a single material each.
+    /// Meshes, one per glTF primitive, each with one material.
     pub meshes: Vec<Mesh>,
     /// Materials of the meshes; never empty when there is a mesh.
     pub materials: Vec<Material>,
     /// Textures of the materials.
     pub textures: Vec<Texture>,
-    /// Meshes in their places.
+    /// Instances: meshes attached to nodes.
     pub instances: Vec<Instance>,
-    /// Skins, which bend meshes.
+    /// Skins that deform meshes.
     pub skins: Vec<Skin>,
     /// Nodes whose mesh has morph targets.
     pub morphed_nodes: Vec<MorphedNode>,
@@ -110,28 +110,29 @@ pub struct Scene {
     pub punctual_lights: Vec<PunctualLight>,
     /// The cameras of the file.
     pub cameras: Vec<Camera>,
-    /// The animation that plays.
+    /// Animated transforms and morph weights of the nodes.
     pub channels: Vec<Channel>,
-    /// The animation of lenses.
+    /// Animated properties of lenses.
     pub camera_channels: Vec<CameraChannel>,
-    /// The animation of punctual lights.
+    /// Animated properties of punctual lights.
     pub light_channels: Vec<LightChannel>,
-    /// The animation of materials.
+    /// Animated properties of materials.
     pub material_channels: Vec<MaterialChannel>,
-    /// Nodes, in ascending order, whose scale hides meshes with a skin; these hang from no other node's place.
+    /// Nodes whose scale hides skinned meshes, in ascending order. No other node's transform affects a skinned mesh.
     pub curtains: Vec<usize>,
-    /// Light from all around, if the scene has any.
+    /// Environment light, if the scene has any.
     pub sky: Option<Environment>,
-    /// Settings from the TOML file beside the scene.
+    /// Settings from the TOML file next to the scene.
     pub settings: SceneSettings,
-    /// Parts that were read but are not rendered, a line each, for the user.
+    /// Warnings for the user, one line each: content that was read but is not rendered.
     pub warnings: Vec<String>,
-    /// The files that it was read from.
+    /// Files that the scene was read from.
     pub origin: Origin,
 }
 
 impl Scene {
-    /// A scene of one mesh at the origin, made of `material`, without lights. The mesh's own material index is replaced.
+    /// Builds a scene of one mesh at the origin, made of `material`, without lights. Replaces the mesh's own material
+    /// index.
     #[must_use]
     pub fn of_mesh(mesh: Mesh, material: Material) -> Self {
         Self {
@@ -144,39 +145,39 @@ impl Scene {
     }
 }
 
-/// Where everything is at one time, and in what shape.
+/// Transforms and shapes of a scene at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pose {
-    /// World from local, one per node.
+    /// World-from-local transforms, one per node.
     pub world: Vec<Affine3A>,
-    /// One per instance, or none at all where no mesh has a skin or morph targets.
+    /// Deformed meshes, one per instance; empty if no mesh has a skin or morph targets.
     deformed: Vec<Option<Arc<DeformedMesh>>>,
-    /// The cameras of the scene, or none at all where no lens is animated.
+    /// The cameras of the scene; empty if no lens is animated.
     cameras: Vec<Camera>,
-    /// The punctual lights of the scene, or none at all where none is animated.
+    /// The punctual lights of the scene; empty if none is animated.
     lights: Vec<PunctualLight>,
-    /// The materials of the scene, or none at all where none is animated.
+    /// The materials of the scene; empty if none is animated.
     materials: Arc<[Material]>,
 }
 
 impl Pose {
-    /// One per instance, or none at all where no mesh has a skin or morph targets.
+    /// Deformed meshes, one per instance; empty if no mesh has a skin or morph targets.
     pub(crate) fn all_deformed(&self) -> &[Option<Arc<DeformedMesh>>] {
         &self.deformed
     }
 
-    /// The punctual lights of its `scene` as they shine at that time.
+    /// The punctual lights of `scene` at the time of the pose.
     #[must_use]
     pub fn punctual_lights<'a>(&'a self, scene: &'a Scene) -> &'a [PunctualLight] {
         if self.lights.is_empty() { &scene.punctual_lights } else { &self.lights }
     }
 
-    /// The materials of its scene at that time; none at all where none is animated.
+    /// The materials of the scene at the time of the pose; empty if none is animated.
     pub(crate) fn animated_materials(&self) -> &Arc<[Material]> {
         &self.materials
     }
 
-    /// The vertices of an instance with a skin or morph targets; others are as their mesh says.
+    /// The vertices of an instance with a skin or morph targets; `None` if the instance has its mesh's own vertices.
     #[must_use]
     pub fn deformed(&self, instance: usize) -> Option<&Arc<DeformedMesh>> {
         self.deformed.get(instance)?.as_ref()
@@ -184,7 +185,7 @@ impl Pose {
 }
 
 impl Scene {
-    /// Places every node at `time` seconds, and bends what is bent there.
+    /// Computes the transforms of all nodes and the deformed meshes at `time` seconds.
     #[must_use]
     pub fn pose(&self, time: f32) -> Pose {
         let mut local: Vec<Transform> = self.nodes.iter().map(|node| node.rest).collect();
@@ -201,21 +202,21 @@ impl Scene {
         Pose { world, deformed, cameras, lights, materials: self.materials_at(time) }
     }
 
-    /// World from the space of an instance's vertices. A skin places vertices by its joints alone: the node that the mesh
-    /// hangs from does not count (glTF 2.0, 3.7.3.1).
+    /// World from the space of an instance's vertices. Only joints place a skinned mesh: glTF ignores its node (glTF
+    /// 2.0, 3.7.3.1).
     #[must_use]
     pub fn instance_world(&self, pose: &Pose, instance: usize) -> Affine3A {
         self.carrier(instance).map_or(Affine3A::IDENTITY, |node| pose.world[node])
     }
 
-    /// The node whose transform places an instance; none for one that a skin places, but for nodes that hide it.
+    /// The node whose transform places an instance. `None` if a skin places it, unless its node hides it.
     pub(crate) fn carrier(&self, instance: usize) -> Option<usize> {
         let Instance { node, mesh } = self.instances[instance];
         let is_placed = self.meshes[mesh].skinning.is_none() || self.curtains.binary_search(&node).is_ok();
         is_placed.then_some(node)
     }
 
-    /// For each node, whether its place in the world changes with time.
+    /// For each node, whether its world transform, its lens or its light changes with time.
     #[must_use]
     pub fn moving_nodes(&self) -> Vec<bool> {
         let mut moving = vec![false; self.nodes.len()];
@@ -223,11 +224,11 @@ impl Scene {
         for channel in self.channels.iter().filter(moves) {
             moving[channel.node] = true;
         }
-        // A lens that changes moves the picture as a node does.
+        // A changing lens changes the image as a moving node does.
         for channel in self.camera_channels.iter().filter(|channel| channel.keys.changes()) {
             moving[channel.keys.node] = true;
         }
-        // So does a light that changes.
+        // A changing light does, too.
         for channel in self.light_channels.iter().filter(|channel| channel.keys.changes()) {
             moving[channel.keys.node] = true;
         }
@@ -237,7 +238,7 @@ impl Scene {
         moving
     }
 
-    /// For each instance, whether its place, its shape or its material changes with time.
+    /// For each instance, whether its transform, its shape or its material changes with time.
     #[must_use]
     pub fn moving_instances(&self) -> Vec<bool> {
         let (moving, deforming, changing) =
@@ -249,7 +250,7 @@ impl Scene {
         deforming.into_iter().enumerate().map(moves).collect()
     }
 
-    /// Seconds until the last key of the animation; 0 without one.
+    /// Time of the last key of the animation \[s\]; 0 without animation.
     #[must_use]
     pub fn duration(&self) -> f32 {
         let lenses = self.camera_channels.iter().map(|channel| &channel.keys);
@@ -265,7 +266,7 @@ impl Scene {
         ends.fold(0.0, |longest, &time| longest.max(time))
     }
 
-    /// Corners of the box around all meshes in `pose`; `None` when nothing has a volume to show.
+    /// Corners of the box around all meshes in `pose`; `None` if no mesh has vertices.
     #[must_use]
     pub fn bounds(&self, pose: &Pose) -> Option<(Vec3A, Vec3A)> {
         let mut around = PointBox::NOTHING;
@@ -275,8 +276,8 @@ impl Scene {
             let mesh = &self.meshes[instance.mesh].positions;
             let positions = pose.deformed(index).map_or(mesh, |shape| &shape.positions);
 
-            // A mesh whose own box lies within what is known adds nothing: coordinates of a box and of what is in it are rounded
-            // alike, and rounding keeps their order.
+            // Skip meshes with a bounding box inside `around`. Rounding is monotonic: their rounded vertices stay
+            // inside, too.
             if pose.deformed(index).is_none() {
                 let own = of_mesh[instance.mesh].get_or_insert_with(|| PointBox::of(mesh.iter().map(|&p| p.into())));
                 let image = PointBox::of(own.corners().into_iter().map(|corner| world.transform_point3a(corner)));
@@ -291,10 +292,10 @@ impl Scene {
         around.low.cmple(around.high).all().then_some((around.low, around.high))
     }
 
-    /// Whether each instance hangs from a node of this name, or from one below it.
+    /// For each instance, whether its node or one of the node's ancestors has this name.
     #[must_use]
     pub fn instances_under(&self, name: &str) -> Vec<bool> {
-        // Parents come before their children.
+        // Parents precede their children.
         let mut is_under: Vec<bool> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
             is_under.push(node.name == name || node.parent.is_some_and(|parent| is_under[parent]));
@@ -302,25 +303,25 @@ impl Scene {
         self.instances.iter().map(|instance| is_under[instance.node]).collect()
     }
 
-    /// The camera of this name, or with this number, counted from 0.
+    /// The camera with this name or index, counted from 0.
     #[must_use]
     pub fn camera(&self, name: &str) -> Option<&Camera> {
         self.cameras.get(self.camera_number(name)?)
     }
 
-    /// The place in the list of a camera of this name or number.
+    /// Index of the camera with this name or index.
     fn camera_number(&self, name: &str) -> Option<usize> {
         let named = self.cameras.iter().position(|camera| camera.name == name);
         named.or_else(|| name.parse().ok().filter(|&number| number < self.cameras.len()))
     }
 
-    /// The camera that films: the one the settings name, else the first that moves, else the first.
+    /// The filming camera: the one that the settings name, else the first that moves, else the first.
     #[must_use]
     pub fn filming_camera(&self) -> Option<&Camera> {
         self.cameras.get(self.filming_camera_number()?)
     }
 
-    /// The place in the list of the camera that films.
+    /// Index of the filming camera.
     fn filming_camera_number(&self) -> Option<usize> {
         let named = self.settings.camera.name.as_deref();
         let moving = self.moving_nodes();
@@ -330,7 +331,7 @@ impl Scene {
             .or((!self.cameras.is_empty()).then_some(0))
     }
 
-    /// The filming camera's view in `pose`; a scene without a camera is seen whole, from its front.
+    /// The filming camera's view in `pose`. A scene without a camera is shown whole, from its front.
     #[must_use]
     pub fn view(&self, pose: &Pose, width: usize, height: usize) -> View {
         let number = self.filming_camera_number();
@@ -344,14 +345,14 @@ impl Scene {
         }
     }
 
-    /// Triangles of all instances.
+    /// Number of triangles of all instances.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.instances.iter().map(|instance| self.meshes[instance.mesh].triangles.len()).sum()
     }
 }
 
-/// The box around some points.
+/// The bounding box of some points.
 #[derive(Clone, Copy)]
 struct PointBox {
     low: Vec3A,
@@ -372,23 +373,23 @@ impl PointBox {
         (self.low, self.high) = (self.low.min(point), self.high.max(point));
     }
 
-    /// Its eight corners.
+    /// The eight corners of the box.
     fn corners(&self) -> [Vec3A; 8] {
         let pick = |i: usize| BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0);
         std::array::from_fn(|i| Vec3A::select(pick(i), self.low, self.high))
     }
 
-    /// Whether all of the `other` lies within it; what is no number does not.
+    /// Whether the box contains all of `other`; `false` if `other` has a NaN.
     fn holds(&self, other: &Self) -> bool {
         (self.low.cmple(other.low) & self.high.cmpge(other.high)).all()
     }
 }
 
-/// Normals go through the inverse transpose; written with cofactors so that singular maps stay finite.
+/// Matrix for normals: the inverse transpose, written with cofactors so that singular maps stay finite.
 pub(crate) fn normal_matrix(world: &Affine3A) -> Mat3A {
     let m = world.matrix3;
     let cofactors = Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
-    // Mirroring flips the cross products: keep normals on the side the file put them.
+    // Mirroring flips the cross products; normals stay on the side that the file gives them.
     if m.determinant() < 0.0 { cofactors * -1.0 } else { cofactors }
 }
 
@@ -396,7 +397,7 @@ pub(crate) fn normal_matrix(world: &Affine3A) -> Mat3A {
 mod tests {
     use super::*;
 
-    /// A ball of 400 points, shown by `times` nodes in a row, which an animation of weights may bend.
+    /// A ball of 400 points, shown by `times` nodes in a row. An animation of weights deforms it if `bends`.
     fn row(times: usize, bends: bool) -> Scene {
         let mut mesh = Mesh { triangles: vec![[0, 1, 2]], ..Mesh::default() };
         for k in 0..400 {
@@ -409,7 +410,7 @@ mod tests {
         let mut scene = Scene::of_mesh(mesh, Material::default());
         scene.instances.clear();
         for k in 0..times {
-            // From the ends to the middle: the first two make the box.
+            // Nodes run from the ends to the middle: the first two set the box.
             let x = if k % 2 == 0 { k as f32 } else { (2 * times - k) as f32 };
             let node = scene.nodes.len();
             let rest = Transform { translation: Vec3::X * x, ..Transform::IDENTITY };
@@ -437,7 +438,7 @@ mod tests {
             }
         }
         let steps = steps::taken(|| assert_eq!(scene.bounds(&pose), Some(corners)));
-        // Eight corners of each, and the points of a few.
+        // Eight corners of each instance, and the points of a few.
         assert!(steps < 1000 * 16 + 20 * 400, "{steps} steps");
     }
 
@@ -448,7 +449,7 @@ mod tests {
             let all = steps::taken(|| assert!(scene.deforming_instances().iter().all(|&bends| bends)));
             all + steps::taken(|| drop(scene.pose(0.5)))
         };
-        // Nodes of equal weights share one shape, which is bent once.
+        // Nodes with equal weights share one deformed mesh.
         let (few, many) = (steps(100), steps(1600));
         assert!(many <= 16 * few, "{few} and {many} steps");
         let scene = row(3, true);

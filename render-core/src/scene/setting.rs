@@ -1,4 +1,4 @@
-//! Single settings that take the place of those in the TOML file beside a scene.
+//! Single settings that override the TOML file next to a scene.
 
 use std::fmt;
 use toml::{Table, Value};
@@ -19,22 +19,22 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// The setting `key` of a `table` as a text, such as a name.
+    /// Builds the setting `key` of a `table` from a text, such as a name.
     #[must_use]
     pub fn text(table: &str, key: &str, value: &str) -> Self {
         Self { table: table.into(), key: key.into(), value: Value::String(value.into()) }
     }
 
-    /// Its value as a text.
+    /// Its value as text.
     #[must_use]
     pub fn value(&self) -> String {
         self.value.to_string()
     }
 
-    /// Writes it over what the tables of a settings file say.
+    /// Overwrites the value in the tables of a settings file.
     pub(super) fn put_into(&self, tables: &mut Table) {
         let table = tables.entry(&self.table).or_insert_with(|| Value::Table(Table::new()));
-        // What is no table is refused when the settings are read.
+        // Parsing the settings rejects a value in place of a table.
         if let Some(table) = table.as_table_mut() {
             table.insert(self.key.clone(), self.value.clone());
         }

@@ -1,4 +1,4 @@
-//! The TOML file beside a scene: what glTF cannot say.
+//! The TOML file next to a scene: settings that glTF lacks.
 
 use super::setting::Setting;
 use super::settings_error::SettingsError;
@@ -8,15 +8,15 @@ use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Contents of `SCENE.toml`; every part may be left out.
+/// Contents of `SCENE.toml`; every table is optional.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneSettings {
-    /// How radiance becomes display values; kept as a table, since the tone curves are another crate's.
+    /// Tone mapping, as an unparsed table: another crate defines the tone curves.
     pub tone_mapping: Option<toml::Table>,
-    /// Light from all around.
+    /// Environment light.
     pub sky: Option<SkySettings>,
-    /// For directional lights.
+    /// Properties of directional lights.
     #[serde(default)]
     pub sun: Sun,
     /// The camera that films.
@@ -28,16 +28,16 @@ pub struct SceneSettings {
     /// The variant of the materials that is shown.
     #[serde(default)]
     pub variant: VariantChoice,
-    /// Points, spots and suns.
+    /// Strength and size of punctual lights.
     #[serde(default)]
     pub light: LightSettings,
-    /// Points and lines.
+    /// Width of points and lines.
     #[serde(default)]
     pub strokes: StrokeSettings,
-    /// How long, how fast.
+    /// Length and frame rate.
     #[serde(default)]
     pub video: Video,
-    /// Where viewers look, and from where.
+    /// Watched nodes and viewing conditions.
     #[serde(default)]
     pub importance: Gaze,
 }
@@ -46,12 +46,12 @@ pub struct SceneSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sun {
-    /// Degrees that the light's disc spans in the sky; 0 gives hard shadows.
+    /// Angular diameter of the light's disc \[°\]; 0 gives hard shadows.
     pub angular_diameter: f32,
 }
 
 impl Default for Sun {
-    /// The sun as seen from the earth.
+    /// The sun as seen from Earth.
     fn default() -> Self {
         Self { angular_diameter: 0.53 }
     }
@@ -61,7 +61,7 @@ impl Default for Sun {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraChoice {
-    /// Name of a camera or of its node, or its number, counted from 0; the first moving camera, else the first, when left out.
+    /// Name of a camera or its node, or its index, counted from 0. By default the first moving camera, else the first.
     pub name: Option<String>,
 }
 
@@ -69,7 +69,7 @@ pub struct CameraChoice {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnimationChoice {
-    /// Name of an animation of the file, or "all"; the first when left out.
+    /// Name of an animation in the file, or "all"; the first by default.
     pub name: Option<String>,
 }
 
@@ -77,15 +77,15 @@ pub struct AnimationChoice {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VariantChoice {
-    /// Name of a variant of the file; the materials of its meshes when left out.
+    /// Name of a variant in the file; by default the meshes keep their materials.
     pub name: Option<String>,
 }
 
-/// Points, spots and suns of the file (`KHR_lights_punctual`).
+/// Points, spots and suns in the file (`KHR_lights_punctual`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightSettings {
-    /// Factor on their candela and lux [default: 1, and 1/683 for files of Blender].
+    /// Factor on their candela and lux [default: 1, and 1/683 for Blender's files].
     pub lamps: Option<f32>,
     /// Radius of points \[m\], which files lack; 0 gives hard shadows.
     #[serde(default)]
@@ -96,28 +96,28 @@ pub struct LightSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StrokeSettings {
-    /// Width \[m\], before the scale of their node; 1/200 of the mesh's diagonal when left out.
+    /// Width \[m\], before the scale of their node; 1/200 of the mesh's diagonal by default.
     pub point_size: Option<f32>,
 }
 
-/// Length and rate of the video.
+/// Length and frame rate of the video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Video {
-    /// Pictures.
+    /// Number of frames.
     pub frames: Option<u32>,
-    /// Pictures a second: a number, or a text with a fraction, such as "24000/1001".
+    /// Frames per second: a number, or text with a fraction, such as "24000/1001".
     #[serde(default, deserialize_with = "frame_rate")]
     pub fps: Option<f64>,
 }
 
-/// Where viewers look, and from where.
+/// Watched nodes and viewing conditions.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Gaze {
-    /// Names of the nodes that viewers watch, with all that hangs from them; several nodes may share a name.
+    /// Names of the nodes that viewers watch, including their descendants; several nodes may share a name.
     pub nodes: Vec<String>,
-    /// From the viewer to the screen \[m\].
+    /// Distance from the viewer to the screen \[m\].
     pub viewing_distance: f32,
     /// Width of the picture on the screen \[m\].
     pub screen_width: f32,
@@ -131,7 +131,7 @@ impl Default for Gaze {
 }
 
 impl Gaze {
-    /// Pixels to a degree in the middle of a picture of this width \[pixels\].
+    /// Pixels per degree in the middle of a picture with this width \[pixels\].
     #[must_use]
     pub fn pixels_per_degree(&self, width: usize) -> f32 {
         width as f32 / self.screen_width * self.viewing_distance * 1f32.to_radians().tan()
@@ -139,30 +139,30 @@ impl Gaze {
 }
 
 impl SceneSettings {
-    /// Where the settings of `scene` are expected: the same name, ending in `.toml`.
+    /// Path of the settings file of `scene`: the same name with the extension `.toml`.
     #[must_use]
     pub fn path_for(scene: &Path) -> PathBuf {
         scene.with_extension("toml")
     }
 
-    /// Parses the text of a settings file; the message names line and key.
+    /// Parses the text of a settings file. The error names line and key.
     ///
     /// # Errors
-    /// Bad TOML, unknown keys, values out of range.
+    /// Invalid TOML, unknown keys, or values out of range.
     pub fn parse(text: &str) -> Result<Self, SettingsError> {
         Self::parse_with(text, &[])
     }
 
-    /// As [`parse`](Self::parse), with settings that take the place of those in the text.
+    /// Parses the text of a settings file and overrides its values by `set`.
     ///
     /// # Errors
-    /// As [`parse`](Self::parse).
+    /// Invalid TOML, unknown keys, or values out of range, in the text or in `set`.
     pub fn parse_with(text: &str, set: &[Setting]) -> Result<Self, SettingsError> {
         let wrong = |error: toml::de::Error| SettingsError::of_toml(&error.to_string());
         let settings: Self = if set.is_empty() {
             toml::from_str(text).map_err(wrong)?
         } else {
-            // The file by itself first: its errors name lines.
+            // Parse the file alone first: its errors then name lines.
             let mut tables: toml::Table = toml::from_str(text).map_err(wrong)?;
             set.iter().for_each(|setting| setting.put_into(&mut tables));
             tables.try_into().map_err(wrong)?
@@ -174,7 +174,7 @@ impl SceneSettings {
         Ok(settings)
     }
 
-    /// Checks the range of each value by itself.
+    /// Checks the range of each single value.
     pub(super) fn check_values(&self) -> Result<(), SettingsError> {
         if let Some(sky) = &self.sky {
             sky.check_values()?;
@@ -212,7 +212,7 @@ impl SceneSettings {
     }
 }
 
-/// Reads pictures a second.
+/// Deserializes a frame rate.
 fn frame_rate<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     struct FrameRate;
 
@@ -239,7 +239,7 @@ fn frame_rate<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>,
     deserializer.deserialize_any(FrameRate).map(Some)
 }
 
-/// Pictures a second from a text: a number such as `29.97`, or a fraction such as `30000/1001`.
+/// Parses frames per second: a number such as `29.97`, or a fraction such as `30000/1001`.
 #[must_use]
 pub fn parse_frame_rate(text: &str) -> Option<f64> {
     let Some((numerator, denominator)) = text.split_once('/') else { return text.trim().parse().ok() };

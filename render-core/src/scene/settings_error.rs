@@ -1,23 +1,23 @@
-//! Errors of the TOML file beside a scene.
+//! Errors in the TOML file next to a scene.
 
-/// The text of a settings file makes no sense.
+/// An error in a settings file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SettingsError {
-    /// It is no TOML, or has keys or types that do not exist; one line that names line and key.
+    /// The text is not TOML, or has unknown keys or types. One line that names line and key.
     #[error("{0}")]
     Toml(String),
-    /// A value is out of its range, or two of them contradict each other.
+    /// A value is out of range, or two values contradict each other.
     #[error("[{table}] {problem}")]
     Value {
-        /// The table that holds it.
+        /// The table of the value.
         table: &'static str,
-        /// The key, its fault and the values that it takes.
+        /// The key, the problem and the valid values.
         problem: String,
     },
 }
 
-/// Types of numbers by their names in Rust, and in words.
+/// Rust's names of number types, and their descriptions.
 const NUMBERS: [(&str, &str); 3] = [
     ("expected f32", "expected a number"),
     ("expected f64", "expected a number"),
@@ -25,7 +25,7 @@ const NUMBERS: [(&str, &str); 3] = [
 ];
 
 impl SettingsError {
-    /// The message of a reader of TOML as one line, with words for types.
+    /// Converts a TOML parser's message to one line, with descriptions for types.
     #[must_use]
     pub fn of_toml(message: &str) -> Self {
         let line = message.trim_end().replace('\n', " ");

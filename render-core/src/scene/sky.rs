@@ -1,25 +1,25 @@
-//! Light from all around as the TOML file describes it: a gradient from horizon to zenith, or an image.
+//! Environment light from the TOML file: a gradient from horizon to zenith, or an image.
 
 use super::light::STRONGEST;
 use super::settings_error::SettingsError;
 use crate::environment::Gradient;
 use serde::Deserialize;
 
-/// The `[sky]` table: either colors, or an image.
+/// The `[sky]` table: either colors or an image.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SkySettings {
-    /// See [`Gradient::zenith`]; not with an image.
+    /// Zenith color, as [`Gradient::zenith`]; invalid with an image.
     pub zenith: Option<[f32; 3]>,
-    /// See [`Gradient::horizon`]; not with an image.
+    /// Horizon color, as [`Gradient::horizon`]; invalid with an image.
     pub horizon: Option<[f32; 3]>,
-    /// See [`Gradient::ground`]; black when left out.
+    /// Ground color, as [`Gradient::ground`]; black by default.
     pub ground: Option<[f32; 3]>,
-    /// An equirectangular `.hdr` or `.exr` file, its path relative to the TOML file's folder.
+    /// Path of an equirectangular `.hdr` or `.exr` file, relative to the TOML file's folder.
     pub image: Option<String>,
-    /// Factor on all radiances, 1 when left out.
+    /// Factor on all radiances; 1 by default.
     pub intensity: Option<f32>,
-    /// Degrees by which an image is turned about +y, counter-clockwise seen from above.
+    /// Rotation of the image about +y \[°\], counter-clockwise seen from above.
     pub rotation: Option<f32>,
 }
 
@@ -36,12 +36,12 @@ impl SkySettings {
         self.intensity.unwrap_or(1.0)
     }
 
-    /// Degrees by which an image is turned.
+    /// Rotation of the image \[°\].
     fn turn(&self) -> f32 {
         self.rotation.unwrap_or(0.0)
     }
 
-    /// Checks the range of each value, whether or not they make a sky.
+    /// Checks the range of each value, whether or not they define a sky.
     pub(super) fn check_values(&self) -> Result<(), SettingsError> {
         let refuse = |problem: String| Err(SettingsError::value("sky", problem));
         let (intensity, rotation) = (self.factor(), self.turn());
@@ -57,12 +57,12 @@ impl SkySettings {
             return refuse(format!("radiance {bad} must be finite and not negative"));
         }
         if let Some(bad) = radiances().find(|r| **r * intensity > STRONGEST) {
-            return refuse(format!("shines with {:e}; {STRONGEST:e} is the most", bad * intensity));
+            return refuse(format!("shines with {:e}; at most {STRONGEST:e} is allowed", bad * intensity));
         }
         Ok(())
     }
 
-    /// The sky of the table, whose values are checked; the error names what is missing.
+    /// The sky of the table, after its values were checked. The error names missing keys.
     pub(super) fn source(&self) -> Result<SkySource, SettingsError> {
         let refuse = |problem: &str| Err(SettingsError::value("sky", problem));
         let (intensity, rotation) = (self.factor(), self.turn());

@@ -1,37 +1,37 @@
-//! Images on surfaces, filtered so that they neither shimmer nor blur.
+//! Textures, filtered so that they neither shimmer nor blur.
 
 use crate::sampling::centered_sobol;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::sync::{Arc, LazyLock};
 
-/// How coordinates outside of 0…1 are read.
+/// Addressing of coordinates outside 0…1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// The picture is tiled.
+    /// Tiles the image.
     Repeat,
-    /// Tiled, every other tile mirrored.
+    /// Tiles the image and mirrors every other tile.
     Mirror,
-    /// The border continues.
+    /// Repeats the border texel.
     Clamp,
 }
 
-/// Meaning of the code values of an image. Opacity is linear in both.
+/// Meaning of an image's code values. Opacity is linear in both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
-    /// Color along the sRGB curve.
+    /// Colors in sRGB.
     Srgb,
-    /// Numbers: roughness, metalness, normals.
+    /// Linear numbers: roughness, metalness, normals.
     Linear,
 }
 
-/// An image with its mip levels, each half the size of the one before. Copies share the texels.
+/// An image with its mip levels, each half the size of the previous. Copies share the texels.
 #[derive(Clone, Debug)]
 pub struct Texture {
     levels: Arc<[Level]>,
     wrap: [Wrap; 2],
     encoding: Encoding,
-    /// Whether its texels have sharp borders from nearby.
+    /// Whether magnified texels have sharp borders.
     is_blocky: bool,
 }
 
@@ -50,7 +50,7 @@ static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-/// Code value to the number it is of 255.
+/// Code value divided by 255.
 static CODE_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| code as f32 / 255.0));
 
 impl Encoding {
@@ -61,7 +61,7 @@ impl Encoding {
         }
     }
 
-    /// Code value of a number, 0…1.
+    /// Code value of a number in 0…1.
     pub(super) fn code(self, c: f32) -> u8 {
         let c = c.clamp(0.0, 1.0);
         let e = match self {
@@ -73,17 +73,17 @@ impl Encoding {
     }
 }
 
-/// Result of a texture look-up.
+/// A filtered texture sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filtered {
     /// Linear RGB.
     pub color: Vec3,
-    /// 0…1.
+    /// Opacity, 0…1.
     pub opacity: f32,
 }
 
 impl Texture {
-    /// An image of colors: as [`Texture::with_encoding`], in sRGB.
+    /// Builds a color texture with [`Texture::with_encoding`], in sRGB.
     ///
     /// # Panics
     /// If the size is zero or the number of texels is not `width * height`.
@@ -92,7 +92,7 @@ impl Texture {
         Self::with_encoding(width, height, texels, wrap, Encoding::Srgb)
     }
 
-    /// Takes over `width × height` RGBA texels and builds the mip levels.
+    /// Takes ownership of `width × height` RGBA texels and builds the mip levels.
     ///
     /// # Panics
     /// If the size is zero or the number of texels is not `width * height`.
@@ -113,19 +113,19 @@ impl Texture {
         Self { levels: levels.into(), wrap, encoding, is_blocky: false }
     }
 
-    /// The same with sharp borders between its texels where it is enlarged (glTF 2.0, 5.26.1: `NEAREST`), smoothed over the
-    /// footprint alone.
+    /// The texture with sharp texel borders under magnification (glTF 2.0, 5.26.1: `NEAREST`), smoothed only over the
+    /// footprint.
     #[must_use]
     pub fn blocky(self) -> Self {
         Self { is_blocky: true, ..self }
     }
 
-    /// An image about half as wide and high, by powers of two, whose opacity is, in each texel, the share of the area where that of this one is at least
-    /// `least`: a mask from afar. Sixteen points of each texel are counted.
+    /// A distant mask: a texture about half as wide and high (powers of two). Its opacity is the fraction of a texel's
+    /// area where this texture's opacity is at least `least`, counted at 16 points.
     #[must_use]
     pub(crate) fn coverage(&self, least: f32) -> Self {
         let Level { width, height, .. } = self.levels[0];
-        // Powers of two: no mip level loses a row or a column.
+        // Powers of two: no mip level drops a row or a column.
         let (width, height) = (width.div_ceil(2).next_power_of_two(), height.div_ceil(2).next_power_of_two());
         let step = Vec2::new(width as f32, height as f32).recip();
         let points: Vec<Vec2> = centered_sobol(16).collect();
@@ -143,7 +143,7 @@ impl Texture {
         Self::with_encoding(width, height, texels, self.wrap, Encoding::Linear)
     }
 
-    /// Texels of the finest level along x and y.
+    /// Size of the finest level \[texels\].
     #[must_use]
     pub fn size(&self) -> Vec2 {
         Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32)
@@ -154,7 +154,8 @@ impl Texture {
         self.levels[0].texels.iter().map(|texel| f32::from(texel[3]) / 255.0).fold(1.0, f32::min)
     }
 
-    /// Trilinear look-up: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level; 0 is a point.
+    /// Samples trilinearly: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level; 0 is a
+    /// point.
     #[must_use]
     pub fn sample(&self, uv: Vec2, footprint: f32) -> Filtered {
         if self.is_blocky && footprint < 1.0 {
@@ -173,15 +174,15 @@ impl Texture {
         }
     }
 
-    /// Anisotropic look-up: linear RGB and opacity at `uv`, blurred over the ellipse with the conjugate `diameters` \[texels of
-    /// the finest level\].
+    /// Samples anisotropically: linear RGB and opacity at `uv`, blurred over the ellipse with the conjugate `diameters`
+    /// \[texels of the finest level\].
     ///
-    /// Trilinear look-ups as blurred as the ellipse is narrow, side by side along its long axis \[McCormack99\], at most
-    /// twelve; a longer ellipse is taken to be wider.
+    /// Averages at most twelve trilinear samples along the ellipse's long axis, each as blurred as the ellipse is
+    /// narrow \[McCormack99\]. A longer ellipse is widened.
     pub fn sample_ellipse(&self, uv: Vec2, diameters: [Vec2; 2]) -> Filtered {
         let (long, narrow) = principal_axes(diameters);
         let length = long.length();
-        // False for what is not a number, too.
+        // Also false for NaN.
         if !(length > 1.0 && length.is_finite()) {
             return self.sample(uv, if length <= 1.0 { length } else { 1.0 });
         }
@@ -201,13 +202,13 @@ impl Texture {
         Filtered { color: color / count as f32, opacity: opacity / count as f32 }
     }
 
-    /// Bytes of the texels of all levels.
+    /// Size of the texels of all levels \[bytes\].
     #[must_use]
     pub fn byte_count(&self) -> usize {
         self.levels.iter().map(|level| size_of_val(&level.texels[..])).sum()
     }
 
-    /// Hands all bytes that look-ups depend on to `visitor`, in a fixed order. Coarser levels follow from the finest.
+    /// Passes all bytes that samples depend on to `visitor`, in a fixed order. Coarser levels follow from the finest.
     pub fn visit_bytes(&self, visitor: &mut impl FnMut(&[u8])) {
         let Level { width, height, texels } = &self.levels[0];
         let wrap = self.wrap.map(|wrap| match wrap {
@@ -233,8 +234,8 @@ impl Texture {
         self.sample(Vec2::ZERO, f32::MAX).color
     }
 
-    /// The mean of a level's texels over a square `width` texels wide, at most 1. Of width 1 it is bilinear, of width 0 the
-    /// texel at `uv`.
+    /// The mean of a level's texels over a square of `width` texels, at most 1. Width 1 is bilinear; width 0 returns
+    /// the texel at `uv`.
     ///
     /// ```text
     /// f ← (f − ½) / width + ½,  within 0…1        f  way from the center of one texel to that of the next
@@ -261,12 +262,12 @@ impl Texture {
     }
 }
 
-/// Look-ups along the long axis of an ellipse, at most.
+/// Most samples along the long axis of an ellipse.
 const MOST_LOOK_UPS: usize = 12;
-/// Distance between two of them, in widths of one: a bilinear look-up is a tent two texels wide.
+/// Distance between two samples, in widths of one: a bilinear sample is a tent two texels wide.
 const SPACING: f32 = 1.5;
 
-/// The long principal diameter of the ellipse with these conjugate `diameters`, and the length of the narrow one.
+/// The long principal diameter of the ellipse with these conjugate `diameters`, and the length of the short one.
 ///
 /// ```text
 /// M Mᵀ = | p  r |    λ = (p + q ± √((p − q)² + 4 r²)) / 2 are the squares of the lengths     M  its columns are the diameters
@@ -276,24 +277,25 @@ fn principal_axes([a, b]: [Vec2; 2]) -> (Vec2, f32) {
     let (p, q, r) = (a.x * a.x + b.x * b.x, a.y * a.y + b.y * b.y, a.x * a.y + b.x * b.y);
     let root = ((p - q) * (p - q) + 4.0 * r * r).sqrt();
     let (most, least) = (0.5 * (p + q + root), 0.5 * (p + q - root));
-    // Of the two rows of M Mᵀ − λ the one that is not small says which way.
+    // The row of M Mᵀ − λ that is not small gives the direction.
     let along = if p >= q { Vec2::new(most - q, r) } else { Vec2::new(r, most - p) };
     (along.normalize_or(Vec2::X) * most.sqrt(), least.max(0.0).sqrt())
 }
 
-/// The two of `n` texels in a row that coordinate `c` lies between, and how far it is from the first to the second.
+/// The two neighbors of coordinate `c` among `n` texels in a row, and the fraction of the way from the first to the
+/// second.
 ///
-/// No division and no call: this runs for every texture of every hit.
+/// Without division or call: this runs for every texture of every hit.
 #[inline]
 fn neighbors(c: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
-    // NaN and infinity become 0: a broken coordinate shows a texel, not a crash.
+    // NaN and infinity become 0: an invalid coordinate returns a texel instead of a panic.
     let c = if c.is_finite() { c } else { 0.0 };
-    // Two periods: a mirrored texture repeats after both. From 2³¹ on all coordinates are even.
+    // Two periods: a mirrored texture repeats every two. From 2³¹ on all `f32` coordinates are even.
     let period = if c.abs() < 2.0f32.powi(31) { c - 2.0 * floor(c * 0.5) as f32 } else { 0.0 };
     let p = period * n as f32 - 0.5;
     let first = floor(p);
     let size = n as i64;
-    // From −1 to 2 n.
+    // `i` is in −1…2 n.
     let within = |i: i64| match wrap {
         Wrap::Clamp => i.clamp(0, size - 1),
         Wrap::Repeat if i < 0 => i + size,
@@ -306,7 +308,8 @@ fn neighbors(c: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
     ([first, first + 1].map(|i| within(i) as usize), p - first as f32)
 }
 
-/// The next integer below, for what an `i64` holds: `f32::floor` is a call where the processor is not known.
+/// The largest integer not above `x`, within the range of `i64`. `f32::floor` is a call if the target processor is
+/// unspecified.
 #[inline]
 fn floor(x: f32) -> i64 {
     let towards_zero = x as i64;
@@ -314,7 +317,7 @@ fn floor(x: f32) -> i64 {
 }
 
 impl Level {
-    /// Box filter in linear light; an odd row or column counts twice at the border.
+    /// Applies a box filter in linear light; an odd row or column counts twice at the border.
     fn half(&self, encoding: Encoding) -> Level {
         let to_linear = encoding.to_linear();
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
@@ -367,7 +370,7 @@ mod tests {
         assert!((mean.x - 0.5).abs() < 0.01, "{mean}");
     }
 
-    /// Against the singular values and vectors of the matrix, found by turning through all directions.
+    /// Compares with the longest and shortest diameter found by rotation through all directions.
     #[test]
     fn principal_axes_are_the_longest_and_the_shortest_diameter() {
         for k in 0..200u32 {
@@ -392,7 +395,7 @@ mod tests {
         assert_eq!(principal_axes([Vec2::ZERO; 2]), (Vec2::ZERO, 0.0));
     }
 
-    /// Stripes across the short side of the footprint keep their contrast, along the long one they are averaged.
+    /// Stripes across the short side of the footprint keep their contrast; stripes across the long side are averaged.
     #[test]
     fn a_narrow_footprint_blurs_along_itself_alone() {
         let size = 64;
@@ -407,11 +410,11 @@ mod tests {
         let uv = Vec2::splat((8.0 + 2.0) / size as f32);
         assert_eq!(across.sample_ellipse(uv, footprint).color, Vec3::ONE);
         assert!((along.sample_ellipse(uv, footprint).color.x - 0.5).abs() < 0.02);
-        // One trilinear look-up over the long side loses both.
+        // One trilinear sample over the long side loses both.
         assert!((across.sample(uv, 16.0).color.x - 0.5).abs() < 0.1);
     }
 
-    /// The mean over the footprint's own texels, summed one by one, for ellipses of all directions.
+    /// Compares with the mean over the footprint's own texels, summed one by one, for ellipses of all directions.
     #[test]
     fn an_ellipse_shows_the_mean_of_its_texels() {
         let size = 128;
@@ -447,8 +450,8 @@ mod tests {
         Texture::new(width, height, texels, [Wrap::Repeat; 2])
     }
 
-    /// Of a mask's area, the share of points whose opacity is at least the cutoff, counted one by one: of the whole image, and of
-    /// two texels' width. Images of odd sizes too.
+    /// Compares with the fraction of points that have an opacity of at least the cutoff, counted one by one. Checks the
+    /// whole image and a width of two texels, for odd sizes too.
     #[test]
     fn coverage_is_the_share_of_points_that_are_no_holes() {
         for (width, height) in [(16, 16), (13, 7), (1, 5)] {
@@ -461,21 +464,23 @@ mod tests {
                     (0..64 * 64).filter(is_there).count() as f32 / (64.0 * 64.0)
                 };
                 let (whole, expected) = (far.sample(Vec2::ZERO, f32::MAX).opacity, share(Vec2::ZERO, Vec2::ONE));
-                // Along a line of points, each border of a hole may be half a point off: at 64 points, few are 5 %.
+                // Along a line of points, each border of a hole may be half a point off: with 64 points, a few borders
+                // are 5 %.
                 let slack = if width == 1 { 0.05 } else { 0.02 };
                 assert!((whole - expected).abs() < slack, "{whole} for {expected} of {width}x{height} above {least}");
                 let step = far.size().recip();
                 for (x, y) in [(0, 0), (far.levels[0].width - 1, far.levels[0].height / 2)] {
                     let low = Vec2::new(x as f32, y as f32) * step;
                     let found = far.sample(low + 0.5 * step, 0.0).opacity;
-                    // Sixteen points: a sixteenth off, twice.
+                    // With 16 points, each of the two values may be 1/16 off.
                     assert!((found - share(low, step)).abs() < 0.13, "{found} for {} at {x} {y}", share(low, step));
                 }
             }
         }
     }
 
-    /// The mean of square texels over a square footprint, summed point by point; of a footprint of 0 the texel itself.
+    /// Compares with the mean of square texels over a square footprint, summed point by point; for footprint 0, with
+    /// the texel.
     #[test]
     fn blocky_texels_are_smoothed_over_the_footprint_alone() {
         let image = opacities(8, 8).blocky();
@@ -496,7 +501,7 @@ mod tests {
             let (found, mean) = (image.sample(uv, footprint).opacity, sum / (steps * steps) as f32);
             assert!((found - mean).abs() < 0.04, "{found} for {mean} at {uv} over {footprint}");
         }
-        // Bilinear from a texel's width on, as all other textures.
+        // From a footprint of one texel on, samples are bilinear as in all other textures.
         let smooth = opacities(8, 8);
         assert_eq!(image.sample(Vec2::new(0.3, 0.7), 1.0), smooth.sample(Vec2::new(0.3, 0.7), 1.0));
     }

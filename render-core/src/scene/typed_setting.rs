@@ -1,10 +1,10 @@
-//! Settings as they are typed: their names, and what values they may have.
+//! Settings from the command line: their names and valid values.
 
 use super::{SceneSettings, Setting, SettingsError};
 use std::str::FromStr;
 use toml::{Table, Value};
 
-/// The tables of a settings file, and the keys of each. A key that one table alone has may be named without it.
+/// The tables of a settings file, and the keys of each. A key that occurs in one table may be given without it.
 const TABLES: [(&str, &[&str]); 10] = [
     ("tone_mapping", &["operator", "exposure", "gamma", "white", "display"]),
     ("sky", &["zenith", "horizon", "ground", "image", "intensity", "rotation"]),
@@ -23,11 +23,12 @@ impl FromStr for Setting {
 
     fn from_str(text: &str) -> Result<Self, SettingsError> {
         let wrong = |why: &str| SettingsError::Toml(format!("\"{text}\" {why}"));
-        let (name, value) = text.split_once('=').ok_or_else(|| wrong("is no setting such as exposure=1.5"))?;
+        let (name, value) = text.split_once('=').ok_or_else(|| wrong("is not a setting such as exposure=1.5"))?;
         let place = place_of(name.trim());
-        let (table, key) = place.ok_or_else(|| wrong(&format!("names no setting; settings are {}", all_names())))?;
+        let (table, key) =
+            place.ok_or_else(|| wrong(&format!("names an unknown setting; settings are {}", all_names())))?;
 
-        // As TOML has it; else the text itself, so that names need no quotation marks.
+        // Parse the value as TOML, else take the text itself: names need no quotation marks.
         let line = format!("value = {}", value.trim());
         let parsed = line.parse::<Table>().ok().and_then(|mut table| table.remove("value"));
         let value = parsed.unwrap_or_else(|| Value::String(value.trim().into()));
@@ -37,12 +38,12 @@ impl FromStr for Setting {
     }
 }
 
-/// Table and key that `name` stands for, if there are any.
+/// Table and key of a setting `name`, if they exist.
 fn place_of(name: &str) -> Option<(&'static str, &'static str)> {
     all_places().find(|(table, key)| name == format!("{table}.{key}") || (name == *key && is_unique(key)))
 }
 
-/// Checks what can be known without a scene: the kind of the value, and its range. Tone curves are another crate's.
+/// Checks type and range of the value, as far as possible without a scene. Another crate checks tone curves.
 fn check(setting: &Setting) -> Result<(), SettingsError> {
     let mut tables = Table::new();
     setting.put_into(&mut tables);
@@ -51,17 +52,17 @@ fn check(setting: &Setting) -> Result<(), SettingsError> {
     alone.check_values()
 }
 
-/// Every table with each of its keys.
+/// All pairs of table and key.
 fn all_places() -> impl Iterator<Item = (&'static str, &'static str)> {
     TABLES.iter().flat_map(|(table, keys)| keys.iter().map(|key| (*table, *key)))
 }
 
-/// Whether one table alone has the key.
+/// Whether the key occurs in one table only.
 fn is_unique(key: &str) -> bool {
     all_places().filter(|(_, other)| *other == key).count() == 1
 }
 
-/// The names of all settings, as short as they may be written.
+/// The names of all settings, each in its shortest form.
 fn all_names() -> String {
     let name = |(table, key): (&str, &str)| if is_unique(key) { key.into() } else { format!("{table}.{key}") };
     all_places().map(name).collect::<Vec<String>>().join(", ")
@@ -88,7 +89,7 @@ mod tests {
             ("exposure", "exposure=1.5"),
             ("name=b", "camera.name, animation.name"),
             ("camera.nam=b", "settings are operator, exposure"),
-            ("exposre=1", "\"exposre=1\" names no setting; settings are operator, exposure, gamma"),
+            ("exposre=1", "\"exposre=1\" names an unknown setting; settings are operator, exposure, gamma"),
             ("nadir=[0,0,0]", "zenith, horizon, ground"),
             ("frames=0", "[video] frames must be at least 1"),
             ("frames=2.5", "expected a whole number"),
@@ -96,7 +97,7 @@ mod tests {
             ("fps=0", "[video] fps must be positive"),
             ("intensity=-1", "[sky] intensity -1 must be finite and not negative"),
             ("horizon=[1,1]", "array of length 3"),
-            ("sky=3", "names no setting"),
+            ("sky=3", "names an unknown setting"),
             ("intensity=2", "[sky] needs zenith and horizon, or an image"),
         ] {
             let message = settings(text, &[set]).unwrap_err().to_string();
@@ -106,7 +107,7 @@ mod tests {
 
     #[test]
     fn each_key_that_files_may_have_can_be_set_and_no_other() {
-        // A file with a key that does not exist is told which do.
+        // The error for an unknown key lists the valid ones.
         for (table, keys) in TABLES.iter().filter(|(table, _)| *table != "tone_mapping") {
             let message = SceneSettings::parse(&format!("[{table}]\nno-such-key = 1")).unwrap_err().to_string();
             let known: Vec<&str> = message.split('`').skip(3).step_by(2).collect();

@@ -1,7 +1,7 @@
-//! Numbers out of accessors: any component type, normalized or not, interleaved or not, sparse or not.
+//! Reads numbers from accessors: any component type, normalized or not, interleaved or not, sparse or not.
 //!
-//! Our own reader rather than the crate's: that one trusts strides and counts, and takes positions, normals and tangents
-//! for floats, which `KHR_mesh_quantization` allows to be bytes and shorts.
+//! The `gltf` crate's own reader trusts strides and counts. It also assumes floats for positions, normals and tangents,
+//! but `KHR_mesh_quantization` allows bytes and shorts.
 
 use super::stored::Allowance;
 use gltf::Accessor;
@@ -9,24 +9,24 @@ use gltf::accessor::{DataType, sparse::IndexType};
 use gltf::buffer::View;
 use std::collections::HashSet;
 
-/// Most elements of an accessor without a buffer view: zeros that no byte of the file stands for.
+/// Most elements of an accessor without a buffer view; no byte of the file backs these zeros.
 const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
 
-/// The bytes that accessors point into.
+/// The buffers that accessors refer to.
 pub(super) struct Buffers {
     bytes: Vec<Vec<u8>>,
-    /// Accessors that stand for zeros, whatever view they name.
+    /// Accessors that are all zeros, whatever view they name.
     zeros: HashSet<usize>,
     allowance: Allowance,
 }
 
 impl Buffers {
-    /// With the memory that accessors may take.
+    /// Builds the buffers, with an allowance for the memory of accessors.
     pub(super) fn new(bytes: Vec<Vec<u8>>, zeros: HashSet<usize>, allowance: Allowance) -> Self {
         Self { bytes, zeros, allowance }
     }
 
-    /// Whether accessors stand for more than a file of this size may.
+    /// Whether accessors need more memory than a file of this size may.
     pub(super) fn is_exhausted(&self) -> bool {
         self.allowance.is_exhausted()
     }
@@ -36,14 +36,14 @@ impl Buffers {
         self.allowance.charge(bytes)
     }
 
-    /// The bytes of a view; `None` if they lie outside of their buffer.
+    /// The bytes of a view; `None` if they are outside their buffer.
     pub(super) fn view(&self, view: &View) -> Option<&[u8]> {
         let end = view.offset().checked_add(view.length())?;
         self.bytes.get(view.buffer().index())?.get(view.offset()..end)
     }
 
-    /// Elements of `N` floats each; integers that count as normalized become 0…1 or −1…1 (glTF 2.0, 3.6.2.2), others keep
-    /// their value. `None` if the accessor has another number of components, or too few bytes.
+    /// Reads elements of `N` floats each. Normalized integers become 0…1 or −1…1 (glTF 2.0, 3.6.2.2); others keep their
+    /// value. `None` if the accessor has another number of components, or too few bytes.
     pub(super) fn floats<const N: usize>(&self, accessor: &Accessor) -> Option<Vec<[f32; N]>> {
         let scaled = |value: f32, most: f32| if accessor.normalized() { (value / most).max(-1.0) } else { value };
         match accessor.data_type() {
@@ -56,7 +56,8 @@ impl Buffers {
         }
     }
 
-    /// Elements of `N` unsigned integers each; `None` likewise, and if they are not unsigned.
+    /// Reads elements of `N` unsigned integers each. `None` if the accessor has another type or number of components,
+    /// or too few bytes.
     pub(super) fn integers<const N: usize>(&self, accessor: &Accessor) -> Option<Vec<[u32; N]>> {
         match accessor.data_type() {
             DataType::U8 => self.elements(accessor, |b| u32::from(b[0])),
@@ -103,7 +104,7 @@ impl Buffers {
     }
 }
 
-/// `count` slices of `size` bytes, `stride` apart; `None` if they do not fit into `bytes`.
+/// `count` slices of `size` bytes, `stride` apart; `None` if `bytes` is too short.
 fn strided(
     bytes: &[u8],
     offset: usize,

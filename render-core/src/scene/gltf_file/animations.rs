@@ -1,4 +1,4 @@
-//! The clip that plays.
+//! Loads the animations that play.
 
 use super::accessor::Buffers;
 use super::lenient::PointerChannel;
@@ -15,8 +15,8 @@ use gltf::animation::Property;
 use std::collections::HashSet;
 
 impl Loader<'_> {
-    /// The animation of that `name`, or the first: a file's others may be alternatives. "all" are all that move different
-    /// properties.
+    /// The animation called `name`, or the first: the others may be alternatives. "all" selects all that animate
+    /// different properties.
     pub(super) fn clips<'d>(
         &self,
         document: &'d gltf::Document,
@@ -32,13 +32,13 @@ impl Loader<'_> {
                 None if name == "all" => Ok(all_together(clips, pointers, warnings)),
                 None => {
                     let names = clips.iter().filter_map(gltf::Animation::name).collect::<Vec<_>>().join("\", \"");
-                    self.bad(format!("there is no animation \"{name}\"; there are \"{names}\""))
+                    self.bad(format!("there is no animation \"{name}\"; the file has \"{names}\""))
                 }
             };
         }
         if clips.len() > 1 {
             warnings.push(format!(
-                "of {} animations the first plays; --animation NAME plays another, --animation all those that move different properties",
+                "only the first of {} animations plays; choose another by --animation NAME, or all by --animation all",
                 clips.len()
             ));
         }
@@ -46,7 +46,7 @@ impl Loader<'_> {
         Ok(clips)
     }
 
-    /// Reads the tracks of an animation, with those that pointers of the extension aim at.
+    /// Reads the tracks of an animation, including the targets of `KHR_animation_pointer`.
     pub(super) fn channels(
         &self,
         clip: &gltf::Animation,
@@ -76,7 +76,7 @@ impl Loader<'_> {
             match target {
                 Target::Node(index, property) => {
                     let Some(&node) = node_of.get(&index) else { continue };
-                    // Copies of a mesh, and nodes that hide it, have its weights.
+                    // Copies of a mesh, and the nodes that hide it, have its weights.
                     let nodes = match property {
                         Property::MorphTargetWeights => node_of.showing(node),
                         _ => vec![node],
@@ -134,7 +134,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// The keys of a property of a material; none where there is no such material.
+    /// The keys of a material's property; `None` if the material does not exist.
     fn material_channel(
         &self,
         index: usize,
@@ -143,7 +143,7 @@ impl Loader<'_> {
         keys: &Keys,
     ) -> Result<Option<MaterialChannel>, LoadError> {
         let Some(material) = source.document.materials().nth(index) else { return Ok(None) };
-        // The older model is shown instead of these factors.
+        // The older material model replaces these factors.
         let is_older = material.extension_value(SPECULAR_GLOSSINESS).is_some();
         let is_replaced = matches!(
             property,
@@ -171,7 +171,7 @@ impl Loader<'_> {
         Ok(Some(MaterialChannel { material: index, property, rest: materials::factors(&material), keys }))
     }
 
-    /// The visibility of a node as the scale of one that hides it: 1 or 0, until the next key.
+    /// The visibility of a node, as the scale of a node that hides it: 1 or 0, constant until the next key.
     fn visibility(&self, node: usize, keys: &Keys) -> Result<Option<Channel>, LoadError> {
         let Keys { place, sampler, buffers } = keys;
         // "The output accessor of a boolean property is of unsigned bytes": zero is false.
@@ -183,12 +183,12 @@ impl Loader<'_> {
         let scales = values.iter().map(|[value]| if *value == 0.0 { Vec3::ZERO } else { Vec3::ONE }).collect();
         let ascending = times.windows(2).all(|pair| pair[0] <= pair[1]) && times.iter().all(|t| t.is_finite());
         if times.is_empty() || values.len() < times.len() || !ascending {
-            return self.bad(format!("{place}: keys must be finite, ascending in time, and one value each"));
+            return self.bad(format!("{place}: keys must be finite, ascending in time, with one value each"));
         }
         Ok(Some(Channel { node, times, track: Track::Scale(scales), interpolation: Interpolation::Step }))
     }
 
-    /// A track of keys for a node with so many `weights`; `None` for weights of a node that has nothing to morph.
+    /// A track of keys for a node with this number of `weights`; `None` for weights of a node without morph targets.
     fn channel(
         &self,
         node: usize,
@@ -220,7 +220,7 @@ impl Loader<'_> {
         self.timed(node, keys, track, width).map(Some)
     }
 
-    /// A track with the times of its keys, checked; each key has `width` weights.
+    /// A track with the times of its keys, validated; each key has `width` weights.
     fn timed(&self, node: usize, keys: &Keys, track: Track, width: usize) -> Result<Channel, LoadError> {
         let Keys { place, sampler, buffers } = keys;
         let interpolation = match sampler.interpolation() {
@@ -240,13 +240,13 @@ impl Loader<'_> {
         let per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         let ascending = times.windows(2).all(|pair| pair[0] <= pair[1]) && times.iter().all(|t| t.is_finite());
         if times.is_empty() || keys < times.len() * per_key || !finite || !ascending {
-            return self.bad(format!("{place}: keys must be finite, ascending in time, and one value each"));
+            return self.bad(format!("{place}: keys must be finite, ascending in time, with one value each"));
         }
         Ok(Channel { node, times, track, interpolation })
     }
 }
 
-/// The visibility of a node as numbers.
+/// Converts a node's visibility from scales to weights.
 fn as_numbers(channel: Channel) -> Channel {
     let track = match channel.track {
         Track::Scale(keys) => Track::Weights(keys.into_iter().map(|scale| scale.x).collect()),
@@ -256,29 +256,29 @@ fn as_numbers(channel: Channel) -> Channel {
 }
 
 impl DocumentSource<'_> {
-    /// Color and intensity of a light of the file, and the factor on their product.
+    /// Color and intensity of a light in the file, and the factor on their product.
     fn light(&self, index: usize) -> Option<(Vec3, f32, f32)> {
         let light = self.document.lights()?.nth(index)?;
         Some((Vec3::from(light.color()), light.intensity(), self.lamps))
     }
 }
 
-/// The same channel for the copy of the material that points and lines have, if there is one.
+/// The same channel for the copy of the material that points and lines use, if it exists.
 fn copy_for_strokes(channel: &MaterialChannel, node_of: &NodeOf) -> Option<MaterialChannel> {
     let material = *node_of.unlit.get(&channel.material)?;
     let rest = MaterialFactors { shows_sum: true, ..channel.rest };
     Some(MaterialChannel { material, rest, ..channel.clone() })
 }
 
-/// The keys of a track.
+/// Keys of a track.
 struct Keys<'d> {
-    /// The animation in messages, with its target.
+    /// The animation and its target, for messages.
     place: String,
     sampler: gltf::animation::Sampler<'d>,
     buffers: &'d Buffers,
 }
 
-/// The properties that a clip moves, as JSON pointers.
+/// The properties that a clip animates, as JSON pointers.
 fn moved_by(clip: &gltf::Animation, pointers: &[PointerChannel]) -> HashSet<String> {
     let mut moved = HashSet::new();
     for channel in clip.channels() {
@@ -295,7 +295,7 @@ fn moved_by(clip: &gltf::Animation, pointers: &[PointerChannel]) -> HashSet<Stri
     moved
 }
 
-/// All clips but those that move a property which an earlier one moves, with a note that names these.
+/// All clips, except those with a property that an earlier clip animates. A note names the omitted clips.
 fn all_together<'d>(
     clips: Vec<gltf::Animation<'d>>,
     pointers: &[PointerChannel],
@@ -313,7 +313,7 @@ fn all_together<'d>(
     }
     if !others.is_empty() {
         let others = others.join("\", \"");
-        notes.push(format!("animations that move what an earlier one moves are left out: \"{others}\""));
+        notes.push(format!("animations of properties that an earlier one moves are left out: \"{others}\""));
     }
     together
 }

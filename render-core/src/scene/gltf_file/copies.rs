@@ -1,4 +1,4 @@
-//! `EXT_mesh_gpu_instancing`: copies of a node's mesh, each with its own place.
+//! `EXT_mesh_gpu_instancing`: copies of a node's mesh, each with its own transform.
 
 use super::{DocumentSource, LoadError, Loader};
 use crate::scene::{Node, Scene, Transform};
@@ -7,8 +7,8 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 
 impl Loader<'_> {
-    /// Adds a node for each copy of the mesh of `node`, which is number `parent` of the scene, and returns them; `None` where the
-    /// extension is not used.
+    /// Adds a node for each copy of the mesh of `node`, as a child of scene node `parent`. Returns the new nodes;
+    /// `None` if the extension is not used.
     pub(super) fn copies(
         &self,
         node: &gltf::Node,
@@ -24,7 +24,7 @@ impl Loader<'_> {
             document.accessors().nth(usize::try_from(index).ok()?)
         };
 
-        // "All attribute accessors MUST have the same count"; each may be left out.
+        // "All attribute accessors MUST have the same count"; each attribute is optional.
         let (translations, rotations, scales) = (accessor("TRANSLATION"), accessor("ROTATION"), accessor("SCALE"));
         let given = [&translations, &rotations, &scales];
         let mut counts = given.into_iter().flatten().map(gltf::Accessor::count);
@@ -65,8 +65,8 @@ impl Loader<'_> {
     }
 }
 
-/// glTF indices of nodes that are coarser levels of others (`MSFT_lod`), and of those that `KHR_node_visibility` hides with all
-/// below them, but for `blinking` ones, whose visibility is animated.
+/// Marks hidden nodes, by glTF index: coarser levels of other nodes (`MSFT_lod`), and nodes that `KHR_node_visibility`
+/// hides. Excludes `blinking` nodes, which have an animated visibility.
 pub(super) fn hidden_nodes(document: &gltf::Document, blinking: &BTreeSet<usize>) -> Vec<bool> {
     let mut hidden = vec![false; document.nodes().len()];
     for node in document.nodes() {

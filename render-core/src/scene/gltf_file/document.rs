@@ -1,4 +1,4 @@
-//! The document and the bytes it refers to.
+//! Parses a document and reads its buffers.
 
 use super::accessor::Buffers;
 use super::stored::StoredBuffers;
@@ -8,24 +8,25 @@ use serde_json::Value;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// A document with the bytes it refers to.
+/// A document with its buffers.
 pub(super) struct Parsed {
     pub document: gltf::Document,
     pub buffers: Buffers,
-    /// Parts that the crate does not read.
+    /// Content that the crate does not read.
     pub found: lenient::Normalized,
 }
 
 impl Loader<'_> {
-    /// Parses and validates. Required extensions are checked here: the crate refuses some that it can read, and does not name them.
+    /// Parses and validates a document. Checks required extensions here: the crate refuses some that this loader reads,
+    /// without naming them.
     pub(super) fn document(&self, bytes: &[u8]) -> Result<Parsed, LoadError> {
         let first = bytes.trim_ascii_start().first();
         if first.is_some_and(|&first| first != b'{') && !bytes.starts_with(b"glTF") {
-            return self.bad("this is no glTF file; scenes are .glb or .gltf, as modeling programs export them");
+            return self.bad("this is not a glTF file; scenes are .glb or .gltf files exported by modeling programs");
         }
         let (text, blob) = self.split(bytes)?;
         let mut value: Value = serde_json::from_slice(text).or_else(|error| {
-            self.bad(format!("not a whole glTF file ({}); export or copy it again", one_line(&error.to_string())))
+            self.bad(format!("not a complete glTF file ({}); export or copy it again", one_line(&error.to_string())))
         })?;
         let mut stored = StoredBuffers::new(self, blob);
         let notes = self.unpack(&mut value, &mut stored)?;
@@ -43,7 +44,7 @@ impl Loader<'_> {
             return Err(LoadError::Unsupported { path: self.path.into(), extension: extension.clone() });
         }
         root.extensions_required.clear();
-        // An accessor without view and sparse part stands for zeros, but the crate insists on a view: any will do.
+        // An accessor without view and sparse data is all zeros. The crate requires a view: use any.
         let mut zeros = HashSet::new();
         let any_view = (!root.buffer_views.is_empty()).then(|| json::Index::new(0));
         for (index, accessor) in root.accessors.iter_mut().enumerate() {
@@ -66,7 +67,7 @@ impl Loader<'_> {
         Ok(Parsed { document, buffers: Buffers::new(bytes, zeros, allowance), found })
     }
 
-    /// Reads a `data:` URI or a file beside the scene.
+    /// Reads a `data:` URI or a file next to the scene.
     pub(super) fn resource(&self, what: &str, uri: &str) -> Result<Vec<u8>, LoadError> {
         let shown =
             if uri.len() > 80 { format!("{}…", uri.chars().take(40).collect::<String>()) } else { uri.into() };
@@ -78,12 +79,13 @@ impl Loader<'_> {
         };
         if let Some(data) = uri.strip_prefix("data:") {
             let encoded = data.split_once(";base64,").ok_or_else(|| fail("only base64 data is read"))?.1;
-            return decode_base64(encoded).ok_or_else(|| fail("broken base64 data"));
+            return decode_base64(encoded).ok_or_else(|| fail("invalid base64 data"));
         }
         if uri.contains("://") {
-            return Err(fail("it lies outside of the scene's folder"));
+            return Err(fail("it is outside the scene's folder"));
         }
-        // Some exporters write the separators of Windows, which no URI has (RFC 3986, 2). A file of that very name comes first.
+        // Some exporters write Windows' separators, which URIs never contain (RFC 3986, 2). A file with exactly this
+        // name takes precedence.
         let name = decode_percent(uri);
         let read = self.files.read_named(Path::new(&name));
         match read {
@@ -98,7 +100,7 @@ pub(super) fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// `%20` and its kin in relative URIs (RFC 3986, 2.1).
+/// Decodes percent-encoding, such as `%20`, in relative URIs (RFC 3986, 2.1).
 fn decode_percent(uri: &str) -> String {
     let bytes = uri.as_bytes();
     let mut out = Vec::with_capacity(bytes.len());
@@ -119,7 +121,7 @@ fn decode_percent(uri: &str) -> String {
     String::from_utf8_lossy(&out).into_owned()
 }
 
-/// RFC 4648, 4; `None` for a character outside of the alphabet.
+/// Decodes base64 (RFC 4648, 4); `None` if a character is outside the alphabet.
 fn decode_base64(text: &str) -> Option<Vec<u8>> {
     let mut out = Vec::with_capacity(text.len() / 4 * 3);
     let (mut bits, mut count) = (0u32, 0u32);

@@ -1,19 +1,19 @@
-//! Extensions of glTF: which are read, and a note for each of the others.
+//! Extensions of glTF: which are read, and notes for the others.
 
 use std::collections::BTreeSet;
 
-/// Effect of an extension here.
+/// Support of an extension by this loader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Support {
-    /// It is read.
+    /// Read.
     Read,
-    /// It is read in part; a note names the rest.
+    /// Read in part; a note names the ignored properties.
     InPart,
-    /// It is left out, with a note.
+    /// Left out, with a note.
     Noted,
-    /// It is left out, with a note; a file that requires it is refused.
+    /// Left out, with a note; a file that requires it is refused.
     Refused,
-    /// It changes no picture and is left out without a note.
+    /// Left out without a note: it does not affect images.
     Silent,
 }
 
@@ -22,11 +22,11 @@ pub enum Support {
 pub struct Extension {
     /// Name in files.
     pub name: &'static str,
-    /// Its purpose, in a few words.
+    /// Purpose, in a few words.
     pub purpose: &'static str,
-    /// Effect here.
+    /// Support by this loader.
     pub support: Support,
-    /// Name of a test.
+    /// Name of its test.
     pub test: &'static str,
 }
 
@@ -34,25 +34,25 @@ const fn row(name: &'static str, purpose: &'static str, support: Support, test: 
     Extension { name, purpose, support, test }
 }
 
-/// Support of an extension that a feature of the build reads.
+/// Support of an extension that needs a feature of the build.
 const fn behind(is_built: bool) -> Support {
     if is_built { Support::Read } else { Support::Refused }
 }
 
 /// Test of compressed images.
 const IMAGES: &str = "packed_images_have_the_reference_texels";
-/// Test of meshes that Draco packed.
+/// Test of meshes packed by Draco.
 const DRACO: &str = "meshes_packed_by_draco_have_the_reference_numbers";
-/// Test of buffer views that meshoptimizer packed.
+/// Test of buffer views packed by meshoptimizer.
 const MESHOPT: &str = "views_packed_by_meshopt_have_the_reference_numbers";
-/// Test of all extensions that are left out.
+/// Test of all extensions that are noted.
 const NOTED: &str = "each_extension_that_is_left_out_has_one_note";
-/// Test of all extensions that may not be required.
+/// Test of all extensions that are refused if required.
 const REFUSED: &str = "required_formats_are_refused_by_name";
-/// Test of all extensions that change no picture.
+/// Test of all extensions that do not affect images.
 const SILENT: &str = "extensions_that_change_no_picture_have_no_note";
 
-/// Ratified and common extensions, in the order of their names.
+/// Ratified and common extensions, mostly sorted by name.
 pub static EXTENSIONS: &[Extension] = &[
     row("ADOBE_materials_clearcoat_specular", "varnish reflectance", Support::Noted, NOTED),
     row("ADOBE_materials_thin_transparency", "thin glass", Support::Noted, NOTED),
@@ -130,7 +130,7 @@ pub static EXTENSIONS: &[Extension] = &[
     row("VRMC_vrm", "avatar data", Support::Silent, SILENT),
 ];
 
-/// Material extensions with the factor that turns them off at zero, its default.
+/// Material extensions, and the factor of each that disables it at its default of zero.
 const FACTORS: [(&str, &str); 9] = [
     ("KHR_materials_anisotropy", "anisotropyStrength"),
     ("KHR_materials_clearcoat", "clearcoatFactor"),
@@ -143,7 +143,7 @@ const FACTORS: [(&str, &str); 9] = [
     ("KHR_materials_volume_scatter", "multiscatterColor"),
 ];
 
-/// Extensions that a feature of the build reads.
+/// Extensions that need a feature of the build.
 const FEATURES: [(&str, &str); 5] = [
     ("EXT_meshopt_compression", "meshopt"),
     ("EXT_texture_webp", "webp"),
@@ -158,17 +158,17 @@ pub(super) fn missing_feature(name: &str) -> Option<&'static str> {
     (!may_be_required(name)).then_some(feature)
 }
 
-/// The extension of this name.
+/// The extension called `name`.
 fn named(name: &str) -> Option<&'static Extension> {
     EXTENSIONS.iter().find(|extension| extension.name == name)
 }
 
-/// Whether a file may require the extension: its absence leaves a picture of the same shapes.
+/// Whether a file may require the extension: without it, images show the same shapes.
 pub(super) fn may_be_required(name: &str) -> bool {
     named(name).is_some_and(|extension| extension.support != Support::Refused)
 }
 
-/// A note for each of these extensions that is left out, and is not turned off in all materials.
+/// A note for each of these extensions that is left out, unless all materials disable it.
 pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -> Vec<String> {
     let mut notes = Vec::new();
     for name in names {
@@ -185,7 +185,7 @@ pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -
     notes
 }
 
-/// Whether materials have the extension, and all of them with a factor of zero.
+/// Whether some materials have the extension, all with a factor of zero.
 fn is_off(name: &str, materials: &[serde_json::Value]) -> bool {
     let Some((_, factor)) = FACTORS.into_iter().find(|(extension, _)| *extension == name) else { return false };
     let mut used = materials.iter().filter_map(|material| material.get("extensions")?.get(name)).peekable();
@@ -197,7 +197,7 @@ fn is_off(name: &str, materials: &[serde_json::Value]) -> bool {
         })
 }
 
-/// The table of extensions as a page of the documentation.
+/// The table of extensions, as a page of the documentation.
 #[must_use]
 pub fn extension_table() -> String {
     let mut page = String::from(
@@ -206,12 +206,12 @@ pub fn extension_table() -> String {
 `cargo run -p render2mpeg-render-core --example gltf_table > docs/reference/gltf.md` writes this page; a test compares it.
 
 - *read*: the extension has its effect.
-- *in part*: some properties have; a note names the others.
+- *in part*: some properties have an effect; a note names the others.
 - *noted*: it has no effect, and a note names it. A material extension whose factor is zero has no note.
-- *refused*: as noted; a file that *requires* it is refused with its name.
+- *refused*: as noted, but a file that *requires* it is refused; the error names it.
 - *silent*: it changes no picture.
 
-An extension that is not listed is noted, and refused where it is required.
+Other extensions are noted; a file that requires one is refused.
 
 | Extension | Purpose | Effect | Test |
 |---|---|---|---|

@@ -1,32 +1,33 @@
-//! The container of binary files (glTF 2.0, 4.4): a header, JSON, and a binary part.
+//! The container of binary files (glTF 2.0, 4.4): a header, JSON and a binary chunk.
 
 use super::{LoadError, Loader, without_mark};
 
-/// Bytes of the header: magic, version, length.
+/// Bytes of the header: magic, version and length.
 const HEADER: usize = 12;
 
-/// Bytes before the data of a chunk: length, type.
+/// Bytes before the data of a chunk: length and type.
 const CHUNK_HEADER: usize = 8;
 
 impl Loader<'_> {
-    /// The JSON of a file and its binary part. Chunks of other types are skipped, as 4.4.3 demands.
+    /// Splits a file into its JSON and its binary chunk. Skips chunks of other types, as 4.4.3 demands.
     pub(super) fn split<'b>(&self, bytes: &'b [u8]) -> Result<(&'b [u8], Option<&'b [u8]>), LoadError> {
         if !bytes.starts_with(b"glTF") {
             return Ok((without_mark(bytes), None));
         }
         let (Some(version), Some(length)) = (word(bytes, 4), word(bytes, 8)) else {
-            return self.bad("not a whole glTF file (its header was cut short); export or copy it again");
+            return self.bad("not a complete glTF file (its header is truncated); export or copy it again");
         };
         if version != 2 {
-            return self.bad(format!("a .glb file of version {version}; 2 is read: export it as glTF 2.0"));
+            return self.bad(format!("a .glb file of version {version}, but only 2 is read; export it as glTF 2.0"));
         }
         if (length as usize) < HEADER {
-            return self
-                .bad(format!("its header claims {length} bytes, fewer than the header has; export or copy it again"));
+            return self.bad(format!(
+                "its header claims {length} bytes, fewer than the header itself has; export or copy it again"
+            ));
         }
         if length as usize > bytes.len() {
             return self
-                .bad(format!("not a whole glTF file ({} of {length} bytes); export or copy it again", bytes.len()));
+                .bad(format!("not a complete glTF file ({} of {length} bytes); export or copy it again", bytes.len()));
         }
 
         let (mut json, mut binary) = (None, None);
@@ -34,7 +35,7 @@ impl Loader<'_> {
         while let (Some(size), Some(kind)) = (word(rest, 0), rest.get(4..CHUNK_HEADER)) {
             let Some(data) = rest[CHUNK_HEADER..].get(..size as usize) else {
                 return self.bad(format!(
-                    "not a whole glTF file (a chunk of {size} bytes has {}); export or copy it again",
+                    "not a complete glTF file (a chunk of {size} bytes has {}); export or copy it again",
                     rest.len() - CHUNK_HEADER
                 ));
             };
@@ -46,15 +47,15 @@ impl Loader<'_> {
             rest = &rest[CHUNK_HEADER + data.len()..];
         }
         let Some(json) = json else {
-            return self.bad("not a whole glTF file (it has no JSON); export or copy it again");
+            return self.bad("not a complete glTF file (it has no JSON); export or copy it again");
         };
-        // Some exporters fill up the text by zeros in place of spaces.
+        // Some exporters pad the text with zeros instead of spaces.
         let end = json.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
         Ok((without_mark(&json[..end]), binary))
     }
 }
 
-/// The number of four bytes at a place.
+/// The little-endian 32-bit number at offset `at`.
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     let word = bytes.get(at..at + 4)?;
     Some(u32::from_le_bytes([word[0], word[1], word[2], word[3]]))

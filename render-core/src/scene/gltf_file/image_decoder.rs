@@ -1,10 +1,10 @@
-//! Images into texels, within limits. The data shows its format, whatever the document claims.
+//! Decodes images to texels, within limits. The data determines the format, not the document.
 
 use super::image_limits::Texels;
 #[cfg(feature = "textures")]
 use super::image_limits::{SIDE, TEXELS, TEXELS_PER_BYTE, impossible};
 
-/// Decodes what `bytes` are a file of.
+/// Decodes an image file.
 #[cfg(feature = "textures")]
 pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
     let is_webp = bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP");
@@ -12,10 +12,10 @@ pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
         #[cfg(feature = "basis")]
         return super::ktx2::decode(bytes);
         #[cfg(not(feature = "basis"))]
-        return Err("this build reads no KTX2; build it with the feature basis".into());
+        return Err("this build does not read KTX2; build it with the feature basis".into());
     }
     if is_webp && cfg!(not(feature = "webp")) {
-        return Err("this build reads no WebP; build it with the feature webp".into());
+        return Err("this build does not read WebP; build it with the feature webp".into());
     }
     decode_plain(&bytes, is_webp)
 }
@@ -23,7 +23,7 @@ pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
 /// Decodes PNG, JPEG and WebP.
 #[cfg(feature = "textures")]
 fn decode_plain(bytes: &[u8], is_webp: bool) -> Result<Texels, String> {
-    /// The most memory that decoding may take.
+    /// Most memory for decoding \[bytes\].
     const BYTES: u64 = 1 << 30;
     let length = bytes.len() as u64;
     let open = || image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format();
@@ -47,7 +47,7 @@ fn decode_plain(bytes: &[u8], is_webp: bool) -> Result<Texels, String> {
     Ok((pixels.width() as usize, pixels.height() as usize, texels))
 }
 
-/// The formats that this build reads.
+/// Formats that this build reads.
 #[cfg(feature = "textures")]
 const READ: &str = match (cfg!(feature = "webp"), cfg!(feature = "basis")) {
     (true, true) => "PNG, JPEG, WebP and KTX2",
@@ -56,8 +56,8 @@ const READ: &str = match (cfg!(feature = "webp"), cfg!(feature = "basis")) {
     (false, false) => "PNG and JPEG",
 };
 
-/// A picture with a surface in a wrong color would look as if it were right.
+/// Fails: a picture with a surface in a wrong color would look correct.
 #[cfg(not(feature = "textures"))]
 pub(super) fn decode(_: Vec<u8>) -> Result<Texels, String> {
-    Err("this build reads no images on surfaces; build it with the feature textures".into())
+    Err("this build does not read images on surfaces; build it with the feature textures".into())
 }

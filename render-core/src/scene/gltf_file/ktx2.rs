@@ -1,4 +1,4 @@
-//! KTX2 images as `KHR_texture_basisu` allows them: ETC1S with BasisLZ, or UASTC, with Zstandard or without.
+//! KTX2 images, as `KHR_texture_basisu` allows them: ETC1S with BasisLZ, or UASTC with or without Zstandard.
 
 use super::guarded;
 use super::image_limits::{Texels, check_claim};
@@ -18,21 +18,21 @@ const DESCRIPTOR: usize = 48;
 const KEYS: std::ops::Range<usize> = 56..64;
 /// Offset and length of the tables that all levels share, 8 bytes each.
 const GLOBAL: usize = 64;
-/// The first level: its offset, its length and its unpacked length, of 8 bytes each.
+/// The first level: offset, length and unpacked length, 8 bytes each.
 const LEVEL: usize = 80;
-/// Bytes with the index of one level.
+/// Bytes of the header with the index of one level.
 const HEADER: usize = 104;
 /// Color models of the data format descriptor (Khronos Data Format 1.4, 5.6).
 const ETC1S: u32 = 163;
 const UASTC: u32 = 166;
-/// Texels along a side of a block, and bytes of a block of UASTC.
+/// Texels along a side of a block, and bytes of a UASTC block.
 const BLOCK: u32 = 4;
 const BLOCK_BYTES: u64 = 16;
 
-/// Decodes the largest level; others are computed here.
+/// Decodes the largest level. The texture computes its own smaller levels.
 pub(super) fn decode(mut bytes: Vec<u8>) -> Result<Texels, String> {
     let [width, height] = checked_size(&bytes)?;
-    // Keys change no texel. Their places are not checked.
+    // Keys do not affect texels, and their positions are unchecked.
     bytes[KEYS].fill(0);
     let decoded = guarded(|| {
         let image = Transcoder::new(&bytes).ok()?;
@@ -45,16 +45,16 @@ pub(super) fn decode(mut bytes: Vec<u8>) -> Result<Texels, String> {
     Ok((width as usize, height as usize, texels.as_chunks().0.to_vec()))
 }
 
-/// Checks the header and the size that it claims, before memory is taken for it.
+/// Checks the header and the size that it claims, before memory is allocated.
 fn checked_size(bytes: &[u8]) -> Result<[u32; 2], String> {
     if bytes.len() < HEADER {
-        return Err("its KTX2 header was cut short; copy it again".into());
+        return Err("its KTX2 header is truncated; copy it again".into());
     }
     let word = |at: usize| bytes.get(at..at + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let long = |at: usize| u64::from(word(at)) | (u64::from(word(at + 4)) << 32);
     let (width, height) = (word(WIDTH), word(HEIGHT));
     if word(DEPTH) > 0 || word(LAYERS) > 0 || word(FACES) != 1 || word(LEVELS) == 0 {
-        return Err("its KTX2 data is no single image; export it as one".into());
+        return Err("its KTX2 data is not a single image; export it as one".into());
     }
     let (model, packing) = (word((word(DESCRIPTOR) as usize).saturating_add(12)) & 255, word(SUPERCOMPRESSION));
     if word(FORMAT) != 0 || ![(ETC1S, 1), (UASTC, 0), (UASTC, 2)].contains(&(model, packing)) {
@@ -62,13 +62,13 @@ fn checked_size(bytes: &[u8]) -> Result<[u32; 2], String> {
     }
     for place in [GLOBAL, LEVEL] {
         if long(place).checked_add(long(place + 8)).is_none_or(|end| end > bytes.len() as u64) {
-            return Err("its KTX2 data was cut short; copy it again".into());
+            return Err("its KTX2 data is truncated; copy it again".into());
         }
     }
     check_claim(width, height, bytes.len())?;
     let blocks = u64::from(width.div_ceil(BLOCK)) * u64::from(height.div_ceil(BLOCK));
     if packing == 2 && long(LEVEL + 16) != blocks * BLOCK_BYTES {
-        return Err("its KTX2 data unpacks to another size than that of the image; export it again".into());
+        return Err("its KTX2 data does not unpack to the size of the image; export it again".into());
     }
     Ok([width, height])
 }

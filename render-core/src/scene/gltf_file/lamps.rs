@@ -4,13 +4,13 @@ use crate::scene::{Instance, LightSettings, Material, Mesh, PunctualKind, Scene}
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Lumens of a watt in Blender's exporter: `PBR_WATTS_TO_LUMENS`, the greatest luminous efficacy of light \[lm·W⁻¹\].
+/// Lumens per watt in Blender's exporter: `PBR_WATTS_TO_LUMENS`, the greatest luminous efficacy of light \[lm·W⁻¹\].
 const LUMENS_PER_WATT: f32 = 683.0;
 
-/// Factor on candela and lux of a file that this `generator` wrote, and a note where it is not 1.
+/// Factor on candela and lux for files by this `generator`, and a note if it is not 1.
 ///
-/// In its default mode, "Standard", Blender's exporter turns watts of lamps into candela and lux, and leaves emission as it is.
-/// Dividing by the efficacy gives both the same unit again.
+/// In its default mode, "Standard", Blender's exporter converts the watts of lamps to candela and lux but leaves
+/// emission unchanged. Division by the efficacy restores a common unit.
 pub(super) fn scale(generator: Option<&str>, settings: LightSettings, has_lamps: bool) -> (f32, Option<String>) {
     let is_blender = generator.is_some_and(|name| name.contains("Blender") && name.contains("glTF"));
     match settings.lamps {
@@ -18,7 +18,7 @@ pub(super) fn scale(generator: Option<&str>, settings: LightSettings, has_lamps:
         None if is_blender && has_lamps => (
             1.0 / LUMENS_PER_WATT,
             Some(
-                "Blender wrote lamps in candela and lux: divided by 683, they fit its emission; --set lamps=1 keeps them"
+                "Blender's lamps, in candela and lux, are divided by 683 to match its emission; --set lamps=1 keeps them"
                     .into(),
             ),
         ),
@@ -26,26 +26,26 @@ pub(super) fn scale(generator: Option<&str>, settings: LightSettings, has_lamps:
     }
 }
 
-/// Makes points glowing balls of this radius \[m\], of the same intensity; spots have no size.
+/// Converts point lights to emitting spheres of this radius \[m\] and the same intensity. Spots keep no size.
 pub(super) fn give_radius(scene: &mut Scene, radius: f32) {
     if radius <= 0.0 {
         return;
     }
     let lights = std::mem::take(&mut scene.punctual_lights);
     for (index, light) in lights.into_iter().enumerate() {
-        // Balls do not change their light.
+        // The emission of spheres is static.
         let changes = scene.light_channels.iter().any(|channel| channel.light == index);
         if light.kind != PunctualKind::Point || light.color == Vec3::ZERO || changes {
             let place = scene.punctual_lights.len();
             scene.punctual_lights.push(light);
-            // Places only become smaller: a channel that was changed is not met again.
+            // Indices only decrease, so an updated channel never matches again.
             for channel in scene.light_channels.iter_mut().filter(|channel| channel.light == index) {
                 channel.light = place;
             }
             continue;
         }
         let mut ball = ball(radius);
-        // A convex body of the area A has the mean cross-section A / 4: its mean intensity is L · A / 4.
+        // A convex body of area A has the mean cross-section A / 4, so its mean intensity is L · A / 4.
         let mut area = 0.0;
         for triangle in &ball.triangles {
             let [a, b, c] = triangle.map(|vertex| ball.positions[vertex as usize]);
@@ -62,11 +62,11 @@ pub(super) fn give_radius(scene: &mut Scene, radius: f32) {
         scene.meshes.push(ball);
     }
     if scene.punctual_lights.iter().any(|light| matches!(light.kind, PunctualKind::Spot { .. })) {
-        scene.warnings.push("lamp_radius is for points: spots keep their hard shadows".into());
+        scene.warnings.push("lamp_radius applies to points only: spots keep their hard shadows".into());
     }
 }
 
-/// A ball around the origin: columns of quads from pole to pole.
+/// A sphere around the origin: columns of quads from pole to pole.
 fn ball(radius: f32) -> Mesh {
     const COLUMNS: u32 = 12;
     const ROWS: u32 = 6;
@@ -107,7 +107,7 @@ mod tests {
             volume += a.dot(b.cross(c)) / 6.0;
             assert!((b - a).cross(c - a).dot(a + b + c) > 0.0);
         }
-        // A ball of radius 2 has 4/3 π 2³; one of flat facets has a little less.
+        // A sphere of radius 2 has the volume 4/3 π 2³; the faceted one has slightly less.
         let whole = 4.0 / 3.0 * PI * 8.0;
         assert!((0.85..1.0).contains(&(volume / whole)), "{volume} of {whole}");
     }

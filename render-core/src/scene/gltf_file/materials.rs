@@ -1,6 +1,7 @@
-//! glTF materials into ours.
+//! Converts glTF materials.
 //!
-//! Occlusion textures are left out on purpose: they stand for light that a rasteriser cannot compute, and we do.
+//! Occlusion textures are left out on purpose: they replace light that a rasterizer cannot compute, but this renderer
+//! does.
 
 use super::specular_glossiness::{OlderFactors, coincide};
 use crate::scene::{Alpha, Material, MaterialFactors, TextureSlot, UV_SETS};
@@ -8,13 +9,14 @@ use glam::{Vec2, Vec3};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// The older of two material models, which is shown where a material has both.
+/// The older of two material models; it takes precedence if a material has both.
 pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 
-/// All materials in the file's order, and after them the default one for primitives without; what is left out of them, as
-/// a line each.
+/// Converts all materials in the file's order, followed by the default material for primitives without one. Returns a
+/// line for each kind of omitted property.
 ///
-/// Returns the factors of textured materials of the older model too. Their slots hold the file's images until conversion.
+/// Also returns the factors of textured materials of the older model. Their slots refer to the file's images until
+/// conversion.
 pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec<String>) {
     let mut left_out = [false; 3];
     let mut materials: Vec<Material> = Vec::new();
@@ -25,7 +27,7 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
         let mut material = material(&source);
         if let Some((glossy, factors)) = source.extension_value(SPECULAR_GLOSSINESS).and_then(glossy) {
             if material.base_color_texture.as_ref().is_none_or(|diffuse| coincide(diffuse, &glossy)) {
-                // Factors are in the texels.
+                // The texels will contain the factors.
                 material = Material {
                     metallic_roughness_texture: Some(glossy),
                     base_color: Vec3::ONE,
@@ -45,21 +47,21 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
         }
         materials.push(material);
     }
-    // glTF 2.0, 3.9.2 and 3.7.2.1: what is not given has its default, which for metalness and roughness is 1.
+    // glTF 2.0, 3.9.2 and 3.7.2.1: omitted properties have their defaults; metalness and roughness default to 1.
     materials.push(Material { metallic: 1.0, roughness: 1.0, ..Material::default() });
     let notes = [
-        "specular textures are left out, their factors are not",
-        "of texture coordinates the sets 0 to 3 are read",
-        "textures of specular and glossiness whose coordinates differ from those of the diffuse texture are left out",
+        "specular textures are left out; their factors apply",
+        "only texture coordinate sets 0 to 3 are read",
+        "specular-glossiness textures with other coordinates than the diffuse texture are left out",
     ];
     let warnings = notes.iter().zip(left_out).filter(|(_, met)| *met).map(|(note, _)| note.to_string()).collect();
     (materials, older, warnings)
 }
 
-/// Roughness up to which a coat counts, [`Material::split`]: one that reflects more than 4 % is never left out.
+/// Greatest roughness that keeps the coat in [`Material::split`]: a coat that reflects more than 4 % is never omitted.
 const ROUGHEST: f32 = 0.999;
 
-/// Factors of materials of the older model whose textures are to be converted, by number.
+/// Factors of materials of the older model with textures to convert, by material index.
 pub(super) type Older = BTreeMap<usize, OlderFactors>;
 
 fn material(source: &gltf::Material) -> Material {
@@ -70,7 +72,8 @@ fn material(source: &gltf::Material) -> Material {
     }
 }
 
-/// The material by `KHR_materials_pbrSpecularGlossiness`, which comes before the other model: a diffuse base below a coat.
+/// The material of `KHR_materials_pbrSpecularGlossiness`, which takes precedence over the other model: a diffuse base
+/// below a coat.
 fn specular_glossiness(material: Material, extension: &Value) -> Material {
     let OlderFactors { diffuse, specular, glossiness } = older_factors(extension);
     let reflects = specular.max_element() > 0.04;
@@ -87,7 +90,7 @@ fn specular_glossiness(material: Material, extension: &Value) -> Material {
     }
 }
 
-/// The texture of specular and glossiness, and the factors with it.
+/// The specular-glossiness texture and its factors.
 fn glossy(extension: &Value) -> Option<(TextureSlot, OlderFactors)> {
     Some((extension.get("specularGlossinessTexture").and_then(slot_of)?, older_factors(extension)))
 }
@@ -102,7 +105,7 @@ fn older_factors(extension: &Value) -> OlderFactors {
     }
 }
 
-/// A number of a list, 0…1; 1 where it is not given.
+/// A number in a list, clamped to 0…1; 1 if absent.
 fn factor(extension: &Value, name: &str, place: usize) -> f32 {
     let number = || extension.get(name)?.get(place)?.as_f64();
     number().map_or(1.0, |x| x as f32).clamp(0.0, 1.0)
@@ -111,14 +114,14 @@ fn factor(extension: &Value, name: &str, place: usize) -> f32 {
 fn metallic_roughness(source: &gltf::Material) -> Material {
     let pbr = source.pbr_metallic_roughness();
     let [r, g, b, opacity] = pbr.base_color_factor();
-    // What is beyond all numbers stays beyond what is allowed, and is refused as that.
+    // Infinite strength becomes the largest float, which exceeds the limit and is refused for it.
     let strength = source.emissive_strength().unwrap_or(1.0).min(f32::MAX);
     let emission = Vec3::from(source.emissive_factor()) * strength;
     let unit = |factor: f32| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
     let sane = |color: Vec3| if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO };
     Material {
         name: source.name().unwrap_or_default().to_owned(),
-        // A surface reflects no more than what arrives.
+        // A surface never reflects more light than arrives.
         base_color: sane(Vec3::new(r, g, b)).min(Vec3::ONE),
         base_color_texture: pbr.base_color_texture().map(slot),
         metallic: unit(pbr.metallic_factor()),
@@ -139,14 +142,14 @@ fn metallic_roughness(source: &gltf::Material) -> Material {
     }
 }
 
-/// The factors that a material has only as products.
+/// The factors that a material contains only as products.
 pub(super) fn factors(source: &gltf::Material) -> MaterialFactors {
     let [r, g, b, _] = source.pbr_metallic_roughness().base_color_factor();
     let specular = source.specular();
     MaterialFactors {
         base_color: Vec3::new(r, g, b),
         emission: (source.emissive_factor().into(), source.emissive_strength().unwrap_or(1.0)),
-        // An index that is no number is the default.
+        // NaN selects the default index.
         ior: source.ior().unwrap_or(f32::NAN),
         specular: specular.map_or((1.0, Vec3::ONE), |s| (s.specular_factor(), Vec3::from(s.specular_color_factor()))),
         shows_sum: false,
@@ -163,14 +166,14 @@ fn slot(info: gltf::texture::Info) -> TextureSlot {
     }
 }
 
-/// As [`slot`], of the JSON of a texture's reference.
+/// A slot from the JSON of a texture reference.
 fn slot_of(info: &Value) -> Option<TextureSlot> {
     let texture = usize::try_from(info.get("index")?.as_u64()?).ok()?;
     let uv_set = info.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
     Some(moved_slot(texture, uv_set as usize, info.pointer("/extensions/KHR_texture_transform")))
 }
 
-/// As [`slot`]; the crate leaves the transform of a normal texture to be read by hand.
+/// A slot of a normal texture; the crate does not parse its transform.
 fn normal_slot(source: gltf::material::NormalTexture) -> (TextureSlot, f32) {
     let transform = source.extension_value("KHR_texture_transform");
     let slot = moved_slot(source.texture().index(), source.tex_coord() as usize, transform);

@@ -1,4 +1,4 @@
-//! Meshes: vertices, triangles, and what deforms them.
+//! Loads meshes: vertices, triangles, morph targets and influences.
 
 use super::accessor::Buffers;
 use super::nodes::NodeOf;
@@ -11,7 +11,7 @@ use gltf::{Semantic, mesh::Mode};
 use std::collections::{HashMap, hash_map::Entry};
 
 impl Loader<'_> {
-    /// Reads the meshes that nodes of the scene show, each once for each skin that bends it.
+    /// Reads the meshes that visible nodes use, once for each skin.
     pub(super) fn meshes(
         &self,
         source: DocumentSource,
@@ -115,7 +115,7 @@ impl Loader<'_> {
             None => (0..positions.len() as u32).collect(),
             Some(accessor) => match buffers.integers::<1>(&accessor) {
                 Some(indices) => indices.into_iter().flatten().collect(),
-                None => return self.bad(format!("{place}: its indices lie outside of their buffer")),
+                None => return self.bad(format!("{place}: its indices are outside their buffer")),
             },
         };
         if let Some(index) = indices.iter().find(|&&index| index as usize >= positions.len()) {
@@ -125,7 +125,7 @@ impl Loader<'_> {
         let (positions, triangles, sources) = match triangles(primitive.mode(), &indices) {
             Some(triangles) => (positions, triangles, None),
             None => {
-                // Where that is too much, loading ends with a line on that.
+                // If this exceeds the allowance, loading ends with an error.
                 let mut indices = indices;
                 if buffers.charge(indices.len().saturating_mul(BYTES_PER_STROKE)).is_none() {
                     indices.clear();
@@ -139,18 +139,18 @@ impl Loader<'_> {
         };
         let sources_of = sources.as_deref();
 
-        // After the materials of the file comes the default one.
+        // The default material follows the file's materials.
         let own = || primitive.material().index().unwrap_or(document.materials().len());
         let material = material_of(primitive, variant).unwrap_or_else(own);
         let Some(look) = scene.materials.get(material) else {
             return self.bad(format!("{place}: there is no material {material}"));
         };
-        // Bodies of points and lines have the normals of their own sides.
+        // Bodies of points and lines use the normals of their own faces.
         let normals = get(Semantic::Normals).filter(|_| sources.is_none());
         let mut normals: Vec<Vec3> =
             attribute(normals, buffers, count, |n: [f32; 3]| Vec3::from(n).normalize_or_zero());
         fill_normals(&mut normals, &positions, &triangles);
-        // Without normals, given tangents are to be ignored (glTF 2.0, 3.7.2.1); without a normal map they are not needed.
+        // Without normals, tangents are ignored (glTF 2.0, 3.7.2.1); without a normal map, they are unused.
         let wants_tangents = look.normal_texture.is_some() && !normals.is_empty();
         let tangents = attribute(get(Semantic::Tangents).filter(|_| wants_tangents), buffers, count, Vec4::from_array);
         let uses = |set: usize| look.slots().any(|slot| slot.uv_set == set);
@@ -190,7 +190,7 @@ impl Loader<'_> {
     }
 }
 
-/// Colors of vertices with opacity; none where any is not a number.
+/// Vertex colors with opacity; empty if any is not finite.
 fn colors(primitive: &gltf::Primitive, buffers: &Buffers, count: usize) -> Vec<Vec4> {
     let accessor = || primitive.get(&Semantic::Colors(0));
     let mut colors = attribute(accessor(), buffers, count, Vec4::from_array);
@@ -206,12 +206,12 @@ fn colors(primitive: &gltf::Primitive, buffers: &Buffers, count: usize) -> Vec<V
 /// A primitive as it is drawn.
 struct DrawnPrimitive {
     mesh: Mesh,
-    /// The vertex that each corner belongs to, for points and lines.
+    /// For points and lines, the vertex of the file that each corner belongs to.
     sources: Option<Vec<u32>>,
 }
 
-/// A copy of a material that shows its color without light, as points and lines without normals do (glTF 2.0, 3.9.5: "the sum of
-/// the base color value and the emissive value").
+/// An unlit copy of a material, for points and lines without normals (glTF 2.0, 3.9.5: "the sum of the base color value
+/// and the emissive value").
 fn unlit(material: usize, node_of: &mut NodeOf, materials: &mut Vec<Material>) -> usize {
     *node_of.unlit.entry(material).or_insert_with(|| {
         let lit = &materials[material];
@@ -221,7 +221,7 @@ fn unlit(material: usize, node_of: &mut NodeOf, materials: &mut Vec<Material>) -
     })
 }
 
-/// One value per vertex; empty if there are none, or not as many.
+/// One value per vertex; empty if the accessor is missing or has another count.
 fn attribute<const N: usize, T>(
     accessor: Option<gltf::Accessor>,
     buffers: &Buffers,
@@ -232,8 +232,8 @@ fn attribute<const N: usize, T>(
     list.filter(|list| list.len() == count).map_or_else(Vec::new, |list| list.into_iter().map(convert).collect())
 }
 
-/// Gives vertices without a normal that of their triangles, by area. Without any normal, a mesh has none: it is flat (glTF 2.0,
-/// 3.7.2.1: "client implementations MUST calculate flat normals").
+/// Gives vertices without a normal the area-weighted mean of their triangles' normals. A mesh without any normals keeps
+/// none and is flat shaded (glTF 2.0, 3.7.2.1: "client implementations MUST calculate flat normals").
 fn fill_normals(normals: &mut Vec<Vec3>, positions: &[Vec3], triangles: &[[u32; 3]]) {
     if normals.iter().all(|&normal| normal == Vec3::ZERO) {
         normals.clear();
@@ -256,11 +256,11 @@ fn fill_normals(normals: &mut Vec<Vec3>, positions: &[Vec3], triangles: &[[u32; 
     }
 }
 
-/// Splits strips and fans; `None` for points and lines.
+/// Splits strips and fans into triangles; `None` for points and lines.
 fn triangles(mode: Mode, indices: &[u32]) -> Option<Vec<[u32; 3]>> {
     Some(match mode {
         Mode::Triangles => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        // Every other triangle of a strip is turned round, or it would face backwards.
+        // Every other triangle of a strip is reversed, otherwise it would face backwards.
         Mode::TriangleStrip => indices
             .windows(3)
             .enumerate()

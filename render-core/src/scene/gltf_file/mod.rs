@@ -1,8 +1,8 @@
-//! glTF 2.0 files into a [`Scene`]: one clear line when that cannot be.
+//! Loads glTF 2.0 files into a [`Scene`]; a failure is one clear line.
 //!
-//! `lenient` first fills in the parts that the specification lets out and the `gltf` crate demands. The crate checks most of a
-//! document; `validate.rs` checks the rest of what it panics on. It lets nodes form cycles,
-//! so the hierarchy is walked with an explicit stack. Should a library panic all the same, [`load`] makes it an error.
+//! `lenient` first fills in data that is optional in the specification but required by the `gltf` crate. The crate
+//! checks most of a document; `validate.rs` checks the remaining causes of its panics. The crate accepts cyclic nodes,
+//! so the hierarchy is traversed with an explicit stack. If a library panics anyway, [`load`] returns an error.
 
 mod accessor;
 mod animations;
@@ -48,34 +48,34 @@ use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// Farthest from the origin that anything may be along an axis \[m\]. The square of a triangle's area, at most
-/// ½ · (2√3 · 10⁹)², is inside of the range of `f32`: normals and areas come from it.
+/// Greatest distance from the origin along an axis \[m\]. The square of a triangle's area, at most ½ · (2√3 · 10⁹)²,
+/// stays within the range of `f32`: normals and areas depend on it.
 const FARTHEST: f32 = 1e9;
 
-/// Most triangles of all instances together: a small file may show one mesh many times over, and anchors are spread by the area of
-/// each.
+/// Most triangles of all instances. A small file may show one mesh many times, and anchors are distributed by each
+/// instance's area.
 const MOST_TRIANGLES: usize = 1 << 27;
 
-/// Why a scene could not be read; the message names the file, the place and the remedy.
+/// An error while reading a scene; the message names the file, the location and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// The scene file itself is not there or cannot be read.
+    /// The scene file itself does not exist or cannot be read.
     #[error("{}: {error}; check the path and its permissions", path.display())]
     Open {
         /// The scene file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         error: std::io::Error,
     },
-    /// A buffer or image beside the scene is not there or cannot be read.
-    #[error("{}: {what} \"{uri}\" cannot be read ({why}); put it beside the scene file", path.display())]
+    /// A buffer or image next to the scene does not exist or cannot be read.
+    #[error("{}: {what} \"{uri}\" cannot be read ({why}); put it next to the scene file", path.display())]
     Resource {
         /// The scene file.
         path: PathBuf,
-        /// Which resource, for instance "buffer 0".
+        /// The resource, for instance "buffer 0".
         what: String,
-        /// Its address as the scene gives it.
+        /// Its URI in the scene.
         uri: String,
         /// The reason.
         why: String,
@@ -88,45 +88,45 @@ pub enum LoadError {
         /// Name of the extension.
         extension: String,
     },
-    /// The contents make no sense.
+    /// The contents are invalid.
     #[error("{}: {what}", path.display())]
     Malformed {
         /// The scene or settings file.
         path: PathBuf,
-        /// What is wrong, where, and what would be right.
+        /// The problem, its location and the remedy.
         what: String,
     },
 }
 
-/// Loads `path` (`.gltf` or `.glb`) and, if there is one, the TOML file of the same name beside it. Files that these name are read
-/// where they lie in the folder of the scene.
+/// Loads `path` (`.gltf` or `.glb`) and, if it exists, the TOML file of the same name next to it. Files that these name
+/// must be in the scene's folder.
 ///
 /// # Errors
-/// See [`LoadError`]. No panic reaches the caller, whatever the file holds, and the process's panic hook is left alone.
+/// The scene, its settings or a file that they name cannot be read; see [`LoadError`]. A damaged file never causes a panic in the caller, and the process's panic hook stays unchanged.
 pub fn load(path: &Path) -> Result<Scene, LoadError> {
     load_with(path, Reach::Folder, &[])
 }
 
-/// As [`load`], with files from where `reach` allows, and with settings that take the place of those in the TOML file.
+/// Loads a scene like [`load`], with files from where `reach` allows and with settings that override the TOML file.
 ///
 /// # Errors
-/// As [`load`].
+/// The scene, its settings or a file that they name cannot be read; see [`LoadError`].
 pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, LoadError> {
     let files = SceneFiles::of(path, reach);
     let bytes = files.read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
     let bytes = without_mark(&bytes);
     let settings = load_settings(path, &files, set)?;
     let mut scene = guarded(|| Loader { path, files: &files }.scene(bytes, &settings))
-        .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside of its data")))?;
+        .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside its data")))?;
     let triangles = scene.triangle_count();
     if triangles > MOST_TRIANGLES {
         return Err(malformed(
             path,
-            format!("{triangles} triangles, each instance counted; {MOST_TRIANGLES} are the most"),
+            format!("{triangles} triangles in all instances; at most {MOST_TRIANGLES} are allowed"),
         ));
     }
     if !is_within_reach(&scene) {
-        return Err(malformed(path, format!("something is more than {FARTHEST:e} m from the origin; scale the scene")));
+        return Err(malformed(path, format!("an object is more than {FARTHEST:e} m from the origin; scale the scene")));
     }
     scene.move_to_origin();
     scene.sky = load_sky(path, &settings, &files)?;
@@ -135,10 +135,10 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
     scene.settings = settings;
     check_camera(path, &scene)?;
     if scene.triangle_count() == 0 {
-        scene.warnings.push("the scene has no surface: a picture shows nothing but the sky".into());
+        scene.warnings.push("the scene has no surface: only the sky is visible".into());
     }
     let materials = scene.extreme_materials();
-    // A sky that the author has described, a black one too, is the author's choice.
+    // A sky in the settings is the author's choice, even a black one.
     let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
         || scene.instances.iter().any(|i| materials[scene.meshes[i.mesh].material].is_lamp());
@@ -166,19 +166,19 @@ fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Resul
     let texels = guarded(|| crate::image_file::read_radiance(&image).map_err(|error| error.to_string()))
         .unwrap_or_else(|| Err(format!("{}: damaged image", image.display())))
         .map_err(refused)?;
-    // Texels that are no numbers are black.
+    // Texels that are not finite are black.
     let brightest = texels.samples().iter().filter(|c| c.is_finite()).fold(0.0f32, |most, c| most.max(c.max_element()));
     if brightest * intensity > STRONGEST {
         let brightest = brightest * intensity;
         return Err(malformed(
             &toml,
-            format!("[sky] image \"{file}\" shines with {brightest:e}; {STRONGEST:e} is the most"),
+            format!("[sky] image \"{file}\" shines with {brightest:e}; at most {STRONGEST:e} is allowed"),
         ));
     }
     Ok(Environment::image(texels, intensity, rotation))
 }
 
-/// A camera that the settings name must be there.
+/// Checks that a camera named in the settings exists.
 fn check_camera(path: &Path, scene: &Scene) -> Result<(), LoadError> {
     let Some(name) = scene.settings.camera.name.as_deref().filter(|name| scene.camera(name).is_none()) else {
         return Ok(());
@@ -189,7 +189,7 @@ fn check_camera(path: &Path, scene: &Scene) -> Result<(), LoadError> {
     Err(malformed(path, format!("there is no camera \"{name}\"; {known}")))
 }
 
-/// Is every corner of every mesh, and every node, near enough to compute with, all through the animation?
+/// Whether every vertex and every node stays within [`FARTHEST`], throughout the animation.
 fn is_within_reach(scene: &Scene) -> bool {
     let largest = |positions: &[Vec3]| positions.iter().fold(0.0f32, |most, p| most.max(p.abs().max_element()));
     let sizes: Vec<f32> = scene.meshes.iter().map(|mesh| largest(&mesh.positions)).collect();
@@ -202,14 +202,14 @@ fn is_within_reach(scene: &Scene) -> bool {
         };
         let nodes = pose.world.iter().map(|world| reach(world, 1.0));
         let meshes = scene.instances.iter().enumerate().map(|(index, instance)| {
-            // The largest of them may hide one that is not a number, their sum does not.
+            // The maximum may skip a NaN, but the sum does not.
             let size = pose.deformed(index).map_or(sizes[instance.mesh], |shape| {
                 let sum: Vec3 = shape.positions.iter().sum();
                 if sum.is_finite() { largest(&shape.positions) } else { f32::NAN }
             });
             reach(&scene.instance_world(&pose, index), size)
         });
-        // Not a number is not below anything.
+        // Comparisons with NaN are false.
         nodes.chain(meshes).all(|reach| reach.cmple(Vec3A::splat(FARTHEST)).all())
     })
 }
@@ -221,18 +221,18 @@ fn load_settings(scene: &Path, files: &SceneFiles, set: &[Setting]) -> Result<Sc
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
         Err(error) => return Err(LoadError::Open { path, error }),
     };
-    let text = str::from_utf8(without_mark(&bytes)).map_err(|_| malformed(&path, "no text in UTF-8"))?;
+    let text = str::from_utf8(without_mark(&bytes)).map_err(|_| malformed(&path, "not text in UTF-8"))?;
     let settings = SceneSettings::parse(text).map_err(|error| malformed(&path, error.to_string()))?;
     if set.is_empty() {
         return Ok(settings);
     }
-    // What is wrong now is none of the file's.
+    // The file is valid: further errors belong to `set`.
     set.iter().for_each(|setting| files.note(&setting.to_string()));
     let names = || set.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     SceneSettings::parse_with(text, set).map_err(|error| malformed(scene, format!("with {}: {error}", names())))
 }
 
-/// Text without the byte order mark that some editors put in front of UTF-8.
+/// Text without the byte order mark that some editors write before UTF-8.
 fn without_mark(text: &[u8]) -> &[u8] {
     text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
 }
@@ -241,27 +241,27 @@ fn malformed(path: &Path, what: impl Into<String>) -> LoadError {
     LoadError::Malformed { path: path.into(), what: what.into() }
 }
 
-/// Runs `f`; `None` if it panicked. The last resort, for damage that no check foresees.
+/// Runs `f`; `None` if it panicked. The last resort for damage that no check covers.
 fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
     catch_unwind(AssertUnwindSafe(f)).ok()
 }
 
-/// A document as it is read.
+/// A document while it is read.
 #[derive(Clone, Copy)]
 struct DocumentSource<'d> {
     document: &'d gltf::Document,
     buffers: &'d Buffers,
-    /// Number of the variant of the materials that is shown.
+    /// Index of the variant of the materials to show.
     variant: Option<u64>,
     /// Channels of `KHR_animation_pointer`.
     pointers: &'d [PointerChannel],
-    /// Width of points and lines \[m\], if it is given.
+    /// Width of points and lines \[m\], if given.
     point_size: Option<f32>,
     /// Factor on candela and lux.
     lamps: f32,
 }
 
-/// Reads one file; the parts of the work stand in the modules beside this one.
+/// Reads one file; the other modules of this folder implement the steps.
 struct Loader<'a> {
     path: &'a Path,
     files: &'a SceneFiles,
@@ -293,7 +293,7 @@ impl Loader<'_> {
         let glow = |material: &Material| material.emission.max_element();
         if let Some(index) = scene.materials.iter().position(|material| glow(material) > STRONGEST) {
             let glow = glow(&scene.materials[index]);
-            return self.bad(format!("material {index} glows with {glow:e}; {STRONGEST:e} is the most"));
+            return self.bad(format!("material {index} emits {glow:e}; at most {STRONGEST:e} is allowed"));
         }
         let variant = self.variant(&document, settings.variant.name.as_deref(), &mut scene.warnings)?;
         let source = DocumentSource {
@@ -308,7 +308,7 @@ impl Loader<'_> {
             .meshes(source, &mut node_of, &mut scene)
             .and_then(|()| clips.iter().try_for_each(|clip| self.channels(clip, source, &node_of, &mut scene)));
         if buffers.is_exhausted() {
-            return self.bad("its accessors stand for far more numbers than the file has bytes for; export it again");
+            return self.bad("its accessors contain far more numbers than the file has bytes for; export it again");
         }
         read?;
         self.textures(source, &found.plain_images, &older, &mut scene)?;

@@ -1,4 +1,4 @@
-//! The hierarchy, with the cameras and lights that hang from it.
+//! Loads the node hierarchy, with its cameras and lights.
 
 use super::copies::hidden_nodes;
 use super::{LoadError, Loader};
@@ -7,61 +7,61 @@ use crate::scene::{Camera, DepthRange, Node, Projection, PunctualKind, PunctualL
 use glam::{Mat3, Mat4, Quat, Vec3};
 use std::collections::{BTreeSet, HashMap};
 
-/// Most nodes with an animated visibility from the root to a node: each mesh below has a node for each.
+/// Most nodes with an animated visibility from the root to a node: each mesh below gets one extra node for each.
 const MOST_HIDING: usize = 64;
 
-/// Our index of each glTF node that is in the scene.
+/// Scene indices of the glTF nodes in the scene.
 #[derive(Default)]
 pub(super) struct NodeOf {
     places: HashMap<usize, usize>,
-    /// For each of our nodes, whether its mesh and its light are shown.
+    /// For each scene node, whether its mesh and its light are visible.
     shown: Vec<bool>,
-    /// For each of our nodes, the glTF nodes from the root to it whose visibility is animated.
+    /// For each scene node, the glTF nodes with an animated visibility from the root to it.
     hidden_by: Vec<Vec<usize>>,
-    /// Our cameras of each glTF camera.
+    /// Scene cameras of each glTF camera.
     cameras: HashMap<usize, Vec<usize>>,
-    /// Our punctual lights of each glTF light.
+    /// Scene lights of each glTF light.
     lights: HashMap<usize, Vec<usize>>,
-    /// Nodes in whose place a mesh is shown that hangs from another node.
+    /// For each node, the nodes that carry its mesh in its place.
     showing: HashMap<usize, Vec<usize>>,
-    /// Nodes whose scale is the visibility of a glTF node.
+    /// For each glTF node, the scene nodes with a scale that represents its visibility.
     hiding: HashMap<usize, Vec<usize>>,
-    /// Copies of materials that points and lines have, by material.
+    /// Copies of materials for points and lines, by material.
     pub unlit: HashMap<usize, usize>,
 }
 
 impl NodeOf {
-    /// Our index of a glTF node.
+    /// Scene index of a glTF node.
     pub fn get(&self, index: &usize) -> Option<&usize> {
         self.places.get(index)
     }
 
-    /// Whether the mesh of one of our nodes is shown.
+    /// Whether the mesh of a scene node is visible.
     pub fn shows(&self, node: usize) -> bool {
         self.shown[node]
     }
 
-    /// Our cameras of a glTF camera.
+    /// Scene cameras of a glTF camera.
     pub fn cameras(&self, index: usize) -> Vec<usize> {
         self.cameras.get(&index).cloned().unwrap_or_default()
     }
 
-    /// Our punctual lights of a glTF light.
+    /// Scene lights of a glTF light.
     pub fn lights(&self, index: usize) -> Vec<usize> {
         self.lights.get(&index).cloned().unwrap_or_default()
     }
 
-    /// The nodes in whose place the mesh of one of our nodes is shown.
+    /// The scene nodes that carry the mesh of a scene node.
     pub fn showing(&self, node: usize) -> Vec<usize> {
         self.showing.get(&node).cloned().unwrap_or_else(|| vec![node])
     }
 
-    /// The nodes whose scale is the visibility of a glTF node.
+    /// The scene nodes with a scale that represents the visibility of a glTF node.
     pub fn hiding(&self, index: usize) -> Vec<usize> {
         self.hiding.get(&index).cloned().unwrap_or_default()
     }
 
-    /// Our lights that hang from a glTF node, or from one below it, and the glTF light of each.
+    /// Scene lights of a glTF node or its descendants, each with its glTF light.
     pub fn lights_below(&self, index: usize, scene: &Scene) -> Vec<(usize, usize)> {
         let mut below = Vec::new();
         for (&source, lights) in &self.lights {
@@ -72,8 +72,8 @@ impl NodeOf {
         below
     }
 
-    /// Replaces nodes that show the mesh of `node` by ones below them, which scale it to nothing while it is hidden. Nodes of a mesh
-    /// with a skin hang from no other: its place is that of its joints.
+    /// Replaces nodes that show the mesh of `node` by children that scale it to nothing while it is hidden. Such nodes
+    /// of a skinned mesh are roots, because its joints place it.
     pub fn hide(&mut self, node: usize, shown: Vec<usize>, is_skinned: bool, scene: &mut Scene) -> Vec<usize> {
         let mut shown = shown;
         for (level, &index) in self.hidden_by[node].iter().enumerate() {
@@ -87,7 +87,7 @@ impl NodeOf {
             }
         }
         if is_skinned && !self.hidden_by[node].is_empty() {
-            // New nodes come last, so the list ascends.
+            // New nodes have the highest indices, so the list stays ascending.
             scene.curtains.extend(&shown);
         }
         self.showing.insert(node, shown.clone());
@@ -96,8 +96,8 @@ impl NodeOf {
 }
 
 impl Loader<'_> {
-    /// Fills in the hierarchy, parents first. `lamps` is the factor on candela and lux; the visibility of `blinking` nodes is
-    /// animated.
+    /// Adds the hierarchy to the scene, parents first. `lamps` is the factor on candela and lux; `blinking` nodes have
+    /// an animated visibility.
     pub(super) fn nodes(
         &self,
         document: &gltf::Document,
@@ -169,13 +169,13 @@ impl Loader<'_> {
             return self.bad(format!("camera {} has an impossible field of view", camera.index()));
         }
         let name = if node_name.is_empty() { camera.name().unwrap_or_default() } else { node_name };
-        // Negative shapes and empty ranges mean nothing.
+        // Ignore invalid aspect ratios and empty depth ranges.
         let aspect = aspect.map(f32::abs).filter(|aspect| (1e-3..=1e3).contains(aspect));
         let depths = if depths.near >= 0.0 && depths.far > depths.near { depths } else { DepthRange::ALL };
         Ok(Camera { name: name.to_owned(), node, projection, aspect, depths })
     }
 
-    /// A light of a node, with this factor on its intensity.
+    /// The light of a node, with the factor `scale` on its intensity.
     fn light(
         &self,
         light: &gltf::khr_lights_punctual::Light,
@@ -196,7 +196,7 @@ impl Loader<'_> {
         }
         if color.max_element() > STRONGEST {
             return self.bad(format!(
-                "light {} shines with {:e}; {STRONGEST:e} is the most",
+                "light {} shines with {:e}; at most {STRONGEST:e} is allowed",
                 light.index(),
                 color.max_element()
             ));
@@ -205,7 +205,7 @@ impl Loader<'_> {
     }
 }
 
-/// The parts of a transform. A matrix may flatten its node: an axis of length zero has a direction all the same, across the others.
+/// Decomposes a transform. A matrix may flatten its node: an axis of length zero gets a direction across the others.
 fn transform(given: &gltf::scene::Transform) -> Transform {
     if let gltf::scene::Transform::Matrix { matrix } = given {
         let columns = Mat4::from_cols_array_2d(matrix);
@@ -215,13 +215,13 @@ fn transform(given: &gltf::scene::Transform) -> Transform {
         }
     }
     let (translation, rotation, scale) = given.clone().decomposed();
-    // A quaternion of length zero is no rotation.
+    // A quaternion of length zero means no rotation.
     let rotation = Quat::from_array(rotation);
     let rotation = if rotation.length_squared() == 0.0 { Quat::IDENTITY } else { rotation.normalize() };
     Transform { translation: translation.into(), rotation, scale: scale.into() }
 }
 
-/// The parts of a matrix with these axes, some of which have no length.
+/// Decomposes a matrix with these axes, of which some have length zero.
 fn flat_transform(axes: [Vec3; 3], translation: Vec3) -> Transform {
     let mut directions = axes.map(Vec3::normalize_or_zero);
     for k in 0..3 {
@@ -237,7 +237,7 @@ fn flat_transform(axes: [Vec3; 3], translation: Vec3) -> Transform {
     }
     let [x, y, z] = directions;
     let mut scale = Vec3::from_array(axes.map(Vec3::length));
-    // A rotation has a determinant of 1; a mirror is a negative scale.
+    // A rotation has determinant 1; a mirror becomes a negative scale.
     let sign = if x.cross(y).dot(z) < 0.0 { -1.0 } else { 1.0 };
     scale.x *= sign;
     let rotation = Quat::from_mat3(&Mat3::from_cols(x * sign, y, z)).normalize();

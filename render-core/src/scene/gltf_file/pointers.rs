@@ -6,17 +6,17 @@ use gltf::animation::Property;
 /// A property of the document.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
-    /// Place or weights of a node.
+    /// Transform or weights of a node.
     Node(usize, Property),
     /// Lens of a camera.
     Camera(usize, CameraProperty),
     /// A punctual light.
     Light(usize, LightProperty),
-    /// Visibility of a node with all below it.
+    /// Visibility of a node and its descendants.
     Visible(usize),
     /// A material.
     Material(usize, MaterialProperty),
-    /// A hint that changes no picture here.
+    /// A hint without effect on images here.
     Hint,
 }
 
@@ -33,7 +33,7 @@ impl std::fmt::Display for Target {
     }
 }
 
-/// The property of a JSON pointer; `None` for those that are left out.
+/// The property of a JSON pointer; `None` if it is left out.
 pub(super) fn target(pointer: &str) -> Option<Target> {
     let short = pointer.strip_prefix("/extensions/KHR_lights_punctual/").map(|rest| format!("/{rest}"));
     let pointer = short.as_deref().unwrap_or(pointer);
@@ -49,7 +49,7 @@ pub(super) fn target(pointer: &str) -> Option<Target> {
         ("lights", "intensity") if short.is_some() => Target::Light(index, LightProperty::Intensity),
         ("lights", "spot/innerConeAngle") if short.is_some() => Target::Light(index, LightProperty::InnerCone),
         ("lights", "spot/outerConeAngle") if short.is_some() => Target::Light(index, LightProperty::OuterCone),
-        // "range": "a hint defining a distance cutoff"; light here reaches as far as it does.
+        // "range": "a hint defining a distance cutoff"; here, light has no cutoff.
         ("lights", "range") if short.is_some() => Target::Hint,
         ("materials", path) => Target::Material(index, of_material(path)?),
         ("cameras", "perspective/yfov") => Target::Camera(index, CameraProperty::FieldOfView),
@@ -94,7 +94,7 @@ fn of_material(path: &str) -> Option<MaterialProperty> {
     })
 }
 
-/// A note on the first of these pointers that is left out, and on the number of others.
+/// A note with the first of these pointers that is left out, and the number of further ones.
 pub(super) fn note<'p>(pointers: impl Iterator<Item = &'p str>) -> Option<String> {
     let mut left_out: Vec<&str> = pointers.filter(|pointer| target(pointer).is_none()).collect();
     left_out.sort_unstable();

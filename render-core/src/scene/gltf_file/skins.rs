@@ -1,4 +1,4 @@
-//! Skins: which joints bend which vertices.
+//! Loads skins: joints and their weights on vertices.
 
 use super::accessor::Buffers;
 use super::nodes::NodeOf;
@@ -7,11 +7,11 @@ use crate::scene::{Influence, Skin};
 use glam::{Affine3A, Mat4};
 use gltf::Semantic;
 
-/// The attributes JOINTS_n and WEIGHTS_n: four of each for every vertex.
+/// One set of the attributes JOINTS_n and WEIGHTS_n, four of each per vertex.
 pub(super) type InfluenceSet = (Vec<[u32; 4]>, Vec<[f32; 4]>);
 
 impl Loader<'_> {
-    /// Joints, and what brings a vertex into their spaces.
+    /// Reads joints and their inverse bind matrices.
     pub(super) fn skin(&self, skin: &gltf::Skin, buffers: &Buffers, node_of: &NodeOf) -> Result<Skin, LoadError> {
         let place = format!("skin {}", skin.index());
         let mut joints = Vec::new();
@@ -25,7 +25,7 @@ impl Loader<'_> {
             None => vec![Affine3A::IDENTITY; joints.len()],
             Some(accessor) => match buffers.floats::<16>(&accessor) {
                 Some(list) => list.iter().map(|m| Affine3A::from_mat4(Mat4::from_cols_array(m))).collect(),
-                None => return self.bad(format!("{place}: its matrices lie outside of their buffer")),
+                None => return self.bad(format!("{place}: its matrices are outside their buffer")),
             },
         };
         if joints.is_empty() || inverse_bind.len() < joints.len() || !inverse_bind.iter().all(Affine3A::is_finite) {
@@ -34,7 +34,7 @@ impl Loader<'_> {
         Ok(Skin { joints, inverse_bind })
     }
 
-    /// Joints and weights of a primitive of `vertices` vertices; one set at least.
+    /// Reads joints and weights of a primitive with `vertices` vertices; at least one set.
     pub(super) fn influence_sets(
         &self,
         place: &str,
@@ -57,12 +57,13 @@ impl Loader<'_> {
             }
         }
         if sets.is_empty() {
-            return self.bad(format!("{place}: a skin bends it, but it has no joints and weights"));
+            return self.bad(format!("{place}: it has a skin, but no joints and weights"));
         }
         Ok(sets)
     }
 
-    /// The joints of each vertex and their weights, which sum to 1: four of each set for the first vertex, then for the second …
+    /// The influences of each vertex, with weights that sum to 1: four per set for the first vertex, then for the
+    /// second, and so on.
     pub(super) fn influences(
         &self,
         place: &str,
@@ -75,10 +76,10 @@ impl Loader<'_> {
             let first = influences.len();
             for (joint_set, weight_set) in sets {
                 for (&joint, &weight) in joint_set[vertex].iter().zip(&weight_set[vertex]) {
-                    // Unused places may name any joint.
+                    // An influence without weight may name any joint.
                     let joint = if weight == 0.0 { 0 } else { joint };
                     if joint as usize >= joints || !weight.is_finite() {
-                        return self.bad(format!("{place}: vertex {vertex} hangs from joint {joint} of {joints}"));
+                        return self.bad(format!("{place}: vertex {vertex} uses joint {joint} of {joints}"));
                     }
                     influences.push(Influence { joint, weight });
                 }

@@ -1,4 +1,4 @@
-//! A glTF file as bytes, for programs that write it anew with changes.
+//! A glTF file as bytes, for programs that write a modified copy.
 
 use super::stored::StoredBuffers;
 use super::{LoadError, Loader};
@@ -6,22 +6,22 @@ use crate::scene::files::{Reach, SceneFiles};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// The parts of a glTF file that are read before any of them is understood.
+/// The sections of a glTF file, unparsed.
 #[derive(Clone, Debug)]
 pub struct GltfSource {
     path: PathBuf,
     reach: Reach,
-    /// The document: JSON as text.
+    /// The document: JSON text.
     pub json: Vec<u8>,
-    /// The binary part of a .glb file, if it has one.
+    /// The binary chunk of a .glb file, if it has one.
     pub binary: Option<Vec<u8>>,
 }
 
 impl GltfSource {
-    /// Reads a .gltf or .glb file, but no other file that it names; these may lie where `reach` allows.
+    /// Reads a .gltf or .glb file, but no other file that it names. `reach` limits where these may be.
     ///
     /// # Errors
-    /// The file cannot be read, or is a .glb file that is cut short or damaged.
+    /// The file cannot be read, or is a truncated or damaged .glb file.
     pub fn read(path: &Path, reach: Reach) -> Result<Self, LoadError> {
         let bytes =
             SceneFiles::of(path, reach).read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
@@ -30,15 +30,15 @@ impl GltfSource {
         Ok(Self { path: path.into(), reach, json, binary })
     }
 
-    /// Reads a `data:` URI, or a file beside the scene; `name` says what it is, for instance "image 3".
+    /// Reads a `data:` URI or a file next to the scene. `name` describes it in messages, for instance "image 3".
     ///
     /// # Errors
-    /// The resource cannot be read, lies where none is read from, or is not base64.
+    /// The resource cannot be read, is outside the allowed folders, or is not base64.
     pub fn resource(&self, name: &str, uri: &str) -> Result<Vec<u8>, LoadError> {
         Loader { path: &self.path, files: &SceneFiles::of(&self.path, self.reach) }.resource(name, uri)
     }
-    /// Unpacks meshes and buffer views that extensions pack: `json` has them plain then. Returns the buffers that this adds, in the
-    /// order of their indices, which follow those of the file.
+    /// Unpacks meshes and buffer views that extensions pack; `json` then refers to the plain data. Returns the added
+    /// buffers, with indices in order after the file's own.
     ///
     /// # Errors
     /// Packed data cannot be read or is damaged, and has no plain copy.

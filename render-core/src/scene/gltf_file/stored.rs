@@ -1,29 +1,29 @@
-//! Bytes of buffers, read when first needed, and the memory that parts of the document may take.
+//! Buffers, read on first use, and the memory that a document may allocate.
 
 use super::{LoadError, Loader};
 use std::cell::Cell;
 
-/// Memory that a document may take, as bytes and as a multiple of the bytes that its buffers have: many accessors may point to the
-/// same bytes, each for a mesh of its own, and packed data is smaller than its contents.
+/// Memory that a document may allocate: bytes, and a multiple of the bytes in its buffers. Many accessors may refer to
+/// the same bytes, and packed data is smaller than its contents.
 const ALLOWANCE: (usize, usize) = (1 << 28, 256);
 
-/// Memory that parts of a document may still take \[bytes\]; none once a request exceeded it.
+/// Memory that a document may still allocate \[bytes\]; `None` after a request exceeded it.
 pub(super) struct Allowance(Cell<Option<usize>>);
 
 impl Allowance {
-    /// Whether parts of the document stand for more than a file of this size may.
+    /// Whether a request exceeded the memory allowed for a file of this size.
     pub fn is_exhausted(&self) -> bool {
         self.0.get().is_none()
     }
 
-    /// Takes `bytes`; `None` once it is exhausted.
+    /// Takes `bytes` from the allowance; `None` if it is exhausted.
     pub fn charge(&self, bytes: usize) -> Option<()> {
         let left = self.0.get().and_then(|left| left.checked_sub(bytes));
         self.0.set(left);
         left.map(|_| ())
     }
 
-    /// Bytes left.
+    /// Remaining bytes.
     #[cfg(feature = "draco")]
     pub fn left(&self) -> usize {
         self.0.get().unwrap_or(0)
@@ -37,19 +37,20 @@ impl Allowance {
 /// The buffers of a document.
 pub(super) struct StoredBuffers<'a> {
     loader: &'a Loader<'a>,
-    /// Binary part of the file, until a buffer takes it.
+    /// Binary chunk of the file, until a buffer takes it.
     blob: Option<&'a [u8]>,
     held: Vec<Option<Vec<u8>>>,
     pub allowance: Allowance,
 }
 
 impl<'a> StoredBuffers<'a> {
-    /// With none of the buffers read.
+    /// Builds the buffers without reading any.
     pub fn new(loader: &'a Loader<'a>, blob: Option<&'a [u8]>) -> Self {
         Self { loader, blob, held: Vec::new(), allowance: Allowance(Cell::new(Some(ALLOWANCE.0))) }
     }
 
-    /// The buffer of this index, of which `length` bytes at least must be there; its `uri` is none for the binary part of the file.
+    /// Returns the buffer at `index`, which must have at least `length` bytes. Without `uri`, it is the file's binary
+    /// chunk.
     pub fn read(&mut self, index: usize, uri: Option<&str>, length: usize) -> Result<&[u8], LoadError> {
         if self.held.len() <= index {
             self.held.resize(index + 1, None);
@@ -67,10 +68,9 @@ impl<'a> StoredBuffers<'a> {
                 }
             };
             if data.len() < length {
-                return self.loader.bad(format!(
-                    "{what} has {} of {length} bytes: the file was cut short; copy it again",
-                    data.len()
-                ));
+                return self
+                    .loader
+                    .bad(format!("{what} has {} of {length} bytes: the file is truncated; copy it again", data.len()));
             }
             self.allowance.extend(data.len());
             self.held[index] = Some(data);
@@ -87,13 +87,13 @@ impl<'a> StoredBuffers<'a> {
         self.held[index] = Some(data);
     }
 
-    /// Whether the file has a binary part.
+    /// Whether the file has a binary chunk.
     #[cfg(feature = "meshopt")]
     pub fn has_binary(&self) -> bool {
         self.blob.is_some() || self.held.first().is_some_and(Option::is_some)
     }
 
-    /// The bytes of `count` buffers, empty where they were not read, and what is left of the memory.
+    /// Returns `count` buffers, empty if never read, and the remaining allowance.
     pub fn into_parts(mut self, count: usize) -> (Vec<Vec<u8>>, Allowance) {
         self.held.resize(count, None);
         (self.held.into_iter().map(Option::unwrap_or_default).collect(), self.allowance)

@@ -1,4 +1,4 @@
-//! Images that visible surfaces use.
+//! Loads the images of visible surfaces.
 
 use super::accessor::Buffers;
 use super::image_decoder::decode;
@@ -9,12 +9,13 @@ use super::{DocumentSource, LoadError, Loader};
 use crate::scene::{Encoding, Material, Scene, Texture, TextureSlot, Wrap};
 use std::collections::{BTreeMap, HashMap};
 
-/// Most texels of all textures together, 2 GB of them: a few bytes may stand for a large image, and many textures for one file.
+/// Most texels of all textures, 2 GB of memory. A few bytes may encode a large image, and many textures may use one
+/// file.
 const MOST_TEXELS: usize = 1 << 29;
 
 impl Loader<'_> {
-    /// Decodes the images that a material of a shown mesh uses, and renumbers the slots to match. An image that is both
-    /// color and data is held twice: its mip levels differ.
+    /// Decodes the images of all visible materials and renumbers the slots to match. An image used as color and as data
+    /// is stored twice: its mip levels differ.
     pub(super) fn textures(
         &self,
         DocumentSource { document, buffers, .. }: DocumentSource,
@@ -50,7 +51,7 @@ impl Loader<'_> {
         let bytes = match image.source() {
             gltf::image::Source::View { view, .. } => match buffers.view(&view) {
                 Some(bytes) => bytes.to_vec(),
-                None => return self.bad(format!("{what} lies outside of its buffer")),
+                None => return self.bad(format!("{what} is outside its buffer")),
             },
             gltf::image::Source::Uri { uri, .. } => self.resource(&what, uri)?,
         };
@@ -62,26 +63,26 @@ impl Loader<'_> {
     }
 }
 
-/// A texture that differs in one of these is another: its image, its continuation, its meaning, and its borders of texels.
+/// Key of a decoded texture: image, wrapping, encoding, and whether magnified texels have sharp borders.
 type Key = (usize, [Wrap; 2], Encoding, bool);
 
-/// The textures of a document, as far as they are read.
+/// The textures of a document read so far.
 struct Reading<'a> {
     loader: &'a Loader<'a>,
     buffers: &'a Buffers,
     files: Vec<gltf::Texture<'a>>,
     images: Vec<gltf::Image<'a>>,
-    /// Images to show where that of a texture is damaged, by texture.
+    /// For each texture, the image that replaces a damaged one.
     plain_images: &'a BTreeMap<usize, usize>,
     textures: Vec<Texture>,
     place_of: HashMap<Key, usize>,
-    /// Texels of all textures.
+    /// Number of texels of all textures.
     texels: usize,
     notes: Vec<String>,
 }
 
 impl<'a> Reading<'a> {
-    /// Reads the textures of a material; those of the `older` model are converted together.
+    /// Reads the textures of a material; converts textures of the `older` model together.
     fn material(&mut self, material: &mut Material, older: Option<OlderFactors>) -> Result<(), LoadError> {
         let Material { base_color_texture, metallic_roughness_texture, emission_texture, .. } = material;
         let rough = match (older, *metallic_roughness_texture) {
@@ -101,7 +102,7 @@ impl<'a> Reading<'a> {
         self.place(material.normal_texture.as_mut().map(|(slot, _)| slot), Encoding::Linear)
     }
 
-    /// Gives a slot the number of its decoded image.
+    /// Points a slot to its decoded image.
     fn place(&mut self, slot: Option<&mut TextureSlot>, encoding: Encoding) -> Result<(), LoadError> {
         let Some(slot) = slot else { return Ok(()) };
         let file = self.file(slot)?;
@@ -122,7 +123,7 @@ impl<'a> Reading<'a> {
         self.files.get(slot.texture).cloned().map_or_else(|| self.loader.bad("a texture index is out of range"), Ok)
     }
 
-    /// Adds a texture; returns its place.
+    /// Adds a texture and returns its index.
     fn add(&mut self, texture: Texture) -> Result<usize, LoadError> {
         let size = texture.size();
         self.texels += size.x as usize * size.y as usize;
@@ -134,7 +135,7 @@ impl<'a> Reading<'a> {
         Ok(self.textures.len() - 1)
     }
 
-    /// Decodes a texture of the file, or the plain image that it has besides, if its own is damaged.
+    /// Decodes a texture of the file, or its plain replacement if the first image is damaged.
     fn texture(&mut self, file: &gltf::Texture, encoding: Encoding) -> Result<Texture, LoadError> {
         let plain = self.plain_images.get(&file.index()).and_then(|&plain| self.images.get(plain));
         let (width, height, texels) = match (self.loader.image(&file.source(), self.buffers), plain) {
@@ -148,7 +149,7 @@ impl<'a> Reading<'a> {
         Ok(if is_blocky(file) { read.blocky() } else { read })
     }
 
-    /// Textures of base color, and of metalness and roughness, of these diffuse and glossy slots of the older model.
+    /// Converts diffuse and glossy slots of the older model to textures of base color, and of metalness and roughness.
     fn converted(&mut self, slots: [Option<TextureSlot>; 2], factors: OlderFactors) -> Result<[Texture; 2], LoadError> {
         let mut images = [None, None];
         let (mut wraps, mut blocky) = ([Wrap::Repeat; 2], false);
@@ -165,7 +166,7 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// An error's text for a note, which the scene's path precedes.
+/// An error's text for a note, without the scene's path.
 fn without_path(error: &LoadError) -> String {
     match error {
         LoadError::Malformed { what, .. } => what.clone(),
@@ -174,12 +175,12 @@ fn without_path(error: &LoadError) -> String {
     }
 }
 
-/// Whether its texels are to be seen from nearby. Of its other filters none is needed: textures have their own.
+/// Whether magnified texels have sharp borders. Other filters are ignored: textures have their own.
 fn is_blocky(texture: &gltf::Texture) -> bool {
     texture.sampler().mag_filter() == Some(gltf::texture::MagFilter::Nearest)
 }
 
-/// How the texture is continued.
+/// Wrapping along both axes.
 fn wrap(texture: &gltf::Texture) -> [Wrap; 2] {
     let sampler = texture.sampler();
     [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {

@@ -1,11 +1,10 @@
-//! Checks of a document that the `gltf` crate leaves out, though it panics where one of them fails.
+//! Checks of a document that the `gltf` crate omits, although it panics if one fails.
 
 use super::{LoadError, Loader};
 use gltf::json::{self, camera, validation::Checked};
 
 impl Loader<'_> {
-    /// Checks what the crate reads without looking: indices that its own validation uses or passes over, and parts of which
-    /// one must be there.
+    /// Checks data that the crate reads unchecked: indices, and objects of which one must exist.
     pub(super) fn check_document(&self, root: &json::Root) -> Result<(), LoadError> {
         self.check_positions(root)?;
         self.check_cameras(root)?;
@@ -33,11 +32,11 @@ impl Loader<'_> {
             let missing = match camera.type_ {
                 Checked::Valid(camera::Type::Perspective) => camera.perspective.is_none().then_some("perspective"),
                 Checked::Valid(camera::Type::Orthographic) => camera.orthographic.is_none().then_some("orthographic"),
-                // The crate names it.
+                // The crate reports invalid types.
                 Checked::Invalid => None,
             };
             if let Some(part) = missing {
-                return self.bad(format!("camera {c} is of type {part}, but has no part {part}; export it again"));
+                return self.bad(format!("camera {c} has type {part}, but no object {part}; export it again"));
             }
         }
         Ok(())

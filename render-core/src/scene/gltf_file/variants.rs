@@ -4,7 +4,7 @@ use super::{LoadError, Loader};
 use serde_json::Value;
 
 impl Loader<'_> {
-    /// The number of the variant that is shown, if one is chosen by its name.
+    /// The index of the variant called `name`, if a name is given.
     pub(super) fn variant(
         &self,
         document: &gltf::Document,
@@ -36,7 +36,7 @@ impl Loader<'_> {
     }
 }
 
-/// The material of a primitive in this variant; `None` where the variant leaves its own.
+/// The material of a primitive in this variant; `None` if the variant does not change it.
 pub(super) fn material_of(primitive: &gltf::Primitive, variant: Option<u64>) -> Option<usize> {
     let mappings = primitive.extension_value("KHR_materials_variants")?.get("mappings")?.as_array()?;
     for mapping in mappings {

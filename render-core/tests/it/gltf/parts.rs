@@ -151,7 +151,7 @@ fn textures_of_the_older_model_are_converted() {
         assert!((data.z - metallic).abs() < 0.0021 && (data.y - roughness).abs() < 0.0021, "{data} at {u}");
     }
     // With coordinates of their own the two textures have no texels in common.
-    assert_eq!(notes(&scene, "coordinates differ from those of the diffuse texture"), 1, "{:?}", scene.warnings);
+    assert_eq!(notes(&scene, "other coordinates than the diffuse texture"), 1, "{:?}", scene.warnings);
 }
 
 /// Candela and lux of Blender's exporter are 683 times watts: `PBR_WATTS_TO_LUMENS` of its source.
@@ -215,7 +215,7 @@ fn all_clips_play_together_on_request() {
     let ends = |scene: &Scene| scene.pose(1.0).world.iter().map(|world| world.translation).collect::<Vec<_>>();
     let first = file.load();
     assert_eq!(ends(&first), [Vec3A::Y, Vec3A::ZERO]);
-    assert_eq!(notes(&first, "of 4 animations the first plays"), 1, "{:?}", first.warnings);
+    assert_eq!(notes(&first, "only the first of 4 animations plays"), 1, "{:?}", first.warnings);
     assert_eq!(notes(&first, "--animation all"), 1);
     let all = file.load_with(&["animation.name=all"]).unwrap();
     assert_eq!((ends(&all), all.channels.len()), (vec![Vec3A::Y, Vec3A::X], 3));

@@ -19,7 +19,8 @@ fn channels_without_a_node_leave_the_others() {
         let scene = file.load();
         assert_eq!(scene.channels.len(), 1, "{target}");
         assert_eq!(scene.pose(1.0).world[0].translation, Vec3A::Y, "{target}");
-        let word = if target["extensions"].is_null() { "animations of properties" } else { "property /acme/0/x" };
+        let word =
+            if target["extensions"].is_null() { "animations of unknown node properties" } else { "property /acme/0/x" };
         assert_eq!(notes(&scene, word), 1, "{target}: {:?}", scene.warnings);
     }
 }
@@ -47,7 +48,7 @@ fn textures_without_a_source_leave_the_plain_color() {
         let scene = file.load();
         assert_eq!(scene.materials[0].slots().count(), 0);
         assert_eq!(scene.materials[0].base_color, vec3(0.2, 0.4, 0.6));
-        assert_eq!(notes(&scene, "textures without an image"), 1, "{:?}", scene.warnings);
+        assert_eq!(notes(&scene, "textures without a readable image"), 1, "{:?}", scene.warnings);
     }
 }
 
@@ -59,7 +60,7 @@ fn primitives_without_positions_are_skipped() {
     file.json["meshes"][0]["primitives"].as_array_mut().unwrap().insert(0, other);
     let scene = file.load();
     assert_eq!((scene.meshes.len(), scene.triangle_count()), (1, 2));
-    assert_eq!(notes(&scene, "without positions"), 1);
+    assert_eq!(notes(&scene, "without readable positions"), 1);
     // The same for positions in a format that an extension adds, for draws of an unknown mode and for data of an extension alone.
     for (pointer, value) in [
         ("/accessors/0/componentType", json!(5130)),
@@ -73,7 +74,7 @@ fn primitives_without_positions_are_skipped() {
             *file.json.pointer_mut(pointer).unwrap() = value;
         }
         let scene = file.load();
-        assert_eq!((scene.triangle_count(), notes(&scene, "without positions")), (0, 1), "{pointer}");
+        assert_eq!((scene.triangle_count(), notes(&scene, "without readable positions")), (0, 1), "{pointer}");
     }
     let mut file = File::square();
     file.json["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 72 }));
@@ -86,7 +87,7 @@ fn primitives_without_positions_are_skipped() {
         file.json["meshes"][0]["primitives"][0]["extensions"] =
             json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": { "POSITION": 0 } } });
         let scene = file.load();
-        assert_eq!((scene.triangle_count(), notes(&scene, "in KHR_draco_mesh_compression alone")), (0, 1));
+        assert_eq!((scene.triangle_count(), notes(&scene, "only in KHR_draco_mesh_compression")), (0, 1));
     }
 }
 
@@ -158,7 +159,7 @@ fn unlit_backdrops_are_named() {
         file.json["materials"] = json!([{ "extensions": extensions }]);
         file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "directional" }] } });
         file.node(json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
-        notes(&file.load(), "\"dome\" encloses the scene: where it is closed it keeps the sun out")
+        notes(&file.load(), "\"dome\" encloses the scene and blocks the sun wherever it is closed")
     };
     assert_eq!(backdrop(9.0, 9.0, true), 1);
     // Lit surfaces, smaller ones and flat ones are no backdrops.
@@ -192,7 +193,7 @@ fn absent_and_empty_lists_are_read() {
         let scene = file.load();
         assert_eq!(scene.triangle_count(), 0);
         assert!(scene.sky.is_some());
-        assert_eq!(notes(&scene, "shows nothing but the sky"), 1, "{:?}", scene.warnings);
+        assert_eq!(notes(&scene, "only the sky is visible"), 1, "{:?}", scene.warnings);
     }
 }
 
@@ -209,7 +210,7 @@ fn files_without_scenes_show_all_nodes() {
     assert_eq!((scene.instances.len(), notes(&scene, "no scene: all its nodes are shown")), (2, 1));
     // Of meshes without a node nothing is shown.
     file.json.as_object_mut().unwrap().remove("nodes");
-    assert_eq!(notes(&file.load(), "nothing but the sky"), 1);
+    assert_eq!(notes(&file.load(), "only the sky is visible"), 1);
     // An index of a scene that is not there is no valid one.
     file.json["scene"] = json!(0);
     assert!(file.load_with(&[]).unwrap_err().contains("scene"));
@@ -235,8 +236,8 @@ fn accessors_and_buffers_without_data_are_read() {
     json["materials"] = json!([{ "emissiveTexture": { "index": 0 } }]);
     std::fs::write(&path, json.to_string()).unwrap();
     let scene = render_core::scene::load(&path).unwrap();
-    assert_eq!((scene.triangle_count(), notes(&scene, "without positions")), (0, 1), "{:?}", scene.warnings);
-    assert_eq!(notes(&scene, "textures without an image"), 1);
+    assert_eq!((scene.triangle_count(), notes(&scene, "without readable positions")), (0, 1), "{:?}", scene.warnings);
+    assert_eq!(notes(&scene, "textures without a readable image"), 1);
 }
 
 /// Buffers that nothing reads need no data.
@@ -307,7 +308,7 @@ fn binary_files_may_have_chunks_of_other_types() {
         *byte = 0;
     }
     assert_eq!(load_bytes(&zeros, &[]).unwrap().triangle_count(), 2);
-    assert!(load_bytes(&bytes[..bytes.len() - 8], &[]).unwrap_err().contains("not a whole glTF file"));
+    assert!(load_bytes(&bytes[..bytes.len() - 8], &[]).unwrap_err().contains("not a complete glTF file"));
 }
 
 /// Files that are not valid have a line that is true.
@@ -316,7 +317,7 @@ fn other_versions_and_wrong_types_are_named() {
     for (pointer, value, words) in [
         ("/asset/version", json!("1.0"), "glTF 1.0"),
         ("/asset/version", json!("1.0.2"), "glTF 1.0.2"),
-        ("/asset/version", json!(1), "glTF 1;"),
+        ("/asset/version", json!(1), "glTF 1,"),
         ("/asset/version", json!("3.0"), "glTF 3.0"),
         ("/asset/minVersion", json!("2.1"), "glTF 2.1"),
         ("/nodes/0/mesh", json!("box"), "does not follow glTF 2.0"),
@@ -326,7 +327,7 @@ fn other_versions_and_wrong_types_are_named() {
         let (parent, name) = pointer.rsplit_once('/').unwrap();
         file.json.pointer_mut(parent).unwrap()[name] = value;
         let line = file.load_with(&[]).unwrap_err();
-        assert!(line.contains(words) && line.lines().count() == 1 && !line.contains("not a whole"), "{line}");
+        assert!(line.contains(words) && line.lines().count() == 1 && !line.contains("not a complete"), "{line}");
     }
 }
 

@@ -1,10 +1,10 @@
-//! Channels of animations that move something other than a property of a node.
+//! Animation channels with a target other than a property of a node.
 
 use super::{Normalized, index, objects};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// A channel that `KHR_animation_pointer` aims at a property of the document.
+/// A channel of `KHR_animation_pointer`, which animates a property of the document.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::scene::gltf_file) struct PointerChannel {
     /// Index of the animation.
@@ -15,7 +15,8 @@ pub(in crate::scene::gltf_file) struct PointerChannel {
     pub pointer: String,
 }
 
-/// Removes channels without a node (glTF 2.0, 5.5: "the target object MAY be defined by an extension"), and keeps pointers apart.
+/// Removes channels without a node (glTF 2.0, 5.5: "the target object MAY be defined by an extension"), and collects
+/// pointers.
 pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: &mut Normalized) {
     for (animation, clip) in objects(root, "animations").enumerate() {
         let mut missing = BTreeSet::new();
@@ -29,7 +30,7 @@ pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
             let interpolation = sampler.get("interpolation").and_then(Value::as_str);
             if interpolation.is_some_and(|name| !["LINEAR", "STEP", "CUBICSPLINE"].contains(&name)) {
                 sampler.remove("interpolation");
-                found.note("keys of an unknown interpolation are joined by straight lines");
+                found.note("keys with an unknown interpolation are interpolated linearly");
             }
         }
         let Some(Value::Array(channels)) = clip.get_mut("channels") else { continue };
@@ -38,7 +39,7 @@ pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
                 return true;
             };
             if missing.contains(&sampler) {
-                found.note("animations whose keys cannot be read are left out");
+                found.note("animations with unreadable keys are left out");
                 return false;
             }
             if let Some(pointer) = target.pointer("/extensions/KHR_animation_pointer/pointer").and_then(Value::as_str) {
@@ -48,7 +49,7 @@ pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
             let path = target.get("path").and_then(Value::as_str);
             let known = path.is_none_or(|path| ["translation", "rotation", "scale", "weights"].contains(&path));
             if target.get("node").is_none() || !known {
-                found.note("animations of properties that no node has are left out");
+                found.note("animations of unknown node properties are left out");
                 return false;
             }
             true

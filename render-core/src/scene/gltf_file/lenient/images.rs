@@ -1,17 +1,17 @@
-//! Images without data, and the textures that show them.
+//! Images without data, and textures that use them.
 
 use super::{Normalized, index, objects};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// An image for indices that must lead somewhere; no material uses it.
+/// A placeholder image, for indices that must be valid; no material uses it.
 const PLACEHOLDER: &str = "data:application/octet-stream;base64,";
 
-/// Extensions of textures whose images are read.
+/// Extensions for textures in other formats, and whether this build reads them.
 const FORMATS: [(&str, bool); 2] =
     [("KHR_texture_basisu", cfg!(feature = "basis")), ("EXT_texture_webp", cfg!(feature = "webp"))];
 
-/// Removes textures without an image that can be read from materials (glTF 2.0, 5.29: `source` may be omitted).
+/// Removes textures without a readable image from materials (glTF 2.0, 5.29: `source` may be omitted).
 pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normalized) {
     let mut empty = BTreeSet::new();
     for (place, image) in objects(root, "images").enumerate() {
@@ -20,7 +20,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
             empty.insert(place);
         }
         if image.contains_key("bufferView") {
-            // The decoder looks at the data itself.
+            // The decoder inspects the data itself.
             image.entry("mimeType").or_insert_with(|| json!("image/png"));
         } else if !image.contains_key("uri") {
             image.insert("uri".into(), json!(PLACEHOLDER));
@@ -79,11 +79,11 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
         }
     }
     if removed > 0 {
-        found.note("textures without an image that can be read are left out: surfaces there have their plain color");
+        found.note("textures without a readable image are left out: their surfaces have a plain color");
     }
 }
 
-/// Removes all members of an object, and of objects in it, that are such textures; returns their number.
+/// Removes all references to these textures from an object and its descendants; returns their number.
 fn remove_slots(value: &mut Value, without: &BTreeSet<usize>) -> usize {
     let Value::Object(object) = value else { return 0 };
     let count = object.len();

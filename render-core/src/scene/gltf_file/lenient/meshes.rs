@@ -4,11 +4,11 @@ use super::{Normalized, index, objects};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
-/// Extensions that hold vertices of a primitive which its accessors lack.
+/// Extensions with vertices of a primitive that are missing from its accessors.
 const COMPRESSED: [&str; 1] = ["KHR_draco_mesh_compression"];
 
-/// Replaces accessors of unknown types by one zero, as accessors are found by their index, and returns their indices, with those whose
-/// buffer has no data. Nothing that is drawn reads either.
+/// Replaces accessors of unknown types by a single zero, which keeps all other indices valid. Returns their
+/// indices, and those with a buffer without data. No drawn primitive reads either.
 pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usize> {
     let mut unreadable = BTreeSet::new();
     for (place, accessor) in objects(root, "accessors").enumerate() {
@@ -26,7 +26,7 @@ pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usi
             unreadable.insert(place);
         }
     }
-    // glTF 2.0, 3.7.2.1 wants bounds of positions; they are computed here, whatever the file claims.
+    // glTF 2.0, 3.7.2.1 requires bounds of positions; this loader computes its own.
     let mut positions = BTreeSet::new();
     for primitive in primitives_of(root) {
         positions.extend(primitive.get("attributes").and_then(|list| list.get("POSITION")).and_then(index));
@@ -39,7 +39,7 @@ pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usi
     unreadable
 }
 
-/// An accessor of one scalar, which is zero: without a view all elements are (glTF 2.0, 3.6.2.1).
+/// An accessor of one scalar zero: without a view, all elements are zero (glTF 2.0, 3.6.2.1).
 fn one_zero() -> Map<String, Value> {
     Map::from_iter([
         ("componentType".into(), json!(5126)),
@@ -48,7 +48,8 @@ fn one_zero() -> Map<String, Value> {
     ])
 }
 
-/// Views of buffers without data, which are not `used`: those that an extension fills, such as the fallback of `EXT_meshopt_compression`.
+/// Views of buffers without data, such as the fallback of `EXT_meshopt_compression`, which an extension fills. Removes
+/// these buffers from `used`.
 pub(super) fn dry_views(root: &mut Value, has_binary: bool, used: &mut BTreeSet<usize>) -> BTreeSet<usize> {
     let mut dry = BTreeSet::new();
     for (place, buffer) in objects(root, "buffers").enumerate() {
@@ -66,8 +67,8 @@ pub(super) fn dry_views(root: &mut Value, has_binary: bool, used: &mut BTreeSet<
     views
 }
 
-/// Removes what cannot be read: attributes of unknown names, and primitives without positions (glTF 2.0, 3.7.2.1: "client
-/// implementations SHOULD skip primitive's rendering").
+/// Removes unreadable content: attributes of unknown names, and primitives without positions (glTF 2.0, 3.7.2.1:
+/// "client implementations SHOULD skip primitive's rendering").
 pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: &mut Normalized) {
     let without_view: BTreeSet<usize> = objects(root, "accessors")
         .enumerate()
@@ -81,7 +82,7 @@ pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
             let compressed = COMPRESSED
                 .into_iter()
                 .find(|name| primitive.get("extensions").is_some_and(|extensions| extensions.get(name).is_some()));
-            // Accessors of compressed vertices only state their number and type.
+            // Accessors of compressed vertices only specify count and type.
             let is_missing = |accessor: Option<usize>| {
                 accessor.is_some_and(|place| {
                     unreadable.contains(&place) || (compressed.is_some() && without_view.contains(&place))
@@ -98,8 +99,8 @@ pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
             let keep = has_positions && !is_missing(indices) && mode.is_none_or(|mode| mode <= 6);
             if !keep {
                 found.note(&match compressed {
-                    Some(name) => format!("meshes whose vertices are in {name} alone are left out"),
-                    None => "parts of meshes without positions that can be read are left out".into(),
+                    Some(name) => format!("meshes with vertices only in {name} are left out"),
+                    None => "primitives without readable positions are left out".into(),
                 });
             }
             keep
@@ -107,7 +108,7 @@ pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
     }
 }
 
-/// Whether an attribute has a name that the specification or an application gives.
+/// Whether the specification defines an attribute of this name.
 fn is_known(name: &str) -> bool {
     let numbered = |prefix: &str| name.strip_prefix(prefix).is_some_and(|set| set.parse::<u32>().is_ok());
     ["POSITION", "NORMAL", "TANGENT"].contains(&name)

@@ -1,7 +1,7 @@
-//! Documents in the form that the `gltf` crate expects.
+//! Converts documents to the form that the `gltf` crate expects.
 //!
-//! The specification lets files omit parts, or leave them to extensions. The crate refuses these files: this pass fills in, removes
-//! or replaces such parts first. Lists keep their length, so that indices keep their meaning.
+//! The specification lets files omit data, or define it in extensions. The crate refuses these files, so this pass
+//! first fills in, removes or replaces such data. Lists keep their length: indices stay valid.
 
 mod animations;
 mod images;
@@ -16,24 +16,24 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Results of [`normalize`].
 #[derive(Debug, Default)]
 pub(super) struct Normalized {
-    /// A line for each kind of part that was left out.
+    /// A line for each kind of omitted data.
     pub notes: Vec<String>,
-    /// Animation channels that `KHR_animation_pointer` aims at a property.
+    /// Animation channels of `KHR_animation_pointer`.
     pub pointers: Vec<PointerChannel>,
     /// Names of extensions with an object in the document.
     pub extensions: BTreeSet<String>,
-    /// Images to show where that of a texture, by its index, cannot be read.
+    /// For each texture, by index, the image that replaces an unreadable one.
     pub plain_images: BTreeMap<usize, usize>,
     /// The program that wrote the file.
     pub generator: Option<String>,
     /// Buffer views that an accessor, an image or an extension reads.
     used_views: BTreeSet<usize>,
-    /// Buffers with data that these views read.
+    /// Buffers with data that these views use.
     pub used_buffers: BTreeSet<usize>,
 }
 
 impl Normalized {
-    /// Adds a note once.
+    /// Adds a note, once.
     fn note(&mut self, text: &str) {
         if !self.notes.iter().any(|note| note == text) {
             self.notes.push(text.into());
@@ -41,10 +41,11 @@ impl Normalized {
     }
 }
 
-/// Brings the document into the form that the `gltf` crate parses; `has_binary` where the first buffer may be part of the file.
+/// Converts the document to the form that the `gltf` crate parses. `has_binary` if the first buffer may be the file's
+/// binary chunk.
 ///
 /// # Errors
-/// The file is of another version of glTF.
+/// The file has another version of glTF.
 pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized, String> {
     check_version(root)?;
     let generator = root.pointer("/asset/generator").and_then(Value::as_str).map(str::to_owned);
@@ -65,7 +66,7 @@ pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized
     Ok(found)
 }
 
-/// glTF 2.0, 3.2: a file of version 2.x is read, unless its least version is newer than 2.0. Version 1 has objects in place of lists.
+/// glTF 2.0, 3.2: accepts version 2.x, unless `minVersion` is above 2.0. In version 1, objects replace lists.
 fn check_version(root: &Value) -> Result<(), String> {
     let mut version = match root.pointer("/asset/version") {
         Some(Value::String(text)) => text.clone(),
@@ -80,14 +81,14 @@ fn check_version(root: &Value) -> Result<(), String> {
         return Ok(());
     }
     let shown: String = version.chars().take(8).collect();
-    Err(format!("the file is of glTF {shown}; 2.0 is read: export it as glTF 2.0"))
+    Err(format!("the file is glTF {shown}, but only 2.0 is read; export it as glTF 2.0"))
 }
 
-/// Removes `extras`, which may be of any type, and nulls; writes 4.0 as 4; collects the names of extensions.
+/// Removes `extras`, which may have any type, and nulls; rewrites 4.0 as 4; collects the names of extensions.
 ///
 /// The depth is bounded: `serde_json` refuses documents of more than 128 levels.
 fn plain(value: &mut Value, found: &mut Normalized) {
-    /// Above it, f64 does not hold every integer.
+    /// Above this, f64 cannot represent every integer.
     const LARGEST: f64 = 9_007_199_254_740_992.0;
     match value {
         Value::Object(object) => {
@@ -116,7 +117,7 @@ fn plain(value: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// A note for each extension that the document names or has, and that is left out.
+/// A note for each extension that the document names or uses and that is left out.
 fn extension_notes(root: &Value, found: &BTreeSet<String>) -> Vec<String> {
     let list = |name: &str| root.get(name).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     let mut names = found.clone();
@@ -124,7 +125,8 @@ fn extension_notes(root: &Value, found: &BTreeSet<String>) -> Vec<String> {
     extensions::notes(&names, list("materials"))
 }
 
-/// glTF 2.0, 3.5.1: a scene may have no nodes, and a file no scenes: "a library of individual entities such as materials or meshes".
+/// glTF 2.0, 3.5.1: a scene may have no nodes, and a file no scenes: "a library of individual entities such as
+/// materials or meshes".
 fn scenes(root: &mut Value, found: &mut Normalized) {
     if root.get("scene").is_none() && objects(root, "scenes").next().is_none() {
         let mut is_child = BTreeSet::new();
@@ -145,7 +147,7 @@ fn scenes(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// `KHR_lights_punctual` of a node may be without a light.
+/// Removes `KHR_lights_punctual` from nodes if it names no light.
 fn nodes(root: &mut Value) {
     for node in objects(root, "nodes") {
         let Some(Value::Object(extensions)) = node.get_mut("extensions") else { continue };
@@ -201,9 +203,9 @@ fn lights(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// Drops hints of views that no reader needs, and finds the buffers that views read.
+/// Removes hints from views that no reader needs, and finds the buffers that views use.
 fn buffers(root: &mut Value, found: &mut Normalized) {
-    // Accessors without a view are zeros; the crate wants any view for them.
+    // Accessors without a view are zeros; the crate requires any view for them.
     if objects(root, "bufferViews").next().is_none() && objects(root, "accessors").next().is_some() {
         if objects(root, "buffers").next().is_none() {
             root["buffers"] = json!([{ "byteLength": 1 }]);
@@ -221,7 +223,7 @@ fn buffers(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// glTF 2.0, 5.19: alpha modes that an extension may add count as the default.
+/// glTF 2.0, 5.19: alpha modes that an extension may add are replaced by the default.
 fn materials(root: &mut Value, found: &mut Normalized) {
     for material in objects(root, "materials") {
         let mode = material.get("alphaMode").and_then(Value::as_str);
@@ -232,13 +234,13 @@ fn materials(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// The objects of a list of the document; nothing where there is none.
+/// The objects in a list of the document; empty if the list is missing.
 fn objects<'a>(root: &'a mut Value, name: &str) -> impl Iterator<Item = &'a mut Map<String, Value>> {
     let list = root.get_mut(name).and_then(Value::as_array_mut);
     list.into_iter().flatten().filter_map(Value::as_object_mut)
 }
 
-/// An index of the document.
+/// An index in the document.
 fn index(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|index| usize::try_from(index).ok())
 }

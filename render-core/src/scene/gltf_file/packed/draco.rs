@@ -3,27 +3,27 @@
 use crate::scene::gltf_file::document::one_line;
 use draco_core::{DataType, DecodeLimits, DecoderBuffer, Mesh, MeshDecoder, PointAttribute, PointIndex};
 
-/// Numbers of all vertices.
+/// One attribute of all vertices.
 pub(super) struct Attribute {
     /// Little-endian numbers without gaps.
     pub bytes: Vec<u8>,
-    /// `componentType` of glTF.
+    /// glTF's `componentType`.
     pub component: u32,
-    /// Numbers of a vertex, 1 to 4.
+    /// Number of components per vertex, 1 to 4.
     pub width: usize,
 }
 
-/// A mesh as triangles.
+/// An unpacked mesh of triangles.
 pub(super) struct Unpacked {
     /// Corners of all triangles.
     pub indices: Vec<u32>,
     /// Number of vertices.
     pub vertices: usize,
-    /// The attributes, in the order of their ids.
+    /// Attributes in the order of their ids.
     pub attributes: Vec<Attribute>,
 }
 
-/// The most that a stream may stand for.
+/// Limits on a stream's contents.
 #[derive(Clone, Copy)]
 pub(super) struct Most {
     pub triangles: usize,
@@ -33,7 +33,7 @@ pub(super) struct Most {
 
 /// Unpacks the attributes with these ids.
 pub(super) fn decode(data: &[u8], ids: &[u32], most: Most) -> Result<Unpacked, String> {
-    // Vertices are corners of triangles at most.
+    // Each vertex is a corner of a triangle.
     let limits = DecodeLimits::default()
         .with_max_faces(most.triangles as u64)
         .with_max_points(3 * most.triangles as u64)
@@ -57,7 +57,8 @@ pub(super) fn decode(data: &[u8], ids: &[u32], most: Most) -> Result<Unpacked, S
     Ok(Unpacked { indices, vertices, attributes })
 }
 
-/// The numbers of an attribute in the order of vertices; `None` where they have a type that glTF lacks, or lie outside of the data.
+/// The numbers of an attribute in vertex order. `None` if their type does not exist in glTF, or if they are outside the
+/// data.
 fn numbers(attribute: &PointAttribute, vertices: usize) -> Option<Attribute> {
     let (component, size) = match attribute.data_type() {
         DataType::Int8 => (5120, 1),

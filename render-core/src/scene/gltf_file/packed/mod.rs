@@ -1,7 +1,7 @@
-//! Meshes and buffer views that an extension packs: the document is changed to one that has them plain.
+//! Unpacks meshes and buffer views packed by extensions: the document then refers to plain data.
 //!
-//! Unpacked data becomes buffers after those of the file. Data that cannot be unpacked is no error where the document has a plain
-//! copy of it.
+//! Unpacked data becomes buffers after the file's own. If data cannot be unpacked but has a plain copy, a note replaces
+//! the error.
 
 #[cfg(feature = "draco")]
 mod draco;
@@ -19,7 +19,7 @@ use super::{LoadError, Loader};
 use serde_json::Value;
 
 impl Loader<'_> {
-    /// Unpacks the data that the document uses; returns a note for each packed part in whose place its plain copy is read.
+    /// Unpacks the data that the document uses. Returns a note for each item replaced by its plain copy.
     ///
     /// # Errors
     /// Packed data is damaged, and has no plain copy.
@@ -29,7 +29,7 @@ impl Loader<'_> {
         self.unpack_views(root, stored, &mut notes)?;
         #[cfg(feature = "draco")]
         self.unpack_primitives(root, stored, &mut notes)?;
-        // Without the features there is nothing to do.
+        // Without the features, the arguments are unused.
         let _ = (root, stored, &mut notes);
         Ok(notes)
     }

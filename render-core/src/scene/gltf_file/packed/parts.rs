@@ -1,21 +1,21 @@
-//! Parts of documents that no pass has checked yet.
+//! Access to unvalidated documents.
 
 use super::StoredBuffers;
 use crate::scene::gltf_file::LoadError;
 use serde_json::{Value, json};
 
-/// An index or a count.
+/// Parses an index or a count.
 pub(super) fn number(value: &Value) -> Option<usize> {
     let float = || value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..4e9).contains(x));
     value.as_u64().and_then(|number| usize::try_from(number).ok()).or_else(|| float().map(|x| x as usize))
 }
 
-/// A list of the document; empty where there is none.
+/// A list in the document; empty if it is missing.
 pub(super) fn list<'a>(root: &'a Value, name: &str) -> &'a [Value] {
     root[name].as_array().map_or(&[], Vec::as_slice)
 }
 
-/// The bytes of an object with `buffer`, `byteOffset` and `byteLength`; `None` where there are none.
+/// The bytes of an object with `buffer`, `byteOffset` and `byteLength`; `None` if they are missing.
 pub(super) fn bytes<'s>(
     root: &Value,
     stored: &'s mut StoredBuffers,
@@ -35,14 +35,14 @@ pub(super) fn bytes<'s>(
 
 /// Adds a buffer of these bytes and returns its index.
 pub(super) fn add_buffer(root: &mut Value, stored: &mut StoredBuffers, data: Vec<u8>) -> usize {
-    // The address is never read, but a buffer without one could be the binary part of the file.
+    // The URI is never read, but a buffer without one could be the file's binary chunk.
     let buffer = json!({ "byteLength": data.len().max(1), "uri": "data:application/octet-stream;base64," });
     let index = add(root, "buffers", buffer);
     stored.put(index, data);
     index
 }
 
-/// Adds to a list of the document, which exists or is made, and returns the index.
+/// Appends an item to a list of the document, which is created if necessary, and returns its index.
 pub(super) fn add(root: &mut Value, name: &str, item: Value) -> usize {
     if !root[name].is_array() {
         root[name] = json!([]);
@@ -54,7 +54,7 @@ pub(super) fn add(root: &mut Value, name: &str, item: Value) -> usize {
     })
 }
 
-/// Removes extensions that the document no longer has from its lists.
+/// Removes these extensions from the document's lists of extensions.
 pub(super) fn unlist(root: &mut Value, names: &[&str]) {
     for list in ["extensionsUsed", "extensionsRequired"] {
         let Some(Value::Array(list)) = root.get_mut(list) else { continue };

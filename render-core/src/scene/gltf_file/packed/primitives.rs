@@ -1,4 +1,4 @@
-//! Primitives that `KHR_draco_mesh_compression` packs.
+//! Primitives packed by `KHR_draco_mesh_compression`.
 
 use super::draco::{Attribute, Most, Unpacked, decode};
 use super::parts::{add, add_buffer, bytes, list, number, unlist};
@@ -12,14 +12,14 @@ const NAME: &str = "KHR_draco_mesh_compression";
 /// Bytes of a triangle.
 const TRIANGLE: usize = 12;
 
-/// A primitive by its mesh and its index there.
+/// Index of a primitive: its mesh, and its index in the mesh.
 #[derive(Clone, Copy)]
 struct PrimitiveIndex {
     mesh: usize,
     primitive: usize,
 }
 
-/// Accessors of unpacked data: the indices, and the attributes by their names.
+/// Accessors of unpacked data: the indices, and the attributes by name.
 #[derive(Clone)]
 struct Accessors {
     indices: usize,
@@ -41,7 +41,7 @@ impl Loader<'_> {
         for &place in all.iter().filter(|place| shown.contains(&place.mesh)) {
             let primitive = at(root, place).clone();
             let extension = &primitive["extensions"][NAME];
-            // Primitives that differ in their material alone share their vertices.
+            // Primitives that differ only in their material share their vertices.
             let key = format!("{} {extension}", primitive["indices"]);
             if !read.contains_key(&key) {
                 let unpacked = unpacked(root, stored, &primitive)?;
@@ -73,7 +73,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Notes that the plain copy is read; without one, it is an error that the packed data is damaged.
+    /// Notes that the plain copy is read. Without a plain copy, returns an error for the damaged packed data.
     fn keep_plain(
         &self,
         root: &Value,
@@ -116,7 +116,7 @@ fn at(root: &mut Value, place: PrimitiveIndex) -> &mut Value {
     &mut root["meshes"][place.mesh]["primitives"][place.primitive]
 }
 
-/// The unpacked mesh, or the reason why there is none.
+/// Unpacks a mesh, or returns the reason for a failure.
 fn unpacked(
     root: &Value,
     stored: &mut StoredBuffers,
@@ -127,7 +127,7 @@ fn unpacked(
     for id in extension["attributes"].as_object().into_iter().flat_map(Map::values) {
         match number(id).and_then(|id| u32::try_from(id).ok()) {
             Some(id) => ids.push(id),
-            None => return Ok(Err("has an attribute whose id is no number".into())),
+            None => return Ok(Err("has an attribute with an id that is not a number".into())),
         }
     }
     let view = number(&extension["bufferView"]).and_then(|view| list(root, "bufferViews").get(view));
@@ -136,9 +136,9 @@ fn unpacked(
         Some(view) => bytes(root, stored, view)?,
         None => None,
     };
-    let Some(data) = data else { return Ok(Err("lies outside of its buffer".into())) };
+    let Some(data) = data else { return Ok(Err("is outside its buffer".into())) };
 
-    // Strips have a triangle for each index but two.
+    // A strip has two fewer triangles than indices.
     let indices = number(&primitive["indices"]).and_then(|indices| list(root, "accessors").get(indices));
     let stated = indices.and_then(|accessor| number(&accessor["count"]));
     let per_triangle = if number(&primitive["mode"]) == Some(5) { 1 } else { 3 };
@@ -188,7 +188,7 @@ fn add_accessor(
     add(root, "accessors", accessor)
 }
 
-/// Gives a primitive its unpacked accessors. Draco has triangles, whatever the mode.
+/// Gives a primitive its unpacked accessors. Draco always contains triangles, whatever the mode.
 fn replace(primitive: &mut Value, accessors: &Accessors, replaced: &mut BTreeSet<usize>) {
     replaced.extend(primitive.get("indices").and_then(number));
     primitive["indices"] = json!(accessors.indices);
@@ -202,7 +202,7 @@ fn replace(primitive: &mut Value, accessors: &Accessors, replaced: &mut BTreeSet
     }
 }
 
-/// Takes the views from accessors that nothing reads any more: their buffers need not be there.
+/// Removes the views from accessors that are no longer in use: their buffers may be missing.
 fn free(root: &mut Value, mut replaced: BTreeSet<usize>) {
     if replaced.is_empty() {
         return;
@@ -215,7 +215,7 @@ fn free(root: &mut Value, mut replaced: BTreeSet<usize>) {
     }
 }
 
-/// Removes accessors that some part of the document names.
+/// Removes accessors that the document still refers to from the set.
 fn keep_named(value: &Value, accessors: &mut BTreeSet<usize>) {
     let mut forget = |value: &Value| number(value).is_some_and(|accessor| accessors.remove(&accessor));
     match value {

@@ -1,4 +1,4 @@
-//! Buffer views that `EXT_meshopt_compression` or `KHR_meshopt_compression` packs.
+//! Buffer views packed by `EXT_meshopt_compression` or `KHR_meshopt_compression`.
 
 use super::meshopt::Layout;
 use super::parts::{add_buffer, bytes, list, number, unlist};
@@ -6,11 +6,11 @@ use super::{LoadError, Loader, StoredBuffers};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// Both have the same members.
+/// Both extensions have the same members.
 const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
 
 impl Loader<'_> {
-    /// Unpacks the views that an accessor, an image or an extension reads.
+    /// Unpacks the views that an accessor, an image or an extension uses.
     pub(super) fn unpack_views(
         &self,
         root: &mut Value,
@@ -57,14 +57,14 @@ impl Loader<'_> {
     }
 }
 
-/// The extension that packs a view, with its members.
+/// The extension that packs a view, and its members.
 fn packed_by(place: usize, view: &Value) -> Option<(usize, &'static str, Value)> {
     let extension =
         |name: &'static str| view.get("extensions")?.get(name).map(|members| (place, name, members.clone()));
     NAMES.into_iter().find_map(extension)
 }
 
-/// The unpacked bytes, or the reason why there are none.
+/// Unpacks a view, or returns the reason for a failure.
 fn unpacked(
     root: &Value,
     stored: &mut StoredBuffers,
@@ -78,24 +78,24 @@ fn unpacked(
         Ok(layout) => layout,
         Err(fault) => return Ok(Err(fault)),
     };
-    // The allowance grows with the buffer.
+    // Reading a buffer raises the allowance.
     if bytes(root, stored, extension)?.is_none() {
-        return Ok(Err("lies outside of its buffer"));
+        return Ok(Err("is outside its buffer"));
     }
     if stored.allowance.charge(layout.size()).is_none() {
         return Ok(Err("has too many elements"));
     }
-    Ok(bytes(root, stored, extension)?.map_or(Err("lies outside of its buffer"), |packed| layout.unpack(packed)))
+    Ok(bytes(root, stored, extension)?.map_or(Err("is outside its buffer"), |packed| layout.unpack(packed)))
 }
 
-/// Whether the buffer of the view itself has data.
+/// Whether the view's own buffer has data.
 fn has_plain_copy(root: &Value, stored: &StoredBuffers, place: usize) -> bool {
     let buffer = number(&root["bufferViews"][place]["buffer"]);
     let Some(buffer) = buffer.filter(|&buffer| buffer < list(root, "buffers").len()) else { return false };
     root["buffers"][buffer]["uri"].is_string() || (buffer == 0 && stored.has_binary())
 }
 
-/// Finds all views that some object names.
+/// Finds all views that any object names.
 fn find_views(value: &Value, used: &mut BTreeSet<usize>) {
     match value {
         Value::Object(object) => {

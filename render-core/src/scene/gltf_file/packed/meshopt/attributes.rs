@@ -1,4 +1,4 @@
-//! "Mode 0: attributes": differences of neighboring elements, byte by byte, in as few bits as a group of 16 needs.
+//! "Mode 0: attributes": byte-wise differences of neighboring elements, in the fewest bits that each group of 16 needs.
 
 use super::{Fault, LONG, SHORT};
 
@@ -6,9 +6,9 @@ use super::{Fault, LONG, SHORT};
 const GROUP: usize = 16;
 /// Most elements of a block.
 const BLOCK: usize = 256;
-/// Least bytes after the blocks, by version.
+/// Least size of the tail after the blocks \[bytes\], by version.
 const TAIL: [usize; 2] = [32, 24];
-/// Bits of a difference, by version or control mode and by the header of a group.
+/// Bits of a difference, by version or control mode, and by a group's header.
 const BITS_V0: [u8; 4] = [0, 2, 4, 8];
 const BITS_V1: [[u8; 4]; 2] = [[0, 1, 2, 4], [1, 2, 4, 8]];
 
@@ -17,7 +17,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     let version = match data.first() {
         Some(0xa0) => 0,
         Some(0xa1) => 1,
-        Some(_) => return Err("is of an unknown version"),
+        Some(_) => return Err("has an unknown version"),
         None => return Err(SHORT),
     };
     let channels = if version == 1 { stride / 4 } else { 0 };
@@ -25,7 +25,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     let body = data.len().checked_sub(1 + tail).ok_or(SHORT)?;
     let (base, modes) = data[data.len() - stride - channels..].split_at(stride);
 
-    // Each block has a byte for four columns at least, in version 0 a byte for four groups of each.
+    // Each block has at least one byte per four columns; in version 0, at least one byte per column.
     let block = ((8192 / stride) & !(GROUP - 1)).min(BLOCK);
     let least = if version == 1 { stride / 4 } else { stride };
     if count.div_ceil(block).saturating_mul(least) > body {
@@ -63,7 +63,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     if reader.at != reader.end { Err(LONG) } else { Ok(out) }
 }
 
-/// Reads the bytes of blocks.
+/// Reads blocks.
 struct BlockReader<'a> {
     data: &'a [u8],
     at: usize,
@@ -78,7 +78,7 @@ impl<'a> BlockReader<'a> {
         Ok(taken)
     }
 
-    /// Fills a column: two bits for each group, then the groups.
+    /// Reads a column: two bits per group, then the groups.
     fn groups(&mut self, bits: &[u8; 4], column: &mut [u8]) -> Result<(), Fault> {
         let headers = self.take((column.len() / GROUP).div_ceil(4))?;
         for (place, group) in column.as_chunks_mut::<GROUP>().0.iter_mut().enumerate() {
@@ -91,10 +91,10 @@ impl<'a> BlockReader<'a> {
         Ok(())
     }
 
-    /// Fills a group from `bits` bits for each difference; all ones stand for a byte that follows.
+    /// Reads a group with `bits` bits per difference; all ones mean that a literal byte follows.
     fn group(&mut self, bits: u8, group: &mut [u8; GROUP]) -> Result<(), Fault> {
         let packed = self.take(usize::from(bits) * GROUP / 8)?;
-        // The tail is longer than the bytes that may follow, so that these are read without a look at the end.
+        // The tail is longer than the possible literals, so the reads below need no bounds check.
         let literals = self.data.get(self.at..self.at + GROUP).ok_or(SHORT)?;
         let escape = (1u8 << bits) - 1;
         let mut used = 0;
@@ -102,7 +102,7 @@ impl<'a> BlockReader<'a> {
         for (byte, values) in packed.iter().zip(group.chunks_exact_mut(per_byte)) {
             for (place, value) in values.iter_mut().enumerate() {
                 let place = place as u8;
-                // Single bits begin with the lowest one, pairs and nibbles with the highest.
+                // Single bits start at the lowest bit, pairs and nibbles at the highest.
                 let shift = if bits == 1 { place } else { 8 - bits - place * bits };
                 let short = (byte >> shift) & escape;
                 *value = if short == escape { literals[used] } else { short };
@@ -139,7 +139,7 @@ fn add_shorts<'a>(columns: &[[u8; BLOCK]; 4], last: &mut [u8; 4], places: impl I
     last[2..].copy_from_slice(&sums[1].to_le_bytes());
 }
 
-/// Channel mode 2: exclusive or of 32-bit numbers, which the encoder has rotated to the left.
+/// Channel mode 2: exclusive or of 32-bit numbers, rotated to the left by the encoder.
 fn mix_words<'a>(
     columns: &[[u8; BLOCK]; 4],
     rotation: u32,

@@ -2,12 +2,12 @@
 
 use super::{Fault, LONG, SHORT};
 
-/// Bytes after the data of triangles: pairs of places in the queue of vertices.
+/// Bytes after the data of triangles: pairs of positions in the vertex queue.
 const TABLE: usize = 16;
 /// Bytes after the data of a sequence.
 const PADDING: usize = 4;
 
-/// Bytes that follow the codes.
+/// The bytes that follow the codes.
 struct CodeReader<'a>(&'a [u8]);
 
 impl CodeReader<'_> {
@@ -17,7 +17,7 @@ impl CodeReader<'_> {
         Ok(first)
     }
 
-    /// Unsigned LEB128 in at most five bytes.
+    /// Reads an unsigned LEB128 number of at most five bytes.
     fn number(&mut self) -> Result<u32, Fault> {
         let mut number = 0;
         for shift in (0..35).step_by(7) {
@@ -31,12 +31,12 @@ impl CodeReader<'_> {
     }
 }
 
-/// The difference that a zigzag code means.
+/// Decodes a zigzag code to a difference.
 fn unfold(code: u32) -> u32 {
     (code >> 1) ^ (code & 1).wrapping_neg()
 }
 
-/// The last 16 items, the newest at place 0. Those that were never written are the largest index, which no mesh has.
+/// The last 16 items, the newest at position 0. Unwritten items are the largest index, which no mesh contains.
 struct Queue<T> {
     items: [T; 16],
     next: usize,
@@ -57,7 +57,7 @@ impl<T: Copy> Queue<T> {
     }
 }
 
-/// State of the decoder of triangles.
+/// State of the triangle decoder.
 struct Triangles<'a> {
     data: CodeReader<'a>,
     next: u32,
@@ -69,9 +69,9 @@ struct Triangles<'a> {
 /// Decodes `count` indices, a multiple of 3.
 pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
     if data.first().is_some_and(|&first| first != 0xe1) {
-        return Err("is of an unknown version");
+        return Err("has an unknown version");
     }
-    // A code for each triangle.
+    // One code per triangle.
     let body = data.len().checked_sub(1 + TABLE).filter(|&body| body >= count / 3).ok_or(SHORT)?;
     let (codes, rest) = data[1..1 + body].split_at(count / 3);
     let table = &data[1 + body..];
@@ -96,7 +96,7 @@ impl Triangles<'_> {
             return self.beside_edge(high, low);
         }
 
-        // Three corners of their own: places of the second and third, from the table or from the data.
+        // Three separate corners: positions of the second and third, from the table or from the data.
         let is_listed = low < 14;
         let pair = if is_listed { table[low] } else { self.data.byte()? };
         if !is_listed && pair == 0 {
@@ -118,7 +118,7 @@ impl Triangles<'_> {
         Ok([a, b, c])
     }
 
-    /// A triangle that has an edge of a recent one.
+    /// Decodes a triangle that shares an edge with a recent one.
     fn beside_edge(&mut self, age: usize, third: usize) -> Result<[u32; 3], Fault> {
         let (a, b) = self.edges.get(age);
         let c = match third {
@@ -138,7 +138,7 @@ impl Triangles<'_> {
         Ok([a, b, c])
     }
 
-    /// A corner by its place: 0 for a new vertex, 15 for one in the data.
+    /// Decodes a corner from its position: 0 for a new vertex, 15 for one in the data.
     fn corner(&mut self, place: usize) -> Result<u32, Fault> {
         match place {
             0 => Ok(self.fresh()),
@@ -147,14 +147,14 @@ impl Triangles<'_> {
         }
     }
 
-    /// The vertex that comes next.
+    /// The next new vertex.
     fn fresh(&mut self) -> u32 {
         let vertex = self.next;
         self.next = self.next.wrapping_add(1);
         vertex
     }
 
-    /// A vertex by its distance from the last such one.
+    /// Reads a vertex as the difference from the previous one in the data.
     fn stored(&mut self) -> Result<u32, Fault> {
         self.last = self.last.wrapping_add(unfold(self.data.number()?));
         Ok(self.last)
@@ -164,9 +164,9 @@ impl Triangles<'_> {
 /// Decodes `count` indices in any order.
 pub(super) fn sequence(data: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
     if data.first().is_some_and(|&first| first != 0xd1) {
-        return Err("is of an unknown version");
+        return Err("has an unknown version");
     }
-    // A byte for each index.
+    // At least one byte per index.
     let body = data.len().checked_sub(1 + PADDING).filter(|&body| body >= count).ok_or(SHORT)?;
     let mut reader = CodeReader(&data[1..1 + body]);
     let mut last = [0u32; 2];

@@ -1,4 +1,5 @@
-//! Buffer views packed by `EXT_meshopt_compression` and `KHR_meshopt_compression`: the second's bitstreams contain the first's.
+//! Buffer views packed by `EXT_meshopt_compression` and `KHR_meshopt_compression`. The bitstreams of the latter include
+//! those of the former.
 //!
 //! Sections refer to the text of `KHR_meshopt_compression`.
 
@@ -6,15 +7,15 @@ mod attributes;
 mod filters;
 mod indices;
 
-/// Why a stream is refused.
+/// The reason why a stream is refused.
 pub(super) type Fault = &'static str;
 
-/// A stream that ends before its last element.
+/// The stream ends before its last element.
 const SHORT: Fault = "ends early";
-/// A stream that goes on after its last element.
+/// The stream continues after its last element.
 const LONG: Fault = "has bytes left over";
 
-/// The bitstream of a view.
+/// Bitstream of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum BufferMode {
     Attributes,
@@ -22,7 +23,7 @@ pub(super) enum BufferMode {
     Indices,
 }
 
-/// The change of values after decoding.
+/// Filter applied after decoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Filter {
     None,
@@ -50,7 +51,7 @@ impl Layout {
             "ATTRIBUTES" => BufferMode::Attributes,
             "TRIANGLES" => BufferMode::Triangles,
             "INDICES" => BufferMode::Indices,
-            _ => return Err("is of an unknown mode"),
+            _ => return Err("has an unknown mode"),
         };
         let filter = match filter.unwrap_or("NONE") {
             "NONE" => Filter::None,
@@ -72,17 +73,17 @@ impl Layout {
             return Err("has a stride that its mode and filter do not allow");
         }
         if mode == BufferMode::Triangles && !count.is_multiple_of(3) {
-            return Err("has a number of indices that is no multiple of 3");
+            return Err("has a number of indices that is not a multiple of 3");
         }
         Ok(Self { mode, filter, count, stride })
     }
 
-    /// Bytes of the view, once unpacked.
+    /// Size of the unpacked view \[bytes\].
     pub fn size(&self) -> usize {
         self.count.saturating_mul(self.stride)
     }
 
-    /// Unpacks `data`. Checks that `data` is long enough for the stated number of elements before it allocates memory.
+    /// Unpacks `data`. Before it allocates memory, checks that `data` is long enough for the stated number of elements.
     pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>, Fault> {
         let mut out = match self.mode {
             BufferMode::Attributes => attributes::decode(data, self.count, self.stride)?,
