@@ -1,7 +1,8 @@
-//! Bias compensation by final gather: the light that bounding the geometry term takes from virtual lights close by.
+//! Bias compensation by final gather: restores the light that the bounded geometry term takes from nearby virtual
+//! lights.
 //!
-//! The geometry term of a virtual light is bounded: `cos θ cos θ_l / (r² + s)` in place of `/ r²`. A single light cannot
-//! outshine its surroundings then, and light from close by is missing \[Kollig04\]:
+//! The geometry term of a virtual light is bounded: `cos θ cos θ_l / (r² + s)` instead of `/ r²`. A single light then
+//! cannot outshine its surroundings, but nearby light is missing \[Kollig04\]:
 //!
 //! ```text
 //! E(x) = ∫ L(y) cos θ · s / (r² + s) dω  ≈  π/N Σ L(yᵢ) · s / (rᵢ² + s)      for N cosine-distributed rays
@@ -10,9 +11,9 @@
 //! ```
 //!
 //! # Differs from the paper
-//! L(y) comes from the surfels around y, which feed the virtual lights too, and not from a path traced onward. So the
-//! compensation is what was missing, no more, and a ray costs a look-up. Rays are followed on in gaps that are narrower than
-//! surfels resolve (`gather/gap.rs`).
+//! L(y) comes from the surfels around y, which also feed the virtual lights, and not from further path tracing. The
+//! compensation is exactly the missing light, and a ray costs one query. Rays continue only in gaps narrower than the
+//! resolution of surfels (`gather/gap.rs`).
 
 mod gap;
 
@@ -27,27 +28,27 @@ use glam::{Mat3A, Vec3, Vec3A};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// How near a surface is whose light surfels do not tell from that of its surroundings, in sides of an anchor's share.
+/// Distance to a surface below which surfels cannot resolve its light, in sides of an anchor's area.
 ///
-/// Measured on `atrium` and `nave`: without following rays on, pictures by all lights are off by 2.8e-3 and 3.7e-3 of relative
-/// MSE; with 0.1 by 2.1e-3 and 3.2e-3, with 0.3 by 2.0e-3 and 3.0e-3, with 0.8 by 1.8e-3 and 2.8e-3. That was with geometry
-/// terms bounded over one share; over eight, 0.4, 0.8 and 1.6 leave 1.39e-3, 1.31e-3, 1.25e-3 and 1.47e-3, 1.44e-3, 1.47e-3.
+/// Measured on `atrium` and `nave`, relative MSE with all lights. With geometry terms bounded over one area: 2.8e-3 and
+/// 3.7e-3 without continued rays, 2.1e-3 and 3.2e-3 with 0.1, 2.0e-3 and 3.0e-3 with 0.3, 1.8e-3 and 2.8e-3 with 0.8.
+/// Over eight areas, 0.4, 0.8 and 1.6 leave 1.39e-3, 1.31e-3, 1.25e-3 and 1.47e-3, 1.44e-3, 1.47e-3.
 const NEAR: f32 = 0.8;
-/// Rays are dropped whose compensation is less than this share of the radiance they meet: below 0.5 % in sum.
+/// Rays with a compensation below this fraction of the radiance they hit are dropped: below 0.5 % in sum.
 const LEAST_SHARE: f32 = 5e-4;
 
-/// Final gather in one frame: the radiance that its virtual lights stand for, by surfels.
+/// Final gather of one frame: the radiance that its virtual lights represent, by surfel.
 pub struct FinalGather {
     fixed: Arc<SurfelMap>,
     dynamic: SurfelMap,
     /// Radiance around each fixed surfel, then around each dynamic one \[W·m⁻²·sr⁻¹\].
     radiance: Vec<Vec3>,
-    /// Bounds of the geometry terms of the fixed and of the dynamic anchors \[m²\].
+    /// Bounds of the geometry terms of fixed and dynamic anchors \[m²\].
     bound: [f32; 2],
     gaps: Gaps,
-    /// By instance.
+    /// Whether each instance is dynamic.
     moving: Arc<[bool]>,
-    /// Instances whose emission is represented by virtual lights with the bound of the fixed anchors.
+    /// Whether virtual lights with the bound of fixed anchors represent each instance's emission.
     virtual_emitters: Vec<bool>,
 }
 
@@ -77,28 +78,28 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// Keeps the distances alone, and frees the memory of all else: [`FinalGather::compensation`] is zero then.
+    /// Keeps only the distances and frees all other memory; [`FinalGather::compensation`] is then zero.
     pub fn forget_light(&mut self) {
         self.sources = Vec::new();
         (self.emitted, self.emitted_by_position) = (Vec3::ZERO, Mat3A::ZERO);
     }
 }
 
-/// Light that bounding the geometry term takes.
+/// Light that the bounded geometry term removes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Compensation {
-    /// \[W·m⁻²\], linear RGB.
+    /// Irradiance \[W·m⁻²\], linear RGB.
     pub irradiance: Vec3,
-    /// Derivative by the position \[W·m⁻³\]: a column for each axis.
+    /// Derivative by the position \[W·m⁻³\], one column per axis.
     pub by_position: Mat3A,
 }
 
-/// A nearby surfel and its share in the compensation.
+/// A nearby surfel and its contribution to the compensation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct SurfelShare {
-    /// Place in [`FinalGather::radiance`].
+    /// Index into [`FinalGather::radiance`].
     surfel: u32,
     /// Irradiance per radiance.
     share: Vec3,
@@ -106,17 +107,17 @@ struct SurfelShare {
     by_position: Vec3A,
 }
 
-/// The surface where a gather ray ended.
+/// The surface that a gather ray hit.
 struct Seen<'a> {
     surface: Interaction<'a>,
     /// Length of the last segment of the ray \[m\].
     distance: f32,
-    /// Share of the ray in the compensation, without its surfel.
+    /// Contribution of the ray to the compensation, without its surfel.
     source: SurfelShare,
 }
 
 impl Gathered {
-    /// Adds emission that virtual lights stand for.
+    /// Adds emission that virtual lights represent.
     fn emit(&mut self, surface: &Interaction, source: &SurfelShare) {
         let radiance = surface.emission();
         if radiance == Vec3::ZERO {
@@ -129,7 +130,7 @@ impl Gathered {
 }
 
 impl GatherDirections {
-    /// `count` directions; a power of two is the most even.
+    /// Builds `count` directions; a power of two is the most even.
     #[must_use]
     pub fn new(count: usize) -> Self {
         let on_sphere = |u| {
@@ -141,7 +142,7 @@ impl GatherDirections {
 }
 
 impl FinalGather {
-    /// For the frame of `surfaces`, with the flux that its photons left at surfels.
+    /// Builds the final gather for the frame of `surfaces`, with the flux that photons deposited at surfels.
     #[must_use]
     pub fn new(surfaces: &Surfaces, anchors: &Anchors, anchor_flux: &AnchorFlux, units: &Units) -> Self {
         let scene = surfaces.scene();
@@ -160,33 +161,33 @@ impl FinalGather {
         }
     }
 
-    /// With lights that surfels are lit by and that rays hardly ever meet; none when not stated.
+    /// Adds the lamps that light surfels but that rays rarely hit; none by default.
     #[must_use]
     pub fn with_lamps(mut self, lamps: Lamps) -> Self {
         self.gaps.lamps = lamps;
         self
     }
 
-    /// For light that is reflected a limited number of times: no ray is followed on, as surfels do not tell how often the light
-    /// that they hold was reflected.
+    /// Disables continued rays, for a limited number of reflections: surfels do not record how often their light was
+    /// reflected.
     #[must_use]
     pub fn with_limited_bounces(mut self) -> Self {
         self.gaps.near = 0.0;
         self
     }
 
-    /// `virtual_emitters` says for each instance whether virtual lights with the bound of the fixed anchors stand for its
-    /// emission, which is compensated then; false for all when not stated.
+    /// `virtual_emitters` states for each instance whether virtual lights with the bound of fixed anchors represent its
+    /// emission, which is then compensated. False for all by default.
     ///
     /// # Panics
-    /// If there is not one value for each instance.
+    /// If the number of values differs from the number of instances.
     #[must_use]
     pub fn with_virtual_emitters(self, virtual_emitters: Vec<bool>) -> Self {
         assert_eq!(virtual_emitters.len(), self.virtual_emitters.len(), "one value for each instance");
         Self { virtual_emitters, ..self }
     }
 
-    /// Traces rays in the `directions` from `receiver`, turned about its normal by an angle that follows from `key`.
+    /// Traces rays in the `directions` from `receiver`, rotated about its normal by an angle that depends on `key`.
     pub fn gather(
         &self,
         scene: PosedScene,
@@ -223,12 +224,12 @@ impl FinalGather {
             if share < LEAST_SHARE {
                 continue;
             }
-            // Of a texture a ray sees what lies between it and its neighbors.
+            // A ray averages the texture over half the distance to its neighbors.
             let width = (hit.distance * spread).min(bound.sqrt());
             let surface = scene.surfaces.meet(&hit, direction, width);
             let way = direction * hit.distance;
-            // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, the element of the other surface held fixed; both
-            // cosines carry the way's length.
+            // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, with the hit point held fixed; both cosines
+            // contain the length of `way`.
             let towards = way.dot(surface.geometric_normal).min(-MIN_COSINE * hit.distance);
             let falloff = way * (4.0 / r2 + 2.0 / (r2 + bound));
             let gradient = falloff - surface.geometric_normal / towards;
@@ -243,26 +244,26 @@ impl FinalGather {
             self.take(&seen, scene, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
-        // Records keep it for many frames.
+        // Records keep the result for many frames.
         found.sources.shrink_to_fit();
         found
     }
 
-    /// Whether this frame has every surfel that `found` refers to. Always true for results of this scene; results that were
-    /// read from a file may refer to others.
+    /// Whether this frame has every surfel that `found` refers to. Always true for results of this scene; results read
+    /// from a file may refer to others.
     #[must_use]
     pub fn is_complete(&self, found: &Gathered) -> bool {
         found.sources.iter().all(|source| (source.surfel as usize) < self.radiance.len())
     }
 
-    /// Distance below which the bound of the geometry term takes much of the light of dynamic anchors \[m\]; 0 without any.
+    /// Distance below which the bounded geometry term removes much of the dynamic anchors' light \[m\]; 0 without any.
     #[must_use]
     pub fn dynamic_reach(&self) -> f32 {
         if self.dynamic.len() == 0 { 0.0 } else { self.bound[1].sqrt() }
     }
 
-    /// Radiance that `surface` of `instance` reflects of all light, by its surfels and as accurate as they are dense
-    /// \[W·m⁻²·sr⁻¹\].
+    /// Radiance \[W·m⁻²·sr⁻¹\] that `surface` of `instance` reflects of all light, from its surfels and only as
+    /// accurate as they are dense.
     #[must_use]
     pub fn surfel_radiance(&self, scene: PosedScene, surface: &Surface, instance: u32) -> Vec3 {
         let dynamic = self.moving[instance as usize];
@@ -276,7 +277,7 @@ impl FinalGather {
         sum
     }
 
-    /// Notes the surfel that stands for the surface of `seen`.
+    /// Adds the surfel that represents the hit surface.
     fn take(&self, seen: &Seen, scene: PosedScene, found: &mut Gathered) {
         let Seen { surface, source, .. } = seen;
         if surface.is_back() {
@@ -291,12 +292,12 @@ impl FinalGather {
         }
     }
 
-    /// Sight among surfels at rest; those of moving things take all that is theirs.
+    /// Visibility among static surfels; surfels of dynamic objects need none.
     fn sight<'s>(&self, dynamic: bool, scene: PosedScene<'s>) -> Option<Sight<'s>> {
         (!dynamic).then_some(Sight { accelerator: scene.accelerator, epsilon: self.gaps.epsilon })
     }
 
-    /// The dynamic or the fixed surfels, and the index of the first of them in `radiance`.
+    /// The dynamic or the fixed surfels, and the index of their first one in `radiance`.
     fn surfels(&self, dynamic: bool) -> (&SurfelMap, usize) {
         if dynamic { (&self.dynamic, self.fixed.len()) } else { (&self.fixed, 0) }
     }
@@ -315,7 +316,7 @@ impl FinalGather {
     }
 }
 
-/// Least cosine at a hit that derivatives are computed with: edge on they would not be finite.
+/// Least cosine at a hit that derivatives use; at grazing angles they would not be finite.
 const MIN_COSINE: f32 = 0.05;
 
 /// `a · bᵀ`.
@@ -334,7 +335,7 @@ mod tests {
 
     const RADIANCE: f32 = 2.0;
 
-    /// Squares of 40 m, each from a corner along two edges and facing their cross product.
+    /// Squares of 40 m, each given by a corner and two edges; it faces their cross product.
     fn squares(list: &[[Vec3; 3]]) -> Scene {
         let mut scene = Scene::default();
         scene.materials.push(Material::default());
@@ -351,7 +352,7 @@ mod tests {
         scene
     }
 
-    /// The light removed at `receiver`, and its derivative, when every anchor stands for the same radiance.
+    /// The light removed at `receiver`, and its derivative, if every anchor represents the same radiance.
     fn removed(scene: &Scene, receiver: impl Fn(f32) -> ShadingPoint, bound: &mut f32) -> Vec<(f32, Vec3A)> {
         let pose: Pose = scene.pose(0.0);
         let surfaces = Surfaces::new(scene, &pose);
@@ -386,7 +387,8 @@ mod tests {
         [1.0, 0.99, 1.01].map(place).to_vec()
     }
 
-    /// Above a wide floor of even radiance: E = π L (1 − h²/s · ln(1 + s/h²)), from ∫ over the hemisphere with r = h / cos θ.
+    /// Above a wide floor of uniform radiance: E = π L (1 − h²/s · ln(1 + s/h²)), from ∫ over the hemisphere with r = h
+    /// / cos θ.
     #[test]
     fn closed_form_above_a_floor() {
         let floor = squares(&[[Vec3::new(-20.0, 0.0, -20.0), Vec3::Z * 40.0, Vec3::X * 40.0]]);
@@ -402,8 +404,8 @@ mod tests {
         assert!((light / expected - 1.0).abs() < 0.01, "{light} in place of {expected}");
     }
 
-    /// Between two wide plates of albedo ρ, a height h apart, a ray is followed from plate to plate while its pieces are shorter
-    /// than `near`; of cosine-distributed ones (h/near)² are not.
+    /// Between two wide plates of albedo ρ at distance h, a ray continues from plate to plate while its segments are
+    /// shorter than `near`. Of cosine-distributed segments, the fraction (h/near)² is longer.
     #[test]
     fn narrow_gaps_are_as_dark_as_their_reflections_make_them() {
         const ALBEDO: f32 = 0.5;
@@ -423,7 +425,7 @@ mod tests {
         let near = NEAR * (PI * bound / SHARES).sqrt();
         let long = (height / near).powi(2);
         let caught = (0..gap::MOST_REFLECTIONS).fold(1.0, |later, _| long + (1.0 - long) * ALBEDO * later);
-        // Over cos² θ, which is even for these rays.
+        // Integrate over cos² θ, which is uniform for these rays.
         let steps = 10_000;
         let expected = (0..steps).map(|k| {
             let length = height / ((k as f32 + 0.5) / steps as f32).sqrt();
@@ -433,7 +435,7 @@ mod tests {
         assert!((light / expected - 1.0).abs() < 0.05, "{light} in place of {expected}");
     }
 
-    /// On a floor beside a wall: the derivative is what small steps find.
+    /// On a floor next to a wall, the derivative matches small differences.
     #[test]
     fn the_derivative_is_that_of_small_steps() {
         let corner = squares(&[

@@ -1,14 +1,14 @@
-//! Numbers that look random but are a function of what they are for, and the shapes they are bent into.
+//! Deterministic low-discrepancy samples, and warps to shapes.
 
 use glam::{Vec2, Vec3};
 
 /// Bases of the Halton sequence; a photon path uses one per dimension.
 ///
-/// With more of them, dimensions know of each other: of the first 36 000 points, those of bases 83 and 167 lie on stripes.
+/// More bases would be correlated: of the first 36 000 points, bases 83 and 167 form stripes.
 const PRIMES: [u32; 26] =
     [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89, 97, 101];
 
-/// The radical inverse of `index` in `base`: its digits mirrored at the point, 0 ≤ value < 1.
+/// The radical inverse of `index` in `base`: its digits mirrored at the radix point, 0 ≤ value < 1.
 #[must_use]
 pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
     let inverse = 1.0 / f64::from(base);
@@ -21,30 +21,31 @@ pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
     (value as f32).min(ONE_MINUS_EPSILON)
 }
 
-/// Point `index` of a set of `count` that covers the unit square evenly.
+/// Point `index` of a set of `count` points that covers the unit square evenly.
 pub(crate) fn hammersley(index: usize, count: usize) -> Vec2 {
     Vec2::new((index as f32 + 0.5) / count as f32, radical_inverse(2, index as u64))
 }
 
-/// Point `index` of the (0, 2)-sequence of Sobol' in the unit square: every first 2ᵏ points have one in each
-/// elementary interval of area 2⁻ᵏ (Kollig & Keller 2002).
+/// Point `index` of Sobol's (0, 2)-sequence in the unit square: the first 2ᵏ points have one in each elementary
+/// interval of area 2⁻ᵏ (Kollig & Keller 2002).
 #[must_use]
 pub fn sobol_point(index: u64) -> Vec2 {
     Vec2::new(radical_inverse(2, index), unit(sobol_second(index as u32)))
 }
 
-/// The first `count` points of that sequence, each in the middle of its cell: 2ᵏ of them are centered on the unit square.
+/// The first `count` points of Sobol's (0, 2)-sequence, each in the middle of its cell: 2ᵏ points are centered on the
+/// unit square.
 ///
-/// The corner of a cell would be as even, and to one side: a point on the rim of a hemisphere, a lamp a little off its place.
+/// Corners of cells would be as even but off-center: a point on the rim of a hemisphere, a lamp slightly displaced.
 pub fn centered_sobol(count: usize) -> impl Iterator<Item = Vec2> {
     let half_cell = 0.5 / count.next_power_of_two() as f32;
     (0..count as u64).map(move |index| sobol_point(index) + half_cell)
 }
 
-/// Point `index` of that sequence with its points shuffled and moved about by `seed`, such that every first 2ᵏ points
-/// are still one to an elementary interval (Owen 1995, in the way of Burley 2020).
+/// Point `index` of Sobol's (0, 2)-sequence, shuffled and scrambled by `seed`. Each first 2ᵏ points still have one
+/// point per elementary interval (Owen 1995, implemented after Burley 2020).
 ///
-/// With another seed the points are independent of these: one seed for each pixel and pair of dimensions.
+/// Another seed gives independent points: use one seed per pixel and pair of dimensions.
 #[must_use]
 pub fn owen_sobol_point(index: u32, seed: u64) -> Vec2 {
     let key = |k: u64| hash(seed, k, 0) as u32;
@@ -65,7 +66,7 @@ fn sobol_second(index: u32) -> u32 {
     y
 }
 
-/// Flips each bit or not, as the bits above it and the seed decide: \[Burley20\], listing 1, with the constants of
+/// Flips each bit or not, depending on the bits above it and the seed: \[Burley20\], listing 1, with the constants of
 /// Vegdahl 2021.
 fn nested_scramble(bits: u32, seed: u32) -> u32 {
     let mut x = bits.reverse_bits();
@@ -77,7 +78,7 @@ fn nested_scramble(bits: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// The upper 24 of 32 bits as a number in 0…1, 1 excluded: cut off, since rounding up would leave the interval.
+/// The upper 24 of 32 bits as a number in 0…1 (1 excluded). Truncated, since rounding up would leave the interval.
 fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 / (1u32 << 24) as f32
 }
@@ -99,13 +100,13 @@ pub fn halton(seed: u64, index: u64, dimension: usize) -> f32 {
     }
 }
 
-/// A number in 0…1 (1 excluded) that is a function of three keys.
+/// A hash of three keys in 0…1 (1 excluded).
 #[must_use]
 pub fn hash_unit(seed: u64, a: u64, b: u64) -> f32 {
     (hash(seed, a, b) >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// 64 well-mixed bits (the finalizer of SplitMix64, Steele et al. 2014, over the keys in turn).
+/// A 64-bit hash of three keys (the finalizer of SplitMix64, Steele et al. 2014, applied to each key in sequence).
 #[must_use]
 pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
     let mix = |mut z: u64| {
@@ -118,7 +119,7 @@ pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
         ^ b.wrapping_mul(golden))
 }
 
-/// Two unit vectors that form a right-handed frame with the unit vector `n` (Duff et al. 2017).
+/// Two unit vectors that complete the unit vector `n` to a right-handed frame (Duff et al. 2017).
 #[must_use]
 pub fn frame(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1.0f32.copysign(n.z);
@@ -127,7 +128,7 @@ pub fn frame(n: Vec3) -> (Vec3, Vec3) {
     (Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y))
 }
 
-/// A direction about `n` with density cos θ / π.
+/// A direction around `n` with density cos θ / π.
 #[must_use]
 pub fn cosine_hemisphere(n: Vec3, u: Vec2) -> Vec3 {
     let (x, y) = frame(n);
@@ -143,7 +144,7 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
     Vec3::new(radius * angle.cos(), radius * angle.sin(), z)
 }
 
-/// A point of the unit disc, areas and neighborhoods kept (Shirley & Chiu 1997).
+/// A point of the unit disc; the mapping preserves areas and neighborhoods (Shirley & Chiu 1997).
 #[must_use]
 pub fn concentric_disc(u: Vec2) -> Vec2 {
     let p = u * 2.0 - 1.0;
@@ -159,7 +160,7 @@ pub fn concentric_disc(u: Vec2) -> Vec2 {
 /// The inverse of [`concentric_disc`].
 #[must_use]
 pub fn disc_to_square(p: Vec2) -> Vec2 {
-    // The quarter of the square that the point comes from, counted from +x; its angle within that in −1…1.
+    // The quarter of the square that contains the point, counted from +x; its angle within that quarter in −1…1.
     let eighth = std::f32::consts::FRAC_PI_4;
     let quarter = (p.y.atan2(p.x) / (2.0 * eighth)).round();
     let across = p.y.atan2(p.x) / eighth - 2.0 * quarter;
@@ -173,32 +174,32 @@ pub fn disc_to_square(p: Vec2) -> Vec2 {
     (on_square + 1.0) / 2.0
 }
 
-/// Barycentric `(u, v)` spread evenly over a triangle.
+/// Barycentric `(u, v)`, uniformly distributed over a triangle.
 #[must_use]
 pub fn triangle(u: Vec2) -> (f32, f32) {
     let root = u.x.sqrt();
     (root * (1.0 - u.y), root * u.y)
 }
 
-/// An index that a [`Distribution`] picked.
+/// An index drawn from a [`Distribution`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pick {
     /// The index.
     pub index: usize,
     /// Its probability.
     pub probability: f64,
-    /// Position of the random number within the share of the index, 0…1: as good as a new one.
+    /// Position of the random number within the index's interval, 0…1: usable as a new random number.
     pub rest: f64,
 }
 
-/// Picks an index with probability in proportion to its weight.
+/// A discrete distribution with probabilities proportional to weights.
 #[derive(Clone, Debug)]
 pub struct Distribution {
     cumulative: Vec<f64>,
 }
 
 impl Distribution {
-    /// `None` when no weight is positive. Weights that are negative or not finite count as 0.
+    /// Builds the distribution; `None` if no weight is positive. Negative and non-finite weights count as 0.
     pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut sum = 0.0;
         let cumulative: Vec<f64> = weights
@@ -217,12 +218,12 @@ impl Distribution {
         *self.cumulative.last().expect("a distribution has weights")
     }
 
-    /// Picks the index at `u` (0…1).
+    /// Draws the index at `u` (0…1).
     #[must_use]
     pub fn pick(&self, u: f64) -> Pick {
         let target = u * self.total();
         let mut index = self.cumulative.partition_point(|&c| c <= target).min(self.cumulative.len() - 1);
-        // Rounding must never pick an entry of weight 0.
+        // Rounding must not select an entry of weight 0.
         while index > 0 && self.share(index) <= 0.0 {
             index -= 1;
         }
@@ -296,7 +297,7 @@ mod tests {
         }
     }
 
-    /// Over seeds, each point of a scrambled sequence is anywhere, and two dimensions know nothing of each other.
+    /// Over seeds, each point of a scrambled sequence is uniformly distributed, and two dimensions are independent.
     #[test]
     fn scrambled_points_are_even_over_seeds() {
         for index in [0, 1, 7] {
@@ -305,16 +306,16 @@ mod tests {
                 let p = owen_sobol_point(index, seed);
                 cells[(p.x * 4.0) as usize + 4 * (p.y * 4.0) as usize] += 1;
             }
-            // 1000 each, ±32; five standard deviations.
+            // 1000 each, ±32: five standard deviations.
             assert!(cells.iter().all(|&n| n.abs_diff(1000) < 160), "{cells:?}");
         }
     }
 
-    /// Numbers that are used together know nothing of each other: for each pair of dimensions, places in a table of 8×8 cells
-    /// are as frequent as chance has them, or more even. χ² has a mean of 63 and a standard deviation of 11.
+    /// Numbers that are used together are independent. For each pair of dimensions, cells of an 8×8 table are as
+    /// frequent as by chance, or more even. χ² has a mean of 63 and a standard deviation of 11.
     #[test]
     fn dimensions_that_are_used_together_are_independent() {
-        // A box has 36 000 photons; each takes five numbers and then three for each reflection.
+        // A box has 36 000 photons; each takes five numbers, and three more per reflection.
         let photons: Vec<Vec<f32>> = (0..44).map(|d| (0..36_000).map(|i| halton(1, i, d)).collect()).collect();
         check_pairs("photons", &photons);
         // Paths: 64 samples of each of 512 pixels, pairs of numbers of eight reflections.
@@ -326,7 +327,7 @@ mod tests {
         let paths: Vec<Vec<f32>> =
             pairs.iter().flat_map(|p| [p.iter().map(|p| p.x).collect(), p.iter().map(|p| p.y).collect()]).collect();
         check_pairs("paths", &paths);
-        // Anchors: the number of a patch with three of them, and the place of each on it.
+        // Anchors: the index of a patch with three anchors, and the position of each on it.
         let mut anchors = vec![Vec::new(); 3];
         for patch in 0..12_000u64 {
             for k in 0..3 {
@@ -337,7 +338,7 @@ mod tests {
             }
         }
         check_pairs("anchors", &anchors);
-        // Gather rays: the turn of a receiver, and the numbers that its rays are followed on with.
+        // Gather rays: the rotation of a receiver, and the numbers that continue its rays.
         let gather: Vec<Vec<f32>> = (0..6)
             .map(|d| {
                 (0..20_000)

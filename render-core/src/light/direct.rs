@@ -1,7 +1,8 @@
-//! Light that arrives straight from its source, with shadows.
+//! Direct light, with shadows.
 //!
-//! The sample points of a light are the same for all pixels and frames: penumbras come out smooth and still, where random
-//! points would leave noise that the encoder pays for. Shadow rays of a sample are traced to all pixels of a tile together.
+//! The sample points of a light are the same for all pixels and frames. Penumbras are smooth and static, whereas random
+//! points would leave noise that costs the encoder bits. Shadow rays of a sample are traced to all pixels of a tile
+//! together.
 
 use super::emitters::Emitters;
 use super::receiver::{Disc, ShadingPoint};
@@ -14,10 +15,10 @@ use crate::surface::Surfaces;
 use glam::{Vec3, Vec3A};
 use std::f32::consts::PI;
 
-/// Shadow rays are skipped for dynamic anchors that in sum give a receiver less than this share of its other direct light.
+/// Dynamic anchors need no shadow rays if their sum is below this fraction of a receiver's other direct light.
 const UNSHADOWED_SHARE: f32 = 1e-3;
 
-/// Lights of a frame that are sampled with shadow rays at every pixel.
+/// The lights of a frame that are sampled with shadow rays at every pixel.
 #[derive(Debug)]
 pub struct DirectLights {
     lights: Vec<Box<dyn Sampled>>,
@@ -30,15 +31,15 @@ pub struct DirectLights {
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct DynamicLights<'a> {
-    /// Each with its intensity along the normal \[W·sr⁻¹\].
+    /// Anchors, each with its intensity along the normal \[W·sr⁻¹\].
     pub anchors: &'a [(Anchor, Vec3)],
-    /// [`Anchors::dynamic_geometry_term_bound`] \[m²\].
+    /// Bound of the geometry terms, [`Anchors::dynamic_geometry_term_bound`] \[m²\].
     pub geometry_term_bound: f32,
 }
 
 impl DirectLights {
-    /// Prepares a frame. `areas` are the indices in [`Emitters::areas`] of the glowing surfaces that are sampled here;
-    /// `dynamic_flux` is that of [`Anchors::dynamic`] \[W\].
+    /// Prepares a frame. `areas` are the indices in [`Emitters::areas`] of the emissive surfaces to sample;
+    /// `dynamic_flux` is the flux of [`Anchors::dynamic`] \[W\].
     #[must_use]
     pub fn new(
         emitters: &Emitters,
@@ -47,7 +48,7 @@ impl DirectLights {
         dynamic_flux: &[Vec3],
         areas: &[usize],
     ) -> Self {
-        // A Lambertian emitter of flux Φ has the intensity Φ / π along its normal.
+        // A Lambertian emitter of flux Φ has intensity Φ / π along its normal.
         let mut dynamic = Vec::new();
         for (anchor, &flux) in anchors.dynamic_in_world(surfaces).into_iter().zip(dynamic_flux) {
             if flux.max_element() > 0.0 {
@@ -62,13 +63,13 @@ impl DirectLights {
         }
     }
 
-    /// Leaves out the dynamic anchors: their light has to be added from [`DirectLights::dynamic`].
+    /// Excludes the dynamic anchors: callers must add their light, [`DirectLights::dynamic`].
     #[must_use]
     pub fn with_dynamic_apart(self) -> Self {
         Self { dynamic_apart: true, ..self }
     }
 
-    /// The dynamic anchors that shine, if they are left out here ([`DirectLights::with_dynamic_apart`]); none else.
+    /// The emitting dynamic anchors, if excluded by [`DirectLights::with_dynamic_apart`]; else none.
     #[must_use]
     pub fn dynamic(&self) -> DynamicLights<'_> {
         DynamicLights {
@@ -83,14 +84,14 @@ impl DirectLights {
         Traced { value: value[0], shadow_rays }
     }
 
-    /// As [`DirectLights::irradiance`], to the last bit, for each of the `receivers`; the nearer to each other they lie,
-    /// the faster.
+    /// Irradiance \[W·m⁻²\] at each of the `receivers`, bit-identical to [`DirectLights::irradiance`]. Nearby receivers
+    /// are faster.
     pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[ShadingPoint]) -> Traced<Vec<Vec3>> {
         let mut sums = vec![Vec3::ZERO; receivers.len()];
         let mut shadow_rays = 0;
         let shadows = Shadows::new(accelerator);
         for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
-            // Dynamic anchors come last: those that are faint beside the other lights get no shadow rays.
+            // Dynamic anchors come last: anchors that are faint compared with the other lights get no shadow rays.
             let tile = ReceiverTile::new(&shadows, receivers);
             for light in &self.lights {
                 light.add_to(&tile, sums);
@@ -103,36 +104,37 @@ impl DirectLights {
         Traced { value: sums, shadow_rays }
     }
 
-    /// A point of each light that is sampled here.
+    /// One point of each sampled light.
     #[must_use]
     pub fn lamps(&self) -> Lamps {
         Lamps(self.lights.iter().map(|light| light.lamp()).collect())
     }
 
-    /// Whether the lights are those of `other`, where they were; anchors aside.
+    /// Whether both have the same lights in the same positions; ignores anchors.
     #[must_use]
     pub fn has_lamps_of(&self, other: &Self) -> bool {
         let pairs = || self.lights.iter().zip(&other.lights);
         self.lights.len() == other.lights.len() && pairs().all(|(light, other)| light.is_same(&**other))
     }
 
-    /// Regions around the lights: all that shadow rays lead to.
+    /// Regions around the lights, where all shadow rays end.
     #[must_use]
     pub fn sources(&self) -> Vec<Source> {
         self.lights.iter().map(|light| light.source()).collect()
     }
 
-    /// Whether `instance` is a glowing surface that is sampled here.
+    /// Whether `instance` is an emissive surface that is sampled here.
     #[must_use]
     pub fn samples_instance(&self, instance: u32) -> bool {
         self.lights.iter().any(|light| light.instance() == Some(instance))
     }
 
-    /// Radiance that a surface with a BRDF of its own reflects of lights that no ray meets. If there is an `area_brdf`, that
-    /// reflects the glowing surfaces.
+    /// Radiance \[W·m⁻²·sr⁻¹\] that a surface with its own BRDF reflects of lights that rays cannot hit. With an
+    /// `area_brdf`, includes emissive surfaces.
     ///
-    /// `brdf(direction, half_angle)` is its BRDF \[sr⁻¹\] for light from a disc of `half_angle` radians around a direction. A
-    /// distant light is one disc, of which as much is seen as of its first points; an area light is a disc for each of its points.
+    /// `brdf(direction, half_angle)` is the BRDF \[sr⁻¹\] for light from a disc of `half_angle` radians around a
+    /// direction. A distant light is one disc; its first points determine its visible fraction. An area light is one
+    /// disc per point.
     pub fn reflected(
         &self,
         accelerator: &Accelerator,
@@ -140,7 +142,7 @@ impl DirectLights {
         brdf: impl Fn(Vec3A, f32) -> Vec3,
         area_brdf: Option<impl Fn(Vec3A, f32) -> Vec3>,
     ) -> Traced<Vec3> {
-        // A glowing surface needs a shadow ray for every sample that gives light, other lights one or two each.
+        // An emissive surface needs a shadow ray per sample that contributes; other lights need one or two each.
         let shadows = &Shadows::new(accelerator);
         let mut whole = Traced::default();
         for light in self.lights.iter().filter(|light| light.instance().is_none()) {
@@ -154,15 +156,15 @@ impl DirectLights {
         whole
     }
 
-    /// Adds what the dynamic anchors give.
+    /// Adds the light of the dynamic anchors.
     fn add_dynamic(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
-        // Luminance that each receiver may still take from anchors without asking whether these are hidden.
+        // Luminance that each receiver may still take from anchors without shadow rays.
         let mut unshadowed = [0.0; PACKET];
         for (unshadowed, &sum) in unshadowed.iter_mut().zip(&*sums) {
             *unshadowed = luminance(sum) * UNSHADOWED_SHARE;
         }
         for (anchor, intensity) in &self.dynamic {
-            // Shadow rays go to the receivers at which the anchor is too bright for that.
+            // Only receivers where the anchor exceeds that luminance get shadow rays.
             let terms = tile.terms(&disc_of(anchor, self.dynamic_geometry_term_bound));
             let mut active = 0;
             for i in 0..sums.len() {
@@ -174,7 +176,7 @@ impl DirectLights {
                 }
             }
 
-            // Those that no ray was traced to are not hidden.
+            // Receivers without a shadow ray count as unoccluded.
             let hidden = tile.hidden_from(anchor.position, active, None);
             for (i, sum) in sums.iter_mut().enumerate() {
                 if hidden >> i & 1 == 0 {

@@ -1,4 +1,4 @@
-//! What lights share that are infinitely far away: photons, and direct light of a disc.
+//! Lights at infinity: their photons, and direct light from a disc.
 
 use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use super::receiver::ShadingPoint;
@@ -9,33 +9,33 @@ use crate::sampling::{concentric_disc, disc_to_square, frame};
 use glam::{Vec2, Vec3, Vec3A, Vec4};
 use std::any::Any;
 
-/// A light that is infinitely far away.
+/// A light that is infinitely distant.
 pub(crate) trait DistantLight: Sync {
     /// Integral of its radiance over all directions \[W·m⁻²\], linear RGB.
     fn fluence(&self) -> Vec3;
 
-    /// Whether it moves at any time.
+    /// Whether the light ever moves.
     fn moves(&self) -> bool {
         false
     }
 
-    /// A direction towards it, for `u` in the unit square.
+    /// Draws a direction towards the light, for `u` in the unit square.
     fn draw(&self, u: Vec2) -> DistantSample;
 }
 
-/// A direction towards a light that is infinitely far away.
+/// A direction towards a distant light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DistantSample {
-    /// Unit vector.
+    /// Direction, a unit vector.
     pub towards: Vec3A,
-    /// Linear RGB \[W·m⁻²·sr⁻¹\]. Without a density: irradiance \[W·m⁻²\] of a surface that faces the light.
+    /// Radiance \[W·m⁻²·sr⁻¹\], linear RGB. Without a density: irradiance \[W·m⁻²\] of a surface that faces the light.
     pub radiance: Vec3,
-    /// Density over solid angle \[sr⁻¹\]; `None` for light that no ray meets.
+    /// Density over solid angle \[sr⁻¹\]; `None` for light that rays cannot hit.
     pub pdf: Option<f32>,
 }
 
 impl DistantSample {
-    /// Irradiance that it represents \[W·m⁻²\].
+    /// Irradiance that the sample represents \[W·m⁻²\].
     fn irradiance(&self) -> Vec3 {
         self.pdf.map_or(self.radiance, |pdf| self.radiance / pdf)
     }
@@ -64,7 +64,7 @@ impl<L: DistantLight> PhotonEmitter for L {
         let towards = sample.towards;
         let irradiance = sample.irradiance() * at.cosine(towards)?;
 
-        // The inverse of the way that a photon starts.
+        // Invert the mapping that starts a photon.
         let (x, y) = frame(towards.into());
         let to = at.position - ball.center;
         let on_disc = Vec2::new(to.dot(x.into()), to.dot(y.into())) / ball.radius;
@@ -73,27 +73,27 @@ impl<L: DistantLight> PhotonEmitter for L {
     }
 }
 
-/// A disc in the sky that shadow rays go to.
+/// A disc in the sky, sampled with shadow rays.
 #[derive(Debug)]
 pub(super) struct DistantDisc {
-    /// Of a surface that faces it \[W·m⁻²\].
+    /// Irradiance of a surface that faces the disc \[W·m⁻²\].
     pub irradiance: Vec3,
-    /// Unit vector to its middle.
+    /// Direction to the disc's center, a unit vector.
     pub towards: Vec3A,
-    /// Half the angle that it spans \[rad\].
+    /// Half its angular diameter \[rad\].
     pub angular_radius: f32,
-    /// Towards points of the disc, each for the same share of its light.
+    /// Directions to sample points; each represents an equal fraction of the disc's light.
     pub directions: Vec<Vec3A>,
-    /// Towards points of its border.
+    /// Directions to points on the border.
     pub border: [Vec3A; 8],
 }
 
 impl DistantDisc {
-    /// Sample points of the disc.
+    /// Number of sample points of the disc.
     pub const SAMPLES: usize = 32;
-    /// Sample points that shadow rays are traced to first, after the border.
+    /// Number of sample points that are traced first, after the border.
     const FIRST_SAMPLES: usize = 2;
-    /// Points of the unit square that go to the border of a disc, an eighth of a turn apart.
+    /// Points of the unit square that map to the border of a disc, 45° apart.
     pub const BORDER: [Vec2; 8] = [
         Vec2::new(0.0, 0.0),
         Vec2::new(1.0, 1.0),
@@ -107,18 +107,18 @@ impl DistantDisc {
 }
 
 impl Sampled for DistantDisc {
-    /// All of it or none is visible where its border and the first few of its points agree.
+    /// If the border and the first few points agree, all or none of the disc is visible.
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
         let share = self.irradiance / self.directions.len() as f32;
         for (receiver, sum) in tile.receivers().iter().zip(sums) {
-            // Irradiance from a point of the disc, and the share of it that arrives.
+            // Irradiance from one sample point, and its visible fraction.
             let given = |towards: Vec3A| {
                 let above = receiver.geometric_normal.dot(towards) > 0.0;
                 share * if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 }
             };
             let visible = |towards: Vec3A| tile.visible_towards(receiver, towards);
 
-            // The border of the disc first: its points give nothing, and show whether the disc is partly hidden.
+            // Trace the border first: its points emit nothing, but detect partial occlusion.
             let mut votes = Votes::default();
             for towards in self.border {
                 if given(towards) != Vec3::ZERO && !(votes.lit && votes.dark) {
@@ -126,7 +126,8 @@ impl Sampled for DistantDisc {
                 }
             }
 
-            // Then points of the disc, each with its share of E cos θ. Once all votes agree the rest follows without rays.
+            // Then trace sample points, each with its part of E cos θ. Once all votes agree, the remaining points need
+            // no rays.
             for (index, &towards) in self.directions.iter().enumerate() {
                 let e = given(towards);
                 if e != Vec3::ZERO {
@@ -140,14 +141,14 @@ impl Sampled for DistantDisc {
     }
 
     fn reflected(&self, shadows: &Shadows, receiver: &ShadingPoint, brdf: Brdf) -> Traced<Vec3> {
-        // L = f E cos θ, none from below the horizon of the normal or of the triangle.
+        // L = f E cos θ; 0 below the horizon of the shading normal or the triangle.
         let given =
             brdf(self.towards, self.angular_radius) * self.irradiance * receiver.normal.dot(self.towards).max(0.0);
         if given == Vec3::ZERO || receiver.geometric_normal.dot(self.towards) <= 0.0 {
             return Traced::default();
         }
 
-        // The visible share of the disc is that of its first points.
+        // The first points determine the visible fraction of the disc.
         let first = &self.directions[..Self::FIRST_SAMPLES];
         let seen: f32 = first.iter().map(|&towards| shadows.visible_towards(receiver.position, towards)).sum();
         Traced { value: given * (seen / first.len() as f32), shadow_rays: first.len() as u64 }
@@ -162,30 +163,31 @@ impl Sampled for DistantDisc {
     }
 
     fn is_same(&self, other: &dyn Sampled) -> bool {
-        // Its points follow from these.
+        // These values determine its points.
         let light = |disc: &Self| (disc.irradiance, disc.towards, disc.angular_radius);
         (other as &dyn Any).downcast_ref().is_some_and(|other| light(self) == light(other))
     }
 }
 
-/// Shadow rays of the samples of a disc at one receiver so far.
+/// Results of a disc's shadow rays at one receiver so far.
 #[derive(Clone, Copy, Default)]
 struct Votes {
     lit: bool,
     dark: bool,
-    /// Irradiance from those that were lit \[W·m⁻²\].
+    /// Irradiance from the visible samples \[W·m⁻²\].
     sum: Vec3,
 }
 
 impl Votes {
-    /// Adds a sample that gives `e`, of which this `share` arrives.
+    /// Adds a sample with irradiance `e`, of which the fraction `share` arrives.
     fn add(&mut self, e: Vec3, share: f32) {
         self.dark |= share < 1.0;
         self.lit |= share > 0.0;
         self.sum += e * share;
     }
 
-    /// Whether all agreed. Without a vote there is no agreement, as when the first few samples all lie below the horizon.
+    /// Whether all votes agree. Without a vote they do not, for instance if the first few samples are below the
+    /// horizon.
     fn agree(&self) -> bool {
         self.lit != self.dark
     }

@@ -1,15 +1,15 @@
-//! The light of a source as photons, and the same ways backwards: how it gets to a place.
+//! Emission of photons by a light, and the reverse: the path from a light to a given point.
 
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A, Vec4};
 use std::f32::consts::PI;
 
-/// Dimensions of the Halton sequence that an emission uses.
+/// Number of Halton dimensions that an emission uses.
 pub const EMISSION_DIMENSIONS: usize = 5;
 
-/// A light that photons start from.
+/// A light that emits photons.
 pub(super) trait PhotonEmitter: Sync {
-    /// Whether the light is infinitely far away.
+    /// Whether the light is infinitely distant.
     fn is_distant(&self) -> bool {
         false
     }
@@ -17,10 +17,11 @@ pub(super) trait PhotonEmitter: Sync {
     /// Radiant flux into the scene within `ball` \[W\], linear RGB.
     fn power(&self, ball: &Ball) -> Vec3;
 
-    /// The photon with this start. `share` is 1 / (N p), for N photons and the density p of the start.
+    /// Emits the photon with this start. `share` is 1 / (N p), for N photons and the density p of the start.
     fn emit(&self, space: Space, start: Start, share: f32) -> EmittedPhoton;
 
-    /// How it lights a place, by a point or direction drawn with the place and way of a start; `None` if it does not.
+    /// Light at a surface point from a point or direction drawn with `drawn`, as `place` and `way` of a start. `None`
+    /// if no light arrives.
     fn towards(&self, space: Space, at: Facing, drawn: [Vec2; 2]) -> Option<SeenLight>;
 }
 
@@ -31,73 +32,73 @@ pub(super) struct Space<'a> {
     pub ball: Ball,
 }
 
-/// A ball around the scene: light from far away starts on discs of its size.
+/// Bounding sphere of the scene: photons of distant lights start on discs of its size.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ball {
     pub center: Vec3A,
-    /// \[m\]
+    /// Radius \[m\].
     pub radius: f32,
 }
 
 impl Ball {
-    /// Its cross-section \[m²\].
+    /// Area of the sphere's cross-section \[m²\].
     pub fn disc_area(&self) -> f32 {
         PI * self.radius * self.radius
     }
 }
 
-/// A photon on its way out.
+/// A photon as it leaves a light.
 #[derive(Clone, Copy, Debug)]
 pub struct EmittedPhoton {
-    /// Where it starts, a little off the surface.
+    /// Starting point, slightly off the surface \[m\].
     pub origin: Vec3A,
-    /// Unit vector.
+    /// Direction, a unit vector.
     pub direction: Vec3A,
-    /// Linear RGB flux \[W\].
+    /// Flux \[W\], linear RGB.
     pub flux: Vec3,
-    /// Whether its light moves through the scene.
+    /// Whether its light is dynamic.
     pub from_moving: bool,
-    /// Whether its light is infinitely far away.
+    /// Whether its light is infinitely distant.
     pub distant: bool,
 }
 
-/// How a photon starts.
+/// The random numbers that start a photon.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Start {
     /// Index into the lights of the [`PhotonSource`](super::PhotonSource).
     pub light: usize,
-    /// Left of the number that chose the light, 0…1.
+    /// Remainder of the number that chose the light, 0…1.
     pub rest: f64,
     pub place: Vec2,
     pub way: Vec2,
-    /// Probability density of all that.
+    /// Probability density of all these numbers.
     pub density: f32,
 }
 
-/// A place on a surface that a light may shine on.
+/// A surface point that a light may illuminate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facing {
-    /// \[m\]
+    /// Position \[m\].
     pub position: Vec3A,
-    /// Unit vector.
+    /// Normal, a unit vector.
     pub normal: Vec3A,
 }
 
 impl Facing {
-    /// Cosine between the normal and the unit vector `towards`; `None` from below the surface.
+    /// Cosine between the normal and the unit vector `towards`; `None` below the surface.
     pub(super) fn cosine(&self, towards: Vec3A) -> Option<f32> {
         Some(towards.dot(self.normal)).filter(|cosine| *cosine > 0.0)
     }
 }
 
-/// How a surface is lit straight by a light, and how a photon would start to get there.
+/// Direct light on a surface point, and the start of a photon that would reach it.
 pub(crate) struct SeenLight {
-    /// On the surface, without shadows \[W·m⁻²\].
+    /// Unshadowed irradiance on the surface \[W·m⁻²\].
     pub irradiance: Vec3,
-    /// Unit vector towards the light.
+    /// Direction towards the light, a unit vector.
     pub towards: Vec3A,
-    /// A little off the light; `None` if that is infinitely far away.
+    /// Point slightly off the light; `None` for distant lights.
     pub end: Option<Vec3A>,
-    /// Place and way of the photon; for lights that are infinitely far away.
+    /// `place` and `way` of the photon's start; set by distant lights.
     pub start: Vec4,
 }

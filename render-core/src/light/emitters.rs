@@ -1,4 +1,4 @@
-//! The lights of a scene, as a table of their kinds.
+//! The lights of a scene, as a table by kind.
 
 use super::area::AreaLight;
 use super::distant::DistantLight;
@@ -13,21 +13,21 @@ use crate::scene::{Pose, PunctualKind};
 use crate::surface::Surfaces;
 use glam::Vec3A;
 
-/// All lights of the scene at one time.
+/// All lights of a scene at one time.
 #[derive(Clone, Debug)]
 pub struct Emitters {
-    /// Glowing surfaces.
+    /// Emissive surfaces.
     pub areas: Vec<AreaLight>,
     /// Point and spot lights.
     pub points: Vec<PointLight>,
     /// Directional lights.
     pub suns: Vec<SunLight>,
-    /// Around the scene.
+    /// Bounding sphere of the scene.
     pub(super) ball: Ball,
 }
 
 impl Emitters {
-    /// Gathers the lights. `units` gives the ball around the scene.
+    /// Collects the lights. `units` defines the scene's bounding sphere.
     #[must_use]
     pub fn new(surfaces: &Surfaces, pose: &Pose, units: &Units) -> Self {
         let scene = surfaces.scene();
@@ -45,7 +45,7 @@ impl Emitters {
         Self { areas, points, suns, ball: Ball { center: units.center, radius: units.radius } }
     }
 
-    /// All lights as sources of photons; those that are infinitely far away come last.
+    /// All lights as sources of photons; distant lights come last.
     pub(super) fn emissions<'a>(&'a self, sky: Option<&'a Environment>) -> Vec<&'a dyn PhotonEmitter> {
         let mut lights = Vec::<&dyn PhotonEmitter>::new();
         lights.extend(self.areas.iter().map(|light| light as &dyn PhotonEmitter));
@@ -55,13 +55,13 @@ impl Emitters {
         lights
     }
 
-    /// All lights that are infinitely far away.
+    /// All distant lights: suns and sky.
     pub(crate) fn distant<'a>(&'a self, sky: Option<&'a Environment>) -> impl Iterator<Item = &'a dyn DistantLight> {
         let suns = self.suns.iter().map(|light| light as &dyn DistantLight);
         suns.chain(sky.map(|light| light as &dyn DistantLight))
     }
 
-    /// The lights that are sampled with shadow rays; of the glowing surfaces those with the indices `areas`.
+    /// The lights that are sampled with shadow rays, among them the emissive surfaces with the indices `areas`.
     pub(super) fn sampled(&self, surfaces: &Surfaces, areas: &[usize]) -> Vec<Box<dyn Sampled>> {
         let lamps = surfaces.scene().sky.iter().flat_map(Environment::lamps);
         let mut lights = Vec::<Box<dyn Sampled>>::new();

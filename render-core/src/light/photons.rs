@@ -1,4 +1,4 @@
-//! Photons of all lights together, and the same ways backwards.
+//! Photons of all lights, and the reverse: paths from lights to given points.
 
 use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use super::emitters::Emitters;
@@ -8,10 +8,10 @@ use crate::scene::Scene;
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3};
 
-/// Emits photons with probability in proportion to power.
+/// Emits photons from lights with probability proportional to power.
 pub struct PhotonSource<'a> {
     lights: Vec<&'a dyn PhotonEmitter>,
-    /// Of each of the lights \[W\].
+    /// Flux of each light \[W\].
     powers: Vec<Vec3>,
     choice: Distribution,
     ball: Ball,
@@ -24,7 +24,7 @@ impl std::fmt::Debug for PhotonSource<'_> {
 }
 
 impl Emitters {
-    /// A source of photons, the same for the same lights; `None` when nothing shines.
+    /// Builds a source of photons, identical for identical lights; `None` if no light emits.
     pub fn photons<'a>(&'a self, scene: &'a Scene) -> Option<PhotonSource<'a>> {
         let (lights, ball) = (self.emissions(scene.sky.as_ref()), self.ball);
         let powers: Vec<Vec3> = lights.iter().map(|light| light.power(&ball)).collect();
@@ -40,24 +40,24 @@ impl PhotonSource<'_> {
         &self.powers
     }
 
-    /// Lights by power.
+    /// Distribution of lights by power.
     pub(crate) fn choice(&self) -> &Distribution {
         &self.choice
     }
 
-    /// How many lights are not infinitely far away; these come first.
+    /// Number of lights that are not distant; these come first.
     pub(crate) fn near_lights(&self) -> usize {
         self.lights.iter().filter(|light| !light.is_distant()).count()
     }
 
-    /// The photon with this start, of `count`.
+    /// The photon with this start, one of `count`.
     pub(crate) fn emit(&self, surfaces: &Surfaces, start: Start, count: u64) -> EmittedPhoton {
         let share = 1.0 / (start.density * count as f32);
         self.lights[start.light].emit(Space { surfaces, ball: self.ball }, start, share)
     }
 
-    /// One of the lights close by with the chance that `which` (0…1) gives it, half by power and half evenly; and all lights
-    /// that are infinitely far away.
+    /// One near light, drawn by `which` (0…1) with its probability, half by power and half uniform; and all distant
+    /// lights.
     pub(crate) fn some_lights(&self, which: f32) -> impl Iterator<Item = (usize, f64)> + use<> {
         let near = self.near_lights();
         let power: f64 = (0..near).map(|light| self.choice.probability(light)).sum();
@@ -76,8 +76,8 @@ impl PhotonSource<'_> {
         chosen.into_iter().chain((near..self.lights.len()).map(|light| (light, 1.0)))
     }
 
-    /// How the light of this index lights a place, by a point or direction drawn with two pairs of numbers in 0…1: the place
-    /// and way of a start. `None` if it does not.
+    /// Light at a point from the light with this index, drawn with two pairs of numbers in 0…1: `place` and `way` of a
+    /// start. `None` if no light arrives.
     pub(crate) fn towards(&self, surfaces: &Surfaces, light: usize, at: Facing, drawn: [Vec2; 2]) -> Option<SeenLight> {
         self.lights[light].towards(Space { surfaces, ball: self.ball }, at, drawn)
     }

@@ -1,4 +1,4 @@
-//! Points and spots: lights without size.
+//! Point and spot lights, which have no size.
 
 use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use super::receiver::ShadingPoint;
@@ -14,15 +14,15 @@ use std::f32::consts::{PI, TAU};
 /// A point or spot light at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
-    /// Meters.
+    /// Position \[m\].
     pub position: Vec3A,
-    /// Unit vector along the axis of a spot.
+    /// Axis of a spot, a unit vector.
     pub axis: Vec3A,
-    /// On the axis \[W·sr⁻¹\].
+    /// Intensity on the axis \[W·sr⁻¹\].
     pub intensity: Vec3,
     /// Shape of the cone.
     pub kind: PunctualKind,
-    /// Whether it moves at any time.
+    /// Whether the light ever moves.
     pub moves: bool,
 }
 
@@ -31,7 +31,7 @@ impl PointLight {
         Self { position, axis, intensity: light.color, kind: light.kind, moves }
     }
 
-    /// Intensity towards `point`.
+    /// Intensity towards `point` \[W·sr⁻¹\].
     #[must_use]
     pub fn intensity_towards(&self, point: Vec3A) -> Vec3 {
         let direction = (point - self.position).normalize_or_zero();
@@ -39,7 +39,7 @@ impl PointLight {
     }
 }
 
-/// Solid angle that the light of a cone would fill at full intensity.
+/// Solid angle that emits the flux of a light of this kind at full intensity \[sr\].
 fn cone_solid_angle(kind: PunctualKind) -> f32 {
     match kind {
         PunctualKind::Spot { outer, .. } => {
@@ -79,7 +79,7 @@ impl PhotonEmitter for PointLight {
     fn towards(&self, Space { ball, .. }: Space, at: Facing, _: [Vec2; 2]) -> Option<SeenLight> {
         let way = self.position - at.position;
         let towards = way.try_normalize()?;
-        // Bounded, as a point close by would outshine all others.
+        // Bounded, otherwise a nearby point would outshine all others.
         let least = (1e-3 * ball.radius).powi(2);
         let irradiance = self.intensity_towards(at.position) * (at.cosine(towards)? / (way.length_squared() + least));
         Some(SeenLight { irradiance, towards, end: Some(self.position), start: Vec4::ZERO })
@@ -88,7 +88,7 @@ impl PhotonEmitter for PointLight {
 
 impl Sampled for PointLight {
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
-        // E = I(ω) cos θ / r², if nothing hides it.
+        // E = I(ω) cos θ / r², if unoccluded.
         let mut given = [Vec3::ZERO; PACKET];
         let mut active = 0;
         for (i, receiver) in tile.receivers().iter().enumerate() {
@@ -97,7 +97,7 @@ impl Sampled for PointLight {
             active |= u64::from(given[i] != Vec3::ZERO) << i;
         }
 
-        // Shadow rays for those it shines on.
+        // Trace shadow rays to the lit receivers.
         let hidden = tile.hidden(self.position, active, &tile.shafts(&[self.position]));
         bits(active & !hidden.whole).for_each(|i| sums[i] += given[i] * hidden.share(i));
     }
@@ -109,7 +109,7 @@ impl Sampled for PointLight {
         let Some(towards) = towards.filter(|_| cos > 0.0) else { return Traced::default() };
         let given = brdf(towards, 0.0) * self.intensity_towards(receiver.position) * (cos / r2);
 
-        // Outside of a spot's cone and of a mirror's highlight nothing is left that a shadow ray could take away.
+        // Outside a spot's cone or a mirror's highlight, there is no light for a shadow ray to remove.
         if given == Vec3::ZERO {
             return Traced::default();
         }

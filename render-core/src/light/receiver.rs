@@ -1,30 +1,30 @@
-//! Points of surfaces that are lit, and their light from a disc.
+//! Surface points to be lit, and their light from a disc.
 
 use glam::Vec3A;
 
 /// A surface point to be lit.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadingPoint {
-    /// A little off the surface, meters.
+    /// Position, slightly off the surface \[m\].
     pub position: Vec3A,
-    /// Unit normal to shade with.
+    /// Shading normal, a unit vector.
     pub normal: Vec3A,
-    /// Unit normal of the triangle, on the same side.
+    /// Normal of the triangle on the same side, a unit vector.
     pub geometric_normal: Vec3A,
 }
 
 impl ShadingPoint {
-    /// `epsilon` meters off the place of a surface with these normals: to shade with, and of the triangle.
+    /// Builds the point `epsilon` meters off the surface at `place`, with its shading normal and its geometric normal.
     #[inline]
     #[must_use]
     pub fn off_surface(place: Vec3A, [normal, geometric_normal]: [Vec3A; 2], epsilon: f32) -> Self {
         Self { position: place + geometric_normal * epsilon, normal, geometric_normal }
     }
 
-    /// Cosine at the receiver and squared distance to `point`; 0 from below the surface.
+    /// Cosine at the receiver and squared distance to `point` \[m²\]; the cosine is 0 below the surface.
     #[inline]
     pub(super) fn cosine_to(&self, point: Vec3A) -> (f32, f32) {
-        // cos θ = n · way / r; no light comes through the triangle, whatever the shading normal.
+        // cos θ = n · way / r; no light passes the triangle, whatever the shading normal.
         let way = point - self.position;
         let r2 = way.length_squared();
         if self.geometric_normal.dot(way) <= 0.0 {
@@ -34,23 +34,23 @@ impl ShadingPoint {
     }
 }
 
-/// Irradiance from a disc that glows evenly, per intensity: `cos θ_light · cos θ / (r² + bound)` \[m⁻²\].
+/// Irradiance from a uniformly emitting disc, per intensity: `cos θ_light · cos θ / (r² + bound)` \[m⁻²\].
 ///
-/// With bound = area / π this is exact on the disc's axis for a facing receiver, and finite at contact,
-/// where the point light's 1/r² would not be. Zero from below the normal to shade with, and from below the triangle.
+/// With bound = area / π, this is exact on the disc's axis for a facing receiver. At contact it stays finite, unlike a
+/// point light's 1/r². It is 0 below the shading normal and below the triangle.
 #[inline(always)]
 pub(super) fn disc_term(position: [f32; 3], [normal, geometric_normal]: [[f32; 3]; 2], disc: &Disc) -> f32 {
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let way = [disc.position[0] - position[0], disc.position[1] - position[1], disc.position[2] - position[2]];
     let (r2, cos_light, cos) = (dot(way, way), -dot(disc.normal, way), dot(normal, way));
-    // Both cosines still carry the length of `way`: divide by r² once more.
+    // Each cosine still contains the length of `way`: divide by r² again.
     let term = cos_light * cos / (r2 * (r2 + disc.bound));
-    // Without branches, so that many receivers are computed side by side.
+    // Branchless, so that the loop over receivers vectorizes.
     let shines = (cos_light > 0.0) & (cos > 0.0) & (dot(geometric_normal, way) > 0.0);
     if shines { term } else { 0.0 }
 }
 
-/// Where a glowing disc is and the way it faces \[m, m²\].
+/// Position \[m\], normal and bound \[m²\] of an emitting disc.
 pub(super) struct Disc {
     pub position: [f32; 3],
     pub normal: [f32; 3],
@@ -58,7 +58,7 @@ pub(super) struct Disc {
 }
 
 impl Disc {
-    /// Irradiance at `receiver` per intensity \[m⁻²\].
+    /// Irradiance at `receiver`, per intensity \[m⁻²\].
     pub fn term(&self, receiver: &ShadingPoint) -> f32 {
         let normals = [receiver.normal.to_array(), receiver.geometric_normal.to_array()];
         disc_term(receiver.position.to_array(), normals, self)

@@ -1,4 +1,4 @@
-//! Direct light: what each light that shadow rays go to has for the receivers.
+//! Direct light sampled with shadow rays: interface of the lights.
 
 use super::receiver::ShadingPoint;
 use super::tile::ReceiverTile;
@@ -9,22 +9,22 @@ use std::fmt::Debug;
 
 /// A light that is sampled with shadow rays at every pixel.
 pub(super) trait Sampled: Any + Debug + Send + Sync {
-    /// Adds its irradiance \[W·m⁻²\] at each receiver of `tile` to `sums`.
+    /// Adds the light's irradiance \[W·m⁻²\] at each receiver of `tile` to `sums`.
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]);
 
-    /// Radiance \[W·m⁻²·sr⁻¹\] that a receiver of this `brdf` reflects of it.
+    /// Reflected radiance of this light \[W·m⁻²·sr⁻¹\] at a receiver with this `brdf`.
     fn reflected(&self, shadows: &Shadows, receiver: &ShadingPoint, brdf: Brdf) -> Traced<Vec3>;
 
-    /// The region that its shadow rays lead to.
+    /// The region where the light's shadow rays end.
     fn source(&self) -> Source;
 
-    /// One point of it.
+    /// One point of the light.
     fn lamp(&self) -> Lamp;
 
-    /// Whether `other` is the same light, where it was.
+    /// Whether `other` is the same light in the same position.
     fn is_same(&self, other: &dyn Sampled) -> bool;
 
-    /// The instance whose surface glows; `None` for lights that no ray meets.
+    /// The instance with the emissive surface; `None` for lights that rays cannot hit.
     fn instance(&self) -> Option<u32> {
         None
     }
@@ -50,21 +50,21 @@ impl Traced<Vec3> {
     }
 }
 
-/// A region that direct light comes from.
+/// A region that emits direct light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Source {
-    /// A box around a light.
+    /// A bounding box of a light.
     Lamp {
-        /// \[m\]
+        /// Lower corner \[m\].
         low: Vec3A,
-        /// \[m\]
+        /// Upper corner \[m\].
         high: Vec3A,
     },
     /// A disc in the sky.
     Disc {
-        /// Unit vector.
+        /// Direction towards the disc, a unit vector.
         towards: Vec3A,
-        /// \[rad\]
+        /// Half the disc's angular diameter \[rad\].
         angular_radius: f32,
     },
 }
@@ -72,9 +72,9 @@ pub enum Source {
 /// One point of a light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Lamp {
-    /// \[m\]
+    /// Position \[m\].
     At(Vec3A),
-    /// Unit vector to a light that is infinitely far away.
+    /// Direction towards a distant light, a unit vector.
     Towards(Vec3A),
 }
 
@@ -83,7 +83,7 @@ pub(super) enum Lamp {
 pub struct Lamps(pub(super) Vec<Lamp>);
 
 impl Lamps {
-    /// Whether any of the points is visible from `position`, on a surface that faces along `normal`.
+    /// Whether any of the points is visible from `position` on a surface with this `normal`.
     pub(crate) fn are_seen(&self, accelerator: &Accelerator, position: Vec3A, normal: Vec3A) -> bool {
         self.0.iter().any(|lamp| match *lamp {
             Lamp::At(lamp) => normal.dot(lamp - position) > 0.0 && !accelerator.occluded(position, lamp),

@@ -8,24 +8,24 @@ use glam::{Vec2, Vec3, Vec3A};
 /// A directional light at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunLight {
-    /// Unit vector towards the light.
+    /// Direction towards the light, a unit vector.
     pub towards: Vec3A,
-    /// Irradiance of a surface that faces it \[W·m⁻²\].
+    /// Irradiance of a surface that faces the light \[W·m⁻²\].
     pub irradiance: Vec3,
-    /// Half the angle that its disc spans, radians.
+    /// Half the angular diameter of the disc \[rad\].
     pub angular_radius: f32,
-    /// Whether it moves at any time.
+    /// Whether the light ever moves.
     pub moves: bool,
 }
 
 impl SunLight {
-    /// `axis` is the direction that its light travels in.
+    /// Builds the light; `axis` is the direction of its rays.
     pub(super) fn new(light: &PunctualLight, axis: Vec3A, moves: bool, settings: &SceneSettings) -> Self {
         let angular_radius = settings.sun.angular_diameter.to_radians() / 2.0;
         Self { towards: -axis, irradiance: light.color, angular_radius, moves }
     }
 
-    /// A unit vector towards a point of the disc, for `u` in the unit square.
+    /// Maps `u` in the unit square to a direction towards a point of the disc, a unit vector.
     #[must_use]
     pub fn direction(&self, u: Vec2) -> Vec3A {
         let (x, y) = frame(self.towards.into());
@@ -33,7 +33,7 @@ impl SunLight {
         (self.towards + Vec3A::from(x * p.x + y * p.y)).normalize()
     }
 
-    /// Its disc, with points to trace shadow rays to.
+    /// The light's disc, with sample points for shadow rays.
     pub(super) fn sampled(&self) -> DistantDisc {
         DistantDisc {
             irradiance: self.irradiance,

@@ -1,30 +1,30 @@
-//! Receivers that are lit together: shadow rays of a light sample are traced to all of them.
+//! Tiles of receivers: shadow rays of a light sample are traced to all of them together.
 
 use super::receiver::{Disc, ShadingPoint, disc_term};
 use crate::accel::{Accelerator, PACKET, Shadows, Shaft};
 use glam::Vec3A;
 use std::cell::Cell;
 
-/// Least number of receivers for which a shaft to the light is worth its cost.
+/// Least number of receivers that justifies a shaft to the light.
 const WORTH_A_SHAFT: usize = 8;
 
-/// The shafts between the receivers of a tile and a light, where they are worth their cost: to what hides it, and to what hides
-/// it in part.
+/// Shafts between the receivers of a tile and a light, if they are worth their cost: to opaque and to blended
+/// occluders.
 pub(super) struct Shafts {
     pub opaque: Option<Shaft>,
     pub blended: Option<Shaft>,
 }
 
-/// How a light, or a sample of one, is hidden from the receivers of a tile.
+/// Occlusion of a light, or of a sample of one, for the receivers of a tile.
 pub(super) struct Hidden {
-    /// Receivers from which it is hidden as a whole, as bits.
+    /// Fully occluded receivers, as bits.
     pub whole: u64,
-    /// Share of it that arrives at each receiver; `None` where that is all or nothing.
+    /// Fraction of the light that arrives at each receiver; `None` if each fraction is 0 or 1.
     pub passed: Option<[f32; PACKET]>,
 }
 
 impl Hidden {
-    /// Share of the light that arrives at a receiver.
+    /// Fraction of the light that arrives at a receiver.
     pub fn share(&self, receiver: usize) -> f32 {
         let whole = || if self.whole >> receiver & 1 == 1 { 0.0 } else { 1.0 };
         self.passed.as_ref().map_or_else(whole, |passed| passed[receiver])
@@ -36,7 +36,7 @@ pub(super) struct ReceiverTile<'a> {
     shadows: &'a Shadows<'a>,
     receivers: &'a [ShadingPoint],
     positions: [Vec3A; PACKET],
-    /// The same, and both normals, by axis.
+    /// Positions and both normals, by axis.
     columns: [[[f32; PACKET]; 3]; 3],
     /// Shadow rays traced so far.
     rays: Cell<u64>,
@@ -44,8 +44,7 @@ pub(super) struct ReceiverTile<'a> {
 
 impl<'a> ReceiverTile<'a> {
     pub(super) fn new(shadows: &'a Shadows<'a>, receivers: &'a [ShadingPoint]) -> Self {
-        // By axis, so that the terms of a disc are computed for many receivers at once.
-        // Places without a receiver repeat the last.
+        // Sorted by axis, so that the terms of a disc vectorize over receivers. Unused slots repeat the last receiver.
         let mut columns = [[[0.0; PACKET]; 3]; 3];
         for i in 0..PACKET {
             let ShadingPoint { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
@@ -57,18 +56,18 @@ impl<'a> ReceiverTile<'a> {
         Self { shadows, receivers, positions, columns, rays: Cell::new(0) }
     }
 
-    /// At most [`PACKET`].
+    /// The receivers, at most [`PACKET`].
     pub(super) fn receivers(&self) -> &[ShadingPoint] {
         self.receivers
     }
 
-    /// Share of the light from a direction that arrives at one of the receivers.
+    /// Fraction of the light from a direction that arrives at one of the receivers.
     pub(super) fn visible_towards(&self, receiver: &ShadingPoint, towards: Vec3A) -> f32 {
         self.rays.set(self.rays.get() + 1);
         self.shadows.visible_towards(receiver.position, towards)
     }
 
-    /// Shadow rays traced so far.
+    /// Number of shadow rays traced so far.
     pub(super) fn shadow_rays(&self) -> u64 {
         self.rays.get()
     }
@@ -98,14 +97,14 @@ impl<'a> ReceiverTile<'a> {
         u64::MAX >> (PACKET - self.receivers.len())
     }
 
-    /// Finds the receivers among `active` that `light` is hidden from. Its shadow rays start at the light, which they have in
-    /// common; it lies in the `shaft`, if there is one.
+    /// Finds the receivers among `active` that are occluded from `light`. The shadow rays share their origin, the
+    /// light, which is inside the `shaft` if there is one.
     pub(super) fn hidden_from(&self, light: Vec3A, active: u64, shaft: Option<&Shaft>) -> u64 {
         if active == 0 || shaft.is_some_and(Shaft::is_empty) {
             return 0;
         }
 
-        // All the rays of a packet share their origin, the light. Within a shaft they meet fewer boxes of the tree.
+        // All rays of a packet share their origin, the light. Within a shaft they test fewer boxes of the tree.
         self.rays.set(self.rays.get() + u64::from(active.count_ones()));
         match shaft {
             Some(shaft) => self.shadows.opaque().occluded_packet_within(shaft, light, &self.columns[0], active),
@@ -113,8 +112,8 @@ impl<'a> ReceiverTile<'a> {
         }
     }
 
-    /// How `light` is hidden from the receivers among `active`, as [`ReceiverTile::hidden_from`], with the shares that blended surfaces
-    /// let through.
+    /// Occlusion of `light` for the receivers among `active`, as in [`ReceiverTile::hidden_from`], with the fractions
+    /// that blended surfaces transmit.
     pub(super) fn hidden(&self, light: Vec3A, active: u64, shafts: &Shafts) -> Hidden {
         let whole = self.hidden_from(light, active, shafts.opaque.as_ref());
         let left = active & !whole;
@@ -132,13 +131,14 @@ impl<'a> ReceiverTile<'a> {
         Hidden { whole, passed: Some(passed) }
     }
 
-    /// As [`ReceiverTile::hidden`], where few receivers ask: share of `light` that blended surfaces let through to one.
+    /// Fraction of `light` that blended surfaces transmit to one receiver. It suits few receivers;
+    /// [`ReceiverTile::hidden`] suits many.
     pub(super) fn passed(&self, light: Vec3A, receiver: usize) -> f32 {
         self.shadows.passed(light, self.positions[receiver])
     }
 }
 
-/// Indices of the bits that are set.
+/// Indices of the set bits.
 pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = mask.trailing_zeros() as usize;

@@ -1,14 +1,14 @@
-//! Balance of a light's sample points: their intensity is made that of the whole light, in every direction.
+//! Balance of a light's sample points: corrects their intensity to the whole light's, in every direction.
 //!
-//! From far away, a glowing mesh is a point of the intensity
+//! From far away, an emissive mesh is a point light of the intensity
 //!
 //! ```text
 //! I(ω) = Σ_p Lₚ Aₚ max(nₚ · ω, 0)          p  pieces of the mesh
 //! ```
 //!
-//! Its few sample points have the sum Iₛ(ω) instead: for a sphere of 64 points, which half of its points faces ω is a matter of
-//! chance. Their light is multiplied by I(ω) / Iₛ(ω). Near the light each receiver has directions of its own, and the factor
-//! goes to 1:
+//! Its few sample points sum to Iₛ(ω) instead: with 64 points on a sphere, chance decides which half faces ω. Their
+//! light is multiplied by I(ω) / Iₛ(ω). Near the light, a single receiver sees many directions, and the factor tends to
+//! 1:
 //!
 //! ```text
 //! 1 + (I/Iₛ − 1) · d² / (d² + R²)          d  distance to the middle of the light          R  radius around it
@@ -21,10 +21,10 @@ use glam::{Vec2, Vec3A};
 
 /// Cells along a side of the octahedral map of directions.
 const CELLS: usize = 32;
-/// A factor beyond this, or below its inverse, belongs to a direction that next to nothing shines in.
+/// Greatest factor; a larger one, or less than its inverse, means a direction with almost no light.
 const MOST: f32 = 2.0;
 
-/// Factors for the light of sample points, by the direction that it is sent in.
+/// Factors for the light of sample points, by emission direction.
 #[derive(Debug)]
 pub(super) struct Balance {
     middle: Vec3A,
@@ -35,13 +35,14 @@ pub(super) struct Balance {
 }
 
 impl Balance {
-    /// The balance of a light whose `pieces` are represented by the points `samples`.
+    /// Builds the balance of a light with these `pieces`, represented by the points `samples`.
     pub fn new(pieces: &[Polygon], samples: &[AreaSample]) -> Self {
-        // I(ω) = Σ L A max(n · ω, 0), of the whole light and of its samples. Both are sums over vectors n, as long as L A.
+        // I(ω) = Σ L A max(n · ω, 0), for the whole light and for its samples. Both are sums over vectors n of length L
+        // A.
         let whole = by_direction(pieces);
         let sampled: Vec<Vec3A> = samples.iter().map(|s| s.normal * luminance(s.intensity)).collect();
 
-        // Their ratio at the corners of all cells. Where no sample shines, no factor would help.
+        // Ratio at the corners of all cells. Without any light from samples, a factor has no effect.
         let mut ratios = Vec::with_capacity((CELLS + 1) * (CELLS + 1));
         for row in 0..=CELLS {
             for column in 0..=CELLS {
@@ -51,7 +52,7 @@ impl Balance {
             }
         }
 
-        // The sphere around the light, about the mean of its corners.
+        // Bounding sphere of the light, around the mean of its corners.
         let corners = || pieces.iter().flat_map(|piece| piece.corners);
         let middle = corners().sum::<Vec3A>() / corners().count().max(1) as f32;
         let radius2 = corners().map(|corner| corner.distance_squared(middle)).fold(0.0, f32::max);
@@ -66,7 +67,7 @@ impl Balance {
             return 1.0;
         }
 
-        // The ratio I / Iₛ of this direction, bilinearly between the corners of the cell that it falls in.
+        // The ratio I / Iₛ in this direction, interpolated bilinearly between the corners of its cell.
         let place = folded(way / d2.sqrt()) * CELLS as f32;
         let cell = place.floor().clamp(Vec2::ZERO, Vec2::splat(CELLS as f32 - 1.0));
         let (u, first) = (place - cell, cell.y as usize * (CELLS + 1) + cell.x as usize);
@@ -78,15 +79,15 @@ impl Balance {
     }
 }
 
-/// I(ω) of sides whose normals n have the length L A.
+/// I(ω) of faces with normals n of length L A.
 fn intensity(sides: &[Vec3A], towards: Vec3A) -> f32 {
     sides.iter().map(|side| side.dot(towards).max(0.0)).sum()
 }
 
-/// Σ Lₚ Aₚ nₚ over the sides of the pieces that face about the same way, luminance \[W·sr⁻¹\]: one sum for each cell of the map,
-/// so that a light of many triangles costs no more than one of few.
+/// Sums Σ Lₚ Aₚ nₚ over faces with similar normals, luminance \[W·sr⁻¹\]: one sum per cell of the map. A light of many
+/// triangles then costs no more than one of few.
 fn by_direction(pieces: &[Polygon]) -> Vec<Vec3A> {
-    // Each side goes to the cell of its normal; a double-sided piece has two.
+    // Each face belongs to its normal's cell; a double-sided piece has two faces.
     let mut sums = vec![Vec3A::ZERO; CELLS * CELLS];
     let mut add = |side: Vec3A| {
         if let Some(normal) = side.try_normalize() {
@@ -105,13 +106,14 @@ fn by_direction(pieces: &[Polygon]) -> Vec<Vec3A> {
     sums
 }
 
-/// A unit vector's place in the unit square: the octahedron |x| + |y| + |z| = 1, its lower half folded out to the corners.
+/// Maps a unit vector to the unit square: the octahedron |x| + |y| + |z| = 1, with its lower half folded out to the
+/// corners.
 fn folded(direction: Vec3A) -> Vec2 {
-    // Onto the octahedron. Its upper half is seen from above as a square on its tip, of half the area of −1…1.
+    // Project onto the octahedron. Seen from above, its upper half is a diamond of half the area of −1…1.
     let d = direction / (direction.x.abs() + direction.y.abs() + direction.z.abs());
     let upper = Vec2::new(d.x, d.y);
 
-    // The lower half is mirrored at the sides of that square, into the corners.
+    // Mirror the lower half at the sides of the diamond, into the corners.
     let place =
         if d.z >= 0.0 { upper } else { (Vec2::ONE - Vec2::new(d.y.abs(), d.x.abs())) * Vec2::ONE.copysign(upper) };
     place * 0.5 + 0.5
@@ -139,7 +141,8 @@ mod tests {
         }
     }
 
-    /// A few points of a fine sphere shine as evenly as the sphere itself: E = π L R² / d² for a facing receiver far away.
+    /// A few points of a finely tessellated sphere emit as evenly as the sphere: E = π L R² / d² for a distant facing
+    /// receiver.
     #[test]
     fn few_points_of_a_sphere_shine_like_the_sphere() {
         let (radius, pieces_count, samples_count) = (0.5, 4000, 64);

@@ -1,9 +1,10 @@
-//! Cells of a glowing triangle or parallelogram: a textured one is split where its glow is uneven.
+//! Cells of an emissive triangle or parallelogram: a textured one is split where its emission is uneven.
 
 use crate::sampling::triangle;
 use glam::Vec2;
 
-/// Part of a patch, of the patch's own shape: in the triangle u, v ≥ 0, u + v ≤ 1, or in the unit square.
+/// A region of a patch with the patch's shape, in its coordinates: the triangle u, v ≥ 0, u + v ≤ 1, or the unit
+/// square.
 ///
 /// ```text
 /// p = c + s q          c  corner      s  size, negative for a triangle upside down      q  a point of the whole shape
@@ -17,45 +18,45 @@ pub(super) struct Cell {
 }
 
 impl Cell {
-    /// All of a patch.
+    /// The whole patch.
     pub fn whole(square: bool) -> Self {
         Self { corner: Vec2::ZERO, size: 1.0, square }
     }
 
-    /// Whether this is all of a patch.
+    /// Whether the cell is the whole patch.
     pub fn is_whole(&self) -> bool {
         self.size == 1.0
     }
 
-    /// Side of the cell, as a share of the patch's.
+    /// Side of the cell, as a fraction of the patch's.
     pub fn side(&self) -> f32 {
         self.size.abs()
     }
 
-    /// The point of the cell at `place` in the unit square, evenly over the area: barycentric, or in the square.
+    /// Maps `place` in the unit square to a point of the cell, uniformly over the area: barycentric, or in the square.
     pub fn point(&self, place: Vec2) -> Vec2 {
         let q = if self.square { place } else { Vec2::from(triangle(place)) };
         self.corner + q * self.size
     }
 
-    /// The corners, in order around the border: a triangle's last corner stands twice.
+    /// Corners in order around the border; a triangle repeats its last corner.
     pub fn corners(&self) -> [Vec2; 4] {
         let third = if self.square { Vec2::ONE } else { Vec2::Y };
         [Vec2::ZERO, Vec2::X, third, Vec2::Y].map(|q| self.corner + q * self.size)
     }
 
-    /// Four cells of half the side.
+    /// Splits the cell into four of half the side.
     pub fn split(&self) -> [Self; 4] {
         let half = self.size / 2.0;
         let at = |offset: Vec2, size: f32| Self { corner: self.corner + offset * half, size, ..*self };
-        // The last quarter of a triangle lies in the middle, upside down.
+        // The last quarter of a triangle is in the middle, upside down.
         let last = if self.square { half } else { -half };
         [at(Vec2::ZERO, half), at(Vec2::X, half), at(Vec2::Y, half), at(Vec2::ONE, last)]
     }
 
-    /// Whether the cell has the point `p` of its patch, borders included.
+    /// Whether the cell contains the point `p` of its patch, including the border.
     pub fn contains(&self, p: Vec2) -> bool {
-        // A rounding of the point on a border may not lose it between two cells.
+        // Tolerance: rounding must not lose a point on a border between two cells.
         const SLACK: f32 = 1e-4;
         let q = (p - self.corner) / self.size;
         let far = if self.square { q.max_element() } else { q.x + q.y };
@@ -68,7 +69,7 @@ mod tests {
     use super::*;
     use crate::sampling::hammersley;
 
-    /// Each point of a patch is in one of the four quarters, and points of a quarter are inside of the patch.
+    /// Each point of a patch is in one of the four quarters, and points of a quarter are inside the patch.
     #[test]
     fn quarters_tile_a_cell() {
         for square in [false, true] {

@@ -1,4 +1,4 @@
-//! Glowing surfaces: their power, points drawn at random, and points that stand for a share of the light.
+//! Emissive surfaces: power, random points, and representative sample points.
 
 mod balance;
 mod cell;
@@ -15,28 +15,28 @@ use glam::{Vec2, Vec3, Vec3A, Vec4};
 use patch::{Patch, Pieces, pieces};
 use std::f32::consts::PI;
 
-/// A light of no more pieces has the same points on each.
+/// A light of at most this many pieces has the same points on each.
 const FEW_PANELS: usize = 4;
 
-/// A glowing surface: all emissive triangles of one instance.
+/// An emissive surface: all emissive triangles of one instance.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
     /// Index into [`Scene::instances`](crate::scene::Scene::instances).
     pub instance: usize,
-    /// Whether the instance moves, or changes its shape or material, at any time.
+    /// Whether the instance's transform, shape or material ever changes.
     pub moves: bool,
     patches: Vec<Patch>,
     panels: usize,
     choice: Distribution,
-    /// Square meters, one side.
+    /// Area of one side \[m²\].
     pub area: f32,
     double_sided: bool,
-    /// Emitted radiance where no texture changes it \[W·m⁻²·sr⁻¹\].
+    /// Emitted radiance before the texture's factor \[W·m⁻²·sr⁻¹\].
     emission: Vec3,
     textured: bool,
 }
 
-/// A point of a glowing surface, drawn at random.
+/// A random point of an emissive surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightPoint {
     /// Index into the mesh's triangles.
@@ -45,33 +45,33 @@ pub(crate) struct LightPoint {
     pub u: f32,
     /// Barycentric weight of the third corner.
     pub v: f32,
-    /// Density over area with which it was drawn \[m⁻²\].
+    /// Density over area of the random point \[m⁻²\].
     pub density: f32,
-    /// Mean radiance of the cell that it is in, where a texture was split \[W·m⁻²·sr⁻¹\].
+    /// Mean radiance of the point's cell, if a texture was split \[W·m⁻²·sr⁻¹\].
     cell_emission: Option<Vec3>,
 }
 
-/// How exactly the texture is read at a point of a light.
+/// Filter of the texture at a point of a light.
 #[derive(Clone, Copy, Debug)]
 enum Detail {
-    /// At the point.
+    /// Unfiltered.
     Point,
-    /// Averaged over this share of the light's area, or over the point's cell.
+    /// Averaged over this fraction of the light's area, or over the point's cell.
     Mean(f32),
 }
 
-/// A point of a glowing surface that stands for a share of it.
+/// A point of an emissive surface that represents a fraction of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaSample {
-    /// A little off the surface, meters.
+    /// Position, slightly off the surface \[m\].
     pub position: Vec3A,
-    /// How far off it is \[m\].
+    /// Distance from the surface \[m\].
     pub offset: f32,
-    /// Unit normal of the glowing side.
+    /// Normal of the emitting side, a unit vector.
     pub normal: Vec3A,
-    /// Intensity along the normal \[W·sr⁻¹\]: radiance times the share of the area.
+    /// Intensity along the normal \[W·sr⁻¹\]: radiance times represented area.
     pub intensity: Vec3,
-    /// The share of the area \[m²\].
+    /// Represented area \[m²\].
     pub area: f32,
 }
 
@@ -98,14 +98,14 @@ impl AreaLight {
         })
     }
 
-    /// Radiant flux of all its glowing sides \[W\], linear RGB.
+    /// Radiant flux of all emitting sides \[W\], linear RGB.
     #[must_use]
     pub fn power(&self) -> Vec3 {
         let one_side: Vec3 = self.patches.iter().map(|p| p.emission * p.area * PI).sum();
         if self.double_sided { one_side * 2.0 } else { one_side }
     }
 
-    /// The sample at `point`, standing for the whole light. `side` (0…1) chooses one of two sides.
+    /// Builds the sample at `point`, which represents the whole light. `side` (0…1) chooses one of two sides.
     fn sample(&self, surfaces: &Surfaces, point: LightPoint, side: f32, detail: Detail) -> AreaSample {
         let LightPoint { triangle: t, u, v, density, cell_emission } = point;
         let [a, b, c] = surfaces.corners(self.instance, t);
@@ -129,13 +129,13 @@ impl AreaLight {
         AreaSample { position: position + normal * offset, offset, normal, intensity: emission * share, area: share }
     }
 
-    /// The pieces that glow, as shapes.
+    /// The emissive pieces, as polygons.
     pub(crate) fn polygons(&self, surfaces: &Surfaces) -> Vec<Polygon> {
         let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let polygon = |patch: &Patch| {
             let [a, b, c] = surfaces.corners(self.instance, patch.triangle);
             let whole = [a, b, c, if patch.parallelogram { a + c - b } else { c }];
-            // Along the sides of the patch's shape: a triangle's are a b and a c, a parallelogram's a b and b c.
+            // Sides of the patch's shape: a triangle's are ab and ac, a parallelogram's ab and bc.
             let (x, y) = (b - a, if patch.parallelogram { c - b } else { c - a });
             let part = || patch.cell.corners().map(|p| a + x * p.x + y * p.y);
             Polygon {
@@ -148,7 +148,8 @@ impl AreaLight {
         self.patches.iter().map(polygon).collect()
     }
 
-    /// A point of the surface drawn about in proportion to emitted power. `which` chooses the piece, `place` the point on it.
+    /// Draws a point with a density roughly proportional to emitted power. `which` chooses the piece, `place` the point
+    /// on it.
     pub(crate) fn point(&self, which: f64, place: Vec2) -> LightPoint {
         let Pick { index, probability, .. } = self.choice.pick(which);
         let patch = &self.patches[index];
@@ -157,8 +158,8 @@ impl AreaLight {
         LightPoint { triangle, u, v, density: probability as f32 / patch.area, cell_emission }
     }
 
-    /// For each triangle of the mesh, the density over area with which [`AreaLight::point`] draws from it \[m⁻²\]. Where a texture was
-    /// split, [`AreaLight::density`] differs within a triangle.
+    /// For each triangle of the mesh, the density over area of [`AreaLight::point`] \[m⁻²\]. With a split texture,
+    /// [`AreaLight::density`] varies within a triangle.
     pub(crate) fn densities(&self, triangles: usize) -> Vec<f32> {
         let mut densities = vec![0.0; triangles];
         for (index, patch) in self.patches.iter().enumerate() {
@@ -171,29 +172,29 @@ impl AreaLight {
         densities
     }
 
-    /// Density over area with which [`AreaLight::point`] draws a point \[m⁻²\], where a texture was split; none elsewhere.
+    /// Density over area of [`AreaLight::point`] at a point \[m⁻²\], if a texture was split; `None` otherwise.
     pub(crate) fn density(&self, triangle: usize, u: f32, v: f32) -> Option<f32> {
         if !self.textured || self.patches.len() == self.panels {
             return None;
         }
         let has = |patch: &Patch| patch.place(triangle, u, v).is_some_and(|place| patch.cell.contains(place));
-        // Cells that do not glow are left out: nothing is drawn there.
+        // Cells without emission are omitted: no point is drawn there.
         let Some(index) = self.patches.iter().position(has) else { return Some(0.0) };
         Some((self.choice.probability(index) / f64::from(self.patches[index].area)) as f32)
     }
 
-    /// How many separate pieces glow: rectangles, or triangles that belong to none.
+    /// Number of separate emissive pieces: rectangles, and triangles outside of any.
     #[must_use]
     pub fn patch_count(&self) -> usize {
         self.panels
     }
 
-    /// Whether a texture makes it glow unevenly.
+    /// Whether a texture varies the emission.
     pub(crate) fn is_textured(&self) -> bool {
         self.textured
     }
 
-    /// Largest side of the box around the glowing triangles, meters.
+    /// Longest side of the bounding box of the emissive triangles \[m\].
     #[must_use]
     pub fn extent(&self, surfaces: &Surfaces) -> f32 {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -203,11 +204,11 @@ impl AreaLight {
         (corners.1 - corners.0).max_element()
     }
 
-    /// `count` points that together stand for the light, spread evenly by emitted power.
+    /// Builds `count` points that together represent the light, distributed evenly by emitted power.
     #[must_use]
     pub fn samples(&self, surfaces: &Surfaces, count: usize) -> Vec<AreaSample> {
-        // Even strata of power choose piece and side, in an order that spreads any first few of the points over the whole light:
-        // that of the radical inverse, whose values alone leave uneven gaps.
+        // Even strata of power choose piece and side. Their order, by the radical inverse, spreads any first few
+        // points over the whole light. The inverse's own values would leave uneven gaps.
         let mut ranks: Vec<usize> = (0..count).collect();
         ranks.sort_by(|&a, &b| radical_inverse(3, a as u64).total_cmp(&radical_inverse(3, b as u64)));
         let mut strata = vec![0.0; count];
@@ -219,12 +220,12 @@ impl AreaLight {
             2 * index + usize::from(self.double_sided && rest >= 0.5)
         };
 
-        // Each face has points of its own: one sequence for all of them would tie the place to the choice of the face.
+        // Each face has its own sequence of points: a shared one would correlate position and choice of face.
         let mut counts = vec![0; 2 * self.patches.len()];
         strata.iter().for_each(|&which| counts[face(which)] += 1);
         let shares = self.shares_of_points(&counts);
         let mut places: Vec<_> = counts.iter().copied().map(centered_sobol).collect();
-        // Few points are to one side of a face, all of them to the same one. A few panels keep theirs.
+        // With few points, all of a face are off-center to the same side. Shift them, except on a few panels.
         let shifts = self.panels > FEW_PANELS;
 
         let mut samples = Vec::with_capacity(count);
@@ -241,14 +242,15 @@ impl AreaLight {
         samples
     }
 
-    /// Share of the light's power that each point of a face has, by the number of points of each face: two for a piece.
+    /// For each face, the fraction of the light's power per point, given the number of points on each face: two faces
+    /// per piece.
     ///
     /// ```text
     /// p / n           of a face with the share p of the power that is worth two points or more, p N ≥ 2, and has n
     /// Σ p / Σ n       of the points of all others, which stand for each other          N  points of the light
     /// ```
-    ///
-    /// The power of a face decides, and not the number that it got by chance: of faces worth a point, those that got two would
+    /// This depends on a face's power, not on its random number of points. Otherwise, among faces worth one point, a
+    /// face with two points would give each half as much, and the others would outweigh it.
     /// give each half as much, and the light of all others would outweigh theirs.
     fn shares_of_points(&self, counts: &[usize]) -> Vec<f32> {
         let sides = if self.double_sided { 2.0 } else { 1.0 };
@@ -263,7 +265,7 @@ impl AreaLight {
                 points += count;
             }
         }
-        // Densities contain p already. The remaining factor turns them into these shares.
+        // Densities already contain p. The remaining factor converts them to these fractions.
         let share = |(face, &count): (usize, &usize)| match count {
             0 => 0.0,
             _ if stands_alone(face, count) => power(face) / count as f64,
@@ -280,10 +282,10 @@ impl PhotonEmitter for AreaLight {
 
     fn emit(&self, Space { surfaces, .. }: Space, Start { rest, place, way, .. }: Start, share: f32) -> EmittedPhoton {
         let sample = self.sample(surfaces, self.point(rest, place), way.x, Detail::Point);
-        // The same number chose the side; what it has left over is as good as new.
+        // The same number chose the side; its remainder is as good as a new number.
         let way = if self.double_sided { Vec2::new((way.x * 2.0).fract(), way.y) } else { way };
         let direction = cosine_hemisphere(sample.normal.into(), way).into();
-        // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
+        // Flux is radiance · area · π; the point's density is proportional to its radiance.
         let flux = sample.intensity * PI * share;
         EmittedPhoton { origin: sample.position, direction, flux, from_moving: self.moves, distant: false }
     }
@@ -293,14 +295,14 @@ impl PhotonEmitter for AreaLight {
         let to_sample = sample.position - at.position;
         let (distance, towards) = (to_sample.length(), to_sample.try_normalize()?);
         let cosines = at.cosine(towards)? * sample.normal.dot(-towards).max(0.0);
-        // Bounded, as a point close by would outshine all others.
+        // Bounded, otherwise a nearby point would outshine all others.
         let irradiance = sample.intensity * cosines / (distance * distance + self.area / PI);
         Some(SeenLight { irradiance, towards, end: Some(sample.position), start: Vec4::ZERO })
     }
 }
 
-/// A place in the unit square, moved around its borders by a vector of the face's own: multiples of 1/g and 1/g², g³ = g + 1, whose
-/// remainders are spread evenly (Roberts 2018).
+/// A position in the unit square, shifted cyclically by a vector that depends on the face: multiples of 1/g and 1/g²,
+/// g³ = g + 1, with evenly distributed remainders (Roberts 2018).
 fn shifted(place: Vec2, face: usize) -> Vec2 {
     let shift = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2].map(|step: f64| (step * face as f64).fract() as f32);
     (place + Vec2::from(shift)).fract()

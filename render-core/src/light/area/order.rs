@@ -1,20 +1,20 @@
-//! An order of points in space in which neighbors of the list are neighbors in space.
+//! A spatial order of points: neighbors in the list are neighbors in space.
 
 use glam::Vec3A;
 
-/// Bits for each axis: 2¹⁰ places across the box around all points.
+/// Bits per axis: 2¹⁰ positions across the bounding box.
 const BITS: u32 = 10;
 
-/// The indices of `points` along Morton's curve, ties by index: strata of the list are then compact pieces of the surface,
-/// in whatever order a file has them.
+/// Indices of `points` along the Morton curve, ties by index. Strata of the list are then compact regions of the
+/// surface, whatever the order in the file.
 pub(super) fn along_curve(points: &[Vec3A]) -> Vec<usize> {
-    // Places in the box around the points, as whole numbers.
+    // Integer positions in the bounding box of the points.
     let low = points.iter().copied().fold(Vec3A::INFINITY, Vec3A::min);
     let high = points.iter().copied().fold(Vec3A::NEG_INFINITY, Vec3A::max);
     let scale = ((1 << BITS) - 1) as f32 / (high - low).max_element().max(f32::MIN_POSITIVE);
     let place = |point: Vec3A| ((point - low) * scale).to_array().map(|x| x as u32);
 
-    // The bits of the three in turn.
+    // Interleave the bits of the three axes.
     let key = |index: usize| {
         let axes = place(points[index]);
         let bits = (0..BITS).rev().flat_map(|bit| axes.map(|axis| axis >> bit & 1));
@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn neighbors_in_the_list_are_near() {
-        // A grid in a scattered order: 7919 has no factor in common with 4096.
+        // A grid in scrambled order: 7919 and 4096 are coprime.
         let points: Vec<Vec3A> = (0..4096).map(|i| i * 7919 % 4096).map(grid).collect();
         let order = along_curve(&points);
         let mean = order.windows(2).map(|pair| points[pair[0]].distance(points[pair[1]])).sum::<f32>() / 4095.0;

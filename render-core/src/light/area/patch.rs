@@ -1,4 +1,4 @@
-//! Pieces of a glowing mesh: its triangles and parallelograms, split where a texture makes them glow unevenly.
+//! Pieces of an emissive mesh: its triangles and parallelograms, split where a texture makes the emission uneven.
 
 use super::cell::Cell;
 use super::order::along_curve;
@@ -8,51 +8,53 @@ use crate::scene::{Material, Mesh, Scene, mesh_interpolate};
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
 
-/// Points of a triangle that its mean is taken over.
+/// Points that average a triangle.
 const POINTS_OF_A_TRIANGLE: usize = 64;
-/// Points of a cell that its mean is taken over: 4 × 4.
+/// Points that average a cell: 4 × 4.
 const POINTS_OF_A_CELL: usize = 16;
-/// A cell is split while it has more than this share of the light's flux: then each of the 64 points that shadow rays go to
-/// is in a few cells of its own.
+/// A cell is split while it has more than this fraction of the light's flux. Each of the 64 points for shadow rays then
+/// covers a few cells of its own.
 const SHARE_OF_A_CELL: f32 = 1.0 / 256.0;
-/// Contrast (most − least) / mean of a cell's luminance up to which its points count as alike.
+/// Greatest contrast (most − least) / mean of a cell's luminance that counts as even.
 const EVEN: f32 = 0.25;
-/// Side of the smallest cells \[texels\]: between the middles of two texels a look-up is linear.
+/// Side of the smallest cells \[texels\]: between the centers of two texels, a sample is linear.
 const SMALLEST: f32 = 0.5;
-/// A mesh of more pieces than this is put in the order of space. A few panels keep the order of the file.
+/// A mesh of more pieces than this is sorted spatially. Few panels keep the order of the file.
 const FEW: usize = 64;
 
-/// A triangle that glows, or a parallelogram of two: those let points be spread over the whole of a panel. Or a cell of one.
+/// An emissive triangle, a parallelogram of two, or a cell of one. With parallelograms, points spread over whole
+/// panels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
     pub triangle: usize,
     pub parallelogram: bool,
     pub cell: Cell,
-    /// Square meters.
+    /// Area \[m²\].
     pub area: f32,
-    /// Mean over the patch \[W·m⁻²·sr⁻¹\].
+    /// Mean emission of the patch \[W·m⁻²·sr⁻¹\].
     pub emission: Vec3,
 }
 
 impl Patch {
-    /// Luminous power of a side, up to a factor of π.
+    /// Luminous power of one side, up to a factor of π.
     pub fn power(&self) -> f32 {
         self.area * luminance(self.emission)
     }
 
-    /// Triangle and barycentric weights of a point of the patch's shape.
+    /// Triangle and barycentric weights of a point in the patch's coordinates.
     pub fn located(&self, p: Vec2) -> (usize, f32, f32) {
         let t = self.triangle;
         if !self.parallelogram {
             return (t, p.x, p.y);
         }
-        // Corner p, then `x` along the side from p to q and `y` along that from q to r: the triangles p q r and p r s
-        // meet in the diagonal x = y.
+        // From corner p, `x` runs along the side from p to q and `y` along the side from q to r. The triangles p q r
+        // and p r s meet at the diagonal x = y.
         let Vec2 { x, y } = p;
         if y <= x { (t, x - y, y) } else { (t + 1, x, y - x) }
     }
 
-    /// The point of the patch's shape that is at these weights of a triangle; none in other triangles.
+    /// The patch's coordinates of the point at these weights of a triangle; `None` if the patch does not contain the
+    /// triangle.
     pub fn place(&self, triangle: usize, u: f32, v: f32) -> Option<Vec2> {
         match triangle.checked_sub(self.triangle)? {
             0 if !self.parallelogram => Some(Vec2::new(u, v)),
@@ -63,7 +65,7 @@ impl Patch {
     }
 }
 
-/// The glow of a mesh.
+/// Emission of a mesh.
 struct Glow<'a> {
     scene: &'a Scene,
     mesh: &'a Mesh,
@@ -71,7 +73,7 @@ struct Glow<'a> {
 }
 
 impl Glow<'_> {
-    /// Emission at a point of a triangle, its texture blurred to `footprint` texels.
+    /// Emission at a point of a triangle, with its texture blurred to `footprint` texels.
     fn at(&self, t: usize, u: f32, v: f32, footprint: f32) -> Vec3 {
         let Some(slot) = self.material.emission_texture else { return self.material.emission };
         let texture = &self.scene.textures[slot.texture];
@@ -79,7 +81,7 @@ impl Glow<'_> {
         self.material.emission * uv.map_or(Vec3::ONE, |uv| texture.sample(slot.map(uv), footprint).color)
     }
 
-    /// Mean over a triangle by a few points: exact for textures that are smooth at that scale.
+    /// Mean over a triangle from a few points: exact for textures that are smooth at that scale.
     fn of_triangle(&self, t: usize) -> Vec3 {
         let Some(slot) = self.material.emission_texture else { return self.material.emission };
         let texture = &self.scene.textures[slot.texture];
@@ -93,7 +95,7 @@ impl Glow<'_> {
         self.material.emission * (sum / POINTS_OF_A_TRIANGLE as f32)
     }
 
-    /// Side of a patch's whole shape in the texture \[texels\].
+    /// Side of the whole patch in the texture \[texels\].
     fn texels_across(&self, patch: &Patch) -> f32 {
         let Some(slot) = self.material.emission_texture else { return 0.0 };
         let size = self.scene.textures[slot.texture].size();
@@ -102,15 +104,15 @@ impl Glow<'_> {
             Some(slot.map(uv) * size)
         };
         let [Some(a), Some(b), Some(c)] = [uv(0.0, 0.0), uv(1.0, 0.0), uv(0.0, 1.0)] else { return 0.0 };
-        // Along the two sides that span the shape: a parallelogram's are a b and b c. Its diagonal would blur more than a side.
+        // Use the two sides that span the shape: ab and bc for a parallelogram. Its diagonal would blur more.
         (b - a).length().max(if patch.parallelogram { c - b } else { c - a }.length())
     }
 
     /// Mean, and contrast (most − least) / mean of luminance, over a cell of `texels` across.
     fn of_cell(&self, patch: &Patch, cell: Cell, texels: f32) -> (Vec3, f32) {
         let (mut sum, mut least, mut most) = (Vec3::ZERO, f32::INFINITY, 0.0f32);
-        // A point is twice as wide as the distance to the next: the texture is seen as a whole, and what is bright right beside the
-        // cell, into which a look-up between two texels carries it, is seen too.
+        // Each sample is twice as wide as the spacing of samples. This covers the whole texture, including bright
+        // texels right next to the cell, which interpolation blends into it.
         let across = (POINTS_OF_A_CELL as f32).sqrt();
         for i in 0..POINTS_OF_A_CELL {
             let q = Vec2::new(i as f32 % across, (i as f32 / across).floor());
@@ -123,12 +125,13 @@ impl Glow<'_> {
         (mean, (most - least) / luminance(mean).max(f32::MIN_POSITIVE))
     }
 
-    /// Adds the cells of `patch` to `cells`, split where the glow is uneven and more than `share`; the mean of all, by them.
+    /// Appends `patch` to `cells`, split where its emission is uneven and its power exceeds `share`. Returns the mean
+    /// over its cells.
     fn split(&self, patch: Patch, share: f32, across: f32, cells: &mut Vec<Patch>) -> Vec3 {
         let texels = across * patch.cell.side();
         let (mean, contrast) = self.of_cell(&patch, patch.cell, texels);
         let patch = Patch { emission: mean, ..patch };
-        // A cell that looks dark from afar may have a bright texel: its flux is in the mean.
+        // A cell that looks dark from afar may have a bright texel; its flux is in the mean.
         if contrast <= EVEN || patch.power() <= share || texels <= SMALLEST {
             cells.push(patch);
             return mean;
@@ -138,14 +141,14 @@ impl Glow<'_> {
     }
 }
 
-/// The glowing pieces of a mesh.
+/// The emissive pieces of a mesh.
 pub(super) struct Pieces {
     pub patches: Vec<Patch>,
-    /// Rectangles, and triangles that belong to none, before any was split.
+    /// Number of rectangles, and of triangles outside of any, before splitting.
     pub panels: usize,
 }
 
-/// The pieces of `instance`.
+/// Builds the pieces of `instance`.
 pub(super) fn pieces(surfaces: &Surfaces, instance: usize) -> Pieces {
     let scene = surfaces.scene();
     let mesh = &scene.meshes[scene.instances[instance].mesh];
@@ -153,10 +156,10 @@ pub(super) fn pieces(surfaces: &Surfaces, instance: usize) -> Pieces {
     let patches = panels(surfaces, instance, &glow);
     let panels = patches.len();
 
-    // Textures that are bright in places: as cells that glow about evenly.
+    // Split unevenly bright textures into cells of roughly even emission.
     let mut patches = if glow.material.emission_texture.is_some() { split(&glow, patches) } else { patches };
 
-    // In the order of space, strata of their power are compact.
+    // In spatial order, strata of power are compact.
     if panels > FEW {
         let middle = |patch: &Patch| {
             let (t, u, v) = patch.located(patch.cell.point(Vec2::splat(0.5)));
@@ -169,7 +172,7 @@ pub(super) fn pieces(surfaces: &Surfaces, instance: usize) -> Pieces {
     Pieces { patches, panels }
 }
 
-/// The triangles of a mesh, two together where they are a parallelogram.
+/// The triangles of a mesh; pairs that form a parallelogram are merged.
 fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
     let mut patches: Vec<Patch> = Vec::new();
     for t in 0..glow.mesh.triangles.len() {
@@ -177,7 +180,7 @@ fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
         let area = (b - a).cross(c - a).length() / 2.0;
         let emission = glow.of_triangle(t);
         let completes = patches.last().is_some_and(|last| {
-            // Corners p q r and p r s with q − p = r − s, as exporters split a rectangle.
+            // Corners p q r and p r s with q − p = r − s, the way exporters split a rectangle.
             let [p, q, r] = surfaces.corners(instance, last.triangle);
             let tolerance = 1e-4 * (r - p).length();
             !last.parallelogram
@@ -200,7 +203,7 @@ fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
     patches
 }
 
-/// The cells of textured `patches`; those stay whole that glow evenly, or have little of the power.
+/// Splits textured `patches` into cells. Patches of even emission or little power stay whole.
 fn split(glow: &Glow, patches: Vec<Patch>) -> Vec<Patch> {
     let share = patches.iter().map(Patch::power).sum::<f32>() * SHARE_OF_A_CELL;
     let mut pieces = Vec::new();
@@ -210,7 +213,7 @@ fn split(glow: &Glow, patches: Vec<Patch>) -> Vec<Patch> {
         match &cells[..] {
             [_] => pieces.push(patch),
             _ if mean == Vec3::ZERO => pieces.push(patch),
-            // Cells that glow not at all need no points.
+            // Cells without emission need no points.
             _ => pieces.extend(cells.into_iter().filter(|cell| cell.emission != Vec3::ZERO)),
         }
     }

@@ -1,4 +1,4 @@
-//! Direct light of glowing surfaces: points to trace shadow rays to.
+//! Direct light from emissive surfaces: sample points for shadow rays.
 
 use super::balance::Balance;
 use super::{AreaLight, AreaSample};
@@ -12,44 +12,45 @@ use glam::{Vec3, Vec3A};
 use std::any::Any;
 use std::f32::consts::PI;
 
-/// Bound of the geometry term of a sample, as a share of that of its own disc: it keeps contact finite. With the full disc a
-/// panel seen from its own width comes out 0.5 % dark, since its points already average over each other.
+/// Bound of a sample's geometry term, as a fraction of its own disc's bound; it keeps contact finite. With the full
+/// disc, a panel seen from its own width is 0.5 % too dark, since its points already average over each other.
 const BOUND: f32 = 1.0 / 8.0;
-/// Sample points of an area light, and those that shadow rays are traced to first. The rest is skipped where these and the
-/// corners of the light agree. Without the corners a penumbra begins too late, and with a step.
+/// Number of sample points of an area light, and of the points traced first. The others are skipped if the first points
+/// and the corners of the light agree. Without corners, a penumbra begins too late and with a step.
 const SAMPLES: usize = 64;
 const FIRST_SAMPLES: usize = 16;
-/// Distance of corner samples from the corner, as a share of that to the middle: objects that touch a lamp hide its border.
+/// Distance of corner samples from the corner, as a fraction of the distance to the center: objects that touch a lamp
+/// hide its border.
 const INWARD: f32 = 0.05;
-/// A light of more pieces than this is summed over its points even where nothing hides it.
+/// A light of more pieces than this is summed over its points even if unoccluded.
 const MOST_POLYGONS: usize = 4;
 
-/// A glowing surface, with points to trace shadow rays to.
+/// An emissive surface with sample points for shadow rays.
 #[derive(Debug)]
 pub(in crate::light) struct SampledArea {
     instance: u32,
     samples: Vec<AreaSample>,
-    /// Where it ends, where its shape is simple.
+    /// Samples at its corners, if its shape is simple.
     corners: Vec<AreaSample>,
     /// Positions of the samples and the corners.
     positions: Vec<Vec3A>,
-    /// Its shape, where that is simple enough for a closed form.
+    /// Its shape, if simple enough for a closed form.
     polygons: Vec<Polygon>,
-    /// Factors that give the samples the intensity of the whole light, where there is no closed form.
+    /// Factors that correct the samples' intensity to the whole light's, if there is no closed form.
     balance: Option<Balance>,
 }
 
 impl AreaLight {
-    /// The light with points to trace shadow rays to.
+    /// The light with sample points for shadow rays.
     pub(in crate::light) fn sampled(&self, surfaces: &Surfaces) -> SampledArea {
-        // A few evenly glowing polygons have a closed form. What has none is summed over its samples, in balance.
+        // A few polygons of even emission have a closed form. Other lights are summed over their samples, with balance.
         let simple = self.patch_count() <= MOST_POLYGONS && !self.is_textured();
         let samples = self.samples(surfaces, SAMPLES);
         let pieces = self.polygons(surfaces);
         let balance = (!simple).then(|| Balance::new(&pieces, &samples));
         let polygons = if simple { pieces } else { Vec::new() };
 
-        // Corners give nothing: they only tell whether the light is partly hidden.
+        // Corners emit nothing; they only detect partial occlusion.
         let corners: Vec<AreaSample> = polygons.iter().flat_map(|polygon| corners(polygon, &samples[0])).collect();
         SampledArea {
             instance: self.instance as u32,
@@ -63,18 +64,18 @@ impl AreaLight {
 }
 
 impl SampledArea {
-    /// Unshadowed irradiance from one of the samples.
+    /// Unshadowed irradiance from one sample \[W·m⁻²\].
     #[inline]
     fn unhidden_sample(&self, receiver: &ShadingPoint, sample: &AreaSample) -> Vec3 {
         sample.intensity * disc_of(sample).term(receiver)
     }
 
-    /// Factor for light of the samples at a receiver.
+    /// Balance factor for the samples' light at a receiver.
     fn balance_at(&self, receiver: &ShadingPoint) -> f32 {
         self.balance.as_ref().map_or(1.0, |balance| balance.at(receiver.position))
     }
 
-    /// Unshadowed irradiance from the whole light.
+    /// Unshadowed irradiance from the whole light \[W·m⁻²\].
     fn unhidden(&self, receiver: &ShadingPoint) -> Vec3 {
         if self.polygons.is_empty() {
             let sum: Vec3 = self.samples.iter().map(|sample| self.unhidden_sample(receiver, sample)).sum();
@@ -86,9 +87,10 @@ impl SampledArea {
 }
 
 impl Sampled for SampledArea {
-    /// Exact where all of it is visible, else by the visible share of its samples, each weighted by its unshadowed irradiance.
+    /// Exact if the whole light is visible; otherwise by the visible fraction of its samples, weighted by their
+    /// unshadowed irradiance.
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
-        // A shadow ray votes for a receiver: whether this sample is visible there.
+        // Each shadow ray votes for a receiver: whether this sample is visible from it.
         let shafts = tile.shafts(&self.positions);
         let mut votes = TileVotes::NONE;
         let mut trace_samples = |samples: &[AreaSample], among: u64| {
@@ -101,9 +103,10 @@ impl Sampled for SampledArea {
             among & !votes.agreed()
         };
 
-        // Corners and the first samples go to all receivers, the rest to those of a penumbra: where the votes disagree.
+        // Corners and the first samples go to all receivers, the rest only to receivers in a penumbra, where the votes
+        // disagree.
         let (first, rest) = match (&shafts.opaque, &shafts.blended) {
-            // Where nothing can hide it, one sample that shines is enough.
+            // If no occluder exists, one contributing sample is enough.
             (Some(opaque), blended) if opaque.is_empty() && blended.as_ref().is_none_or(Shaft::is_empty) => {
                 self.samples.split_at(1)
             }
@@ -117,14 +120,14 @@ impl Sampled for SampledArea {
             trace_samples(rest, undecided);
         }
 
-        // Each receiver's light: all of the lamp where no vote was against, else the share of it that is seen.
+        // Light per receiver: the whole lamp if no vote was against, else its visible fraction.
         for i in bits(votes.lit) {
             sums[i] += if votes.dark >> i & 1 == 0 {
                 self.unhidden(&tile.receivers()[i])
             } else if self.polygons.is_empty() {
                 TileVotes::of(&votes.seen, i) * self.balance_at(&tile.receivers()[i])
             } else {
-                // Where a color is missing in all samples, it is missing in the light.
+                // A color missing in all samples is missing in the light, too.
                 let all = TileVotes::of(&votes.all, i).max(Vec3::splat(f32::MIN_POSITIVE));
                 self.unhidden(&tile.receivers()[i]) * (TileVotes::of(&votes.seen, i) / all)
             };
@@ -135,7 +138,7 @@ impl Sampled for SampledArea {
         let mut whole = Traced::default();
         let balance = self.balance_at(receiver);
         for samples in self.samples.chunks(PACKET) {
-            // L = f E of each sample, if nothing hides it. To the BRDF it is as wide as a disc of its area.
+            // L = f E of each sample, if unoccluded. The BRDF sees a disc of the sample's area.
             let (mut given, mut ends, mut active) = ([Vec3::ZERO; PACKET], [Vec3A::ZERO; PACKET], 0);
             for (i, sample) in samples.iter().enumerate() {
                 let way = sample.position - receiver.position;
@@ -149,7 +152,7 @@ impl Sampled for SampledArea {
                 }
             }
 
-            // One packet of shadow rays tells which of them are hidden.
+            // One packet of shadow rays finds the occluded samples.
             whole.shadow_rays += u64::from(active.count_ones());
             let hidden = shadows.opaque().occluded_packet(receiver.position, &ends[..samples.len()], active);
             let seen = bits(active & !hidden).map(|i| given[i] * shadows.passed(receiver.position, ends[i]));
@@ -158,7 +161,7 @@ impl Sampled for SampledArea {
         whole
     }
 
-    /// Shadow rays end at its samples and corners; no other place of it matters.
+    /// Shadow rays end only at its samples and corners.
     fn source(&self) -> Source {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for &position in &self.positions {
@@ -172,7 +175,7 @@ impl Sampled for SampledArea {
     }
 
     fn is_same(&self, other: &dyn Sampled) -> bool {
-        // Samples have the place and the brightness of an area: all else of it follows from the same surface.
+        // The samples contain position and brightness; all else follows from the same surface.
         let is_same = |other: &Self| self.instance == other.instance && self.samples == other.samples;
         (other as &dyn Any).downcast_ref().is_some_and(is_same)
     }
@@ -182,20 +185,20 @@ impl Sampled for SampledArea {
     }
 }
 
-/// On the surface itself: objects that touch a lamp may be nearer to it than its sample points.
+/// A disc on the surface itself: objects that touch a lamp may be nearer to it than its sample points.
 #[inline]
 fn disc_of(sample: &AreaSample) -> Disc {
     let position = sample.position - sample.normal * sample.offset;
     Disc { position: position.to_array(), normal: sample.normal.to_array(), bound: BOUND * sample.area / PI }
 }
 
-/// Points of a light that are near its corners, and give nothing.
+/// Points near a polygon's corners, which emit nothing.
 fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaSample> {
     let Polygon { corners, normal, .. } = *polygon;
     let middle = corners.iter().sum::<Vec3A>() / corners.len() as f32;
-    // As far off the surface as the others.
+    // At most the samples' distance off the surface.
     let offset = sample.offset.min(1e-3 * (corners[0] - middle).length());
-    // A triangle's last corner stands twice.
+    // A triangle repeats its last corner.
     let count = if corners[2] == corners[3] { 3 } else { 4 };
     corners.into_iter().take(count).map(move |corner| AreaSample {
         position: corner.lerp(middle, INWARD) + normal * offset,
@@ -206,17 +209,17 @@ fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaS
     })
 }
 
-/// Shadow rays of the samples of an area light at the receivers of a tile so far.
+/// Results of an area light's shadow rays at the receivers of a tile so far.
 struct TileVotes {
-    /// Receivers to which any of the samples is visible, and to which any is hidden, as bits.
+    /// Receivers with any visible sample, and with any occluded one, as bits.
     lit: u64,
     dark: u64,
-    /// By color and receiver, irradiance from the visible samples, and from all \[W·m⁻²\].
+    /// Irradiance from the visible samples, and from all, by color and receiver \[W·m⁻²\].
     seen: [[f32; PACKET]; 3],
     all: [[f32; PACKET]; 3],
 }
 
-/// 0 for each bit of a number that is set, 1 for the others: hidden or not, as factors.
+/// For each byte, 0 for set bits and 1 for clear bits: occlusion as factors.
 const FACTORS: [[f32; 8]; 256] = {
     let mut factors = [[1.0; 8]; 256];
     let mut k = 0;
@@ -232,7 +235,7 @@ const FACTORS: [[f32; 8]; 256] = {
 impl TileVotes {
     const NONE: Self = Self { lit: 0, dark: 0, seen: [[0.0; PACKET]; 3], all: [[0.0; PACKET]; 3] };
 
-    /// Adds a sample: `terms` times its intensity, 0 where it does not shine, for the receivers in `traced`.
+    /// Adds a sample with `terms` times its intensity, 0 where it does not emit, for the receivers in `traced`.
     fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], traced: u64, hidden: &Hidden) {
         let Hidden { whole, passed } = hidden;
         self.lit |= traced & !whole;
@@ -241,7 +244,7 @@ impl TileVotes {
             self.dark |= traced & bits_where(passed, |share| share < 1.0);
         }
 
-        // Eight receivers at a time, all of a row together: rows that no ray was traced to are passed over.
+        // Process rows of eight receivers together; skip rows without a traced ray.
         let (terms, _) = terms.as_chunks::<8>();
         for (row, terms) in terms.iter().enumerate().filter(|(row, _)| traced >> (8 * row) & 0xff != 0) {
             let factors = match passed {
@@ -249,7 +252,8 @@ impl TileVotes {
                 None => &FACTORS[(whole >> (8 * row)) as usize & 0xff],
             };
             for (c, intensity) in intensity.to_array().into_iter().enumerate() {
-                // E = I · term, all of it, and what is seen of it. The factor is 0 where the sample is hidden: no branches.
+                // E = I · term: the total and the visible irradiance. An occluded sample has factor 0, which avoids
+                // branches.
                 let seen = &mut self.seen[c].as_chunks_mut::<8>().0[row];
                 let all = &mut self.all[c].as_chunks_mut::<8>().0[row];
                 for lane in 0..8 {
@@ -261,7 +265,7 @@ impl TileVotes {
         }
     }
 
-    /// Receivers whose votes all agree, as bits.
+    /// Receivers with unanimous votes, as bits.
     fn agreed(&self) -> u64 {
         self.lit ^ self.dark
     }
@@ -271,7 +275,7 @@ impl TileVotes {
     }
 }
 
-/// Where a disc shines, as bits.
+/// Receivers that a disc lights, as bits.
 fn shining(terms: &[f32; PACKET]) -> u64 {
     bits_where(terms, |term| term > 0.0)
 }

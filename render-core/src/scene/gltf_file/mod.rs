@@ -102,7 +102,8 @@ pub enum LoadError {
 /// must be in the scene's folder.
 ///
 /// # Errors
-/// The scene, its settings or a file that they name cannot be read; see [`LoadError`]. A damaged file never causes a panic in the caller, and the process's panic hook stays unchanged.
+/// The scene, its settings or a file that they name cannot be read; see [`LoadError`]. A damaged file
+/// never causes a panic in the caller, and the process's panic hook stays unchanged.
 pub fn load(path: &Path) -> Result<Scene, LoadError> {
     load_with(path, Reach::Folder, &[])
 }

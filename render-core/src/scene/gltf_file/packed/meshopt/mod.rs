@@ -1,5 +1,5 @@
-//! Buffer views packed by `EXT_meshopt_compression` and `KHR_meshopt_compression`. The bitstreams of the latter include
-//! those of the former.
+//! Buffer views packed by `EXT_meshopt_compression` and `KHR_meshopt_compression`. The latter's bitstreams include all
+//! of the former's.
 //!
 //! Sections refer to the text of `KHR_meshopt_compression`.
 
