@@ -1,4 +1,4 @@
-//! The first surface that each pixel sees, and where that same point was a frame ago.
+//! The first surface that each pixel sees, and its position in another frame.
 
 mod coverage;
 mod layers;
@@ -20,20 +20,20 @@ pub use coverage::{Coverage, MixedPixel, SurfacePart};
 pub use layers::LayeredPixel;
 pub use shares::{InstanceShare, InstanceShares};
 
-/// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
+/// Side of the tiles that rays are traced in \[pixels\]: an MPEG-2 macroblock.
 pub const MACROBLOCK: usize = 16;
 
-/// [`PixelSurface::instance`] of a pixel that sees no surface.
+/// [`PixelSurface::instance`] of a pixel without a surface.
 pub const NOTHING: u32 = u32::MAX;
 
-/// The first surface that a pixel sees. Vectors are stored as plain triples: no padding.
+/// The first surface that a pixel sees. Vectors are stored as plain triples, without padding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSurface {
-    /// World space, meters; where nothing is seen, the unit direction of the ray.
+    /// Position in world space \[m\]; without a surface, the unit direction of the ray.
     pub position: [f32; 3],
-    /// Unit normal of the triangle, towards the viewer.
+    /// Normal of the triangle towards the viewer, a unit vector.
     pub geometric_normal: [f32; 3],
-    /// Unit normal to shade with.
+    /// Shading normal, a unit vector.
     pub shading_normal: [f32; 3],
     /// Linear RGB reflectance of the diffuse base.
     pub albedo: [f32; 3],
@@ -41,9 +41,9 @@ pub struct PixelSurface {
     pub specular: [f32; 3],
     /// Perceptual roughness of the coat.
     pub roughness: f32,
-    /// Radiance that leaves without being lit \[W·m⁻²·sr⁻¹\].
+    /// Emitted radiance \[W·m⁻²·sr⁻¹\]; for unlit surfaces, their color.
     pub emission: [f32; 3],
-    /// Meters along the camera's axis; infinite where nothing is seen.
+    /// Depth along the camera's axis \[m\]; infinite without a surface.
     pub depth: f32,
     /// Index into the scene's instances, or [`NOTHING`].
     pub instance: u32,
@@ -52,7 +52,7 @@ pub struct PixelSurface {
 }
 
 impl PixelSurface {
-    /// Whether light that arrives here is reflected by the diffuse base.
+    /// Whether the diffuse base reflects light.
     #[must_use]
     pub fn reflects(&self) -> bool {
         self.instance != NOTHING && self.albedo != [0.0; 3]
@@ -63,24 +63,24 @@ impl PixelSurface {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraRay {
     pub origin: Vec3A,
-    /// Unit vector.
+    /// Direction, a unit vector.
     pub direction: Vec3A,
 }
 
 impl CameraRay {
-    /// The ray through a place of the picture, in pixels.
+    /// The ray through a position in the picture \[pixels\].
     fn through(place: Vec2, view: &View) -> Self {
         let (origin, direction) = view.ray(place);
         Self { origin, direction }
     }
 }
 
-/// One of the rays of every pixel.
+/// One ray sample per pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSample {
-    /// Where it goes through, from the upper left corner of the pixel, 0…1 each.
+    /// Position of the ray in the pixel, from its upper left corner, each coordinate in 0…1.
     pub offset: Vec2,
-    /// Width of the part that it stands for, in pixels: textures are filtered over it.
+    /// Width of the region that the sample represents \[pixels\]; textures are filtered over it.
     pub width: f32,
 }
 
@@ -88,25 +88,25 @@ impl PixelSample {
     /// The only sample of a pixel, through its center.
     pub const WHOLE: Self = Self { offset: Vec2::splat(0.5), width: 1.0 };
 
-    /// The one at `offset` of `count` samples that share the pixel.
+    /// One of `count` samples of a pixel, at `offset`.
     #[must_use]
     pub fn one_of(count: usize, offset: Vec2) -> Self {
         Self { offset, width: (count.max(1) as f32).sqrt().recip() }
     }
 }
 
-/// One picture's worth of first hits.
+/// The first hits of all pixels of a picture.
 #[derive(Clone, Debug)]
 pub struct GBuffer {
-    /// One per pixel.
+    /// The surface of each pixel.
     pub pixels: Plane<PixelSurface>,
-    /// The view they were seen from.
+    /// View of the picture.
     pub view: View,
-    /// Where the instances stood.
+    /// World transforms of the instances.
     pub world: Vec<Affine3A>,
-    /// The shapes of those that skins or morph targets bend; empty where none is.
+    /// Deformed meshes of instances with a skin or morph targets; empty if there are none.
     pub deformed: Vec<Option<Arc<DeformedMesh>>>,
-    /// The pixels whose centers are one of several layers, in raster order.
+    /// The pixels with several layers at their centers, in raster order.
     pub layered: Arc<[LayeredPixel]>,
 }
 
@@ -116,7 +116,7 @@ impl GBuffer {
         Self::trace_at(PixelSample::WHOLE, scene, view, size)
     }
 
-    /// As [`GBuffer::trace`], for this sample of each pixel.
+    /// Traces a ray through this sample of every pixel, for `size` = (width, height) \[pixels\].
     pub fn trace_at(sample: PixelSample, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
         let (shown, mut pixels) = (Shown::new(scene), Plane::filled(size.0, size.1, EMPTY));
         let camera = Camera { shown: &shown, view, sample };
@@ -124,7 +124,7 @@ impl GBuffer {
         layered.map(|layered| Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) })
     }
 
-    /// `pixels` of `surfaces` as they stand now.
+    /// Builds a G-buffer of `pixels` with the current transforms of `surfaces`.
     fn placed(pixels: Plane<PixelSurface>, surfaces: &Surfaces, view: &View) -> Self {
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
         Self { pixels, view: *view, world, deformed: surfaces.all_deformed().to_vec(), layered: Arc::default() }
@@ -132,19 +132,20 @@ impl GBuffer {
 }
 
 impl GBuffer {
-    /// World-space corners of the triangle that `pixel` sees, if its mesh is bent.
+    /// World-space corners of the triangle that `pixel` sees, if its mesh is deformed.
     fn bent_corners(&self, pixel: &PixelSurface) -> Option<[Vec3A; 3]> {
         let instance = pixel.instance as usize;
         let bent = self.deformed.get(instance)?.as_ref()?;
         Some(bent.corners(pixel.triangle as usize).map(|corner| self.world[instance].transform_point3a(corner.into())))
     }
 
-    /// Where the surface point of one of its pixels is in `other`, and its normal there; `None` if it does not bend.
+    /// Position in `other` of the surface point that `pixel` sees, and its normal there; `None` if its mesh is not
+    /// deformed.
     fn bent_to(&self, pixel: &PixelSurface, other: &GBuffer) -> Option<(Vec3A, Vec3A)> {
         let [a, b, c] = self.bent_corners(pixel)?;
         let area = (b - a).cross(c - a);
         let at = Vec3A::from(pixel.position) - a;
-        // Barycentric weights: shares of the triangle's area, along its normal.
+        // Barycentric weights: fractions of the triangle's area, along its normal.
         let whole = area.length_squared();
         let (u, v) = (at.cross(c - a).dot(area) / whole, (b - a).cross(at).dot(area) / whole);
         let [p, q, r] = other.bent_corners(pixel)?;
@@ -167,17 +168,17 @@ const EMPTY: PixelSurface = PixelSurface {
     triangle: 0,
 };
 
-/// Upper left corners of a macroblock's packets, which are squares of this side.
+/// Upper left corners of a macroblock's packets, and the side of a packet \[pixels\].
 const PACKET_CORNERS: [(usize, usize); 4] = [(0, 0), (PACKET_SIDE, 0), (0, PACKET_SIDE), (PACKET_SIDE, PACKET_SIDE)];
 const PACKET_SIDE: usize = 8;
 const _: () = assert!(PACKET_SIDE * PACKET_SIDE == PACKET && 2 * PACKET_SIDE == MACROBLOCK);
 
-/// The pixels of a packet, eight after eight that lie close together: four side by side, two rows.
+/// The pixels of a packet, in groups of eight neighbors: four columns, two rows.
 fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
 
-/// A sample of each pixel of a picture.
+/// Traces one sample of each pixel of a picture.
 struct Camera<'a> {
     shown: &'a Shown<'a>,
     view: &'a View,
@@ -185,7 +186,7 @@ struct Camera<'a> {
 }
 
 impl Camera<'_> {
-    /// Traces all `pixels` of a picture. Returns those with several layers, in raster order.
+    /// Traces all `pixels` of a picture. Returns the pixels with several layers, in raster order.
     fn trace(&self, pixels: &mut Plane<PixelSurface>, busy: &Busy) -> Vec<LayeredPixel> {
         let width = pixels.width();
         let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width).enumerate();
@@ -196,7 +197,7 @@ impl Camera<'_> {
         layered
     }
 
-    /// Traces a row of macroblocks, from line `top` on, into `strip`. Returns its pixels with several layers.
+    /// Traces a row of macroblocks, starting at line `top`, into `strip`. Returns its pixels with several layers.
     fn strip(&self, top: usize, width: usize, strip: &mut [PixelSurface]) -> Vec<LayeredPixel> {
         let rows = strip.len() / width;
         let mut layered = Vec::new();
@@ -218,7 +219,7 @@ impl Camera<'_> {
         layered
     }
 
-    /// Traces the rays of a few pixels together.
+    /// Traces the rays of a packet's pixels together.
     fn see_together(
         &self,
         places: impl Iterator<Item = (usize, usize)>,
@@ -234,7 +235,7 @@ impl Camera<'_> {
         let solid = shown.solid();
         let hits = first_hits(solid, &rays[..count], view);
         for i in 0..count {
-            // One of the layers, where there are any, is the surface of the pixel.
+            // If there are layers, one of them is the pixel's surface.
             let layers = shown.layers(rays[i], hits[i], view, sample.width);
             let (x, y) = pixels[i];
             let hit = if layers.is_empty() { hits[i] } else { center(&layers, x, y, sample) };
@@ -243,7 +244,7 @@ impl Camera<'_> {
     }
 }
 
-/// First hit of each ray, at most [`PACKET`] of them.
+/// First hit of each ray, for at most [`PACKET`] rays.
 fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit>; PACKET] {
     let mut hits = [None; PACKET];
     let Some(&CameraRay { origin, .. }) = rays.first() else { return hits };
@@ -252,7 +253,7 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit
         directions.iter_mut().zip(rays).for_each(|(direction, ray)| *direction = ray.direction);
         scene.accelerator.closest_packet(origin, &directions[..rays.len()], &mut hits[..rays.len()]);
     } else {
-        // The parallel rays of an orthographic camera.
+        // An orthographic camera has parallel rays.
         hits.iter_mut().zip(rays).for_each(|(hit, ray)| *hit = scene.accelerator.closest(ray.origin, ray.direction));
     }
     for (hit, ray) in hits.iter_mut().zip(rays) {
@@ -263,7 +264,7 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit
     hits
 }
 
-/// Surface that a ray shows; textures are filtered over its cone, `width(depth)` meters wide.
+/// The surface that a ray shows; textures are filtered over the ray's cone, `width(depth)` meters wide.
 fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) -> f32, view: &View) -> PixelSurface {
     let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |seen| seen.depth);
@@ -287,14 +288,14 @@ fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) 
     }
 }
 
-/// Two normals count as alike when the cosine between them is at least this: 25°, a smooth surface's turn within pixels.
+/// Least cosine between two similar normals: 25°, the curvature of a smooth surface within a few pixels.
 const ALIKE_COSINE: f32 = 0.9;
-/// Two points count as on the same surface when they are this near to its plane, in units of their depth.
+/// Greatest distance of a point from the plane of the same surface, in units of its depth.
 const ALIKE_DEPTH: f32 = 0.005;
 
 impl GBuffer {
-    /// Where each pixel's surface point is in `other`: it goes there with the instance it sits on, and with its triangle
-    /// where that bends.
+    /// Reprojects each pixel's surface point to `other`, with the instance's transform, or with its triangle if the
+    /// mesh is deformed.
     pub fn reproject(&self, other: &GBuffer) -> Timed<Correspondence> {
         Timed::of(|busy| self.reprojected(other, busy))
     }
@@ -321,24 +322,24 @@ impl GBuffer {
         Correspondence::new(motion, matches).expect("both planes have the size of the picture")
     }
 
-    /// Other world from current world, by instance; most stand still.
+    /// Other-from-current world transforms, by instance; the identity for static instances.
     fn carry_to(&self, other: &GBuffer) -> Vec<Affine3A> {
         let pairs = self.world.iter().zip(&other.world);
         pairs.map(|(now, then)| if now == then { Affine3A::IDENTITY } else { *then * now.inverse() }).collect()
     }
 }
 
-/// A surface point in another picture.
+/// A surface point reprojected to another picture.
 struct Moved {
-    /// Its place there, in pixels.
+    /// Position in the other picture \[pixels\].
     place: Vec2,
-    /// Its place in the world, meters; zero for the sky.
+    /// Position in the world \[m\]; zero for the sky.
     point: Vec3A,
-    /// Its unit normal; zero for the sky.
+    /// Normal, a unit vector; zero for the sky.
     normal: Vec3A,
 }
 
-/// The surface point of a pixel as it stands in `other`; `None` behind the camera there.
+/// Reprojects the surface point of a pixel to `other`; `None` behind its camera.
 fn moved(pixel: &PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<Moved> {
     if pixel.instance == NOTHING {
         let place = other.view.project_direction(pixel.position.into())?;
@@ -352,7 +353,7 @@ fn moved(pixel: &PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
     Some(Moved { place: other.view.project(point)?.pixel, point, normal })
 }
 
-/// Place of a surface point in `other` and the nearest of the four pixels around it that shows the same surface.
+/// Position of a surface point in `other`, and the nearest of the four pixels around it that shows the same surface.
 fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<(Vec2, u32)> {
     let sky = pixel.instance == NOTHING;
     let Moved { place, point, normal } = moved(&pixel, current, carry, other)?;
@@ -378,7 +379,7 @@ fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
     best.map(|(_, index)| (place, index))
 }
 
-/// Whether `candidate` shows the surface of `instance` around a `point` with the unit `normal`.
+/// Whether `candidate` shows the surface of `instance` at a `point` with the unit `normal`.
 fn is_same_surface(candidate: &PixelSurface, instance: u32, point: Vec3A, normal: Vec3A) -> bool {
     candidate.instance == instance && {
         let apart = normal.dot(Vec3A::from(candidate.position) - point).abs();

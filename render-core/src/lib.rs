@@ -1,4 +1,4 @@
-//! Scenes, rays, photons and direct light: what there is to see in a frame, and where it was in the one before.
+//! Scenes, rays, photons and direct light: visible surfaces of a frame, and their reprojection to the previous frame.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
@@ -51,7 +51,7 @@ pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
 pub use surface::{Paint, Surface, Surfaces};
 pub use swept::SweptVolume;
 
-/// Vectors, matrices and planes stand in signatures.
+/// Vectors, matrices and planes occur in signatures.
 pub use glam;
 pub use plane::{Correspondence, NO_MATCH, Plane};
 
@@ -64,19 +64,19 @@ pub fn luminance(rgb: Vec3) -> f32 {
     plane::luminance(rgb.to_array())
 }
 
-/// How large the scene is, and what counts as nothing beside it.
+/// Size of a scene, and the distance that is negligible in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Units {
-    /// Middle of the scene's box.
+    /// Center of the scene's bounding box \[m\].
     pub center: Vec3A,
-    /// Radius of a ball around it, meters; never 0.
+    /// Radius of a bounding sphere of the scene \[m\]; never 0.
     pub radius: f32,
-    /// Rays start this far off their surface: some hundred times the rounding of a coordinate.
+    /// Distance of ray origins from their surface \[m\]: some hundred times the rounding error of a coordinate.
     pub epsilon: f32,
 }
 
 impl Units {
-    /// Measures `scene` over its animation, so that nothing that moves leaves the ball.
+    /// Measures `scene` over its whole animation, so that moving objects stay inside the sphere.
     #[must_use]
     pub fn of(scene: &scene::Scene) -> Self {
         let steps = if scene.channels.is_empty() { 1 } else { 33 };

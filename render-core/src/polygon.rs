@@ -1,33 +1,33 @@
-//! Light from an evenly glowing polygon that nothing hides, in closed form.
+//! Irradiance from an unoccluded polygon of uniform emission, in closed form.
 
 use glam::{Vec3, Vec3A};
 
-/// A flat, convex piece of a glowing surface with three or four corners.
+/// A flat, convex piece of an emissive surface, with three or four corners.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Polygon {
-    /// Meters, in order around the border; a triangle's last corner stands twice.
+    /// Corners in order around the border \[m\]; a triangle repeats its last corner.
     pub(crate) corners: [Vec3A; 4],
-    /// Unit normal of the side that glows.
+    /// Normal of the emitting side, a unit vector.
     pub(crate) normal: Vec3A,
-    /// Whether the other side glows too.
+    /// Whether the other side also emits.
     pub(crate) double_sided: bool,
     /// Radiance \[W·m⁻²·sr⁻¹\].
     pub(crate) radiance: Vec3,
 }
 
-/// Four corners, and one more for each plane that cuts a convex polygon.
+/// Most corners: four, and one more for each plane that clips a convex polygon.
 const MOST_CORNERS: usize = 6;
 
 impl Polygon {
-    /// Square meters.
+    /// Area of one side \[m²\].
     pub(crate) fn area(&self) -> f32 {
         let [a, b, c, d] = self.corners;
-        // Half of the cross product of the diagonals.
+        // Half the cross product of the diagonals.
         (c - a).cross(d - b).length() / 2.0
     }
 
-    /// Irradiance \[W·m⁻²\] at `position`, as far as it comes from above both planes: that of the unit `normal` to
-    /// shade with, and that of the unit `geometric_normal`.
+    /// Irradiance \[W·m⁻²\] at `position` from the region above two planes: of the unit shading `normal` and of the
+    /// unit `geometric_normal`.
     pub(crate) fn irradiance(&self, position: Vec3A, normal: Vec3A, geometric_normal: Vec3A) -> Vec3 {
         if !self.double_sided && self.normal.dot(position - self.corners[0]) <= 0.0 {
             return Vec3::ZERO;
@@ -42,7 +42,8 @@ impl Polygon {
     }
 }
 
-/// ∫ cos θ dω over a polygon, all of it above the horizon of the unit `normal` (Lambert 1760; Baum, Rushmeier & Winget 1989, eq. 9):
+/// ∫ cos θ dω over a polygon entirely above the horizon of the unit `normal` (Lambert 1760; Baum, Rushmeier & Winget
+/// 1989, eq. 9):
 ///
 /// ```text
 /// ½ Σ Γᵢ · n·(vᵢ × vᵢ₊₁)/|vᵢ × vᵢ₊₁|       Γᵢ  angle between the ways to corners i and i + 1
@@ -53,7 +54,7 @@ fn projected_solid_angle(corners: &[Vec3A], normal: Vec3A) -> f32 {
         let b = corners[(i + 1) % corners.len()];
         let across = a.cross(b);
         let sine = across.length();
-        // Corners in one direction enclose no angle.
+        // Two corners in the same direction enclose no angle.
         if sine > 0.0 {
             sum += sine.atan2(a.dot(b)) * normal.dot(across) / sine;
         }
@@ -61,7 +62,8 @@ fn projected_solid_angle(corners: &[Vec3A], normal: Vec3A) -> f32 {
     (sum / 2.0).abs()
 }
 
-/// Keeps what lies above the plane through the origin (Sutherland & Hodgman 1974); how many corners there are then.
+/// Clips a polygon to the half-space above the plane through the origin (Sutherland & Hodgman 1974). Returns the number
+/// of corners.
 fn clip(corners: &mut [Vec3A; MOST_CORNERS], count: usize, normal: Vec3A) -> usize {
     if corners[..count].iter().all(|corner| normal.dot(*corner) >= 0.0) {
         return count;
@@ -71,7 +73,7 @@ fn clip(corners: &mut [Vec3A; MOST_CORNERS], count: usize, normal: Vec3A) -> usi
         let (a, b) = (before[i], before[(i + 1) % count]);
         let (height_a, height_b) = (normal.dot(a), normal.dot(b));
         let mut keep = |corner| {
-            // Rounding may make a sliver look concave: it has no area to lose.
+            // Rounding may make a sliver concave; it has no area to lose.
             if kept < MOST_CORNERS {
                 corners[kept] = corner;
                 kept += 1;
@@ -92,7 +94,7 @@ mod tests {
     use super::*;
     use crate::sampling::hash_unit;
 
-    /// The same by the midpoint rule in double precision.
+    /// Reference irradiance by the midpoint rule in double precision.
     fn by_sum(polygon: &Polygon, position: Vec3A, normal: Vec3A, geometric_normal: Vec3A) -> f64 {
         let steps = 400;
         let [a, b, _, d] = polygon.corners.map(|corner| corner.as_dvec3());
@@ -125,7 +127,7 @@ mod tests {
                 radiance: Vec3::ONE,
             };
             let position = random(key, 3) * 2.0;
-            // Away from the polygon itself, where the sum would need more points.
+            // Stay away from the polygon itself, where the sum would need more points.
             let clearance = polygon.normal.dot(position - a).abs();
             if clearance < 0.2 {
                 continue;
@@ -137,7 +139,7 @@ mod tests {
             assert!((found - expected).abs() < 2e-3 * expected + 2e-4, "{key}: {found} instead of {expected}");
             lit += usize::from(expected > 1e-3);
         }
-        assert!(lit > 8, "only {lit} were lit: the test says little");
+        assert!(lit > 8, "only {lit} were lit: too few for a test");
     }
 
     #[test]
@@ -156,7 +158,7 @@ mod tests {
 
     #[test]
     fn at_contact_half_of_all_directions_shine() {
-        // As far as scenes may reach, and less.
+        // At the greatest size of scenes, and below.
         for far in [1e6, 1e9] {
             let polygon = Polygon {
                 corners: [

@@ -1,4 +1,4 @@
-//! A scene at one time, ready for rays.
+//! A scene at one time, ready for ray queries.
 
 use crate::accel::Accelerator;
 use crate::surface::Surfaces;
@@ -6,14 +6,14 @@ use crate::surface::Surfaces;
 /// The acceleration structure and the surfaces of a scene in the same pose.
 #[derive(Clone, Copy, Debug)]
 pub struct PosedScene<'a> {
-    /// For ray queries.
+    /// Answers ray queries.
     pub accelerator: &'a Accelerator,
-    /// For what rays hit.
+    /// Evaluates hits.
     pub surfaces: &'a Surfaces<'a>,
 }
 
 impl<'a> PosedScene<'a> {
-    /// Both have to be made from the same [`Pose`](crate::scene::Pose).
+    /// Combines both; they must have the same [`Pose`](crate::scene::Pose).
     #[must_use]
     pub fn new(accelerator: &'a Accelerator, surfaces: &'a Surfaces<'a>) -> Self {
         Self { accelerator, surfaces }

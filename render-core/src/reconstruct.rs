@@ -1,20 +1,20 @@
-//! Several samples to the pixel, and the filter that makes a picture of them.
+//! Reconstruction of a picture from several samples per pixel.
 //!
-//! Samples lie at the same places in every pixel of every frame: what stands still stays still, and an edge that
-//! moves is seen by the filter, not by chance. Places are nested: the first is the center, so that a pixel may have fewer
-//! samples than its neighbors.
+//! Samples have the same positions in every pixel of every frame: static objects stay unchanged, and the filter, not
+//! chance, resolves a moving edge. Sample sets are nested and start at the center, so that pixels may have different
+//! counts.
 
 use crate::sampling::sobol_point;
 use glam::Vec2;
 use plane::Plane;
 use rayon::prelude::*;
 
-/// Half the filter's width \[pixels\]: a Blackman–Harris window three pixels wide, whose pass band ends where the
-/// pixel grid's does.
+/// Half the filter's width \[pixels\]. The filter is a Blackman–Harris window three pixels wide; its pass band ends at
+/// the pixel grid's.
 const RADIUS: f32 = 1.5;
 
-/// Places of `count` samples in a pixel, from its upper left corner, in 0…1: the first points of a (0, 2)-sequence, half a
-/// pixel on, around the border. The first is the center, and those of a smaller `count` are the first of a larger one.
+/// Positions of `count` samples in a pixel, from its upper left corner, in 0…1. They are the first points of a (0,
+/// 2)-sequence, shifted cyclically by half a pixel. The first is the center; a smaller set is a prefix of a larger one.
 #[must_use]
 pub fn sample_offsets(count: usize) -> Vec<Vec2> {
     (0..count.max(1) as u64).map(|index| (sobol_point(index) + 0.5).fract()).collect()
@@ -29,7 +29,7 @@ fn window(x: f32) -> f32 {
     0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos() - 0.01168 * (3.0 * angle).cos()
 }
 
-/// A tap of the filter: which sample of which neighbor, and how much of it.
+/// A tap of the filter: a sample of a neighbor, and its weight.
 struct Tap {
     sample: usize,
     column: isize,
@@ -37,7 +37,7 @@ struct Tap {
     weight: f32,
 }
 
-/// The taps of a pixel whose samples lie at `places`, and those of its neighbors there.
+/// Taps of a pixel, for samples at `places` in it and in its neighbors.
 fn taps(places: &[Vec2]) -> Vec<Tap> {
     let mut taps: Vec<Tap> = Vec::new();
     for (sample, place) in places.iter().enumerate() {
@@ -52,11 +52,12 @@ fn taps(places: &[Vec2]) -> Vec<Tap> {
     taps
 }
 
-/// The picture that `samples` make, each a plane of values at one of `places` in its pixel.
+/// Reconstructs a picture from `samples`, one plane per position in `places`.
 ///
-/// A single sample in the center is the picture itself. Weights sum to 1; at the border the outermost pixels repeat.
+/// A single sample at the center is the picture itself. Weights sum to 1; border pixels repeat beyond the border.
 ///
 /// # Panics
+/// If the numbers of planes and positions differ, or planes differ in size.
 /// If there is not one plane for each place, or they differ in size.
 #[must_use]
 pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 3]> {
@@ -84,8 +85,8 @@ pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 
     Plane::from_vec(width, height, rows.concat())
 }
 
-/// The picture that `samples` make where each pixel has the first few of them, as many as `counts` says and at least one. Where
-/// that is one, the pixel is that of `alone`, which may know more of its area:
+/// Reconstructs a picture from `samples`, of which each pixel has only the first ones: `counts` of them, at least one.
+/// A pixel with one sample takes its value from `alone`, which may represent more of its area:
 ///
 /// ```text
 /// L(p) = Σ_q Σ_i w_i(q) S_i(q) / Σ_q Σ_i w_i(q)        n_p > 1
@@ -95,10 +96,10 @@ pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 
 ///   S_i(q) = A(q),    w_i(q) = h(q + ½ − p)      i ≥ n_q     its deputy in the center
 ///   q  pixels around p        n  count        h  the filter        A  `alone`
 /// ```
-/// Without deputies, pixels with more samples would pull the picture to their side.
+/// Without deputies, pixels with more samples would shift the picture towards themselves.
 ///
 /// # Panics
-/// If there is not one plane for each place, or planes differ in size.
+/// If the numbers of planes and positions differ, or planes differ in size.
 #[must_use]
 pub fn reconstruct_counted(
     alone: &Plane<[f32; 3]>,
@@ -110,7 +111,7 @@ pub fn reconstruct_counted(
     let sizes = [(alone.width(), alone.height()), (counts.width(), counts.height())];
     assert_eq!(sizes, [(width, height); 2], "a lone sample and a count for each pixel");
 
-    // Taps of samples and of deputies, by pixels around.
+    // Taps of samples and of deputies, by neighboring pixel.
     let (taps, deputies) = (taps(places), taps(&vec![Vec2::splat(0.5); places.len()]));
     let of_pixel = |x: usize, y: usize| {
         if counts.get(x, y) <= 1 {
@@ -119,7 +120,7 @@ pub fn reconstruct_counted(
         let (mut sum, mut weights) = ([0.0f32; 3], 0.0);
         let mut add = |&Tap { sample, column, row, weight }: &Tap, is_deputy: bool| {
             let (u, v) = (x.saturating_add_signed(column).min(width - 1), y.saturating_add_signed(row).min(height - 1));
-            // A lone sample is its own deputy.
+            // A single sample is its own deputy.
             let count = counts.get(u, v);
             let is_there = count > 1 && sample < usize::from(count);
             if is_there != is_deputy {
@@ -149,7 +150,7 @@ fn size_of(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> (usize, usize) {
 mod tests {
     use super::*;
 
-    /// A picture given by a function of the place, as the samples see it.
+    /// Samples a picture defined by a function of position.
     fn sampled(size: usize, count: usize, f: impl Fn(Vec2) -> f32) -> Plane<[f32; 3]> {
         let places = sample_offsets(count);
         let planes: Vec<_> = places
@@ -174,7 +175,7 @@ mod tests {
         for count in 1..=64 {
             assert_eq!(sample_offsets(count), all[..count]);
         }
-        // One of sixteen in each column, each row and each cell of four by four, as the pixel grid repeats them.
+        // Sixteen samples have one in each column, each row and each 4×4 cell, as the pixel grid repeats them.
         for (across, down) in [(16.0, 1.0), (4.0, 4.0), (1.0, 16.0)] {
             let mut cells: Vec<i32> = Vec::new();
             for place in &all[..16] {
@@ -185,7 +186,7 @@ mod tests {
         }
     }
 
-    /// With equal counts the filter is the same, and a lone sample stays as it is beside pixels with more.
+    /// With equal counts the filter is the same, and single samples stay unchanged next to pixels with more.
     #[test]
     fn counted_samples_make_the_same_picture_where_counts_are_even() {
         let places = sample_offsets(5);
@@ -199,7 +200,7 @@ mod tests {
             assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-5 * 13.0), "{a:?} {b:?}");
         }
 
-        // Five on the right, one on the left: far from the border between them, each side is as if it were everywhere.
+        // Five on the right, one on the left: far from the boundary, each side equals its uniform case.
         let counts = Plane::from_fn(19, 12, |x, _| if x < 9 { 1 } else { 5 });
         let mixed = reconstruct_counted(&alone, &planes, &places, &counts);
         for y in 0..12 {
@@ -208,7 +209,7 @@ mod tests {
         }
     }
 
-    /// A ramp stays the same ramp where counts differ. Without deputies it would be shifted by up to a third of a pixel.
+    /// A ramp stays unchanged across differing counts. Without deputies it would shift by up to a third of a pixel.
     #[test]
     fn differing_counts_do_not_shift_a_picture() {
         let places = sample_offsets(5);
@@ -225,7 +226,7 @@ mod tests {
         }
     }
 
-    /// Samples that are not there are not read.
+    /// Samples beyond the count are never read.
     #[test]
     fn samples_beyond_the_count_do_not_matter() {
         let places = sample_offsets(4);
@@ -242,7 +243,7 @@ mod tests {
         assert_eq!(dark, bright);
     }
 
-    /// An even picture stays even, and a ramp stays the same ramp.
+    /// A constant picture stays constant, and a ramp stays the same ramp.
     #[test]
     fn constants_and_ramps_pass() {
         for count in [2, 4, 9, 16] {
@@ -260,7 +261,7 @@ mod tests {
         }
     }
 
-    /// An edge that wanders through a pixel changes it by about its own way: it does not jump.
+    /// An edge that moves through a pixel changes it in proportion to its motion, without jumps.
     #[test]
     fn a_moving_edge_does_not_crawl() {
         let value = |shift: f32, count| {

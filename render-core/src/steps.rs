@@ -1,4 +1,4 @@
-//! Counts of elementary steps, with which tests show that work grows no faster than its input. Nothing is counted outside of
+//! Counts of elementary steps: tests verify that work grows no faster than its input. Counting is disabled outside of
 //! tests.
 
 #[cfg(test)]
@@ -6,7 +6,7 @@ thread_local! {
     static TAKEN: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
 }
 
-/// Adds `steps` to those that the calling thread has taken.
+/// Adds `steps` to the calling thread's count.
 #[inline(always)]
 pub(crate) fn count(steps: usize) {
     #[cfg(test)]
@@ -14,7 +14,7 @@ pub(crate) fn count(steps: usize) {
     let _ = steps;
 }
 
-/// The steps that `work` takes on the calling thread.
+/// Number of steps that `work` takes on the calling thread.
 #[cfg(test)]
 pub(crate) fn taken(work: impl FnOnce()) -> usize {
     let before = TAKEN.get();

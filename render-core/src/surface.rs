@@ -1,4 +1,4 @@
-//! A hit made into a surface: where it is, which way it faces, what color it has.
+//! Evaluation of hits: position, normals, color and emission of surfaces.
 
 mod interaction;
 mod normal_map;
@@ -17,11 +17,11 @@ use std::sync::Arc;
 /// A point on a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
-    /// World space, meters.
+    /// Position in world space \[m\].
     pub position: Vec3A,
-    /// Unit normal of the triangle, on the side of the ray's origin.
+    /// Normal of the triangle on the side of the ray's origin, a unit vector.
     pub geometric_normal: Vec3A,
-    /// Unit normal to shade with: smooth, bent by the normal map, and never turned away from the ray's origin.
+    /// Shading normal, a unit vector: smooth, modified by the normal map, and never facing away from the ray's origin.
     pub shading_normal: Vec3A,
     /// Linear RGB reflectance of the diffuse base, 0…1.
     pub albedo: Vec3,
@@ -31,21 +31,21 @@ pub struct Surface {
     pub roughness: f32,
     /// Emitted radiance towards the ray's origin \[W·m⁻²·sr⁻¹\].
     pub emission: Vec3,
-    /// Whether the ray met the side that the file calls the front.
+    /// Whether the ray hit the front, as the file defines it.
     pub front: bool,
     /// Whether the material reflects on both sides.
     pub double_sided: bool,
 }
 
-/// The scene at one time, with what turning hits into surfaces needs.
+/// The scene at one time, with the data for evaluating hits.
 pub struct Surfaces<'a> {
     scene: &'a Scene,
     world: Vec<Affine3A>,
     normals: Vec<Mat3A>,
-    /// As in the pose: empty where nothing is deformed.
+    /// Deformed meshes of the pose; empty if there are none.
     deformed: Vec<Option<Arc<DeformedMesh>>>,
     moving: Arc<[bool]>,
-    /// As in the pose: empty where none is animated.
+    /// Materials of the pose; empty if none is animated.
     materials: Arc<[Material]>,
 }
 
@@ -55,7 +55,7 @@ impl std::fmt::Debug for Surfaces<'_> {
     }
 }
 
-/// The vertices of an instance, as its mesh has them or as they are bent.
+/// The vertices of an instance, from its mesh or deformed.
 struct Shape<'a> {
     positions: &'a [Vec3],
     normals: &'a [Vec3],
@@ -73,31 +73,32 @@ impl<'a> Surfaces<'a> {
         Self { scene, world, normals, deformed, moving, materials }
     }
 
-    /// Evaluates `hit` for a ray in the unit `direction` whose cone is `width` meters across at the hit.
+    /// Evaluates `hit` for a ray in the unit `direction`, with a cone `width` meters wide at the hit.
     ///
-    /// Textures are filtered over the ellipse that the cone meets, however slanted the surface is.
+    /// Filters textures over the ellipse where the cone meets the surface, at any slant.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: Vec3A, width: f32) -> Surface {
         self.point(hit, direction, width).surface()
     }
 
-    /// The same, with its material looked up on demand.
+    /// Evaluates a hit like [`Surfaces::at`], but samples its material on demand.
     pub(crate) fn point(&self, hit: &Hit, direction: Vec3A, width: f32) -> Interaction<'_> {
         Interaction::new(self, hit, direction, |direction, normal| Footprint::ellipse(direction, normal, width))
     }
 
-    /// The same for a ray of indirect light: its material is looked up on demand, once, over a disk of the ellipse's length.
+    /// Evaluates a hit of an indirect ray. Samples the material on demand, once per texture, over a disk as wide as the
+    /// ellipse is long.
     pub(crate) fn meet(&self, hit: &Hit, direction: Vec3A, width: f32) -> Interaction<'_> {
         Interaction::new(self, hit, direction, |direction, normal| Footprint::disk(direction, normal, width))
     }
 
-    /// Whether a ray in the unit `direction` met the side of `hit` that the file calls the front.
+    /// Whether a ray in the unit `direction` hit the front, as the file defines it.
     #[must_use]
     pub fn is_front(&self, hit: &Hit, direction: Vec3A) -> bool {
         self.meet(hit, direction, 0.0).front
     }
 
-    /// Whether a ray in the unit `direction` met the back of a surface that reflects on its front alone.
+    /// Whether a ray in the unit `direction` hit the back of a single-sided surface.
     #[must_use]
     pub fn is_back(&self, hit: &Hit, direction: Vec3A) -> bool {
         self.meet(hit, direction, 0.0).is_back()
@@ -125,20 +126,20 @@ impl<'a> Surfaces<'a> {
             .map(|vertex| self.world[instance].transform_point3a(positions[vertex as usize].into()))
     }
 
-    /// The scene these surfaces belong to.
+    /// The scene of these surfaces.
     #[must_use]
     pub fn scene(&self) -> &'a Scene {
         self.scene
     }
 
-    /// The material of an instance at that time.
+    /// The material of an instance at the time of the pose.
     #[must_use]
     pub fn material(&self, instance: usize) -> &Material {
         let material = self.mesh(instance).material;
         self.materials.get(material).unwrap_or(&self.scene.materials[material])
     }
 
-    /// By instance, whether it ever moves or changes its shape or material ([`Scene::moving_instances`]).
+    /// For each instance, whether its transform, shape or material ever changes ([`Scene::moving_instances`]).
     #[must_use]
     pub fn moving(&self) -> &Arc<[bool]> {
         &self.moving
@@ -150,12 +151,12 @@ impl<'a> Surfaces<'a> {
         &self.world[instance]
     }
 
-    /// One per instance, or none at all where nothing is bent.
+    /// Deformed meshes, one per instance; empty if there are none.
     pub(crate) fn all_deformed(&self) -> &[Option<Arc<DeformedMesh>>] {
         &self.deformed
     }
 
-    /// The vertices of an instance that a skin or morph targets bend.
+    /// The deformed vertices of an instance; `None` without skin and morph targets.
     #[must_use]
     pub fn deformed(&self, instance: usize) -> Option<&Arc<DeformedMesh>> {
         self.deformed.get(instance)?.as_ref()

@@ -1,15 +1,15 @@
 //! Light in gaps: between moldings, behind a shutter, under a pot.
 //!
-//! Surfels hold a mean over their neighborhood. In a gap that is narrower, surfaces are darker than the surfels say.
-//! So a ray that ends close by goes on:
+//! Surfels contain a mean over their neighborhood. In a narrower gap, surfaces are darker than this mean. So a ray that
+//! ends close by continues:
 //!
 //! ```text
 //! L(y) = ρ(y) · (Lₑ(z) + L(z))     if a cosine-distributed ray from y meets z close by, and no lamp is seen from y
 //! L(y) = that of the surfels       otherwise
 //! ```
 //!
-//! Whatever comes to y from beyond the gap, the surfels know; what comes from within it is found anew. Where radiance is the
-//! same everywhere, both are the same: ρ · (Lₑ + L) = L.
+//! The surfels contain all light that reaches y from beyond the gap; light from inside the gap is computed by the ray.
+//! In uniform radiance both agree: ρ · (Lₑ + L) = L.
 
 use super::{Gathered, Seen};
 use crate::PosedScene;
@@ -17,22 +17,22 @@ use crate::light::Lamps;
 use crate::sampling::cosine_hemisphere;
 use glam::Vec2;
 
-/// Reflections in a gap that are followed.
+/// Most reflections that are followed in a gap.
 pub(super) const MOST_REFLECTIONS: usize = 8;
 
-/// Criteria of a gap.
+/// Parameters of the search for gaps.
 pub(super) struct Gaps {
     /// Surfaces nearer than this are in the same gap \[m\].
     pub near: f32,
-    /// Rays start this far off their surface \[m\].
+    /// Distance of ray origins from their surface \[m\].
     pub epsilon: f32,
-    /// Lights that surfels are lit by and rays do not meet, or hardly ever.
+    /// Lights that light surfels but that rays never or rarely hit.
     pub lamps: Lamps,
 }
 
 impl Gaps {
-    /// Follows a ray that ended at `seen` out of the gap that it is in: where it comes out, with what is left of its share.
-    /// Glowing surfaces on the way are noted in `found`.
+    /// Follows a ray that ended at `seen` out of its gap. Returns the end of the ray, with its remaining weight. Adds
+    /// emission on the way to `found`.
     pub fn follow<'a>(
         &self,
         PosedScene { accelerator, surfaces }: PosedScene<'a>,

@@ -1,16 +1,16 @@
-//! Smooth outlines from one shaded sample a pixel: visibility is sampled more densely than light.
+//! Smooth outlines from one shaded sample per pixel: visibility is sampled more densely than light.
 //!
-//! Where an outline crosses a pixel, more rays find the surfaces that its area shows. Each ray takes its light from the
-//! nearest pixel around whose center shows the same surface:
+//! If an outline crosses a pixel, more rays find the surfaces in its area. Each ray takes its light from the nearest
+//! surrounding pixel that shows the same surface at its center:
 //!
 //! ```text
 //! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  pixels around p      c_q  rays of p that see what q shows
 //! ```
 //!
-//! Where a ray shows several layers, one behind the other, each counts with its share of the ray (`layered.rs`).
+//! If a ray passes several layers, each counts with its fraction of the ray (`layered.rs`).
 //!
-//! A surface that no center shows, as a wire thinner than a pixel, borrows the irradiance of a pixel that faces the same
-//! way (`borrow.rs`). The mean may also be taken of what a display shows of the parts: [`Coverage::pixels`].
+//! A surface missing from all centers, such as a wire thinner than a pixel, borrows the irradiance of a pixel with a
+//! similar normal (`borrow.rs`). Callers may also average the regions after tone mapping: [`Coverage::pixels`].
 
 mod borrow;
 mod layered;
@@ -22,29 +22,29 @@ use glam::Vec3;
 use plane::Plane;
 use search::{Search, SearchedPixel, Wanted};
 
-/// The surfaces that each pixel of a picture shows, and the share of its area that each covers.
+/// The surfaces in each pixel of a picture, and the fraction of its area that each covers.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Coverage {
-    /// Pixels that show more than one surface.
+    /// Pixels with more than one surface.
     mixed: Vec<Mixed>,
-    /// Parts of these, one pixel after the other.
+    /// Their regions, pixel by pixel.
     parts: Vec<SurfacePart>,
 }
 
-/// A pixel that shows more than one surface.
+/// A pixel with more than one surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Mixed {
-    /// Its place in raster order.
+    /// Index of the pixel in raster order.
     pixel: u32,
-    /// How many surfaces it shows.
+    /// Number of its surfaces.
     parts: u32,
-    /// Whether no outline crosses it: all of it shows the same layers.
+    /// Whether no outline crosses it: its whole area shows the same layers.
     is_layered: bool,
 }
 
-/// A surface that a pixel shows, and where its light is known.
+/// The region of a surface in a pixel, and the source of its light.
 ///
 /// ```text
 /// L = E + t · L(q)      E  emission      t  tint      q  the pixel that knows the light
@@ -52,41 +52,42 @@ struct Mixed {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfacePart {
-    /// Share of the pixel's area; those of a pixel sum to 1.
+    /// Fraction of the pixel's area; the fractions of a pixel sum to 1.
     pub share: f32,
-    /// The pixel that knows the light, in raster order.
+    /// Index of the pixel with the light, in raster order.
     pixel: u32,
     tint: Vec3,
     emission: Vec3,
 }
 
 impl SurfacePart {
-    /// Radiance of the part; `light` has that of the pixels' centers.
+    /// Radiance of the region; `light` is the radiance of the pixels' centers.
     #[must_use]
     pub fn radiance(&self, light: &Plane<Vec3>) -> Vec3 {
         self.emission + self.reflected(light)
     }
 
-    /// Radiance of the part without emission that no center shows; `light` has none of it, as indirect light.
+    /// Radiance of the region, without emission that no center shows. `light` excludes emission, for example indirect
+    /// light.
     #[must_use]
     pub fn reflected(&self, light: &Plane<Vec3>) -> Vec3 {
         self.tint * light.samples()[self.pixel as usize]
     }
 }
 
-/// A pixel that shows more than one surface.
+/// A pixel with more than one surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MixedPixel<'a> {
-    /// Its place in raster order.
+    /// Index of the pixel in raster order.
     pub index: usize,
-    /// Whether no outline crosses it: its surfaces are one behind the other all over it.
+    /// Whether no outline crosses it: its surfaces are layers over its whole area.
     pub is_layered: bool,
-    /// The surfaces that it shows, and their shares of its area.
+    /// Its surfaces, and their fractions of its area.
     pub parts: &'a [SurfacePart],
 }
 
 impl MixedPixel<'_> {
-    /// Mean of the parts by the light that each has.
+    /// Mean of `light` over the regions, weighted by area.
     #[must_use]
     pub fn mean(&self, light: impl Fn(&SurfacePart) -> Vec3) -> Vec3 {
         self.parts.iter().map(|part| part.share * light(part)).sum()
@@ -94,11 +95,11 @@ impl MixedPixel<'_> {
 }
 
 impl Coverage {
-    /// Finds the coverage of each pixel of `seen`, a picture of `scene`. `light` has the radiance of the pixels' centers:
-    /// the more it differs about an outline, the more rays are traced.
+    /// Finds the coverage of each pixel of `seen`, a picture of `scene`. `light` is the radiance of the pixels'
+    /// centers: the greater its contrast at an outline, the more rays are traced.
     ///
     /// # Panics
-    /// If `light` is not of the size of the picture.
+    /// If `light` has another size than the picture.
     pub fn of(seen: &GBuffer, scene: PosedScene, light: &Plane<Vec3>) -> Timed<Self> {
         assert_eq!((seen.pixels.width(), seen.pixels.height()), (light.width(), light.height()), "light of each pixel");
         Timed::of(|busy| {
@@ -111,7 +112,7 @@ impl Coverage {
                 coverage.add(&found, true);
                 is_known[found.pixel as usize] = true;
             }
-            // Thin things are followed from pixel to pixel until they end, or centers show them again.
+            // Follow thin objects from pixel to pixel until they end or centers show them again.
             while !wanted.is_empty() {
                 let mut beside: Vec<Wanted> = Vec::new();
                 for found in search.trace(&wanted, busy) {
@@ -125,11 +126,11 @@ impl Coverage {
         })
     }
 
-    /// Finds the shares of the layers of each pixel whose center shows several, where `seen` is this `sample` of each pixel and
-    /// `light` has the radiance that it shows. Outlines stay as they are.
+    /// Finds the fractions of the layers of each pixel with several at its center. `seen` is this `sample` of each
+    /// pixel, and `light` is its radiance. Ignores outlines.
     ///
     /// # Panics
-    /// If `light` is not of the size of the picture.
+    /// If `light` has another size than the picture.
     pub fn of_layers(seen: &GBuffer, scene: PosedScene, light: &Plane<Vec3>, sample: PixelSample) -> Timed<Self> {
         assert_eq!((seen.pixels.width(), seen.pixels.height()), (light.width(), light.height()), "light of each pixel");
         Timed::of(|busy| {
@@ -141,7 +142,7 @@ impl Coverage {
         })
     }
 
-    /// Adds a pixel, if it shows more than one surface.
+    /// Adds a pixel, if it has more than one surface.
     fn add(&mut self, SearchedPixel { pixel, parts, .. }: &SearchedPixel, is_layered: bool) {
         if !parts.is_empty() {
             self.mixed.push(Mixed { pixel: *pixel, parts: parts.len() as u32, is_layered });
@@ -149,8 +150,8 @@ impl Coverage {
         }
     }
 
-    /// Whether this coverage is consistent, and each of its pixels lies in a picture of `pixels` pixels. Coverage that was read from
-    /// a file may fail.
+    /// Whether this coverage is consistent and each of its pixels is in a picture of `pixels` pixels. Coverage read
+    /// from a file may fail.
     #[must_use]
     pub fn fits(&self, pixels: usize) -> bool {
         let parts: u64 = self.mixed.iter().map(|mixed| u64::from(mixed.parts)).sum();
@@ -159,13 +160,13 @@ impl Coverage {
             && self.parts.iter().all(|part| (part.pixel as usize) < pixels)
     }
 
-    /// Number of pixels that show more than one surface.
+    /// Number of pixels with more than one surface.
     #[must_use]
     pub fn mixed_pixels(&self) -> usize {
         self.mixed.len()
     }
 
-    /// The pixels that show more than one surface.
+    /// The pixels with more than one surface.
     pub fn pixels(&self) -> impl Iterator<Item = MixedPixel<'_>> {
         let mut rest = &self.parts[..];
         self.mixed.iter().map(move |mixed| {
@@ -175,17 +176,17 @@ impl Coverage {
         })
     }
 
-    /// Blends the light of all surfaces that a pixel's area shows; `light` has that of the pixels' centers, with what they
-    /// emit.
+    /// Blends the light of all surfaces in each pixel. `light` is the radiance of the pixels' centers, including
+    /// emission.
     ///
     /// # Panics
-    /// If `light` is smaller than the picture that the coverage was found for.
+    /// If `light` is smaller than the picture of the coverage.
     #[must_use]
     pub fn blend(&self, light: &Plane<Vec3>) -> Plane<Vec3> {
         self.blended(light, |part| part.radiance(light))
     }
 
-    /// As [`Coverage::blend`], for light that holds nothing of what surfaces emit.
+    /// Blends light that excludes emission, otherwise like [`Coverage::blend`].
     #[must_use]
     pub fn blend_reflected(&self, light: &Plane<Vec3>) -> Plane<Vec3> {
         self.blended(light, |part| part.reflected(light))

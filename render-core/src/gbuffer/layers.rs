@@ -1,17 +1,19 @@
-//! Pixels that show several surfaces one behind the other: through blended surfaces, and through masks from afar.
+//! Pixels with several layers: surfaces seen through blended surfaces and through distant masks.
 //!
-//! The center of a pixel is one of its layers, so that light is found for one surface a pixel. Which one is the choice of an
-//! ordered dither, so that each layer is the center of its share of the pixels around:
+//! Light is computed for one surface per pixel, so the center of a pixel is one of its layers. An ordered dither
+//! chooses it: among neighboring pixels, each layer is the center in proportion to its weight:
 //!
 //! ```text
 //! center(p) = the first k with Σ_{i≤k} wᵢ > τ(p)        wᵢ  share of layer i (`accel/sheets.rs`)
 //! τ(x, y) = ((32 x + 43 y) mod 97 + ½) / 97
 //! ```
 //!
-//! 97 is prime: the pixels that a search from coarse to fine takes first, every second or every eighth, have all thresholds too.
-//! Bayer's matrix would show them one layer alone. Of such lattices this one is the most even over 2×2 to 4×4 of them.
+//! 97 is prime: the pixels that a coarse-to-fine search visits first, every second or every eighth, have all
+//! thresholds, too. With Bayer's matrix, they would show only one layer. Among such lattices, this one is the most even
+//! over 2×2 to 4×4 pixels.
 //!
-//! [`Coverage`](super::Coverage) gives each layer its share of each pixel, by the light of the nearest center that shows it.
+//! [`Coverage`](super::Coverage) gives each layer its fraction of each pixel, with the light of the nearest center that
+//! shows it.
 
 use super::{CameraRay, GBuffer, PixelSample};
 use crate::PosedScene;
@@ -19,25 +21,25 @@ use crate::accel::{Accelerator, Hit, RayCone};
 use crate::scene::View;
 use glam::Vec2;
 
-/// A surface that a ray shows, or the sky, and its share of what the ray shows; the shares of a ray sum to 1.
+/// A surface that a ray shows, or the sky, and its fraction of the ray; the fractions of a ray sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Layer {
-    /// `None` for the sky.
+    /// The hit; `None` for the sky.
     pub hit: Option<Hit>,
     pub share: f32,
 }
 
-/// A pixel whose center shows several surfaces one behind the other.
+/// A pixel with several layers at its center.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayeredPixel {
-    /// Its place in raster order.
+    /// Index of the pixel in raster order.
     pub(super) index: u32,
-    /// Front to back.
+    /// Layers from front to back.
     pub(super) layers: Vec<Layer>,
 }
 
 impl GBuffer {
-    /// The layers of a pixel, by its place in raster order; none of most.
+    /// The layers of a pixel, given its index in raster order; empty for most.
     pub(super) fn layers(&self, pixel: usize) -> &[Layer] {
         let place = self.layered.binary_search_by_key(&pixel, |layered| layered.index as usize);
         place.map_or(&[], |place| &self.layered[place].layers)
@@ -49,10 +51,10 @@ impl GBuffer {
     }
 }
 
-/// A scene as rays from the camera see it.
+/// A scene as camera rays see it.
 pub(super) struct Shown<'a> {
     scene: PosedScene<'a>,
-    /// The same scene without its sheets, and these alone, if it has any.
+    /// The scene without its sheets, and the sheets alone, if it has any.
     apart: Option<&'a [Accelerator; 2]>,
 }
 
@@ -61,18 +63,18 @@ impl<'a> Shown<'a> {
         Self { scene, apart: scene.accelerator.without_sheets() }
     }
 
-    /// The solid geometry, which stops camera rays.
+    /// Opaque geometry, where camera rays end.
     pub fn solid(&self) -> PosedScene<'a> {
         let PosedScene { accelerator, surfaces } = self.scene;
         PosedScene { accelerator: self.apart.map_or(accelerator, |[solid, _]| solid), surfaces }
     }
 
-    /// All that a ray shows whose first solid hit is `hit`, if it passes any sheet; none else. `width` is that of the ray's part
-    /// of the picture, in pixels.
+    /// All layers of a ray with the first solid `hit`, if it passes any sheet; else empty. `width` is the width of the
+    /// ray's region of the picture \[pixels\].
     pub fn layers(&self, ray: CameraRay, hit: Option<Hit>, view: &View, width: f32) -> Vec<Layer> {
         let Some([_, sheets]) = self.apart else { return Vec::new() };
 
-        // Sheets up to the surface that is shown, which may lie behind backs of single-sided ones.
+        // Collect sheets up to the visible surface, which may be behind the backs of single-sided ones.
         let CameraRay { origin, direction } = ray;
         let (near, far) = view.distances(direction);
         let shown = hit.and_then(|hit| ray.shown_within((near, far), self.solid(), hit, |_| 0.0)).map(|(hit, _)| hit);
@@ -94,7 +96,7 @@ impl<'a> Shown<'a> {
 }
 
 impl View {
-    /// The part of the world that is `width` pixels wide along a unit `direction`.
+    /// The cone along a unit `direction` that is `width` pixels wide.
     fn cone(&self, direction: glam::Vec3A, width: f32) -> RayCone {
         let (near, far) = (self.pixel_width(0.0), self.pixel_width(1.0));
         RayCone { at_origin: near * width, slope: (far - near) * self.depth_per_meter(direction) * width }
@@ -115,23 +117,23 @@ pub(super) fn center(layers: &[Layer], x: usize, y: usize, sample: PixelSample) 
     layers.last().and_then(|layer| layer.hit)
 }
 
-/// τ, 0…1; samples of a pixel have others.
+/// The threshold τ, 0…1, shifted for each sample of a pixel.
 fn threshold(x: usize, y: usize, offset: Vec2) -> f32 {
     let rank = (LATTICE[0] * x + LATTICE[1] * y) % RANKS;
     ((rank as f32 + 0.5) / RANKS as f32 + offset.x + 0.5).fract()
 }
 
-/// Different thresholds.
+/// Number of different thresholds.
 const RANKS: usize = 97;
-/// Ranks from a pixel to the next in its row, and in its column.
+/// Rank difference to the next pixel in the row, and in the column.
 const LATTICE: [usize; 2] = [32, 43];
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Of 97 pixels in a row, or every second, fourth or eighth of them, each has a threshold of its own; any 4×4 are spread over
-    /// all.
+    /// Of 97 pixels in a row, or every second, fourth or eighth, each has its own threshold. The thresholds of any 4×4
+    /// pixels are spread evenly.
     #[test]
     fn thresholds_are_even() {
         let of = |x, y| threshold(x, y, PixelSample::WHOLE.offset);
@@ -150,7 +152,7 @@ mod tests {
         }
     }
 
-    /// Of 97 pixels, each layer is the center of its share.
+    /// Over 97 pixels, each layer is the center in proportion to its weight.
     #[test]
     fn layers_are_centers_of_their_shares() {
         let hit = |instance| Some(Hit { distance: 1.0, instance, triangle: 0, u: 0.0, v: 0.0 });

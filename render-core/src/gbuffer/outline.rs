@@ -1,20 +1,22 @@
-//! The outline of bodies, where a ray meets the near and the far side at one edge.
+//! Outlines of bodies, where a ray hits the near and the far side at one edge.
 //!
-//! An edge of the outline joins a triangle that faces the viewer to one that does not. A ray that meets the edge meets both
-//! equally far away, and rounding says which is first; of long triangles seen at a slant it says so within 1e-5 of the way.
-//! A pixel that took the far one would be lit from within the body: a black dot. A little farther in the two are apart.
+//! An edge of the outline joins a front-facing and a back-facing triangle. A ray through the edge hits both at the same
+//! distance, and rounding decides which is first. For long, slanted triangles, rounding decides within 1e-5 of the
+//! distance. A pixel that took the far triangle would be lit from inside the body: a black dot. Slightly farther inward
+//! the two triangles separate.
 
 use super::CameraRay;
 use crate::PosedScene;
 use crate::accel::Hit;
 use crate::surface::Interaction;
 
-/// How far in the two sides are taken to be apart, in pixels; nearer to its border a back may be seen by rounding alone.
+/// Inward offset where the two sides are separate \[pixels\]; closer to the border, a back may be visible only by
+/// rounding.
 const INWARD: f32 = 0.1;
 
 impl CameraRay {
-    /// The front that the ray should have met in place of `hit`, which is the back of `met`; `None` where that is no outline.
-    /// `width` is that of a pixel there, meters.
+    /// The front that the ray should have hit instead of `hit`, the back at `met`; `None` if there is no outline.
+    /// `width` is the width of a pixel at the hit \[m\].
     pub(super) fn front_beside<'a>(
         self,
         scene: PosedScene<'a>,
@@ -27,7 +29,7 @@ impl CameraRay {
         let inward = INWARD * width;
         let [a, b, c] = surfaces.corners(hit.instance as usize, hit.triangle as usize);
         [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[from, to, inner]| {
-            // Across the edge as the ray sees it, towards the third corner.
+            // Direction across the edge as the ray sees it, towards the third corner.
             let across = direction.cross(to - from).try_normalize()?;
             let across = if across.dot(inner - from) < 0.0 { -across } else { across };
             if across.dot(met.position - from) > inward {

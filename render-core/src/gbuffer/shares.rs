@@ -1,4 +1,4 @@
-//! The instances that a pixel's area shows, found by rays of their own: mattes know no light, and need no outline of it.
+//! The instances in each pixel's area, found by separate rays: mattes depend neither on light nor on outlines.
 
 use super::{CameraRay, GBuffer, NOTHING, first_hits};
 use crate::accel::{Hit, PACKET};
@@ -8,31 +8,31 @@ use crate::{PosedScene, Timed};
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// An instance that a pixel shows.
+/// The fraction of a pixel that an instance covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InstanceShare {
     /// Index into the scene's instances, or [`NOTHING`].
     pub instance: u32,
-    /// Share of the pixel's area, 0…1; those of a pixel sum to 1.
+    /// Fraction of the pixel's area, 0…1; the fractions of a pixel sum to 1.
     pub share: f32,
 }
 
-/// The instances that each pixel of a picture shows.
+/// The instances in each pixel of a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InstanceShares {
-    /// Ends of the shares of each pixel, in raster order.
+    /// End index of each pixel's entries, in raster order.
     ends: Vec<usize>,
     shares: Vec<InstanceShare>,
 }
 
 impl InstanceShares {
-    /// The instances of each pixel in raster order, by their index.
+    /// The instances of each pixel in raster order, sorted by index.
     pub fn pixels(&self) -> impl Iterator<Item = &[InstanceShare]> {
         let begins = std::iter::once(0).chain(self.ends.iter().copied());
         begins.zip(&self.ends).map(|(begin, &end)| &self.shares[begin..end])
     }
 
-    /// Adds a pixel whose rays show these instances.
+    /// Adds a pixel with these instances, one per ray.
     fn add(&mut self, mut instances: Vec<u32>) {
         let share = 1.0 / instances.len() as f32;
         instances.sort_unstable();
@@ -42,7 +42,7 @@ impl InstanceShares {
         self.ends.push(self.shares.len());
     }
 
-    /// Adds the pixels of the row below.
+    /// Appends the pixels of the next row.
     fn extend(&mut self, row: Self) {
         let begin = self.shares.len();
         self.ends.extend(row.ends.iter().map(|end| begin + end));
@@ -51,8 +51,8 @@ impl InstanceShares {
 }
 
 impl GBuffer {
-    /// The instances that each pixel shows of `scene`, the one that was seen, by `rays` spread over its area, at most 64; a single
-    /// ray is that through its center.
+    /// The instances that each pixel shows of `scene`, the traced one. Uses `rays` per pixel, at most 64, spread over
+    /// its area; a single ray is the one through its center.
     pub fn instance_shares(&self, scene: PosedScene, rays: usize) -> Timed<InstanceShares> {
         Timed::of(|busy| {
             if rays <= 1 {
@@ -70,13 +70,13 @@ impl GBuffer {
         })
     }
 
-    /// The instances of row `y`, by rays through `offsets` of each pixel.
+    /// The instances of row `y`, by rays through `offsets` in each pixel.
     fn shares_of_row(&self, scene: PosedScene, y: usize, offsets: &[Vec2]) -> InstanceShares {
         let mut shares = InstanceShares::default();
         let columns: Vec<usize> = (0..self.pixels.width()).collect();
         let mut rays: Vec<CameraRay> = Vec::with_capacity(PACKET);
         for columns in columns.chunks(PACKET / offsets.len()) {
-            // As many pixels together as a packet has rays for.
+            // Fill a packet with the rays of several pixels.
             rays.clear();
             for &x in columns {
                 let corner = Vec2::new(x as f32, y as f32);
@@ -91,10 +91,10 @@ impl GBuffer {
     }
 }
 
-/// The instances that the rays of a pixel show which hit these places.
+/// The instances that the rays of a pixel show, given their hits.
 fn instances(scene: PosedScene, rays: &[CameraRay], hits: &[Option<Hit>], view: &View) -> Vec<u32> {
     let mut instances = Vec::with_capacity(rays.len());
-    // Most rays of a pixel meet one triangle: seen from one place, it shows one side.
+    // Most rays of a pixel hit one triangle, and all see the same side of it.
     let mut front: Option<Hit> = None;
     for (ray, hit) in rays.iter().zip(hits) {
         let Some(hit) = *hit else {
@@ -123,7 +123,7 @@ mod tests {
     use crate::{Geometry, Surfaces};
     use glam::{Affine3A, Vec3};
 
-    /// A half-plane at x < `edge` meters, seen straight on through 8×4 pixels of 1 m.
+    /// A half-plane at x < `edge` meters, seen head-on through 8×4 pixels of 1 m.
     fn shares(edge: f32, rays: usize) -> InstanceShares {
         let positions = [[-99.0, -99.0], [edge, -99.0], [edge, 99.0], [-99.0, 99.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
         let mesh = Mesh { positions: positions.into(), triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };

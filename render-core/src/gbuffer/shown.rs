@@ -1,7 +1,7 @@
-//! The surface that a ray from the camera shows.
+//! The surface that a camera ray shows.
 //!
-//! glTF's materials are single-sided unless they say otherwise: their backs are not shown (glTF 2.0, 3.9.6), so that one looks
-//! into a room through its walls. Light meets them all the same: backs throw shadows and absorb.
+//! glTF's materials are single-sided by default: their backs are invisible (glTF 2.0, 3.9.6), so a viewer looks into a
+//! room through its walls. Light still hits them: backs cast shadows and absorb.
 
 use super::CameraRay;
 use crate::PosedScene;
@@ -10,8 +10,9 @@ use crate::surface::Interaction;
 use glam::Vec3A;
 
 impl CameraRay {
-    /// The surface that the ray shows whose first hit is `hit`: the first front, or the first back of a double-sided
-    /// surface. `width` is that of a pixel at a hit, meters; 0 for sharp textures, and outlines as rays meet them.
+    /// The surface that a ray shows, given its first `hit`: the first front, or the first back of a double-sided
+    /// surface. `width` is the width of a pixel at a hit \[m\]. Width 0 gives unfiltered textures and uncorrected
+    /// outlines.
     pub(crate) fn shown<'a>(
         self,
         scene: PosedScene<'a>,
@@ -21,7 +22,7 @@ impl CameraRay {
         self.shown_within((0.0, f32::INFINITY), scene, hit, width)
     }
 
-    /// As [`CameraRay::shown`], between these distances along the ray \[m\].
+    /// The surface that a ray shows between these distances \[m\], otherwise like [`CameraRay::shown`].
     pub(crate) fn shown_within<'a>(
         self,
         distances: (f32, f32),
@@ -40,7 +41,7 @@ impl CameraRay {
         if beside.is_some() || !surface.is_back() {
             return beside.or(Some((hit, surface)));
         }
-        // From the same origin: a front that lies as far as the back is met too.
+        // Trace from the same origin, to include a front at the same distance as the back.
         let (near, far) = distances;
         let hit = self.cut(near, far, scene.accelerator.closest_shown(origin, direction), |origin| {
             scene.accelerator.closest_shown(origin, direction)
@@ -48,8 +49,8 @@ impl CameraRay {
         Some((hit, scene.surfaces.point(&hit, direction, width(&hit))))
     }
 
-    /// The first hit between the distances `near` and `far` along the ray \[m\], where `hit` is the first of all; `closest` finds
-    /// others.
+    /// The first hit between the distances `near` and `far` along the ray \[m\]. `hit` is the ray's first hit;
+    /// `closest` finds others.
     pub(crate) fn cut(
         self,
         near: f32,

@@ -1,4 +1,4 @@
-//! Motion to any pose, whether the place there is seen or hidden.
+//! Motion to any pose, regardless of visibility in it.
 
 use super::GBuffer;
 use crate::Surfaces;
@@ -7,10 +7,10 @@ use glam::{Affine3A, Vec2};
 use plane::Plane;
 
 impl GBuffer {
-    /// Motion of each pixel's surface point to its place in another picture \[pixels\], x to the right and y down, where `surfaces`
-    /// are seen by `view`: that of the same scene at another time. `None` where the place lies behind that camera.
+    /// Motion of each pixel's surface point to another picture \[pixels\], x to the right and y down. The other picture
+    /// shows `surfaces`, the same scene at another time, in `view`. `None` if the point is behind that camera.
     ///
-    /// [`reproject`](Self::reproject) tells besides whether the point is seen there.
+    /// [`reproject`](Self::reproject) also checks whether the point is visible there.
     #[must_use]
     pub fn motion_to(&self, surfaces: &Surfaces, view: &View) -> Plane<Option<[f32; 2]>> {
         let other = Self::placed(Plane::filled(0, 0, super::EMPTY), surfaces, view);

@@ -1,5 +1,5 @@
-//! A hit on its triangle, with its material looked up on demand: most of what a ray costs after its walk is
-//! textures and normals, and a photon that is absorbed needs neither a normal to go on from nor what glows where it ends.
+//! A hit on its triangle, with its material sampled on demand. Most of a ray's cost after traversal is textures and
+//! normals. An absorbed photon needs neither the shading normal nor the emission at its hit.
 
 use super::site::{Footprint, TrianglePoint};
 use super::{Surface, Surfaces, normal_map};
@@ -8,37 +8,37 @@ use crate::bsdf::Bsdf;
 use crate::scene::{Material, mesh_interpolate as interpolate};
 use glam::{Vec3, Vec3A};
 
-/// Where a ray met a surface.
+/// The point where a ray hit a surface.
 pub(crate) struct Interaction<'a> {
     surfaces: &'a Surfaces<'a>,
     material: &'a Material,
     site: TrianglePoint<'a>,
-    /// Unit direction of the ray.
+    /// Direction of the ray, a unit vector.
     direction: Vec3A,
     pub instance: u32,
-    /// World space, meters.
+    /// Position in world space \[m\].
     pub position: Vec3A,
-    /// Unit normal of the triangle, on the side of the ray's origin.
+    /// Normal of the triangle on the side of the ray's origin, a unit vector.
     pub geometric_normal: Vec3A,
-    /// Whether the ray met the side that the file calls the front.
+    /// Whether the ray hit the front, as the file defines it.
     pub front: bool,
 }
 
-/// Points this near to an edge may be on either side of a triangle that begins there, as a share of the largest coordinate:
-/// sixteen roundings.
+/// Points this near to an edge may be on either side of it, as a fraction of the largest coordinate: sixteen rounding
+/// errors.
 const ON_EDGE: f32 = 8.0 * f32::EPSILON;
-/// Such points are moved this far from the edge, as a share of the largest coordinate: as far as rays start off their surface
-/// ([`crate::Units::epsilon`]), so that they start off both walls of a crease of 45° or more.
+/// Offset of these points from the edge, as a fraction of the largest coordinate. It equals the offset of ray origins
+/// ([`crate::Units::epsilon`]), so that rays start off both walls of a crease of at least 45°.
 const OFF_EDGE: f32 = 2e-5;
-/// Triangles whose height over an edge is less than this, in units of [`OFF_EDGE`], are left alone there.
+/// Least height of a triangle over an edge that allows the offset, in units of [`OFF_EDGE`].
 const LEAST_HEIGHT: f32 = 4.0;
 
-/// Way from a point of a triangle with barycentric weights `u` and `v` to a point beside it that lies on no edge; zero for
-/// nearly all. `area_vector` is the product of the sides from the first corner.
+/// Offset from a point of a triangle, with barycentric weights `u` and `v`, to a nearby point on no edge; zero for
+/// nearly all points. `area_vector` is the cross product of the sides from the first corner.
 ///
-/// A ray that starts off a wall along its normal starts in the plane of the next one where both meet.
+/// Where two walls meet, a ray that starts off one wall along its normal starts in the plane of the other.
 fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A {
-    // Far from all edges, by bounds on squares that are found quickly: of any edge, and of any coordinate.
+    // Quick test for points far from all edges, with bounds on squares of any edge and coordinate.
     let [a, b, c] = corners;
     let weights = Vec3A::new(1.0 - u - v, u, v);
     let least = weights.min_element();
@@ -57,16 +57,16 @@ fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A
         return Vec3A::ZERO;
     }
 
-    // Inward along the plane, where there is room.
+    // Offset inward along the plane, if the triangle is high enough.
     let step = OFF_EDGE * largest;
     let is_high = inverse_heights.cmplt(Vec3A::splat((LEAST_HEIGHT * step).powi(-2)));
-    // Of unit vectors: products of three lengths leave the range of f32 in the largest scenes.
+    // Use unit vectors: in the largest scenes, products of three lengths exceed the range of f32.
     let normal = area_vector.normalize_or_zero();
     let inward = |k: usize| normal.cross(edges[k].normalize_or_zero()) * step;
     (0..3).filter(|&k| on_edge.test(k) && is_high.test(k)).map(inward).sum()
 }
 
-/// The part of a [`Surface`] that its textures say.
+/// Textured properties of a [`Surface`].
 struct TexturedFinish {
     normal: Vec3A,
     albedo: Vec3,
@@ -75,7 +75,8 @@ struct TexturedFinish {
 }
 
 impl<'a> Interaction<'a> {
-    /// `footprint` is that of a ray in this direction on a surface with this unit normal.
+    /// Builds the interaction. `footprint` returns the footprint of a ray with this direction on a surface with this
+    /// unit normal.
     pub(super) fn new(
         surfaces: &'a Surfaces<'a>,
         hit: &Hit,
@@ -90,7 +91,7 @@ impl<'a> Interaction<'a> {
         let [a, b, c] = corners;
         let area_vector = (b - a).cross(c - a);
         let position = a + (b - a) * hit.u + (c - a) * hit.v + off_edges([hit.u, hit.v], corners, area_vector);
-        // A mirroring transform turns the corners round; the file's front stays the front.
+        // A mirroring transform reverses the corners, but not the front of the file.
         let mirrored = if world.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let outward = (area_vector * mirrored).try_normalize().unwrap_or(-direction);
         let front = outward.dot(direction) <= 0.0;
@@ -102,30 +103,30 @@ impl<'a> Interaction<'a> {
         Self { surfaces, material, site, direction, instance: hit.instance, position, geometric_normal, front }
     }
 
-    /// Whether this is the back of a surface that reflects on its front alone.
+    /// Whether this is the back of a single-sided surface.
     pub fn is_back(&self) -> bool {
         !self.front && !self.material.double_sided
     }
 
-    /// [`Surface::albedo`].
+    /// Diffuse reflectance, [`Surface::albedo`].
     pub fn albedo(&self) -> Vec3 {
         let Self { material, site, .. } = self;
         if material.unlit {
             return Vec3::ZERO;
         }
-        // How rough the coat is says nothing about the base.
+        // Roughness of the coat does not affect the base.
         let (metallic, roughness) = site.metallic_roughness(material);
         material.split(site.base_color(material), metallic, roughness).0
     }
 
-    /// The reflection of a surface with a coat, and the normal to shade it with; `None` where there is no coat.
+    /// The BSDF of a surface with a coat, and its shading normal; `None` without a coat.
     pub fn coat(&self) -> Option<(Bsdf, Vec3A)> {
         let TexturedFinish { normal, albedo, specular, roughness } =
             self.material.may_have_coat().then(|| self.finish())?;
         (specular != Vec3::ZERO).then(|| (Bsdf::new(albedo, specular, roughness), normal))
     }
 
-    /// Share of the light along the ray that is reflected, in all directions together.
+    /// Fraction of the light along the ray that is reflected, in all directions together.
     pub fn reflectance(&self) -> Vec3 {
         match self.coat() {
             Some((bsdf, normal)) => bsdf.directional_albedo(-self.direction.dot(normal)),
@@ -133,12 +134,12 @@ impl<'a> Interaction<'a> {
         }
     }
 
-    /// Whether some of the triangle may glow, and some may not.
+    /// Whether the triangle may emit light, evenly or not.
     pub fn may_glow(&self) -> bool {
         self.material.emits() && !self.material.unlit
     }
 
-    /// [`Surface::emission`].
+    /// Emitted radiance, [`Surface::emission`].
     pub fn emission(&self) -> Vec3 {
         let Self { material, site, .. } = self;
         if material.unlit {
@@ -150,12 +151,12 @@ impl<'a> Interaction<'a> {
         }
     }
 
-    /// [`Surface::shading_normal`].
+    /// Shading normal, [`Surface::shading_normal`].
     pub fn shading_normal(&self) -> Vec3A {
         if self.material.unlit { self.geometric_normal } else { self.normal_and_unevenness().0 }
     }
 
-    /// All of it.
+    /// Evaluates all properties.
     pub fn surface(&self) -> Surface {
         let Self { material, position, geometric_normal, front, .. } = self;
         let dark = Surface {
@@ -176,7 +177,7 @@ impl<'a> Interaction<'a> {
         Surface { shading_normal: normal, albedo, specular, roughness, ..dark }
     }
 
-    /// Base, coat and normal of a surface that is not unlit.
+    /// Base, coat and normal of a lit surface.
     fn finish(&self) -> TexturedFinish {
         let Self { material, site, .. } = self;
         let (normal, unevenness) = self.normal_and_unevenness();
@@ -186,14 +187,14 @@ impl<'a> Interaction<'a> {
         TexturedFinish { normal, albedo, specular, roughness }
     }
 
-    /// The normal to shade with, and how uneven the normal map is within the footprint.
+    /// The shading normal, and the unevenness of the normal map within the footprint.
     fn normal_and_unevenness(&self) -> (Vec3A, f32) {
         let Self { surfaces, material, site, direction, .. } = self;
         let instance = self.instance as usize;
         let shape = surfaces.shape(instance);
         let local = interpolate(shape.normals, site.indices, site.u, site.v);
         let smooth = local.and_then(|n| (surfaces.normals[instance] * Vec3A::from(n)).try_normalize());
-        // Normals belong to the front; seen from behind, the whole frame of the normal map turns round with them.
+        // Normals belong to the front; seen from behind, the whole frame of the normal map is reversed.
         let outward = smooth.unwrap_or(site.outward);
         let side = if outward.dot(self.geometric_normal) < 0.0 { -1.0 } else { 1.0 };
         let (normal, unevenness) = match &material.normal_texture {
@@ -205,7 +206,7 @@ impl<'a> Interaction<'a> {
             }
         };
         let normal = normal * side;
-        // At a silhouette a normal may turn away from the viewer: bend it back until it just grazes.
+        // At a silhouette, a normal may face away from the viewer: bend it back to grazing.
         let away = normal.dot(*direction);
         (if away < 0.0 { normal } else { (normal - *direction * (away + 1e-3)).normalize() }, unevenness)
     }
@@ -219,13 +220,13 @@ mod tests {
     use crate::scene::{Encoding, Instance, Mesh, Node, Scene, Texture, TextureSlot, Transform, Wrap};
     use glam::{Quat, Vec2, vec2, vec3, vec4};
 
-    /// 8×8 texels in which no two rows or columns are alike.
+    /// 8×8 texels without two equal rows or columns.
     fn texture(encoding: Encoding) -> Texture {
         let texel = |i: u8| [255 - 3 * i, 40 + 2 * i, 90 + i, 255];
         Texture::with_encoding(8, 8, (0..64).map(texel).collect(), [Wrap::Repeat; 2], encoding)
     }
 
-    /// One material of each kind: matte, glowing, with all four textures, metal, double-sided, unlit.
+    /// One material of each kind: matte, emissive, with all four textures, metal, double-sided, unlit.
     fn materials() -> [Material; 6] {
         let color = vec3(0.7, 0.5, 0.3);
         let plain = || Material { base_color: color, ..Material::default() };
@@ -250,7 +251,7 @@ mod tests {
         ]
     }
 
-    /// A square of side 2 m at z = −1 m, whose front faces the origin, with bent normals.
+    /// A square of side 2 m at z = −1 m with perturbed normals; its front faces the origin.
     fn square(material: usize) -> Mesh {
         let uv = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
         let position = |uv: Vec2| (2.0 * uv - 1.0).extend(-1.0);
@@ -265,9 +266,9 @@ mod tests {
         }
     }
 
-    /// A cube around the origin, a material to each side.
+    /// A cube around the origin with one material per side.
     ///
-    /// Half of each side is seen from its front: the two triangles of a side are wound against each other.
+    /// The two triangles of a side have opposite windings, so half of each side shows its front.
     fn cube() -> Scene {
         let mut scene = Scene {
             materials: materials().to_vec(),
@@ -287,7 +288,7 @@ mod tests {
         scene
     }
 
-    /// Properties read one by one equal those of the whole surface, on every kind of material and on both sides.
+    /// Properties evaluated one by one equal the whole surface's, for every kind of material and on both sides.
     #[test]
     fn pieces_are_those_of_the_whole() {
         let scene = cube();

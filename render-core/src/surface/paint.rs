@@ -1,4 +1,4 @@
-//! The looks of a surface without light and without a viewer.
+//! Surface properties without light or viewer.
 
 use super::Surfaces;
 use super::site::{Footprint, TrianglePoint};
@@ -6,23 +6,23 @@ use crate::accel::Hit;
 use crate::bsdf::Bsdf;
 use glam::{Vec3, Vec3A};
 
-/// Cosine of the angle that coats are seen at.
+/// Cosine of the assumed viewing angle of coats.
 const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
-/// Reflectance, glow and opacity of a place on a surface.
+/// Reflectance, emission and opacity of a point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paint {
-    /// Linear RGB reflectance, 0…1: the share of light that is reflected, in all directions together. For coats and metals it is
-    /// that of a viewer 45° from above; no place between others stands for all better.
+    /// Linear RGB reflectance, 0…1: fraction of light reflected in all directions together. Coats and metals are
+    /// evaluated for a viewer at 45°; no other single angle represents all better.
     pub reflectance: Vec3,
     /// Emitted radiance \[W·m⁻²·sr⁻¹\]; zero for unlit surfaces.
     pub emission: Vec3,
-    /// 0…1, whatever the material takes it for.
+    /// Opacity, 0…1, whatever its meaning in the material.
     pub opacity: f32,
 }
 
 impl Surfaces<'_> {
-    /// The mean paint of a disk that lies on a surface, `width` meters across, around the point of `hit`.
+    /// The mean paint of a disk on a surface, `width` meters across, centered at the point of `hit`.
     #[must_use]
     pub fn paint(&self, hit: &Hit, width: f32) -> Paint {
         let (instance, triangle) = (hit.instance as usize, hit.triangle as usize);
@@ -32,7 +32,7 @@ impl Surfaces<'_> {
         let [a, b, c] = corners;
         let outward = (b - a).cross(c - a).try_normalize().unwrap_or(Vec3A::Y);
 
-        // A cone from straight above meets the surface in a disk.
+        // A cone from directly above meets the surface in a disk.
         let footprint = Footprint::ellipse(-outward, outward, width);
         let indices = mesh.triangles[triangle];
         let site = TrianglePoint { scene: self.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
@@ -53,7 +53,7 @@ mod tests {
     use crate::scene::{Alpha, Material, Mesh, Scene};
     use glam::{vec3, vec4};
 
-    /// A matte surface reflects by its base color, a metal by nearly that; opacity is that of material and vertices together.
+    /// A matte surface reflects by its base color, a metal nearly so; opacity combines material and vertices.
     #[test]
     fn paint_is_what_the_material_says() {
         let mesh = Mesh {

@@ -1,9 +1,9 @@
-//! The textures of a material, looked up at a hit.
+//! Sampling of a material's textures at a hit.
 
 use crate::scene::{Filtered, Material, Mesh, Scene, TextureSlot, mesh_interpolate as interpolate};
 use glam::{Vec2, Vec3, Vec3A, Vec4, Vec4Swizzles};
 
-/// A point of a triangle, and how much of it a ray sees.
+/// A point of a triangle, with the footprint of a ray.
 pub(super) struct TrianglePoint<'a> {
     pub(super) scene: &'a Scene,
     pub(super) mesh: &'a Mesh,
@@ -13,33 +13,34 @@ pub(super) struct TrianglePoint<'a> {
     pub(super) u: f32,
     /// Barycentric weight of the third corner.
     pub(super) v: f32,
-    /// World space, meters.
+    /// Corners in world space \[m\].
     pub(super) corners: [Vec3A; 3],
-    /// Unit normal of the side that the file calls the front.
+    /// Normal of the front, as the file defines it, a unit vector.
     pub(super) outward: Vec3A,
-    /// The part of the surface that look-ups are blurred to.
+    /// The region of the surface that texture samples are filtered over.
     pub(super) footprint: Footprint,
 }
 
-/// The part of a surface that a ray stands for.
+/// The region of a surface that a ray represents.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Footprint {
-    /// A disk of this diameter, meters. One look-up serves rays whose light is only one of many at a place.
+    /// A disk of this diameter \[m\]. One sample suffices for rays with only one of many contributions.
     Disk(f32),
-    /// The ellipse with these two perpendicular diameters, world space, meters: the cross section of a pixel's cone.
+    /// The ellipse with these two perpendicular diameters in world space \[m\]: the section of a pixel's cone.
     Ellipse([Vec3A; 2]),
 }
 
-/// Diameters are at most this number of times longer than those of the cone: a grazing ray sees no endless strip.
+/// Greatest ratio of diameters to the cone's width: grazing rays see no endless strip.
 const MOST_SLANT: f32 = 50.0;
 
 impl Footprint {
-    /// The disk that a cone in the unit `direction`, `width` meters across, is taken to meet on a surface with this `normal`.
+    /// The disk that approximates the section of a cone in the unit `direction`, `width` meters wide, on a surface with
+    /// this `normal`.
     pub(super) fn disk(direction: Vec3A, normal: Vec3A, width: f32) -> Self {
         Self::Disk(width / normal.dot(direction).abs().max(0.1))
     }
 
-    /// The ellipse that the same cone meets: stretched by 1 / cos along the direction's projection onto the surface.
+    /// The elliptical section of the cone: stretched by 1 / cos along the direction's projection onto the surface.
     pub(super) fn ellipse(direction: Vec3A, normal: Vec3A, width: f32) -> Self {
         let cosine = normal.dot(direction);
         let along = (direction - normal * cosine).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
@@ -48,13 +49,13 @@ impl Footprint {
 }
 
 impl TrianglePoint<'_> {
-    /// Coordinates of the triangle's corners for `slot`, transformed.
+    /// Transformed coordinates of the triangle's corners for `slot`.
     pub(super) fn coordinates(&self, slot: &TextureSlot) -> Option<[Vec2; 3]> {
         let uvs = &self.mesh.uvs[slot.uv_set];
         (!uvs.is_empty()).then(|| self.indices.map(|vertex| slot.map(uvs[vertex as usize])))
     }
 
-    /// Linear RGB and opacity; `None` where the mesh has no coordinates for it.
+    /// Samples linear RGB and opacity; `None` if the mesh has no coordinates for the slot.
     pub(super) fn look_up(&self, slot: &TextureSlot) -> Option<Filtered> {
         let [p, q, r] = self.coordinates(slot)?;
         let texture = &self.scene.textures[slot.texture];
@@ -85,13 +86,13 @@ impl TrianglePoint<'_> {
         slot.as_ref().and_then(|slot| self.look_up(slot)).map_or(Vec3::ONE, |found| found.color)
     }
 
-    /// Linear RGB, 0…1: factor, vertex color and texture.
+    /// Linear RGB base color, 0…1: product of factor, vertex color and texture.
     pub(super) fn base_color(&self, material: &Material) -> Vec3 {
         let vertex = interpolate(&self.mesh.colors, self.indices, self.u, self.v).unwrap_or(Vec4::ONE).xyz();
         (material.base_color * vertex * self.color(&material.base_color_texture)).clamp(Vec3::ZERO, Vec3::ONE)
     }
 
-    /// Opacity, 0…1: factor, vertex color and texture.
+    /// Opacity, 0…1: product of factor, vertex color and texture.
     pub(super) fn opacity(&self, material: &Material) -> f32 {
         let vertex = interpolate(&self.mesh.colors, self.indices, self.u, self.v).map_or(1.0, |color| color.w);
         let texture = material.base_color_texture.as_ref().and_then(|slot| self.look_up(slot));
@@ -104,7 +105,7 @@ impl TrianglePoint<'_> {
         (material.metallic * texel.z, material.roughness * texel.y)
     }
 
-    /// Radiance \[W·m⁻²·sr⁻¹\].
+    /// Emitted radiance \[W·m⁻²·sr⁻¹\].
     pub(super) fn emission(&self, material: &Material) -> Vec3 {
         material.emission * self.color(&material.emission_texture)
     }

@@ -1,21 +1,21 @@
-//! Whose light a surface takes that a pixel shows beside its center.
+//! Sources of light for surfaces that a pixel shows off its center.
 
 use crate::gbuffer::{ALIKE_COSINE, GBuffer, NOTHING, PixelSurface, is_same_surface};
 use glam::{Vec3, Vec3A};
 
-/// The pixels around one, with itself.
+/// Number of pixels in a 3×3 neighborhood.
 const AROUND: usize = 9;
-/// How far around a pixel light is looked for that none of the 3×3 centers knows \[pixels\].
+/// Search radius for light that none of the 3×3 centers has \[pixels\].
 const REACH: usize = 6;
-/// Least reflectance of a channel that irradiance is concluded from: below, rounding and light of other kinds outweigh it.
+/// Least reflectance of a channel that irradiance is derived from; below, rounding and other kinds of light dominate.
 const LEAST_REFLECTANCE: f32 = 0.05;
 
-/// A pixel whose center tells the light of a part.
+/// A pixel with a center that provides the light of a region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lender {
-    /// Its place in raster order.
+    /// Index of the pixel in raster order.
     pub pixel: u32,
-    /// Whether it shows another surface, which is lit alike.
+    /// Whether it shows another surface under similar light.
     pub is_borrowed: bool,
 }
 
@@ -31,7 +31,7 @@ impl Lender {
     }
 }
 
-/// The 3×3 pixels around one in raster order; none where the picture ends.
+/// The 3×3 pixels around (x, y) in raster order; `None` outside the picture.
 pub(super) fn around(x: usize, y: usize, width: usize, height: usize) -> impl Iterator<Item = Option<(usize, usize)>> {
     (0..AROUND).map(move |k| {
         let (u, v) = ((x + k % 3).checked_sub(1)?, (y + k / 3).checked_sub(1)?);
@@ -39,12 +39,12 @@ pub(super) fn around(x: usize, y: usize, width: usize, height: usize) -> impl It
     })
 }
 
-/// Whether `pixel` shows the surface that `seen` is a point of.
+/// Whether `pixel` shows the same surface as `seen`.
 pub(super) fn shows(pixel: &PixelSurface, seen: &PixelSurface) -> bool {
     if seen.instance == NOTHING || pixel.instance == NOTHING {
         return seen.instance == pixel.instance;
     }
-    // A lamp's pixels hold its own radiance; those of the surface that carries it hold reflected light.
+    // Pixels of a lamp contain its own radiance; pixels of the surface around it contain reflected light.
     (pixel.emission == [0.0; 3]) == (seen.emission == [0.0; 3])
         && is_same_surface(pixel, seen.instance, seen.position.into(), seen.geometric_normal.into())
 }
@@ -55,12 +55,12 @@ impl PixelSurface {
         Vec3::from(self.albedo) + Vec3::from(self.specular)
     }
 
-    /// Whether nothing that arrives changes what leaves.
+    /// Whether incident light has no effect on the surface's radiance.
     pub(super) fn is_unlit(&self) -> bool {
         self.instance == NOTHING || self.reflectance() == Vec3::ZERO
     }
 
-    /// What reflected light of `lender` is multiplied by to be that of this surface.
+    /// Factor that converts reflected light of `lender` to reflected light of this surface.
     pub(super) fn tint(&self, lender: &Self) -> Vec3 {
         self.reflectance() / lender.reflectance().max(Vec3::splat(LEAST_REFLECTANCE))
     }
@@ -71,8 +71,8 @@ impl PixelSurface {
 }
 
 impl GBuffer {
-    /// The pixel that shows the surface `seen` by a ray: (x, y) itself, or that of the 3×3 around it nearest to the ray's
-    /// hit; if none does, the one that shows it farther away, where that is `known`.
+    /// The pixel that shows the surface `seen` by a ray: (x, y) itself, or the one in its 3×3 neighborhood nearest to
+    /// the hit. Otherwise `known`, if it shows the surface.
     pub(super) fn nearest_alike(
         &self,
         x: usize,
@@ -96,17 +96,17 @@ impl GBuffer {
         center.or_else(|| known.filter(|known| shows(&self.pixels.samples()[known.pixel as usize], seen)))
     }
 
-    /// How many of the 3×3 centers around a place show what pixel `index` shows.
+    /// Number of 3×3 centers around (x, y) that show the same surface as pixel `index`.
     pub(super) fn centers_alike(&self, x: usize, y: usize, index: u32) -> usize {
         let seen = self.pixels.samples()[index as usize];
         let pixels = around(x, y, self.pixels.width(), self.pixels.height()).flatten();
         pixels.filter(|&(u, v)| shows(&self.pixels.get(u, v), &seen)).count()
     }
 
-    /// The pixel that lends its light to a surface that no center of the 3×3 around (x, y) shows.
+    /// The pixel that lends its light to a surface missing from the 3×3 centers around (x, y).
     ///
-    /// The nearest ring of pixels that shows the surface, or else the nearest that shows one that faces the same way;
-    /// of the ring, the pixel nearest in the scene.
+    /// Takes the nearest ring of pixels that shows the surface, or else the nearest ring with a similar normal. Within
+    /// the ring, takes the pixel nearest in the scene.
     pub(super) fn lender(&self, x: usize, y: usize, seen: &PixelSurface) -> Option<Lender> {
         if seen.is_unlit() {
             return None;
@@ -122,7 +122,7 @@ impl GBuffer {
                 for u in columns.filter(|u| u.abs_diff(x).max(v.abs_diff(y)) == reach) {
                     let pixel = self.pixels.get(u, v);
                     let (apart, index) = (pixel.distance_squared(seen), v * width + u);
-                    // What glows would give its radiance twice.
+                    // An emissive lender would count emission twice.
                     if seen.emission == [0.0; 3] && shows(&pixel, seen) {
                         let is_nearer = same.is_none_or(|(least, _)| apart < least);
                         same = if is_nearer { Some((apart, index)) } else { same };
@@ -142,7 +142,7 @@ impl GBuffer {
 }
 
 impl PixelSurface {
-    /// Whether it is lit much as a surface that faces the same way is, and tells that.
+    /// Whether its reflected light reveals the irradiance of a surface with a similar normal.
     fn lends_to(&self, seen: &Self) -> bool {
         self.instance != NOTHING
             && self.emission == [0.0; 3]

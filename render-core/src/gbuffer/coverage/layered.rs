@@ -1,4 +1,4 @@
-//! Pixels whose centers are one of several layers: each layer has its share of the pixel.
+//! Pixels with several layers at their centers: each layer covers a fraction of the pixel.
 
 use super::borrow::Lender;
 use super::search::{Area, Search, SearchedPixel, Shown, Wanted};
@@ -8,13 +8,13 @@ use crate::{Busy, PixelSample, PosedScene};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Added to reflectances whose ratio is a tint, so that black lenders stay finite.
+/// Added to the reflectances in a tint's ratio, so that black lenders stay finite.
 const LEAST_TINT: f32 = 0.02;
-/// Pixels that a thread works on in a row.
+/// Pixels that a thread processes in sequence.
 const TOGETHER: usize = 256;
 
 impl Search<'_> {
-    /// Whether an outline runs between two pixels, where one or both show several layers.
+    /// Whether an outline separates two pixels of which at least one has several layers.
     pub(super) fn layers_differ(&self, a: usize, b: usize) -> bool {
         let (first, second) = (self.seen.layers(a), self.seen.layers(b));
         first.len() != second.len() || first.iter().zip(second).any(|(p, q)| !self.are_alike(a, p, b, q))
@@ -40,7 +40,8 @@ impl Search<'_> {
         CameraRay::through(Vec2::new(x as f32, y as f32) + offset, &self.seen.view)
     }
 
-    /// The layered pixels that are not yet `known`, by the layers of their centers, which rays through `offset` have met.
+    /// Searches the layered pixels that are not yet `known`. Uses the layers of their centers, hit by rays through
+    /// `offset`.
     pub(super) fn by_centers(&self, known: &[bool], offset: Vec2, busy: &Busy) -> Vec<SearchedPixel> {
         let chunks = self.seen.layered.par_chunks(TOGETHER).map(|pixels| {
             busy.measure(|| {
@@ -59,8 +60,8 @@ impl Search<'_> {
         chunks.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
-    /// Light of a surface that shares a ray with others: that of the nearest center that shows it, as far as their colors are
-    /// alike. A texture keeps its texels where only every other pixel has found light.
+    /// Light of a surface that shares a ray with others: the light of the nearest center that shows it, scaled by the
+    /// ratio of their colors. Textures keep their detail even if only every other pixel has light.
     pub(super) fn layer_light(&self, x: usize, y: usize, surface: &PixelSurface) -> Option<(Lender, Vec3, Vec3)> {
         let emission = Vec3::from(surface.emission);
         if surface.instance == NOTHING {
@@ -75,7 +76,7 @@ impl Search<'_> {
 }
 
 impl PixelSurface {
-    /// Reflectance compared with that of another center of the same surface.
+    /// Ratio of reflectances to another center of the same surface.
     fn layer_tint(&self, lender: &Self) -> Vec3 {
         let of = |surface: &Self| Vec3::from(surface.albedo) + Vec3::from(surface.specular) + LEAST_TINT;
         of(self) / of(lender)
@@ -83,7 +84,7 @@ impl PixelSurface {
 }
 
 impl Area<'_> {
-    /// A `ray` shows this layer.
+    /// Adds a `layer` that a `ray` shows.
     pub(super) fn add_layer(&mut self, ray: CameraRay, layer: &Layer) {
         let Search { seen, shown, .. } = self.search;
         let width = |depth| seen.view.pixel_width(depth);
@@ -98,7 +99,7 @@ impl Area<'_> {
     }
 }
 
-/// Coverage of the layers alone, for a sample of each pixel.
+/// Coverage of the layers only, for one sample of each pixel.
 pub(super) fn of_layers<'a>(
     seen: &'a GBuffer,
     scene: PosedScene<'a>,
