@@ -1,4 +1,4 @@
-//! Light from far away: what arrives from each direction, and how to look where most of it comes from.
+//! Environment light: radiance by direction, and importance sampling of directions.
 
 mod gradient;
 mod lamps;
@@ -14,26 +14,26 @@ use std::f32::consts::{PI, TAU};
 
 /// Light from all around, the same at every point of the scene.
 ///
-/// Directions are drawn from a grid of cells, rows between two heights and columns between two angles about +y; within a cell, evenly
-/// over its solid angle.
+/// Directions are drawn from a grid of cells: rows between two heights, columns between two angles about +y. Within a
+/// cell, they are uniform over its solid angle.
 #[derive(Clone, Debug)]
 pub struct Environment {
     source: Sky,
-    /// One for each row that any light comes from.
+    /// Distributions of columns, one for each row with any light.
     columns: Vec<Option<Distribution>>,
     rows: Distribution,
     size: [usize; 2],
     /// Integral of radiance over the sphere \[W·m⁻²\].
     fluence: Vec3,
-    /// Small bright spots that direct light samples, and all other light; none in most skies.
+    /// Small bright spots that direct light samples, and all other light; `None` for most skies.
     parts: Option<Box<SplitSky>>,
 }
 
-/// A sky whose lamps are taken out: its radiance is that of the rest and of the lamps.
+/// A sky with its lamps separated: its radiance is the sum of rest and lamps.
 #[derive(Clone, Debug)]
 struct SplitSky {
     lamps: Vec<SkyLamp>,
-    /// `None` if that is black.
+    /// All other light; `None` if black.
     rest: Option<Environment>,
 }
 
@@ -43,42 +43,44 @@ enum Sky {
     Image(EquirectangularMap),
 }
 
-/// An image of all directions: rows from straight up to straight down, its middle in the direction of −z, its right half towards +x.
+/// An image of all directions: rows from straight up to straight down. Its middle is in direction −z, its right half
+/// towards +x.
 #[derive(Clone, Debug)]
 struct EquirectangularMap {
     texels: Plane<Vec3>,
     intensity: f32,
-    /// Degrees about +y.
+    /// Rotation about +y \[°\].
     rotation: f32,
-    /// Sine and cosine of the turn about +y.
+    /// Sine and cosine of the rotation.
     turn: (f32, f32),
 }
 
-/// Rows that a gradient is cut into for drawing directions.
+/// Number of rows that divide a gradient for sampling directions.
 const GRADIENT_ROWS: usize = 128;
 
-/// A direction drawn from a sky.
+/// A direction sampled from a sky.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkySample {
-    /// Towards the sky, of length 1.
+    /// Direction towards the sky, a unit vector.
     pub direction: Vec3,
-    /// Density of drawing it \[sr⁻¹\].
+    /// Density of the direction \[sr⁻¹\].
     pub pdf: f32,
 }
 
 impl Environment {
-    /// Light of a gradient; `None` if that is black.
+    /// Builds the light of a gradient; `None` if it is black.
     #[must_use]
     pub fn gradient(gradient: Gradient) -> Option<Self> {
         Self::new(Sky::Gradient(gradient), [1, GRADIENT_ROWS], |_, row| {
-            // The mean of a few heights: a gradient is steep only near its horizon.
+            // Average several heights: a gradient is steep only near its horizon.
             let heights = (0..16).map(|i| (PI * (row as f32 + (i as f32 + 0.5) / 16.0) / GRADIENT_ROWS as f32).cos());
             heights.map(|y| gradient.radiance(Vec3::new((1.0 - y * y).sqrt(), y, 0.0))).sum::<Vec3>() / 16.0
         })
     }
 
-    /// Light of an equirectangular image, its radiances times `intensity`, turned by `rotation` degrees about +y, counter-clockwise
-    /// seen from above; `None` if it is black. Texels that are negative or not finite count as black.
+    /// Builds the light of an equirectangular image with radiances scaled by `intensity`. The image is rotated by
+    /// `rotation` degrees about +y, counter-clockwise seen from above. `None` if it is black. Negative or non-finite
+    /// texels count as black.
     #[must_use]
     pub fn image(texels: Plane<Vec3>, intensity: f32, rotation: f32) -> Option<Self> {
         let sane = texels.map(|c| if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO });
@@ -97,7 +99,7 @@ impl Environment {
         Self::new(Sky::Image(map.clone()), size, |column, row| map.mean_over_texel(column, row) * intensity)
     }
 
-    /// `mean` gives the radiance of a cell: not zero unless all of the cell is black.
+    /// Builds a sky; `mean` returns the radiance of a cell, nonzero unless the whole cell is black.
     fn new(source: Sky, size: [usize; 2], mean: impl Fn(usize, usize) -> Vec3) -> Option<Self> {
         let mut fluence = glam::DVec3::ZERO;
         let columns: Vec<Option<Distribution>> = (0..size[1])
@@ -115,7 +117,7 @@ impl Environment {
         Some(Self { source, columns, rows, size, fluence: fluence.as_vec3(), parts: None })
     }
 
-    /// Radiance that arrives from the unit `direction` (towards the sky) \[W·m⁻²·sr⁻¹\].
+    /// Radiance from the unit `direction`, which points towards the sky \[W·m⁻²·sr⁻¹\].
     #[must_use]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         match &self.source {
@@ -135,7 +137,7 @@ impl Environment {
         self.lamps().len()
     }
 
-    /// All light but that of the sky's lamps; `None` if that is black.
+    /// All light except the sky's lamps; `None` if black.
     #[must_use]
     pub fn beside_lamps(&self) -> Option<&Self> {
         match &self.parts {
@@ -150,7 +152,7 @@ impl Environment {
         self.fluence
     }
 
-    /// A direction drawn about in proportion to luminance; `u` in the unit square.
+    /// Samples a direction roughly in proportion to luminance; `u` is in the unit square.
     #[must_use]
     pub fn sample(&self, u: Vec2) -> SkySample {
         let row = self.rows.pick(f64::from(u.y));
@@ -176,7 +178,7 @@ impl Environment {
         (self.rows.probability(row) * columns.probability(column)) as f32 / cell_solid_angle(self.size, row)
     }
 
-    /// Hands all numbers that the light depends on to `visitor`, in a fixed order.
+    /// Passes all numbers that the light depends on to `visitor`, in a fixed order.
     pub fn visit_numbers(&self, visitor: &mut impl FnMut(&[f32])) {
         match &self.source {
             Sky::Gradient(Gradient { zenith, horizon, ground }) => {
@@ -214,12 +216,12 @@ fn height(row: usize, rows: usize) -> f32 {
 }
 
 fn cell_solid_angle(size: [usize; 2], row: usize) -> f32 {
-    // cos a − cos b = 2 sin((a + b)/2) sin((b − a)/2), which keeps its digits at the poles.
+    // cos a − cos b = 2 sin((a + b)/2) sin((b − a)/2), which stays precise at the poles.
     let half = PI / (2.0 * size[1] as f32);
     TAU / size[0] as f32 * 2.0 * ((2.0 * row as f32 + 1.0) * half).sin() * half.sin()
 }
 
-/// Place in the unit square, x to the right and y down.
+/// Maps a direction to the unit square, x to the right and y down.
 fn equirectangular(d: Vec3) -> Vec2 {
     let across = 0.5 + d.x.atan2(-d.z) / TAU;
     let down = d.x.hypot(d.z).atan2(d.y) / PI;
@@ -232,14 +234,14 @@ impl EquirectangularMap {
         Vec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x)
     }
 
-    /// The unit vector towards a place in the unit square.
+    /// Maps a position in the unit square to a unit vector.
     fn direction(&self, place: Vec2) -> glam::Vec3A {
         let (sine, cosine) = (PI * place.y).sin_cos();
         let (sin, cos) = (TAU * place.x).sin_cos();
         self.turned(Vec3::new(-sine * sin, cosine, sine * cos), 1.0).into()
     }
 
-    /// Bilinear between texels; columns continue around, rows end at the poles.
+    /// Interpolates bilinearly between texels; columns wrap around, rows end at the poles.
     fn radiance(&self, direction: Vec3) -> Vec3 {
         let (width, height) = (self.texels.width(), self.texels.height());
         let place = equirectangular(self.turned(direction, -1.0)) * Vec2::new(width as f32, height as f32) - 0.5;
@@ -254,7 +256,7 @@ impl EquirectangularMap {
         self.texels.get(x.rem_euclid(width) as usize, y.clamp(0, height - 1) as usize)
     }
 
-    /// Mean of the bilinear function over a texel: ⅛, ¾, ⅛ along each axis.
+    /// Mean of the bilinear function over a texel: weights ⅛, ¾, ⅛ along each axis.
     fn mean_over_texel(&self, column: usize, row: usize) -> Vec3 {
         let (x, y) = (column as i64, row as i64);
         let along =
@@ -269,7 +271,7 @@ mod tests {
     use crate::sampling::hammersley;
     use crate::sampling::uniform_sphere;
 
-    /// A dim sky with one bright texel and a half that is black.
+    /// A dim sky with one bright texel and a black half.
     fn sunny(rotation: f32) -> Environment {
         let texels = Plane::from_fn(32, 16, |x, y| match (x, y) {
             (20, 3) => Vec3::new(5000.0, 4000.0, 3000.0),
@@ -301,7 +303,7 @@ mod tests {
         }
     }
 
-    /// ∫ L cos⁺ dω for a few normals, by drawing from the environment and by an even spread over the sphere.
+    /// ∫ L cos⁺ dω for a few normals, by importance sampling and by uniform sampling of the sphere.
     #[test]
     fn drawing_where_light_is_gives_the_integral() {
         for environment in environments() {
@@ -326,11 +328,11 @@ mod tests {
 
     #[test]
     fn images_stand_as_they_should() {
-        // A bright texel a quarter to the right of the middle and at eye level lies towards +x.
+        // A bright texel at eye level, a quarter to the right of the middle, is in direction +x.
         let texels = |at| Plane::from_fn(64, 33, |x, y| if (x, y) == at { Vec3::ONE } else { Vec3::ZERO });
         let environment = Environment::image(texels((47, 16)), 1.0, 0.0).unwrap();
         assert!(environment.radiance(Vec3::new(1.0, 0.0, -0.05).normalize()).x > 0.9);
-        // Turned by a quarter, counter-clockwise seen from above, +x comes to −z.
+        // Rotated by 90°, counter-clockwise seen from above, +x becomes −z.
         let turned = Environment::image(texels((47, 16)), 3.0, 90.0).unwrap();
         assert!(turned.radiance(Vec3::new(-0.05, 0.0, -1.0).normalize()).x > 2.7);
         assert_eq!(turned.radiance(Vec3::X), Vec3::ZERO);

@@ -1,4 +1,4 @@
-//! How much light the coat sends back in all, by angle and roughness: what energy conservation needs to know.
+//! Directional albedo of the coat, by angle and roughness; energy conservation depends on it.
 
 use super::ggx::{Ggx, grazing_share};
 use crate::sampling::hammersley;
@@ -8,14 +8,14 @@ use std::sync::LazyLock;
 /// Directional albedo of single scattering, split by Schlick's Fresnel term: albedo(F₀) = F₀·facing + (1 − F₀)·grazing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Albedo {
-    /// With a Fresnel term of 1: E of \[Kulla17\].
+    /// Albedo with a Fresnel term of 1: E of \[Kulla17\].
     pub(super) facing: f32,
-    /// With a Fresnel term of (1 − cos θ_h)⁵.
+    /// Albedo with a Fresnel term of (1 − cos θ_h)⁵.
     pub(super) grazing: f32,
 }
 
 impl Albedo {
-    /// For a reflectance of `f0` at normal incidence.
+    /// Albedo for a reflectance of `f0` at normal incidence.
     pub(super) fn with(self, f0: Vec3) -> Vec3 {
         f0 * (self.facing - self.grazing) + Vec3::splat(self.grazing)
     }
@@ -26,19 +26,19 @@ impl Albedo {
     }
 }
 
-/// Steps along each axis of the table: of roughness, and of the root of the cosine, since all that is sudden happens at
-/// grazing angles. With 48, interpolation is within 0.5 % of the integral.
+/// Steps along each axis of the table: roughness and the square root of the cosine, since all abrupt changes occur at
+/// grazing angles. With 48 steps, interpolation is within 0.5 % of the integral.
 const STEPS: usize = 48;
-/// Directions that each entry is integrated with.
+/// Number of directions in the integral of each entry.
 const DIRECTIONS: usize = 1024;
 
-/// A row for each roughness, an entry for each root of a cosine.
+/// Directional albedos: one row per roughness, one entry per square root of a cosine.
 struct Table {
     rows: [[Albedo; STEPS]; STEPS],
     means: [Albedo; STEPS],
 }
 
-/// Filled when a coat is first met, in some milliseconds.
+/// The table, computed on first use of a coat, in a few milliseconds.
 static TABLE: LazyLock<Table> = LazyLock::new(|| {
     let step = |i: usize| i as f32 / (STEPS - 1) as f32;
     let rows: [[Albedo; STEPS]; STEPS] = std::array::from_fn(|row| {
@@ -49,9 +49,9 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
     Table { rows, means }
 });
 
-/// Sums over visible microfacets: each carries its Fresnel term times G₂/G₁.
+/// Integrates over visible microfacets; each contributes its Fresnel term times G₂/G₁.
 fn integrate(ggx: Ggx, cos: f32) -> Albedo {
-    // Exactly sideways no facet is seen; the limit is.
+    // Exactly at grazing incidence no facet is visible; take the limit.
     let cos = cos.max(1e-3);
     let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let (mut facing, mut grazing) = (0.0, 0.0);
@@ -67,7 +67,7 @@ fn integrate(ggx: Ggx, cos: f32) -> Albedo {
     Albedo { facing: share(facing), grazing: share(grazing) }
 }
 
-/// 2 ∫ albedo(μ) μ dμ of just what interpolation makes of the row: so lobes normalized with it send back what they promise.
+/// 2 ∫ albedo(μ) μ dμ of the interpolated row, exactly: lobes normalized with it conserve energy.
 ///
 /// ```text
 /// μ = s²:  4 ∫ albedo s³ ds, linear in s from p at a to q at b:  4 (p (b m₃ − m₄) + q (m₄ − a m₃)) / (b − a)
@@ -87,7 +87,7 @@ fn mean(row: &[Albedo; STEPS]) -> Albedo {
     Albedo { facing: integral(|albedo| albedo.facing), grazing: integral(|albedo| albedo.grazing) }
 }
 
-/// The table at one roughness: what a surface needs to look up for all its directions.
+/// The table at one roughness: all data of a surface, for any direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AlbedoRow {
     row: usize,
@@ -101,7 +101,7 @@ impl AlbedoRow {
         Self { row, blend: place - row as f32 }
     }
 
-    /// Towards a direction whose cosine to the normal is `cos`.
+    /// Albedo towards a direction, given its cosine to the normal.
     pub(super) fn at(self, cos: f32) -> Albedo {
         let place = cos.clamp(0.0, 1.0).sqrt() * (STEPS - 1) as f32;
         let column = (place as usize).min(STEPS - 2);
@@ -109,7 +109,7 @@ impl AlbedoRow {
         along(&TABLE.rows[self.row]).lerp(along(&TABLE.rows[self.row + 1]), self.blend)
     }
 
-    /// Weighted with the cosine over the hemisphere: E_avg of \[Kulla17\].
+    /// Cosine-weighted mean over the hemisphere: E_avg of \[Kulla17\].
     pub(super) fn mean(self) -> Albedo {
         TABLE.means[self.row].lerp(TABLE.means[self.row + 1], self.blend)
     }
@@ -133,7 +133,7 @@ mod tests {
         assert!(worst < 5e-3, "off by {worst}");
     }
 
-    /// A rough white coat seen from above loses about a tenth in single scattering; a smooth one nothing.
+    /// Seen from above, a rough white coat loses about a tenth in single scattering, a smooth one nothing.
     #[test]
     fn mirrors_lose_nothing_and_rough_coats_do() {
         assert!(AlbedoRow::new(0.0).at(0.5).facing > 0.999);

@@ -5,7 +5,7 @@
 use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// Smallest α: a lobe this narrow looks like a mirror, and its peak, 1/(4πα²) at normal incidence, is still a number.
+/// Smallest α: such a narrow lobe looks like a mirror, and its peak, 1/(4πα²) at normal incidence, is still finite.
 const SMALLEST_ALPHA: f32 = 1e-3;
 
 /// A GGX distribution of microfacet normals \[Walter07\].
@@ -15,12 +15,12 @@ pub(super) struct Ggx {
 }
 
 impl Ggx {
-    /// α is the square of the perceptual roughness: glTF 2.0, appendix B.2.
+    /// Builds the distribution from the perceptual roughness, whose square is α: glTF 2.0, appendix B.2.
     pub(super) fn from_roughness(roughness: f32) -> Self {
         Self { alpha: (roughness * roughness).clamp(SMALLEST_ALPHA, 1.0) }
     }
 
-    /// With this much more of α².
+    /// The distribution with `alpha2` added to α².
     pub(super) fn widened(self, alpha2: f32) -> Self {
         Self { alpha: (self.alpha * self.alpha + alpha2).sqrt().min(1.0) }
     }
@@ -30,20 +30,20 @@ impl Ggx {
     /// ```text
     /// D = 1 / (π α² ((h_x² + h_y²)/α² + h_z²)²)
     /// ```
-    /// Written with the sine, not with 1 − cos²: a narrow lobe lives where the cosine has no digits left.
+    /// Uses the sine instead of 1 − cos², which has no precision left in a narrow lobe.
     fn density(self, h: Vec3) -> f32 {
         let a2 = self.alpha * self.alpha;
         let t = (h.x * h.x + h.y * h.y) / a2 + h.z * h.z;
         1.0 / (PI * a2 * t * t)
     }
 
-    /// Λ of \[Heitz14\], eq. 72.
+    /// Smith's Λ, \[Heitz14\], eq. 72.
     fn lambda(self, w: Vec3) -> f32 {
         let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
         ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0) / 2.0
     }
 
-    /// G₂/G₁(ω_o): what a visible-normal sample still carries of a perfect mirror facet's light.
+    /// G₂/G₁(ω_o): weight of a visible-normal sample, relative to a perfectly mirroring facet.
     pub(super) fn masking_ratio(self, wo: Vec3, wi: Vec3) -> f32 {
         let seen = 1.0 + self.lambda(wo);
         seen / (seen + self.lambda(wi))
@@ -59,8 +59,8 @@ impl Ggx {
         self.density(h) / (4.0 * wo.z * (1.0 + self.lambda(wo)))
     }
 
-    /// Reflects `wo` at a microfacet drawn among those that it sees, by the spherical caps of \[Dupuy23\].
-    /// The result may lie below the surface.
+    /// Reflects `wo` at a random microfacet visible to it, by the spherical caps of \[Dupuy23\]. The result may point
+    /// below the surface.
     pub(super) fn sample(self, wo: Vec3, u: Vec2) -> Vec3 {
         let stretch = Vec3::new(self.alpha, self.alpha, 1.0);
         let v = (wo * stretch).normalize();
@@ -71,7 +71,7 @@ impl Ggx {
     }
 }
 
-/// (1 − cos θ)⁵ of \[Schlick94\]: the share of grazing reflectance, which is 1, in F = F₀ + (1 − F₀)(1 − cos θ)⁵.
+/// (1 − cos θ)⁵ of \[Schlick94\]: weight of the grazing reflectance, which is 1, in F = F₀ + (1 − F₀)(1 − cos θ)⁵.
 pub(super) fn grazing_share(cos: f32) -> f32 {
     (1.0 - cos).clamp(0.0, 1.0).powi(5)
 }

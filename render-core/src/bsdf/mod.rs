@@ -1,4 +1,4 @@
-//! How a surface reflects: a Lambert base under a GGX coat, as glTF's metallic-roughness materials describe.
+//! Reflection of surfaces: a Lambert base under a GGX coat, as in glTF's metallic-roughness materials.
 //!
 //! ```text
 //! f = F·D·G₂ / (4 cos θ_o cos θ_i)                                            single scattering in the coat
@@ -10,9 +10,9 @@
 //!   G₂ height-correlated Smith         M  F_avg² E_avg / (1 − F_avg (1 − E_avg)): light that bounces in the coat on
 //! ```
 //!
-//! Light that the coat reflects and light that it transmits to the base add up to the arriving light, in each direction. A
-//! white base is white under any coat, and a coat with F₀ = 1 at any roughness. Each term is symmetric in ω_o and ω_i.
-//! Without a coat the whole is albedo/π.
+//! In each direction, the coat's reflected light and the light that it transmits to the base sum to the incident light.
+//! A white base is white under any coat, and so is a coat with F₀ = 1 at any roughness. Each term is symmetric in ω_o
+//! and ω_i. Without a coat, f = albedo/π.
 //!
 //! Directions are unit vectors in the frame of the shading normal, which is +z; all point away from the surface.
 
@@ -26,7 +26,7 @@ use ggx::{Ggx, grazing_share};
 use glam::{Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// Divisors are at least this large: what a perfect mirror loses, or lets through, is rounding.
+/// Least divisor: smaller losses or transmissions of a perfect mirror are rounding errors.
 const NOTHING: f32 = 1e-6;
 
 /// Reflection at a point of a surface.
@@ -51,27 +51,27 @@ struct Coat {
     base: Vec3,
 }
 
-/// A direction drawn from a [`Bsdf`].
+/// A direction sampled from a [`Bsdf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
-    /// Unit vector, above the surface.
+    /// Direction above the surface, a unit vector.
     pub direction: Vec3,
-    /// Reflectance times cosine by density: what the light from there counts.
+    /// Weight of the light from that direction: BRDF times cosine over density.
     pub weight: Vec3,
-    /// [`Bsdf::pdf`] of the direction \[sr⁻¹\].
+    /// Density of the direction, [`Bsdf::pdf`] \[sr⁻¹\].
     pub pdf: f32,
 }
 
 impl Bsdf {
-    /// From what [`crate::Surface`] says: diffuse reflectance, coat's reflectance at normal incidence (zero for none), and
-    /// perceptual roughness; all 0…1.
+    /// Builds the BSDF from the diffuse reflectance, the coat's reflectance at normal incidence (zero for none), and
+    /// the perceptual roughness, each in 0…1.
     #[must_use]
     pub fn new(albedo: Vec3, specular: Vec3, roughness: f32) -> Self {
         let coat = (specular != Vec3::ZERO).then(|| Coat::new(albedo, specular, roughness));
         Self { albedo, coat }
     }
 
-    /// Whether nothing is reflected.
+    /// Whether the surface reflects nothing.
     #[must_use]
     pub fn is_black(&self) -> bool {
         self.albedo == Vec3::ZERO && self.coat.is_none()
@@ -89,8 +89,8 @@ impl Bsdf {
         }
     }
 
-    /// Directional albedo, 0…1: what is sent towards a direction, given by its cosine to the normal, under light that is
-    /// 1 from everywhere.
+    /// Directional albedo, 0…1: radiance reflected in a direction, given its cosine to the normal, under uniform light
+    /// of radiance 1.
     #[must_use]
     pub fn directional_albedo(&self, cos: f32) -> Vec3 {
         match &self.coat {
@@ -99,8 +99,8 @@ impl Bsdf {
         }
     }
 
-    /// The part of [`Bsdf::directional_albedo`] that is not the coat's single scattering: the base below the coat, and light
-    /// that bounces on within it. Both are broad; without a coat it is the albedo to the last bit.
+    /// [`Bsdf::directional_albedo`] without the coat's single scattering: the base below the coat, and multiple
+    /// scattering in the coat. Both lobes are broad; without a coat, the result is exactly the albedo.
     #[must_use]
     pub fn diffuse_albedo(&self, cos: f32) -> Vec3 {
         match &self.coat {
@@ -109,8 +109,9 @@ impl Bsdf {
         }
     }
 
-    /// Excess of the BRDF of base and multiple scattering, for light from one direction, over [`Bsdf::diffuse_albedo`] / π
-    /// \[sr⁻¹\]: coats let more light through from above than from the side. Zero in the mean over even light, and without a coat.
+    /// Excess of the BRDF of base and multiple scattering over [`Bsdf::diffuse_albedo`] / π \[sr⁻¹\], for light from
+    /// one direction. Coats transmit more light from above than from the side. Averages to zero in uniform light; zero
+    /// without a coat.
     #[must_use]
     pub fn diffuse_excess(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         match &self.coat {
@@ -119,20 +120,20 @@ impl Bsdf {
         }
     }
 
-    /// The part of [`Bsdf::directional_albedo`] that is the coat's single scattering; zero without a coat.
+    /// Single scattering of the coat in [`Bsdf::directional_albedo`]; zero without a coat.
     #[must_use]
     pub fn coat_albedo(&self, cos: f32) -> Vec3 {
         self.coat.as_ref().map_or(Vec3::ZERO, |coat| coat.albedos.at(cos).with(coat.f0))
     }
 
-    /// BRDF of the coat's single scattering \[sr⁻¹\], without a cosine, for light from a small disc of `half_angle` radians
-    /// around ω_i; zero without a coat.
+    /// BRDF of the coat's single scattering \[sr⁻¹\], without a cosine, for light from a small disc of `half_angle`
+    /// radians around ω_i; zero without a coat.
     ///
     /// ```text
     /// α'² = α² + half_angle² / 4
     /// ```
-    /// To first order that is the mean over the disc at the top of the lobe: D falls there by 2t²/α² at a microfacet turned by t,
-    /// and t² is half_angle²/8 in the mean, since microfacets turn half as far as directions.
+    /// To first order, this is the mean over the disc at the peak of the lobe. There, D falls by 2t²/α² at a microfacet
+    /// tilted by t. The mean of t² is half_angle²/8, since microfacets tilt half as far as directions.
     #[must_use]
     pub fn evaluate_coat(&self, wo: Vec3, wi: Vec3, half_angle: f32) -> Vec3 {
         match &self.coat {
@@ -143,9 +144,9 @@ impl Bsdf {
         }
     }
 
-    /// Draws the direction that light comes from to the coat's single scattering, by the microfacets that ω_o sees.
+    /// Draws the incident direction of the coat's single scattering, from the microfacets visible to ω_o.
     ///
-    /// `None` without a coat, and where the drawn direction points into the surface: such a sample counts as zero.
+    /// `None` without a coat, and if the drawn direction points into the surface: such a sample counts as zero.
     #[must_use]
     pub fn sample_coat(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let direction = self.coat.as_ref()?.ggx.sample(wo, u);
@@ -160,7 +161,7 @@ impl Bsdf {
             .map_or(Vec3::ZERO, |coat| coat.fresnel(wo.dot((wo + wi).normalize())) * coat.ggx.masking_ratio(wo, wi))
     }
 
-    /// Density over solid angle \[sr⁻¹\] with which [`Bsdf::sample`] draws ω_i.
+    /// Density over solid angle \[sr⁻¹\] of drawing ω_i in [`Bsdf::sample`].
     #[must_use]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z <= 0.0 || wi.z <= 0.0 {
@@ -176,9 +177,9 @@ impl Bsdf {
         }
     }
 
-    /// Draws the direction that light comes from, about in proportion to what it contributes.
+    /// Draws an incident direction, roughly in proportion to its contribution.
     ///
-    /// `u` are in 0…1; the first chooses between coat and base. `None` where nothing is reflected, or where the drawn
+    /// `choice` and `u` are in 0…1; `choice` selects coat or base. `None` if nothing is reflected, or if the drawn
     /// direction points into the surface: such a sample counts as zero.
     #[must_use]
     pub fn sample(&self, wo: Vec3, choice: f32, u: Vec2) -> Option<BsdfSample> {
@@ -193,7 +194,7 @@ impl Bsdf {
             return None;
         }
         let pdf = self.pdf(wo, direction);
-        // Lambert's weight is its albedo to the last digit.
+        // The weight of a Lambert surface is exactly its albedo.
         let weight = match &self.coat {
             None => self.albedo,
             Some(_) => self.evaluate(wo, direction) * (direction.z / pdf),
@@ -210,7 +211,7 @@ impl Coat {
         let f_mean = f0 + (Vec3::ONE - f0) / 21.0;
         let lost_mean = (1.0 - mean.facing).max(NOTHING);
         let bouncing_on = f_mean * f_mean * mean.facing / (Vec3::ONE - f_mean * lost_mean);
-        // What both scatterings in the coat leave is for the base.
+        // The base gets the light that both scatterings in the coat leave.
         let through_mean = (Vec3::ONE - mean.with(f0) - bouncing_on * lost_mean).max(Vec3::splat(NOTHING));
         Self {
             f0,
@@ -228,7 +229,7 @@ impl Coat {
         self.fresnel(wo.dot(h)) * self.ggx.reflectance(wo, wi, h)
     }
 
-    /// Schlick's term for a microfacet at whose normal light arrives with this cosine.
+    /// Schlick's term for a microfacet, given the cosine of the light to the microfacet's normal.
     fn fresnel(&self, cos: f32) -> Vec3 {
         let grazing = grazing_share(cos);
         self.f0 * (1.0 - grazing) + Vec3::splat(grazing)
@@ -242,7 +243,7 @@ impl Coat {
         (lost, (Vec3::ONE - coat).max(Vec3::ZERO))
     }
 
-    /// Multiple scattering and base: both are broad, and one cosine lobe draws for both.
+    /// Multiple scattering and base: both are broad, and one cosine lobe samples both.
     fn diffuse(&self, cos_o: f32, cos_i: f32) -> Vec3 {
         let ((lost_o, through_o), (lost_i, through_i)) = (self.left_over(cos_o), self.left_over(cos_i));
         (self.multiple * (lost_o * lost_i) + self.base * through_o * through_i) * FRAC_1_PI
@@ -254,7 +255,7 @@ impl Coat {
         self.multiple * (lost * self.lost_mean) + self.base * through * self.through_mean
     }
 
-    /// Probability of drawing from the coat's single scattering: its share of the light that is sent back.
+    /// Probability of sampling the coat's single scattering: its fraction of the reflected light.
     fn single_share(&self, cos: f32) -> f32 {
         let single = luminance(self.albedos.at(cos).with(self.f0));
         let diffuse = luminance(self.diffuse_albedo(cos));

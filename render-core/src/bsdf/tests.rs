@@ -1,4 +1,4 @@
-//! The BSDF alone, against what holds for any material, and against histograms.
+//! Tests of the BSDF alone, against properties of any material and against histograms.
 
 use super::*;
 use crate::sampling::hammersley;
@@ -16,7 +16,7 @@ fn random(key: u64) -> [f32; 4] {
     std::array::from_fn(|i| hash_unit(5, key, i as u64))
 }
 
-/// Mean weight of samples: what is sent towards `wo` in a furnace of radiance 1.
+/// Mean weight of samples: radiance towards `wo` in a furnace of radiance 1.
 fn furnace(bsdf: &Bsdf, wo: Vec3, count: usize) -> Vec3 {
     let sample = |i: usize| {
         let u = hammersley(i, count);
@@ -42,7 +42,7 @@ fn a_white_furnace_stays_white() {
     let mut worst = 0.0f32;
     for roughness in ROUGHNESSES {
         for cos in COSINES {
-            // A white metal, and a white base under a dielectric coat, lose nothing and gain nothing.
+            // A white metal, and a white base under a dielectric coat, neither lose nor gain energy.
             for (albedo, f0) in [(0.0, 1.0), (1.0, 0.04), (1.0, 0.5)] {
                 let bsdf = Bsdf::new(Vec3::splat(albedo), Vec3::splat(f0), roughness);
                 let sent = furnace(&bsdf, towards(cos), 20_000).x;
@@ -82,7 +82,8 @@ fn light_may_travel_either_way() {
     }
 }
 
-/// Directions fall into cells of equal solid angle as often as the density says: Pearson's χ² over cells that expect some.
+/// Directions fall into cells of equal solid angle as often as the density predicts: Pearson's χ² over cells that
+/// expect samples.
 #[test]
 fn densities_are_frequencies() {
     const ROWS: usize = 12;
@@ -129,7 +130,7 @@ fn densities_are_frequencies() {
                 .filter(|(expected, _)| *expected > 20.0)
                 .collect();
             let chi2: f64 = cells.iter().map(|(e, n)| (n - e).powi(2) / e).sum();
-            // Mean k, standard deviation √(2k); five of those, once in a million.
+            // Mean k, standard deviation √(2k); five of these occur once in a million.
             let k = cells.len() as f64;
             assert!(
                 k > 10.0 && chi2 < k + 5.0 * (2.0 * k).sqrt(),
@@ -148,13 +149,13 @@ fn the_smoothest_coat_is_a_finite_mirror() {
     for key in 0..1000 {
         let [_, x, y, _] = random(key);
         let sample = bsdf.sample(wo, 0.5, Vec2::new(x, y)).expect("far from grazing, all samples are above");
-        // The density's own tails: one in a thousand strays by more than 30 α.
+        // The density has long tails: one sample in a thousand deviates by more than 30 α.
         assert!(sample.direction.dot(mirrored) > 0.99, "{}", sample.direction);
         assert!((sample.weight.x - 0.8).abs() < 0.01, "{}", sample.weight);
     }
 }
 
-/// The parts of the BSDF sum to the whole.
+/// The terms of the BSDF sum to the whole.
 #[test]
 fn coat_and_the_rest_make_the_whole() {
     let albedo = Vec3::new(0.2, 0.5, 0.8);
@@ -162,7 +163,7 @@ fn coat_and_the_rest_make_the_whole() {
         let bsdf = Bsdf::new(albedo, Vec3::new(0.9, 0.5, 0.04), roughness);
         let parts = bsdf.coat_albedo(cos) + bsdf.diffuse_albedo(cos);
         assert!((parts - bsdf.directional_albedo(cos)).abs().max_element() < 1e-6);
-        // Samples of the coat alone: its weights are BRDF · cosine / density, and sum up to its albedo.
+        // Samples of the coat alone: their weights are BRDF · cosine / density, with the coat's albedo as mean.
         let (wo, count) = (towards(cos), 4096);
         let drawn = |i| bsdf.sample_coat(wo, hammersley(i, count)).map_or(Vec3::ZERO, |wi| bsdf.coat_weight(wo, wi));
         let sum = (0..count).map(drawn).sum::<Vec3>() / count as f32;
@@ -173,7 +174,7 @@ fn coat_and_the_rest_make_the_whole() {
     assert_eq!(bare.sample_coat(Vec3::Z, Vec2::splat(0.5)), None);
 }
 
-/// Light from a disc: the widened lobe against the mean over the disc, where a lobe is at its narrowest beside it.
+/// Light from a disc: compares the widened lobe with the mean over the disc, for one of the narrowest lobes.
 #[test]
 fn a_disc_is_seen_as_a_wider_lobe() {
     let (bsdf, half_angle) = (Bsdf::new(Vec3::ZERO, Vec3::ONE, 0.4), 0.2f32);
@@ -192,7 +193,8 @@ fn a_disc_is_seen_as_a_wider_lobe() {
     assert!(bsdf.evaluate_coat(wo, mirrored, 0.0).x > 1.1 * mean, "a point is brighter");
 }
 
-/// The whole BRDF is the coat, what even light makes of the rest, and an excess that is nothing in the mean over even light.
+/// The BRDF is the sum of the coat, the response of the base to uniform light, and an excess that averages to
+/// zero in uniform light.
 #[test]
 fn the_excess_of_the_base_is_nothing_in_even_light() {
     const COUNT: usize = 20_000;

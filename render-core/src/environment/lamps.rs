@@ -1,11 +1,11 @@
-//! Lamps in an image of the sky: texels so bright and so few that shadows of theirs have an edge.
+//! Lamps in an image of the sky: few texels, bright enough to cast shadows with an edge.
 //!
 //! ```text
 //! texel = rest + lamp          rest  the texels around a bright spot          lamp  what a bright texel has more than these
 //! ```
 //!
-//! Between texels an image is linear, so that the same holds for the radiance of every direction. Lamps are sampled one by one,
-//! as discs (`light/distant.rs`); the rest is a dome of many lights.
+//! Between texels an image is linear, so the equation applies to the radiance of every direction. Lamps are sampled one
+//! by one, as discs (`light/distant.rs`); the rest is a dome of many lights.
 
 use super::{EquirectangularMap, cell_solid_angle, height};
 use crate::luminance;
@@ -15,19 +15,19 @@ use plane::Plane;
 use std::collections::BTreeSet;
 use std::f32::consts::TAU;
 
-/// Radiance of a lamp's texels, in means of the sky, at least: an even sky has 1. At 64 all of a sky's light would fit into 16°.
+/// Least radiance of a lamp's texels, relative to the sky's mean. At 64, all of a sky's light would fit into 16°.
 const BRIGHT: f32 = 64.0;
-/// Share of the sky's light that a lamp has at least: of the 1024 lights of a dome, sixteen.
+/// Least fraction of the sky's light in a lamp: sixteen of the 1024 lights of a dome.
 const LEAST_SHARE: f32 = 1.0 / 64.0;
-/// Half the angle across a lamp, at most \[rad\]: 6°. What is wider throws soft shadows, which the dome has too.
+/// Greatest angular radius of a lamp \[rad\]: 6°. Wider spots cast soft shadows, which the dome renders, too.
 const MOST_RADIUS: f32 = 0.1;
-/// Lamps of a sky, at most: each costs shadow rays at every pixel. The brightest are taken.
+/// Most lamps of a sky, the brightest: each costs shadow rays at every pixel.
 const MOST_LAMPS: usize = 8;
-/// Times that the least radiance is doubled until a spot is small: the glare around a spot goes to the rest.
+/// Number of times that the least radiance doubles until a spot is small; the glare around a spot belongs to the rest.
 const DOUBLINGS: u32 = 12;
-/// Cells along a side of a texel, for drawing directions.
+/// Cells along a side of a texel, for sampling directions.
 const CELLS: usize = 4;
-/// Directions around a lamp's middle in which its border is looked for.
+/// Number of directions around a lamp's center that define its border.
 const BORDER: usize = 8;
 
 /// A small bright spot of a sky.
@@ -35,20 +35,20 @@ const BORDER: usize = 8;
 pub(crate) struct SkyLamp {
     /// Integral of its radiance over all directions: irradiance of a surface that faces it \[W·m⁻²\].
     pub irradiance: Vec3,
-    /// Unit vector to its middle.
+    /// Direction to its center, a unit vector.
     pub towards: Vec3A,
-    /// Half the angle that it spans, radians.
+    /// Angular radius \[rad\].
     pub angular_radius: f32,
-    /// Unit vectors towards its border.
+    /// Directions to its border, unit vectors.
     pub border: [Vec3A; BORDER],
-    /// Cells by rows, from above; each with its direction and its flux.
+    /// Distribution of rows of cells, from the top; each cell has a direction and a flux.
     rows: Distribution,
     columns: Vec<Option<Distribution>>,
     directions: Vec<Vec<Vec3A>>,
 }
 
 impl SkyLamp {
-    /// `count` directions, each for the same share of its light.
+    /// `count` directions; each represents an equal fraction of its light.
     pub fn directions(&self, count: usize) -> Vec<Vec3A> {
         let direction = |u: Vec2| {
             let row = self.rows.pick(f64::from(u.y)).index;
@@ -59,7 +59,8 @@ impl SkyLamp {
     }
 }
 
-/// The lamps of an image whose mean luminance over the sphere is `mean`, and its texels without them; `None` without lamps.
+/// Finds the lamps of an image with mean luminance `mean` over the sphere. Returns them, and its texels without them;
+/// `None` if there are no lamps.
 pub(super) fn split(map: &EquirectangularMap, mean: f32) -> Option<(Vec<SkyLamp>, Plane<Vec3>)> {
     let finder = Finder { map, mean };
     let mut spots = finder.spots(&finder.all_texels(), BRIGHT * mean, DOUBLINGS);
@@ -69,7 +70,7 @@ pub(super) fn split(map: &EquirectangularMap, mean: f32) -> Option<(Vec<SkyLamp>
         return None;
     }
 
-    // A lamp's texels become as dark as those around it.
+    // Darken a lamp's texels to the level of their surroundings.
     let mut rest = map.texels.clone();
     let mut lamps = Vec::new();
     for spot in spots {
@@ -87,13 +88,13 @@ pub(super) fn split(map: &EquirectangularMap, mean: f32) -> Option<(Vec<SkyLamp>
     Some((lamps, rest))
 }
 
-/// Texels by column and row.
+/// Texels, by column and row.
 type Texels = BTreeSet<(usize, usize)>;
 
-/// Bright texels that touch each other.
+/// Connected bright texels.
 struct Spot {
     texels: Texels,
-    /// Share of the sky's light.
+    /// Fraction of the sky's light.
     share: f32,
 }
 
@@ -112,14 +113,14 @@ impl Finder<'_> {
     }
 
     fn all_texels(&self) -> Texels {
-        // Those that are no candidates are left out at once: an image has millions.
+        // Drop all other texels at once: an image has millions.
         let [width, height] = self.size();
         let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         all.filter(|&(x, y)| self.luminance(x, y) >= BRIGHT * self.mean).collect()
     }
 
-    /// The spots among `texels` of at least this luminance that are small and bright enough; wide ones are looked through again
-    /// for what is twice as bright.
+    /// The small and sufficiently bright spots among `texels` of at least the luminance `least`. Wide spots are
+    /// searched again for twice that luminance.
     fn spots(&self, texels: &Texels, least: f32, doublings: u32) -> Vec<Spot> {
         let mut left: Texels = texels.iter().copied().filter(|&(x, y)| self.luminance(x, y) >= least).collect();
         let mut spots = Vec::new();
@@ -138,7 +139,7 @@ impl Finder<'_> {
         spots
     }
 
-    /// Takes the texels that are connected with `first` out of `left`.
+    /// Removes the texels connected with `first` from `left` and returns them.
     fn connected(&self, first: (usize, usize), left: &mut Texels) -> Texels {
         let (mut spot, mut next) = (Texels::new(), vec![first]);
         left.remove(&first);
@@ -149,7 +150,7 @@ impl Finder<'_> {
         spot
     }
 
-    /// The eight texels around; columns continue around, rows end at the poles.
+    /// The eight neighbors of a texel; columns wrap around, rows end at the poles.
     fn neighbors(&self, x: usize, y: usize) -> Vec<(usize, usize)> {
         let [width, height] = self.size();
         let mut neighbors = Vec::new();
@@ -168,13 +169,13 @@ impl Finder<'_> {
         ring.iter().sum::<Vec3>() / ring.len().max(1) as f32
     }
 
-    /// Share of the sky's light.
+    /// Fraction of the sky's light in a spot.
     fn share(&self, spot: &Texels) -> f32 {
         let flux: f32 = spot.iter().map(|&(x, y)| self.luminance(x, y) * cell_solid_angle(self.size(), y)).sum();
         flux / (self.mean * 4.0 * std::f32::consts::PI)
     }
 
-    /// Half the angle across a spot \[rad\].
+    /// Angular radius of a spot \[rad\].
     fn radius(&self, spot: &Texels) -> f32 {
         let [width, height] = self.size();
         let place =
@@ -185,12 +186,13 @@ impl Finder<'_> {
     }
 }
 
-/// The lamp of an image that is black but for a spot of `texels`.
+/// Builds the lamp of an image that is black outside a spot of `texels`.
 fn lamp(excess: &EquirectangularMap, texels: &Texels) -> Option<SkyLamp> {
     let [width, rows] = [excess.texels.width(), excess.texels.height()];
     let fine = [CELLS * width, CELLS * rows];
 
-    // Columns around the seam are numbered on from the first texel, half the image to either side. Light reaches a texel further.
+    // Number columns across the seam from the first texel, half the image to either side. Interpolation spreads light
+    // one texel farther.
     let first = texels.first()?.0 as i64;
     let unwrapped = |x: usize| {
         let offset = (x as i64 - first).rem_euclid(width as i64);
@@ -202,7 +204,7 @@ fn lamp(excess: &EquirectangularMap, texels: &Texels) -> Option<SkyLamp> {
     let (top, bottom) = (texels.iter().map(|t| t.1).min()?.saturating_sub(1), texels.iter().map(|t| t.1).max()? + 2);
     let bottom = bottom.min(rows);
 
-    // Cells of a quarter texel, each with the flux L ω of its middle.
+    // Divide texels into 4×4 cells, each with the flux L ω of its center.
     let (mut irradiance, mut sum, mut by_row) = (glam::DVec3::ZERO, glam::DVec3::ZERO, Vec::new());
     let (mut distributions, mut directions) = (Vec::new(), Vec::new());
     for row in top * CELLS..bottom * CELLS {
@@ -228,7 +230,7 @@ fn lamp(excess: &EquirectangularMap, texels: &Texels) -> Option<SkyLamp> {
     let rows = Distribution::new(by_row)?;
     let towards = Vec3A::from(sum.as_vec3()).try_normalize()?;
 
-    // The border: of the cells with light, those farthest from the middle in eight directions.
+    // The border: the lit cells farthest from the center in eight directions.
     let mut lit: Vec<Vec3A> = Vec::new();
     for (distribution, directions) in distributions.iter().zip(&directions) {
         let Some(distribution) = distribution else { continue };
@@ -258,7 +260,7 @@ mod tests {
     /// Column, row and radiance.
     type Texel = (usize, usize, f32);
 
-    /// A sky of 0.2 with these bright texels.
+    /// A sky of radiance 0.2 with these bright texels.
     fn sky(bright: &[(usize, usize, f32)]) -> Environment {
         let mut texels = Plane::filled(64, 32, Vec3::splat(0.2));
         bright.iter().for_each(|&(x, y, radiance)| texels.set(x, y, Vec3::splat(radiance)));
@@ -280,7 +282,7 @@ mod tests {
         (sum * f64::from(2.0 * PI * PI) / f64::from(rows * columns)).as_vec3()
     }
 
-    /// At the seam, at both poles and elsewhere, a bright texel is one lamp; lamps and rest are all of the light.
+    /// At the seam, at both poles and elsewhere, a bright texel is one lamp; lamps and rest sum to all light.
     #[test]
     fn lamps_and_rest_are_the_whole_sky() {
         let cases: [(&[Texel], usize); 7] = [
@@ -303,7 +305,7 @@ mod tests {
         }
     }
 
-    /// Directions of a lamp are where the sky is bright, as often as it is: their mean is that of the light.
+    /// Directions of a lamp follow the distribution of its light: their mean equals the light's.
     #[test]
     fn directions_are_those_of_the_light() {
         for bright in [&[(0, 12, 40_000.0)][..], &[(30, 3, 40_000.0), (31, 3, 20_000.0)], &[(5, 0, 90_000.0)]] {
@@ -322,7 +324,7 @@ mod tests {
         }
     }
 
-    /// A window as wide as a room's stays in the dome; a bright spot before its glare does not.
+    /// A spot as wide as a room's window stays in the dome; a bright spot within its glare does not.
     #[test]
     fn wide_regions_are_no_lamps() {
         let of = |radiance: fn(f32) -> f32| {

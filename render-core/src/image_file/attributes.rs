@@ -1,14 +1,14 @@
-//! Facts of a picture as OpenEXR's standard attributes (ASWF, *OpenEXR: Standard Attributes*).
+//! Metadata of a picture as OpenEXR's standard attributes (ASWF, *OpenEXR: Standard Attributes*).
 
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Chromaticities, Text, TimeCode};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use plane::{FrameCamera, FrameHeader, FramePlace};
 
-/// The program that made a picture.
+/// Name of the program that made a picture.
 const SOFTWARE: &str = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
 
-/// Primaries of ITU-R BT.709-6 and its white D65, CIE 1931 (x, y).
+/// Primaries of ITU-R BT.709-6 and their white point D65, CIE 1931 (x, y).
 const REC_709: Chromaticities = Chromaticities {
     red: Vec2(0.64, 0.33),
     green: Vec2(0.30, 0.60),
@@ -16,19 +16,19 @@ const REC_709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// The most frames a second that SMPTE ST 12-1 numbers one by one.
+/// Highest frame rate with individually numbered frames in SMPTE ST 12-1 \[s⁻¹\].
 const MOST_NUMBERED: u32 = 30;
 
-/// Attributes that all parts of a file share: chromaticities and time code.
+/// Attributes of the whole image: chromaticities and time code.
 pub(super) fn of_image(header: &FrameHeader, size: (usize, usize)) -> ImageAttributes {
     let time_code = header.place.as_ref().and_then(time_code);
     let pixel_aspect = header.camera.as_ref().map_or(1.0, |camera| camera.pixel_aspect);
     ImageAttributes { chromaticities: Some(REC_709), time_code, pixel_aspect, ..ImageAttributes::with_size(size) }
 }
 
-/// Attributes of the picture: camera, rate, number, software, and further texts.
+/// Attributes of the layer: camera, frame rate, frame number, software, and additional texts.
 ///
-/// A matrix that applies to columns, column after column, is OpenEXR's, which applies to rows, row after row.
+/// Column-major matrices for column vectors equal OpenEXR's row-major matrices for row vectors.
 pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
     let FrameHeader { camera, place, texts } = header;
     let mut attributes = LayerAttributes { software_name: Text::new_or_none(SOFTWARE), ..LayerAttributes::default() };
@@ -43,7 +43,7 @@ pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
         attributes.other.insert(Text::new_or_panic("imageCounter"), AttributeValue::I32(number));
     }
     for text in texts {
-        // Texts are ASCII; another would come back as something else.
+        // Texts are ASCII; others would not be read back unchanged.
         if let (Some(name), Some(value)) = (Text::new_or_none(&text.name), Text::new_or_none(&text.text)) {
             attributes.other.insert(name, AttributeValue::Text(value));
         }
@@ -51,7 +51,7 @@ pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
     attributes
 }
 
-/// Time of a frame as SMPTE ST 12-1 counts it, without dropping numbers; none for rates whose frames it numbers in pairs.
+/// Time code of a frame by SMPTE ST 12-1, without drop frames; `None` at rates whose frames it numbers in pairs.
 fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<TimeCode> {
     let nominal = frames.div_ceil(seconds.max(1));
     if !(1..=MOST_NUMBERED).contains(&nominal) {
@@ -63,8 +63,9 @@ fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<Tim
     Some(TimeCode { hours, minutes, seconds, frame, ..TimeCode::default() })
 }
 
-/// Sorts the attributes in the header of `file`, a whole OpenEXR file of one part: the encoder writes further ones in an order that
-/// is another in each run. Offsets to the pixels stay, since the header keeps its length. `None` if this is no such header.
+/// Sorts the attributes in the header of `file`, a complete single-part OpenEXR file: the encoder orders additional
+/// ones differently in each run. Pixel offsets stay valid, since the header keeps its length. `None` if the header is
+/// invalid.
 ///
 /// ```text
 /// file        magic number, version (4 bytes each), attribute…, 0, offsets and pixels
@@ -81,7 +82,7 @@ pub(super) fn sort_attributes(file: &mut [u8]) -> Option<()> {
         list.push(file.get(at..end)?.to_vec());
         at = end;
     }
-    // Names differ, and their bytes come first.
+    // Names differ and come first in an attribute's bytes.
     list.sort_unstable();
     file.get_mut(BEGIN..at)?.copy_from_slice(&list.concat());
     Some(())
@@ -113,7 +114,7 @@ mod tests {
         let parts = |code: TimeCode| [code.hours, code.minutes, code.seconds, code.frame];
         assert_eq!(code(25 * 3661 + 7, 25, 1).map(parts), Some([1, 1, 1, 7]));
         assert_eq!(code(59, 30_000, 1001).map(parts), Some([0, 0, 1, 29]), "29.97 frames a second count as 30");
-        assert_eq!(code(24 * 86_400, 24, 1).map(parts), Some([0; 4]), "a day begins anew");
+        assert_eq!(code(24 * 86_400, 24, 1).map(parts), Some([0; 4]), "time codes wrap after a day");
         assert_eq!(code(7, 50, 1), None);
     }
 
@@ -128,7 +129,7 @@ mod tests {
         };
         let header = FrameHeader { camera: Some(camera), ..FrameHeader::default() };
         let matrix = of_layer(&header).world_to_camera.unwrap();
-        // The last row moves: [x y z 1] · M.
+        // The translation is in the last row: [x y z 1] · M.
         assert_eq!(matrix, [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, -2.0, 3.0, 1.0]);
         assert_eq!(of_layer(&header).screen_window_width, 2.0);
     }

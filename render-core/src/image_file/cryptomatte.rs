@@ -1,38 +1,40 @@
-//! Mattes of all objects or materials at once: Cryptomatte (Friedman, Jones, *Cryptomatte Specification* 1.2, Psyop).
+//! Mattes of all objects or materials: Cryptomatte (Friedman, Jones, *Cryptomatte Specification* 1.2, Psyop).
 //!
-//! A pixel has pairs of an id, the hash of a name, and the share of its area that things of this name cover, the largest first.
-//! Two pairs make a layer of four channels: `CryptoObject00.R` is an id, `.G` its share, `.B` and `.A` are the next pair.
-//! A manifest in the header tells the name of each id. Things of one name share their id, and a program selects them together.
+//! A pixel has pairs of an id, the hash of a name, and the fraction of its area that objects of this name cover,
+//! largest first. Two pairs form a layer of four channels: `CryptoObject00.R` is an id, `.G` its fraction, `.B` and
+//! `.A` are the next pair. A manifest in the header lists the name of each id. Objects with the same name share their
+//! id, and programs select them together.
 
 use plane::{FrameChannel, HeaderText, SampleDepth};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Pairs of a pixel. A seventh thing in a pixel is left out, as the specification has it.
+/// Pairs per pixel. As the specification prescribes, a seventh object in a pixel is dropped.
 const RANKS: usize = 6;
 
-/// An id, and the share of a pixel's area that it covers.
+/// An id, and the fraction of a pixel's area that it covers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RankedId {
-    /// As [`cryptomatte_id`] makes it; 0 where there is nothing more.
+    /// Id from [`cryptomatte_id`]; 0 in unused pairs.
     pub id: f32,
-    /// 0…1.
+    /// Covered fraction of the area, 0…1.
     pub share: f32,
 }
 
-/// The mattes of one kind of things.
+/// The mattes of one kind of objects.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cryptomatte {
-    /// Name of the kind: its layers begin with it.
+    /// Name of the kind, which prefixes its layers.
     kind: String,
-    /// Id of each thing.
+    /// Id of each object.
     ids: Vec<f32>,
     /// Id by name.
     manifest: BTreeMap<String, f32>,
 }
 
 impl Cryptomatte {
-    /// Mattes of things called `names`, one for each; equal names are one matte. `kind` is such as `CryptoObject`.
+    /// Builds mattes of objects called `names`, one name each; equal names form one matte. `kind` is, for example,
+    /// `CryptoObject`.
     #[must_use]
     pub fn new(kind: &str, names: &[String]) -> Self {
         let ids = names.iter().map(|name| cryptomatte_id(name)).collect();
@@ -40,11 +42,11 @@ impl Cryptomatte {
         Self { kind: kind.to_owned(), ids, manifest }
     }
 
-    /// The header's texts: name of the layers, hash, its conversion to a float, and the manifest, a JSON object in ASCII of ids in
-    /// hexadecimal digits by name.
+    /// Texts for the header: layer name, hash, its conversion to a float, and the manifest. The manifest is an ASCII
+    /// JSON object that maps names to ids in hexadecimal digits.
     #[must_use]
     pub fn texts(&self) -> Vec<HeaderText> {
-        // Seven digits of the kind's own id tell kinds apart.
+        // Seven digits of the kind's own id identify the kind.
         let key = cryptomatte_id(&self.kind).to_bits() >> 4;
         let mut manifest = String::from("{");
         for (name, id) in &self.manifest {
@@ -64,8 +66,8 @@ impl Cryptomatte {
         ]
     }
 
-    /// The pairs of a pixel that shows things by their index, each with its share of the area. What is none of the things has no
-    /// pair.
+    /// The pairs of a pixel with these objects, given by index and covered fraction of the area. An unknown index gets
+    /// no pair.
     pub fn ranked(&self, things: impl IntoIterator<Item = RankedThing>) -> [RankedId; RANKS] {
         let mut sums: Vec<RankedId> = Vec::new();
         for RankedThing { thing, share } in things {
@@ -75,7 +77,7 @@ impl Cryptomatte {
                 None => sums.push(RankedId { id, share }),
             }
         }
-        // Of equal shares the order is that of ids, whatever was seen first.
+        // Equal fractions are ordered by id, independent of the order of rays.
         sums.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.id.to_bits().cmp(&b.id.to_bits())));
         let mut ranked = [RankedId::default(); RANKS];
         ranked.iter_mut().zip(sums).for_each(|(rank, sum)| *rank = sum);
@@ -99,17 +101,17 @@ impl Cryptomatte {
     }
 }
 
-/// A thing that a pixel shows.
+/// An object in a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RankedThing {
-    /// Index of the thing, in the order of the names.
+    /// Index of the object, in the order of the names.
     pub thing: usize,
-    /// Share of the pixel's area, 0…1.
+    /// Fraction of the pixel's area, 0…1.
     pub share: f32,
 }
 
-/// The id of a name: its hash as the bits of a float, of which one bit of the exponent is flipped where the float would be
-/// denormal, infinite or no number (specification, "Hash conversion").
+/// The id of a name: its hash as the bits of a float. If the float would be denormal, infinite or NaN, one bit of its
+/// exponent is flipped (specification, "Hash conversion").
 #[must_use]
 pub fn cryptomatte_id(name: &str) -> f32 {
     let hash = murmur_hash3(name.as_bytes());
@@ -129,7 +131,7 @@ pub fn murmur_hash3(bytes: &[u8]) -> u32 {
         let word = word.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte));
         hash = (hash ^ scrambled(word)).rotate_left(13).wrapping_mul(5).wrapping_add(0xe654_6b64);
     }
-    // Zeros are scrambled to zeros: a tail of none changes nothing.
+    // Zeros scramble to zeros: an empty tail has no effect.
     hash ^= scrambled(u32::from_le_bytes(tail));
     hash ^= bytes.len() as u32;
     hash = (hash ^ hash >> 16).wrapping_mul(0x85eb_ca6b);
@@ -137,7 +139,7 @@ pub fn murmur_hash3(bytes: &[u8]) -> u32 {
     hash ^ hash >> 16
 }
 
-/// The inside of a JSON string, in ASCII (RFC 8259, section 7).
+/// Escapes the contents of a JSON string, in ASCII (RFC 8259, section 7).
 fn escaped(name: &str) -> String {
     let mut text = String::new();
     for unit in name.encode_utf16() {
@@ -158,7 +160,7 @@ mod tests {
 
     #[test]
     fn hashes_are_the_published_ones() {
-        // Vectors of seed 0 that implementations of MurmurHash3_x86_32 are tested with.
+        // Common test vectors of MurmurHash3_x86_32 with seed 0.
         for (text, hash) in [
             ("", 0),
             ("test", 0xba6b_d213),
@@ -171,7 +173,7 @@ mod tests {
 
     #[test]
     fn ids_are_those_of_other_programs() {
-        // From the tests of Psyop's plug-in for Nuke.
+        // Test data of Psyop's plug-in for Nuke.
         for (name, id) in [
             ("hello", 6.070_563e-17),
             ("cube", -4.084_619e15),
@@ -182,7 +184,7 @@ mod tests {
         ] {
             assert_eq!(cryptomatte_id(name), id, "{name}");
         }
-        // From manifests of its sample pictures, which Arnold wrote; the last two are of names that JSON escapes.
+        // Manifests of its sample pictures, written by Arnold; JSON escapes the last two names.
         for (name, id) in [
             ("bunny", 0x1385_1a76),
             ("bush", 0xf763_d090),

@@ -1,51 +1,51 @@
-//! Errors of picture files.
+//! Errors of image files.
 
 #[cfg(any(feature = "exr", feature = "textures"))]
 use std::path::Path;
 use std::path::PathBuf;
 
-/// A picture cannot be read or written; the message begins with the path.
+/// An error while an image is read or written; the message begins with the path.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageFileError {
-    /// The operating system refuses.
+    /// The operating system refuses access.
     #[error("{}: {error}", path.display())]
     System {
-        /// The picture.
+        /// Path of the image.
         path: PathBuf,
         /// The system's reason.
         error: std::io::Error,
     },
-    /// The file is damaged, or is not of the format that its name says; or the system fails while it is read or written.
+    /// The file is damaged or in another format than its name indicates, or the system fails during access.
     #[error("{}: {error}", path.display())]
     Format {
-        /// The picture.
+        /// Path of the image.
         path: PathBuf,
         /// The decoder's or encoder's reason.
         error: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// More pixels than memory is taken for.
+    /// The image has more pixels than the limit.
     #[error("{}: {width}x{height} pixels are more than this program takes", path.display())]
     TooLarge {
-        /// The picture.
+        /// Path of the image.
         path: PathBuf,
-        /// Pixels in a row, as the header claims.
+        /// Width \[pixels\] in the header.
         width: usize,
-        /// Rows, as the header claims.
+        /// Height \[pixels\] in the header.
         height: usize,
     },
-    /// The file's name has an ending that stands for no format of radiances.
+    /// The file's extension is not a known format of radiance images.
     #[error("{}: radiances are read from .hdr and .exr files", path.display())]
     UnknownEnding {
-        /// The picture.
+        /// Path of the image.
         path: PathBuf,
     },
-    /// This build leaves the format out.
+    /// This build lacks the format.
     #[error("{}: this build does not read .{ending}; build it with the feature {feature}", path.display())]
     LeftOut {
-        /// The picture.
+        /// Path of the image.
         path: PathBuf,
-        /// The ending of its name, in lower case.
+        /// Extension of the file, in lower case.
         ending: String,
         /// The feature that reads it.
         feature: &'static str,
@@ -54,12 +54,12 @@ pub enum ImageFileError {
 
 #[cfg(any(feature = "exr", feature = "textures"))]
 impl ImageFileError {
-    /// Makes a [`System`](Self::System) error of its reason; for `map_err`.
+    /// Returns a function for `map_err` that makes a [`System`](Self::System) error.
     pub(super) fn system(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         |error| Self::System { path: path.into(), error }
     }
 
-    /// Makes a [`Format`](Self::Format) error of its reason; for `map_err`.
+    /// Returns a function for `map_err` that makes a [`Format`](Self::Format) error.
     pub(super) fn format<E: std::error::Error + Send + Sync + 'static>(path: &Path) -> impl FnOnce(E) -> Self {
         |error| Self::Format { path: path.into(), error: error.into() }
     }

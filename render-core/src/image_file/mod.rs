@@ -1,4 +1,4 @@
-//! Linear pictures in files.
+//! Reading and writing of linear image files.
 
 #[cfg(feature = "exr")]
 mod attributes;
@@ -17,14 +17,14 @@ use glam::Vec3;
 use plane::Plane;
 use std::path::Path;
 
-/// Most pixels that a file may have: a header may claim anything, and memory is taken for what it claims.
+/// Most pixels of an image: a header may claim any size, and memory is allocated for it.
 #[cfg(any(feature = "exr", feature = "textures"))]
 const MOST_PIXELS: usize = 1 << 27;
 
-/// Reads a picture of radiances, Radiance `.hdr` or OpenEXR by the file's ending.
+/// Reads an image of radiances, in Radiance `.hdr` or OpenEXR format, depending on the extension.
 ///
 /// # Errors
-/// Another ending, one that this build leaves out, or what is wrong with the file; the message names the path.
+/// The extension is unknown or not in this build, or the file cannot be read. The message names the path.
 pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     let needed = match ending.as_str() {
@@ -57,7 +57,7 @@ fn read_hdr(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
     Ok(Plane::from_vec(width, height, texels))
 }
 
-/// Refuses headers that claim too much before memory is taken for them.
+/// Refuses headers that claim too many pixels, before memory is allocated.
 #[cfg(any(feature = "exr", feature = "textures"))]
 fn check_size(path: &Path, width: usize, height: usize) -> Result<(), ImageFileError> {
     if width.saturating_mul(height) > MOST_PIXELS {
@@ -78,7 +78,7 @@ mod tests {
         let file = std::fs::File::create(path("a.hdr")).unwrap();
         image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, 3, 2).unwrap();
         let read = read_radiance(&path("a.hdr")).unwrap();
-        // One exponent for all three: a step is 1/128 of the largest or less.
+        // All three channels share one exponent: a step is at most 1/128 of the largest.
         assert!((read.get(2, 1) - Vec3::new(5.0, 0.5, 1000.0)).abs().max_element() < 8.0 && read.width() == 3);
         assert!((read.get(2, 1).z / 1000.0 - 1.0).abs() < 0.01 && read.get(0, 0) == Vec3::new(0.0, 0.5, 0.0));
         write_exr(&path("b.exr"), &read).unwrap();

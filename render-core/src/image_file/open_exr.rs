@@ -1,4 +1,4 @@
-//! OpenEXR: linear pictures of any channels.
+//! OpenEXR: linear images with any channels.
 
 use super::{ImageFileError, attributes, check_size};
 use exr::prelude::{
@@ -12,26 +12,26 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Least value of a layer's largest sample for halves to suffice: samples down to 2⁻¹⁰ of it have full precision, 2⁻¹¹ of each.
+/// Least maximum of a layer that suits half floats: samples down to 2⁻¹⁰ of it have full precision, 2⁻¹¹ each.
 const LEAST_LARGEST: f32 = 0.0625;
 
-/// Writes linear Rec.709 RGB radiance, as [`write_layers`] does.
+/// Writes linear Rec.709 RGB radiance, in the same way as [`write_layers`].
 ///
 /// # Errors
-/// The message of the file system, with the path.
+/// The file cannot be written; the message names the path.
 pub fn write_exr(path: &Path, radiance: &Plane<Vec3>) -> Result<(), ImageFileError> {
     let channel = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect::<Vec<f32>>();
     let channels = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c))).collect();
     write_layers(path, radiance.width(), radiance.height(), channels)
 }
 
-/// Writes named channels of 32-bit floats as [`write_frame`] does, with a header that tells nothing of camera and time.
+/// Writes named channels of 32-bit floats like [`write_frame`], without camera and time in the header.
 ///
 /// # Panics
-/// If a list has not `width * height` samples.
+/// If a list does not have `width * height` samples.
 ///
 /// # Errors
-/// The message of the file system, with the path.
+/// The file cannot be written; the message names the path.
 pub fn write_layers(
     path: &Path,
     width: usize,
@@ -42,17 +42,18 @@ pub fn write_layers(
     write_frame(path, (width, height), &FrameHeader::default(), channels.into_iter().map(channel).collect())
 }
 
-/// Writes a linear Rec.709 picture of `size` = (width, height) into one OpenEXR file, zip-compressed, under a temporary name until
-/// it is whole.
+/// Writes a linear Rec.709 image of `size` = (width, height) to a zip-compressed OpenEXR file, under a temporary name
+/// until it is complete.
 ///
-/// Names are unique; `R`, `G`, `B` are the picture, and `variance.R` is channel R of a layer "variance", as viewers group
-/// them. A layer that asks for halves has floats where these lose light: one of its samples lies beyond 65504, or its largest
-/// below 1/16.
+/// Names are unique; `R`, `G`, `B` are the image. `variance.R` is channel R of a layer "variance", as viewers group
+/// them. A layer that requests half floats gets full floats if halves would lose light: a sample exceeds 65504, or the
+/// largest is below 1/16.
 ///
 /// # Panics
-/// If a list has not `width * height` samples.
+/// If a list does not have `width * height` samples.
 ///
 /// # Errors
+/// The file cannot be written; the message names the path.
 /// The message of the file system, with the path.
 pub fn write_frame(
     path: &Path,
@@ -60,7 +61,7 @@ pub fn write_frame(
     header: &FrameHeader,
     channels: Vec<FrameChannel>,
 ) -> Result<(), ImageFileError> {
-    // Channels of a layer have one depth: some readers expect that of colors.
+    // All channels of a layer get one depth: some readers require it for colors.
     let mut largest: BTreeMap<String, f32> = BTreeMap::new();
     for channel in &channels {
         let own = channel.samples.iter().map(|sample| sample.abs()).fold(0.0, f32::max);
@@ -79,7 +80,7 @@ pub fn write_frame(
         list.push(AnyChannel::new(name.as_str(), samples));
     }
 
-    // One part of scan lines.
+    // One part, as scan lines.
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: exr::image::Blocks::ScanLines,
@@ -88,7 +89,7 @@ pub fn write_frame(
     let layer = Layer::new(size, attributes::of_layer(header), encoding, AnyChannels::sort(list));
     let image = Image { attributes: attributes::of_image(header, size), layer_data: layer };
 
-    // The file gets its name when it is whole.
+    // Rename the file once it is complete.
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let partial = path.with_file_name(name);
@@ -103,22 +104,22 @@ pub fn write_frame(
     whole
 }
 
-/// Name of the layer that a channel is in; empty for those of the picture.
+/// Name of a channel's layer; empty for the image itself.
 fn layer_of(channel: &str) -> &str {
     channel.rsplit_once('.').map_or("", |(layer, _)| layer)
 }
 
-/// Whether a layer whose largest sample is this loses nothing that counts as halves. A layer of zeros does not.
+/// Whether half floats suffice for a layer with this maximum; true for a layer of zeros.
 fn halves_suffice(largest: f32) -> bool {
     largest == 0.0 || (LEAST_LARGEST..=f16::MAX.to_f32()).contains(&largest)
 }
 
-/// A picture of named channels.
+/// An image of named channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
-    /// Pixels in a row.
+    /// Width \[pixels\].
     pub width: usize,
-    /// Rows.
+    /// Height \[pixels\].
     pub height: usize,
     /// Names and samples in raster order, sorted by name.
     pub channels: Vec<(String, Vec<f32>)>,
@@ -131,7 +132,7 @@ impl Layers {
         self.channels.iter().find(|(own, _)| own == name).map(|(_, samples)| samples.as_slice())
     }
 
-    /// The channels `prefix` + R, G, B as colors.
+    /// The channels `prefix` + R, G, B as colors; `None` if one is missing.
     #[must_use]
     pub fn colors(&self, prefix: &str) -> Option<Plane<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
@@ -144,7 +145,7 @@ impl Layers {
 /// Reads all channels of the first part of an OpenEXR file.
 ///
 /// # Errors
-/// Not an EXR file, or larger than 2²⁷ pixels; the message names the path.
+/// The file is not an OpenEXR file, or is larger than 2²⁷ pixels; the message names the path.
 pub fn read_layers(path: &Path) -> Result<Layers, ImageFileError> {
     check_headers(path)?;
     let image = read_first_flat_layer_from_file(path).map_err(ImageFileError::format(path))?;
@@ -162,7 +163,7 @@ fn check_headers(path: &Path) -> Result<(), ImageFileError> {
 /// Reads the color of an OpenEXR file.
 ///
 /// # Errors
-/// Not an EXR file, no color in it, or larger than 2²⁷ pixels; the message names the path.
+/// The file is not an OpenEXR file, has no color, or is larger than 2²⁷ pixels; the message names the path.
 pub fn read_exr(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
     check_headers(path)?;
     let image = read_first_rgba_layer_from_file(

@@ -1,4 +1,4 @@
-//! From samples to a picture and how far it can be trusted.
+//! Accumulates samples to a picture, and estimates its variance.
 
 use super::{PathTracer, Points};
 use crate::sampling::hash;
@@ -7,56 +7,57 @@ use glam::{DVec3, Vec2};
 use plane::Plane;
 use rayon::prelude::*;
 
-/// Where in a pixel paths start.
+/// Starting points of paths in a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PixelSampling {
-    /// All over it, with sharp textures: the picture converges to the mean radiance of each pixel's area.
+    /// Random points of its area, with unfiltered textures: the picture converges to the mean radiance of each pixel's
+    /// area.
     Area,
-    /// At its center, with textures blurred to its width: what a renderer with one ray a pixel shows.
+    /// Its center, with textures filtered to its width, as in a renderer with one ray per pixel.
     Center,
 }
 
-/// How a picture is computed.
+/// Settings of the path tracer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathOptions {
-    /// Paths for each pixel, at least 1.
+    /// Number of paths per pixel, at least 1.
     pub samples: u32,
-    /// With another seed, all random numbers are others.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Most reflections of a path: 0 shows what glows, 1 direct light; `None` for all.
+    /// Most reflections of a path: 0 shows emission only, 1 adds direct light; `None` for no limit.
     pub max_bounces: Option<u32>,
-    /// Where paths start.
+    /// Starting points of paths in a pixel.
     pub pixel: PixelSampling,
 }
 
 impl Default for PathOptions {
-    /// 64 paths a pixel, all over it, all light.
+    /// 64 paths per pixel over its whole area, without a limit of reflections.
     fn default() -> Self {
         Self { samples: 64, seed: 1, max_bounces: None, pixel: PixelSampling::Area }
     }
 }
 
-/// A picture with noise, and how much.
+/// A noisy picture, and its variance.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PathEstimate {
-    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    /// Mean radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub mean: Plane<[f32; 3]>,
-    /// Estimated variance of each mean, channel by channel; 0 from a single path. Pixels are independent of each other.
+    /// Estimated variance of each mean, per channel; 0 for a single path. Pixels are independent.
     pub variance_of_mean: Plane<[f32; 3]>,
 }
 
-/// Groups of the samples of a pixel. Within a group, samples are stratified, and say nothing of the variance; groups are
-/// independent, and their spread does.
+/// Number of groups that a pixel's samples are divided into. Samples within a group are stratified and do not show the
+/// variance. Groups are independent, and their spread does.
 const GROUPS: u32 = 16;
-/// Side of the tiles that threads take.
+/// Side of the tiles that threads process \[pixels\].
 const TILE: usize = 16;
 
 impl PathTracer<'_> {
-    /// Renders all pixels of `view`. The result is the same for any number of threads.
+    /// Renders all pixels of `view`. The result is independent of the number of threads.
     ///
-    /// `progress` is called from any thread with the number of finished tiles and that of all tiles.
+    /// `progress` is called from any thread with the number of finished tiles and the number of all tiles.
     pub fn render(&self, view: &View, options: &PathOptions, progress: impl Fn(usize, usize) + Sync) -> PathEstimate {
         let (width, height) = (view.size().x as usize, view.size().y as usize);
         let columns = width.div_ceil(TILE);
@@ -86,7 +87,7 @@ impl PathTracer<'_> {
         estimate
     }
 
-    /// Mean and variance of the mean of the pixel with this upper left `corner`; each `index` has other paths.
+    /// Mean and variance of the mean for the pixel with this upper left `corner`; each `index` has different paths.
     ///
     /// ```text
     /// Var ≈ Σ n_k (m_k − m)² / ((K − 1) n)        of K independent groups of n_k samples with means m_k, n samples in all

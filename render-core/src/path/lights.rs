@@ -1,4 +1,4 @@
-//! Next event estimation: sampling of all lights, and its densities.
+//! Next event estimation: sampling of all lights, and the densities.
 
 use super::{Points, Vertex, power_heuristic};
 use crate::accel::{Accelerator, Hit};
@@ -8,16 +8,16 @@ use crate::surface::{Surface, Surfaces};
 use crate::{PosedScene, luminance};
 use glam::{Vec3, Vec3A};
 
-/// All lights, ready to be sampled.
+/// All lights, prepared for sampling.
 pub(super) struct Lights<'a> {
     emitters: &'a Emitters,
-    /// Among the glowing surfaces, by power.
+    /// Distribution of emissive surfaces by power.
     choice: Option<Distribution>,
-    /// For each instance that glows, the density of drawing from each of its triangles \[m⁻²\].
+    /// For each emissive instance, the density over area of each triangle's points \[m⁻²\].
     densities: Vec<Option<Vec<f32>>>,
-    /// For each instance that glows, its place in [`Emitters::areas`] and the probability of drawing it.
+    /// For each emissive instance, its index in [`Emitters::areas`] and its probability.
     places: Vec<Option<(usize, f32)>>,
-    /// Shadow rays end this far off their light, meters.
+    /// Distance between the end of a shadow ray and its light \[m\].
     epsilon: f32,
 }
 
@@ -37,19 +37,20 @@ impl<'a> Lights<'a> {
         Self { emitters, choice, densities, places, epsilon }
     }
 
-    /// Density over solid angle \[sr⁻¹\] with which a light would be drawn that a ray has hit; `None` for what is no light.
+    /// Density over solid angle \[sr⁻¹\] of sampling the light that a ray has hit; `None` if the surface is not a
+    /// light.
     pub(super) fn pdf_of(&self, hit: &Hit, direction: Vec3A, surface: &Surface) -> Option<f32> {
         let triangle = hit.triangle as usize;
         let even = self.densities[hit.instance as usize].as_ref()?[triangle];
         let (place, share) = self.places[hit.instance as usize]?;
-        // Where a texture makes it glow unevenly, cells of a triangle have densities of their own.
+        // With an uneven texture, cells of a triangle have different densities.
         let density =
             self.emitters.areas[place].density(triangle, hit.u, hit.v).map_or(even, |density| density * share);
         let cos = surface.geometric_normal.dot(direction).abs();
         Some(density * hit.distance * hit.distance / cos.max(f32::MIN_POSITIVE))
     }
 
-    /// Radiance that `vertex` sends back of light straight from its sources.
+    /// Reflected radiance of direct light at `vertex` \[W·m⁻²·sr⁻¹\].
     pub(super) fn gather(&self, scene: PosedScene, vertex: &Vertex, points: &mut Points) -> Vec3 {
         let PosedScene { accelerator, surfaces } = scene;
         let mut sum = Vec3::ZERO;
@@ -63,7 +64,7 @@ impl<'a> Lights<'a> {
             let DistantSample { towards, radiance, pdf } = light.draw(points.next());
             let (reflected, other) = vertex.reflect(towards);
             if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards) {
-                // Directions of the path itself never meet a light without a density.
+                // The path itself cannot hit a light without a density.
                 sum += reflected * radiance * pdf.map_or(1.0, |pdf| power_heuristic(pdf, other) / pdf);
             }
         }
@@ -76,6 +77,7 @@ impl<'a> Lights<'a> {
         vertex: &Vertex,
         points: &mut Points,
     ) -> Vec3 {
+        // Draw a point of an emissive surface.
         let (which, place) = (points.next(), points.next());
         let Some(pick) = self.choice.as_ref().map(|choice| choice.pick(f64::from(which.x))) else {
             return Vec3::ZERO;
@@ -90,6 +92,7 @@ impl<'a> Lights<'a> {
         if reflected == Vec3::ZERO {
             return Vec3::ZERO;
         }
+        // Evaluate its emission, and the density over solid angle.
         let hit = Hit { distance, instance: light.instance as u32, triangle: triangle as u32, u, v };
         let surface = surfaces.at(&hit, direction, 0.0);
         let cos = surface.geometric_normal.dot(direction).abs();
@@ -104,7 +107,7 @@ impl<'a> Lights<'a> {
         reflected * surface.emission * (power_heuristic(pdf, other) / pdf)
     }
 
-    /// One light drawn by what each would send back without shadows.
+    /// Reflected radiance of one point light, drawn by its unshadowed contribution \[W·m⁻²·sr⁻¹\].
     fn point_light(&self, accelerator: &Accelerator, vertex: &Vertex, points: &mut Points) -> Vec3 {
         let unshadowed = |light: &PointLight| {
             let way = light.position - vertex.position;

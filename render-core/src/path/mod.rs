@@ -1,11 +1,11 @@
-//! A path tracer that knows nothing of virtual lights: the truth that they are measured against.
+//! A path tracer without virtual lights: the reference for measuring them.
 //!
-//! Paths start at the camera. At each surface one point of the glowing surfaces, one light without size, and one direction to
-//! each light that is infinitely far away are sampled with shadow rays, and the path goes on in a direction drawn from the BSDF; where both ways lead to
-//! the same light, they are weighted by the power heuristic \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
+//! Paths start at the camera. At each surface, shadow rays sample one point of the emissive surfaces, one point light,
+//! and one direction to each distant light. The path continues in a direction drawn from the BSDF. If both can reach
+//! the same light, the power heuristic weights them \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
 //!
-//! Paths show what the rest of the program shows: punctual lights are never seen themselves, an unlit
-//! surface shines for the camera alone, and the back of a single-sided surface is not shown, but absorbs light.
+//! Paths show the same scene as the other renderers. Punctual lights are invisible, and an unlit surface emits only
+//! towards the camera. The back of a single-sided surface is invisible, but absorbs light.
 
 mod film;
 mod lights;
@@ -25,13 +25,13 @@ use crate::{PosedScene, Units, luminance};
 use glam::{Vec2, Vec3, Vec3A};
 use lights::Lights;
 
-/// Reflections before which roulette ends no path.
+/// Number of reflections before Russian roulette begins.
 const SURE_BOUNCES: u32 = 4;
-/// Highest probability of going on after that: a room of white walls must end too. Above the root of it, a reflectance of 0.995,
-/// the variance has no bound.
+/// Highest probability of survival afterwards: paths must end in a room of white walls, too. At reflectances above its
+/// square root, 0.995, the variance is unbounded.
 const HIGHEST_SURVIVAL: f32 = 0.99;
 
-/// A scene at one time, ready for paths.
+/// A scene at one time, prepared for paths.
 pub struct PathTracer<'a> {
     scene: PosedScene<'a>,
     lights: Lights<'a>,
@@ -44,7 +44,7 @@ impl std::fmt::Debug for PathTracer<'_> {
     }
 }
 
-/// The random numbers of one sample: pairs, each from a scrambled sequence of its own.
+/// The random numbers of one sample, as pairs; each pair comes from its own scrambled sequence.
 struct Points {
     key: u64,
     index: u32,
@@ -58,14 +58,14 @@ impl Points {
     }
 }
 
-/// A surface that a path has reached, and how it reflects there.
+/// A surface on a path, with its reflection.
 struct Vertex {
-    /// A little off the surface.
+    /// Position, slightly off the surface \[m\].
     position: Vec3A,
     geometric_normal: Vec3A,
-    /// World space axes of the shading frame; z is the normal.
+    /// World-space axes of the shading frame; z is the normal.
     axes: [Vec3; 3],
-    /// Towards where the path came from, in the shading frame.
+    /// Direction towards the previous vertex, in the shading frame.
     outgoing: Vec3,
     bsdf: Bsdf,
 }
@@ -84,8 +84,8 @@ impl Vertex {
         }
     }
 
-    /// BRDF times cosine, and density of drawing it, for light from the unit `direction`; zero from below the triangle's plane,
-    /// whatever the smooth normal says.
+    /// BRDF times cosine, and sampling density, for light from the unit `direction`. Both are zero below the triangle's
+    /// plane, whatever the shading normal.
     fn reflect(&self, direction: Vec3A) -> (Vec3, f32) {
         if self.geometric_normal.dot(direction) <= 0.0 {
             return (Vec3::ZERO, 0.0);
@@ -100,9 +100,9 @@ fn vector_in(axes: [Vec3; 3], v: Vec3) -> Vec3 {
     Vec3::from_array(axes.map(|axis| axis.dot(v)))
 }
 
-/// Weight of a sample whose own density is `a` when another way draws the same with density `b`.
+/// Weight of a sample with density `a`, if another strategy draws the same sample with density `b`.
 fn power_heuristic(a: f32, b: f32) -> f32 {
-    // Densities of narrow lobes have squares beyond the range of f32; their ratio does not.
+    // The squared densities of narrow lobes exceed the range of f32; their ratio does not.
     if a <= 0.0 {
         return 0.0;
     }
@@ -111,7 +111,7 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
 }
 
 impl<'a> PathTracer<'a> {
-    /// For a scene with its lights in `emitters`.
+    /// Builds a path tracer for a scene with the lights `emitters`.
     #[must_use]
     pub fn new(scene: PosedScene<'a>, emitters: &'a Emitters, units: &Units) -> Self {
         Self { scene, lights: Lights::new(scene.surfaces, emitters, units.epsilon), epsilon: units.epsilon }
@@ -123,12 +123,14 @@ impl<'a> PathTracer<'a> {
         let max_bounces = options.max_bounces.unwrap_or(u32::MAX);
         let (mut origin, mut direction) = view.ray(pixel);
         let (mut radiance, mut throughput) = (Vec3::ZERO, Vec3::ONE);
-        // Density of the direction from the surface before; none at the camera, where light has no other way to be found.
+        // Density of the direction at the previous surface. `None` at the camera, where no other strategy samples
+        // lights.
         let mut drawn: Option<f32> = None;
         for bounce in 0.. {
             let hit = self.scene.accelerator.closest(origin, direction);
             let ray = CameraRay { origin, direction };
             let (near, far) = view.distances(direction);
+            // Only the camera ray obeys the depth range and skips invisible backs.
             let hit = match drawn {
                 None => ray.cut(near, far, hit, |origin| self.scene.accelerator.closest(origin, direction)),
                 Some(_) => hit,
@@ -142,6 +144,7 @@ impl<'a> PathTracer<'a> {
                 }),
                 Some(_) => hit.map(|hit| (hit, self.scene.surfaces.at(&hit, direction, 0.0))),
             };
+            // A ray that leaves the scene sees the sky.
             let Some((hit, surface)) = met else {
                 if let Some(sky) = &self.scene.surfaces.scene().sky {
                     let weight = drawn.map_or(1.0, |pdf| power_heuristic(pdf, sky.pdf(direction.into())));
@@ -152,7 +155,7 @@ impl<'a> PathTracer<'a> {
             match drawn {
                 None => radiance += throughput * surface.emission,
                 Some(pdf) if surface.emission != Vec3::ZERO => {
-                    // An unlit surface is no light.
+                    // Unlit surfaces are not lights.
                     if let Some(light) = self.lights.pdf_of(&hit, direction, &surface) {
                         radiance += throughput * surface.emission * power_heuristic(pdf, light);
                     }
@@ -169,6 +172,7 @@ impl<'a> PathTracer<'a> {
             }
             radiance += throughput * self.lights.gather(self.scene, &vertex, points);
 
+            // Continue in a direction drawn from the BSDF, unless Russian roulette ends the path.
             let (choice, way) = (points.next(), points.next());
             let Some(next) = vertex.bsdf.sample(vertex.outgoing, choice.x, way) else { break };
             let [x, y, z] = vertex.axes;
@@ -190,7 +194,7 @@ impl<'a> PathTracer<'a> {
         radiance
     }
 
-    /// Width of a pixel at a point that it sees.
+    /// Width of a pixel at a visible point \[m\].
     fn footprint(&self, view: &View, point: Vec3A) -> f32 {
         view.pixel_width(view.project(point).map_or(0.0, |seen| seen.depth))
     }

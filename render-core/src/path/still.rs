@@ -1,4 +1,4 @@
-//! A picture of a scene in one call.
+//! Renders a picture of a scene in one call.
 
 use super::{PathEstimate, PathOptions, PathTracer};
 use crate::scene::Scene;
@@ -7,20 +7,20 @@ use crate::{Emitters, Geometry, PosedScene, Surfaces, Units};
 /// Time and size of a picture of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Still {
-    /// Time after the start of the animation \[s\].
+    /// Time since the start of the animation \[s\].
     pub time: f32,
-    /// Pixels in a row.
+    /// Width of the picture \[pixels\].
     pub width: usize,
-    /// Rows.
+    /// Height of the picture \[pixels\].
     pub height: usize,
 }
 
-/// Path-traced picture of `scene` at the time of `still`.
+/// Path traces `scene` at the time of `still`.
 ///
-/// The camera is the one that films, [`Scene::view`]. The mean of the estimate is linear RGB \[W·m⁻²·sr⁻¹\], the same for
-/// any number of threads.
+/// Uses the filming camera, [`Scene::view`]. The mean of the estimate is linear RGB \[W·m⁻²·sr⁻¹\], independent of the
+/// number of threads.
 ///
-/// `progress` is called from any thread with the number of finished tiles and that of all tiles.
+/// `progress` is called from any thread with the number of finished tiles and the number of all tiles.
 ///
 /// ```
 /// use render_core::scene::{Material, Mesh, Scene};
@@ -46,7 +46,7 @@ pub fn path_traced(
     let units = Units::of(scene);
     let emitters = Emitters::new(&surfaces, &pose, &units);
 
-    // Paths from its camera.
+    // Trace paths from its camera.
     let tracer = PathTracer::new(PosedScene::new(&accelerator, &surfaces), &emitters, &units);
     tracer.render(&scene.view(&pose, still.width, still.height), options, progress)
 }
