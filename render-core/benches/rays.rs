@@ -1,7 +1,8 @@
-//! Rays a second on one thread, by each way of shooting them: `cargo bench -p render2mpeg-render-core --bench rays`.
+//! Measures rays per second on one thread, for each kind of query:
+//! `cargo bench -p render2mpeg-render-core --bench rays`.
 //!
-//! The scene is the real Sponza where `shared/scenes` lies beside the checkout, and the shipped nave elsewhere. At the end
-//! Embree shoots the same rays, where a C++ compiler and its headers are installed.
+//! The scene is Sponza if `shared/scenes` is next to the checkout, else the shipped nave. At the end, Embree traces the
+//! same rays, if a C++ compiler and Embree's headers are installed.
 
 use divan::counter::ItemsCount;
 use glam::{Vec2, Vec3, Vec3A};
@@ -23,7 +24,7 @@ fn main() {
     }
 }
 
-/// Side of the picture whose rays are shot, pixels.
+/// Side of the traced picture \[pixels\].
 const SIDE: usize = 512;
 
 #[derive(Clone, Copy)]
@@ -39,9 +40,9 @@ struct Setting {
     obvhs: (CwBvh, Vec<RtTriangle>),
     corners: Vec<[Vec3A; 3]>,
     primary: Vec<Segment>,
-    /// From one light to what the camera sees.
+    /// From one light to the surfaces that the camera sees.
     shadow: Vec<Segment>,
-    /// From what the camera sees, by the cosine law.
+    /// From the surfaces that the camera sees, cosine-distributed.
     diffuse: Vec<Segment>,
 }
 
@@ -65,11 +66,11 @@ static SETTING: LazyLock<Setting> = LazyLock::new(|| {
         .collect();
     let (min, max) = scene.bounds(&pose).expect("the scene has triangles");
     let center = (min + max) / 2.0;
-    // From one end along the nave, a little above the floor.
+    // From one end along the nave, slightly above the floor.
     let eye = center + (max - min) * Vec3A::new(-0.35, -0.3, 0.0);
     let primary: Vec<Segment> = (0..SIDE * SIDE)
         .map(|i| {
-            // Squares of 8 × 8 pixels one after the other, and in them pieces of 4 × 2.
+            // Squares of 8 × 8 pixels in sequence, each in blocks of 4 × 2.
             let (square, inside) = (i / 64, i % 64);
             let x = square % (SIDE / 8) * 8 + inside / 8 % 2 * 4 + inside % 4;
             let y = square / (SIDE / 8) * 8 + inside / 16 * 2 + inside / 4 % 2;
@@ -78,7 +79,7 @@ static SETTING: LazyLock<Setting> = LazyLock::new(|| {
         })
         .collect();
     let lamp = center + (max - min) * Vec3A::new(0.05, 0.2, 0.02);
-    // A pixel that sees nothing repeats the one before, so that the squares stay squares.
+    // A pixel without a surface repeats the previous one, which keeps the squares complete.
     let mut last = None;
     let seen: Vec<(usize, Hit)> = primary
         .iter()
@@ -236,7 +237,7 @@ mod diffuse {
     }
 }
 
-/// Compiles `embree.cpp` and has it shoot the same rays.
+/// Compiles `embree.cpp` and traces the same rays with it.
 fn embree() -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let (program, data) = (folder.path().join("embree"), folder.path().join("rays"));

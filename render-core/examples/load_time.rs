@@ -1,4 +1,5 @@
-//! CPU seconds of loading scenes, three times each: `cargo run --release -p render2mpeg-render-core --example load_time -- FILE.glb …`.
+//! Measures the CPU seconds of loading scenes, three times each:
+//! `cargo run --release -p render2mpeg-render-core --example load_time -- FILE.glb …`.
 
 use render_core::scene;
 use rustix::time::{ClockId, clock_gettime};

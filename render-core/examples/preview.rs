@@ -1,4 +1,4 @@
-//! A picture of a scene under a lamp at the camera, without any light transport: to see what was loaded.
+//! Renders a scene under a lamp at the camera, without light transport, to check that it was loaded correctly.
 //!
 //! ```text
 //! cargo run --release -p render2mpeg-render-core --example preview -- scene.glb picture.png [seconds] [pixels]

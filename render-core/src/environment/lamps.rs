@@ -1,7 +1,7 @@
 //! Lamps in an image of the sky: few texels, bright enough to cast shadows with an edge.
 //!
 //! ```text
-//! texel = rest + lamp          rest  the texels around a bright spot          lamp  what a bright texel has more than these
+//! texel = rest + lamp          rest  the texels around a bright spot          lamp  the excess of a bright texel
 //! ```
 //!
 //! Between texels an image is linear, so the equation applies to the radiance of every direction. Lamps are sampled one

@@ -1,9 +1,9 @@
 //! Mattes of all objects or materials: Cryptomatte (Friedman, Jones, *Cryptomatte Specification* 1.2, Psyop).
 //!
-//! A pixel has pairs of an id, the hash of a name, and the fraction of its area that objects of this name cover,
-//! largest first. Two pairs form a layer of four channels: `CryptoObject00.R` is an id, `.G` its fraction, `.B` and
-//! `.A` are the next pair. A manifest in the header lists the name of each id. Objects with the same name share their
-//! id, and programs select them together.
+//! A pixel has pairs of an id, the hash of a name, and the area fraction of objects with this name, largest first. Two
+//! pairs form a layer of four channels: `CryptoObject00.R` is an id, `.G` its fraction, `.B` and `.A` are the next
+//! pair. A manifest in the header lists the name of each id. Objects with the same name share their id, and programs
+//! select them together.
 
 use plane::{FrameChannel, HeaderText, SampleDepth};
 use std::collections::BTreeMap;

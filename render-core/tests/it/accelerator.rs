@@ -1,4 +1,4 @@
-//! Rays through the two levels against every triangle in turn.
+//! Compares rays through both levels with brute force over all triangles.
 
 use crate::common::{add, rest};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -12,7 +12,7 @@ fn random_vector(key: u64) -> Vec3 {
     vec3(r(0), r(1), r(2))
 }
 
-/// `count` triangles about a quarter as large as the space they fill.
+/// `count` triangles, each about a quarter as large as the space they fill.
 fn soup(seed: u64, count: u64, size: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for t in 0..count {
@@ -26,7 +26,7 @@ fn soup(seed: u64, count: u64, size: f32) -> Mesh {
     mesh
 }
 
-/// Static soup, and `movers` that turn, one of them mirrored.
+/// A static soup of triangles, and `movers` rotating ones, of which one is mirrored.
 fn scene(size: f32, movers: u64) -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(vec3(0.3, 0.0, 0.0) * size), soup(1, 300, size), Material::default());
@@ -72,11 +72,11 @@ fn finds_what_exhaustion_finds_at_every_scale() {
                         hits += 1;
                         let before = origin + direction * hit.distance * 0.999;
                         let behind = origin + direction * hit.distance * 1.001;
-                        assert!(!accelerator.occluded(origin, before), "nothing stands before the first hit");
+                        assert!(!accelerator.occluded(origin, before), "nothing is in front of the first hit");
                         assert!(accelerator.occluded(origin, behind));
                     }
                 }
-                assert!(hits > 50, "only {hits} rays hit: the test says little");
+                assert!(hits > 50, "only {hits} rays hit: too few for a test");
             }
         }
     }
@@ -125,7 +125,7 @@ fn a_packet_finds_what_its_rays_find_alone() {
             let origin = Vec3A::from(random_vector(3_000 + k) * 2.0);
             let forward = (Vec3A::from(random_vector(4_000 + k)) * 0.3 - origin).normalize();
             let (x, y) = forward.any_orthonormal_pair();
-            // From a narrow beam to all ways at once, from one ray to more than a packet.
+            // From a narrow beam to all directions, from one ray to more than a packet.
             let spread = [1e-3, 0.05, 0.5, 1e3][k as usize % 4];
             let directions: Vec<Vec3A> = (0..=k * 3)
                 .map(|i| {
@@ -157,7 +157,7 @@ fn rays_along_an_axis_hit_whatever_the_signs_of_their_zeros() {
     }
 }
 
-/// A closed ball of triangles around the origin: `rings` × 2 `rings` quads.
+/// A closed sphere of triangles around the origin: `rings` × 2 `rings` quads.
 fn ball(rings: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for ring in 0..=rings {
@@ -170,7 +170,7 @@ fn ball(rings: u32) -> Mesh {
     for ring in 0..rings {
         for k in 0..2 * rings {
             let [a, b, c, d] = [at(ring, k), at(ring, k + 1), at(ring + 1, k + 1), at(ring + 1, k)];
-            // At the poles all corners of a ring are one point, to the last bit.
+            // At the poles, all corners of a ring are exactly one point.
             mesh.triangles.extend([[a, b, c], [a, c, d]]);
         }
     }
@@ -208,11 +208,11 @@ fn no_ray_slips_through_edges_or_corners() {
     }
 }
 
-/// Rays that arithmetic likes least: along axes, with zeros of both signs, within planes, from on a surface.
+/// Numerically difficult rays: along axes, with zeros of both signs, within planes, from a point on a surface.
 fn awkward_rays(size: f32) -> Vec<(Vec3A, Vec3A)> {
     let mut rays = Vec::new();
     for k in 0..200u64 {
-        // A lattice point, where the walls of `lattice` meet.
+        // A lattice point, where the walls of `lattice` intersect.
         let origin = Vec3A::from((random_vector(31 * k) * 3.0).round() * (0.5 * size));
         let mut direction = Vec3A::ZERO;
         direction[k as usize % 3] = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -226,7 +226,7 @@ fn awkward_rays(size: f32) -> Vec<(Vec3A, Vec3A)> {
     rays
 }
 
-/// Walls in the planes x, y, z = −1, −0.5 … 1: coplanar neighbors, each wall twice.
+/// Walls in the planes x, y, z = −1, −0.5 … 1: coplanar neighbors, each wall doubled.
 fn lattice(size: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for k in 0..15u32 {
@@ -295,7 +295,7 @@ fn along_axes_and_from_surfaces_exhaustion_agrees() {
         let (expected, found) =
             (accelerator.closest_by_exhaustion(origin, direction), accelerator.closest(origin, direction));
         let Some(expected) = expected else { continue };
-        // A ray that leaves the lattice exactly along its border may or may not be said to meet it; within it must.
+        // A ray that leaves the lattice exactly along its border may hit or miss it; inside the lattice it must hit.
         let end = origin + direction * expected.distance;
         if end.abs().max_element() < 0.999 {
             let found = found.unwrap_or_else(|| panic!("{origin} {direction} missed {expected:?}"));
@@ -303,7 +303,7 @@ fn along_axes_and_from_surfaces_exhaustion_agrees() {
             hits += 1;
         }
     }
-    assert!(hits > 100, "only {hits} hits: the test says little");
+    assert!(hits > 100, "only {hits} hits: too few for a test");
 }
 
 #[test]
@@ -325,8 +325,8 @@ fn a_single_triangle_is_met_where_it_is() {
     assert_eq!(accelerator.occluded_packet(Vec3A::Z, &[], u64::MAX), 0);
 }
 
-/// A shaft lists all that rays within it meet, at every scale and with things that move; and narrow ones are
-/// often found to be empty, rightly.
+/// A shaft lists everything that its rays hit, at every scale and with moving objects; narrow shafts are often empty,
+/// correctly.
 #[test]
 fn within_a_shaft_rays_meet_what_they_meet_without() {
     for (movers, size) in [(0, 1.0f32), (3, 1e-3), (3, 1e4)] {
@@ -352,12 +352,12 @@ fn within_a_shaft_rays_meet_what_they_meet_without() {
             }
         }
         println!("size {size}, {movers} movers: {empty} of 400 shafts are empty, {hidden} segments hidden");
-        assert!(empty > 20 && hidden > 20_000, "{empty} empty shafts, {hidden} hidden segments: the test says little");
+        assert!(empty > 20 && hidden > 20_000, "{empty} empty shafts, {hidden} hidden segments: too few for a test");
     }
 }
 
-/// Rays from as far as the sky's dome, 100 radii, end at a surface as surely as they begin there: cuts of neighboring pixels
-/// cast them from the light. (From 1000 radii, one in four and more would end below the surface.)
+/// Rays from the distance of the sky's dome, 100 radii, end at a surface as reliably as they start there: cuts of
+/// neighboring pixels trace them from the light. (From 1000 radii, at least one in four would end below the surface.)
 #[test]
 fn rays_from_far_lights_end_above_the_surface() {
     for (turn, offset) in [(0.7, Vec3::ZERO), (0.2, vec3(3.0, -5.0, 2.0)), (2.1, vec3(0.0, 40.0, 0.0))] {

@@ -1,4 +1,4 @@
-//! Atlases: each surface point has its texels, and these stand for points close by.
+//! Atlases: each surface point has its texels, and these represent nearby points.
 
 use crate::common::{add, material, quad, rest};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -8,10 +8,10 @@ use render_core::{Atlas, AtlasError, AtlasPoint, Surfaces, TexelBlend};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Distance of a blend of positions from the point, at most \[texels\].
+/// Greatest distance of a blend of positions from the point \[texels\].
 const FARTHEST: f32 = 1.5;
 
-/// A ball with `n` rings of 2n quads; those at the poles have a triangle without area, or nearly so.
+/// A sphere with `n` rings of 2n quads; quads at the poles have a triangle of almost no area.
 fn ball(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for ring in 0..=n {
@@ -50,7 +50,7 @@ fn cube() -> Mesh {
     mesh
 }
 
-/// A strip of 2 m, as a fan of slivers around one of its corners and a row of steps a millimeter high.
+/// A strip of 2 m: a fan of slivers around one of its corners, and a row of steps a millimeter high.
 fn slivers() -> Mesh {
     let mut mesh = Mesh { positions: vec![Vec3::ZERO], ..Mesh::default() };
     for k in 0..=200u32 {
@@ -66,13 +66,13 @@ fn slivers() -> Mesh {
     mesh
 }
 
-/// Instance of a box that moves, and of a square that is not lit.
+/// Instances without texels: a moving box, and an unlit square.
 const MOVING: u32 = 6;
 const UNLIT: u32 = 7;
-/// Instance of a square with two sides.
+/// Instance of a double-sided square.
 const SHEET: u32 = 5;
 
-/// A floor, a ball, slivers, two boxes that touch, of which one is mirrored and flattened, and a double-sided square.
+/// A floor, a sphere, slivers, two boxes that touch, one of them mirrored and flattened, and a double-sided square.
 fn room() -> Scene {
     let mut scene = Scene::default();
     let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
@@ -98,10 +98,10 @@ fn room() -> Scene {
 /// A scene in its rest pose, with its atlas.
 fn with_atlas(scene: &Scene, texels: usize, test: impl Fn(&Surfaces, &Atlas)) {
     let surfaces = Surfaces::new(scene, &scene.pose(0.0));
-    test(&surfaces, &Atlas::new(&surfaces, texels).expect("surfaces that stand still"));
+    test(&surfaces, &Atlas::new(&surfaces, texels).expect("static surfaces"));
 }
 
-/// Triangles of instances that stand still and are lit, with the sign of a side that has texels.
+/// Triangles of static, lit instances, with the sign of each side that has texels.
 fn sides(surfaces: &Surfaces) -> Vec<(u32, u32, f32)> {
     let (scene, mut sides) = (surfaces.scene(), Vec::new());
     for (k, instance) in scene.instances.iter().enumerate().filter(|&(k, _)| !surfaces.moving()[k]) {
@@ -115,7 +115,7 @@ fn sides(surfaces: &Surfaces) -> Vec<(u32, u32, f32)> {
     sides
 }
 
-/// Points of lit surfaces at rest: half of them spread evenly over the area, the others over the triangles.
+/// Points on static, lit surfaces: half of them distributed by area, the others by triangle.
 fn points(surfaces: &Surfaces, count: u64) -> Vec<AtlasPoint> {
     let sides = sides(surfaces);
     let normal = |&(instance, triangle, sign): &(u32, u32, f32)| {
@@ -142,7 +142,7 @@ fn points(surfaces: &Surfaces, count: u64) -> Vec<AtlasPoint> {
     points
 }
 
-/// Largest distance \[texels\] between points and blends of the positions that their texels stand for.
+/// Largest distance \[texels\] between points and the blended positions of their texels.
 fn worst_position(surfaces: &Surfaces, atlas: &Atlas, count: u64) -> f32 {
     let baked: Vec<Vec3A> = (0..atlas.len()).map(|texel| atlas.sites(texel, surfaces)[0].position).collect();
     let mut worst = 0.0f32;
@@ -190,7 +190,7 @@ fn a_blend_has_four_texels_of_one_chart() {
                 "{weights:?}"
             );
             let [(x, y), right, below, last] = texels.map(|texel| atlas.place(texel as usize));
-            // The next column and row, or the same where the point lies at a center and the others have no weight.
+            // The next column and row, or the same ones if the point is at a center and the others have no weight.
             let (next_x, next_y) = (right.0, below.1);
             assert!((x..=x + 1).contains(&next_x) && (y..=y + 1).contains(&next_y));
             assert_eq!([right, below, last], [(next_x, y), (x, next_y), (next_x, next_y)]);
@@ -201,7 +201,7 @@ fn a_blend_has_four_texels_of_one_chart() {
             charts.insert(chart);
         };
         points(surfaces, 100_000).iter().for_each(&mut check);
-        // Corners and points beyond them count as well.
+        // Include corners and points beyond them.
         for mut point in points(surfaces, 2000) {
             for corner in surfaces.corners(point.instance as usize, point.triangle as usize) {
                 point.position = corner;
@@ -226,10 +226,10 @@ fn what_has_no_texels_is_not_found() {
             assert_eq!(found(0, 2, normal), None, "the floor has two triangles");
         }
         assert_eq!(found(0, 0, Vec3A::NEG_Y), None, "the back of a floor");
-        // Triangles at the poles of the ball have no area, or nearly none.
+        // Triangles at the poles of the sphere have almost no area.
         assert!([0, 12 * 24 * 2 - 1].into_iter().all(|triangle| found(1, triangle, Vec3A::Y).is_some()));
 
-        // A sheet has other texels on its other side, which face that way.
+        // The other side of a sheet has separate texels that face that way.
         let [front, back] = [Vec3A::Z, Vec3A::NEG_Z].map(|normal| found(SHEET, 0, normal).expect("both sides"));
         assert!(front.texels.iter().all(|texel| !back.texels.contains(texel)));
         for (blend, way) in [(front, Vec3A::Z), (back, Vec3A::NEG_Z)] {
@@ -249,7 +249,7 @@ fn sites_are_points_of_their_surface() {
             let sites = atlas.sites(texel, surfaces);
             counts[sites.len()] += 1;
             for site in &sites {
-                // The texel is one of those that a look-up at the site reads, or lies beside them.
+                // The texel is one of those sampled at the site, or adjacent to them.
                 let blend = atlas.bilinear(surfaces, &site.point()).expect("it has texels");
                 let (x, y) = atlas.place(texel);
                 let near = |&other: &u32| {
@@ -346,7 +346,7 @@ fn forged_atlases_are_refused() {
     let read = |value| serde_json::from_value::<Atlas>(value).expect("the same fields");
     assert!(read(honest.clone()) == atlas && atlas.validate(&scene));
 
-    // Each number of the file by itself, set to what may be out of range.
+    // Set each number in the file to a value out of range.
     for name in ["texels_per_meter", "covered"] {
         let mut forged = honest.clone();
         forged[name] = 1e9.into();
@@ -369,7 +369,7 @@ fn forged_atlases_are_refused() {
         assert!(!read(forged).validate(&scene), "{number}");
     }
 
-    // An atlas of one scene is not one of another.
+    // An atlas of one scene does not fit another.
     let mut other = room();
     other.meshes[0].triangles.pop();
     assert!(!atlas.validate(&other));

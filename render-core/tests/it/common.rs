@@ -1,4 +1,4 @@
-//! Small scenes made by hand.
+//! Small hand-made scenes.
 
 use glam::{Quat, Vec3, vec3};
 use render_core::scene::{Instance, Material, Mesh, Node, Scene, Transform};
@@ -7,7 +7,7 @@ pub fn rest(translation: Vec3) -> Transform {
     Transform { translation, rotation: Quat::IDENTITY, scale: Vec3::ONE }
 }
 
-/// Adds a node, a mesh on it and its material; returns the node's index.
+/// Adds a node with a mesh and its material; returns the node's index.
 pub fn add(scene: &mut Scene, rest: Transform, mesh: Mesh, material: Material) -> usize {
     scene.materials.push(material);
     scene.nodes.push(Node { name: String::new(), parent: None, rest });
@@ -38,7 +38,7 @@ pub fn room() -> Mesh {
             n[axis] = sign;
             let a = vec3(n.y, n.z, n.x);
             let b = n.cross(a);
-            // a × b = −n·(…): pick the order that faces the middle.
+            // a × b = −n·(…): choose the order that faces the center.
             let (a, b) = if a.cross(b).dot(n) < 0.0 { (a, b) } else { (b, a) };
             let wall = quad(n - a - b, 2.0 * a, 2.0 * b);
             let base = mesh.positions.len() as u32;

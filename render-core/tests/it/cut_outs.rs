@@ -1,4 +1,4 @@
-//! Rays through masks and blended surfaces against what their opacity says.
+//! Compares rays through masks and blended surfaces with their opacity.
 
 use crate::common::{add, quad, rest};
 use glam::{Quat, Vec2, Vec3, Vec3A, Vec4, vec3};
@@ -69,7 +69,7 @@ fn a_blended_surface_stops_its_share_of_rays() {
     let count = 20_000;
     for opacity in [0.0f32, 0.2, 0.7, 1.0] {
         let mut scene = scene(Alpha::Blend, opacity, false);
-        // Vertices have their say too.
+        // Vertex opacity counts, too.
         scene.meshes[0].colors = vec![Vec4::new(1.0, 1.0, 1.0, 0.5); 4];
         let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
         let stopped = (0..count)

@@ -1,4 +1,4 @@
-//! Direct light of many receivers at once, against one at a time and against a sum over very many points of the lights.
+//! Compares direct light of many receivers with one at a time, and with a sum over very many light points.
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -6,7 +6,7 @@ use render_core::sampling::hash_unit;
 use render_core::scene::{Channel, Interpolation, Node, PunctualKind, PunctualLight, Scene, Track, Transform};
 use render_core::{Accelerator, Anchors, DirectLights, Emitters, Geometry, ShadingPoint, Surfaces, Units, luminance};
 
-/// A closed room with a panel under its ceiling, a box-like screen, and a small plate that moves and carries anchors.
+/// A closed room with a panel under its ceiling, a box-shaped screen, and a small moving plate with anchors.
 fn scene() -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.5), Vec3::ZERO));
@@ -44,7 +44,7 @@ fn light(scene: &Scene) -> Lit<'_> {
     Lit { scene, accelerator: Geometry::new(scene).place(&pose), direct, emitters }
 }
 
-/// Points on the walls, floor and ceiling, as a camera in the middle sees them.
+/// Points on the walls, floor and ceiling, as seen by a camera in the center.
 fn receivers(lit: &Lit, count: u64) -> Vec<ShadingPoint> {
     let pose = lit.scene.pose(0.0);
     let surfaces = Surfaces::new(lit.scene, &pose);
@@ -95,7 +95,7 @@ fn penumbras_agree_with_a_thousand_points() {
     let mut lit = light(&scene);
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
-    // The panel alone.
+    // Only the panel.
     lit.direct = DirectLights::new(&lit.emitters, &surfaces, &Anchors::default(), &[], &[0]);
     let samples = lit.emitters.areas[0].samples(&surfaces, 1024);
     let receivers = receivers(&lit, 3000);
@@ -118,7 +118,7 @@ fn penumbras_agree_with_a_thousand_points() {
         }
         let (e, expected, all) = (luminance(e), luminance(expected), luminance(all));
         partial += usize::from(expected > 0.02 * all && expected < 0.98 * all);
-        // Within 10 cm of the panel a thousand points are too few themselves.
+        // Within 10 cm of the panel, a thousand points are too few as a reference.
         if samples.iter().any(|sample| sample.position.distance(receiver.position) < 0.1) {
             continue;
         }
@@ -126,7 +126,7 @@ fn penumbras_agree_with_a_thousand_points() {
         sum += e - expected;
         worst = worst.max((e - expected).abs());
     }
-    assert!(partial > 100, "only {partial} receivers lie in penumbra: the test says little");
+    assert!(partial > 100, "only {partial} receivers lie in penumbra: too few for a test");
     let count = found.len() as f32;
     println!(
         "rms {}, bias {}, worst {worst}, of a mean of {mean}",
@@ -138,8 +138,8 @@ fn penumbras_agree_with_a_thousand_points() {
     assert!(worst < 0.1 * mean, "{worst} at the worst, of {mean} on the average");
 }
 
-/// A wall that a panel juts out from, right below the panel: that fills the upper half of what the wall sees, E = π L / 2,
-/// however near below.
+/// A panel juts out of a wall right above the receiver and fills the upper half of its view: E = π L / 2, at any
+/// distance below.
 #[test]
 fn what_touches_a_lamp_is_lit_by_it() {
     let mut scene = Scene::default();

@@ -1,4 +1,4 @@
-//! Direct light and photons against closed forms.
+//! Compares direct light and photons with closed forms.
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -13,7 +13,7 @@ use render_core::{
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-/// Irradiance at `position` with normal +y, all glowing surfaces sampled one by one.
+/// Irradiance at `position` with normal +y; all emissive surfaces are sampled.
 fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
@@ -25,8 +25,8 @@ fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
     direct.irradiance(&accelerator, &receiver).value
 }
 
-/// Form factor from a point facing +y to a rectangle of sides `a`, `b` above it at `h`, one corner straight overhead
-/// (Howell's catalog, configuration B-3).
+/// Form factor from a point facing +y to a rectangle of sides `a`, `b` at height `h` above it, with one corner directly
+/// overhead (Howell's catalog, configuration B-3).
 fn corner_form_factor(a: f32, b: f32, h: f32) -> f32 {
     let (x, y) = (a / h, b / h);
     let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
@@ -43,14 +43,13 @@ fn a_rectangle_lights_as_its_form_factor_says() {
         let found = irradiance(&scene, Vec3::ZERO);
         assert!((found.x / expected - 1.0).abs() < 0.005, "half side {half}: {} instead of {expected}", found.x);
         assert!((found.y / found.x - 2.0 / 3.0).abs() < 1e-5, "color is kept");
-        // From behind it is dark.
+        // Behind the panel it is dark.
         assert_eq!(irradiance(&scene, vec3(0.0, 3.0, 0.0)), Vec3::ZERO);
     }
 }
 
-/// A box that glows all over, by the points that stand for it, against the closed form of its faces and against six lamps of a
-/// face each. Were faces and places on them drawn by sequences that depend on each other, points would crowd to one side of
-/// each face.
+/// Compares a fully emissive box, represented by its points, with the closed form of its faces and with six lamps of
+/// one face each. If choice of face and position were correlated, points would crowd to one side of each face.
 #[test]
 fn a_box_lamp_lights_as_its_faces_do() {
     let half = vec3(0.3, 0.05, 0.3);
@@ -70,7 +69,7 @@ fn a_box_lamp_lights_as_its_faces_do() {
         let expected = 3.0 * by_faces;
         for (lamps, points) in [(&whole, 453), (&whole, 64), (&parts, 64)] {
             let found = unhidden(lamps, points, receiver, normal);
-            // Few points near by are not the surface, whatever their places.
+            // Nearby, few points do not represent the surface, whatever their positions.
             let tolerance = if points == 64 && std::ptr::eq(lamps, &whole) { 0.04 } else { 0.01 };
             assert!(
                 (found / expected - 1.0).abs() < tolerance,
@@ -80,7 +79,7 @@ fn a_box_lamp_lights_as_its_faces_do() {
     }
 }
 
-/// Six rectangles that face outward, each a corner and two edges.
+/// Six rectangles that face outward, each given by a corner and two edges.
 fn faces_of_a_box(half: Vec3) -> Vec<[Vec3; 3]> {
     let mut faces = Vec::new();
     for axis in 0..3 {
@@ -94,7 +93,7 @@ fn faces_of_a_box(half: Vec3) -> Vec<[Vec3; 3]> {
     faces
 }
 
-/// Two meshes as one.
+/// Merges two meshes.
 fn joined(mut a: Mesh, b: Mesh) -> Mesh {
     let first = a.positions.len() as u32;
     a.positions.extend(b.positions);
@@ -102,19 +101,20 @@ fn joined(mut a: Mesh, b: Mesh) -> Mesh {
     a
 }
 
-/// Irradiance by a rectangle of radiance 1 that faces a point above its horizon, without shadows (Lambert 1760): half the sum
-/// over its edges of the angle that the edge spans, times the cosine between the plane through it and the normal.
+/// Irradiance from a rectangle of radiance 1 that faces a point and is above its horizon, without shadows (Lambert
+/// 1760). Half the sum over its edges of the angle that the edge spans, times the cosine between the normal and the
+/// plane through the edge.
 fn lambert(receiver: Vec3, normal: Vec3, [corner, a, b]: [Vec3; 3]) -> f32 {
     if a.cross(b).dot(receiver - corner) <= 0.0 {
         return 0.0;
     }
     let corners = [corner, corner + a, corner + a + b, corner + b].map(|corner| (corner - receiver).normalize());
-    assert!(corners.iter().all(|corner| corner.dot(normal) > 0.0), "no part is below the horizon");
+    assert!(corners.iter().all(|corner| corner.dot(normal) > 0.0), "all of it is above the horizon");
     let edges = (0..4).map(|k| (corners[k], corners[(k + 1) % 4]));
     edges.map(|(p, q)| p.angle_between(q) * q.cross(p).normalize().dot(normal)).sum::<f32>() / 2.0
 }
 
-/// The same by `points` points of each lamp, first channel.
+/// Irradiance from `points` points of each lamp, first channel.
 fn unhidden(scene: &Scene, points: usize, receiver: Vec3, normal: Vec3) -> f32 {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
@@ -129,8 +129,8 @@ fn unhidden(scene: &Scene, points: usize, receiver: Vec3, normal: Vec3) -> f32 {
     light.sum()
 }
 
-/// Half of a plane stands between a lamp and the floor: each place sees a rectangle of the lamp, which alone would light it
-/// by the closed form. Where the penumbra begins and ends, too, it is no further off than a few of the lamp's 64 points.
+/// A half-plane is between a lamp and the floor: each position sees a rectangle of the lamp, and the expected light is
+/// its closed form. At both ends of the penumbra, the error stays within a few of the lamp's 64 points.
 #[test]
 fn a_penumbra_begins_where_the_lamp_comes_up() {
     let lamp = |from: f32| {
@@ -146,7 +146,7 @@ fn a_penumbra_begins_where_the_lamp_comes_up() {
     for k in -70..70 {
         let place = vec3(k as f32 / 100.0 + 0.003, 0.0, 0.02);
         let whole = irradiance(&lamp(-0.5), place).x;
-        // The edge is half way up: as far as the place is to the right of it, the lamp is seen to the left.
+        // The edge is halfway up: a position to the right of it sees the lamp equally far to the left.
         let seen_from = (-place.x).clamp(-0.5, 0.5);
         let expected = if seen_from < 0.5 { irradiance(&lamp(seen_from), place).x } else { 0.0 };
         let found = irradiance(&hidden, place).x;
@@ -225,11 +225,12 @@ fn in_a_furnace_the_reflected_flux_is_the_geometric_series() {
         let held: Vec3 = anchor_flux.fixed.iter().sum();
         assert!(
             (luminance(held) / luminance(anchor_flux.reflected) - 1.0).abs() < 1e-5,
-            "anchors hold what photons left"
+            "anchors contain the photons' energy"
         );
-        // The room is closed, but a ray exactly through an edge may slip between the two triangles that share it.
+        // The room is closed, but a ray exactly through an edge may pass between the two triangles that share it.
         assert!(luminance(anchor_flux.lost) < 1e-3 * luminance(anchor_flux.emitted), "{} lost", anchor_flux.lost);
-        // Evenly lit, evenly held. An anchor owns four surfels; were they thrown at random, the spread would be 1/√4.
+        // Uniform light gives uniform energy. An anchor owns four surfels; random positions would give a spread of
+        // 1/√4.
         let mean = luminance(held) / anchors.fixed.len() as f32;
         let spread = anchor_flux.fixed.iter().map(|&e| (luminance(e) / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
         assert!(spread.sqrt() < 0.4, "relative spread {}", spread.sqrt());
@@ -261,7 +262,7 @@ fn emitted_power_is_the_closed_form_for_every_kind_of_light() {
     assert!((point.emitted.x / (4.0 * PI) - 1.0).abs() < 1e-3);
     let (sun, radius) = power(Some(PunctualKind::Directional));
     assert!((sun.emitted.x / (PI * radius * radius) - 1.0).abs() < 1e-3);
-    // Irradiance 1 on the floor's 4 m², half of it reflected: nothing else is there to be lit.
+    // Irradiance 1 on the floor's 4 m², half of it reflected; no other surface is lit.
     assert!((sun.reflected.x / 2.0 - 1.0).abs() < 0.01, "{}", sun.reflected.x);
     let (sky, _) = power(None);
     // A sky of radiance 1 gives irradiance π on either side; only the front reflects.
@@ -279,7 +280,7 @@ fn threads_do_not_change_a_bit() {
     assert_eq!(with(1), with(3));
 }
 
-/// A lamp under the ceiling of a gray room, and a panel that slides through its middle for a second.
+/// A lamp under the ceiling of a gray room, and a panel that slides through its center for a second.
 fn room_with_a_sliding_panel() -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.6), Vec3::ZERO));
@@ -328,13 +329,13 @@ fn photons_that_stay_are_kept_and_no_bit_changes() {
         assert_eq!(AnchorFlux { traced: 0, ..a.clone() }, AnchorFlux { traced: 0, ..b });
         anchor_flux.push(a);
     }
-    assert!(anchor_flux.windows(2).all(|pair| pair[0].fixed != pair[1].fixed), "the panel throws a shadow that moves");
+    assert!(anchor_flux.windows(2).all(|pair| pair[0].fixed != pair[1].fixed), "the panel casts a moving shadow");
     let held: Vec3 = anchor_flux[2].fixed.iter().chain(&anchor_flux[2].dynamic).sum();
     assert!((luminance(held) / luminance(anchor_flux[2].reflected) - 1.0).abs() < 1e-5);
     assert!(anchor_flux[2].dynamic.iter().any(|e| e.x > 0.0));
 }
 
-/// Photons that ranks trace in turns bring what those of one bring, in every frame, and each is traced by one rank.
+/// Photons shared among ranks give the same result as one rank's in every frame, and each is traced by one rank only.
 #[test]
 fn photons_of_several_ranks_are_those_of_one() {
     let scene = room_with_a_sliding_panel();
@@ -343,7 +344,7 @@ fn photons_of_several_ranks_are_those_of_one() {
     let anchors = Anchors::spread(&Surfaces::new(&scene, &rest), &units, 300, 12);
     let geometry = Geometry::new(&scene);
     let frames = || (0..3).map(|n| n as f32 / 2.0);
-    // Six batches of photons, the last of them short.
+    // Six batches of photons, the last one shorter.
     let count = 90_000;
     let traced = |ranks: Arc<dyn Ranks>, keeps: bool| -> Vec<AnchorFlux> {
         let mut photons = Photons::new(count, 7).with_ranks(ranks);
@@ -380,7 +381,7 @@ fn photons_of_several_ranks_are_those_of_one() {
     }
 }
 
-/// Light that takes at most n reflections is the sum of the first n terms of the series.
+/// Light with at most n reflections is the sum of the first n terms of the series.
 #[test]
 fn paths_can_be_cut_short() {
     let mut scene = Scene::default();
@@ -400,8 +401,8 @@ fn paths_can_be_cut_short() {
     }
 }
 
-/// No anchor stands where light cannot leave, and about the given number is left. What moves covers nothing: the
-/// floor that it leaves is lit.
+/// Covered surfaces get no anchors, and about the requested number remains. Moving objects cover nothing: they leave a
+/// lit floor behind.
 #[test]
 fn anchors_keep_out_of_covered_places() {
     let mut scene = room_with_a_block();
@@ -418,7 +419,7 @@ fn anchors_keep_out_of_covered_places() {
     assert!(exposed.fixed.len().abs_diff(2000) < 40, "{} anchors", exposed.fixed.len());
     assert!(
         (exposed.area_share * exposed.fixed.len() as f32 / 28.0 - 1.0).abs() < 0.02,
-        "they stand for what is exposed"
+        "they represent the exposed area"
     );
 
     for node in 1..scene.nodes.len() {
@@ -432,11 +433,11 @@ fn anchors_keep_out_of_covered_places() {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
     let moving = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0]);
-    // Of 24 m² that stand still.
+    // Of 24 m² of static surfaces.
     assert!(covered(&moving).abs_diff(2000 / 24) < 15, "{} of 83 anchors under the block", covered(&moving));
 }
 
-/// A block that stands on the floor of a room, its sides facing outwards, without a bottom.
+/// A block on the floor of a room, with sides facing outward and without a bottom.
 fn room_with_a_block() -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.5), Vec3::ONE));

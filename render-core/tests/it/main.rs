@@ -1,4 +1,4 @@
-//! Tests of scenes, rays and light as their users see them, in one program: a module for each subject.
+//! Tests of scenes, rays and light through the public interface, in one program with a module per subject.
 
 mod accelerator;
 mod atlas;

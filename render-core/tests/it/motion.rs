@@ -1,4 +1,4 @@
-//! Motion vectors against projection on paper.
+//! Compares motion vectors with analytic projection.
 
 use crate::common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, vec3};
@@ -16,7 +16,7 @@ fn seen(scene: &Scene, time: f32) -> GBuffer {
     GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (SIZE, SIZE)).value
 }
 
-/// A wall at z = −6, a board in front of it that moves and turns, and a camera that moves and turns.
+/// A wall at z = −6, a board in front of it that moves and rotates, and a camera that moves and rotates.
 fn scene() -> Scene {
     let mut scene = Scene::default();
     let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
@@ -41,7 +41,7 @@ fn scene() -> Scene {
     scene
 }
 
-/// Closed form: the pixel of world point `p` for a camera at `place`.
+/// Pixel of the world point `p` for a camera at `place`, in closed form.
 fn pixel(place: Transform, p: Vec3) -> Vec2 {
     let local = place.rotation.inverse() * (p - place.translation);
     let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
@@ -59,7 +59,7 @@ fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
     for y in 0..SIZE {
         for x in 0..SIZE {
             let Some([dx, dy]) = correspondence.motion_of(x, y) else { continue };
-            // The ray of this pixel on paper, cut with the plane of what it sees.
+            // Intersect the pixel's analytic ray with the plane of its surface.
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
             let half = SIZE as f32 / 2.0;
@@ -67,7 +67,7 @@ fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
             let on_board = now.pixels.get(x, y).instance == 1;
             let plane_z = if on_board { -3.0 } else { -6.0 };
             let p = camera[1].translation + ray * ((plane_z - camera[1].translation.z) / ray.z);
-            // Where that point of the board was: undo this frame's pose of the board, apply the other's.
+            // Previous position of that point: invert the board's pose in this frame, and apply the other frame's.
             let then = if on_board {
                 Quat::from_rotation_z(-0.12) * (p - vec3(0.21, -0.1, -3.0)) + vec3(0.0, 0.0, -3.0)
             } else {
@@ -87,7 +87,7 @@ fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
 fn what_was_hidden_has_no_vector() {
     let mut scene = scene();
     scene.channels.truncate(1);
-    // The board slides right by 0.6 m: at its left border a strip of wall comes into view.
+    // The board slides right by 0.6 m and uncovers a strip of wall at its left border.
     scene.channels[0].track = Track::Translation(vec![vec3(0.0, 0.0, -3.0), vec3(0.6, 0.0, -3.0)]);
     let correspondence = seen(&scene, 1.0).reproject(&seen(&scene, 0.0)).value;
     let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();

@@ -1,4 +1,4 @@
-//! Fronts and backs: which is shown, and bodies seen exactly along their edges, where both are equally far away.
+//! Visibility of fronts and backs, and bodies seen exactly along their edges, where both are at the same distance.
 
 use crate::common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, Vec3A, vec3};
@@ -9,12 +9,12 @@ use render_core::{
 use std::f32::consts::TAU;
 
 const SIZE: usize = 64;
-/// Sides of a column, its radius and its length \[m\].
+/// Number of sides of a column, its radius and its length \[m\].
 const SIDES: u32 = 14;
 const RADIUS: f32 = 0.2;
 const LENGTH: f32 = 30.0;
 
-/// A column without ends around the y axis, facing outward, of two triangles a side.
+/// An open column around the y axis, facing outward, with two triangles per side.
 fn column() -> Mesh {
     let mut mesh = Mesh::default();
     for k in 0..SIDES {
@@ -26,15 +26,15 @@ fn column() -> Mesh {
     mesh
 }
 
-/// Columns are put where pixel centers see one of their outer edges, turned a little more each time.
+/// Columns have an outer edge at pixel centers, each rotated slightly more.
 #[test]
 fn no_pixel_sees_the_far_side_of_a_closed_body() {
     let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);
     let mut seen = 0;
     for k in 0..200 {
         let turn = Quat::from_rotation_y(0.37 * k as f32);
-        // Where the ray through the middle row comes to a few meters from the viewer, and the column that has its rightmost
-        // edge there, or its leftmost.
+        // A point a few meters along the ray through the middle row, and a column with its rightmost or leftmost edge
+        // there.
         let column_of_pixels = 8 + k % 48;
         let (_, direction) = view.ray(Vec2::new(column_of_pixels as f32 + 0.5, SIZE as f32 / 2.0));
         let edge = Vec3::from(direction) * (6.0 + k as f32 / 20.0);
@@ -47,7 +47,7 @@ fn no_pixel_sees_the_far_side_of_a_closed_body() {
         let mut scene = Scene::default();
         let mut place = rest(axis);
         place.rotation = turn;
-        // Backs of single-sided surfaces are not shown at all.
+        // Backs of single-sided surfaces would be invisible.
         let double_sided = Material { double_sided: true, ..material(Vec3::ONE, Vec3::ZERO) };
         add(&mut scene, place, column(), double_sided);
         let pose = scene.pose(0.0);
@@ -62,8 +62,8 @@ fn no_pixel_sees_the_far_side_of_a_closed_body() {
     assert!(seen > 20_000, "only {seen} pixels saw a column");
 }
 
-/// Three sheets behind each other, the first two seen from behind: single-sided ones show what is behind them, in films and in
-/// the path tracer's pictures; a double-sided one shows itself.
+/// Three sheets in sequence, the first two seen from behind. Single-sided ones show the sheets behind them, in films
+/// and in the path tracer; a double-sided one shows itself.
 #[test]
 fn the_back_of_a_single_sided_surface_is_not_shown() {
     let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);
@@ -72,7 +72,7 @@ fn the_back_of_a_single_sided_surface_is_not_shown() {
         for (k, towards) in [false, false, true].into_iter().enumerate() {
             let corner = vec3(-40.0, -40.0, -4.0 - k as f32);
             let sheet = if towards { [Vec3::X, Vec3::Y] } else { [Vec3::Y, Vec3::X] }.map(|side| 80.0 * side);
-            // An unlit glow of its own for each.
+            // A distinct unlit color for each.
             let glow = Vec3::splat(k as f32 + 1.0);
             let double_sided = k == 1 && middle_double_sided;
             let sheet_material = Material { double_sided, ..material(Vec3::ZERO, glow) };
@@ -98,14 +98,14 @@ fn the_back_of_a_single_sided_surface_is_not_shown() {
     }
 }
 
-/// A back whose triangle is so large that hits on it are off by more than a step past them, or in which the viewer stands, where
-/// a share of the way is none: what lies behind is shown.
+/// Surfaces behind a back are shown in two difficult cases. In one, the back's triangle is so large that hits are off
+/// by more than a step past it. In the other, the viewer is inside the back, and a fraction of the distance is zero.
 #[test]
 fn huge_and_close_backs_are_seen_through() {
     let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);
     for (side, distance) in [(1e2, 4.0), (1e5, 4.0), (1e6, 4.0), (1e7, 4.0), (1e2, 0.0), (1e7, 0.0)] {
         let mut scene = Scene::default();
-        // The front is small and far enough behind the back to be another hit whatever the rounding.
+        // The front is small and far enough behind the back to be a separate hit despite rounding.
         let tilted = vec3(0.0, 1.0, -0.3).normalize();
         let corner = vec3(0.0, 0.0, -distance) - side * (0.31 * Vec3::X + 0.37 * tilted);
         add(&mut scene, rest(Vec3::ZERO), quad(corner, side * tilted, side * Vec3::X), material(Vec3::ONE, Vec3::ZERO));

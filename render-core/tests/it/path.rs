@@ -1,4 +1,4 @@
-//! The path tracer against closed forms.
+//! Compares the path tracer with closed forms.
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, vec3};
@@ -15,7 +15,7 @@ fn level() -> Transform {
     askew(Vec3::ZERO, Quat::IDENTITY)
 }
 
-/// A camera at `position`, looking down −z of the `rotation`.
+/// Adds a camera at `position` that looks along −z of the `rotation`.
 fn film(scene: &mut Scene, position: Vec3, rotation: Quat, projection: Projection) {
     scene.nodes.push(Node { name: String::new(), parent: None, rest: askew(position, rotation) });
     scene.cameras = vec![Camera { name: String::new(), node: scene.nodes.len() - 1, projection, ..Camera::default() }];
@@ -37,13 +37,13 @@ fn standard_error(estimate: &PathEstimate) -> Vec3 {
 
 const DOWN: f32 = -FRAC_PI_2;
 
-/// Everything stands askew, so that no ray runs along an axis by chance.
+/// A tilted frame of reference, so that no ray runs along an axis by chance.
 fn askew(position: Vec3, rotation: Quat) -> Transform {
     let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.5, 0.7);
     Transform { rotation: turn * rotation, ..rest(turn * position) }
 }
 
-/// In a closed room of albedo ρ whose walls glow with Lₑ, radiance is Lₑ/(1 − ρ) everywhere.
+/// In a closed room of albedo ρ with walls that emit Lₑ, radiance is Lₑ/(1 − ρ) everywhere.
 #[test]
 fn a_furnace_shines_as_the_geometric_series_says() {
     for albedo in [0.2f32, 0.5, 0.8, 0.95] {
@@ -75,7 +75,7 @@ fn perpendicular_form_factor() -> f64 {
         / std::f64::consts::PI
 }
 
-/// Seen from straight above, a white square lit by another shows its form factor.
+/// Seen from directly above, a white square lit by another shows its form factor.
 #[test]
 fn squares_light_each_other_as_their_form_factors_say() {
     let floor = || quad(Vec3::ZERO, Vec3::Z, Vec3::X);
@@ -99,7 +99,7 @@ fn squares_light_each_other_as_their_form_factors_say() {
     }
 }
 
-/// Under a sky that is the same from everywhere, a surface that loses nothing cannot be told from it, matte or glossy.
+/// Under a uniform sky, a surface without loss is indistinguishable from it, matte or glossy.
 #[test]
 fn white_things_vanish_in_a_white_sky() {
     for (base_color, metallic, roughness) in [(1.0, 0.0, 1.0), (1.0, 1.0, 0.3), (1.0, 0.0, 0.2), (1.0, 1.0, 0.05)] {
@@ -115,8 +115,8 @@ fn white_things_vanish_in_a_white_sky() {
     }
 }
 
-/// A panel of 60° across, found by its own points and by rays from the surface: a mirror shows its radiance, and so does
-/// any mixture of the two ways.
+/// A panel spans 60° and is sampled by its own points and by rays from the surface. A mirror shows its radiance, and so
+/// does any mixture of both strategies.
 #[test]
 fn a_glossy_floor_shows_the_lamp() {
     for roughness in [0.02, 0.1] {
@@ -175,7 +175,7 @@ fn threads_do_not_change_a_bit_and_seeds_do() {
     assert_ne!(one.mean, with(3, 2).mean);
 }
 
-/// The spread over seeds is what the variance says: otherwise a comparison by it would be worth nothing.
+/// The spread over seeds matches the variance; otherwise comparisons based on it would be meaningless.
 #[test]
 fn the_variance_is_that_of_the_mean() {
     let scene = lamp_lit_room(1.0);
@@ -190,8 +190,8 @@ fn the_variance_is_that_of_the_mean() {
         told +=
             runs.iter().map(|run| f64::from(run.variance_of_mean.samples()[pixel][1])).sum::<f64>() / runs.len() as f64;
     }
-    println!("variance told {told}, found {found}");
-    assert!((told / found - 1.0).abs() < 0.15, "told {told}, found {found}");
+    println!("variance estimated {told}, found {found}");
+    assert!((told / found - 1.0).abs() < 0.15, "estimated {told}, found {found}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Blended surfaces and masks from afar: what pixels show of all layers, and how much light passes, against closed forms.
+//! Compares layers in pixels and transmitted light with closed forms, for blended surfaces and distant masks.
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Affine3A, Vec2, Vec3, Vec3A, Vec4, vec3};
@@ -14,19 +14,19 @@ use render_core::{
 
 const SIZE: usize = 48;
 
-/// A surface that shows its color without light.
+/// An unlit surface of this color.
 fn flat(color: Vec3, alpha: Alpha, opacity: f32) -> Material {
     Material { base_color: color, unlit: true, double_sided: true, alpha, opacity, ..Material::default() }
 }
 
-/// A square of side 4 at a depth, in front of a camera at the origin.
+/// A square of side 4 m at a depth, in front of a camera at the origin.
 fn square(depth: f32) -> Mesh {
     quad(vec3(-2.0, -2.0, -depth), Vec3::X * 4.0, Vec3::Y * 4.0)
 }
 
 const PROJECTIONS: [Projection; 2] = [Projection::Perspective { yfov: 0.5 }, Projection::Orthographic { ymag: 1.0 }];
 
-/// Colors of all pixels, by one sample or several.
+/// Colors of all pixels, from one sample or several.
 fn picture(scene: &Scene, projection: Projection, samples: usize) -> Plane<Vec3> {
     let pose = scene.pose(0.0);
     let (surfaces, accelerator) = (Surfaces::new(scene, &pose), Geometry::new(scene).place(&pose));
@@ -49,7 +49,7 @@ fn picture(scene: &Scene, projection: Projection, samples: usize) -> Plane<Vec3>
     sum
 }
 
-/// Porter & Duff's "over", front to back: c = Σ αᵢ cᵢ Π_{j<i} (1 − αⱼ), in every pixel, however many surfaces there are.
+/// Porter & Duff's "over", front to back: c = Σ αᵢ cᵢ Π_{j<i} (1 − αⱼ), in every pixel and for any number of surfaces.
 #[test]
 fn pixels_show_each_layer_by_its_share() {
     let colors = [vec3(1.0, 0.1, 0.2), vec3(0.1, 0.9, 0.1), vec3(0.2, 0.2, 0.8), vec3(0.9, 0.9, 0.1)];
@@ -67,7 +67,7 @@ fn pixels_show_each_layer_by_its_share() {
             for samples in [1, 4] {
                 let shown = picture(&scene, projection, samples);
                 for &color in shown.samples() {
-                    // A layer that hides less than a 512th is left out.
+                    // A layer that covers less than 1/512 is left out.
                     let apart = (color - expected).abs().max_element();
                     assert!(apart < 0.003, "{color} instead of {expected}, {opacities:?} by {samples} samples");
                 }
@@ -76,7 +76,7 @@ fn pixels_show_each_layer_by_its_share() {
     }
 }
 
-/// The opacity of a surface may differ from place to place: its corners' is interpolated.
+/// The opacity of a surface may vary: it is interpolated between corners.
 #[test]
 fn opacity_that_changes_along_a_surface_is_shown_without_steps() {
     let mut scene = Scene::default();
@@ -93,8 +93,8 @@ fn opacity_that_changes_along_a_surface_is_shown_without_steps() {
     }
 }
 
-/// A texture of 2×2 texels, one of them opaque, many times over a card: from afar a quarter of each pixel is covered
-/// (glTF 2.0, 3.9.4: a masked surface is opaque or not there), and from nearby each texel is there or not.
+/// A texture of 2×2 texels, one of them opaque, repeated over a card. From afar a quarter of each pixel is covered
+/// (glTF 2.0, 3.9.4: a masked surface is opaque or absent); nearby, each texel is present or absent.
 #[test]
 fn masks_keep_their_coverage_from_afar() {
     for (cutoff, opacity) in [(0.5, 1.0), (0.25, 0.5)] {
@@ -112,14 +112,14 @@ fn masks_keep_their_coverage_from_afar() {
             let shown = picture(&scene, Projection::Orthographic { ymag: 1.0 }, 1);
             let mean = shown.samples().iter().map(|color| color.x).sum::<f32>() / (SIZE * SIZE) as f32;
             if per_pixel > 1.0 {
-                // Beyond two texels a pixel no texel is seen alone.
+                // With more than two texels per pixel, no single texel is visible.
                 assert!((mean - 0.25).abs() < 0.01, "{mean} of the picture at {per_pixel} texels a pixel");
                 let least = shown.samples().iter().map(|color| color.x).fold(1.0, f32::min);
                 let most = shown.samples().iter().map(|color| color.x).fold(0.0, f32::max);
                 assert!(most - least < 0.2, "{least} to {most} at {per_pixel} texels a pixel");
             } else {
                 let between = shown.samples().iter().filter(|color| color.x > 0.01 && color.x < 0.99).count();
-                assert!(between < SIZE * SIZE / 10, "{between} pixels are neither there nor not");
+                assert!(between < SIZE * SIZE / 10, "{between} pixels are partly covered");
             }
         }
     }
@@ -162,7 +162,8 @@ fn floor_light(scene: &Scene) -> Vec<Vec3> {
     direct.irradiance_tile(&accelerator, &receivers).value
 }
 
-/// One card that hides the share α of all lamps: E = (1 − α) E(no card) + α E(opaque card), as visibility is linear in α.
+/// One card blocks the fraction α of all lamps: E = (1 − α) E(no card) + α E(opaque card), since visibility is linear
+/// in α.
 #[test]
 fn shadows_of_blended_surfaces_are_shares_of_full_ones() {
     let (bare, full) =
@@ -173,7 +174,7 @@ fn shadows_of_blended_surfaces_are_shares_of_full_ones() {
         for ((&found, &bare), &full) in found.iter().zip(&bare).zip(&full) {
             let expected = bare * (1.0 - opacity) + full * opacity;
             let apart = (found - expected).abs().max_element() / bare.max_element();
-            // Where votes agree the whole panel is exact, else a sum over its samples.
+            // If votes agree, the whole panel is exact, else the light is a sum over its samples.
             assert!(apart < 0.004, "{found} instead of {expected} behind {opacity}");
             shaded += usize::from(full.max_element() < 0.5 * bare.max_element());
         }

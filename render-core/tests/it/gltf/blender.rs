@@ -1,15 +1,16 @@
-//! A file of Blender's exporter, lit as Blender's Cycles lights it.
+//! Compares a file of Blender's exporter with its rendering in Blender's Cycles.
 
 use render_core::scene::{self, Reach};
 use render_core::{PathOptions, Still, path_traced};
 use std::path::Path;
 
-/// Radiance of the floor around some points, by Cycles of Blender 5.0.1: 4096 samples, direct light alone, means over 4×4 pixels.
-/// `tests/data/blender_lamps.py` writes the file and prints them.
+/// Radiance of the floor around some points, by Cycles of Blender 5.0.1: 4096 samples, direct light only, means over
+/// 4×4 pixels. `tests/data/blender_lamps.py` writes the file and prints these values.
 const CYCLES: [(&str, f32, f32); 4] =
     [("panel", -7.0, 0.13973), ("point", -3.0, 0.30916), ("spot", 3.0, 0.31555), ("sun", 13.0, 0.00859)];
 
-/// A panel of emission 10, a point and a spot of 100 W, a sun of 0.05 W/m²: exported with default options, within 2 % of Cycles.
+/// A panel of emission 10, a point and a spot of 100 W, a sun of 0.05 W/m²: exported with default options, within 2 %
+/// of Cycles.
 #[test]
 fn lamps_of_blender_are_as_bright_as_in_cycles() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/blender_lamps.glb");
@@ -27,7 +28,7 @@ fn lamps_of_blender_are_as_bright_as_in_cycles() {
         println!("{name}: {found} for {expected}");
         assert!((found / expected - 1.0).abs() < 0.02, "{name}: {found}, not {expected}");
     }
-    // As the file has them, lamps are 683 times as bright; the panel's light is under them there.
+    // With the file's own values, lamps are 683 times as bright and outshine the panel.
     let [_, point, ..] = radiance(&["lamps=1".parse().unwrap()]);
     assert!((point / (683.0 * 0.30916) - 1.0).abs() < 0.02, "{point}");
 }

@@ -1,4 +1,4 @@
-//! Cameras: the depths between which they show surfaces, and the shape of their pictures.
+//! Cameras: their depth ranges and aspect ratios.
 
 use super::file::{File, notes};
 use glam::{Vec3, Vec3A, vec3};
@@ -6,7 +6,7 @@ use render_core::scene::{DepthRange, Scene};
 use render_core::{GBuffer, Geometry, PosedScene, Surfaces};
 use serde_json::{Value, json};
 
-/// Three squares at depths of 1, 2 and 3 m before a camera at the origin.
+/// Three squares at depths of 1, 2 and 3 m in front of a camera at the origin.
 fn three_squares(camera: Value) -> Scene {
     let mut file = File::square();
     file.json["nodes"][0]["translation"] = json!([-0.5, -0.5, -1.0]);
@@ -18,7 +18,7 @@ fn three_squares(camera: Value) -> Scene {
     file.load()
 }
 
-/// The depth that the middle of a picture shows \[m\].
+/// The depth at the center of a picture \[m\].
 fn depth(camera: Value) -> f32 {
     let scene = three_squares(camera);
     let pose = scene.pose(0.0);
@@ -55,7 +55,7 @@ fn depths_outside_of_a_camera_s_range_are_not_shown() {
     }
 }
 
-/// "aspectRatio" of perspective cameras, "xmag" over "ymag" of others. Values without a meaning are ignored.
+/// "aspectRatio" of perspective cameras, and "xmag" over "ymag" of orthographic ones. Invalid values are ignored.
 #[test]
 fn cameras_have_the_shape_and_range_of_their_file() {
     let read = |camera: Value| {
@@ -74,7 +74,8 @@ fn cameras_have_the_shape_and_range_of_their_file() {
     assert_eq!((aspect, depths), (Some(2.0), DepthRange { near: 0.0, far: 10.0 }));
 }
 
-/// "The viewport's aspect ratio SHOULD NOT crop" (3.10.3): the corners of the camera's view are in pictures of all shapes.
+/// "The viewport's aspect ratio SHOULD NOT crop" (3.10.3): pictures of all shapes contain the corners of the camera's
+/// view.
 #[test]
 fn pictures_of_any_shape_show_all_of_the_view() {
     let scene = three_squares(json!({ "type": "perspective",
@@ -92,7 +93,8 @@ fn pictures_of_any_shape_show_all_of_the_view() {
     }
 }
 
-/// Squares lie 1, 2 and 3 m away: a `znear` beyond all of them, or a `zfar` before, shows nothing. Some of them are enough.
+/// Squares are at 1, 2 and 3 m. A `znear` beyond all of them, or a `zfar` before, shows nothing and gives a note;
+/// partial ranges do not.
 #[test]
 fn cameras_that_cut_the_whole_scene_off_are_named() {
     for (near, far, nearer, beyond) in

@@ -1,4 +1,4 @@
-//! Extensions: a note for each that is left out, and the table of all.
+//! Extensions: a note for each one left out, and the table of all.
 
 use super::file::{File, notes};
 use render_core::scene::{EXTENSIONS, Support, extension_table};
@@ -24,7 +24,7 @@ fn each_extension_that_is_left_out_has_one_note() {
         assert_eq!(notes(&scene, extension.name), expected, "{:?}", scene.warnings);
         assert_eq!(notes(&scene, extension.purpose), expected, "{:?}", scene.warnings);
     }
-    // Names in objects alone, and names that nobody has heard of.
+    // Names that occur only in objects, and unknown names.
     let mut file = with_material("KHR_materials_clearcoat", json!({ "clearcoatFactor": 1.0 }));
     file.json.as_object_mut().unwrap().remove("extensionsUsed");
     file.json["nodes"][0]["extensions"] = json!({ "ACME_magic": {} });
@@ -32,7 +32,7 @@ fn each_extension_that_is_left_out_has_one_note() {
     assert_eq!((notes(&scene, "KHR_materials_clearcoat (layer of varnish)"), notes(&scene, "ACME_magic")), (1, 1));
 }
 
-/// Exporters write materials with all factors at zero, their default.
+/// Exporters write materials with all factors at their default of zero.
 #[test]
 fn extensions_that_are_turned_off_have_no_note() {
     for (name, off, on) in [
@@ -78,7 +78,7 @@ fn unlit_surfaces_are_marked() {
     assert!(scene.materials[0].unlit && scene.warnings.iter().all(|note| !note.contains("unlit")));
 }
 
-/// Each row names a test that is there, and the page is the one that the command writes.
+/// Each row names an existing test, and the page matches the command's output.
 #[test]
 fn the_page_of_extensions_is_the_table() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();

@@ -1,17 +1,17 @@
-//! Small .glb files, made part by part.
+//! Builds small .glb files step by step.
 
 use glam::{Vec3, vec3};
 use render_core::scene::{self, Reach, Scene, Setting};
 use serde_json::{Value, json};
 
-/// A square of side 1 in the plane z = 0, around which tests put other parts.
+/// A square of side 1 m in the plane z = 0, to which tests add other objects.
 pub struct File {
     pub json: Value,
     pub bin: Vec<u8>,
 }
 
 impl File {
-    /// A file of one square.
+    /// A file with one square.
     pub fn square() -> Self {
         let json = json!({
             "asset": { "version": "2.0" },
@@ -55,7 +55,7 @@ impl File {
         )
     }
 
-    /// Adds to a list of the document and returns the index.
+    /// Adds an item to a list of the document and returns its index.
     pub fn push(&mut self, list: &str, item: Value) -> usize {
         if self.json.get(list).is_none() {
             self.json[list] = json!([]);
@@ -72,7 +72,7 @@ impl File {
         index
     }
 
-    /// Adds a clip whose channels have these targets, each with its output accessor, between 0 and 1 s.
+    /// Adds a clip from 0 to 1 s; each channel has a target and an output accessor.
     pub fn clip(&mut self, name: &str, channels: &[(Value, usize)]) {
         let input = self.scalars(&[0.0, 1.0]);
         let samplers: Vec<Value> =
@@ -114,7 +114,7 @@ pub fn load_bytes(bytes: &[u8], settings: &[&str]) -> Result<Scene, String> {
     scene::load_with(&path, Reach::Folder, &set).map_err(|error| error.to_string())
 }
 
-/// Whether a note of the scene contains the word.
+/// Number of the scene's notes that contain `word`.
 pub fn notes(scene: &Scene, word: &str) -> usize {
     scene.warnings.iter().filter(|note| note.contains(word)).count()
 }

@@ -1,4 +1,4 @@
-//! glTF files: every valid one is drawn, or a note names what is left out.
+//! glTF files: every valid one is rendered, or a note names the omitted content.
 
 mod blender;
 mod cameras;

@@ -1,4 +1,5 @@
-//! Packed meshes, views and images, compared with data that reference decoders unpacked: `tests/data/packed.mjs` wrote both.
+//! Compares packed meshes, views and images with data unpacked by reference decoders; `tests/data/packed.mjs` wrote
+//! both.
 
 use super::file::{File, load_bytes, notes};
 use glam::Vec3;
@@ -14,14 +15,14 @@ fn open(name: &str) -> File {
     File { json, bin: bytes[28 + length..].to_vec() }
 }
 
-/// Pairs of meshes that differ in the end of their names alone.
+/// Pairs of meshes with names that differ only in their ends.
 fn twins(scene: &Scene) -> Vec<[&Mesh; 2]> {
     let named = |name: String| scene.meshes.iter().find(|mesh| mesh.name == name);
     let names = scene.meshes.iter().filter_map(|mesh| mesh.name.strip_suffix(" packed"));
     names.map(|name| [" packed", " plain"].map(|end| named(format!("{name}{end}")).unwrap())).collect()
 }
 
-/// The largest difference of two lists of vectors.
+/// The largest difference between two lists of vectors.
 fn difference(a: &[Vec3], b: &[Vec3]) -> f32 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
@@ -35,7 +36,7 @@ fn views_packed_by_meshopt_have_the_reference_numbers() {
     for [packed, plain] in twins {
         assert_eq!(packed.positions, plain.positions, "{}", packed.name);
         assert_eq!(packed.triangles, plain.triangles, "{}", packed.name);
-        // The specification allows one unit in the last place of the result of a filter; a side has two ends.
+        // The specification allows a filter's result to differ by one unit in the last place; a side has two ends.
         let unit = if packed.name.starts_with("shorts") { 1.0 / 127.0 } else { 1.0 / 32767.0 };
         assert!(difference(&packed.normals, &plain.normals) <= 2.0 * unit, "{}", packed.name);
         let colors = packed.colors.iter().zip(&plain.colors).map(|(a, b)| (*a - *b).abs().max_element());
@@ -86,7 +87,7 @@ fn packed_images_have_the_reference_texels() {
     }
 }
 
-/// "mimeType" may be wrong: the data shows its format.
+/// "mimeType" may be wrong: the data determines the format.
 #[test]
 fn images_are_read_whatever_their_declared_type() {
     let mut file = open("images.glb");
@@ -94,7 +95,7 @@ fn images_are_read_whatever_their_declared_type() {
         image["mimeType"] = json!(["image/jpeg", "image/png", "image/webp", "text/plain"][place % 4]);
     }
     assert_eq!(file.load().textures.len(), 10);
-    // Without the extension, the image is the texture's own.
+    // Without the extension, the texture uses its own image.
     let mut file = open("images.glb");
     for texture in file.json["textures"].as_array_mut().unwrap() {
         let own = texture.pointer("/extensions/KHR_texture_basisu/source").cloned();
@@ -105,7 +106,7 @@ fn images_are_read_whatever_their_declared_type() {
     assert_eq!(file.load().textures.len(), 10);
 }
 
-/// Files whose packed data is cut or wrong: a line that names the place; where there is a plain copy, a note.
+/// Files with truncated or wrong packed data give an error that names the location, or a note if there is a plain copy.
 #[test]
 fn damaged_packed_views_are_refused_or_replaced() {
     let pointer = |file: &File, view: usize| {
@@ -135,7 +136,7 @@ fn damaged_packed_views_are_refused_or_replaced() {
             assert!(line.contains("buffer view") && !line.contains('\n'), "{place} {key} {value}: {line}");
         }
     }
-    // A plain copy.
+    // With a plain copy.
     for (extension, note) in [(json!({}), "lacks a count"), (json!({ "count": 6, "byteStride": 12 }), "unknown mode")] {
         let mut file = File::square();
         file.json["extensionsUsed"] = json!(["EXT_meshopt_compression"]);
@@ -145,7 +146,7 @@ fn damaged_packed_views_are_refused_or_replaced() {
     }
 }
 
-/// Optional compression whose plain copy is in a file that is not there: the packed data is enough.
+/// Optional compression with a plain copy in a missing file: the packed data suffices.
 #[test]
 fn plain_copies_are_not_needed() {
     let mut file = open("meshopt.glb");
@@ -179,7 +180,7 @@ fn damaged_packed_meshes_are_refused_or_replaced() {
             2 => members["bufferView"] = json!(99),
             3 => members["attributes"]["POSITION"] = json!(77),
             4 => members["attributes"]["POSITION"] = json!("first"),
-            // More triangles than the indices state.
+            // More triangles than the indices specify.
             5 => {
                 let indices = file.json["meshes"][0]["primitives"][0]["indices"].as_u64().unwrap() as usize;
                 file.json["accessors"][indices]["count"] = json!(3);
@@ -191,7 +192,7 @@ fn damaged_packed_meshes_are_refused_or_replaced() {
         let is_named = line.contains("mesh 0 primitive 0") && line.contains("buffer view");
         assert!(is_named && !line.contains('\n'), "{change}: {line}");
     }
-    // A plain copy.
+    // With a plain copy.
     let mut file = File::square();
     file.json["extensionsUsed"] = json!([name]);
     file.json["meshes"][0]["primitives"][0]["extensions"] =
@@ -216,20 +217,20 @@ fn damaged_packed_images_are_refused_or_replaced() {
         let mut file = open("images.glb");
         let view = file.json["images"][image]["bufferView"].as_u64().unwrap() as usize;
         let start = file.json["bufferViews"][view]["byteOffset"].as_u64().unwrap() as usize;
-        // Lying sizes: of KTX2 the width, of WebP the header of its chunk.
+        // False sizes: the width in KTX2, the chunk header in WebP.
         file.bin[start + 22..start + 34].fill(0xff);
         let line = file.load_with(&[]).unwrap_err();
         assert!(line.contains(&format!("image {image}")) && !line.contains('\n'), "{name}: {line}");
         file.json["bufferViews"][view]["byteLength"] = json!(50);
         assert!(file.load_with(&[]).unwrap_err().contains(&format!("image {image}")), "{name}");
-        // A plain copy: the twin.
+        // The plain copy is the twin.
         file.json["textures"][texture]["source"] = json!(image + 1);
         let scene = file.load();
         assert_eq!(notes(&scene, &format!("image {} is shown", image + 1)), 1, "{:?}", scene.warnings);
     }
 }
 
-/// Cuts and wrong bytes anywhere: an error of one line, or a scene.
+/// Truncation and wrong bytes anywhere give a one-line error or a scene.
 #[test]
 fn no_damage_panics() {
     for name in ["meshopt.glb", "draco.glb", "images.glb"] {

@@ -1,11 +1,12 @@
-//! Extensions that choose what is shown, lamps of Blender, and several clips at once.
+//! Extensions that select content, Blender's lamps, and several simultaneous clips.
 
 use super::file::{File, notes};
 use glam::{Quat, Vec3, Vec3A, vec3};
 use render_core::scene::{PunctualKind, Scene, TextureSlot};
 use serde_json::{Value, json};
 
-/// `KHR_node_visibility`: "When visible is false, the node and all its children" are not shown: meshes and lights, not cameras.
+/// `KHR_node_visibility`: "When visible is false, the node and all its children" are hidden: meshes and lights, but not
+/// cameras.
 #[test]
 fn hidden_nodes_and_all_below_them_are_not_shown() {
     for (visible, shown) in [(json!({ "visible": false }), 0), (json!({ "visible": true }), 1), (json!({}), 1)] {
@@ -21,7 +22,7 @@ fn hidden_nodes_and_all_below_them_are_not_shown() {
     }
 }
 
-/// `MSFT_lod`: "the highest level of detail is the node itself", the others are its `ids`.
+/// `MSFT_lod`: "the highest level of detail is the node itself", and its `ids` list the others.
 #[test]
 fn the_finest_level_of_detail_is_shown() {
     let mut file = File::square();
@@ -32,7 +33,7 @@ fn the_finest_level_of_detail_is_shown() {
     assert_eq!(file.load().instances.len(), 1);
 }
 
-/// `EXT_mesh_gpu_instancing`: the world transform of a copy is the node's times T · R · S of its attributes.
+/// `EXT_mesh_gpu_instancing`: the world transform of a copy is the node's transform times T · R · S of its attributes.
 #[test]
 fn copies_of_a_mesh_have_their_own_places() {
     let mut file = File::square();
@@ -52,7 +53,7 @@ fn copies_of_a_mesh_have_their_own_places() {
     for (copy, expected) in [vec3(2.0, 0.0, 5.0), vec3(0.0, 4.0, 5.0), vec3(0.0, 0.5, 5.0)].into_iter().enumerate() {
         assert!((corner(copy) - expected).length() < 1e-5, "copy {copy} is at {}", corner(copy));
     }
-    // Attributes that are left out have their defaults; those of different lengths are refused.
+    // Missing attributes have their defaults; attributes of different lengths are refused.
     file.json["nodes"][0]["extensions"] = extension(json!({ "TRANSLATION": translation }));
     assert_eq!(file.load().instances.len(), 3);
     let two = file.vectors(&[Vec3::ONE; 2]);
@@ -60,7 +61,8 @@ fn copies_of_a_mesh_have_their_own_places() {
     assert!(file.load_with(&[]).unwrap_err().contains("different numbers of elements"));
 }
 
-/// `KHR_materials_variants`: a mapping's material is for the variants that it lists; others have the primitive's own.
+/// `KHR_materials_variants`: a mapping's material applies to its listed variants; other variants use the primitive's
+/// own.
 #[test]
 fn variants_replace_materials() {
     let mut file = File::square();
@@ -109,7 +111,7 @@ fn the_older_material_model_is_converted() {
     assert_eq!(material.metallic, 0.0);
     let slot = material.base_color_texture.unwrap();
     assert_eq!((slot.uv_set, slot.transform.unwrap().2), (1, glam::vec2(2.0, 3.0)));
-    // Without gloss a coat of 100 % is a rough metal, and not a black body.
+    // Without gloss, a coat of 100 % is a rough metal, not a black body.
     let rough = &scene.materials[2];
     let (albedo, coat) = rough.split(rough.base_color, rough.metallic, rough.roughness);
     assert_eq!((albedo, coat), (Vec3::ZERO, Vec3::ONE));
@@ -118,11 +120,13 @@ fn the_older_material_model_is_converted() {
     assert_eq!((mirror.base_color, mirror.dielectric_f0, mirror.roughness), (Vec3::ZERO, Vec3::ONE, 0.0));
 }
 
-/// Khronos' conversion of specular and glossiness, texel by texel: base color, metalness and roughness by its formula, computed apart.
+/// Khronos' conversion of specular and glossiness, texel by texel: base color, metalness and roughness by its formula,
+/// computed separately.
 #[test]
 fn textures_of_the_older_model_are_converted() {
     let mut file = File::square();
-    // One diffuse texel, sRGB 188, 137, 225 and half opaque; a black specular texel of glossiness 64 / 255 beside a gold one of 1.
+    // One diffuse texel, sRGB 188, 137, 225 with opacity ½; a black specular texel of glossiness 64 / 255 next to a
+    // gold one of glossiness 1.
     file.json["images"] = json!([
         { "uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGPY0/mwAQAG0gKnuUAV2QAAAABJRU5ErkJggg==" },
         { "uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR4nGNgYGBw+Hy65j8ACW0Deohp1wQAAAAASUVORK5CYII=" },
@@ -150,11 +154,11 @@ fn textures_of_the_older_model_are_converted() {
         // Half a code value.
         assert!((data.z - metallic).abs() < 0.0021 && (data.y - roughness).abs() < 0.0021, "{data} at {u}");
     }
-    // With coordinates of their own the two textures have no texels in common.
+    // With different coordinates, the two textures have no texels in common.
     assert_eq!(notes(&scene, "other coordinates than the diffuse texture"), 1, "{:?}", scene.warnings);
 }
 
-/// Candela and lux of Blender's exporter are 683 times watts: `PBR_WATTS_TO_LUMENS` of its source.
+/// Candela and lux of Blender's exporter are 683 times the watts: `PBR_WATTS_TO_LUMENS` in its source.
 #[test]
 fn lamps_of_blender_fit_its_emission() {
     let mut file = File::square();
@@ -178,7 +182,7 @@ fn lamps_of_blender_fit_its_emission() {
     assert_eq!(colors(&file, &[]).1, 0);
 }
 
-/// A ball of the radiance L and the surface A has the mean intensity L · A / 4 (Cauchy).
+/// A sphere of radiance L and surface area A has the mean intensity L · A / 4 (Cauchy).
 #[test]
 fn points_may_have_a_radius() {
     let mut file = File::square();
@@ -201,7 +205,7 @@ fn points_may_have_a_radius() {
     assert_eq!(notes(&scene, "spots"), 1);
 }
 
-/// Clips of other properties play together; of two that move the same, the first.
+/// Clips of different properties play together; of two clips with the same property, the first plays.
 #[test]
 fn all_clips_play_together_on_request() {
     let mut file = File::square();
@@ -220,7 +224,7 @@ fn all_clips_play_together_on_request() {
     let all = file.load_with(&["animation.name=all"]).unwrap();
     assert_eq!((ends(&all), all.channels.len()), (vec![Vec3A::Y, Vec3A::X], 3));
     assert_eq!(notes(&all, "left out: \"fall\""), 1, "{:?}", all.warnings);
-    // A clip of that name comes first.
+    // A clip called "all" takes precedence.
     file.json["animations"][2]["name"] = json!("all");
     let named = file.load_with(&["animation.name=all"]).unwrap();
     assert_eq!(ends(&named), [Vec3A::ZERO, Vec3A::X]);

@@ -1,4 +1,4 @@
-//! `KHR_animation_pointer`: animated properties other than places of nodes.
+//! `KHR_animation_pointer`: animated properties other than transforms of nodes.
 
 use super::file::{File, notes};
 use glam::{Vec3, Vec3A, vec3};
@@ -23,7 +23,7 @@ fn filmed() -> File {
     file
 }
 
-/// Distance from the axis to the upper border, at a depth of 1 m \\[m\\].
+/// Distance from the axis to the upper border, at a depth of 1 m \[m\].
 fn half_height(scene: &Scene, time: f32, size: (usize, usize)) -> f32 {
     let pose = scene.pose(time);
     let view = scene.view(&pose, size.0, size.1);
@@ -51,7 +51,7 @@ fn pointers_animate_nodes_and_lenses() {
         let view = scene.view(&scene.pose(time), 64, 64);
         assert!((view.distances(-Vec3A::Z).0 - angle).abs() < 1e-6);
     }
-    // The camera of the file is the one at rest.
+    // The scene's cameras have the values of the file.
     assert_eq!(scene.cameras[0].projection, Projection::Perspective { yfov: 0.5 });
     assert_eq!(scene.cameras[0].depths, DepthRange { near: 0.1, far: 10.0 });
 }
@@ -62,12 +62,12 @@ fn magnifications_are_animated() {
     let (half, wide) = (file.scalars(&[1.0, 3.0]), file.scalars(&[2.0, 4.0]));
     file.clip("a", &[(target("/cameras/1/orthographic/ymag"), half), (target("/cameras/1/orthographic/xmag"), wide)]);
     let scene = file.load_with(&["camera.name=orthographic"]).unwrap();
-    // At 0.5 s it shows 6 m by 4 m: all of that is in a square picture, and in one of 3:2.
+    // At 0.5 s it shows 6 m by 4 m; a square picture and a 3:2 picture contain all of it.
     assert!((half_height(&scene, 0.5, (60, 40)) - 2.0).abs() < 1e-5);
     assert!((half_height(&scene, 0.5, (60, 60)) - 3.0).abs() < 1e-5);
 }
 
-/// "KHR_node_visibility/visible": false hides the node's mesh and those below it, from one key to the next.
+/// "KHR_node_visibility/visible": false hides the meshes of the node and its descendants, from one key to the next.
 #[test]
 fn visibility_is_animated() {
     let mut file = File::square();
@@ -88,7 +88,7 @@ fn visibility_is_animated() {
     assert!(scene.moving_instances().iter().all(|&moves| moves));
 }
 
-/// Color, intensity and cone of lights: the product of color and intensity shines, in the file's units or Blender's.
+/// Color, intensity and cone of lights: the product of color and intensity counts, in the file's units or Blender's.
 #[test]
 fn lights_are_animated() {
     let mut file = File::square();
@@ -113,7 +113,7 @@ fn lights_are_animated() {
         let at = |time: f32| scene.pose(time).punctual_lights(&scene).to_vec();
         assert_eq!(at(0.0)[0].color, Vec3::splat(100.0 * factor));
         assert_eq!(at(0.0)[1].color, Vec3::X * 10.0 * factor);
-        // A quarter of the way the intensity is zero.
+        // At a quarter of the duration the intensity is zero.
         assert_eq!(at(0.25)[1].color, Vec3::ZERO);
         assert_eq!(at(0.125)[1].color, vec3(0.875, 0.125, 0.0) * 5.0 * factor);
         // Light is never negative.
@@ -121,12 +121,12 @@ fn lights_are_animated() {
         assert!(matches!(at(0.5)[1].kind, PunctualKind::Spot { outer, .. } if (outer - 0.3).abs() < 1e-6));
         assert_eq!(scene.moving_nodes(), [false, false, true]);
     }
-    // With a radius, points become balls; animated lights keep their place in the list.
+    // With a radius, points become spheres; animated lights stay in the list.
     let scene = file.load_with(&["lamp_radius=0.1"]).unwrap();
     assert_eq!((scene.punctual_lights.len(), scene.light_channels[0].light), (1, 0));
 }
 
-/// A wall in a picture is as bright as its lamp at the time of the picture.
+/// A wall in a picture matches the brightness of its lamp at the time of the picture.
 #[test]
 fn pictures_show_the_light_of_their_time() {
     let mut file = File::square();
@@ -149,7 +149,7 @@ fn pictures_show_the_light_of_their_time() {
     }
 }
 
-/// Properties that are not read keep the file's value, and one note names them.
+/// Unsupported properties keep the file's value, and one note names them.
 #[test]
 fn other_pointers_are_named() {
     let mut file = filmed();
@@ -159,7 +159,7 @@ fn other_pointers_are_named() {
         &[
             (target("/materials/0/occlusionTexture/strength"), keys),
             (target("/materials/0/extensions/KHR_materials_clearcoat/clearcoatFactor"), keys),
-            // A hint that no picture here depends on.
+            // A hint without effect on pictures.
             (target("/extensions/KHR_lights_punctual/lights/0/range"), keys),
             (target("/cameras/0/perspective/yfov"), keys),
             (target("nonsense"), keys),

@@ -5,14 +5,14 @@ use glam::{Vec3, vec3};
 use render_core::scene::Scene;
 use serde_json::{Value, json};
 
-/// Volume of a closed mesh that faces outward \\[m³\\].
+/// Volume of a closed mesh that faces outward \[m³\].
 fn volume(scene: &Scene) -> f32 {
     let mesh = &scene.meshes[0];
     let corners = mesh.triangles.iter().map(|triangle| triangle.map(|vertex| mesh.positions[vertex as usize]));
     corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
 }
 
-/// A file of vertices at the corners of a square of side 3, drawn in this mode.
+/// A file with vertices at the corners of a square of side 3 m, drawn in this mode.
 fn drawn(mode: u32, indices: Option<&[u32]>) -> File {
     let mut file = File::square();
     let corners = file.vectors(&[Vec3::ZERO, vec3(3.0, 0.0, 0.0), vec3(3.0, 3.0, 0.0), vec3(0.0, 3.0, 0.0)]);
@@ -26,8 +26,8 @@ fn drawn(mode: u32, indices: Option<&[u32]>) -> File {
     file
 }
 
-/// Modes of glTF 2.0, 5.24.4: 0 points, 1 lines, 2 a loop, 3 a strip. An octahedron of the width w has the volume w³ / 6, a square
-/// tube whose diagonal is w has w² / 2 for each meter.
+/// Modes of glTF 2.0, 5.24.4: 0 points, 1 lines, 2 a loop, 3 a strip. An octahedron of width w has volume w³ / 6; a
+/// square tube with diagonal w has volume w² / 2 per meter.
 #[test]
 fn points_and_lines_are_closed_bodies() {
     let (point, meter) = (0.001 / 6.0, 0.01 / 2.0);
@@ -45,14 +45,14 @@ fn points_and_lines_are_closed_bodies() {
         assert!((found / expected - 1.0).abs() < 1e-3, "mode {mode}: {found} m³, not {expected} m³");
         assert_eq!(notes(&scene, "--point-size"), 1);
     }
-    // By default they are 1/200 of the diagonal wide.
+    // By default, their width is 1/200 of the diagonal.
     let found = volume(&drawn(1, None).load());
     let expected = 6.0 * (18f32.sqrt() / 200.0).powi(2) / 2.0;
     assert!((found / expected - 1.0).abs() < 1e-3, "{found} m³, not {expected} m³");
 }
 
-/// "Points or Lines with no NORMAL attribute SHOULD be rendered without lighting and instead use the sum of the base color value
-/// and the emissive value" (3.9.5); colors of vertices go to all corners of their bodies.
+/// "Points or Lines with no NORMAL attribute SHOULD be rendered without lighting and instead use the sum of the base
+/// color value and the emissive value" (3.9.5). Vertex colors apply to all corners of their bodies.
 #[test]
 fn points_without_normals_are_unlit() {
     let mut file = drawn(0, None);
@@ -82,7 +82,7 @@ fn points_without_normals_are_unlit() {
     assert!(!scene.materials[scene.meshes[0].material].unlit);
 }
 
-/// Primitives without a material have the default one, whatever was drawn before them.
+/// Primitives without a material use the default one, regardless of earlier primitives.
 #[test]
 fn strokes_leave_the_default_material() {
     let mut file = drawn(0, None);
@@ -96,7 +96,7 @@ fn strokes_leave_the_default_material() {
     assert_eq!((unlit, scene.materials.len()), (vec![true, true, false], 2));
 }
 
-/// Morph targets move whole bodies.
+/// Morph targets displace whole bodies.
 #[test]
 fn points_morph() {
     let mut file = drawn(0, None);

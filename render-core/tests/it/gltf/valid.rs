@@ -1,4 +1,4 @@
-//! Valid files with parts that the specification lets out, or leaves to extensions.
+//! Valid files that omit optional data or define it in extensions.
 
 use super::file::{File, load_bytes, notes};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -61,7 +61,8 @@ fn primitives_without_positions_are_skipped() {
     let scene = file.load();
     assert_eq!((scene.meshes.len(), scene.triangle_count()), (1, 2));
     assert_eq!(notes(&scene, "without readable positions"), 1);
-    // The same for positions in a format that an extension adds, for draws of an unknown mode and for data of an extension alone.
+    // This also holds for positions in a format that an extension adds, for unknown modes, and for data that only an
+    // extension contains.
     for (pointer, value) in [
         ("/accessors/0/componentType", json!(5130)),
         ("/accessors/0/type", json!("VEC9")),
@@ -80,7 +81,7 @@ fn primitives_without_positions_are_skipped() {
     file.json["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 72 }));
     file.json["bufferViews"][0]["buffer"] = json!(1);
     assert_eq!(file.load().triangle_count(), 0);
-    // A build without the feature leaves packed meshes out.
+    // A build without the feature omits packed meshes.
     if !cfg!(feature = "draco") {
         let mut file = File::square();
         file.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
@@ -91,7 +92,7 @@ fn primitives_without_positions_are_skipped() {
     }
 }
 
-/// Attributes, members and values that applications and extensions add change nothing.
+/// Attributes, members and values of applications and extensions have no effect.
 #[test]
 fn unknown_parts_change_nothing() {
     let changes: [(&str, Value); 21] = [
@@ -145,7 +146,7 @@ fn spots_without_angles_have_the_default_cone() {
     assert_eq!(lights[0].kind, render_core::scene::PunctualKind::Spot { inner: 0.0, outer: quarter });
 }
 
-/// A painted sky of unlit triangles around all: a note names the surface that keeps the sun out.
+/// A painted sky of unlit triangles around the scene: a note names the surface that blocks the sun.
 #[test]
 fn unlit_backdrops_are_named() {
     let backdrop = |size: f32, depth: f32, unlit: bool| {
@@ -162,11 +163,12 @@ fn unlit_backdrops_are_named() {
         notes(&file.load(), "\"dome\" encloses the scene and blocks the sun wherever it is closed")
     };
     assert_eq!(backdrop(9.0, 9.0, true), 1);
-    // Lit surfaces, smaller ones and flat ones are no backdrops.
+    // Lit, smaller and flat surfaces are not backdrops.
     assert_eq!((backdrop(9.0, 9.0, false), backdrop(0.5, 9.0, true), backdrop(9.0, 0.0, true)), (0, 0, 0));
 }
 
-/// Lists may be absent or empty: a scene without nodes (5.25), a file without `scene` (5.17), an animation of nothing.
+/// Lists may be absent or empty: a scene without nodes (5.25), a file without `scene` (5.17), an animation without
+/// channels.
 #[test]
 fn absent_and_empty_lists_are_read() {
     for (pointer, value) in [
@@ -208,16 +210,16 @@ fn files_without_scenes_show_all_nodes() {
     root.remove("scenes");
     let scene = file.load();
     assert_eq!((scene.instances.len(), notes(&scene, "no scene: all its nodes are shown")), (2, 1));
-    // Of meshes without a node nothing is shown.
+    // Without nodes, no mesh is shown.
     file.json.as_object_mut().unwrap().remove("nodes");
     assert_eq!(notes(&file.load(), "only the sky is visible"), 1);
-    // An index of a scene that is not there is no valid one.
+    // An index of a missing scene is invalid.
     file.json["scene"] = json!(0);
     assert!(file.load_with(&[]).unwrap_err().contains("scene"));
 }
 
-/// "When bufferView is undefined, the accessor MUST be initialized with zeros" (5.1.1), in files without any view, too. Buffers
-/// without `uri` may be filled by an extension (3.6.1): their parts are left out.
+/// "When bufferView is undefined, the accessor MUST be initialized with zeros" (5.1.1), even in files without any view.
+/// Extensions may define buffers without `uri` (3.6.1): content in them is left out.
 #[test]
 fn accessors_and_buffers_without_data_are_read() {
     let mut file = File::square();
@@ -240,7 +242,7 @@ fn accessors_and_buffers_without_data_are_read() {
     assert_eq!(notes(&scene, "textures without a readable image"), 1);
 }
 
-/// Buffers that nothing reads need no data.
+/// Unused buffers need no data.
 #[test]
 fn buffers_without_use_may_be_absent() {
     let mut file = File::square();
@@ -253,7 +255,7 @@ fn buffers_without_use_may_be_absent() {
     assert!(file.load_with(&[]).unwrap_err().contains("absent.bin"));
 }
 
-/// A matrix may flatten its node along an axis, or along all: columns of zero are as valid as a scale of zero.
+/// A matrix may flatten its node along one axis or all: columns of zero are as valid as a scale of zero.
 #[test]
 fn flat_matrices_are_kept() {
     let turn = Quat::from_axis_angle(vec3(1.0, 2.0, 3.0).normalize(), 0.7);
@@ -277,7 +279,7 @@ fn flat_matrices_are_kept() {
     }
 }
 
-/// A normal of zero has no direction: the triangle's own takes its place.
+/// A normal of zero has no direction: the triangle's normal replaces it.
 #[test]
 fn normals_of_zero_become_those_of_the_triangle() {
     let mut file = File::square();
@@ -291,7 +293,7 @@ fn normals_of_zero_become_those_of_the_triangle() {
     assert!(file.load().meshes[0].normals.is_empty(), "flat, as without normals");
 }
 
-/// Chunks of unknown types are ignored (4.4.3), wherever they are; text may be filled up by zeros.
+/// Chunks of unknown types are ignored (4.4.3), wherever they are; zeros may pad the text.
 #[test]
 fn binary_files_may_have_chunks_of_other_types() {
     let bytes = File::square().bytes();
@@ -311,7 +313,7 @@ fn binary_files_may_have_chunks_of_other_types() {
     assert!(load_bytes(&bytes[..bytes.len() - 8], &[]).unwrap_err().contains("not a complete glTF file"));
 }
 
-/// Files that are not valid have a line that is true.
+/// Invalid files give an accurate error.
 #[test]
 fn other_versions_and_wrong_types_are_named() {
     for (pointer, value, words) in [
@@ -331,7 +333,7 @@ fn other_versions_and_wrong_types_are_named() {
     }
 }
 
-/// Separators of Windows in addresses (no URI has them), and percent signs (RFC 3986, 2.1).
+/// Windows separators in addresses (invalid in URIs), and percent-encoding (RFC 3986, 2.1).
 #[test]
 fn addresses_of_other_systems_lead_to_their_files() {
     let folder = tempfile::tempdir().unwrap();
