@@ -7,7 +7,7 @@
 //! ```text
 //! E(x) = ∫ L(y) cos θ · s / (r² + s) dω  ≈  π/N Σ L(yᵢ) · s / (rᵢ² + s)      for N cosine-distributed rays
 //!   s   bound of the geometry term, m²          r   distance from x to y, where the ray ends
-//!   L   radiance that the surfels around y stand for, plus emission of y where virtual lights stand for that too
+//!   L   radiance represented by the surfels around y, plus emission of y that virtual lights represent
 //! ```
 //!
 //! # Differs from the paper

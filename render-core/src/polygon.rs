@@ -46,7 +46,7 @@ impl Polygon {
 /// 1989, eq. 9):
 ///
 /// ```text
-/// ½ Σ Γᵢ · n·(vᵢ × vᵢ₊₁)/|vᵢ × vᵢ₊₁|       Γᵢ  angle between the ways to corners i and i + 1
+/// ½ Σ Γᵢ · n·(vᵢ × vᵢ₊₁)/|vᵢ × vᵢ₊₁|       Γᵢ  angle between the directions to corners i and i + 1
 /// ```
 fn projected_solid_angle(corners: &[Vec3A], normal: Vec3A) -> f32 {
     let mut sum = 0.0;

@@ -58,7 +58,6 @@ fn taps(places: &[Vec2]) -> Vec<Tap> {
 ///
 /// # Panics
 /// If the numbers of planes and positions differ, or planes differ in size.
-/// If there is not one plane for each place, or they differ in size.
 #[must_use]
 pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 3]> {
     let (width, height) = size_of(samples, places);
@@ -92,7 +91,7 @@ pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 
 /// L(p) = Σ_q Σ_i w_i(q) S_i(q) / Σ_q Σ_i w_i(q)        n_p > 1
 /// L(p) = A(p)                                          n_p = 1
 ///
-///   S_i(q) = L_i(q),  w_i(q) = h(q + s_i − p)    i < n_q     sample i of pixel q, at its place s_i
+///   S_i(q) = L_i(q),  w_i(q) = h(q + s_i − p)    i < n_q     sample i of pixel q, at position s_i
 ///   S_i(q) = A(q),    w_i(q) = h(q + ½ − p)      i ≥ n_q     its deputy in the center
 ///   q  pixels around p        n  count        h  the filter        A  `alone`
 /// ```

@@ -6,8 +6,8 @@
 //!   + albedo (1 − C(θ_o)) (1 − C(θ_i)) / (π (1 − C_avg))                      the base below it \[Kelemen01\]
 //!
 //!   F  Schlick's Fresnel term          E  directional albedo of the coat with F = 1
-//!   D  GGX                             C  of the coat as it is, both scatterings
-//!   G₂ height-correlated Smith         M  F_avg² E_avg / (1 − F_avg (1 − E_avg)): light that bounces in the coat on
+//!   D  GGX                             C  directional albedo of the coat, both scatterings
+//!   G₂ height-correlated Smith         M  F_avg² E_avg / (1 − F_avg (1 − E_avg)): light scattered repeatedly in the coat
 //! ```
 //!
 //! In each direction, the coat's reflected light and the light that it transmits to the base sum to the incident light.

@@ -4,8 +4,8 @@
 //! ends close by continues:
 //!
 //! ```text
-//! L(y) = ρ(y) · (Lₑ(z) + L(z))     if a cosine-distributed ray from y meets z close by, and no lamp is seen from y
-//! L(y) = that of the surfels       otherwise
+//! L(y) = ρ(y) · (Lₑ(z) + L(z))     if a cosine-distributed ray from y hits z close by, and no lamp is visible from y
+//! L(y) = the surfels' radiance     otherwise
 //! ```
 //!
 //! The surfels contain all light that reaches y from beyond the gap; light from inside the gap is computed by the ray.

@@ -4,7 +4,7 @@
 //! surrounding pixel that shows the same surface at its center:
 //!
 //! ```text
-//! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  pixels around p      c_q  rays of p that see what q shows
+//! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  pixels around p      c_q  rays of p that show the surface of q
 //! ```
 //!
 //! If a ray passes several layers, each counts with its fraction of the ray (`layered.rs`).
@@ -47,7 +47,7 @@ struct Mixed {
 /// The region of a surface in a pixel, and the source of its light.
 ///
 /// ```text
-/// L = E + t · L(q)      E  emission      t  tint      q  the pixel that knows the light
+/// L = E + t · L(q)      E  emission      t  tint      q  the pixel with the light
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -4,7 +4,7 @@
 //! chooses it: among neighboring pixels, each layer is the center in proportion to its weight:
 //!
 //! ```text
-//! center(p) = the first k with Σ_{i≤k} wᵢ > τ(p)        wᵢ  share of layer i (`accel/sheets.rs`)
+//! center(p) = the first k with Σ_{i≤k} wᵢ > τ(p)        wᵢ  weight of layer i (`accel/sheets.rs`)
 //! τ(x, y) = ((32 x + 43 y) mod 97 + ½) / 97
 //! ```
 //!

@@ -47,7 +47,7 @@ pub enum ImageFileError {
         path: PathBuf,
         /// Extension of the file, in lower case.
         ending: String,
-        /// The feature that reads it.
+        /// The feature that reads the format.
         feature: &'static str,
     },
 }

@@ -54,7 +54,6 @@ pub fn write_layers(
 ///
 /// # Errors
 /// The file cannot be written; the message names the path.
-/// The message of the file system, with the path.
 pub fn write_frame(
     path: &Path,
     size: (usize, usize),

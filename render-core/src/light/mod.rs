@@ -3,10 +3,10 @@
 //! ```text
 //! area/  point.rs  sun.rs  sky.rs      the kinds: photons, direct light, bounds
 //! emitters.rs                          the table of kinds
-//! emission.rs  sampled.rs              the traits of a kind: of photons, and of direct light
-//! distant.rs                           what lights share that are infinitely far away
-//! photons.rs  direct.rs                photons and direct light of all lights together
-//! tile.rs  receiver.rs                 points that are lit, alone and together
+//! emission.rs  sampled.rs              the traits of a kind, for photons and direct light
+//! distant.rs                           common behavior of distant lights
+//! photons.rs  direct.rs                photons and direct light from all lights
+//! tile.rs  receiver.rs                 receivers, alone and in tiles
 //! ```
 
 mod area;

@@ -90,7 +90,7 @@ impl PathTracer<'_> {
     /// Mean and variance of the mean for the pixel with this upper left `corner`; each `index` has different paths.
     ///
     /// ```text
-    /// Var ≈ Σ n_k (m_k − m)² / ((K − 1) n)        of K independent groups of n_k samples with means m_k, n samples in all
+    /// Var ≈ Σ n_k (m_k − m)² / ((K − 1) n)        for K independent groups of n_k samples with means m_k, n samples in total
     /// ```
     fn pixel(&self, view: &View, corner: Vec2, index: usize, options: &PathOptions) -> [DVec3; 2] {
         let samples = options.samples.max(1);

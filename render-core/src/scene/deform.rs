@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A node whose mesh has morph targets.
+/// A node with a mesh that has morph targets.
 #[derive(Clone, Debug)]
 pub struct MorphedNode {
     /// Index into [`Scene::nodes`].
@@ -85,7 +85,7 @@ impl Mesh {
 }
 
 impl Skinning {
-    /// World from mesh for one vertex: the weighted mean of its joints' matrices.
+    /// World-from-mesh matrix of one vertex: the weighted mean of its joints' matrices.
     fn matrix(&self, vertex: usize, joints: &[Affine3A]) -> Affine3A {
         let own = &self.influences[vertex * self.per_vertex..][..self.per_vertex];
         let mut sum = Affine3A::ZERO;

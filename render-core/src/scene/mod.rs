@@ -96,7 +96,7 @@ pub struct Scene {
     pub nodes: Vec<Node>,
     /// Meshes, one per glTF primitive, each with one material.
     pub meshes: Vec<Mesh>,
-    /// Materials of the meshes; never empty when there is a mesh.
+    /// Materials of the meshes; never empty if there is a mesh.
     pub materials: Vec<Material>,
     /// Textures of the materials.
     pub textures: Vec<Texture>,
@@ -104,7 +104,7 @@ pub struct Scene {
     pub instances: Vec<Instance>,
     /// Skins that deform meshes.
     pub skins: Vec<Skin>,
-    /// Nodes whose mesh has morph targets.
+    /// Nodes with meshes that have morph targets.
     pub morphed_nodes: Vec<MorphedNode>,
     /// Point, spot and directional lights.
     pub punctual_lights: Vec<PunctualLight>,

@@ -19,13 +19,13 @@ pub struct SceneSettings {
     /// Properties of directional lights.
     #[serde(default)]
     pub sun: Sun,
-    /// The camera that films.
+    /// Choice of the filming camera.
     #[serde(default)]
     pub camera: CameraChoice,
-    /// The animation that plays.
+    /// Choice of the animation to play.
     #[serde(default)]
     pub animation: AnimationChoice,
-    /// The variant of the materials that is shown.
+    /// Choice of the material variant.
     #[serde(default)]
     pub variant: VariantChoice,
     /// Strength and size of punctual lights.
@@ -42,7 +42,7 @@ pub struct SceneSettings {
     pub importance: Gaze,
 }
 
-/// Properties of directional lights that glTF does not have.
+/// Properties of directional lights that glTF lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sun {
@@ -57,7 +57,7 @@ impl Default for Sun {
     }
 }
 
-/// The camera that films.
+/// Choice of the filming camera.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraChoice {
@@ -65,7 +65,7 @@ pub struct CameraChoice {
     pub name: Option<String>,
 }
 
-/// The animation that plays.
+/// Choice of the animation to play.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnimationChoice {
@@ -73,7 +73,7 @@ pub struct AnimationChoice {
     pub name: Option<String>,
 }
 
-/// The variant of the materials that is shown (`KHR_materials_variants`).
+/// Choice of the material variant (`KHR_materials_variants`).
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VariantChoice {

@@ -238,7 +238,7 @@ impl Texture {
     /// the texel at `uv`.
     ///
     /// ```text
-    /// f ← (f − ½) / width + ½,  within 0…1        f  way from the center of one texel to that of the next
+    /// f ← (f − ½) / width + ½,  within 0…1        f  fraction of the way from one texel center to the next
     /// ```
     fn bilinear(&self, level: usize, uv: Vec2, width: f32) -> Filtered {
         let level = &self.levels[level];
@@ -270,7 +270,7 @@ const SPACING: f32 = 1.5;
 /// The long principal diameter of the ellipse with these conjugate `diameters`, and the length of the short one.
 ///
 /// ```text
-/// M Mᵀ = | p  r |    λ = (p + q ± √((p − q)² + 4 r²)) / 2 are the squares of the lengths     M  its columns are the diameters
+/// M Mᵀ = | p  r |    λ = (p + q ± √((p − q)² + 4 r²)) / 2 are the squares of the lengths     M  the diameters as columns
 ///        | r  q |
 /// ```
 fn principal_axes([a, b]: [Vec2; 2]) -> (Vec2, f32) {

@@ -11,7 +11,7 @@
 //! 1:
 //!
 //! ```text
-//! 1 + (I/Iₛ − 1) · d² / (d² + R²)          d  distance to the middle of the light          R  radius around it
+//! 1 + (I/Iₛ − 1) · d² / (d² + R²)          d  distance to the light's center          R  its radius
 //! ```
 
 use super::AreaSample;

@@ -7,7 +7,7 @@ use glam::Vec2;
 /// square.
 ///
 /// ```text
-/// p = c + s q          c  corner      s  size, negative for a triangle upside down      q  a point of the whole shape
+/// p = c + s q          c  corner      s  size, negative for an inverted triangle      q  a point of the whole shape
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Cell {

@@ -246,12 +246,11 @@ impl AreaLight {
     /// per piece.
     ///
     /// ```text
-    /// p / n           of a face with the share p of the power that is worth two points or more, p N ≥ 2, and has n
-    /// Σ p / Σ n       of the points of all others, which stand for each other          N  points of the light
+    /// p / n           for a face with the fraction p ≥ 2 / N of the power, and n points
+    /// Σ p / Σ n       for points of all other faces, which represent each other        N  points of the light
     /// ```
     /// This depends on a face's power, not on its random number of points. Otherwise, among faces worth one point, a
     /// face with two points would give each half as much, and the others would outweigh it.
-    /// give each half as much, and the light of all others would outweigh theirs.
     fn shares_of_points(&self, counts: &[usize]) -> Vec<f32> {
         let sides = if self.double_sided { 2.0 } else { 1.0 };
         let all = counts.iter().sum::<usize>() as f64;

@@ -77,7 +77,7 @@ pub enum LoadError {
         what: String,
         /// Its URI in the scene.
         uri: String,
-        /// The reason.
+        /// The reason for the failure.
         why: String,
     },
     /// The file requires an extension that is not supported.

@@ -86,7 +86,7 @@ fn check_version(root: &Value) -> Result<(), String> {
 
 /// Removes `extras`, which may have any type, and nulls; rewrites 4.0 as 4; collects the names of extensions.
 ///
-/// The depth is bounded: `serde_json` refuses documents of more than 128 levels.
+/// The depth is bounded: `serde_json` refuses documents nested deeper than 128 levels.
 fn plain(value: &mut Value, found: &mut Normalized) {
     /// Above this, f64 cannot represent every integer.
     const LARGEST: f64 = 9_007_199_254_740_992.0;
