@@ -196,6 +196,8 @@ impl FinalGather {
         key: u64,
     ) -> Gathered {
         let ShadingPoint { position, normal, geometric_normal } = *receiver;
+
+        // Rotate the directions about the normal.
         let (x, y) = frame(normal.into());
         let (sine, cosine) = (std::f32::consts::TAU * hash_unit(key, 0, 0)).sin_cos();
         let (x, y) = (Vec3A::from(x * cosine + y * sine), Vec3A::from(y * cosine - x * sine));

@@ -232,6 +232,8 @@ impl Camera<'_> {
             rays[count] = CameraRay::through(Vec2::new(x as f32, y as f32) + sample.offset, view);
             count += 1;
         }
+
+        // Trace them as a packet, then evaluate the hits.
         let solid = shown.solid();
         let hits = first_hits(solid, &rays[..count], view);
         for i in 0..count {

@@ -60,6 +60,8 @@ impl Mesh {
         };
         let bone = |vertex: usize| self.skinning.as_ref().map(|skinning| skinning.matrix(vertex, joints));
         let unit = |v: Vec3A, otherwise: Vec3| v.try_normalize().map_or(otherwise, Vec3::from);
+
+        // Morph targets first, then the skin.
         let positions = (0..self.positions.len()).into_par_iter().map(|vertex| {
             let position = mixed(vertex, self.positions[vertex], |target| &target.positions);
             bone(vertex).map_or(position, |bone| bone.transform_point3(position))
@@ -105,6 +107,8 @@ impl Scene {
         if self.skins.is_empty() && self.morphed_nodes.is_empty() {
             return Vec::new();
         }
+
+        // World-from-mesh matrices of all joints.
         let (place_of, weights) = (self.morphed_places(), self.weights_at(time));
         let joints: Vec<Vec<Affine3A>> = self
             .skins

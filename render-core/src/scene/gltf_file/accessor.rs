@@ -79,6 +79,8 @@ impl Buffers {
         let element = |bytes: &[u8]| std::array::from_fn(|c| component(&bytes[c * size..]));
         let (count, whole) = (accessor.count(), N * size);
         self.charge(count.saturating_mul(size_of::<[T; N]>()))?;
+
+        // The dense elements; zeros without a view.
         let mut list: Vec<[T; N]> = match accessor.view().filter(|_| !self.zeros.contains(&accessor.index())) {
             Some(view) => {
                 let stride = view.stride().unwrap_or(whole);
@@ -87,6 +89,8 @@ impl Buffers {
             None if count <= ELEMENTS_WITHOUT_DATA => vec![[T::default(); N]; count],
             None => return None,
         };
+
+        // Sparse elements replace some of them.
         if let Some(sparse) = accessor.sparse() {
             let (indices, values) = (sparse.indices(), sparse.values());
             let (width, index): (usize, fn(&[u8]) -> usize) = match indices.index_type() {

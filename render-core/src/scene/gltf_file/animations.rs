@@ -54,6 +54,7 @@ impl Loader<'_> {
         node_of: &NodeOf,
         scene: &mut Scene,
     ) -> Result<(), LoadError> {
+        // Collect the targets of plain channels and of pointers.
         let mut targets = Vec::new();
         for channel in clip.channels() {
             let (node, property) = (channel.target().node().index(), channel.target().property());
@@ -68,6 +69,7 @@ impl Loader<'_> {
             targets.extend(pointers::target(&pointer.pointer).map(|target| (target, sampler)));
         }
 
+        // Read the keys of each target, for every scene object that it affects.
         let morphed_places = scene.morphed_places();
         let weights_of = |node| morphed_places.get(&node).map(|&place| scene.morphed_nodes[place].weights.len());
         let (mut channels, mut lenses, mut lights, mut materials) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());

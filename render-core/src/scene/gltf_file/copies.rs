@@ -35,6 +35,8 @@ impl Loader<'_> {
         if buffers.charge(count.saturating_mul(size_of::<Node>())).is_none() {
             return Ok(None);
         }
+
+        // Missing attributes have their defaults.
         let vectors = |accessor: &Option<gltf::Accessor>, default: [f32; 3]| match accessor {
             Some(accessor) => buffers.floats::<3>(accessor),
             None => Some(vec![default; count]),
@@ -48,6 +50,7 @@ impl Loader<'_> {
             return self.bad(format!("{place}: its attributes cannot be read; export it again"));
         };
 
+        // Each copy is a child of the node.
         let first = scene.nodes.len();
         for k in 0..count {
             let rotation = Quat::from_array(rotations[k]);

@@ -28,6 +28,8 @@ impl Loader<'_> {
         let mut value: Value = serde_json::from_slice(text).or_else(|error| {
             self.bad(format!("not a complete glTF file ({}); export or copy it again", one_line(&error.to_string())))
         })?;
+
+        // Convert the JSON to the form that the crate accepts.
         let mut stored = StoredBuffers::new(self, blob);
         let notes = self.unpack(&mut value, &mut stored)?;
         let mut found = lenient::normalize(&mut value, bytes.starts_with(b"glTF")).or_else(|why| self.bad(why))?;
@@ -35,6 +37,8 @@ impl Loader<'_> {
         let mut root: json::Root = serde_json::from_value(value).or_else(|error| {
             self.bad(format!("its JSON does not follow glTF 2.0 ({}); export it again", one_line(&error.to_string())))
         })?;
+
+        // Refuse required extensions that this build does not read, with their names.
         if let Some(extension) = root.extensions_required.iter().find(|name| !extensions::may_be_required(name)) {
             if let Some(feature) = extensions::missing_feature(extension) {
                 return self.bad(format!(
@@ -53,6 +57,8 @@ impl Loader<'_> {
                 zeros.insert(index);
             }
         }
+
+        // Validate the document, then read the buffers in use.
         self.check_document(&root)?;
         let document = gltf::Document::from_json(root)
             .or_else(|error| self.bad(one_line(&error.to_string()).trim_end_matches(';')))?;

@@ -14,6 +14,8 @@ impl Loader<'_> {
         if !bytes.starts_with(b"glTF") {
             return Ok((without_mark(bytes), None));
         }
+
+        // Check the header.
         let (Some(version), Some(length)) = (word(bytes, 4), word(bytes, 8)) else {
             return self.bad("not a complete glTF file (its header is truncated); export or copy it again");
         };
@@ -30,6 +32,7 @@ impl Loader<'_> {
                 .bad(format!("not a complete glTF file ({} of {length} bytes); export or copy it again", bytes.len()));
         }
 
+        // Take the first chunk of each known type.
         let (mut json, mut binary) = (None, None);
         let mut rest = &bytes[HEADER..];
         while let (Some(size), Some(kind)) = (word(rest, 0), rest.get(4..CHUNK_HEADER)) {

@@ -27,6 +27,8 @@ impl Loader<'_> {
             if !node_of.shows(index) {
                 continue;
             }
+
+            // Read each pair of mesh and skin once.
             let skin = node.skin();
             let key = (mesh.index(), skin.as_ref().map(gltf::Skin::index));
             if let Entry::Vacant(entry) = read.entry(key) {
@@ -67,10 +69,14 @@ impl Loader<'_> {
                 }
                 entry.insert(first..scene.meshes.len());
             }
+
+            // Copies, and nodes that animate visibility, replace the node itself.
             let meshes = read[&key].clone();
             let copies = self.copies(&node, index, source, scene)?;
             let is_skinned = meshes.clone().any(|mesh| scene.meshes[mesh].skinning.is_some());
             let places = node_of.hide(index, copies.unwrap_or(index..index + 1).collect(), is_skinned, scene);
+
+            // All primitives share one list of weights, as long as the longest of their targets.
             let targets = meshes.clone().map(|mesh| scene.meshes[mesh].morph_targets.len()).max().unwrap_or(0);
             if targets > 0 {
                 buffers.charge(targets.saturating_mul(size_of::<f32>()));
@@ -105,12 +111,14 @@ impl Loader<'_> {
         let place = format!("mesh {} primitive {}", mesh.index(), primitive.index());
         let get = |semantic: Semantic| primitive.get(&semantic);
         let Some(positions) = get(Semantic::Positions).and_then(|accessor| buffers.floats::<3>(&accessor)) else {
-            return self.bad(format!("{place} has no positions that can be read"));
+            return self.bad(format!("{place} has no readable positions"));
         };
         let positions: Vec<Vec3> = positions.into_iter().map(Vec3::from).collect();
         if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
             return self.bad(format!("{place}: the position of vertex {vertex} is not finite"));
         }
+
+        // Indices, checked against the number of vertices.
         let indices: Vec<u32> = match primitive.indices() {
             None => (0..positions.len() as u32).collect(),
             Some(accessor) => match buffers.integers::<1>(&accessor) {
@@ -121,6 +129,8 @@ impl Loader<'_> {
         if let Some(index) = indices.iter().find(|&&index| index as usize >= positions.len()) {
             return self.bad(format!("{place}: index {index}, but there are {} vertices", positions.len()));
         }
+
+        // Points and lines become closed bodies; `sources` maps their corners to vertices.
         let count = positions.len();
         let (positions, triangles, sources) = match triangles(primitive.mode(), &indices) {
             Some(triangles) => (positions, triangles, None),
@@ -145,6 +155,7 @@ impl Loader<'_> {
         let Some(look) = scene.materials.get(material) else {
             return self.bad(format!("{place}: there is no material {material}"));
         };
+
         // Bodies of points and lines use the normals of their own faces.
         let normals = get(Semantic::Normals).filter(|_| sources.is_none());
         let mut normals: Vec<Vec3> =
@@ -159,6 +170,8 @@ impl Loader<'_> {
             spread(attribute(accessor, buffers, count, Vec2::from_array), sources_of)
         });
         let colors = spread(colors(primitive, buffers, count), sources_of);
+
+        // Morph targets displace only the attributes that the mesh has.
         let mut morph_targets = Vec::new();
         for target in primitive.morph_targets() {
             let displacement =

@@ -119,6 +119,8 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
     let settings = load_settings(path, &files, set)?;
     let mut scene = guarded(|| Loader { path, files: &files }.scene(bytes, &settings))
         .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside its data")))?;
+
+    // Refuse scenes beyond the limits of memory and precision.
     let triangles = scene.triangle_count();
     if triangles > MOST_TRIANGLES {
         return Err(malformed(
@@ -129,6 +131,8 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
     if !is_within_reach(&scene) {
         return Err(malformed(path, format!("an object is more than {FARTHEST:e} m from the origin; scale the scene")));
     }
+
+    // Place the scene and apply its settings.
     scene.move_to_origin();
     scene.sky = load_sky(path, &settings, &files)?;
     scene.origin = files.into_origin();
@@ -138,8 +142,9 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
     if scene.triangle_count() == 0 {
         scene.warnings.push("the scene has no surface: only the sky is visible".into());
     }
+
+    // Light the scene if it has no light. A sky in the settings is the author's choice, even a black one.
     let materials = scene.extreme_materials();
-    // A sky in the settings is the author's choice, even a black one.
     let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
         || scene.instances.iter().any(|i| materials[scene.meshes[i.mesh].material].is_lamp());
@@ -276,6 +281,8 @@ impl Loader<'_> {
     fn scene(&self, bytes: &[u8], settings: &SceneSettings) -> Result<Scene, LoadError> {
         let Parsed { document, buffers, found } = self.document(bytes)?;
         let mut scene = Scene { warnings: found.notes.clone(), ..Scene::default() };
+
+        // Lights and the animations that play; these determine the nodes with animated visibility.
         let has_lamps = document.lights().is_some_and(|mut lights| lights.next().is_some());
         let (lamps, note) = lamps::scale(found.generator.as_deref(), settings.light, has_lamps);
         scene.warnings.extend(note);
@@ -287,6 +294,8 @@ impl Loader<'_> {
                 blinking.insert(node);
             }
         }
+
+        // The hierarchy and the materials.
         let mut node_of = self.nodes(&document, lamps, &blinking, &mut scene)?;
         let (materials, older, notes) = materials::materials(&document);
         scene.materials = materials;
@@ -296,6 +305,8 @@ impl Loader<'_> {
             let glow = glow(&scene.materials[index]);
             return self.bad(format!("material {index} emits {glow:e}; at most {STRONGEST:e} is allowed"));
         }
+
+        // Meshes and tracks. Exhausted memory explains a failure better than the error that follows from it.
         let variant = self.variant(&document, settings.variant.name.as_deref(), &mut scene.warnings)?;
         let source = DocumentSource {
             document: &document,

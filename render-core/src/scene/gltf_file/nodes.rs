@@ -108,6 +108,8 @@ impl Loader<'_> {
         let Some(root) = document.default_scene().or_else(|| document.scenes().next()) else {
             return self.bad("the file has no scene; export one");
         };
+
+        // Traverse depth first with an explicit stack; a second visit means a cycle or two parents.
         let hidden = hidden_nodes(document, blinking);
         let mut node_of = NodeOf::default();
         let mut stack: Vec<(gltf::Node, Option<usize>)> = root.nodes().map(|node| (node, None)).collect();
@@ -117,6 +119,8 @@ impl Loader<'_> {
             if node_of.places.insert(node.index(), index).is_some() {
                 return self.bad(format!("node {} has two parents or is its own ancestor", node.index()));
             }
+
+            // Visibility is inherited from the parent.
             let shown = !hidden[node.index()] && parent.is_none_or(|parent| node_of.shown[parent]);
             node_of.shown.push(shown);
             let mut hidden_by = parent.map_or_else(Vec::new, |parent| node_of.hidden_by[parent].clone());
@@ -128,6 +132,8 @@ impl Loader<'_> {
                 ));
             }
             node_of.hidden_by.push(hidden_by);
+
+            // Add the node with its camera and its light.
             let rest = transform(&node.transform());
             if !rest.matrix().is_finite() {
                 return self.bad(format!("node {} has a transform that is not finite", node.index()));
@@ -141,6 +147,8 @@ impl Loader<'_> {
                 node_of.lights.entry(light.index()).or_default().push(scene.punctual_lights.len());
                 scene.punctual_lights.push(self.light(&light, lamps, index)?);
             }
+
+            // Push children in reverse, so that they are visited in order.
             let children = stack.len();
             stack.extend(node.children().map(|child| (child, Some(index))));
             stack[children..].reverse();

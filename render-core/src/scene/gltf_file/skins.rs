@@ -84,6 +84,8 @@ impl Loader<'_> {
                     influences.push(Influence { joint, weight });
                 }
             }
+
+            // Normalize the weights; without any weight, the first joint counts.
             let own = &mut influences[first..];
             let sum: f32 = own.iter().map(|influence| influence.weight).sum();
             if sum > 0.0 {

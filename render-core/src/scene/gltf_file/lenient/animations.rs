@@ -19,6 +19,7 @@ pub(in crate::scene::gltf_file) struct PointerChannel {
 /// pointers.
 pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: &mut Normalized) {
     for (animation, clip) in objects(root, "animations").enumerate() {
+        // Find samplers with unreadable keys.
         let mut missing = BTreeSet::new();
         let samplers = clip.get_mut("samplers").and_then(Value::as_array_mut);
         for (place, sampler) in samplers.into_iter().flatten().enumerate() {
@@ -33,6 +34,8 @@ pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
                 found.note("keys with an unknown interpolation are interpolated linearly");
             }
         }
+
+        // Keep channels that target a known property of a node.
         let Some(Value::Array(channels)) = clip.get_mut("channels") else { continue };
         channels.retain(|channel| {
             let (Some(target), Some(sampler)) = (channel.get("target"), channel.get("sampler").and_then(index)) else {

@@ -13,6 +13,7 @@ const FORMATS: [(&str, bool); 2] =
 
 /// Removes textures without a readable image from materials (glTF 2.0, 5.29: `source` may be omitted).
 pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normalized) {
+    // Find images without data.
     let mut empty = BTreeSet::new();
     for (place, image) in objects(root, "images").enumerate() {
         let view = image.get("bufferView").and_then(index);
@@ -27,6 +28,8 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
             empty.insert(place);
         }
     }
+
+    // Unknown filters and wrappings have their defaults.
     for sampler in objects(root, "samplers") {
         for (name, known) in [
             ("magFilter", &[9728, 9729][..]),
@@ -40,6 +43,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
         }
     }
 
+    // Find textures without such an image; an extension's image has priority over the plain one.
     let mut without = BTreeSet::new();
     for (place, texture) in objects(root, "textures").enumerate() {
         let formats = FORMATS.into_iter().filter(|(_, is_read)| *is_read);
@@ -59,6 +63,8 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
             Some(_) => {}
         }
     }
+
+    // Remove these textures from materials.
     if without.is_empty() {
         return;
     }

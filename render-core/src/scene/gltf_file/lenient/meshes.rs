@@ -88,10 +88,14 @@ pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
                     unreadable.contains(&place) || (compressed.is_some() && without_view.contains(&place))
                 })
             };
+
+            // Keep readable attributes only.
             primitive.entry("attributes").or_insert_with(|| json!({}));
             if let Some(Value::Object(attributes)) = primitive.get_mut("attributes") {
                 attributes.retain(|name, accessor| is_known(name) && !is_missing(index(accessor)));
             }
+
+            // Skip primitives without positions, with unreadable indices or of unknown mode.
             let has_positions =
                 primitive["attributes"].get("POSITION").is_some() || !primitive["attributes"].is_object();
             let indices = primitive.get("indices").and_then(index);

@@ -58,6 +58,8 @@ impl Loader<'_> {
                     Err(fault) => self.keep_plain(root, notes, place, &fault)?,
                 }
             }
+
+            // The primitive refers to plain data from now on, or keeps its plain copy.
             let primitive = at(root, place);
             if let Some(accessors) = read.get(&key) {
                 replace(primitive, accessors, &mut replaced);

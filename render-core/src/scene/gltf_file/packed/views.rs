@@ -22,6 +22,8 @@ impl Loader<'_> {
         if packed.is_empty() {
             return Ok(());
         }
+
+        // Unpack the views in use.
         let mut used = BTreeSet::new();
         find_views(root, &mut used);
         for (place, name, extension) in packed.into_iter().filter(|(place, ..)| used.contains(place)) {
@@ -47,6 +49,8 @@ impl Loader<'_> {
                 }
             }
         }
+
+        // Remove the extensions, even from unused views.
         for view in root["bufferViews"].as_array_mut().into_iter().flatten() {
             if let Some(Value::Object(extensions)) = view.get_mut("extensions") {
                 extensions.retain(|name, _| !NAMES.contains(&name.as_str()));

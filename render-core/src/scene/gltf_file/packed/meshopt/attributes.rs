@@ -32,6 +32,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
         return Err(SHORT);
     }
 
+    // Decode block by block: four byte columns per channel, which then become elements.
     let mut reader = BlockReader { data, at: 1, end: 1 + body };
     let mut last = [[0; 4]; 64];
     last[..stride / 4].copy_from_slice(base.as_chunks().0);
