@@ -41,7 +41,7 @@ pub struct PixelSurface {
     pub specular: [f32; 3],
     /// Perceptual roughness of the coat.
     pub roughness: f32,
-    /// Emitted radiance \[W·m⁻²·sr⁻¹\]; for unlit surfaces, their color.
+    /// Radiance independent of lighting \[W·m⁻²·sr⁻¹\]: emission, unlit color, or the sky.
     pub emission: [f32; 3],
     /// Depth along the camera's axis \[m\]; infinite without a surface.
     pub depth: f32,

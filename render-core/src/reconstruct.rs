@@ -84,7 +84,7 @@ pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 
     Plane::from_vec(width, height, rows.concat())
 }
 
-/// Reconstructs a picture from `samples`, of which each pixel has only the first ones: `counts` of them, at least one.
+/// Reconstructs a picture from `samples`; each pixel has only the first `counts` of them, at least one.
 /// A pixel with one sample takes its value from `alone`, which may represent more of its area:
 ///
 /// ```text

@@ -15,7 +15,7 @@ pub(super) struct Ggx {
 }
 
 impl Ggx {
-    /// Builds the distribution from the perceptual roughness, whose square is α: glTF 2.0, appendix B.2.
+    /// Builds the distribution from the perceptual roughness; α is its square (glTF 2.0, appendix B.2).
     pub(super) fn from_roughness(roughness: f32) -> Self {
         Self { alpha: (roughness * roughness).clamp(SMALLEST_ALPHA, 1.0) }
     }

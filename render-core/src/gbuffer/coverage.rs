@@ -67,8 +67,7 @@ impl SurfacePart {
         self.emission + self.reflected(light)
     }
 
-    /// Radiance of the region, without emission that no center shows. `light` excludes emission, for example indirect
-    /// light.
+    /// Radiance of the region for a `light` without emission, such as indirect light.
     #[must_use]
     pub fn reflected(&self, light: &Plane<Vec3>) -> Vec3 {
         self.tint * light.samples()[self.pixel as usize]

@@ -4,7 +4,7 @@
 //! and one direction to each distant light. The path continues in a direction drawn from the BSDF. If both can reach
 //! the same light, the power heuristic weights them \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
 //!
-//! Paths show the same scene as the other renderers. Punctual lights are invisible, and an unlit surface emits only
+//! Visibility matches the rest of the program. Punctual lights are invisible, and an unlit surface emits only
 //! towards the camera. The back of a single-sided surface is invisible, but absorbs light.
 
 mod film;

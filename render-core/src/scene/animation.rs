@@ -96,7 +96,7 @@ impl Channel {
         if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
     }
 
-    /// Index of the key before `time`, seconds to the next key, and fraction of that interval, 0…1.
+    /// Index of the key before `time`, interval to the next key \[s\], and fraction of that interval, 0…1.
     fn segment(&self, time: f32) -> (usize, f32, f32) {
         let after = self.times.partition_point(|&key| key <= time);
         if after == 0 || after == self.times.len() {

@@ -24,7 +24,7 @@ pub struct Mesh {
     pub material: usize,
     /// Morph targets.
     pub morph_targets: Vec<MorphTarget>,
-    /// Skinning; joints alone then place the vertices.
+    /// Skinning, if the mesh has a skin; only joints then place the vertices.
     pub skinning: Option<Skinning>,
 }
 

@@ -118,7 +118,7 @@ pub struct Scene {
     pub light_channels: Vec<LightChannel>,
     /// Animated properties of materials.
     pub material_channels: Vec<MaterialChannel>,
-    /// Nodes whose scale hides skinned meshes, in ascending order. No other node's transform affects a skinned mesh.
+    /// Nodes with a scale that hides skinned meshes, in ascending order. No other node's transform affects a skinned mesh.
     pub curtains: Vec<usize>,
     /// Environment light, if the scene has any.
     pub sky: Option<Environment>,

@@ -26,7 +26,7 @@ fn soup(seed: u64, count: u64, size: f32) -> Mesh {
     mesh
 }
 
-/// A static soup of triangles, and `movers` rotating ones, of which one is mirrored.
+/// A static soup of triangles, and `movers` rotating ones, one of them mirrored.
 fn scene(size: f32, movers: u64) -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(vec3(0.3, 0.0, 0.0) * size), soup(1, 300, size), Material::default());

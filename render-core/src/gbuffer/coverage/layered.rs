@@ -14,7 +14,7 @@ const LEAST_TINT: f32 = 0.02;
 const TOGETHER: usize = 256;
 
 impl Search<'_> {
-    /// Whether an outline separates two pixels of which at least one has several layers.
+    /// Whether an outline separates two pixels, at least one of them with several layers.
     pub(super) fn layers_differ(&self, a: usize, b: usize) -> bool {
         let (first, second) = (self.seen.layers(a), self.seen.layers(b));
         first.len() != second.len() || first.iter().zip(second).any(|(p, q)| !self.are_alike(a, p, b, q))

@@ -22,7 +22,7 @@ pub(super) struct NodeOf {
     cameras: HashMap<usize, Vec<usize>>,
     /// Scene lights of each glTF light.
     lights: HashMap<usize, Vec<usize>>,
-    /// For each node, the nodes that carry its mesh in its place.
+    /// For each node, the nodes that show its mesh instead of it.
     showing: HashMap<usize, Vec<usize>>,
     /// For each glTF node, the scene nodes with a scale that represents its visibility.
     hiding: HashMap<usize, Vec<usize>>,
@@ -51,7 +51,7 @@ impl NodeOf {
         self.lights.get(&index).cloned().unwrap_or_default()
     }
 
-    /// The scene nodes that carry the mesh of a scene node.
+    /// The scene nodes that show the mesh of a scene node.
     pub fn showing(&self, node: usize) -> Vec<usize> {
         self.showing.get(&node).cloned().unwrap_or_else(|| vec![node])
     }
@@ -229,7 +229,7 @@ fn transform(given: &gltf::scene::Transform) -> Transform {
     Transform { translation: translation.into(), rotation, scale: scale.into() }
 }
 
-/// Decomposes a matrix with these axes, of which some have length zero.
+/// Decomposes a matrix with these axes, some of length zero.
 fn flat_transform(axes: [Vec3; 3], translation: Vec3) -> Transform {
     let mut directions = axes.map(Vec3::normalize_or_zero);
     for k in 0..3 {

@@ -85,7 +85,7 @@ impl Loader<'_> {
                 }
             }
 
-            // Normalize the weights; without any weight, the first joint counts.
+            // Normalize the weights; without any weight, the first influence counts.
             let own = &mut influences[first..];
             let sum: f32 = own.iter().map(|influence| influence.weight).sum();
             if sum > 0.0 {

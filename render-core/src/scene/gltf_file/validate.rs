@@ -4,7 +4,7 @@ use super::{LoadError, Loader};
 use gltf::json::{self, camera, validation::Checked};
 
 impl Loader<'_> {
-    /// Checks data that the crate reads unchecked: indices, and objects of which one must exist.
+    /// Checks data that the crate reads unchecked: indices, and the objects that a camera's type requires.
     pub(super) fn check_document(&self, root: &json::Root) -> Result<(), LoadError> {
         self.check_positions(root)?;
         self.check_cameras(root)?;

@@ -44,7 +44,7 @@ fn bytes(numbers: [i16; 4]) -> [u8; 8] {
     [a, b, c, d, e, f, g, h]
 }
 
-/// Filter 1: a unit vector from two octahedral coordinates; the third number is their 1.
+/// Filter 1: a unit vector from two octahedral coordinates; the third number represents 1.
 fn octahedral([x, y, one, _]: [f32; 4], most: f32) -> [f32; 3] {
     let z = one - x.abs() - y.abs();
     let fold = z.min(0.0);
