@@ -39,7 +39,7 @@ pub enum Alpha {
     Opaque,
     /// Texels with an opacity below the cutoff are holes.
     Mask {
-        /// Least opacity of the surface \[0…1\].
+        /// Opacity below which a texel is a hole \[0…1\].
         cutoff: f32,
     },
     /// The opacity is the covered fraction of the surface; the remainder is holes too small to see.

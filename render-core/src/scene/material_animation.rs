@@ -35,7 +35,7 @@ pub enum MaterialProperty {
     EmissionStrength,
     /// Factor on x and y of the normals in the texture.
     NormalScale,
-    /// Least opacity of the surface \[0…1\].
+    /// Opacity below which a texel is a hole \[0…1\].
     AlphaCutoff,
     /// Index of refraction.
     Ior,

@@ -209,7 +209,7 @@ impl Scene {
         self.carrier(instance).map_or(Affine3A::IDENTITY, |node| pose.world[node])
     }
 
-    /// The node whose transform places an instance. `None` if a skin places it, unless its node hides it.
+    /// The node that places an instance. `None` if a skin places it, unless its node hides it.
     pub(crate) fn carrier(&self, instance: usize) -> Option<usize> {
         let Instance { node, mesh } = self.instances[instance];
         let is_placed = self.meshes[mesh].skinning.is_none() || self.curtains.binary_search(&node).is_ok();

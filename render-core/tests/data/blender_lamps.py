@@ -67,7 +67,7 @@ render.engine = "CYCLES"
 scene.cycles.samples = 4096
 scene.cycles.use_denoising = False
 scene.cycles.use_adaptive_sampling = False
-# Direct light alone.
+# Direct light only.
 scene.cycles.max_bounces = 0
 scene.view_settings.view_transform = "Raw"
 render.image_settings.file_format = "OPEN_EXR"

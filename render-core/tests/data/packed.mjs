@@ -1,4 +1,4 @@
-// Writes meshopt.glb, draco.glb and images.glb: each packed part has a plain twin that a reference decoder unpacked.
+// Writes meshopt.glb, draco.glb and images.glb: each packed item has a plain twin, unpacked by a reference decoder.
 // Run by node next to the npm packages meshoptimizer 1.3.0, draco3dgltf 1.5.7, ktx2-encoder 0.6.0, sharp 0.35.5 (libwebp)
 // and three 0.187.0 (Basis transcoder): node packed.mjs
 import draco3d from 'draco3dgltf';
@@ -178,7 +178,7 @@ async function draco() {
     const array = new E.DracoInt8Array(), size = encoder.EncodeMeshToDracoBuffer(mesh, array);
     const data = new Uint8Array(size).map((_, i) => array.GetValue(i));
 
-    // The plain twin, by the decoder of Draco itself.
+    // The plain twin, by Draco's own decoder.
     const decoder = new D.Decoder(), out = new D.Mesh();
     decoder.DecodeArrayToMesh(data, size, out);
     const faces = out.num_faces(), points = out.num_points(), at = D._malloc(12 * faces);

@@ -7,8 +7,7 @@
 //! ```
 //!
 //! Its few sample points sum to Iₛ(ω) instead: with 64 points on a sphere, chance decides which half faces ω. Their
-//! light is multiplied by I(ω) / Iₛ(ω). Near the light, a single receiver sees many directions, and the factor tends to
-//! 1:
+//! light is multiplied by I(ω) / Iₛ(ω). Near the light, each point has its own direction to a receiver, and the factor tends to 1:
 //!
 //! ```text
 //! 1 + (I/Iₛ − 1) · d² / (d² + R²)          d  distance to the light's center          R  its radius

@@ -207,7 +207,7 @@ pub fn extension_table() -> String {
 
 - *read*: the extension has its effect.
 - *in part*: some properties have an effect; a note names the others.
-- *noted*: it has no effect, and a note names it. A material extension whose factor is zero has no note.
+- *noted*: it has no effect, and a note names it. Material extensions with a factor of zero have no note.
 - *refused*: as noted, but a file that *requires* it is refused; the error names it.
 - *silent*: it changes no picture.
 
