@@ -226,7 +226,7 @@ impl FinalGather {
             if share < LEAST_SHARE {
                 continue;
             }
-            // A ray averages the texture over half the distance to its neighbors.
+            // A ray represents the region up to its neighbors; average the texture over it.
             let width = (hit.distance * spread).min(bound.sqrt());
             let surface = scene.surfaces.meet(&hit, direction, width);
             let way = direction * hit.distance;
