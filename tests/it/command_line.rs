@@ -413,7 +413,7 @@ fn wrong_arguments_end_with_two_and_a_line() {
         ("still room.glb -o film.mpg", 2, ".png"),
         ("reference room.glb -o truth.tif", 2, ".exr"),
         ("join -o film.mpg", 2, "PART"),
-        ("join part.m2v -o there.png", 2, "there.png: such files are not written; name the output .mpg"),
+        ("join part.m2v -o there.png", 2, "there.png: unknown film format; name the output .mpg"),
         ("render missing.glb", 1, "missing.glb"),
         ("render broken.glb", 1, "broken.glb"),
         ("render README.md", 1, "README.md: this is not a glTF file; scenes are .glb or .gltf files"),

@@ -72,7 +72,7 @@ fn ranks_of_different_films_end_with_one_line() {
     let group = |more: &str| (1, words(program(), more));
     for (second, words) in [
         ("--frames 5 --seed 2", "rank 1 has another scene, other settings"),
-        ("--frames 5 --baked no.slf", "rank 1: --baked names a file"),
+        ("--frames 5 --baked no.slf", "rank 1: --baked needs --lighting baked"),
     ] {
         let Some(mut command) = mpirun(folder.path(), &[group("--frames 5"), group(second)]) else { return };
         let output = command.output().expect("mpirun starts");

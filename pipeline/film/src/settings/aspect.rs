@@ -1,4 +1,4 @@
-//! The shape of the displayed picture.
+//! Display aspect ratio.
 
 use super::FrameRange;
 use super::container::container_of;
@@ -10,28 +10,28 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-/// The shape of the displayed picture, or of its pixels.
+/// Display aspect ratio, or square pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PictureAspect {
-    /// Pixels are as wide as high.
+    /// Pixels are square.
     #[default]
     Square,
-    /// The picture is 4 wide and 3 high.
+    /// The displayed picture is 4:3.
     Display4x3,
-    /// The picture is 16 wide and 9 high.
+    /// The displayed picture is 16:9.
     Display16x9,
 }
 
 impl PictureAspect {
     const ALL: [Self; 3] = [Self::Square, Self::Display4x3, Self::Display16x9];
 
-    /// Whether pixels are as wide as high.
+    /// Returns true if pixels are square.
     #[must_use]
     pub fn is_square(&self) -> bool {
         *self == Self::Square
     }
 
-    /// As the encoder states it.
+    /// Aspect ratio as coded by the encoder.
     #[must_use]
     pub fn ratio(self) -> AspectRatio {
         match self {
@@ -41,7 +41,7 @@ impl PictureAspect {
         }
     }
 
-    /// Width and height of a pixel in pictures of this size, as a ratio without a common factor.
+    /// Width and height of a pixel in pictures of this size, as a reduced ratio.
     #[must_use]
     pub fn pixel(self, size: Size) -> [u64; 2] {
         let (wide, high) = match self {
@@ -57,16 +57,16 @@ impl PictureAspect {
         [width / divisor, height / divisor]
     }
 
-    /// The shape that a film at `output` has, if `requested` or not: DVD-Video has no square pixels.
+    /// Returns the aspect ratio of a film at `output`: `requested`, or a default. DVD-Video has no square pixels.
     ///
     /// # Errors
-    /// Square pixels are requested for a disc.
+    /// If square pixels are requested for a disc.
     pub(super) fn of(requested: Option<Self>, output: &Path, range: Option<FrameRange>, size: Size) -> Result<Self> {
         let is_disc = container_of(output, range) == Some(Container::Disc);
         match requested {
             Some(Self::Square) if is_disc => {
                 let name = output.display();
-                let text = "DVD-Video has pictures of 4:3 or 16:9; use --aspect 4:3, or name the output .mpg";
+                let text = "DVD-Video pictures are 4:3 or 16:9; use --aspect 4:3, or name the output .mpg";
                 Err(Error::Options(format!("{name}: {text}")))
             }
             Some(aspect) => Ok(aspect),
@@ -75,9 +75,9 @@ impl PictureAspect {
         }
     }
 
-    /// The shape of a disc that is nearest to square pixels.
+    /// Returns the aspect ratio of a disc that is nearest to square pixels.
     fn nearest(size: Size) -> Self {
-        // 14:9 is between the two.
+        // 14:9 is the midpoint.
         if 9 * size.width > 14 * size.height { Self::Display16x9 } else { Self::Display4x3 }
     }
 }
@@ -87,7 +87,7 @@ impl FromStr for PictureAspect {
 
     fn from_str(text: &str) -> Result<Self> {
         let known = Self::ALL.into_iter().find(|aspect| aspect.to_string() == text);
-        known.ok_or_else(|| Error::Options(format!("\"{text}\" is none of \"4:3\", \"16:9\" and \"square\"")))
+        known.ok_or_else(|| Error::Options(format!("\"{text}\" is not \"4:3\", \"16:9\" or \"square\"")))
     }
 }
 
@@ -113,7 +113,7 @@ impl<'de> Deserialize<'de> for PictureAspect {
 mod tests {
     use super::*;
 
-    /// Pixels of 625 and 525 lines.
+    /// Pixel shapes of discs with 625 and 525 lines.
     #[test]
     fn pixels_of_discs() {
         let pixel = |aspect: PictureAspect, width, height| aspect.pixel(Size { width, height });

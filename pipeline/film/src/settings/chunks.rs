@@ -1,7 +1,7 @@
-//! Films in chunks, and the part of a film that one machine makes.
+//! Films in chunks, and the range of a film that one machine makes.
 //!
-//! Every `chunk` frames all state begins anew, at a closed group of pictures. So a chunk depends on no frame before it, and machines
-//! that make some chunks each make the film that one machine makes. A range without chunks is a chunk by itself.
+//! All state is reset every `chunk` frames, at a closed group of pictures, so a chunk depends on no earlier frame.
+//! Machines that make some chunks each produce the same film as one machine. A range without chunks is one chunk.
 
 use crate::error::{Error, Result};
 use renderer::settings::parsed;
@@ -9,12 +9,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
-/// Frames of a film, from 0, the last one included: `10-19`, or `10` for one.
+/// Range of frames counted from 0, inclusive: `10-19`, or `10` for one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameRange {
-    /// The first frame.
+    /// First frame.
     pub first: u32,
-    /// The last frame.
+    /// Last frame, inclusive.
     pub last: u32,
 }
 
@@ -22,9 +22,9 @@ impl FromStr for FrameRange {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let pictures = if text.contains(',') { "; render2mpeg still --frame makes pictures of a list" } else { "" };
+        let pictures = if text.contains(',') { "; for a list of pictures use render2mpeg still --frame" } else { "" };
         let wrong =
-            || Error::Options(format!("\"{text}\" is no range of frames such as 10-19, counted from 0{pictures}"));
+            || Error::Options(format!("\"{text}\" is not a range of frames such as 10-19, counted from 0{pictures}"));
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let number = |text: &str| text.trim().parse::<u32>().map_err(|_| wrong());
         let range = Self { first: number(first)?, last: number(last)? };
@@ -50,11 +50,12 @@ impl<'de> Deserialize<'de> for FrameRange {
     }
 }
 
-/// The frames to make of a film of `frames` frames: those of `range`, or all. With `chunk` frames to a chunk a range is whole chunks.
-/// The last one may have fewer frames than the others, and its range may be stated as if it had as many.
+/// Returns the checked range of frames to make of a film of `frames` frames, or `None` for all. With `chunk` frames
+/// per chunk, a range consists of whole chunks. The last chunk may be shorter than the others, and its range may be
+/// given as if it were whole.
 ///
 /// # Errors
-/// The range is not whole chunks, or lies beyond the film; the message says what works.
+/// If the range is not whole chunks or exceeds the film; the message names a valid range.
 pub(super) fn checked_range(chunk: Option<u32>, range: Option<FrameRange>, frames: u32) -> Result<Option<FrameRange>> {
     let fail = |text: String| Err(Error::Options(text));
     if chunk == Some(0) {
@@ -62,11 +63,11 @@ pub(super) fn checked_range(chunk: Option<u32>, range: Option<FrameRange>, frame
     }
     let Some(FrameRange { first, last }) = range else { return Ok(None) };
     if first >= frames || chunk.is_none() && last >= frames {
-        return fail(format!("--range {first}-{last} lies beyond the film, whose last frame is {}", frames - 1));
+        return fail(format!("--range {first}-{last} exceeds the film: its last frame is {}", frames - 1));
     }
     let Some(chunk) = chunk else { return Ok(range) };
 
-    // The fewest whole chunks that hold the range, and what there is of the last one.
+    // The smallest range of whole chunks around the given one.
     let begin = first - first % chunk;
     let (frames, chunk) = (u64::from(frames), u64::from(chunk));
     let end = (u64::from(last) / chunk + 1) * chunk;
@@ -98,7 +99,7 @@ mod tests {
             (10, "0-9", 30, "0-9"),
             (10, "10-29", 30, "10-29"),
             (10, "20-24", 25, "20-24"),
-            // The last chunk as if it were whole, as scripts count.
+            // The last chunk may be given as if it were whole, as scripts count.
             (10, "20-29", 25, "20-24"),
             (10, "20", 21, "20-20"),
             (1, "7", 30, "7-7"),
@@ -107,7 +108,7 @@ mod tests {
         ] {
             assert_eq!(filled(Some(chunk), range, frames).unwrap().unwrap().to_string(), expected, "{range}");
         }
-        // A range without chunks may hold any frames of the film.
+        // A range without chunks may be any frames of the film.
         assert_eq!(filled(None, "5-13", 14).unwrap().unwrap().to_string(), "5-13");
     }
 

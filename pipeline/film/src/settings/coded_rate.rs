@@ -1,4 +1,4 @@
-//! Rates of films: those that MPEG has codes for, and others by repeated frames.
+//! Frame rates of films: MPEG's own rates, and others by repeated frames.
 
 use crate::error::{Error, Result};
 use mpeg2enc::{ConfigError, FrameRate};
@@ -7,25 +7,25 @@ use renderer::settings::parsed;
 use serde::{Deserialize, Deserializer};
 use std::str::FromStr;
 
-/// Films of fewer frames a second are slips.
+/// Lowest frame rate accepted \[frames per second\].
 const LEAST: f64 = 1.0;
-/// The most pictures of a frame: at 60 a second, of films with one frame a second.
+/// Maximum number of pictures per frame: 60 per second for films of one frame per second.
 const MOST_PICTURES: u32 = 60;
 
-/// How frames of a rate become pictures of a rate that MPEG has.
+/// Frame rate of a film as a picture rate of MPEG.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CodedRate {
-    /// Pictures a second.
+    /// Picture rate \[pictures per second\].
     pub rate: FrameRate,
-    /// Pictures of each frame: 1 where MPEG has the rate of the frames.
+    /// Pictures per frame: 1 if MPEG has the frame rate.
     pub pictures: u32,
 }
 
 impl CodedRate {
-    /// The lowest rate of MPEG that is a multiple of `fps` frames a second.
+    /// Returns the lowest rate of MPEG that is a multiple of `fps` frames per second.
     ///
     /// # Errors
-    /// There is none.
+    /// If no rate of MPEG is a multiple.
     pub fn of(fps: f64) -> Result<Self, ConfigError> {
         let exact = FrameRate::from_fps(fps);
         if exact.is_ok() || fps.is_nan() || fps < LEAST {
@@ -39,7 +39,7 @@ impl CodedRate {
         Err(ConfigError::FrameRate { fps })
     }
 
-    /// Frames a second as a fraction without a common factor.
+    /// Frames per second as a reduced fraction.
     #[must_use]
     pub fn frames(self) -> (u32, u32) {
         let (numerator, denominator) = self.rate.fraction();
@@ -51,7 +51,7 @@ impl CodedRate {
     }
 }
 
-/// Frames a second, as typed.
+/// Frames per second, parsed from text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct FramesPerSecond(f64);
 
@@ -69,16 +69,16 @@ impl<'de> Deserialize<'de> for FramesPerSecond {
     }
 }
 
-/// Reads frames a second.
+/// Parses frames per second.
 ///
 /// # Errors
-/// The text is neither a number nor a fraction.
+/// If the text is neither a number nor a fraction.
 pub fn parse_fps(text: &str) -> Result<f64> {
     parse_frame_rate(text)
-        .ok_or_else(|| Error::Options(format!("\"{text}\" is no rate of frames such as 25, 29.97 or 24000/1001")))
+        .ok_or_else(|| Error::Options(format!("\"{text}\" is not a frame rate such as 25, 29.97 or 24000/1001")))
 }
 
-/// Reads frames a second from a file with options.
+/// Deserializes frames per second from a file of options.
 pub(super) fn optional_fps<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     Ok(Option::<FramesPerSecond>::deserialize(deserializer)?.map(|fps| fps.0))
 }

@@ -1,4 +1,4 @@
-//! The container that an output's name says.
+//! The container of an output, by its file name.
 
 use super::chunks::FrameRange;
 use super::coded_rate::CodedRate;
@@ -7,13 +7,13 @@ use mpeg2enc::Container;
 use pipeline::streams::is_stream;
 use std::path::Path;
 
-/// Endings of films, for messages.
+/// File endings of films, for messages.
 const ENDINGS: &str = ".mpg, .mp4, .mkv, .ts, .vob or .m2v";
 
-/// The container of a film at `output`, by its ending; `None` for unknown endings.
+/// Returns the container of a film at `output`, by its ending; `None` for unknown endings.
 ///
-/// Standard output, devices and pipes without one take a program stream, which programs recognize without a name. A part of a film,
-/// with a `range`, is an elementary stream there too.
+/// Standard output, devices and pipes without an ending receive a program stream, which players recognize without a
+/// name. With a `range` they receive an elementary stream, as every part of a film is one.
 pub fn container_of(output: &Path, range: Option<FrameRange>) -> Option<Container> {
     let of_stream = || match range {
         Some(_) => Container::Elementary,
@@ -22,33 +22,33 @@ pub fn container_of(output: &Path, range: Option<FrameRange>) -> Option<Containe
     Container::of(output).or_else(|| is_stream(output).then(of_stream))
 }
 
-/// The error about a name that says no container.
+/// Returns the error for an output with an unknown or missing ending.
 pub fn unknown_ending(output: &Path) -> Error {
     let name = output.display();
     Error::Options(match output.extension() {
-        Some(_) => format!("{name}: such files are not written; name the output {ENDINGS}"),
-        None => format!("{name}: an ending says what the film is; name the output {ENDINGS}"),
+        Some(_) => format!("{name}: unknown film format; name the output {ENDINGS}"),
+        None => format!("{name}: the ending selects the film's format; name the output {ENDINGS}"),
     })
 }
 
-/// A part of a film is an elementary stream, which can be joined to others.
+/// Checks that a part of a film is an elementary stream, which can be joined to other parts.
 ///
 /// # Errors
-/// `output` is another file.
+/// If `output` has another ending.
 pub(super) fn check_part(range: Option<FrameRange>, output: &Path) -> Result<()> {
     if range.is_none() || container_of(output, range) == Some(Container::Elementary) {
         return Ok(());
     }
     let name = output.display();
     Err(Error::Options(format!(
-        "{name}: --range makes a part, which is an elementary stream; name it .m2v, and let render2mpeg join make the film"
+        "{name}: --range writes a part, which is an elementary stream; name it .m2v and make the film with render2mpeg join"
     )))
 }
 
-/// Whether DVD-Video has a film's rate.
+/// Checks that DVD-Video supports a film's frame rate.
 ///
 /// # Errors
-/// `output` is for a disc, and it has not.
+/// If `output` is for a disc and DVD-Video lacks the rate.
 pub fn check_disc(output: &Path, range: Option<FrameRange>, fps: f64) -> Result<()> {
     let rate = CodedRate::of(fps).map(|coded| coded.rate.fraction());
     let has_rate = [Ok((24_000, 1001)), Ok((25, 1)), Ok((30_000, 1001))].contains(&rate);
@@ -57,5 +57,5 @@ pub fn check_disc(output: &Path, range: Option<FrameRange>, fps: f64) -> Result<
     }
     let name = output.display();
     let text = "use one of these with --fps, or name the output .mpg";
-    Err(Error::Options(format!("{name}: DVD-Video has 23.976, 25 or 29.97 pictures a second, and not {fps}: {text}")))
+    Err(Error::Options(format!("{name}: DVD-Video has 23.976, 25 or 29.97 pictures per second, not {fps}: {text}")))
 }

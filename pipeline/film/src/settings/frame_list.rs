@@ -1,30 +1,30 @@
-//! Several frames of a scene, for pictures of each.
+//! Lists of frames, for stills.
 
 use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
-/// Frames in ascending order, each once: `2,4,10-20`, counted from 0.
+/// Frames in ascending order without duplicates, counted from 0: `2,4,10-20`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameList(Vec<u32>);
 
-/// Most frames of a list.
+/// Maximum number of frames in a list.
 const MOST: usize = 1_000_000;
 
 impl FrameList {
-    /// A list of one frame.
+    /// Returns a list of one frame.
     #[must_use]
     pub fn one(frame: u32) -> Self {
         Self(vec![frame])
     }
 
-    /// The frames; at least one.
+    /// Frames of the list, at least one.
     #[must_use]
     pub fn frames(&self) -> &[u32] {
         &self.0
     }
 
-    /// The last of them.
+    /// Last frame of the list.
     #[must_use]
     pub fn last(&self) -> u32 {
         self.0.last().copied().unwrap_or(0)
@@ -35,7 +35,7 @@ impl FromStr for FrameList {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let wrong = || Error::Options(format!("\"{text}\" is no list of frames such as 2,4,10-20, counted from 0"));
+        let wrong = || Error::Options(format!("\"{text}\" is not a list of frames such as 2,4,10-20, counted from 0"));
         let number = |text: &str| text.trim().parse::<u32>().ok().filter(|&frame| frame < u32::MAX).ok_or_else(wrong);
         let mut frames = Vec::new();
         for part in text.split(',') {

@@ -1,24 +1,24 @@
-//! Settings as one flat table: the keys of `--print-config` and of `report.json`, in their order.
+//! Settings as one flat table: the keys of `report.json`, in order.
 
 use super::{CodingSettings, FileSettings, Settings};
 use renderer::settings::RenderSettings;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 
-/// Number of keys where none is left out.
+/// Number of keys if all are listed.
 const MOST_KEYS: usize = 46;
 
 impl Serialize for Settings {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let Self { scene, output, range, aspect, render, coding, files } = self;
         let CodingSettings { aq, gop, bitrate, cbr, effort, mpeg1 } = coding;
-        // The form of a y4m file is no choice of the user.
+        // The matrix of the y4m file is not a user's choice.
         let FileSettings { baked, png, exr, exr_depth, y4m, y4m_is_coded: _ } = files;
-        // Values that follow from others are not listed.
+        // Derived values are not listed.
         let RenderSettings { end: _, rate: _, pixel_aspect: _, .. } = render;
         let r = render;
 
         let mut table = serializer.serialize_struct("Settings", MOST_KEYS)?;
-        // A key is there if its value is not the usual one.
+        // Lists a key unless its condition fails.
         macro_rules! list {
             ($($key:ident $(if ($listed:expr))?: $value:expr),* $(,)?) => {
                 $(if true $(&& $listed)? {

@@ -1,4 +1,4 @@
-//! Choices of a run: [`Options`] as they are made, [`Settings`] with every default filled in for a scene.
+//! Choices of a run: [`Options`] as given by the user, [`Settings`] with every default filled in for a scene.
 
 mod aspect;
 mod chunks;
@@ -34,103 +34,103 @@ use renderer::settings::RenderSettings;
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// Every choice of a run.
+/// Settings of a run.
 ///
-/// Serialized as one flat table, in the order of `--print-config` and of `report.json`.
+/// Serialized as one flat table, in the order of `report.json`.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The scene file.
     pub scene: PathBuf,
     /// The video file.
     pub output: PathBuf,
-    /// The frames to make; all of the film when not stated.
+    /// Frames to make; `None` for the whole film.
     pub range: Option<FrameRange>,
-    /// Shape of the displayed picture.
+    /// Display aspect ratio.
     pub aspect: PictureAspect,
-    /// Length, rate and size of the film, and its light.
+    /// Length, rate, size and lighting of the film.
     pub render: RenderSettings,
-    /// The encoder's choices, besides `qscale` and `bframes` of `render`.
+    /// Encoder settings in addition to `qscale` and `bframes` of `render`.
     pub coding: CodingSettings,
-    /// Files besides scene and video.
+    /// Additional files, without scene and video.
     pub files: FileSettings,
 }
 
-/// Choices of a film that the encoder alone reads.
+/// Settings that only the encoder reads.
 #[derive(Clone, Debug)]
 pub struct CodingSettings {
-    /// Macroblocks that are quantised finer than others.
+    /// Adaptive quantisation.
     pub aq: AdaptiveQuantiser,
-    /// Pictures from one I picture to the next.
+    /// Distance from one I picture to the next \[pictures\].
     pub gop: u32,
-    /// Most bits a second, or with `cbr` exactly these; no bound when not stated.
+    /// Maximum bit rate, or the exact rate with `cbr`; `None` for no limit.
     pub bitrate: Option<BitRate>,
-    /// Whether the bit rate is constant.
+    /// True if the bit rate is constant.
     pub cbr: bool,
     /// Thoroughness of the encoder's search.
     pub effort: Effort,
-    /// Whether the video is MPEG-1.
+    /// True if the video is MPEG-1.
     pub mpeg1: bool,
 }
 
-/// Files that a film reads or writes besides scene and video.
+/// Files that a film reads or writes in addition to scene and video.
 #[derive(Clone, Debug, Default)]
 pub struct FileSettings {
-    /// File of baked light, with [`Lighting::Baked`].
+    /// File of baked light, for [`Lighting::Baked`].
     pub baked: Option<PathBuf>,
     /// Folder for frames as PNG.
     pub png: Option<PathBuf>,
     /// Folder for linear frames as OpenEXR.
     pub exr: Option<PathBuf>,
-    /// Bits of the colors in these files; [`ExrDepth::Half`] when not stated.
+    /// Bit depth of colors in OpenEXR files; `None` means [`ExrDepth::Half`].
     pub exr_depth: Option<ExrDepth>,
-    /// File for the frames before compression.
+    /// File for the uncompressed frames, as YUV4MPEG2.
     pub y4m: Option<PathBuf>,
-    /// Whether that file has the film's matrix, for readers that expect it.
+    /// True if the YUV4MPEG2 file uses the film's matrix, for readers that expect it.
     pub y4m_is_coded: bool,
 }
 
 impl Settings {
-    /// Settings for `scene`, loaded from `path`: `options`, with a default for what they leave open.
+    /// Returns the settings for `scene`, loaded from `path`: `options`, with defaults for the others.
     ///
     /// # Errors
-    /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
+    /// If an option or a scene setting is out of range or contradicts another; the message names valid values.
     pub fn new(path: PathBuf, scene: &Scene, options: &Options) -> Result<Self> {
         options.clone().fill_in(path, scene)
     }
 
-    /// The frames to make: all of the film, or those of its range.
+    /// Frames to make: all frames of the film, or its range.
     #[must_use]
     pub fn frame_range(&self) -> Range<u32> {
         self.range.map_or(0..self.render.frames, |FrameRange { first, last }| first..last + 1)
     }
 
-    /// Whether the film is made in chunks that do not depend on each other: by `chunk`, or each range by itself.
+    /// Returns true if the film consists of independent chunks: with `chunk`, or with a range, which is one chunk.
     #[must_use]
     pub fn is_in_chunks(&self) -> bool {
         self.render.chunk.is_some() || self.range.is_some()
     }
 
-    /// Container of the video.
+    /// Returns the container of the video.
     pub fn container(&self) -> Container {
         container_of(&self.output, self.range).unwrap_or_default()
     }
 
-    /// Whether pictures may wait for later ones before they are coded: the frame that thresholds are derived from is then
-    /// not coded yet.
+    /// Returns true if pictures may wait for later ones before coding. The frame from which thresholds are derived is
+    /// then not coded yet.
     pub fn looks_ahead(&self) -> bool {
         self.coding.bitrate.is_some() || self.render.bframes > 0
     }
 
-    /// Matrix of the film: MPEG-1 states none, and decoders assume BT.601 (11172-2, 2.4.1).
+    /// Color matrix of the film. MPEG-1 states none, and decoders assume BT.601 (11172-2, 2.4.1).
     #[must_use]
     pub fn matrix(&self) -> ColorMatrix {
         if self.coding.mpeg1 { ColorMatrix::Bt601 } else { ColorMatrix::Bt709 }
     }
 
-    /// Configuration of the encoder for these settings.
+    /// Returns the encoder's configuration for these settings.
     ///
     /// # Errors
-    /// A size, rate, quantiser or group of pictures that the standard does not have; the message names what it has.
+    /// If the standard lacks the size, rate, quantiser or group of pictures; the message names valid values.
     pub fn encoder_config(&self) -> Result<mpeg2enc::Config> {
         let CodedRate { rate: frame_rate, pictures } = CodedRate::of(self.render.fps)?;
         let is_disc = self.container() == Container::Disc;
@@ -156,7 +156,7 @@ impl Settings {
             .with_rate(rate)
             .with_effort(self.coding.effort);
         config.validate()?;
-        // DVD-Video has Main Level.
+        // DVD-Video requires Main Level.
         let stated = if pulldown { 30_000.0 / 1001.0 } else { frame_rate.fps() };
         let lowest = Level::lowest(self.render.size.width, self.render.size.height, stated);
         if is_disc && lowest.is_some_and(|lowest| lowest <= Level::Main) {
@@ -165,7 +165,7 @@ impl Settings {
         if !self.is_in_chunks() {
             return Ok(config);
         }
-        // Chunks are coded apart: none may choose a level by its pictures.
+        // Chunks are coded independently: none may choose its level by its own pictures.
         let pixels = (self.render.size.width * self.render.size.height) as u64;
         let bits =
             if self.render.qscale < FINE { pixels * BUSY_BITS / u64::from(self.render.qscale.max(1)) } else { 0 };
@@ -173,7 +173,8 @@ impl Settings {
     }
 }
 
-/// Pictures from one I picture to the next, of groups of `gop` frames with some `pictures` each: I pictures are first ones.
+/// Returns the distance between I pictures for groups of `gop` frames with `pictures` each: I pictures are first
+/// pictures of frames.
 fn coded_group(gop: u32, pictures: u32) -> u32 {
     if pictures == 1 || gop > LONGEST_GROUP {
         return gop;
@@ -181,12 +182,12 @@ fn coded_group(gop: u32, pictures: u32) -> u32 {
     gop.saturating_mul(pictures).min(LONGEST_GROUP / pictures * pictures)
 }
 
-/// Films in chunks at finer quantisers than this state a level for busy pictures.
+/// Films in chunks with quantisers below this state a level for busy pictures.
 const FINE: u32 = 8;
-/// Bits of a pixel of noise at quantiser_scale 1; ours, about those of full range. At others it is this divided by them.
+/// Bits per pixel of noise at quantiser_scale 1, about full range (ours). Other quantisers divide it by their value.
 const BUSY_BITS: u64 = 12;
-/// The most pictures from one I picture to the next, as [`mpeg2enc::Config::with_gop`] has it.
+/// Maximum distance from one I picture to the next, as in [`mpeg2enc::Config::with_gop`].
 const LONGEST_GROUP: u32 = 132;
-/// A decoder buffers half a second, within what High Level allows.
+/// Range of the decoder's buffer \[bits\], half a second of the stream: at most the maximum of High Level.
 const SMALLEST_BUFFER: u32 = 16_384;
 const LARGEST_BUFFER: u32 = 9_781_248;

@@ -1,17 +1,17 @@
-//! Three choices of how good a film is, for who does not want to think about each option.
+//! Quality presets.
 
 use serde::{Deserialize, Serialize};
 
-/// How good, and how slow.
+/// Quality preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Preset {
-    /// Small and coarse: to see what moves where.
+    /// Small and coarse, to check motion and layout.
     Draft,
     /// The defaults.
     Good,
-    /// Large, with smooth edges and few losses.
+    /// Large, with smooth edges and little coding loss.
     Final,
 }

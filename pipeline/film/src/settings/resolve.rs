@@ -1,4 +1,4 @@
-//! From options to settings: every default, and every check of a single choice. No other place states a default.
+//! Resolves options to settings: all defaults, and all checks of single options. No other file defines a default.
 
 use super::aspect::PictureAspect;
 use super::chunks::checked_range;
@@ -18,19 +18,19 @@ use renderer::settings::{
 };
 use std::path::{Path, PathBuf};
 
-/// Factor of importance on thresholds. Ours: half the error where all people look, twice the error where nobody does.
+/// Default of `--importance-gain` (ours): thresholds are at most halved, or doubled.
 const IMPORTANCE_GAIN: f32 = 2.0;
 /// Samples of the most important pixels \[Debattista05, 4.2\].
 const IMPORTANT_SAMPLES: u32 = 5;
-/// Divisor of the number of anchor lights for a draft.
+/// Divisor of the number of anchor lights for drafts.
 const DRAFT_SHARE: usize = 4;
-/// Most samples to the pixel.
+/// Maximum number of samples per pixel.
 const MOST_SAMPLES: u32 = 64;
-/// κ of [`perceptual::Feedback::with_kappa`]. Ours: with 1 the decoded luma of `cornell` at quantiser_scale 48 lies 0.4 dB
-/// below that of cuts at 2 %, with 1/4 less than 0.1 dB (512×512, 16 frames).
+/// κ of [`perceptual::Feedback::with_kappa`] (ours). On `cornell` at quantiser_scale 48, decoded luma loses 0.4 dB
+/// with κ = 1, compared with lightcuts at 2 % (512×512, 16 frames). With 1/4 it loses less than 0.1 dB.
 const KAPPA: f32 = 0.25;
-/// The same of [`perceptual::Feedback::observe_coded`], which counts what errors do to the decoded picture itself. On `cornell`,
-/// 256×256, 1 costs less than 0.06 dB and 1.3 % of bits at quantisers from 8 to 48; 2 costs 0.16 dB and 3.9 %.
+/// κ of [`perceptual::Feedback::observe_coded`], which measures how errors change the decoded picture. On `cornell`,
+/// 256×256, at quantisers from 8 to 48, κ = 1 costs less than 0.06 dB and 1.3 % of bits; 2 costs 0.16 dB and 3.9 %.
 const CODEC_KAPPA: f32 = 1.0;
 
 /// Returns an [`Error::Options`].
@@ -39,10 +39,10 @@ macro_rules! fail {
 }
 
 impl Options {
-    /// Fills in every default that has a value for `scene`, loaded from `path`, and returns the settings.
+    /// Fills in every default, given `scene` loaded from `path`, and returns the settings.
     ///
     /// # Errors
-    /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
+    /// If an option or a scene setting is out of range or contradicts another; the message names valid values.
     pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
         if let Some(preset) = self.preset {
             self.fill_in_preset(preset, scene);
@@ -51,27 +51,27 @@ impl Options {
         self.fill_in_chunks(frames)?;
         let output = self.fill_in_output(&path)?;
         if self.cbr && self.bitrate.is_none() {
-            fail!("--cbr needs --bitrate, which says how many bits a second there are to be");
+            fail!("--cbr needs --bitrate, the constant rate in bits per second");
         }
         let (thresholds, kappa) = self.fill_in_thresholds()?;
         let (stopping, within) = self.fill_in_stopping()?;
         self.fill_in_importance(&path, scene)?;
         let samples = *self.samples.get_or_insert(if self.importance.is_some() { IMPORTANT_SAMPLES } else { 1 });
         if !(1..=MOST_SAMPLES).contains(&samples) {
-            fail!("--samples {samples} must lie in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
+            fail!("--samples {samples} must be in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
         }
         if self.bounces == Some(0) {
-            fail!("--bounces 0: light that is never reflected shows nothing but lamps; 1 is direct light alone");
+            fail!("--bounces 0: unreflected light shows only lamps; 1 is direct light only");
         }
         self.check_files()?;
         let vpls = *self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene));
         if !(1..=10_000_000).contains(&vpls) {
-            fail!("--vpls {vpls} must lie in 1..=10000000");
+            fail!("--vpls {vpls} must be in 1..=10000000");
         }
         let lighting = self.fill_in_lighting(&path)?;
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
-        // A bit rate may lead to any quantiser.
+        // With a bit rate the quantiser may become any: expect the default.
         let expected_qscale = if self.bitrate.is_some() { 8 } else { qscale };
         let size = *self.size.get_or_insert_with(|| Size::of_camera(scene, 512));
         let aspect = *self.aspect.insert(PictureAspect::of(self.aspect, &output, self.range, size)?);
@@ -133,7 +133,7 @@ impl Options {
         Ok(Settings { scene: path, output, range: self.range, aspect, render, coding, files })
     }
 
-    /// What a preset says where nothing else does.
+    /// Fills in a preset's values for options that are still open.
     fn fill_in_preset(&mut self, preset: Preset, scene: &Scene) {
         match preset {
             Preset::Draft => {
@@ -169,9 +169,9 @@ impl Options {
         Ok(output)
     }
 
-    /// Pictures a second, and how many.
+    /// Fills in frame rate and number of frames, and returns both.
     fn fill_in_length(&mut self, path: &Path, scene: &Scene) -> Result<(f64, u32)> {
-        // A rate that nobody typed is one of the scene's settings: the message says where it stands.
+        // An invalid rate from the scene's settings is reported with its file.
         let video = scene.settings.video;
         if let Some(Err(error)) = video.fps.filter(|_| self.fps.is_none()).map(CodedRate::of) {
             return Err(Error::content(&SceneSettings::path_for(path), format!(": [video] fps: {error}")));
@@ -180,24 +180,24 @@ impl Options {
         if !(fps.is_finite() && fps > 0.0) {
             fail!("--fps {fps} must be positive");
         }
-        // What the scene has, and what of it the film shows.
+        // The scene's length, and the range of it that the film shows.
         let animated = (f64::from(scene.duration()) * fps).round().clamp(0.0, 1e6) as u32;
         let all = video.frames.unwrap_or(if animated > 0 { animated } else { 100 });
         let (from, every) = (self.from.unwrap_or(0), self.every.unwrap_or(1));
         if every == 0 {
-            fail!("--every 0: a film shows each frame (1), each second one (2) and so on");
+            fail!("--every 0: must be at least 1, which renders every frame");
         }
         let end = match self.to {
-            Some(to) if to < from => fail!("--to {to} lies before --from {from}"),
+            Some(to) if to < from => fail!("--to {to} is before --from {from}"),
             Some(to) => to.saturating_add(1),
             None if self.frames.is_none() && from >= all => {
-                fail!("--from {from} lies beyond the scene, whose last frame is {}; --frames takes more", all - 1)
+                fail!("--from {from} exceeds the scene: its last frame is {}; set --frames to render more", all - 1)
             }
             None => all,
         };
         let shown = end.saturating_sub(from).div_ceil(every);
         let frames = *self.frames.get_or_insert(shown);
-        // From here on the number of frames says where the film ends.
+        // The number of frames now determines the film's end.
         self.to = None;
         if frames == 0 {
             fail!("--frames 0: a video has at least one frame");
@@ -205,36 +205,36 @@ impl Options {
         Ok((fps, frames))
     }
 
-    /// The frames to make, if they are not all.
+    /// Checks the range of frames to make, if one is given.
     fn fill_in_chunks(&mut self, frames: u32) -> Result<()> {
         let option = if self.chunk.is_some() { "--chunk" } else { "--range" };
         if self.bitrate.is_some() && (self.chunk.is_some() || self.range.is_some()) {
             fail!(
-                "{option} with --bitrate: no bound on bits holds across chunks that are coded apart; leave out one of them"
+                "{option} with --bitrate: chunks are coded independently and cannot share a bit rate; drop one of the two options"
             );
         }
         self.range = checked_range(self.chunk, self.range, frames)?;
         Ok(())
     }
 
-    /// Where thresholds come from, and the multiplier on them.
+    /// Fills in the source of thresholds and their multiplier.
     fn fill_in_thresholds(&mut self) -> Result<(Thresholds, f32)> {
         let thresholds = *self.thresholds.get_or_insert(Thresholds::Codec);
         let kappa = *self.kappa.get_or_insert(if thresholds == Thresholds::Codec { CODEC_KAPPA } else { KAPPA });
         if !(0.0..=100.0).contains(&kappa) {
-            fail!("--kappa {kappa} must lie in 0..=100; 1 is the paper's");
+            fail!("--kappa {kappa} must be in 0..=100; 1 is the paper's");
         }
         Ok((thresholds, kappa))
     }
 
-    /// The kind of light, and the file that it is looked up in.
+    /// Fills in the lighting method and the file of baked light.
     fn fill_in_lighting(&mut self, path: &Path) -> Result<Lighting> {
         let lighting = *self.lighting.get_or_insert(Lighting::Lightcuts);
         if self.baked.is_some() && !lighting.is_baked() {
-            fail!("--baked names a file of baked light, which --lighting baked takes; this film has other light");
+            fail!("--baked needs --lighting baked");
         }
         if lighting.is_baked() && self.tiles.is_some() {
-            fail!("--tiles with --lighting baked: light that is looked up is not handed out; leave out --tiles");
+            fail!("--tiles with --lighting baked: baked light needs no tiles; drop --tiles");
         }
         if lighting.is_baked() {
             self.baked.get_or_insert_with(|| path.with_extension("slf"));
@@ -242,19 +242,18 @@ impl Options {
         Ok(lighting)
     }
 
-    /// When cuts end, and the share of pixels that calibrated stopping keeps within their thresholds.
+    /// Fills in the stopping rule of lightcuts, and the fraction of pixels that calibrated stopping keeps within
+    /// their thresholds.
     fn fill_in_stopping(&mut self) -> Result<(Stopping, f64)> {
         let implied = if self.within.is_some() { Stopping::Calibrated } else { Stopping::Bound };
         let stopping = *self.stopping.get_or_insert(implied);
         let within = self.within.unwrap_or(Calibration::DEFAULT_SHARE);
         if !(0.5..=0.999).contains(&within) {
-            fail!(
-                "--within {within} must lie in 0.5..=0.999; 0.95 lets one pixel in twenty be wrong by more than its threshold"
-            );
+            fail!("--within {within} must be in 0.5..=0.999; with 0.95 one pixel in twenty may exceed its threshold");
         }
         match stopping {
             Stopping::Bound if self.within.is_some() => {
-                fail!("--within is measured where cuts are calibrated: leave out --stopping bound");
+                fail!("--within needs calibrated stopping; drop --stopping bound");
             }
             Stopping::Bound => {}
             Stopping::Calibrated => self.within = Some(within),
@@ -262,7 +261,7 @@ impl Options {
         Ok((stopping, within))
     }
 
-    /// The gain of importance, and whether the scene has what the maps are made of.
+    /// Fills in the gain of importance, and checks that the scene has the nodes of a task map.
     fn fill_in_importance(&mut self, path: &Path, scene: &Scene) -> Result<()> {
         let Some(weights) = self.importance else {
             if self.importance_gain.is_some() {
@@ -275,19 +274,19 @@ impl Options {
         };
         let gain = *self.importance_gain.get_or_insert(IMPORTANCE_GAIN);
         if !(1.0..=8.0).contains(&gain) {
-            fail!("--importance-gain {gain} must lie in 1..=8; 1 leaves thresholds as they are");
+            fail!("--importance-gain {gain} must be in 1..=8; 1 leaves thresholds unchanged");
         }
 
-        // A task map of nothing is a slip.
+        // An empty task map is a mistake.
         if weights.task > 0.0 {
             let (file, nodes) = (SceneSettings::path_for(path), &scene.settings.importance.nodes);
             if nodes.is_empty() {
-                let text = ": --importance task needs the names of nodes: add [importance] with nodes = [\"NAME\"]";
+                let text = ": --importance task needs node names: add [importance] with nodes = [\"NAME\"]";
                 return Err(Error::content(&file, text));
             }
             for name in nodes {
                 if !scene.instances_under(name).contains(&true) {
-                    let text = format!(": [importance] nodes: the scene has no node \"{name}\" that shows anything");
+                    let text = format!(": [importance] nodes: the scene has no visible node \"{name}\"");
                     return Err(Error::content(&file, text));
                 }
             }
@@ -303,10 +302,10 @@ impl Options {
             fail!("--png: this build writes no pictures; build it with the feature still");
         }
         if !self.aov.is_empty() && self.exr.is_none() {
-            fail!("--aov needs --exr DIR, the folder for the files that it adds to");
+            fail!("--aov needs --exr DIR, the folder of its files");
         }
         match (&self.exr, self.exr_depth) {
-            (None, Some(_)) => fail!("--exr-depth needs --exr DIR, the folder for the files that it is about"),
+            (None, Some(_)) => fail!("--exr-depth needs --exr DIR, the folder of its files"),
             (None, None) => {}
             (Some(_), depth) => self.exr_depth = Some(depth.unwrap_or_default()),
         }
@@ -314,7 +313,7 @@ impl Options {
     }
 }
 
-/// The tone curve of a scene, and whether the first frame sets its exposure.
+/// Returns the tone curve of a scene, and true if the first frame sets its exposure.
 fn tone_map(path: &Path, scene: &Scene) -> Result<(ToneMap, bool)> {
     let Some(table) = &scene.settings.tone_mapping else { return Ok((ToneMap::default(), true)) };
     let file = SceneSettings::path_for(path);
@@ -322,10 +321,10 @@ fn tone_map(path: &Path, scene: &Scene) -> Result<(ToneMap, bool)> {
     Ok((read, !table.contains_key("exposure")))
 }
 
-/// The tone curve of a `[tone_mapping]` table.
+/// Returns the tone curve of a `[tone_mapping]` table.
 ///
 /// # Errors
-/// A key or value that does not exist, or a number out of its range; the message says what works.
+/// If a key or value does not exist or a number is out of range; the message names valid values.
 pub fn read_tone_map(table: &toml::Table) -> Result<ToneMap, String> {
     let read: Result<ToneMap, toml::de::Error> = table.clone().try_into();
     let tone_map = read.map_err(|error| SettingsError::of_toml(&error.to_string()).to_string())?;

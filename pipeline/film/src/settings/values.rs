@@ -1,4 +1,4 @@
-//! Values of a film's options: how each is written, and what its range is.
+//! Values of a film's options: their text forms and ranges.
 
 use crate::error::{Error, Result};
 #[cfg(feature = "clap")]
@@ -9,17 +9,17 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// How often what a killed run needs to go on is written, as typed.
+/// Interval between checkpoints of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CheckpointEvery {
-    /// Seconds; 0 for each frame.
+    /// Seconds between checkpoints; 0 writes one after each frame.
     Seconds(f64),
-    /// Never.
+    /// No checkpoints.
     Off,
 }
 
 impl CheckpointEvery {
-    /// As a duration; none for never.
+    /// Interval as a duration; `None` for [`CheckpointEvery::Off`].
     pub fn duration(self) -> Option<Duration> {
         match self {
             Self::Seconds(seconds) => Some(Duration::from_secs_f64(seconds)),
@@ -46,25 +46,25 @@ impl FromStr for CheckpointEvery {
         }
         let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=1e6).contains(seconds));
         seconds.map(Self::Seconds).ok_or_else(|| {
-            let known = "is neither \"off\" nor a number of seconds such as 60; 0 is after each frame";
+            let known = "is neither \"off\" nor a number of seconds from 0 to 1000000, such as 60; 0 writes one after each frame";
             Error::Options(format!("\"{text}\" {known}"))
         })
     }
 }
 
-/// On or off, as typed.
+/// Value of an option that is on or off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Switch {
-    /// Do it.
+    /// Enabled.
     On,
-    /// Leave it.
+    /// Disabled.
     Off,
 }
 
 impl Switch {
-    /// Whether it is [`Switch::On`].
+    /// Returns true for [`Switch::On`].
     pub fn is_on(self) -> bool {
         self == Self::On
     }
@@ -88,25 +88,26 @@ impl<'de> Deserialize<'de> for Switch {
     }
 }
 
-/// Bits of the colors in OpenEXR files.
+/// Bit depth of colors in OpenEXR files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum ExrDepth {
-    /// 16 bits for light, albedo and normals, 11 of them precision; 32 where these lose light, and for all that is measured.
+    /// 16-bit floats (11 bits of precision) for light, albedo and normals; 32 bits for light that 16 would lose, and
+    /// for all other data.
     #[default]
     Half,
-    /// 32 bits for all.
+    /// 32-bit floats for all data.
     Float,
 }
 
-/// Bits a second.
+/// Bit rate \[bits per second\].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct BitRate(pub u32);
 
-/// A smaller rate is a slip: even MPEG-1's smallest pictures need more.
+/// Lowest bit rate accepted \[bits per second\]: even the smallest MPEG-1 pictures need more.
 const LEAST_BIT_RATE: f64 = 10_000.0;
 
 impl FromStr for BitRate {
@@ -133,7 +134,7 @@ impl<'de> Deserialize<'de> for BitRate {
     }
 }
 
-/// An amount of memory \[bytes\], as typed with a unit.
+/// Amount of memory \[bytes\], written with a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemorySize(pub u64);
 
@@ -153,20 +154,20 @@ impl FromStr for MemorySize {
         let bytes = unit.and_then(|(number, bytes)| Some(number.parse::<f64>().ok()? * bytes));
         let bytes = bytes.filter(|bytes| (1e6..=1e15).contains(bytes));
         bytes.map(|bytes| Self(bytes.round() as u64)).ok_or_else(|| {
-            Error::Options(format!("\"{text}\" is no amount of memory such as 500M or 8G, from 1M to 1000T bytes"))
+            Error::Options(format!("\"{text}\" is not an amount of memory such as 500M or 8G, from 1M to 1000T bytes"))
         })
     }
 }
 
-/// Parser of the names of efforts, for clap.
+/// Returns clap's parser of effort names.
 #[cfg(feature = "clap")]
 pub(super) fn effort() -> impl clap::builder::TypedValueParser<Value = Effort> {
     use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
     let value = |&effort: &Effort| {
         let value = PossibleValue::new(effort.name());
         match effort {
-            Effort::Fast => value.help("Least time; with a bit rate, no frame waits for later ones"),
-            Effort::Balanced => value.help("Few bits"),
+            Effort::Fast => value.help("Least time; with a bit rate, no lookahead"),
+            Effort::Balanced => value.help("Fewer bits"),
             Effort::Best => value.help("Fewest bits"),
             _ => value,
         }
@@ -175,7 +176,7 @@ pub(super) fn effort() -> impl clap::builder::TypedValueParser<Value = Effort> {
     PossibleValuesParser::new(Effort::ALL.iter().map(value)).map(parsed)
 }
 
-/// For serde's `with`: a size as the text that is typed.
+/// Serializes a size as text, for serde's `with`.
 pub(super) mod size_as_text {
     use renderer::settings::{Size, parsed};
     use serde::{Deserializer, Serializer};
