@@ -224,7 +224,7 @@ fn files_are_replaced_only_where_the_user_says_so() {
     // Only `--overwrite` replaces a film and its report.
     let refused = render(&["--qscale", "40"]);
     assert_eq!(refused.code, Some(1), "{}", refused.stderr);
-    assert!(refused.stderr.contains("film.m2v is there already") && refused.stderr.contains("--overwrite"));
+    assert!(refused.stderr.contains("film.m2v already exists") && refused.stderr.contains("--overwrite"));
     assert_eq!(fs::read(folder.join("film.m2v")).unwrap(), first);
     assert_eq!(render(&["--qscale", "40", "--overwrite"]).code, Some(0));
     let second = fs::read(folder.join("film.m2v")).unwrap();
@@ -437,15 +437,15 @@ fn wrong_arguments_end_with_two_and_a_line() {
 fn help_answers_what_users_ask() {
     let folder = folder_with_room();
     for (words, said) in [
-        ("-h", "A scene alone is rendered: render2mpeg scene.glb is"),
+        ("-h", "A scene without a command is rendered: render2mpeg scene.glb is"),
         ("-h", "render2mpeg <SCENE>"),
-        ("render -h", "--help has all options: --from, --to, --camera"),
-        ("render -h", "Films are MPEG-2, in .mp4 and .mkv as well."),
+        ("render -h", "--help lists all options: --from, --to, --camera"),
+        ("render -h", "Films are MPEG-2, also in .mp4 and .mkv."),
         ("render --help", "sky.intensity=2 needs a [sky] in that file"),
-        ("compare -h", "render -o film.mpg --y4m film.y4m makes"),
+        ("compare -h", "render -o film.mpg --y4m film.y4m writes"),
         ("compare -h", "render --antialiasing off --exr frames,\nand reference"),
         ("reference -h", "--frame 10 --center -o truth.exr"),
-        ("plan room.glb --frames 1", "; 1 frame in some"),
+        ("plan room.glb --frames 1", "; 1 frame in about"),
         ("plan room.glb --frames 2", "; 2 frames in some"),
     ] {
         let words: Vec<&str> = words.split(' ').collect();

@@ -282,5 +282,5 @@ fn what_takes_too_much_memory_is_refused_before_work_begins() {
         assert_eq!(render2mpeg(folder, &words).code, Some(2), "{limit}");
     }
     let plan = render2mpeg(folder, &["plan", "sheets.glb", "--size", "1024x1024"]);
-    assert!(plan.stdout.contains("memory: some ") && plan.stdout.contains("1024x1024"), "{}", plan.stdout);
+    assert!(plan.stdout.contains("memory: about ") && plan.stdout.contains("1024x1024"), "{}", plan.stdout);
 }

@@ -198,7 +198,7 @@ fn other_light_is_found_out() {
 #[cfg(not(feature = "mpi"))]
 fn a_build_without_ranks_says_so_under_mpirun() {
     for (rank, expected) in
-        [("0", "this build knows none; build it with cargo build --release --features mpi"), ("1", "")]
+        [("0", "this build lacks the feature mpi; build with cargo build --release --features mpi"), ("1", "")]
     {
         let mut command = std::process::Command::new(tests::program());
         command.args(["render", "scene.glb"]).env("OMPI_COMM_WORLD_SIZE", "2").env("OMPI_COMM_WORLD_RANK", rank);

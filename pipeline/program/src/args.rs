@@ -14,76 +14,76 @@ use clap::{Arg, Parser, Subcommand};
 
 /// Renders an animated glTF scene with global illumination into an MPEG-2 video.
 ///
-/// Renderer and encoder work for each other: the renderer gives the encoder exact motion vectors, and the encoder
-/// gives the renderer, one frame later, the error that each pixel may have before anyone could see it.
+/// Renderer and encoder assist each other: the renderer passes exact motion vectors to the encoder. One frame later
+/// the encoder returns the error that each pixel may have without being visible.
 #[derive(Parser)]
 #[command(
     name = "render2mpeg",
     bin_name = "render2mpeg",
     version,
     override_usage = "render2mpeg <COMMAND>\n       render2mpeg <SCENE>",
-    after_help = "A scene alone is rendered: render2mpeg scene.glb is render2mpeg render scene.glb.
+    after_help = "A scene without a command is rendered: render2mpeg scene.glb is render2mpeg render scene.glb.
 
 Examples:
-  render2mpeg render scenes/cornell/cornell.glb             a video and a report, in this folder
-  render2mpeg still scene.glb -o picture.png                one picture
-  render2mpeg plan scene.glb                                what the scene needs, before any ray
-  render2mpeg bake scene.glb                                light once, for many films
-  render2mpeg compare film.mpg film.y4m                     what the codec has cost
-  render2mpeg sweep scene.glb --qscale 2,16,48              error against run time, as a page
+  render2mpeg render scenes/cornell/cornell.glb             a video and a report in the current folder
+  render2mpeg still scene.glb -o picture.png                a single frame
+  render2mpeg plan scene.glb                                what a film would run and cost
+  render2mpeg bake scene.glb                                precomputed light for many films
+  render2mpeg compare film.mpg film.y4m                     coding loss
+  render2mpeg sweep scene.glb --qscale 2,16,48              error against run time, as an HTML page
 
-Each command has examples of its own: render2mpeg render --help"
+Each command lists examples of its own, such as render2mpeg render --help"
 )]
 pub struct Arguments {
-    /// The command.
+    /// Command to run.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// The command.
+/// Command of the program.
 #[derive(Subcommand)]
 pub enum Command {
-    /// Render a scene into a video.
+    /// Render a scene into a video
     #[command(args_override_self = true, after_help = examples::RENDER_SHORT, after_long_help = examples::RENDER)]
     Render(Box<Render>),
-    /// Render one picture: PNG or JPEG as a display shows it, or OpenEXR.
+    /// Render single frames, as PNG or JPEG tone mapped for display, or as OpenEXR
     #[command(after_help = examples::STILL)]
     Still(Box<StillArguments>),
-    /// Compute the light of all that stands still once, for films that look it up: render --lighting baked.
+    /// Precompute the light of static geometry, for films with render --lighting baked
     #[cfg(feature = "bake")]
     #[command(after_help = examples::BAKE)]
     Bake(BakeArguments),
-    /// Render one frame as exactly as wanted, by paths, into a linear OpenEXR picture with the noise that is left in it.
+    /// Render a reference frame by path tracing, as linear OpenEXR with its variance
     #[command(after_help = examples::REFERENCE)]
     Reference(Reference),
-    /// Say how far pictures, sequences or videos are from a reference.
+    /// Measure the error of a picture, sequence or video against a reference
     #[command(after_help = examples::COMPARE)]
     Compare(Compare),
-    /// Compare methods: error against run time, before and after decoding, with tables, plots and a page that shows it all.
+    /// Compare methods by error and run time, before and after decoding, with tables, plots and an HTML page
     #[command(after_help = examples::SWEEP)]
     Sweep(Sweep),
-    /// Join parts that render --range made to the film that one machine would make.
+    /// Join the parts written by render --range into the film that one machine would write
     #[command(after_help = examples::JOIN)]
     Join(Join),
-    /// Show what a scene needs, what is left out, and why; render nothing.
+    /// Show the stages that a scene needs, those left out and why; render nothing
     #[command(args_override_self = true, mut_args(without_files), after_help = examples::PLAN)]
     Plan(Box<Plan>),
-    /// Print what makes a shell complete this program's options.
+    /// Print a shell's completion script
     #[command(after_help = examples::COMPLETIONS)]
     Completions {
-        /// The shell
+        /// Shell to complete for
         shell: clap_complete::Shell,
     },
-    /// Print the manual page of the program, or of one of its commands, as roff for man.
+    /// Print the manual page of the program or of one command, as roff for man
     #[command(after_help = examples::MAN)]
     Man {
-        /// Such as render
+        /// Command, such as render
         command: Option<String>,
     },
 }
 
-/// Hides the files of a film in the help of a command that writes none. They are accepted, so that a command line of `render` is
-/// one of `plan`, too.
+/// Hides the output files of a film in the help of a command that writes none. The options are still accepted, so
+/// that a command line of `render` also works for `plan`.
 fn without_files(option: Arg) -> Arg {
     let is_file = option.get_help_heading() == Some("Output");
     if is_file { option.hide(true) } else { option }
@@ -105,7 +105,7 @@ mod tests {
         assert!(Arguments::try_parse_from(["render2mpeg", "plan", "scene.glb", "-o", "film.mpg"]).is_ok());
     }
 
-    /// The help of `render` names the values that [`Options::fill_in`] fills in.
+    /// The help of `render` states the defaults that [`Options::fill_in`] fills in.
     #[test]
     fn help_states_the_defaults_in_force() {
         let mut options = Options::default();
@@ -119,7 +119,7 @@ mod tests {
             let Some((_, default)) = help.split_once("[default: ") else { continue };
             let Some(value) = option.get_long().and_then(|name| defaults.get(name)) else { continue };
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            // Others depend on the scene, and say on what.
+            // Other defaults depend on the scene.
             if !default.contains(' ') {
                 assert_eq!(default.trim_end_matches(']'), value, "{:?}", option.get_long());
                 stated += 1;

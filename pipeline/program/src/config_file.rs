@@ -1,4 +1,4 @@
-//! `--config job.toml`: options from a file, by the names they have on the command line, which overrides them.
+//! `--config job.toml`: options from a file, under their command-line names. Options typed on the command line win.
 
 use super::args::Arguments;
 use super::{foreign, guesses, parts, ranks};
@@ -9,7 +9,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// Options that say what the program does now, and not how a film is to be: no file has them.
+/// Options of a single invocation rather than of a film: not allowed in files.
 const NOT_IN_FILES: [&str; 11] = [
     "allow-outside",
     "config",
@@ -24,10 +24,10 @@ const NOT_IN_FILES: [&str; 11] = [
     "keep-checkpoint",
 ];
 
-/// Parses the arguments, with defaults from the file that `--config` names. Wrong arguments end the program with a hint.
+/// Parses the arguments, with defaults from the `--config` file. Ends the program with a hint if arguments are wrong.
 ///
 /// # Errors
-/// The file cannot be read, or has an option that does not exist or has no such value; or an option is that of another program.
+/// If the file cannot be read or has an unknown option or value; if an option belongs to another program.
 pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     let typed = with_command(typed);
     if let Some(command) = typed.get(1).and_then(|word| word.to_str()) {
@@ -52,12 +52,12 @@ pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     Ok(Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
 }
 
-/// The arguments among `words`; wrong ones end the program with a hint, and requests for help with that.
+/// Parses `words`. Wrong arguments end the program with a hint, and requests for help with the help.
 fn matches_of(command: Command, words: &[OsString]) -> ArgMatches {
     command.try_get_matches_from(words).unwrap_or_else(|error| end(&error))
 }
 
-/// Ends the program with what is wrong, or with the help that was requested; only one of several ranks says it.
+/// Ends the program with the error, or with the requested help; only one of several ranks prints it.
 fn end(error: &clap::Error) -> ! {
     if ranks::is_silent() {
         std::process::exit(error.exit_code());
@@ -65,7 +65,7 @@ fn end(error: &clap::Error) -> ! {
     error.exit()
 }
 
-/// A scene alone is rendered: `render2mpeg scene.glb` is `render2mpeg render scene.glb`.
+/// Inserts the default command: `render2mpeg scene.glb` is `render2mpeg render scene.glb`.
 fn with_command(mut typed: Vec<OsString>) -> Vec<OsString> {
     if typed.get(1).and_then(|word| word.to_str()).is_some_and(foreign::is_scene) {
         typed.insert(1, "render".into());
@@ -73,7 +73,7 @@ fn with_command(mut typed: Vec<OsString>) -> Vec<OsString> {
     typed
 }
 
-/// The line about an option of another program, where `error` is about one that is known.
+/// Returns advice if `error` reports a known option of another program.
 fn guess(error: &clap::Error, command: &Command, typed: &[OsString]) -> Option<String> {
     if error.kind() != ErrorKind::UnknownArgument {
         return None;
@@ -84,11 +84,12 @@ fn guess(error: &clap::Error, command: &Command, typed: &[OsString]) -> Option<S
     Some(format!("there is no option {option}: {advice}"))
 }
 
+// Path of the `--config` file.
 fn file_named_by(options: &ArgMatches) -> Option<PathBuf> {
     options.try_get_one::<PathBuf>("config").ok().flatten().cloned()
 }
 
-/// The command line with the words of the file in front of those that were typed: the later ones hold.
+/// Returns the command line with the file's options before the typed ones: later options win.
 fn with_file(
     command: &Command,
     name: &str,
@@ -109,7 +110,7 @@ fn with_file(
     let mut scene = None;
     for (key, value) in &table {
         if key == "scene" {
-            let path = value.as_str().with_context(|| format!("{place}: scene = {value}: a path is wanted"))?;
+            let path = value.as_str().with_context(|| format!("{place}: scene = {value}: expected a path"))?;
             scene = Some(path.to_owned());
             continue;
         }
@@ -123,9 +124,9 @@ fn with_file(
         }
     }
     if !has_scene && scene.is_none() {
-        bail!("{place}: names no scene; add scene = \"FILE.glb\", or name one on the command line");
+        bail!("{place}: no scene; add scene = \"FILE.glb\", or name one on the command line");
     }
-    // By themselves first, so that what is wrong is said of the file.
+    // Parse the file's options alone first, to attribute errors to the file.
     let head = [typed[0].clone(), name.into()];
     let alone = words.iter().cloned().chain(scene.clone().or_else(|| Some("scene".into())));
     if let Err(error) = command.clone().try_get_matches_from(head.iter().cloned().chain(alone.map(OsString::from))) {
@@ -138,23 +139,23 @@ fn with_file(
     Ok(head.into_iter().chain(words.into_iter().map(OsString::from)).chain(rest).collect())
 }
 
-/// The option of this name that files may have.
+/// Returns the option of this name, if files may have it.
 fn option<'a>(command: &'a Command, key: &str) -> Option<&'a clap::Arg> {
     command.get_arguments().find(|option| option.get_long() == Some(key) && !NOT_IN_FILES.contains(&key))
 }
 
-/// The words as they would be typed; none for a switch that is off.
+/// Returns the value as command-line words; none for a flag that is off.
 fn words_of(option: &clap::Arg, key: &str, value: &Value) -> Result<Vec<String>> {
     let is_flag = matches!(option.get_action(), ArgAction::SetTrue);
     let plain = |value: &Value| match value {
         Value::String(text) => Ok(text.clone()),
         Value::Integer(_) | Value::Float(_) => Ok(value.to_string()),
         Value::Boolean(on) => Ok(if *on { "on" } else { "off" }.into()),
-        _ => bail!("a text, a number, true or false is wanted"),
+        _ => bail!("expected a string, a number, true or false"),
     };
     match (value, is_flag) {
         (Value::Boolean(on), true) => Ok(on.then(|| format!("--{key}")).into_iter().collect()),
-        (_, true) => bail!("true or false is wanted"),
+        (_, true) => bail!("expected true or false"),
         (Value::Array(list), false) => {
             let list: Vec<String> = list.iter().map(plain).collect::<Result<_>>()?;
             let is_repeated =
@@ -166,7 +167,7 @@ fn words_of(option: &clap::Arg, key: &str, value: &Value) -> Result<Vec<String>>
     }
 }
 
-/// The option whose name takes the fewest changes.
+/// Returns the option with the smallest edit distance to `key`.
 fn nearest(key: &str, command: &Command) -> String {
     let names = command.get_arguments().filter_map(|option| option.get_long());
     let known = names.filter(|name| !NOT_IN_FILES.contains(name)).chain(["scene"]);

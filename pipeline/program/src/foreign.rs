@@ -1,9 +1,9 @@
-//! Scenes of other programs, which have to be exported as glTF first.
+//! Scene files of other programs, which must first be exported as glTF.
 
 use anyhow::{Result, bail};
 use std::path::Path;
 
-/// Endings of scene files, whose they are, and how they become glTF.
+/// File endings of scene formats, their names, and how to convert them to glTF.
 const FORMATS: [(&[&str], &str, &str); 8] = [
     (
         &["blend"],
@@ -18,15 +18,15 @@ const FORMATS: [(&[&str], &str, &str); 8] = [
         "a scene in another format",
         "import it in Blender, then File > Export > glTF 2.0",
     ),
-    (&["ma", "mb", "max", "c4d", "hip", "hiplc"], "a file of a modeling program", "export it there as glTF 2.0 or USD"),
-    (&["pbrt", "xml"], "a scene of a research renderer", "import it in Blender, then File > Export > glTF 2.0"),
+    (&["ma", "mb", "max", "c4d", "hip", "hiplc"], "a modeling program's file", "export it there as glTF 2.0 or USD"),
+    (&["pbrt", "xml"], "a research renderer's scene", "import it in Blender, then File > Export > glTF 2.0"),
     (&["vrm"], "a VRM avatar", "it is glTF 2.0: name it .glb"),
 ];
 
-/// Refuses a file in a format that is known, and not read.
+/// Refuses a file in a known format that the program cannot read.
 ///
 /// # Errors
-/// The ending is one of those; the message names what to do.
+/// If the ending is in `FORMATS`; the message names a remedy.
 pub fn check(path: &Path) -> Result<()> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     if let Some((_, what, remedy)) = FORMATS.iter().find(|(endings, ..)| endings.contains(&ending.as_str())) {
@@ -35,7 +35,7 @@ pub fn check(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether a word looks like a scene, with which a command line may begin.
+/// Returns true if a word looks like a scene's path, for command lines without a command.
 pub fn is_scene(word: &str) -> bool {
     let ending =
         Path::new(word).extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();

@@ -1,9 +1,9 @@
-//! Options of other programs, and what they are called here.
+//! Options of other programs, and their names here.
 
 use clap::{Arg, Command};
 
-/// Options that users of other programs try, the option that a command must have for the advice to hold, and the advice. The first
-/// line whose option is there holds; `None` holds for each command.
+/// Options that users of other programs try, the option that a command needs for the advice to apply, and the advice.
+/// The first row that applies is used; `None` applies to every command.
 const GUESSES: [(&[&str], Option<&str>, &str); 15] = [
     (&["width", "height", "resolution", "res"], Some("size"), "write --size WxH, such as --size 1280x720"),
     (&["quality", "crf", "quantizer"], Some("qscale"), "write --qscale Q, 1 (best) to 112 (smallest)"),
@@ -16,13 +16,13 @@ const GUESSES: [(&[&str], Option<&str>, &str); 15] = [
     (&["duration", "seconds", "length"], Some("frames"), "write --frames N"),
     (&["exposure"], Some("set"), "write --set exposure=1.5"),
     (&["codec", "vcodec"], Some("also"), "films are MPEG-2; --also film.mp4 codes them as H.264 too"),
-    (&["format", "container"], Some("output"), "the ending of -o FILE says it, such as .mpg or .mp4"),
+    (&["format", "container"], Some("output"), "the ending of -o FILE selects it, such as .mpg or .mp4"),
     (&["out", "outfile"], Some("output"), "write --output FILE"),
     (&["jobs", "cores"], Some("threads"), "write --threads N"),
     (&["force", "yes"], Some("overwrite"), "write --overwrite"),
 ];
 
-/// Advice to one who writes `--name` where `command` has no such option.
+/// Returns advice for a user who typed `--name`, which `command` does not have.
 pub fn advice(name: &str, command: &Command) -> Option<&'static str> {
     let has = |name: &str| command.get_arguments().any(|option: &Arg| option.get_long() == Some(name));
     let holds = |needed: &Option<&str>| needed.is_none_or(has);
@@ -52,7 +52,7 @@ mod tests {
                 is_built = true;
                 is_given |= names.iter().any(|name| !has(command, name) && advice(name, command) == Some(text));
             }
-            // A part that is left out takes its options along.
+            // A feature that was not built takes its options with it.
             assert!(is_given || !is_built, "{text}");
         }
     }

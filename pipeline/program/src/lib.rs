@@ -1,10 +1,10 @@
-//! The command line: arguments and files with options, a file for each command, and the lines that are shown meanwhile.
+//! Command line: arguments, option files, one file per command, and progress output.
 //!
-//! [`main`] is all of the program `render2mpeg`.
+//! [`main`] is the whole program `render2mpeg`.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
-/// As `println!`; a reader that closes its end early is no failure.
+/// Prints like `println!`, but ignores errors: a reader may close its end early.
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write;
@@ -12,7 +12,7 @@ macro_rules! say {
     }};
 }
 
-/// As `eprintln!`, likewise.
+/// Prints like `eprintln!`, but ignores errors.
 macro_rules! tell {
     ($($text:tt)*) => {{
         use std::io::Write;
@@ -50,10 +50,10 @@ use ranks::Ranks;
 pub use reference::{options_page, progress_schema, report_schema};
 use std::process::ExitCode;
 
-/// Exit code where the same arguments fail everywhere and always, as clap has it. All other failures are 1.
+/// Exit code for errors that repeat with the same arguments, as in clap. All other failures return 1.
 const WRONG_ARGUMENTS: u8 = 2;
 
-/// The program `render2mpeg`: runs the command that the process was started with, prints errors, returns the exit code.
+/// The program `render2mpeg`: runs the command in the process's arguments, prints errors and returns the exit code.
 #[must_use]
 pub fn main() -> ExitCode {
     let result = config_file::parse(std::env::args_os().collect()).and_then(|arguments| {
@@ -64,7 +64,7 @@ pub fn main() -> ExitCode {
     match result.and_then(|arguments| run(arguments.command).map_err(with_exit_code)) {
         Ok(code) => code,
         Err((error, code)) => {
-            // Other ranks say the same.
+            // Other ranks print the same error.
             if !ranks::is_silent() {
                 tell!("render2mpeg: {}", single_line(&format!("{error:#}")));
             }
@@ -73,7 +73,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// The error with the exit code of its kind.
+/// Returns the error with its exit code.
 fn with_exit_code(error: anyhow::Error) -> (anyhow::Error, u8) {
     let of_film = matches!(error.downcast_ref(), Some(render2mpeg::Error::Options(_) | render2mpeg::Error::Encoder(_)));
     let of_part = matches!(error.downcast_ref(), Some(pipeline::Error::Options(_)));
@@ -81,7 +81,7 @@ fn with_exit_code(error: anyhow::Error) -> (anyhow::Error, u8) {
     (error, if is_of_arguments { WRONG_ARGUMENTS } else { 1 })
 }
 
-/// Runs the command that was typed.
+/// Runs a command.
 fn run(command: Command) -> Result<ExitCode> {
     match command {
         Command::Join(arguments) => commands::join::run(&arguments),
@@ -117,7 +117,7 @@ fn run(command: Command) -> Result<ExitCode> {
 fn use_threads(threads: Option<u16>) -> Result<()> {
     if let Some(threads) = threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
-        pool.build_global().context("the threads cannot be started")?;
+        pool.build_global().context("cannot start the threads")?;
     }
     Ok(())
 }

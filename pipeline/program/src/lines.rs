@@ -1,4 +1,4 @@
-//! Progress as lines on standard output, for programs that wait for this one.
+//! Progress as lines on standard output, for calling programs.
 
 use clap::ValueEnum;
 use pipeline::report::FrameReport;
@@ -9,14 +9,14 @@ use serde::Serialize;
 use std::io::Write;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// The form of progress.
+/// Form of progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProgressKind {
-    /// A line on standard error that moves on, at a terminal
+    /// A progress bar on standard error, at a terminal
     Bar,
-    /// A line of JSON for the begin, each frame and the end
+    /// A line of JSON for the start, each frame and the end
     Json,
-    /// openjd_progress and openjd_status, for Open Job Description: OpenJD, Deadline Cloud
+    /// openjd_progress and openjd_status for Open Job Description, as in Deadline Cloud
     Openjd,
 }
 
@@ -43,20 +43,20 @@ pub(crate) enum Event {
     },
 }
 
-/// Lines of a run, in one of the forms; none where a bar is wanted.
+/// Lines of a run in one form; none for a progress bar.
 pub(crate) struct Lines {
     kind: ProgressKind,
-    /// Frames of the film.
+    /// Number of frames of the film.
     film_frames: u32,
-    /// Frames to make, those of earlier runs included.
+    /// Number of frames to make, including earlier runs.
     frames: u32,
     first_frame: u32,
-    /// Frames that are made, those of earlier runs included.
+    /// Number of finished frames, including earlier runs.
     made: AtomicU32,
 }
 
 impl Lines {
-    /// For a run that begins with `first_frame`.
+    /// Returns the lines of a run that begins with `first_frame`.
     pub fn new(kind: ProgressKind, settings: &Settings, first_frame: u32) -> Self {
         let frames = settings.frame_range();
         let made = AtomicU32::new(first_frame - frames.start);
@@ -70,14 +70,14 @@ impl Lines {
         self.print_progress();
     }
 
-    /// A frame is in the stream, with all that the report says of it up to here.
+    /// Reports a frame that is in the stream, with its figures so far.
     pub fn frame(&self, frame: &FrameReport) {
         self.made.fetch_add(1, Ordering::Relaxed);
         self.print_json(|| Event::Frame { frame: frame.clone().into() });
         self.print_progress();
     }
 
-    /// All is done.
+    /// Reports the end of the run.
     pub fn end(&self, report: &Report) {
         self.print_json(|| Event::End { summary: report.summary.clone().into() });
     }
@@ -90,7 +90,7 @@ impl Lines {
         }
     }
 
-    /// Share of the frames in percent, and a status, each at the beginning of a line (Open Job Description, How Jobs Are Run).
+    /// Prints progress in percent and a status, each at the start of a line (Open Job Description, How Jobs Are Run).
     fn print_progress(&self) {
         if self.kind == ProgressKind::Openjd {
             let (made, frames) = (self.made.load(Ordering::Relaxed), self.frames);
@@ -100,7 +100,7 @@ impl Lines {
     }
 }
 
-/// Prints a line at once. Nobody may listen any more: the film is made all the same.
+/// Prints a line at once. Without a listener the film continues.
 fn print(line: &str) {
     let mut out = std::io::stdout().lock();
     let _ = writeln!(out, "{line}").and_then(|()| out.flush());

@@ -1,26 +1,26 @@
-//! Events of the stages: lines for people (`-v`), bars for `--trace`.
+//! Events of the stages: log lines (`-v`) and bars for `--trace`.
 
 use super::trace::Trace;
 use anyhow::Result;
 use std::path::PathBuf;
 
-/// Writes the log of the stages. Where it is off, it costs next to nothing.
+/// Log of the stages; almost free while disabled.
 pub struct Log {
     trace: Option<(PathBuf, Trace)>,
 }
 
 impl Log {
-    /// From now on: lines to standard error, once for frames and twice for every stage, and bars for the file `trace`.
+    /// Starts logging to standard error (1: frames, 2: every stage) and collecting bars for the file `trace`.
     pub fn start(verbose: u8, trace: Option<PathBuf>) -> Self {
         let trace = trace.map(|path| (path, Trace::new()));
         listen(verbose, trace.as_ref().map(|(_, trace)| trace.clone()));
         Self { trace }
     }
 
-    /// Writes the bars; what there is to say of them.
+    /// Writes the bars, and returns a summary line.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     pub fn finish(&self) -> Result<Option<String>> {
         let Some((path, trace)) = &self.trace else { return Ok(None) };
         trace.write(path)?;

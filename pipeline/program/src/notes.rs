@@ -1,4 +1,4 @@
-//! Notes on a scene and its film: what users may not expect, and nothing refuses.
+//! Notes on a scene and its film: surprises that are not errors.
 
 use mpeg2enc::Level;
 use perceptual::luminance_plane;
@@ -10,13 +10,13 @@ use render2mpeg::settings::{CodedRate, Settings};
 use renderer::settings::Size;
 use std::f32::consts::PI;
 
-/// Luma of a picture that counts as black, at most: eight codes above the black of video, which hardly any display shows.
+/// Maximum luma of a black picture: eight codes above the black of video, hardly visible on any display.
 const BLACK: u8 = 24;
 
-/// A picture is dim below this share of the light outdoors: ten stops less, as a cellar has.
+/// Maximum luminance of a dim picture relative to the luminance outdoors: ten stops less, as in a cellar.
 const DIM: f32 = 1e-3;
 
-/// Notes before work begins: warnings of the scene, and frames beyond its end.
+/// Returns notes printed before the work: warnings of the scene, and limits that the film exceeds.
 pub(super) fn before(scene: &Scene, settings: &Settings) -> Vec<String> {
     let mut notes = scene.warnings.clone();
     notes.extend(beyond_the_end(scene, settings));
@@ -24,7 +24,7 @@ pub(super) fn before(scene: &Scene, settings: &Settings) -> Vec<String> {
     notes
 }
 
-/// A note that no level is right for size and rate, if none is.
+/// Returns a note if the size and rate exceed every level.
 fn beyond_levels(settings: &Settings) -> Option<String> {
     let (Size { width, height }, rate) = (settings.render.size, CodedRate::of(settings.render.fps).ok()?.rate);
     if settings.coding.mpeg1 || Level::lowest(width, height, rate.fps()).is_some() {
@@ -32,11 +32,11 @@ fn beyond_levels(settings: &Settings) -> Option<String> {
     }
     let fps = rate.fps();
     Some(format!(
-        "no level of MPEG-2 holds {width}x{height} at {fps:.2} pictures a second: the film states High Level, which is too low"
+        "{width}x{height} at {fps:.2} pictures per second exceeds every MPEG-2 level: the film states High Level"
     ))
 }
 
-/// A note on frames that were coded coarser than at the quantiser of the settings, so that the level holds them.
+/// Returns a note if frames were quantised coarser than the settings to stay within the level.
 pub(super) fn on_level(report: &Report) -> Option<String> {
     let settings = &report.settings;
     if settings.coding.bitrate.is_some() {
@@ -46,12 +46,12 @@ pub(super) fn on_level(report: &Report) -> Option<String> {
     (coarser > 0).then(|| {
         let qscale = settings.render.qscale;
         format!(
-            "{coarser} frames are coded coarser than at --qscale {qscale}, to keep to the bit rate that the film states"
+            "{coarser} frames are coded coarser than --qscale {qscale}, to stay within the bit rate of the film's level"
         )
     })
 }
 
-/// Says that frames are beyond the end of what moves, if any are.
+/// Returns a note if frames are after the end of the animation.
 fn beyond_the_end(scene: &Scene, settings: &Settings) -> Option<String> {
     let (renderer, duration) = (settings.render.clone(), f64::from(scene.duration()));
     let last = settings.frame_range().end.checked_sub(1)?;
@@ -60,10 +60,10 @@ fn beyond_the_end(scene: &Scene, settings: &Settings) -> Option<String> {
         return None;
     }
     let end = (duration * settings.render.fps).round();
-    Some(format!("the animation ends after {duration:.2} s, before frame {end}: later frames stand still"))
+    Some(format!("the animation ends after {duration:.2} s, before frame {end}: later frames are static"))
 }
 
-/// The code that one pixel in a hundred exceeds at most: a lamp alone makes no picture bright.
+/// Returns the code that at most one pixel in a hundred exceeds: a lamp alone makes no picture bright.
 pub(super) fn bright_code(codes: impl Iterator<Item = u8>) -> u8 {
     let (mut counts, mut all) = ([0usize; 256], 0);
     for code in codes {
@@ -80,18 +80,18 @@ pub(super) fn bright_code(codes: impl Iterator<Item = u8>) -> u8 {
     0
 }
 
-/// Says that all pictures are black, if the largest [`bright_code`] of their luma is.
+/// Returns a note if all pictures are black: the largest [`bright_code`] of their luma is at most [`BLACK`].
 pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<String> {
     if brightest? > BLACK {
         return None;
     }
     let exposure = match settings.render.auto_exposure {
         true => String::new(),
-        false => format!("the exposure is {}, --set exposure=… changes it; ", settings.render.tone_map.exposure),
+        false => format!("the exposure is {}, adjustable with --set exposure=…; ", settings.render.tone_map.exposure),
     };
     let scene = settings.scene.display();
     Some(format!(
-        "99 of 100 pixels are black, or nearly: {exposure}render2mpeg plan {scene} lists lamps and sky; the camera may look elsewhere"
+        "99 % of pixels are black or nearly so: {exposure}render2mpeg plan {scene} lists lamps and sky; check the camera"
     ))
 }
 
@@ -101,22 +101,22 @@ pub(super) fn mean_luminance(radiance: &Plane<[f32; 3]>) -> f32 {
     luminances.samples().iter().sum::<f32>() / luminances.samples().len().max(1) as f32
 }
 
-/// Reports pictures that hardly any light of sky and suns gets to, where there is no other; the largest of their
-/// [mean luminances](mean_luminance) is `brightest`.
+/// Returns a note if hardly any light of sky and suns reaches the pictures, and the scene has no other light. The
+/// largest of their [mean luminances](mean_luminance) is `brightest`.
 pub(super) fn on_dimness(brightest: f32, scene: &Scene) -> Option<String> {
-    // Lamps light what is around them, however bright it is outdoors.
+    // Lamps light their surroundings, independent of the brightness outdoors.
     let has_lamps = scene.punctual_lights.iter().any(|light| light.kind != PunctualKind::Directional)
         || scene.extreme_materials().iter().any(|material| material.emits());
     let share = brightest / luminance_outdoors(scene);
     (!has_lamps && share > 0.0 && share < DIM).then(|| {
         format!(
-            "the pictures get 1/{:.0} of the light of sky and sun: noise of the photons shows; lamps or wider openings help",
+            "the pictures receive 1/{:.0} of the light of sky and sun, so photon noise is visible; add lamps or widen openings",
             1.0 / share
         )
     })
 }
 
-/// Luminance of a white surface that faces all light of the sky, on average, and every sun: E/π, with E = Φ/4 for a fluence Φ.
+/// Mean luminance of a white surface under the whole sky and every sun: E/π, with E = Φ/4 for a fluence Φ.
 fn luminance_outdoors(scene: &Scene) -> f32 {
     let mut irradiance = scene.sky.as_ref().map_or(0.0, |sky| luminance(sky.fluence()) / 4.0);
     for light in &scene.punctual_lights {
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn pictures_in_the_dark_of_a_bright_day_are_dim() {
-        // A sky of radiance 1 on all sides lights a white surface to a luminance of 1: E = 4π / 4.
+        // A sky of radiance 1 in all directions lights a white surface to a luminance of 1: E = 4π / 4.
         let white = Gradient { zenith: [1.0; 3], horizon: [1.0; 3], ground: [1.0; 3] };
         let mut scene = Scene { sky: Environment::gradient(white), ..Scene::default() };
         let is_dim = |scene: &Scene, brightest: f32| on_dimness(brightest, scene).is_some();
@@ -146,13 +146,13 @@ mod tests {
             [false, true, false, false]
         );
 
-        // A sun of π brings as much again; a lamp of any power is light of the room's own.
+        // A sun of π doubles the light; a lamp of any power lights the room itself.
         let sun = PunctualLight { node: 0, color: Vec3::splat(PI), kind: PunctualKind::Directional };
         scene.punctual_lights.push(sun);
         assert!(is_dim(&scene, 1.9e-3) && !is_dim(&scene, 2.1e-3));
         scene.materials.push(Material { emission: Vec3::splat(1e-6), ..Material::default() });
         assert!(!is_dim(&scene, 1e-6));
-        assert!(!is_dim(&Scene::default(), 1e-6), "there is no light at all");
+        assert!(!is_dim(&Scene::default(), 1e-6), "the scene has no light");
     }
 
     #[test]

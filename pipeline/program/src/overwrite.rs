@@ -1,31 +1,31 @@
-//! Files that are there already: replaced only where the user says so.
+//! Existing files: replaced only with the user's consent.
 
 use anyhow::{Result, bail};
 use clap::Args;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::Path;
 
-/// Whether files may be replaced.
+/// Permission to replace existing files.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct Overwrite {
-    /// Replace files that are there already, without asking
+    /// Replace existing files without asking
     #[arg(long, help_heading = "Output", hide_short_help = true)]
     overwrite: bool,
 }
 
 impl Overwrite {
-    /// Lets a file that is there be replaced if the user says so, now or by `--overwrite`. Devices and pipes are no files.
+    /// Permits replacing an existing file by `--overwrite` or by the user's answer. Devices and pipes are not files.
     ///
     /// # Errors
-    /// The user says no, or there is no terminal to ask at.
+    /// If the user refuses, or without a terminal to ask at.
     pub fn check(self, path: &Path) -> Result<()> {
-        self.check_for(path, "is there already")
+        self.check_for(path, "already exists")
     }
 
-    /// As [`check`](Self::check), for a file that is there in the state that `what` says.
+    /// Checks like [`check`](Self::check), with `what` as the description of the existing file.
     ///
     /// # Errors
-    /// As [`check`](Self::check).
+    /// If the user refuses, or without a terminal to ask at.
     pub fn check_for(self, path: &Path, what: &str) -> Result<()> {
         if self.overwrite || !path.is_file() {
             return Ok(());
@@ -39,7 +39,7 @@ impl Overwrite {
     }
 }
 
-/// Asks at the terminal. Anything but yes is no.
+/// Asks at the terminal. Any answer but yes is a no.
 fn says_yes(question: &str) -> Result<bool> {
     let mut shown = std::io::stderr();
     write!(shown, "{}", super::print::single_line(question))?;

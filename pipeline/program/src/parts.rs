@@ -1,9 +1,9 @@
-//! The parts of the program that a build can leave out: Cargo's features of the same names.
+//! Optional features of the program: Cargo features of the same names.
 
 use anyhow::{Result, bail};
 use std::sync::OnceLock;
 
-/// A part, and the commands that are gone without it.
+/// Feature, and the commands that require it.
 struct ProgramPart {
     feature: &'static str,
     is_built: bool,
@@ -20,28 +20,28 @@ const PARTS: [ProgramPart; 7] = [
     ProgramPart { feature: "mpi", is_built: cfg!(feature = "mpi"), commands: &[] },
 ];
 
-/// Names the missing part where something is requested that needs `feature`.
+/// Reports the missing feature if something requested needs `feature`.
 ///
 /// # Errors
-/// It is `requested`, and not built in.
+/// If `feature` is `requested` and was not built.
 pub fn need(feature: &str, requested: bool) -> Result<()> {
     match PARTS.iter().find(|part| part.feature == feature && !part.is_built) {
         Some(_) if requested => {
-            bail!("this build has no {feature}; build it with cargo build --release --features {feature}")
+            bail!("this build lacks the feature {feature}; build with cargo build --release --features {feature}")
         }
         _ => Ok(()),
     }
 }
 
-/// The same of a command, which the build may not even know by name.
+/// Reports the missing feature of a command, which the build may not even parse.
 ///
 /// # Errors
-/// It is not built in.
+/// If the command's feature was not built.
 pub fn need_for(command: &str) -> Result<()> {
     PARTS.iter().try_for_each(|part| need(part.feature, part.commands.contains(&command)))
 }
 
-/// The version, and which parts are there.
+/// Version of the program, with the features built and left out.
 pub fn version() -> &'static str {
     static TEXT: OnceLock<String> = OnceLock::new();
     let names = |built| PARTS.iter().filter(|part| part.is_built == built).map(|part| part.feature).collect::<Vec<_>>();

@@ -1,18 +1,19 @@
-//! Text for terminals: names in files cannot forge what the program says.
+//! Text for terminals, escaped so that names in files cannot forge the program's output.
 
 use std::borrow::Cow;
 
-/// `text` with control characters as `\u{…}`, but for line breaks and tabs of the program itself.
+/// Escapes control characters in `text` as `\u{…}`, except for line breaks and tabs.
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |c| is_control(c) && c != '\n' && c != '\t')
 }
 
-/// The same as one line: whatever line breaks came with a name.
+/// Escapes all control characters in `text`, including line breaks and tabs.
 pub fn single_line(text: &str) -> Cow<'_, str> {
     escaped(text, is_control)
 }
 
-/// Whether a terminal obeys the character in place of showing it: controls (C0, C1), and those that turn the direction of text.
+/// Returns true if a terminal obeys the character instead of showing it: C0 and C1 controls, and bidirectional
+/// controls.
 fn is_control(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
@@ -28,12 +29,12 @@ fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// A number with what is counted: "1 frame", "2 frames".
+/// Formats a count with its noun: "1 frame", "2 frames".
 pub(crate) fn counted(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
-/// Seconds in the unit that a person would use.
+/// Formats seconds in a convenient unit.
 pub(crate) fn rough_time(seconds: f64) -> String {
     match seconds {
         ..120.0 => format!("{seconds:.0} s"),

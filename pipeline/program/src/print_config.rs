@@ -1,34 +1,35 @@
-//! `--print-config`: what was chosen, as a file for `--config`.
+//! `--print-config`: the chosen options as a file for `--config`.
 
 use anyhow::Result;
 use render2mpeg::Options;
 use std::path::Path;
 use toml::Value;
 
-/// An option of the program alone.
+/// Option of the program that is not an option of the film.
 pub struct ProgramOption {
     pub name: &'static str,
-    /// As it is written; none if it was not chosen.
+    /// Value as written in the file; `None` if not chosen.
     pub value: Option<Value>,
 }
 
 impl ProgramOption {
-    /// An option with one value, if it was chosen.
+    /// Returns an option with one value, if chosen.
     pub fn text(name: &'static str, value: Option<String>) -> Self {
         Self { name, value: value.map(Value::String) }
     }
 
-    /// An option that may be repeated.
+    /// Returns an option that may be repeated.
     pub fn list(name: &'static str, values: impl Iterator<Item = String>) -> Self {
         let values: Vec<Value> = values.map(Value::String).collect();
         Self { name, value: (!values.is_empty()).then_some(Value::Array(values)) }
     }
 }
 
-/// The file that makes the same film, every option named. `options` are filled in, `more` are those of the program alone.
+/// Returns the file that makes the same film, with every option. `options` are filled in; `more` are the program's
+/// own options.
 ///
 /// # Errors
-/// A path is no valid Unicode.
+/// If a path is not valid Unicode.
 pub fn text(scene: &Path, options: &Options, more: &[ProgramOption]) -> Result<String> {
     let line = |key: &str, value: Value| format!("{key} = {value}\n");
     let mut text = line("scene", Value::String(scene.display().to_string()));

@@ -1,4 +1,4 @@
-//! Progress at a terminal while the frames are made, and a summary at the end.
+//! Progress at a terminal while frames are made, and a summary at the end.
 
 use crate::print::{counted, rough_time, single_line};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -10,26 +10,26 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A line that shows how far the run is; nothing when standard error is not a terminal.
+/// Progress line; hidden if standard error is not a terminal.
 pub(crate) struct ProgressLine {
     bar: ProgressBar,
     pace: Mutex<Pace>,
     is_quiet: bool,
 }
 
-/// Time that frames take. The first frame of a run is no measure of the others: it traces photons, builds trees and fills caches.
+/// Time per frame. The run's first frame is excluded: it traces photons, builds trees and fills caches.
 #[derive(Clone, Copy, Default)]
 struct Pace {
-    /// The end of the run's first frame.
+    /// End of the run's first frame.
     first: Option<Instant>,
-    /// The end of the last frame so far.
+    /// End of the last frame so far.
     last: Option<Instant>,
-    /// Frames after the first.
+    /// Number of frames after the first.
     others: u32,
 }
 
 impl Pace {
-    /// A frame ends `now`.
+    /// Records a frame that ends `now`.
     fn frame(&mut self, now: Instant) {
         match self.first {
             None => self.first = Some(now),
@@ -38,20 +38,20 @@ impl Pace {
         self.last = Some(now);
     }
 
-    /// Seconds of a frame after the first, by the mean; none before the second.
+    /// Mean time of the frames after the first \[s\]; `None` before the second frame.
     fn seconds(&self) -> Option<f64> {
         let (first, last) = (self.first?, self.last?);
         (self.others > 0).then(|| (last - first).as_secs_f64() / f64::from(self.others))
     }
 }
 
-/// The spinner of the line turns once in eight of these: it shows that a long frame is being made.
+/// Interval of the spinner's steps, of which a rotation has eight: the line stays alive during long frames.
 const TICK: Duration = Duration::from_millis(250);
 
 impl ProgressLine {
-    /// Says what is about to happen, and starts the line.
+    /// Prints the film's properties, and starts the line.
     pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
-        // Lines of a verbose run take the place of this one.
+        // The log lines of a verbose run replace this line.
         if quiet {
             return Self { bar: ProgressBar::hidden(), pace: Mutex::default(), is_quiet: quiet };
         }
@@ -73,37 +73,37 @@ impl ProgressLine {
         let frames = settings.frame_range();
         let bar = ProgressBar::new(frames.len() as u64).with_style(style);
         if first_frame > frames.start {
-            tell!("goes on with frame {first_frame}");
+            tell!("resuming at frame {first_frame}");
             bar.set_position((first_frame - frames.start).into());
         }
-        bar.set_message("the first takes longest");
+        bar.set_message("the first frame takes longest");
         bar.enable_steady_tick(TICK);
         Self { bar, pace: Mutex::default(), is_quiet: quiet }
     }
 
-    /// Moves on by a frame.
+    /// Advances by a frame.
     pub fn frame(&self, frame: &FrameReport) {
         self.bar.inc(1);
         let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
         pace.frame(Instant::now());
 
-        // Time by the frames after the first, size and quality of this one.
+        // Remaining time by the frames after the first, size and quality of this frame.
         let left = self.bar.length().unwrap_or(0).saturating_sub(self.bar.position());
         let time = match pace.seconds() {
-            Some(seconds) => format!("{seconds:.1} s a frame, {} left", rough_time(seconds * left as f64)),
+            Some(seconds) => format!("{seconds:.1} s per frame, {} left", rough_time(seconds * left as f64)),
             None => "estimating the time left".into(),
         };
         let kilobytes = frame.bits as f64 / 8000.0;
-        let quality = frame.psnr_y.map_or("no loss".into(), |psnr| format!("quality {psnr:.1} dB"));
+        let quality = frame.psnr_y.map_or("lossless".into(), |psnr| format!("quality {psnr:.1} dB"));
         self.bar.set_message(format!("{time}  last {kilobytes:.1} kB, {quality}"));
     }
 
-    /// Says above the line what went wrong and does not end the run.
+    /// Prints a warning above the line.
     pub fn warn(&self, warning: &str) {
         self.bar.suspend(|| tell!("warning: {}", single_line(warning)));
     }
 
-    /// Says something above the line, from any thread; nothing in a quiet run.
+    /// Returns a function that prints above the line from any thread; it prints nothing in a quiet run.
     pub fn teller(&self) -> impl Fn(&str) + Send + 'static {
         let (bar, is_quiet) = (self.bar.clone(), self.is_quiet);
         move |text| {
@@ -113,13 +113,13 @@ impl ProgressLine {
         }
     }
 
-    /// Takes the line away.
+    /// Removes the line.
     pub fn clear(&self) {
         self.bar.finish_and_clear();
     }
 }
 
-/// A line for work of a length that is told later.
+/// Returns a progress bar for work with a length that is set later.
 pub fn of_work(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
@@ -128,7 +128,7 @@ pub fn of_work(quiet: bool) -> ProgressBar {
     ProgressBar::new(0).with_style(style)
 }
 
-/// A line for work of many parts, which says what is going on.
+/// Returns a progress bar for work in many steps, with a message for the current step.
 pub fn of_long_work(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
@@ -137,14 +137,15 @@ pub fn of_long_work(quiet: bool) -> ProgressBar {
     ProgressBar::new(0).with_style(style.expect("the template is correct"))
 }
 
-/// The figures that matter most, and where everything is. The run has made all frames but those `before` it.
+/// Prints the main figures of the run and the paths of its files. The run has made all frames except the `before`
+/// first ones.
 pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     let s = &report.summary;
     let settings = &report.settings;
     let rate = s.bits * report.settings.render.fps / 1000.0;
-    let psnr = s.psnr_y.map_or("equal to the source".into(), |psnr| format!("{psnr:.1} dB"));
+    let psnr = s.psnr_y.map_or("lossless".into(), |psnr| format!("{psnr:.1} dB"));
     let (all, made) = (s.frames, s.frames.saturating_sub(before));
-    let of_all = if before > 0 { format!(" ({all} in all)") } else { String::new() };
+    let of_all = if before > 0 { format!(" ({all} in total)") } else { String::new() };
     let ended = if s.interrupted { ", interrupted" } else { "" };
     tell!("{} in {:.1} s{of_all}{ended}", counted(made as usize, "frame"), s.wall_seconds);
     // The first frame has no thresholds of its own.
@@ -153,7 +154,7 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
         share => format!(", threshold {:.1} % of luminance", 100.0 * share),
     };
     tell!(
-        "  lighting  {:.2} s direct + {:.2} s cuts a frame, {:.0} lights a cut{}",
+        "  lighting  {:.2} s direct + {:.2} s lightcuts per frame, {:.0} lights per cut{}",
         s.seconds.direct,
         s.seconds.indirect,
         s.cut_size_mean,
@@ -161,11 +162,11 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     );
     tell!("  video     {rate:.0} kbit/s, luma PSNR {psnr}");
     if let Some(bytes) = s.peak_memory_bytes {
-        tell!("  memory    {:.0} MB at most", bytes as f64 / 1e6);
+        tell!("  memory    {:.0} MB peak", bytes as f64 / 1e6);
     }
     let broken: usize = report.frames.iter().map(|frame| frame.figures.non_finite).sum();
     if broken > 0 {
-        tell!("  warning   {broken} pixels were not finite and are shown black");
+        tell!("  warning   {broken} pixels were not finite and became black");
     }
     tell!("video:  {}", settings.output.display());
     let others = [("y4m:   ", &settings.files.y4m), ("frames:", &settings.files.exr), ("frames:", &settings.files.png)];

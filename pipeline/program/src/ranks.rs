@@ -1,9 +1,9 @@
-//! Processes that `mpirun` has started together.
+//! Processes started together by `mpirun`.
 
 use anyhow::{Result, bail};
 use pipeline::team::Team;
 
-/// Variables by which Open MPI, MPICH and schedulers tell a process how many there are, and which it is.
+/// Environment variables of Open MPI, MPICH and schedulers with the number of processes and the rank.
 const COUNTS: [&str; 2] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"];
 const RANKS: [&str; 3] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK"];
 
@@ -11,17 +11,17 @@ fn first_of(names: &[&str]) -> Option<usize> {
     names.iter().find_map(|name| std::env::var(name).ok()?.parse().ok())
 }
 
-/// Whether this process is one of several, and not the first: it says nothing then, as the first says the same.
+/// Returns true if this process is one of several and not the first: the first prints the same.
 pub fn is_silent() -> bool {
     first_of(&RANKS).is_some_and(|rank| rank > 0)
 }
 
-/// Whether this process is one of several.
+/// Returns true if this process is one of several.
 pub fn are_several() -> bool {
     first_of(&COUNTS).is_some_and(|count| count > 1) || is_silent()
 }
 
-/// The ranks that this process is one of.
+/// The ranks, of which this process is one.
 pub struct Ranks {
     team: Team,
     #[cfg(feature = "mpi")]
@@ -29,13 +29,13 @@ pub struct Ranks {
 }
 
 impl Ranks {
-    /// Joins the processes that were started together with this one; alone if there are none.
+    /// Joins the processes that were started with this one; a single process stays alone.
     ///
     /// # Errors
-    /// This build knows no ranks, or they cannot be joined.
+    /// If this build does not support ranks, or the processes cannot be connected.
     #[cfg(feature = "mpi")]
     pub fn join() -> Result<Self> {
-        // A launcher may tell the rank and not how many there are.
+        // A launcher may set the rank without the number of ranks.
         let count = first_of(&COUNTS).or(first_of(&RANKS).map(|_| 2));
         if count.is_none_or(|count| count <= 1) {
             return Ok(Self { team: Team::alone(), processes: None });
@@ -44,18 +44,18 @@ impl Ranks {
         Ok(Self { team: processes.team().clone(), processes: Some(processes) })
     }
 
-    /// The same where there can be none.
+    /// Returns this process alone, in builds without MPI.
     #[cfg(not(feature = "mpi"))]
     pub fn join() -> Result<Self> {
         Ok(Self { team: Team::alone() })
     }
 
-    /// The ranks.
+    /// Ranks of the team.
     pub fn team(&self) -> &Team {
         &self.team
     }
 
-    /// Ends all other ranks, where this one has failed and they have not.
+    /// Ends all other ranks after a failure on this rank only.
     pub fn fail(&self, code: u8) {
         #[cfg(feature = "mpi")]
         if self.processes.is_some() {
@@ -65,23 +65,21 @@ impl Ranks {
     }
 }
 
-/// Refuses what several processes would all do at once.
+/// Refuses commands that several processes would all run at once.
 ///
 /// # Errors
-/// There are several, and this build does not know of it, or the command is none that they share.
+/// If there are several processes, and this build lacks MPI or the command does not share its work.
 pub fn check(is_shared: bool) -> Result<()> {
     if !are_several() {
         return Ok(());
     }
     if !cfg!(feature = "mpi") {
         bail!(
-            "mpirun has started several ranks, and this build knows none; build it with cargo build --release --features mpi"
+            "mpirun started several ranks, but this build lacks the feature mpi; build with cargo build --release --features mpi"
         );
     }
     if !is_shared {
-        bail!(
-            "mpirun has started several ranks, which only render shares its work among; run this command without mpirun"
-        );
+        bail!("mpirun started several ranks, but only render shares its work; run this command without mpirun");
     }
     Ok(())
 }

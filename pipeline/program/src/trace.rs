@@ -1,6 +1,6 @@
-//! `--trace`: which stage worked when, and on which frame, as JSON that `chrome://tracing` and Perfetto show.
+//! `--trace`: the time of each stage and frame, as JSON for `chrome://tracing` and Perfetto.
 //!
-//! Every span that the stages open becomes a bar: "complete events" of the Trace Event Format.
+//! Every span of a stage becomes a bar, a "complete event" of the Trace Event Format.
 
 use anyhow::Result;
 use pipeline::output::Output;
@@ -16,10 +16,10 @@ use tracing::span::{Attributes, Id};
 use tracing_subscriber::layer::{Context, Layer};
 use tracing_subscriber::registry::LookupSpan;
 
-/// Spans of whole stages: what is between them is waiting.
+/// Spans of whole stages: time between them is waiting.
 const STAGES: [&str; 5] = ["prepare", "shade", "display", "encode", "mask"];
 
-/// Collects what has ended.
+/// Collects finished spans.
 #[derive(Clone)]
 pub struct Trace {
     begin: Instant,
@@ -35,24 +35,24 @@ struct Bar {
     length: Duration,
 }
 
-/// When a span was entered, and which frame it is of.
+/// Time at which a span was entered, and its frame.
 struct Entered {
     at: Option<Instant>,
     frame: Option<u64>,
 }
 
 impl Trace {
-    /// Nothing yet; time counts from now.
+    /// Returns an empty trace; time counts from now.
     pub fn new() -> Self {
         Self { begin: Instant::now(), bars: Arc::default() }
     }
 
     fn bars(&self) -> MutexGuard<'_, Vec<Bar>> {
-        // Bars are pushed whole.
+        // Each push adds a complete bar, so a poisoned lock is valid.
         self.bars.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Seconds from the first stage's begin to the last one's end, and the sum of the stages' own.
+    /// Returns the seconds from the first stage's start to the last one's end, and the sum of all stages.
     pub fn overlap(&self) -> (f64, f64) {
         let bars = self.bars();
         let stages = || bars.iter().filter(|bar| STAGES.contains(&bar.name));
@@ -61,10 +61,10 @@ impl Trace {
         ((last - first).as_secs_f64(), stages().map(|bar| bar.length.as_secs_f64()).sum())
     }
 
-    /// Writes the file.
+    /// Writes the trace as JSON.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let (wall, sum) = self.overlap();
         let bars = self.bars();
@@ -88,7 +88,7 @@ impl Trace {
     }
 }
 
-/// Threads in the order in which they come.
+/// Returns this thread's number, in order of first use.
 fn thread_number() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(1);
     thread_local!(static NUMBER: Cell<u64> = Cell::new(NEXT.fetch_add(1, Ordering::Relaxed)));

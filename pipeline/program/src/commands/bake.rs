@@ -17,54 +17,54 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The scene, and how fine its light is to be.
+/// Scene to bake, and the resolution of its light.
 #[derive(Args)]
 pub(crate) struct BakeArguments {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Reading of the scene: folders, camera, animation, settings.
+    /// How to read the scene: folders, camera, animation, settings.
     #[command(flatten)]
     reading: Reading,
-    /// The baked light [default: the scene's name with .slf, beside it; with --gltf, no such file]
+    /// File of the baked light [default: the scene's path with .slf; none with --gltf]
     #[arg(short, long, value_name = "FILE.slf")]
     output: Option<PathBuf>,
-    /// The scene with the light painted in, for any viewer of glTF
+    /// Also write the scene with the light in its textures, for any glTF viewer
     #[arg(long, value_name = "OUT.glb")]
     gltf: Option<PathBuf>,
-    /// Longer side of the picture of the light [default: 4 for each texel of the light, 2048 to 4096]
+    /// Longer side of the light texture [default: 4 per texel of the light, 2048 to 4096]
     #[arg(long, value_name = "SIDE", requires = "gltf", value_parser = clap::value_parser!(u32).range(64..=16384))]
     texture: Option<u32>,
-    /// Light that is baked already, for --gltf
+    /// Use this baked light for --gltf
     #[arg(long, value_name = "FILE.slf", requires = "gltf",
         conflicts_with_all = ["output", "texels", "vpls", "photons", "bounces", "seed"])]
     baked: Option<PathBuf>,
-    /// Texels on the surfaces, those that their borders need included
+    /// Number of texels on surfaces, including the texels of chart borders
     #[arg(long, value_name = "N", default_value_t = 400_000, value_parser = clap::value_parser!(u32).range(16..=16_000_000))]
     texels: u32,
-    /// Anchor lights that carry the indirect light [default: as for films]
+    /// Number of anchor lights, the sources of indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// Photons [default: 36 for each anchor light]
+    /// Number of photons [default: 36 per anchor light]
     #[arg(long, value_name = "N")]
     photons: Option<u64>,
-    /// Reflections of light on its way to the eye, at most [default: no limit]
+    /// Maximum number of reflections [default: no limit]
     #[arg(long, value_name = "N")]
     bounces: Option<u32>,
-    /// Seed of photons and light tree [default: 1]
+    /// Random seed of photons and light tree [default: 1]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
-    /// Threads [default: one per processor]; the result is the same for any number
+    /// Number of threads; the result does not depend on it [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Whether files may be replaced.
+    /// Permission to replace files.
     #[command(flatten)]
     overwrite: Overwrite,
-    /// No progress: only errors are shown
+    /// Print errors only
     #[arg(short, long)]
     quiet: bool,
 }
 
-/// Bakes, and writes the light, the export, or both.
+/// Bakes, and writes the light, the glTF export, or both.
 pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
     let BakeArguments {
         scene: path,
@@ -83,7 +83,7 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
         ..
     } = arguments;
     let scene = reading.load(&path)?;
-    // Outputs that cannot be written are told of before the work, not after it.
+    // Report unwritable outputs before the work, not after it.
     let output = output.or_else(|| gltf.is_none().then(|| path.with_extension("slf")));
     FilePlaces::of(&scene)
         .reads("--baked", baked.as_deref())
@@ -100,7 +100,7 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
         check_path(gltf, &path)?;
     }
 
-    // The finest quantiser: as many photons as any film has.
+    // The finest quantiser, which gives the most photons of any film.
     let options = Options { vpls, photons, bounces, seed, qscale: Some(1), ..Options::default() };
     let settings = Settings::new(path, &scene, &options)?;
     let job = BakeJob { scene: &scene, settings: &settings, quiet };
@@ -114,7 +114,7 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A scene to bake.
+/// Scene to bake.
 struct BakeJob<'a> {
     scene: &'a Scene,
     settings: &'a Settings,
@@ -122,7 +122,7 @@ struct BakeJob<'a> {
 }
 
 impl BakeJob<'_> {
-    /// Bakes the light, and writes it to `output` if there is to be such a file.
+    /// Bakes the light, and writes it to `output` if given.
     fn bake(&self, texels: usize, output: Option<&Path>) -> Result<BakedTexels> {
         let begin = Instant::now();
         let bar = progress::of_work(self.quiet);
@@ -140,7 +140,7 @@ impl BakeJob<'_> {
             }
             let atlas = &baked.texels.atlas;
             tell!(
-                "  {} texels, {} of them on surfaces and {} within something, {:.2} a meter, in {} charts and {} tiles",
+                "  {} texels, {} on surfaces and {} inside solids, {:.2} per meter, in {} charts and {} tiles",
                 atlas.len(),
                 atlas.covered(),
                 baked.filled,
@@ -152,7 +152,7 @@ impl BakeJob<'_> {
             if !coats.is_empty() {
                 let (texels, samples, bytes) = (coats.texels(), coats.samples(), coats.stored_bytes());
                 let seconds = baked.coat_seconds;
-                tell!("  coats: {texels} texels, {samples} directions in all, {bytes} bytes in {seconds:.1} s");
+                tell!("  coats: {texels} texels, {samples} directions in total, {bytes} bytes in {seconds:.1} s");
             }
             if written.is_some() {
                 tell!("  render2mpeg render {} --lighting baked", self.settings.scene.display());
@@ -161,7 +161,7 @@ impl BakeJob<'_> {
         Ok(baked.texels)
     }
 
-    /// Writes the scene with `light` painted in.
+    /// Writes the scene with `light` in its textures.
     fn export(&self, light: BakedTexels, path: &Path, side: Option<u32>) -> Result<()> {
         let begin = Instant::now();
         let export =

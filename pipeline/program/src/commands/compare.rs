@@ -14,25 +14,25 @@ use std::process::ExitCode;
 /// Options of a comparison.
 #[derive(Args)]
 pub struct Compare {
-    /// The picture to judge: a picture (.exr, .png), a folder of pictures, or a video (.y4m; others through ffmpeg)
+    /// Picture to measure: a picture (.exr, .png), a folder of pictures, or a video (.y4m; others through ffmpeg)
     picture: PathBuf,
-    /// The reference, of the same kind; if it tells its variance, its noise is taken off
+    /// Reference, of the same kind; variance stored in it is subtracted as noise
     reference: PathBuf,
-    /// Where they differ, as a picture: the mean difference of luma, dark below 1/4 of a code value, bright at 64
+    /// Write the mean difference of luma as a heat map: dark below 1/4 of a code value, bright at 64
     #[arg(long, value_name = "FILE.png")]
     heatmap: Option<PathBuf>,
-    /// Whether the picture of differences may be replaced.
+    /// Permission to replace the heat map.
     #[command(flatten)]
     overwrite: Overwrite,
-    /// As JSON: of a picture its measures, of a sequence "frames" and their "mean"
+    /// Print JSON: the measures of a picture, or "frames" and their "mean" for a sequence
     #[arg(long)]
     json: bool,
 }
 
-/// Compares and prints.
+/// Compares, and prints the measures.
 pub fn run(arguments: &Compare) -> Result<ExitCode> {
     let Compare { picture, reference, heatmap, overwrite, json } = arguments;
-    // An output that cannot be written is told of before the work.
+    // Report unwritable outputs before the work.
     let places = FilePlaces::default().reads("the comparison", Some(picture)).reads("the comparison", Some(reference));
     places.writes("--heatmap", heatmap.as_deref()).check()?;
     heatmap.iter().try_for_each(|path| overwrite.check(path))?;
@@ -62,7 +62,7 @@ pub fn run(arguments: &Compare) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The measures of a picture in one line.
+/// Formats the measures of a picture as one line.
 fn line(name: &str, found: &Comparison) -> String {
     let psnr = found.psnr_y.map_or("equal".into(), |psnr| format!("{psnr:.2} dB"));
     let score = found.ssimulacra2.map_or(String::new(), |score| format!("   SSIMULACRA 2 {score:.2}"));

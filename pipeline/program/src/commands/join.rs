@@ -12,30 +12,30 @@ use render2mpeg::settings::{container_of, unknown_ending};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Parts, and the film that they make.
+/// Parts of a film, and the files to write.
 #[derive(Args)]
 pub(crate) struct Join {
-    /// The parts in the order of their frames, .m2v; the report of each is beside it
+    /// Parts in the order of their frames, .m2v; each part's report is next to it
     #[arg(required = true, value_name = "PART.m2v")]
     parts: Vec<PathBuf>,
-    /// The film: .mpg, .mp4, .mkv, .ts, .vob, or .m2v without times; - is standard output
+    /// Film file: .mpg, .mp4, .mkv, .ts, .vob, or .m2v without timestamps; - is standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Where the JSON report of the film goes [default: beside the film, .report.json]
+    /// JSON report of the film [default: the film's path with .report.json]
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Whether the film may take the place of another.
+    /// Permission to replace files.
     #[command(flatten)]
     overwrite: Overwrite,
-    /// No summary: only errors are shown
+    /// Print no summary, only errors
     #[arg(short, long)]
     quiet: bool,
 }
 
-/// Joins parts, and reports.
+/// Joins the parts, and prints a summary.
 pub fn run(arguments: &Join) -> Result<ExitCode> {
     let Join { parts, output, report, overwrite, quiet } = arguments;
-    // A name that no film can have is no question of replacing what is there.
+    // Report an invalid file name before asking whether to replace the file.
     container_of(output, None).ok_or_else(|| unknown_ending(output))?;
     let beside = || (!is_standard_output(output)).then(|| path_beside(output));
     let report_path = report.clone().or_else(beside);

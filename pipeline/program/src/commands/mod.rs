@@ -1,4 +1,4 @@
-//! The subcommands, where they are more than a call of the library.
+//! The subcommands that do more than call the library.
 
 #[cfg(feature = "bake")]
 pub mod bake;
@@ -11,7 +11,7 @@ pub mod shell;
 pub mod still;
 pub mod sweep;
 
-/// Says which picture was made, and in what time.
+/// Prints a picture's path, size and render time.
 fn tell_of_picture(path: &std::path::Path, size: renderer::settings::Size, begin: std::time::Instant) {
     tell!("{}: {size} pixels in {:.1} s", path.display(), begin.elapsed().as_secs_f64());
 }

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 /// Options of a plan.
 #[derive(Args)]
 pub(crate) struct Plan {
-    /// The scene.
+    /// Scene of the film.
     #[command(flatten)]
     source: SceneSource,
     /// Settings of the film.
@@ -31,11 +31,11 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let (seconds, frames) = (plan.seconds_a_frame(), settings.frame_range().len());
     let all = frames as f64 * seconds / rayon::current_num_threads() as f64;
     let frames = counted(frames, "frame");
-    say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} in some {}", rough_time(all));
+    say!("time:   about {seconds:.2} CPU s per frame after the first; {frames} in about {}", rough_time(all));
     let (needed, size) = (MemorySize(memory::estimate(&scene, settings.render.size)), settings.render.size);
-    say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
+    say!("memory: about {needed} for {}x{} pixels", size.width, size.height);
     let exposure = match settings.render.auto_exposure {
-        true => "the first frame sets it; where that is dark, or lamps move, the film's lit frames may".to_owned(),
+        true => "set by the first frame; by the film's lit frames if that is dark or lamps move".to_owned(),
         false => format!("{}, as set", settings.render.tone_map.exposure),
     };
     say!("exposure: {exposure}");

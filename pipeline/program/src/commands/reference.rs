@@ -19,60 +19,60 @@ use renderer::settings::Size;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// The frame, and its precision.
+/// Frame to render, and its precision.
 #[derive(Args)]
 pub(crate) struct Reference {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Reading of the scene: folders, camera, animation, settings.
+    /// How to read the scene: folders, camera, animation, settings.
     #[command(flatten)]
     reading: Reading,
-    /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means; .png or .jpg as a display shows
-    /// it
+    /// Picture file: .exr with channels R, G, B and, from paths, their variance as variance.R, .G, .B; .png or .jpg
+    /// tone mapped for display
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Number of the frame, counted from 0
+    /// Frame of the scene, counted from 0
     #[arg(long, value_name = "K", default_value_t = 0)]
     frame: u32,
-    /// How light is computed
+    /// Method for light
     #[arg(long, value_enum, default_value = "path")]
     method: ReferenceMethod,
-    /// Paths for each pixel
+    /// Number of paths per pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     spp: u32,
-    /// Most reflections of a path: 0 shows what glows, 1 direct light [default: all]
+    /// Maximum number of reflections of a path: 0 shows emission only, 1 direct light [default: no limit]
     #[arg(long, value_name = "N")]
     bounces: Option<u32>,
-    /// Sample the centers of the pixels alone: the picture of a film without anti-aliasing
+    /// Sample pixel centers only, as a film with --antialiasing off does
     #[arg(long, alias = "centre")]
     center: bool,
-    /// Size of the picture, in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
+    /// Picture size in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
-    /// Seed of paths and photons [default: 1]
+    /// Random seed of paths and photons [default: 1]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
-    /// Anchor lights, for all lights [default: as for films]
+    /// Number of anchor lights, for the method all-lights [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// Photons, for all lights [default: 36 for each anchor light]
+    /// Number of photons, for the method all-lights [default: 36 per anchor light]
     #[arg(long, value_name = "N")]
     photons: Option<u64>,
-    /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
+    /// Frames per second, which determine the time of the frame [default: the scene's TOML file, else 25]
     #[arg(long, value_parser = parse_fps)]
     fps: Option<f64>,
-    /// Threads [default: one per processor]; the result is the same for any number
+    /// Number of threads; the result does not depend on it [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Whether files may be replaced.
+    /// Permission to replace files.
     #[command(flatten)]
     overwrite: Overwrite,
-    /// No progress, no summary: only errors are shown
+    /// Print no progress and no summary, only errors
     #[arg(short, long)]
     quiet: bool,
 }
 
-/// Renders and writes.
+/// Renders the frame, and writes its picture.
 pub fn run(arguments: Reference) -> Result<ExitCode> {
     let Reference {
         scene: path,
@@ -97,15 +97,15 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     let scene = reading.load(&path)?;
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
     overwrite.check(&output)?;
-    // Settings are those of a film, which has a reflection at least; paths may show what glows alone.
+    // Settings of films require at least one reflection; paths may have none.
     let film_bounces = bounces.filter(|&bounces| bounces > 0 || method == ReferenceMethod::AllLights);
     let antialiasing = center.then_some(Switch::Off);
-    // The finest quantiser: as many photons as any film has.
+    // The finest quantiser, which gives the most photons of any film.
     let qscale = Some(1);
     let options =
         Options { size, seed, bounces: film_bounces, vpls, photons, fps, antialiasing, qscale, ..Default::default() };
     let settings = Settings::new(path, &scene, &options)?;
-    // An output that cannot be written is told of before the work, not after it.
+    // Report unwritable outputs before the work, not after it.
     drop(Output::create(&output)?);
     let begin = std::time::Instant::now();
     let picture = match method {

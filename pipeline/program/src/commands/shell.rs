@@ -1,10 +1,10 @@
-//! `render2mpeg completions` and `render2mpeg man`: what shells and manuals know of the options.
+//! `render2mpeg completions` and `render2mpeg man`: completion scripts and manual pages.
 
 use anyhow::{Context, Result};
 use clap::Command;
 use std::process::ExitCode;
 
-/// Prints what makes `shell` complete the options of `program`.
+/// Prints the completion script of `program` for `shell`.
 pub fn completions(mut program: Command, shell: clap_complete::Shell) -> Result<ExitCode> {
     let mut text = Vec::new();
     clap_complete::generate(shell, &mut program, "render2mpeg", &mut text);
@@ -15,7 +15,7 @@ pub fn completions(mut program: Command, shell: clap_complete::Shell) -> Result<
 /// Prints the manual page of `program` or of one of its commands.
 ///
 /// # Errors
-/// There is no such command.
+/// If the command does not exist.
 pub fn man(program: Command, command: Option<&str>) -> Result<ExitCode> {
     print_whole(&page(program, command)?);
     Ok(ExitCode::SUCCESS)
@@ -35,7 +35,7 @@ fn page(mut program: Command, command: Option<&str>) -> Result<Vec<u8>> {
     Ok(text)
 }
 
-/// Prints a text that was made whole: a reader that closes its end early is no failure.
+/// Prints a complete text; a reader that closes early is not an error.
 fn print_whole(text: &[u8]) {
     use std::io::Write;
     let _ = std::io::stdout().write_all(text);

@@ -16,53 +16,55 @@ use renderer::settings::Size;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// The frame, and how good its picture is to be.
+/// Frames to render, and the quality of their pictures.
 #[derive(Args)]
 pub(crate) struct StillArguments {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// The picture: .png or .jpg as a display shows it, .exr with linear light [default: the scene's name with .png, here]
+    /// Picture file: .png or .jpg tone mapped for display, .exr with linear light [default: the scene's name with
+    /// .png, in the current folder]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Number of the frame, counted from 0, or a list such as 2,4,10-20: the names of several pictures end in their numbers
+    /// Frame of the scene, counted from 0, or a list such as 2,4,10-20; file names of a list end in the frame's
+    /// number
     #[arg(long, alias = "range", value_name = "K|LIST", default_value_t = FrameList::one(0))]
     frame: FrameList,
-    /// How good and how slow: draft, good or final, as for films
+    /// Quality preset: draft, good or final, as for films
     #[arg(long, value_enum, value_name = "HOW")]
     preset: Option<Preset>,
-    /// Size of the picture, in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
+    /// Picture size in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
-    /// Samples of visibility and light to the pixel: 4 smooths edges [default: 4]
+    /// Samples per pixel: 4 smooths edges [default: 4]
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
-    /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
+    /// Frames per second, which determine the time of the frame [default: the scene's TOML file, else 25]
     #[arg(long, value_parser = parse_fps)]
     fps: Option<f64>,
-    /// Anchor lights that carry the indirect light [default: as for films]
+    /// Number of anchor lights, the sources of indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// Reading of the scene: folders, camera, animation, settings.
+    /// How to read the scene: folders, camera, animation, settings.
     #[command(flatten)]
     reading: Reading,
-    /// Bound on memory.
+    /// Limit on memory.
     #[command(flatten)]
     memory: MemoryLimit,
-    /// Whether a picture may be replaced.
+    /// Permission to replace pictures.
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Threads [default: one per processor]; the result is the same for any number
+    /// Number of threads; the result does not depend on it [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Only errors are shown
+    /// Print errors only
     #[arg(short, long)]
     quiet: bool,
 }
 
-/// Samples to the pixel: a picture is looked at for longer than a frame.
+/// Default number of samples per pixel: a still is viewed for longer than a frame.
 const SAMPLES: u32 = 4;
 
-/// Renders and writes.
+/// Renders the frames, and writes their pictures.
 pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let StillArguments { scene: path, output, frame, preset, size, samples, fps, vpls, .. } = arguments;
     let StillArguments { reading, memory, overwrite, quiet, .. } = arguments;
@@ -73,13 +75,13 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let pictures = named(&output, &frame);
     pictures.iter().try_for_each(|(_, path)| overwrite.check(path))?;
 
-    // A film of enough frames, at a quantiser as fine as pictures are.
+    // A film long enough for the last frame, at the finest quantiser.
     let samples = samples.or_else(|| preset.is_none().then_some(SAMPLES));
     let (frames, qscale) = (Some(frame.last() + 1), Some(1));
     let options = Options { preset, size, samples, fps, vpls, frames, qscale, ..Options::default() };
     let settings = options.clone().fill_in(path, &scene)?;
     memory.check(&scene, &settings)?;
-    // An output that cannot be written is told of before the work, not after it.
+    // Report unwritable outputs before the work, not after it.
     for (_, path) in &pictures {
         drop(Output::create(path)?);
     }
@@ -91,7 +93,7 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
         let still = Still::render(&scene, &settings, frame);
         still.write(&path)?;
         if !quiet {
-            // Codes of displays begin at 0, those of video at 16.
+            // Codes of displays begin at 0, codes of video at 16.
             let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
             let dimness = notes::on_dimness(notes::mean_luminance(&still.radiance), &scene);
             let notes = notes::on_darkness(Some(bright), &settings).into_iter().chain(dimness);
@@ -102,7 +104,7 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The files of these frames: `output` itself for one, with numbers of equal length for several.
+/// Returns the file of each frame: `output` for a single frame, names with numbers of equal length for several.
 fn named(output: &Path, frames: &FrameList) -> Vec<(u32, PathBuf)> {
     if let [frame] = frames.frames() {
         return vec![(*frame, output.into())];

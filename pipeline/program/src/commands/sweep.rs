@@ -15,57 +15,57 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-/// Methods to compare, and the folder for the findings.
+/// Methods to compare, and the folder for the results.
 #[derive(Args)]
 pub(crate) struct Sweep {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Reading of the scene: folders, camera, animation, settings.
+    /// How to read the scene: folders, camera, animation, settings.
     #[command(flatten)]
     reading: Reading,
-    /// The folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]
+    /// Folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
-    /// Quantisers: a list of MPEG-2's quantiser_scale, 1 (best) to 112 (smallest) [default: 2,8,16,32,48]
+    /// Quantisers: a list of MPEG-2 quantiser_scale, 1 (best) to 112 (smallest) [default: 2,8,16,32,48]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     qscale: Vec<u32>,
     /// Methods: a list of lightcuts, paper, perceptual, calibrated, codec, each also with -cache, paper-calibrated,
     /// codec-calibrated, and paths-4, -16, -64 [default: all]
     #[arg(long, value_delimiter = ',', value_name = "LIST", value_parser = Method::named)]
     methods: Vec<&'static Method>,
-    /// Pictures; the first, for which no thresholds are known, does not count [default: 5]
+    /// Number of frames; the first has no thresholds yet and does not count [default: 5]
     #[arg(long, value_name = "N")]
     frames: Option<u32>,
-    /// Size of the picture, in pixels [default: 144x144]
+    /// Picture size in pixels [default: 144x144]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
-    /// Pictures a second [default: as the TOML file says, else 25]
+    /// Frames per second [default: the scene's TOML file, else 25]
     #[arg(long, value_parser = parse_fps)]
     fps: Option<f64>,
-    /// Multiplier on what masking allows, of the methods "perceptual" [default: as for films]
+    /// Multiplier on the error that masking permits, for the methods "perceptual" [default: as for films]
     #[arg(long, value_name = "K")]
     kappa: Option<f32>,
-    /// Anchor lights that carry the indirect light [default: as for films]
+    /// Number of anchor lights, the sources of indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// Photons a frame [default: as for `render` at each quantiser; 36 for each anchor light of the reference]
+    /// Photons per frame [default: as for `render` at each quantiser; for the reference, 36 per anchor light]
     #[arg(long, value_name = "N")]
     photons: Option<u64>,
-    /// Seed of photons and light tree [default: 1]
+    /// Random seed of photons and light tree [default: 1]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
-    /// Threads [default: one per processor]; the pictures are the same for any number
+    /// Number of threads; the pictures do not depend on it [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Whether the findings of another sweep may be replaced.
+    /// Permission to replace the results of another sweep.
     #[command(flatten)]
     overwrite: Overwrite,
-    /// No progress, no summary: only errors are shown
+    /// Print no progress and no summary, only errors
     #[arg(short, long)]
     quiet: bool,
 }
 
-/// Sweeps and writes; after a signal, what is measured by then.
+/// Sweeps and writes the results; after a signal, the results so far.
 pub fn run(arguments: Sweep) -> Result<ExitCode> {
     let Sweep {
         scene: path,
@@ -94,7 +94,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
     };
     overwrite.check(&folder.join("sweep.json"))?;
     pipeline::streams::make_folder(&folder)?;
-    // A folder that cannot be written to is told of before the work, not after it.
+    // Report an unwritable folder before the work, not after it.
     drop(pipeline::output::Output::create(&folder.join("sweep.json"))?);
     let sweep = laboratory::sweep::Sweep {
         common: Options {
@@ -111,11 +111,11 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
         methods: if methods.is_empty() { METHODS.iter().collect() } else { methods },
     };
 
-    // The first signal ends the sweep after the frame in work, the second the process.
+    // The first signal ends the sweep after the current frame, the second ends the process.
     let line = progress::of_long_work(quiet);
     let above = line.clone();
     let first = move || {
-        let text = "stopping after this frame, and keeping what is measured; again to stop now, and keep nothing";
+        let text = "stopping after this frame and keeping the results; interrupt again to stop now and discard them";
         if !quiet {
             above.suspend(|| tell!("{text}"));
         }
@@ -128,7 +128,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
     });
     line.finish_and_clear();
 
-    // Findings, whole or in part.
+    // Complete or partial results.
     let swept = match result {
         Err(error) if interrupt.stop.load(Ordering::Relaxed) => {
             tell!("render2mpeg: {}", single_line(&error.chain()));

@@ -1,4 +1,4 @@
-//! Ranks that are processes of a message-passing library, under mpirun.
+//! Ranks as MPI processes, started by mpirun.
 
 mod post;
 mod processes;

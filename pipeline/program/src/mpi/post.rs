@@ -1,13 +1,15 @@
-//! Messages between two ranks by MPI \[MPI, 3.7 and 3.8\], carried beside the work of both.
+//! Messages between two ranks by MPI \[MPI, 3.7 and 3.8\], sent and received in parallel with the ranks' work.
 //!
 //! ```text
 //! send ──► letters ──► thread ═══ MPI ═══► thread of the other rank ──► inbox ──► receive
 //! ```
-//! A communicator stays on the thread that made it, so one thread sends and receives all messages of a rank. While a message is
-//! on its way it takes in what others send: two ranks that send much to each other at once do not wait for each other.
+//! One thread sends and receives all messages of a rank, because a communicator stays on the thread that made it.
+//! While sending, it receives messages from other ranks. Two ranks that send large messages to each other therefore
+//! do not block.
 //!
-//! On its way a message is its length, 8 bytes, and its bytes, in pieces. Pieces of one rank arrive in order \[MPI, 3.5\]. A rank
-//! that ends tells all others and waits for the same from them; so no message is lost, and MPI ends when nothing is on its way.
+//! A message consists of its length (8 bytes) and its bytes, sent in pieces. Pieces of one rank arrive in order
+//! \[MPI, 3.5\]. A rank that ends notifies all others and waits for their notifications. So no message is lost, and
+//! MPI ends with no message in transit.
 
 use super::waiting::{PIECE, pause, rest, wait};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
@@ -20,12 +22,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-/// Bytes before those of a message: their number.
+/// Size of a message's length field \[bytes\].
 const HEAD: usize = 8;
-/// The number that tells of the sender's end.
+/// Value of the length field that announces the sender's end.
 const END: u64 = u64::MAX;
 
-/// The mail of a rank that is a process.
+/// Mailbox of a rank that is a process.
 #[derive(Debug)]
 pub(super) struct Post {
     rank: usize,
@@ -35,16 +37,17 @@ pub(super) struct Post {
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// Something to be sent.
+/// A message to send.
 enum Letter {
-    /// Bytes on their way to a rank, the head before them.
+    /// Rank to send to, and the bytes with their length field.
     To(usize, Vec<u8>),
-    /// Nothing more.
+    /// No more messages.
     End,
 }
 
 impl Post {
-    /// Starts the thread, with a communicator of its own. All ranks are to do so at the same place in the order of communicators.
+    /// Starts the thread with its own communicator. All ranks must call this at the same position in the order of
+    /// communicators.
     pub fn open(rank: usize, count: usize) -> Result<Self> {
         let (letters_out, letters_in) = unbounded();
         let (ready_out, ready_in) = bounded(1);
@@ -54,7 +57,7 @@ impl Post {
             let mut carrier = Carrier::new(own_inbox);
             let _ = ready_out.send(());
             carrier.carry(&letters_in);
-            // Freed with all others at the end: to free one is an operation of all ranks.
+            // Freed with all others at the end: freeing a communicator is an operation of all ranks.
             std::mem::forget(carrier.line);
         };
         let thread = std::thread::Builder::new().name("mail of ranks".into()).spawn(carry);
@@ -63,7 +66,7 @@ impl Post {
         Ok(Self { rank, count, letters: letters_out, inbox, thread: Mutex::new(Some(thread)) })
     }
 
-    /// Sends what is left, and returns when all ranks have called this. Messages sent later are lost.
+    /// Sends the remaining messages, and returns when all ranks have called this. Messages sent later are lost.
     pub fn close(&self) {
         let _ = self.letters.send(Letter::End);
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -103,15 +106,15 @@ impl Mail for Post {
     }
 }
 
-/// A communicator on its thread, and what has come by it.
+/// A communicator on its thread, and the messages received through it.
 struct Carrier {
     line: SimpleCommunicator,
     inbox: Arc<Inbox>,
-    /// Pieces of the next message of each rank.
+    /// Received pieces of the next message of each rank.
     begun: Vec<Vec<u8>>,
-    /// Other ranks that have ended.
+    /// Number of other ranks that have ended.
     ended: usize,
-    /// When a message was last sent or received.
+    /// Time of the last message sent or received.
     last: Instant,
 }
 
@@ -133,7 +136,7 @@ impl Carrier {
             }
         }
 
-        // Others may send until they end, too.
+        // Other ranks may send until they end, too.
         let (own, count) = (self.line.rank() as usize, self.begun.len());
         for to in (0..count).filter(|&to| to != own) {
             self.send(to, &END.to_le_bytes());
@@ -144,7 +147,7 @@ impl Carrier {
         }
     }
 
-    /// The next letter, if there is one within the pause before the next question for messages.
+    /// Returns the next letter, if one arrives within the pause before the next poll.
     fn next(&self, letters: &Receiver<Letter>) -> Option<Letter> {
         let Some(pause) = pause(self.last) else {
             std::thread::yield_now();
@@ -157,7 +160,7 @@ impl Carrier {
         }
     }
 
-    /// Sends to another rank, and takes in what comes meanwhile.
+    /// Sends to another rank, and receives incoming messages in the meantime.
     fn send(&mut self, to: usize, framed: &[u8]) {
         for piece in framed.chunks(PIECE) {
             let begin = Instant::now();
@@ -173,7 +176,7 @@ impl Carrier {
         }
     }
 
-    /// Takes in all pieces that others have sent so far.
+    /// Receives all pieces that other ranks have sent so far.
     fn take_in(&mut self) {
         while let Some((message, status)) = self.line.any_process().immediate_matched_probe() {
             let mut piece = vec![0u8; status.count(u8::equivalent_datatype()) as usize];
@@ -183,7 +186,7 @@ impl Carrier {
         }
     }
 
-    /// Adds a piece to the message that a rank is sending, and hands over the message when it is whole.
+    /// Adds a piece to the message that a rank is sending, and delivers the message when complete.
     fn add(&mut self, from: usize, piece: Vec<u8>) {
         let begun = &mut self.begun[from];
         match begun.is_empty() {

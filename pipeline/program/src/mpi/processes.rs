@@ -1,8 +1,8 @@
-//! Ranks that are processes, joined by MPI \[MPI\].
+//! Ranks as processes, connected by MPI \[MPI\].
 //!
-//! A communicator stays on the thread that made it. So each of the two whose operations a [`Team`] has is served by a thread: it
-//! takes one operation at a time, waits for it with little work meanwhile, and hands over its result. A third carries messages
-//! between two ranks, by `post.rs`.
+//! A communicator stays on the thread that made it. A thread therefore serves each of the two communicators of a
+//! [`Team`]: it takes one operation at a time, polls for its completion and returns its result. A third thread
+//! exchanges messages between two ranks, in `post.rs`.
 
 use super::Team;
 use super::post::Post;
@@ -17,34 +17,34 @@ use render_core::ranks::Ranks;
 use render2mpeg::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Exit code of all ranks when one of them panics, as Rust has it.
+/// Exit code of all ranks when one of them panics, as in Rust.
 const PANICKED: i32 = 101;
 
-/// This process as one of those that `mpirun` has started. To be dropped last: all of them end together.
+/// This process as one of the processes that `mpirun` started. Drop it last: all processes end together.
 pub struct Processes {
     team: Team,
-    /// The mail of the team.
+    /// Mailbox of the team.
     post: Arc<Post>,
     _universe: Universe,
 }
 
 impl Processes {
-    /// Joins the others. From now on a panic of any thread ends all of them, with one line.
+    /// Joins the other processes. From now on a panic on any thread ends all of them, with one line.
     ///
     /// # Errors
-    /// MPI was begun before, or does not serve several threads; a thread cannot be started.
+    /// If MPI was initialized before or does not support several threads; if a thread cannot be started.
     pub fn join() -> Result<Self> {
         let fail = |text: &str| Error::Ranks(text.into());
         let (universe, granted) =
-            mpi::initialize_with_threading(Threading::Multiple).ok_or_else(|| fail("MPI has been begun before"))?;
+            mpi::initialize_with_threading(Threading::Multiple).ok_or_else(|| fail("MPI was already initialized"))?;
         if granted != Threading::Multiple {
-            return Err(fail("this MPI serves one thread only: take one with MPI_THREAD_MULTIPLE"));
+            return Err(fail("this MPI supports one thread only: use one with MPI_THREAD_MULTIPLE"));
         }
         let world = universe.world();
         let (rank, count) = (world.rank() as usize, world.size() as usize);
         end_all_at_panic(rank);
 
-        // One after the other: all ranks make their communicators in the same order.
+        // In this order on all ranks, since making a communicator is an operation of all ranks.
         let prepare = Process::served("ranks of prepare", rank, count)?;
         let shade = Process::served("ranks of shade", rank, count)?;
         let post = Arc::new(Post::open(rank, count)?);
@@ -52,7 +52,7 @@ impl Processes {
         Ok(Self { team, post, _universe: universe })
     }
 
-    /// The ranks.
+    /// Ranks of the team.
     #[must_use]
     pub fn team(&self) -> &Team {
         &self.team
@@ -65,22 +65,22 @@ impl std::fmt::Debug for Processes {
     }
 }
 
-/// Ends all ranks at once with this exit code. The file of a film is ended by the signal that rank 0 gets.
+/// Ends all ranks at once with this exit code. On rank 0 the resulting signal completes the film's file.
 pub fn abort(code: i32) -> ! {
     SimpleCommunicator::world().abort(code)
 }
 
-/// A rank that panics says so in a line, and ends the others: they would wait for it for ever.
+/// Makes a rank that panics print one line and end the others, which would otherwise wait for it.
 fn end_all_at_panic(rank: usize) {
     std::panic::set_hook(Box::new(move |panic| {
-        // Documents of scenes are read on the main thread, where what goes wrong in other libraries is caught.
+        // Scene documents are read on the main thread, where panics of other libraries are caught.
         let place = panic.location().map(|place| format!(" at {place}")).unwrap_or_default();
         let is_main = std::thread::current().name() == Some("main");
         if !is_main {
             let payload = panic.payload();
             let text = payload.downcast_ref::<&str>().copied().or(payload.downcast_ref::<String>().map(String::as_str));
-            let text = text.unwrap_or("no reason given").replace(char::is_control, " ");
-            eprintln!("render2mpeg: rank {rank} has failed{place}: {text}: a fault of this program");
+            let text = text.unwrap_or("unknown reason").replace(char::is_control, " ");
+            eprintln!("render2mpeg: rank {rank} failed{place}: {text}: this is a bug");
             abort(PANICKED);
         }
     }));
@@ -89,7 +89,7 @@ fn end_all_at_panic(rank: usize) {
 impl Drop for Processes {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            eprintln!("render2mpeg: rank {} has failed: a fault of this program", self.team.rank());
+            eprintln!("render2mpeg: rank {} failed: this is a bug", self.team.rank());
             abort(PANICKED);
         }
         // MPI ends after all of its operations.
@@ -97,14 +97,14 @@ impl Drop for Processes {
     }
 }
 
-/// An operation of all ranks.
+/// Operation of all ranks.
 enum Operation {
     AllGather(Vec<u8>),
     Gather(Vec<u8>),
     Broadcast(Vec<u8>),
 }
 
-/// One of the ranks, by a thread that does its operations.
+/// One of the ranks; a thread performs its operations.
 #[derive(Debug)]
 struct Process {
     rank: usize,
@@ -112,7 +112,7 @@ struct Process {
     thread: Mutex<Ends>,
 }
 
-/// Ends of the channels to and from a thread.
+/// Ends of the channels to and from the thread.
 #[derive(Debug)]
 struct Ends {
     operations: Sender<Operation>,
@@ -120,7 +120,7 @@ struct Ends {
 }
 
 impl Process {
-    /// Starts a thread with a communicator of its own.
+    /// Starts a thread with its own communicator.
     fn served(name: &str, rank: usize, count: usize) -> Result<Self> {
         let (operations_out, operations_in) = bounded::<Operation>(1);
         let (results_out, results_in) = bounded(1);
@@ -137,7 +137,7 @@ impl Process {
                     break;
                 }
             }
-            // Freed with all others at the end: to free one is an operation of all ranks.
+            // Freed with all others at the end: freeing a communicator is an operation of all ranks.
             std::mem::forget(line);
         };
         let thread = std::thread::Builder::new().name(name.into()).spawn(serve);
@@ -149,7 +149,7 @@ impl Process {
     fn result(&self, operation: Operation) -> Vec<Vec<u8>> {
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner);
         let _ = thread.operations.send(operation);
-        thread.results.recv().expect("the thread serves as long as there is somebody to be served")
+        thread.results.recv().expect("the thread serves until its channels close")
     }
 }
 
@@ -176,7 +176,7 @@ impl Ranks for Process {
     }
 }
 
-/// A communicator, on its thread.
+/// A communicator on its thread.
 struct Line(SimpleCommunicator);
 
 impl Line {
@@ -184,7 +184,7 @@ impl Line {
         self.0.size() as usize
     }
 
-    /// Lengths of what each rank gives, and the largest of them.
+    /// Returns the number of bytes of each rank, and their maximum.
     fn lengths(&self, own: usize) -> (Vec<u64>, usize) {
         let (own, mut lengths) = ([own as u64], vec![0; self.count()]);
         scope(|scope| wait(self.0.immediate_all_gather_into(scope, &own[..], &mut lengths[..])));
@@ -221,7 +221,7 @@ impl Line {
     }
 
     fn broadcast(&self, mut bytes: Vec<u8>) -> Vec<u8> {
-        // Only the first rank knows the length.
+        // Only rank 0 has the length.
         let root = self.0.process_at_rank(0);
         let mut length = [bytes.len() as u64];
         scope(|scope| wait(root.immediate_broadcast_into(scope, &mut length[..])));
@@ -233,7 +233,8 @@ impl Line {
     }
 }
 
-/// Pieces of what a rank gives, filled up to the `longest` that any rank has, each with room for those of `count` ranks.
+/// Returns the pieces of a rank's bytes, padded to `longest`, the maximum of all ranks, each with a buffer for
+/// `count` ranks.
 fn pieces(own: &[u8], longest: usize, count: usize) -> impl Iterator<Item = (Vec<u8>, Vec<u8>)> {
     (0..longest).step_by(PIECE).map(move |begin| {
         let length = PIECE.min(longest - begin);
@@ -243,7 +244,7 @@ fn pieces(own: &[u8], longest: usize, count: usize) -> impl Iterator<Item = (Vec
     })
 }
 
-/// Values of all ranks, put together.
+/// Bytes of all ranks, assembled from pieces.
 struct Pieces {
     whole: Vec<Vec<u8>>,
     lengths: Vec<usize>,
@@ -255,7 +256,7 @@ impl Pieces {
         Self { whole: lengths.iter().map(|&length| Vec::with_capacity(length)).collect(), lengths }
     }
 
-    /// Adds a piece of `length` bytes of each rank, without what filled it up.
+    /// Adds a piece of `length` bytes of each rank, without its padding.
     fn add(&mut self, received: &[u8], length: usize) {
         for ((whole, &end), piece) in self.whole.iter_mut().zip(&self.lengths).zip(received.chunks_exact(length)) {
             let own = length.min(end - whole.len());

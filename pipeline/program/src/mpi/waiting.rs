@@ -1,13 +1,13 @@
-//! Waiting for MPI, which itself waits by asking all the time: that takes a processor from whoever works there.
+//! Waiting for MPI, whose own wait polls continuously and occupies a processor.
 
 use mpi::request::{Request, Scope};
 use std::time::{Duration, Instant};
 
-/// Bytes of a rank that go with one operation, as counts of MPI are of 31 bits.
+/// Maximum number of bytes per operation: MPI counts have 31 bits.
 pub(super) const PIECE: usize = 1 << 26;
-/// Time for which a thread asks for its message again and again: results of a short loop come within it.
+/// Time during which a thread polls without pauses: results of short loops arrive within it.
 const EAGER: Duration = Duration::from_micros(500);
-/// Pauses between two questions after that: a share of the time waited so far, and no longer than the last.
+/// Later polls pause for the time waited so far divided by this, up to [`LONGEST_PAUSE`].
 const PAUSE_SHARE: u32 = 64;
 const LONGEST_PAUSE: Duration = Duration::from_millis(1);
 
@@ -23,7 +23,7 @@ pub(super) fn wait<'a, D: ?Sized, S: Scope<'a>>(mut request: Request<'a, D, S>) 
     }
 }
 
-/// Rests before the next question of who has waited since `begin`.
+/// Pauses before the next poll, for a caller that has waited since `begin`.
 pub(super) fn rest(begin: Instant) {
     match pause(begin) {
         Some(pause) => std::thread::sleep(pause),
@@ -31,7 +31,7 @@ pub(super) fn rest(begin: Instant) {
     }
 }
 
-/// The pause before the next question of who has waited since `begin`; none at first.
+/// Pause before the next poll, for a caller that has waited since `begin`; `None` at first.
 pub(super) fn pause(begin: Instant) -> Option<Duration> {
     let waited = begin.elapsed();
     (waited >= EAGER).then(|| (waited / PAUSE_SHARE).min(LONGEST_PAUSE))

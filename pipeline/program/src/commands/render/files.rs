@@ -1,4 +1,4 @@
-//! The files of a film, and whether they may be written.
+//! Output files of a film, and checks that they may be written.
 
 use crate::lines::ProgressKind;
 use crate::overwrite::Overwrite;
@@ -14,10 +14,10 @@ use render2mpeg::report::path_beside;
 use render2mpeg::settings::Settings;
 use std::path::{Path, PathBuf};
 
-/// Files beside the film.
+/// Output files in addition to the film.
 pub(super) struct Files {
     pub report: Option<PathBuf>,
-    /// Whether the report is where the user says, and not beside the film.
+    /// True if the user chose the report's path.
     pub named_report: bool,
     pub html: Option<PathBuf>,
     pub trace: Option<PathBuf>,
@@ -25,7 +25,7 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// Adds them to what is read, with the film itself.
+    /// Adds these files and the film to `read`.
     pub fn places(&self, read: FilePlaces, settings: &Settings) -> FilePlaces {
         let places = read
             .reads("--baked", settings.files.baked.as_deref())
@@ -38,7 +38,7 @@ impl Files {
         self.also.iter().fold(places, |places, path| places.writes("--also", Some(path)))
     }
 
-    /// As a file for `--config` has them.
+    /// Options of these files for a `--config` file.
     pub fn options(&self) -> [ProgramOption; 4] {
         let text = |path: &PathBuf| path.display().to_string();
         [
@@ -49,7 +49,7 @@ impl Files {
         ]
     }
 
-    /// Whether the film of the job is there, and the report beside it says that it is whole.
+    /// Returns true if the job's film exists and its report describes a finished film.
     pub fn is_finished(&self, job: &FilmJob) -> bool {
         let report = self.report.as_ref().and_then(|report| std::fs::read(report).ok());
         let made = report.and_then(|report| job_of_report(job.film(), &report));
@@ -57,17 +57,17 @@ impl Files {
         is_whole && job.film().is_file() && !path_for(job.film()).exists()
     }
 
-    /// Asks before a film begins in the place of another, or of one that could be continued.
+    /// Asks before a new film replaces an existing one, or one that could be resumed.
     ///
     /// # Errors
-    /// The user says no.
+    /// If the user refuses.
     pub fn check_replaced(&self, overwrite: Overwrite, resume: bool, settings: &Settings) -> Result<()> {
         let film = &settings.output;
         if resume {
-            let what = "has no checkpoint to go on from (--keep-checkpoint keeps that of a finished film)";
+            let what = "has no checkpoint to resume from (--keep-checkpoint keeps the checkpoint of a finished film)";
             return overwrite.check_for(film, what);
         }
-        overwrite.check_for(&path_for(film), "is there: --resume goes on with its film")?;
+        overwrite.check_for(&path_for(film), "exists: --resume continues its film")?;
         overwrite.check(film)?;
         let named = self.named_report.then_some(self.report.as_ref()).flatten();
         let others = [&settings.files.y4m, &self.html, &self.trace].into_iter().flatten();
@@ -75,17 +75,17 @@ impl Files {
         first_frame_there(settings).map_or(Ok(()), |frame| overwrite.check(&frame))
     }
 
-    /// Whether they can be written.
+    /// Checks that the files can be written.
     ///
     /// # Errors
-    /// A folder does not exist or may not be written to.
+    /// If a folder does not exist or cannot be written to.
     pub fn try_out(&self) -> FilmResult<()> {
         let paths = [&self.report, &self.html, &self.trace];
         paths.into_iter().flatten().chain(&self.also).try_for_each(|path| Ok(Output::create(path).map(drop)?))
     }
 }
 
-/// The first of the pictures that the film is to write into folders which is there already.
+/// Returns the first existing file among the frames that the film will write into folders.
 fn first_frame_there(settings: &Settings) -> Option<PathBuf> {
     let folders = [(&settings.files.exr, "exr"), (&settings.files.png, "png")];
     for (folder, ending) in folders {
@@ -100,25 +100,23 @@ fn first_frame_there(settings: &Settings) -> Option<PathBuf> {
     None
 }
 
-/// Whether a film on standard output, or in a device, gets along with what else is wanted.
+/// Checks that a film on standard output or a device agrees with the other options.
 ///
 /// # Errors
-/// Lines of progress would get into the film, or it cannot be read again.
+/// If progress lines would enter the film, or the film could not be read again for `also`.
 pub fn check_streams(output: &Path, progress: ProgressKind, also: &[PathBuf]) -> Result<()> {
     let fail = |text: &str| Err(render2mpeg::Error::Options(format!("-o {}: {text}", output.display())).into());
     if is_standard_output(output) && progress != ProgressKind::Bar {
-        return fail(
-            "standard output cannot take both the film and lines of progress; choose another place for the film",
-        );
+        return fail("standard output cannot carry both the film and progress lines; write the film into a file");
     }
     if is_stream(output) && !also.is_empty() {
-        return fail("--also makes its files from the film when that is whole; write the film into a file");
+        return fail("--also reads the finished film; write the film into a file");
     }
     Ok(())
 }
 
-/// `film.mpg` → `film.report.json`; a device has no neighbors, so its report goes to this folder. Of standard output there is one only
-/// where `--report` names it.
+/// Returns the default path of the report: `film.mpg` → `film.report.json`. A film on a device reports into the
+/// current folder; a film on standard output has no report unless `--report` names one.
 pub fn report_beside(output: &Path) -> Option<PathBuf> {
     match output {
         _ if is_standard_output(output) => None,

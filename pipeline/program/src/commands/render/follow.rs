@@ -1,4 +1,5 @@
-//! `render2mpeg render` on a rank that follows: it shares the work, writes no file and says nothing that rank 0 says.
+//! `render2mpeg render` on the ranks after rank 0: they share the work, write no files and print nothing that rank 0
+//! prints.
 
 use super::Render;
 use crate::print::single_line;
@@ -13,10 +14,10 @@ use render2mpeg::{Error, Render as Film};
 use renderer::plan::Plan;
 use std::process::ExitCode;
 
-/// Follows rank 0 through its film, if it makes any.
+/// Follows rank 0 through its film, if rank 0 makes one.
 ///
 /// # Errors
-/// Options that rank 0 has, too, and tells of.
+/// If the options are wrong on every rank; rank 0 prints these errors.
 pub(super) fn run(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
     let film = film(arguments);
     let answer = match &film {
@@ -30,7 +31,7 @@ pub(super) fn run(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
     match Film::follow(&scene, &settings, &plan, ranks.team()) {
         Ok(()) => Ok(ExitCode::SUCCESS),
         Err(error @ Error::Loop(pipeline::Error::Ranks(_))) => Err(error.into()),
-        // Nobody else knows of this, and the others would wait.
+        // Other ranks cannot see this error, and would wait.
         Err(error) => {
             tell!("render2mpeg: rank {}: {}", ranks.team().rank(), single_line(&error.chain()));
             ranks.fail(1);
@@ -39,7 +40,7 @@ pub(super) fn run(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
     }
 }
 
-/// The film that the arguments describe, as rank 0 has it.
+/// Returns the film that the arguments describe, as on rank 0.
 fn film(mut arguments: Render) -> Result<(Scene, Settings, FilmJob)> {
     let path = arguments.source.path();
     let scene = arguments.source.reading.load(&path)?;

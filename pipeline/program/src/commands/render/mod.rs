@@ -36,71 +36,74 @@ use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use std::time::Duration;
 use watching::{Watching, keep_for_page, write_page};
 
-/// The scene, settings of its film, and the files to write.
+/// Scene, settings of its film, and files to write.
 #[derive(Args)]
 pub(crate) struct Render {
-    /// The scene.
+    /// Scene of the film.
     #[command(flatten)]
     source: SceneSource,
     /// Settings of the film.
     #[command(flatten)]
     options: Options,
-    /// Where the JSON report goes [default: beside the video, .report.json]
+    /// JSON report [default: the video's path with .report.json]
     #[arg(long, value_name = "FILE", help_heading = "Output", hide_short_help = true)]
     report: Option<PathBuf>,
-    /// Also write a page: frames of the film, maps, and plots of the time, bits, PSNR and cut size of each frame
+    /// Also write an HTML page: frames, maps, and plots of the time, bits, PSNR and cut size of each frame
     #[arg(long, value_name = "FILE.html", help_heading = "Output", hide_short_help = true)]
     html: Option<PathBuf>,
-    /// When the film is whole, code its pictures again for players of today, by ffmpeg: .mp4 (H.264) or .webm (AV1 or VP9)
+    /// Also code the finished film again with ffmpeg, for players and browsers: .mp4 (H.264) or .webm (AV1 or VP9)
     #[arg(long, value_name = "FILE", value_delimiter = ',', help_heading = "Output", hide_short_help = true)]
     also: Vec<PathBuf>,
-    /// Go on where a killed or interrupted run of the same film was, to the same bits; begin at the beginning if there was none
+    /// Continue an interrupted or killed run of the same film, to the same bits; without a checkpoint, start at the
+    /// first frame
     #[arg(long, help_heading = "Output", hide_short_help = true)]
     resume: bool,
-    /// Keep the checkpoint of the finished film, so that --resume with more --frames can lengthen it
+    /// Keep the checkpoint of the finished film, so that --resume with more --frames can extend it
     #[arg(long, help_heading = "Output", hide_short_help = true)]
     keep_checkpoint: bool,
-    /// Whether files may be replaced.
+    /// Permission to replace files.
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
+    /// Seconds between the checkpoints for --resume, stored next to the video in .checkpoint: 0 writes one per frame,
+    /// off none [default: 60]
     #[arg(long, value_name = "SECONDS", help_heading = "Output", hide_short_help = true)]
     checkpoint: Option<CheckpointEvery>,
-    /// Threads [default: one per processor]; the result is the same for any number
+    /// Number of threads; the result does not depend on it [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run", hide_short_help = true)]
     pub threads: Option<u16>,
-    /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
+    /// Write a trace of all stages and frames, for chrome://tracing or Perfetto
     #[arg(long, value_name = "FILE.json", help_heading = "Progress", hide_short_help = true)]
     trace: Option<PathBuf>,
-    /// Bound on memory.
+    /// Limit on memory.
     #[command(flatten)]
     memory: MemoryLimit,
-    /// Make the film again whenever a file of the scene changes, in the place of the one before
+    /// Render the film again whenever a file of the scene changes, and replace the previous film
     #[arg(long, conflicts_with = "resume", help_heading = "Run", hide_short_help = true)]
     watch: bool,
-    /// Print the file for --config that makes the same film, every default filled in; render nothing
+    /// Print a file for --config that makes the same film, with every default filled in; render nothing
     #[arg(long, help_heading = "Run", hide_short_help = true)]
     print_config: bool,
-    /// Progress: as a line at a terminal, as lines of JSON on standard output, or as Open Job Description has it [default: bar]
+    /// Form of progress: a line at a terminal, lines of JSON on standard output, or Open Job Description [default:
+    /// bar]
     #[arg(long, value_enum, value_name = "KIND", help_heading = "Progress", hide_short_help = true)]
     progress: Option<ProgressKind>,
-    /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
+    /// Log frames and checkpoints; given twice, every stage
     #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Progress", hide_short_help = true)]
     verbose: u8,
-    /// No progress, no summary: only errors are shown
+    /// Print no progress and no summary, only errors
     #[arg(short, long, help_heading = "Progress", hide_short_help = true)]
     quiet: bool,
 }
 
-/// Interval of checkpoints: a film killed after hours loses a minute.
+/// Interval of checkpoints: a killed film loses at most about a minute of work.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
-/// Renders and reports, or follows the rank that does.
+/// Renders and reports on rank 0; follows rank 0 on other ranks.
 pub fn run_among(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
     if ranks.team().rank() > 0 {
         return follow::run(arguments, ranks);
     }
-    // The others wait for an answer, whatever happens here.
+    // The other ranks wait for an answer, even if this one fails.
     run(arguments, &mut Answer::of(ranks.team()))
 }
 
@@ -108,7 +111,7 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
     arguments.check_features()?;
     let path = arguments.source.path();
     if arguments.watch && answer.team.count() > 1 {
-        let text = "--watch makes films by a program that is started for each: run it without mpirun";
+        let text = "--watch starts a new process for each film: run it without mpirun";
         return Err(render2mpeg::Error::Options(text.into()).into());
     }
     if arguments.watch {
@@ -117,7 +120,7 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
     let scene = arguments.source.reading.load(&path)?;
     let settings = arguments.options.fill_in(path, &scene)?;
 
-    // All that can be wrong with the settings or the places of the files is said before the first ray.
+    // Check all settings and output paths before the first ray.
     let _ = settings.encoder_config()?;
     let files = arguments.files(&settings);
     check_streams(&settings.output, arguments.progress_kind(), &files.also)?;
@@ -131,11 +134,11 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
     let companion = |path: &PathBuf| Companion::new(path, &settings);
     let companions = files.also.iter().map(companion).collect::<Result<Vec<_>, _>>()?;
 
-    // A film that is there is continued, finished already, or replaced.
+    // An existing film is continued, already finished, or replaced.
     let job = job_of(&scene, &settings)?;
     if arguments.resume && files.is_finished(&job) {
         if !arguments.quiet {
-            tell!("{} is finished: nothing is left to do", settings.output.display());
+            tell!("{} is already finished", settings.output.display());
         }
         return Ok(ExitCode::SUCCESS);
     }
@@ -160,7 +163,7 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
 }
 
 impl Render {
-    /// Names the part of the program that is not built in.
+    /// Reports an option that needs a feature which was not built.
     fn check_features(&self) -> Result<()> {
         parts::need("html", self.html.is_some())?;
         parts::need("exr", self.options.exr.is_some() || !self.options.aov.is_empty())?;
@@ -168,7 +171,7 @@ impl Render {
         parts::need("trace", self.trace.is_some() || self.verbose > 0)
     }
 
-    /// The files beside the film.
+    /// Output files in addition to the film.
     fn files(&self, settings: &Settings) -> Files {
         Files {
             named_report: self.report.is_some(),
@@ -183,7 +186,7 @@ impl Render {
         self.progress.unwrap_or(ProgressKind::Bar)
     }
 
-    /// Options that are none of the film's, as a file for `--config` has them.
+    /// Options of the program that are not options of the film, for a `--config` file.
     fn options_of_program(&self) -> impl Iterator<Item = ProgramOption> {
         let own = [
             ProgramOption::text("checkpoint", self.checkpoint.map(|every| every.to_string())),
@@ -192,12 +195,12 @@ impl Render {
         own.into_iter().chain(self.source.reading.options())
     }
 
-    /// Time between checkpoints; none for never.
+    /// Time between checkpoints; `None` for no checkpoints.
     fn checkpoint_every(&self) -> Option<Duration> {
         self.checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration)
     }
 
-    /// The beginning of the film, and the place of its checkpoints.
+    /// Returns the checkpoints of the job, resumed or new.
     fn checkpoints(&self, job: &FilmJob) -> Result<Checkpoints> {
         let every = self.checkpoint_every();
         let checkpoints = if self.resume { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
@@ -207,7 +210,7 @@ impl Render {
         Ok(checkpoints)
     }
 
-    /// Makes the film, and all that is told and written of it; gives the exit code of one that was interrupted.
+    /// Makes the film with its report, page, progress and notes. Returns the exit code of an interrupted run.
     fn make(
         &self,
         scene: &Scene,
@@ -221,13 +224,13 @@ impl Render {
         files.try_out()?;
         let log = Log::start(self.verbose, files.trace.clone());
 
-        // Progress, and what signals do.
+        // Progress, and reactions to signals.
         let first = film.first_frame();
         if !self.quiet {
             notes::before(scene, settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
         }
         let progress = progress::ProgressLine::new(settings, scene, first, self.quiet || self.verbose > 0);
-        // When a rank is gone the launcher ends all others, and waits for a second at most.
+        // When a rank is lost, the launcher ends all others within about a second.
         let is_hasty = team.count() > 1;
         let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &progress, settings) })?;
         let lines = Lines::new(self.progress_kind(), settings, first);
@@ -247,7 +250,7 @@ impl Render {
         let lightest = f32::from_bits(observer.lightest.load(Ordering::Relaxed));
         checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
 
-        // Report, page and trace; then nothing is left to go on from.
+        // Report, page and trace; then a finished film needs no checkpoint.
         let report = result?;
         let interrupted = report.summary.interrupted;
         files.report.as_deref().map_or(Ok(()), |path| report.write(path))?;
@@ -261,7 +264,7 @@ impl Render {
             let before = first.saturating_sub(settings.frame_range().start);
             progress::summary(&report, before, files.report.as_deref());
             files.html.iter().for_each(|path| tell!("page:   {}", path.display()));
-            // A run that was ended before a frame was made has shown nothing.
+            // A run that ended before its first frame has no brightness.
             let shown = (brightest > 0).then_some(brightest);
             notes::on_darkness(shown, settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
             notes::on_dimness(lightest, scene).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
@@ -276,18 +279,18 @@ impl Render {
 }
 
 impl Render {
-    /// Says how a film that was ended early may go on, and what was not made of it.
+    /// Prints how to continue a film that ended early, and the files that were not made.
     fn tell_of_early_end(&self, settings: &Settings) {
         match self.checkpoint_every() {
             _ if is_stream(&settings.output) => {}
-            Some(_) => tell!("ended early: the same command with --resume goes on after the last frame"),
-            None => tell!("ended early; it cannot go on, for --checkpoint off keeps nothing to go on from"),
+            Some(_) => tell!("ended early: the same command with --resume continues after the last frame"),
+            None => tell!("ended early and cannot be resumed: --checkpoint off wrote no checkpoint"),
         }
-        self.also.iter().for_each(|path| tell!("{} was not made: the film is not whole", path.display()));
+        self.also.iter().for_each(|path| tell!("{} was not made: the film is incomplete", path.display()));
     }
 }
 
-/// The answer of rank 0 to the others, who wait for it: what is to be made, or nothing.
+/// Answer of rank 0 to the other ranks, which wait for it: the film to make, or none.
 struct Answer<'a> {
     team: &'a Team,
     is_given: bool,
@@ -298,10 +301,10 @@ impl<'a> Answer<'a> {
         Self { team, is_given: false }
     }
 
-    /// Says that this film is to be made.
+    /// Announces the film to the other ranks.
     ///
     /// # Errors
-    /// Another rank is not ready for it.
+    /// If another rank is not ready for it.
     fn ready(&mut self, job: &FilmJob) -> render2mpeg::Result<()> {
         self.is_given = true;
         Ok(muster(&*self.team.shade, &Present::Ready(job.sum())).map(drop)?)
@@ -311,19 +314,19 @@ impl<'a> Answer<'a> {
 impl Drop for Answer<'_> {
     fn drop(&mut self) {
         if !self.is_given && !std::thread::panicking() {
-            // Nobody is ready for nothing: the result is known.
+            // Without a film the result does not matter.
             let _ = muster(&*self.team.shade, &Present::Idle);
         }
     }
 }
 
-/// Reactions to signals: the first lets the frames that are begun be finished, the second does not.
+/// Reactions to signals: the first lets begun frames finish, the second ends at once.
 fn reactions(film: &Film, progress: &progress::ProgressLine, settings: &Settings) -> Reactions {
     let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
     let tell_again = progress.teller();
-    let first = move || tell("stopping after this frame; again to stop now");
+    let first = move || tell("stopping after this frame; interrupt again to stop now");
     let second = move || match end.as_ref().map(|end| end()) {
-        Some(Ok(true)) => tell_again(&format!("video:  {output}, as far as it was written")),
+        Some(Ok(true)) => tell_again(&format!("video:  {output}, incomplete, up to the last written frame")),
         Some(Err(error)) => tell_again(&error.chain()),
         Some(Ok(false)) | None => {}
     };

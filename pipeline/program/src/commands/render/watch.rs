@@ -1,4 +1,4 @@
-//! `render --watch`: the film is made again whenever a file of its scene changes.
+//! `render --watch`: renders the film again whenever a file of its scene changes.
 
 use anyhow::{Context, Result};
 use render_core::scene::{Scene, SceneSettings};
@@ -7,28 +7,30 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode};
 use std::time::{Duration, SystemTime};
 
-/// Time between two looks at the files.
+/// Time between two checks of the files.
 const LOOK_EVERY: Duration = Duration::from_millis(300);
 
-/// When a file was changed, and its size; none for one that is not there.
+/// Modification time and size of a file \[bytes\]; `None` if it does not exist.
 type Stamp = Option<(SystemTime, u64)>;
 
-/// Runs the same command without `--watch`, again after each change of a file that `load` reads. It ends with the process.
+/// Runs the same command without `--watch`, again after each change of a file that `load` reads. Runs until the
+/// process ends.
 ///
 /// # Errors
-/// The program cannot be started again.
+/// If the program cannot be started again.
 pub fn run(path: &Path, load: impl Fn() -> Result<Scene>) -> Result<ExitCode> {
-    let program = std::env::current_exe().context("this program cannot be found")?;
+    let program = std::env::current_exe().context("cannot find the program's own executable")?;
     let words: Vec<OsString> = std::env::args_os().skip(1).filter(|word| word != "--watch").collect();
     loop {
         let files = files_of(path, load().ok());
         let stamps = stamps(&files);
-        let mut film = Command::new(&program).args(&words).arg("--overwrite").spawn().context("no film was begun")?;
+        let mut film =
+            Command::new(&program).args(&words).arg("--overwrite").spawn().context("cannot start the renderer")?;
         wait_for_change(&mut film, &files, &stamps)?;
     }
 }
 
-/// All that the film depends on: also files that are not there, or could not be read now.
+/// Returns all files that the film depends on, including missing and unreadable ones.
 fn files_of(path: &Path, scene: Option<Scene>) -> Vec<PathBuf> {
     let mut files = vec![path.to_owned(), SceneSettings::path_for(path)];
     files.extend(scene.into_iter().flat_map(|scene| scene.origin.files));
@@ -43,7 +45,7 @@ fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
     files.iter().map(stamp).collect()
 }
 
-/// Returns when a file has changed and stays as it is; a film that is not finished then is given up.
+/// Returns once a file has changed and is stable again; an unfinished film is killed.
 fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Result<()> {
     let mut is_told = false;
     let mut last = before.to_vec();
@@ -53,12 +55,12 @@ fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Res
         if now != before && now == last {
             // A file that is still being written is not read yet.
             let _ = film.kill();
-            film.wait().context("the film cannot be ended")?;
+            film.wait().context("cannot stop the renderer")?;
             return Ok(());
         }
         last = now;
-        if !is_told && film.try_wait().context("the film cannot be watched")?.is_some() {
-            tell!("waiting for changes; Ctrl-C ends");
+        if !is_told && film.try_wait().context("cannot watch the renderer")?.is_some() {
+            tell!("waiting for changes; Ctrl-C quits");
             is_told = true;
         }
     }

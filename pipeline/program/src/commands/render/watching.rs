@@ -1,4 +1,4 @@
-//! Observers of a film while it is made: lines of progress, and the pictures of its page.
+//! Observers of a film in progress: progress lines, brightness, and the pictures of its page.
 
 use crate::notes;
 use anyhow::Result;
@@ -17,12 +17,12 @@ use render2mpeg::{Render as Film, Report};
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-/// Lines for each frame, the largest code of bright luma and mean of light, and what the page shows of the film.
+/// Observer that prints a line per frame, tracks the brightest frame, and records data for the page.
 pub(super) struct Watching<F> {
     pub frames: OnFrame<F>,
-    /// 0 before the first frame.
+    /// Largest bright luma code of all frames; 0 before the first frame.
     pub brightest: AtomicU8,
-    /// Bits of the largest mean luminance.
+    /// Bits of the largest mean luminance of all frames.
     pub lightest: AtomicU32,
     pub page: Option<FilmWatch>,
 }
@@ -38,7 +38,7 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
     }
 
     fn shaded(&self, index: u32, shaded: &Shaded) {
-        // Numbers that are not negative have the order of their bits.
+        // Non-negative floats have the same order as their bits.
         let mean = notes::mean_luminance(&shaded.radiance).max(0.0);
         self.lightest.fetch_max(mean.to_bits(), Ordering::Relaxed);
         self.page.iter().for_each(|page| page.shaded(index, shaded));
@@ -53,13 +53,13 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
     }
 }
 
-/// Keeps of the film what its page shows.
+/// Returns an observer that records the data of the film's page.
 pub fn keep_for_page(film: &mut Film, settings: &Settings) -> FilmWatch {
     film.watch(&page::WATCHED);
     FilmWatch::new(settings)
 }
 
-/// Writes the page of the run, if one is wanted.
+/// Writes the page of the run, if one is requested.
 pub fn write_page(path: Option<&Path>, report: &Report, watched: Option<FilmWatch>, scene: &Scene) -> Result<()> {
     let Some((path, watched)) = path.zip(watched) else { return Ok(()) };
     let usual = Settings::new(report.settings.scene.clone(), scene, &Options::default()).ok();
