@@ -132,7 +132,7 @@ fn places_that_cannot_be_written() {
         (&["--output", "film.m2v", "--report", "no/report.json"], "no/report.json"),
         (&["--output", "film.m2v", "--exr", "file"], "file is a file, not a folder"),
         (&["--output", "film.m2v", "--png", "file"], "file is a file, not a folder"),
-        (&["--output", "film.m2v", "--exr", "file/frames"], "file/frames cannot be made"),
+        (&["--output", "film.m2v", "--exr", "file/frames"], "file/frames cannot be created"),
         (&["--output", "film.m2v", "--y4m", "no/film.y4m"], "no/film.y4m"),
         (&["--output", "film.m2v", "--also", "no/film.mp4"], "no/film.mp4"),
     ] {

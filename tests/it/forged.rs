@@ -47,7 +47,7 @@ fn records_of_lights_that_are_not_there_are_refused() {
     go_on(&few, &stored).expect("the original state is continued");
     stored.2[SHADE] = many.stored.2[SHADE].clone();
     let error = go_on(&few, &stored).unwrap_err();
-    assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
+    assert!(error.contains("is invalid") && error.lines().count() == 1, "{error}");
 }
 
 /// Unreadable states are refused before the film is truncated to its recorded length.
@@ -63,7 +63,7 @@ fn a_part_that_cannot_be_read_leaves_the_film_as_it_is() {
             stored.2[part] = forged;
             let error = go_on(&film, &stored).unwrap_err();
             assert!(error.lines().count() == 1, "{error}");
-            assert!(error.contains("film.m2v.checkpoint") && error.contains("start anew"), "{error}");
+            assert!(error.contains("film.m2v.checkpoint") && error.contains("restart"), "{error}");
             assert!(std::fs::read(&film.settings.output).unwrap() == before, "part {part}");
         }
     }
@@ -84,7 +84,7 @@ fn a_report_that_leaves_a_frame_out_is_refused() {
         encoding.1 = lines.iter().map(|&index| line(index)).collect();
         stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
         let error = go_on(&film, &stored).unwrap_err();
-        assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
+        assert!(error.contains("is invalid") && error.lines().count() == 1, "{error}");
     }
     encoding.1 = [1, 0].map(line).into();
     stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
@@ -99,7 +99,7 @@ fn a_last_frame_beyond_the_film_is_refused() {
         let mut stored = film.stored.clone();
         stored.1 = last;
         let error = go_on(&film, &stored).unwrap_err();
-        let word = if last == 2 { "makes no sense" } else { "more --frames" };
+        let word = if last == 2 { "is invalid" } else { "more --frames" };
         assert!(error.contains("film.m2v.checkpoint") && error.contains(word), "{last}: {error}");
     }
 }

@@ -187,7 +187,7 @@ fn other_light_is_found_out() {
         let film = Render::among(&film.scene, &film.settings, &plan, &checkpoints, &teams[0]).unwrap();
         (film.finish(Run::default()), follows.join().expect("no panic"))
     });
-    let line = "rank 1 has found other light for frame 0 than rank 0";
+    let line = "rank 1 differs from rank 0 in the light of frame 0";
     for error in [first.map(drop).unwrap_err(), second.unwrap_err()] {
         assert!(matches!(&error, Error::Loop(pipeline::Error::Ranks(text)) if text.starts_with(line)), "{error}");
     }

@@ -226,7 +226,7 @@ fn only_the_same_film_is_continued() {
         let mut changed = begun.clone();
         changed[place] ^= 1;
         fs::write(folder.join("film.m2v.part"), &changed).unwrap();
-        fails(&[], &["film.m2v.part", "other bytes", "--resume"]);
+        fails(&[], &["film.m2v.part", "differs", "--resume"]);
         assert!(fs::read(folder.join("film.m2v.part")).unwrap() == changed, "it is left as it is");
     }
     fs::write(folder.join("film.m2v.part"), b"").unwrap();

@@ -1,4 +1,4 @@
-//! The loop: parts on threads, joined by bounded channels, with the feedback edge from masking to shading.
+//! The loop: stages on threads, connected by bounded channels, with the feedback edge from masking to shading.
 
 use super::checkpoint::Checkpoints;
 use super::observe::Observer;
@@ -13,17 +13,17 @@ use crate::team::Lead;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::sync::atomic::AtomicBool;
 
-/// The surroundings of a run.
+/// Observer and stop flag of a run.
 #[derive(Clone, Copy)]
 pub struct Run<'a> {
-    /// Sees the results of every stage.
+    /// Receives the results of every stage.
     pub observer: &'a dyn Observer,
-    /// When this becomes true, no further frame is begun, and the stream ends in order.
+    /// When true, no further frame starts, and the stream ends in order.
     pub stop: &'a AtomicBool,
 }
 
 impl Default for Run<'_> {
-    /// No observer, and no early end.
+    /// Returns a run without observer and without early end.
     fn default() -> Self {
         static NEVER: AtomicBool = AtomicBool::new(false);
         Self { observer: &(), stop: &NEVER }
@@ -36,14 +36,14 @@ impl std::fmt::Debug for Run<'_> {
     }
 }
 
-/// Runs the loop to the end of a film, and gives the report of each frame in display order.
+/// Runs the loop to the end of a film, and returns the reports of all frames in display order.
 ///
-/// Shading frame n waits for the thresholds of frame n−1, which follow from that picture as it was coded; preparation of
-/// frame n+1 goes on meanwhile. The film depends on its parts alone, and not on the time that they take. Its bytes go to the
-/// observer, and to the file of [`Start::write_to`].
+/// Shading frame n waits for the thresholds of frame n−1, which follow from that frame's coded picture. Frame n+1 is
+/// prepared in the meantime. The film depends only on its stages, not on their timing. Its bytes are passed to the
+/// observer and to the file of [`Start::write_to`].
 ///
 /// # Errors
-/// The first failure of a part, of a file or of a checkpoint; or the panic of a part.
+/// The first failure of a stage, a file or a checkpoint, or the panic of a stage.
 pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     parts: Parts<P, S, D, M, E>,
     start: Start<'_>,
@@ -54,8 +54,8 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let Run { observer, stop } = run;
     checkpoints.begin(mask.is_some())?;
     let ranks = lead.ranks();
-    // Prepared frames are handed over without a queue: preparation is one frame ahead, which is all that can be used, and
-    // each further one would hold a G-buffer. Elsewhere one frame may wait.
+    // Prepared frames are handed over without a queue. Preparation is then one frame ahead, which suffices; each
+    // queued frame would hold another G-buffer. The other channels queue one frame.
     let (prepared_out, prepared_in) = bounded(0);
     let (shaded_out, shaded_in) = bounded(1);
     let (displayed_out, displayed_in) = bounded(1);
@@ -69,10 +69,10 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let masking = mask.map(|mask| Masking::new(mask, &mut masking_seconds, observer)).transpose()?;
     let pace = Pace::new(stop, checkpoints, first, ranks.count() > 1);
     lead.begin(pace.decision().unwrap_or_default());
-    // A failure is reported in this order.
+    // Failures are reported in this order.
     threads::run([
         stage("encode", move || {
-            // Without masking the coding is not used.
+            // Without masking the coding is unused.
             work(checkpoints, encoding, displayed_in.into_iter(), |coded| !masks || coded_out.send(coded).is_ok())
         }),
         stage("display", move || {
@@ -81,7 +81,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
         stage("mask", move || {
             let Some(masking) = masking else { return Ok(()) };
             work(checkpoints, masking, coded_in.into_iter(), |thresholds| {
-                // The thresholds of the last frame are not used.
+                // The thresholds of the last frame are unused.
                 let _ = thresholds_out.send(thresholds.content);
                 true
             })
@@ -103,10 +103,12 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     log.finish(&masking_seconds)
 }
 
-/// The feedback edge, which holds the thresholds of one frame: shading frame n takes those of n−1 before it makes anything.
+/// Returns the feedback edge, which holds the thresholds of one frame: shading frame n first takes the thresholds of
+/// frame n−1.
 ///
-/// Gives the end that masking sends to, and the thresholds for a frame: none after masking has ended, and `Some(None)` where there
-/// are none. Masked films begin with frame `begin`, or go on with the `thresholds` of the last frame that is done.
+/// The sender is for masking. The function returns the thresholds for a frame: `None` after masking has ended,
+/// `Some(None)` without thresholds. Masked films start with frame `begin`, or continue with the `thresholds` of the
+/// last finished frame.
 fn feedback_edge(
     begin: Option<u32>,
     thresholds: Option<LuminanceThresholds>,
@@ -122,13 +124,13 @@ fn feedback_edge(
     (sender, of_last)
 }
 
-/// A prepared frame on its way to shading, and whether the next one is begun.
+/// Prepared frame passed to shading, and true if the next one is started.
 type OnItsWay<F> = (Stamped<Prepared<F>>, bool);
-/// The same with the thresholds of the frame before.
+/// Prepared frame with the thresholds of the previous frame.
 type WithThresholds<F> = Stamped<(Prepared<F>, Option<LuminanceThresholds>)>;
 
-/// Prepared frames with the thresholds that `of_last` has for each, until there are no more of either. Whom this process leads is
-/// told of each.
+/// Returns prepared frames with their thresholds from `of_last` until either ends, and announces each frame to the
+/// ranks that this process leads.
 fn with_thresholds<F>(
     prepared: Receiver<OnItsWay<F>>,
     of_last: impl Fn(u32) -> Option<Option<LuminanceThresholds>>,
@@ -146,7 +148,7 @@ fn with_thresholds<F>(
             Some(frame.with(|prepared| (prepared, thresholds)))
         });
         if next.is_none() {
-            // Other ranks give their state when this one does.
+            // All ranks store their states together.
             lead.end(last.is_some_and(|last| checkpoints.ends_after(last)));
         }
         next

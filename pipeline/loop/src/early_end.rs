@@ -1,4 +1,4 @@
-//! Ending a file from another thread, while the one that writes it may be busy for long.
+//! Ending a file from another thread while its writer is busy.
 
 use crate::error::{Error, Result};
 use std::fs::{self, File};
@@ -6,28 +6,28 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// State of a file that both threads know.
+/// State of a file shared by both threads.
 #[derive(Debug)]
 pub(crate) struct Tail {
-    /// Whether more may be written: not after an end.
+    /// True while more bytes may be written.
     pub is_open: bool,
-    /// Bytes that make the file whole, after those that are written.
+    /// Bytes that complete the file after the written ones.
     pub ending: Vec<u8>,
 }
 
 impl Tail {
-    /// Of a file that is empty.
+    /// Returns the state of an empty file.
     pub fn of_nothing() -> Arc<Mutex<Self>> {
         Arc::new(Mutex::new(Self { is_open: true, ending: Vec::new() }))
     }
 }
 
-/// Takes a tail, which is valid at any time, also after a panic elsewhere.
+/// Locks a tail. It is valid even after a panic of another thread.
 pub(crate) fn held(tail: &Mutex<Tail>) -> MutexGuard<'_, Tail> {
     tail.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Completes an [`Output`](crate::output::Output) from another thread at once; what is written to it afterwards fails.
+/// Completes an [`Output`](crate::output::Output) from another thread at once; later writes to it fail.
 #[derive(Clone, Debug)]
 pub struct EarlyEnd {
     path: PathBuf,
@@ -36,18 +36,18 @@ pub struct EarlyEnd {
 }
 
 impl EarlyEnd {
-    /// The early end of the file at `path`, which is written at `part` until it is whole.
+    /// Returns the early end of the file at `path`, which is written as `part` until it is finished.
     pub(crate) fn new(path: &Path, part: Option<PathBuf>, tail: Arc<Mutex<Tail>>) -> Self {
         Self { path: path.into(), part, tail }
     }
 
-    /// Appends the bytes that make the file whole and gives it its name, unless it has that already. What holds nothing, or is no
-    /// file, stays as it is. Tells whether there is a file now.
+    /// Appends the ending and renames the file to its final name, and returns true. Returns false for a finished or
+    /// empty file and for a stream, which are unchanged.
     ///
     /// # Errors
-    /// The file cannot be written or renamed.
+    /// If the file cannot be written or renamed.
     pub fn end(&self) -> Result<bool> {
-        // Held to the end: a write that is under way comes first, and none comes after it.
+        // Locked until the end: a write in progress finishes first, and later writes fail.
         let mut tail = held(&self.tail);
         let Some(part) = self.part.as_ref().filter(|_| tail.is_open) else { return Ok(false) };
         tail.is_open = false;

@@ -1,93 +1,93 @@
-//! Failures of the loop, of its parts and of their files.
+//! Errors of the loop, its stages and its files.
 //!
-//! [`Error`] says in one line what failed, where, and what helps. Causes are reached through
-//! [`source`](std::error::Error::source); [`Error::chain`] writes all of them in one line, joined by ": ".
+//! [`Error`] states in one line the failed action, its place and a remedy. Causes are available through
+//! [`source`](std::error::Error::source); [`Error::chain`] joins all messages with ": ".
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// An error from another library.
+/// Error from another library.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
-/// A result whose error is that of this crate.
+/// Result with this crate's error.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Everything that can fail in this crate.
+/// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An option is out of its range, or two options contradict each other.
-    /// The text names the option as on the command line, and a value that works.
+    /// An option is out of range, or two options contradict each other. The text names the option as on the command
+    /// line, and a valid value.
     #[error("{0}")]
     Options(String),
-    /// The operating system refuses to open, read or write a file or folder.
+    /// The operating system refused to open, read or write a file or folder.
     #[error("{} {problem}", path.display())]
     File {
-        /// The file or folder.
+        /// File or folder.
         path: PathBuf,
-        /// The failure, as text after the name, and the remedy if there is one.
+        /// Failure, as text after the path, with the remedy if one exists.
         problem: String,
         /// The system's reason.
         source: io::Error,
     },
-    /// A file was read and holds something else than expected.
+    /// A file was read, but its content is not as expected.
     #[error("{}{problem}", path.display())]
     Content {
-        /// The file or folder.
+        /// File or folder.
         path: PathBuf,
-        /// The problem, as text after the name and with its own punctuation.
+        /// Problem, as text after the path with its own punctuation.
         problem: String,
-        /// The reason, if another library told one.
+        /// Reason from another library, if any.
         source: Option<Cause>,
     },
-    /// A checkpoint does not fit the run, or is damaged; the text says to start anew.
+    /// A checkpoint is damaged or belongs to another run; the text describes how to restart.
     #[error("{0}")]
     Checkpoint(String),
-    /// The ranks of a film do not fit together: every one of them says so.
+    /// The ranks of a film disagree: every rank reports this.
     #[error("{0}")]
     Ranks(String),
-    /// A stage of the loop panicked, or an invariant of this crate does not hold.
+    /// A stage of the loop panicked, or an invariant of this crate is violated.
     #[error("{0}")]
     Fault(String),
-    /// Another error, and what was being done.
+    /// Another error, with the action that failed.
     #[error("{context}")]
     Context {
-        /// The action that failed.
+        /// Action that failed.
         context: String,
-        /// The reason.
+        /// Reason.
         source: Cause,
     },
-    /// An error from another library, or from code of the caller.
+    /// Error from another library or from the caller's code.
     #[error(transparent)]
     Other(Cause),
 }
 
 impl Error {
-    /// Wraps an error of the caller's own code, such as that of a renderer, an encoder or a receiver of the film.
+    /// Wraps an error of the caller's code, such as a renderer's, an encoder's or an observer's.
     #[must_use]
     pub fn other(error: impl Into<Cause>) -> Self {
         Self::Other(error.into())
     }
 
-    /// The message with those of all causes, joined by ": ", in one line.
+    /// Message with the messages of all causes, joined by ": ", in one line.
     #[must_use]
     pub fn chain(&self) -> String {
         chain(self)
     }
 
-    /// Makes a [`Error::File`] of the system's reason; for `map_err`.
+    /// Returns a function for `map_err` that makes an [`Error::File`] from the system's reason.
     pub fn file(path: &Path, problem: &str) -> impl FnOnce(io::Error) -> Self {
         |source| Self::File { path: path.into(), problem: problem.into(), source }
     }
 
-    /// A file that holds something else than expected; `problem` begins with its punctuation.
+    /// Returns an error about unexpected content of a file; `problem` begins with its punctuation.
     #[must_use]
     pub fn content(path: &Path, problem: impl Into<String>) -> Self {
         Self::Content { path: path.into(), problem: problem.into(), source: None }
     }
 }
 
-/// The message of `error` with those of all causes, joined by ": ", in one line.
+/// Message of `error` with the messages of all causes, joined by ": ", in one line.
 #[must_use]
 pub fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
@@ -112,12 +112,12 @@ impl From<serde_json::Error> for Error {
     }
 }
 
-/// Adds what was being done to an error of another kind.
+/// Adds the failed action to an error of another kind.
 pub trait Context<T> {
-    /// Wraps the error, if there is one.
+    /// Wraps the error, if any, in [`Error::Context`].
     ///
     /// # Errors
-    /// The same one, with `context` before it.
+    /// The original error, with `context` before it.
     fn context(self, context: impl Into<String>) -> Result<T>;
 }
 
@@ -134,9 +134,9 @@ mod tests {
     #[test]
     fn a_chain_names_the_file_and_every_cause() {
         let denied = io::Error::from(io::ErrorKind::PermissionDenied);
-        let error = Error::file(Path::new("a.m2v"), "cannot be written; choose another place with -o")(denied);
-        assert_eq!(error.to_string(), "a.m2v cannot be written; choose another place with -o");
-        assert_eq!(error.chain(), "a.m2v cannot be written; choose another place with -o: permission denied");
+        let error = Error::file(Path::new("a.m2v"), "cannot be written; choose another path with -o")(denied);
+        assert_eq!(error.to_string(), "a.m2v cannot be written; choose another path with -o");
+        assert_eq!(error.chain(), "a.m2v cannot be written; choose another path with -o: permission denied");
         let error = Err::<(), _>(error).context("the film").unwrap_err();
         assert!(error.chain().starts_with("the film: a.m2v cannot be written"), "{}", error.chain());
         assert_eq!(Error::other("the disk is full").chain(), "the disk is full");

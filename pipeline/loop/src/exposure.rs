@@ -1,22 +1,23 @@
-//! The exposure of a film that states none.
+//! Automatic exposure.
 
 use plane::Plane;
 
-/// Luminance that the middle of a picture is brought to when no exposure is set: photography's gray card.
+/// Luminance to which the middle of a picture is mapped without a set exposure: photography's gray card.
 const MIDDLE_GRAY: f64 = 0.18;
-/// Share of a picture's mean luminance below which a pixel counts as black for the exposure: seventeen stops.
+/// Ratio to the mean luminance below which a pixel counts as black for the exposure: seventeen stops.
 const LEAST_LIT: f64 = 1.0 / 131_072.0;
 
-/// Brings the geometric mean of the lit pixels' luminance to middle gray; 1 for a black picture.
+/// Returns the exposure that maps the geometric mean of the lit pixels' luminance to middle gray; 1 for a black
+/// picture.
 #[must_use]
 pub fn exposure_for(luminance: &Plane<f32>) -> f32 {
     exposure_for_luminances(luminance.samples()).unwrap_or(1.0)
 }
 
-/// The same for pixels of any pictures; `None` if all are black.
+/// Returns the same exposure for pixels of any pictures; `None` if all are black.
 #[must_use]
 pub fn exposure_for_luminances(luminances: &[f32]) -> Option<f32> {
-    // Pixels far darker than the mean count as black: they are noise and leaks.
+    // Pixels far darker than the mean count as black: they are noise and light leaks.
     let mean = luminances.iter().map(|&y| f64::from(y)).sum::<f64>() / luminances.len() as f64;
     let least = mean * LEAST_LIT;
     let lit = luminances.iter().map(|&y| f64::from(y)).filter(|&y| y > 0.0 && y >= least);
@@ -37,7 +38,7 @@ mod tests {
         let picture = Plane::from_fn(4, 1, |x, _| [0.0, 10.0, 1000.0, 100.0][x]);
         assert!((exposure_for(&picture) - 0.0018).abs() < 1e-6);
         assert_eq!(exposure_for(&Plane::filled(2, 2, 0.0)), 1.0);
-        // A leak beside a lit wall changes nothing.
+        // A light leak next to a lit wall changes nothing.
         let leaking = Plane::from_fn(4, 1, |x, _| [1e-9, 10.0, 1000.0, 100.0][x]);
         assert_eq!(exposure_for(&leaking), exposure_for(&picture));
     }

@@ -1,13 +1,13 @@
-//! CPU seconds and counts of one frame, collected on its way through the loop.
+//! CPU seconds and counts of one frame, collected in the loop.
 
-/// CPU seconds of the stages of a frame, summed over threads: waiting, and other programs, do not count.
+/// CPU seconds of a frame's stages, summed over threads; waiting and other programs are excluded.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct Seconds {
-    /// Placing of objects and the ray tree.
+    /// Placing objects and building the ray tree.
     pub update: f64,
     /// Photon tracing.
     pub photons: f64,
-    /// Build or update of the light tree.
+    /// Building or updating the light tree.
     pub tree: f64,
     /// Primary rays, motion and importance.
     pub visibility: f64,
@@ -21,7 +21,7 @@ pub struct Seconds {
     pub encode: f64,
     /// Masking.
     pub thresholds: f64,
-    /// Sum of all, once the frame is coded.
+    /// Sum of all stages, set once the frame is coded.
     pub total: f64,
 }
 
@@ -31,12 +31,12 @@ impl Seconds {
         [s.update, s.photons, s.tree, s.visibility, s.direct, s.indirect, s.tone_map, s.encode, s.thresholds]
     }
 
-    /// Sums up all parts.
+    /// Sets `total` to the sum of all stages.
     pub fn add_up(&mut self) {
         self.total = self.parts().iter().sum();
     }
 
-    /// Mean of each part.
+    /// Returns the mean of each stage.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
         let count = all.clone().count().max(1) as f64;
         let mut sums = [0.0; 9];
@@ -49,59 +49,61 @@ impl Seconds {
     }
 }
 
-/// CPU seconds of the stages and counts of one frame; each stage fills in its part.
+/// CPU seconds and counts of one frame; each stage fills in its own.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct FrameFigures {
     /// CPU seconds of the stages.
     pub seconds: Seconds,
-    /// Photons traced; the energy of the others is known from the first frame.
+    /// Number of traced photons; the energy of the others is known from the first frame.
     pub photons_traced: u64,
-    /// Mean number of clusters in a cut, over the cuts made for this frame.
+    /// Mean number of clusters in a lightcut, over the lightcuts of this frame.
     pub cut_size_mean: f64,
-    /// Largest number of clusters in a cut.
+    /// Largest number of clusters in a lightcut.
     pub cut_size_max: u32,
-    /// Shadow rays of direct light and cuts.
+    /// Number of shadow rays of direct light and lightcuts.
     pub shadow_rays: u64,
-    /// Records of the irradiance cache in use at pixels of this frame.
+    /// Number of irradiance cache records in use by pixels of this frame.
     pub cache_records: u64,
-    /// Records of the irradiance cache computed or recomputed for this frame.
+    /// Number of irradiance cache records computed or recomputed for this frame.
     pub cache_new: u64,
-    /// Share of the lit pixels for which some light was computed.
+    /// Fraction of the lit pixels for which some light was computed.
     pub shaded_share: f64,
-    /// Share of the lit pixels whose light was reprojected from the previous frame.
+    /// Fraction of the lit pixels with light reprojected from the previous frame.
     pub carried_share: f64,
-    /// Share of the audited pixels whose reprojected light would be within the error they may have; none if none was audited.
+    /// Fraction of the audited pixels with reprojected light within the permitted error; `None` without audited
+    /// pixels.
     pub audit_carried_within: Option<f64>,
-    /// Share of the light tree's inner nodes whose children changed.
+    /// Fraction of the light tree's inner nodes with changed children.
     pub tree_swaps_share: f64,
-    /// Mean threshold by luminance, over the pixels that show a surface.
+    /// Mean ratio of threshold to luminance, over the pixels that show a surface.
     pub threshold_mean_relative: f64,
-    /// Mean importance of the pixels, 0…1; none without importance, as the next two.
+    /// Mean importance of the pixels, 0…1; `None` without importance.
     pub importance_mean: Option<f64>,
-    /// Mean samples of a pixel.
+    /// Mean number of samples per pixel; `None` without importance.
     pub samples_mean: Option<f64>,
-    /// Mean change in samples of a surface since the previous frame; none where no surface was seen before.
+    /// Mean change in a surface's number of samples since the previous frame; `None` without previously visible
+    /// surfaces.
     pub samples_change: Option<f64>,
-    /// Mean multiplier on thresholds: κ of masking, or that of calibrated stopping.
+    /// Mean multiplier on thresholds: κ of masking, or the multiplier of calibrated stopping.
     pub kappa: Option<f64>,
-    /// 95th percentile of true error by threshold; none where no pixel was audited.
+    /// 95th percentile of the ratio of true error to threshold; `None` without audited pixels.
     pub audit_error_p95: Option<f64>,
-    /// Pixels whose radiance was not finite; shown black.
+    /// Number of pixels with non-finite radiance, shown black.
     #[serde(rename = "non_finite_pixels")]
     pub non_finite: usize,
 }
 
-/// Figures of a frame that each rank has its own of.
+/// Number of figures that each rank measures separately.
 pub(crate) const RANK_FIGURES: usize = 7;
 
 impl FrameFigures {
-    /// The figures of this rank alone: CPU seconds up to light, and photons.
+    /// Figures of this rank alone: CPU seconds up to light, and photons.
     pub(crate) fn of_rank(&self) -> [f64; RANK_FIGURES] {
         let Seconds { update, photons, tree, visibility, direct, indirect, .. } = self.seconds;
         [update, photons, tree, visibility, direct, indirect, self.photons_traced as f64]
     }
 
-    /// Replaces them by the sums over `all` ranks.
+    /// Replaces these figures by the sums over `all` ranks.
     pub(crate) fn add_up_ranks<'a>(&mut self, all: impl Iterator<Item = &'a [f64; RANK_FIGURES]>) {
         let mut sums = [0.0; RANK_FIGURES];
         for figures in all {

@@ -1,4 +1,4 @@
-//! The loop on a rank that follows: it prepares and shades what rank 0 says, and nothing else.
+//! The loop on a rank other than 0: it prepares and shades the frames that rank 0 orders.
 
 use super::stages::Shading;
 use super::threads::{self, Stage, stage};
@@ -8,14 +8,14 @@ use crate::team::{Order, Team};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use ranks::Ranks;
 
-/// Makes the frames of a film that rank 0 leads, up to their light.
+/// Prepares and shades the frames of a film that rank 0 leads.
 ///
 /// # Errors
-/// The ranks have found different light, or what rank 0 says makes no sense.
+/// If the ranks computed different light, or rank 0 sends invalid orders.
 pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team: &Team) -> Result<()> {
     let orders = &*team.shade;
 
-    // The state that all begin with.
+    // The common initial state of all ranks.
     let first = match Order::next(orders)? {
         Order::Start { first, restored } => {
             if let Some(state) = restored {
@@ -31,7 +31,7 @@ pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team
         order => return ended(&order),
     };
 
-    // Preparation works one frame ahead, as on rank 0: each turn lets it make one.
+    // Preparation works one frame ahead, as on rank 0: each message permits one frame.
     let (turns_out, turns_in) = bounded(1);
     let (prepared_out, prepared_in) = bounded(1);
     if goes_on {
@@ -43,7 +43,8 @@ pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team
         stage("prepare", move || {
             for (index, ()) in (first..).zip(turns_in) {
                 let Some(prepared) = prepare.step(index) else { break };
-                // Shading may have ended. Rank 0 takes part in each turn that it has given, so this rank does too.
+                // Shading may have ended. Rank 0 prepares each permitted frame, so this rank must do so
+                // too.
                 let _ = prepared_out.send(prepared);
             }
             Ok(())
@@ -51,7 +52,7 @@ pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team
     ])
 }
 
-/// Shades the frames that rank 0 names, as they are prepared. Each order may give preparation a turn.
+/// Shades the frames that rank 0 orders, as they are prepared. An order may permit preparation of another frame.
 fn shade_all<F, S: Shade<F>>(
     mut shading: Shading<S, F>,
     orders: &dyn Ranks,
@@ -71,7 +72,7 @@ fn shade_all<F, S: Shade<F>>(
                 let Ok(prepared) = prepared.recv() else {
                     return Err(Error::Fault(format!("frame {index} is not prepared here")));
                 };
-                // All ranks know if light differs, and rank 0 says that it ends.
+                // If light differs, every rank detects it, and rank 0 orders the end.
                 result = shading.step(index, (prepared, thresholds.map(Order::thresholds))).map(drop);
                 if marked && result.is_ok() {
                     let _ = shading.state()?;
@@ -89,7 +90,7 @@ fn shade_all<F, S: Shade<F>>(
     }
 }
 
-/// The result where rank 0 ends before the first frame.
+/// Returns the result if rank 0 ends before the first frame.
 fn ended(order: &Order) -> Result<()> {
     match order {
         Order::End { .. } => Ok(()),
@@ -104,7 +105,7 @@ fn unexpected(order: &Order) -> Error {
         Order::Frame { .. } => "to make a frame",
         Order::End { .. } => "to end",
     };
-    Error::Fault(format!("rank 0 says {name} out of turn"))
+    Error::Fault(format!("rank 0 ordered {name} out of order"))
 }
 
 #[cfg(test)]
@@ -148,7 +149,8 @@ mod tests {
         }
     }
 
-    /// Rank 0 fails while it prepares a second frame: the other rank prepares that one too, though nobody shades it.
+    /// If rank 0 fails while preparing a second frame, the other rank prepares that frame too, although it is never
+    /// shaded.
     #[test]
     fn frames_in_preparation_are_finished_after_the_end() {
         let prepared = Arc::new(AtomicU32::new(0));

@@ -1,4 +1,4 @@
-//! The loop of renderer, display, encoder and masking model: thresholds flow back, exactly one frame late.
+//! The loop of renderer, display, encoder and masking model: thresholds flow back exactly one frame late.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
@@ -28,5 +28,5 @@ pub use error::{Error, Result};
 pub use follow::follow;
 pub use start::{Parts, Start};
 
-/// The crates whose types stand in signatures.
+/// The crates with types in public signatures.
 pub use {perceptual, plane};

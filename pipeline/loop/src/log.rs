@@ -1,4 +1,4 @@
-//! The film as far as it is made: its bytes, and a line of the report for each coded picture.
+//! The film so far: its bytes, and a report for each coded picture.
 
 use super::observe::Observer;
 use crate::early_end::EarlyEnd;
@@ -15,23 +15,23 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Reports of the coded frames, and figures of the frames that the encoder still holds.
+/// Reports of coded frames, and figures of frames that are still in the encoder.
 #[derive(Debug, Default)]
 pub(super) struct FilmLog {
-    /// Where the bytes go; none: only to the observer.
+    /// File of the bytes; `None` passes them to the observer only.
     output: Option<Output>,
-    /// Bytes of the film at the checkpoint that it is continued from.
+    /// Bytes of the film at the checkpoint from which it continues.
     written: Written,
-    /// The first frame of the film, or of its part.
+    /// First frame of the film, or of the range that is made.
     begin: u32,
     reports: Vec<FrameReport>,
     waiting: BTreeMap<u32, FrameFigures>,
 }
 
-/// The log in a checkpoint: bytes of the film, reports, figures that wait, and the state of the encoder.
+/// Log in a checkpoint: bytes of the film, reports, waiting figures, and state of the encoder.
 type StoredLog = (Written, Vec<StoredLine>, BTreeMap<u32, FrameFigures>, Vec<u8>);
 
-/// A report without names, which bincode does not store.
+/// Report without field names, which bincode cannot store.
 #[derive(Serialize, Deserialize)]
 struct StoredLine {
     index: u32,
@@ -58,7 +58,7 @@ impl From<StoredLine> for FrameReport {
 }
 
 impl FilmLog {
-    /// How much of the film there is, once that is on the disk, with the `encoder`'s state.
+    /// Syncs the film to the disk, and returns the log's state with the `encoder`'s.
     pub fn state(&self, encoder: Vec<u8>) -> Result<Vec<u8>> {
         self.output.as_ref().map_or(Ok(()), Output::sync)?;
         let written = self.output.as_ref().map(Output::written).unwrap_or_default();
@@ -66,17 +66,18 @@ impl FilmLog {
         Ok(encode(&(written, lines, &self.waiting, encoder)))
     }
 
-    /// Nothing yet of a film, or of a part of one, whose first frame is `begin`.
+    /// Returns the empty log of a film, or of a range, with first frame `begin`.
     pub fn beginning(begin: u32) -> Self {
         Self { begin, ..Self::default() }
     }
 
-    /// Continues from a [`state`](Self::state) that was left when the frames `done` were; gives the encoder's state too.
+    /// Returns the log restored from a [`state`](Self::state) that was stored after the frames `done`, and the
+    /// encoder's state.
     pub fn restored(state: &[u8], done: Range<u32>) -> Result<(Self, Vec<u8>)> {
         let begin = done.start;
         let (written, lines, waiting, encoder): StoredLog = decode(state)?;
         let reports: Vec<FrameReport> = lines.into_iter().map(FrameReport::from).collect();
-        // Each frame that is done has its line, or waits for it.
+        // Each finished frame has a report or waiting figures.
         let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(waiting.keys().copied()).collect();
         frames.sort_unstable();
         if !frames.into_iter().eq(done) {
@@ -85,36 +86,38 @@ impl FilmLog {
         Ok((Self { output: None, written, begin, reports, waiting }, encoder))
     }
 
-    /// Opens the film's file: anew, or where it was at the checkpoint. Unfinished, it stays if `kept` is true then.
+    /// Opens the film's file: new, or at the checkpoint's length. If `kept` is true when it is dropped, the
+    /// unfinished file remains.
     pub fn write_to(&mut self, path: &Path, continued: bool, kept: Arc<AtomicBool>) -> Result<()> {
         let output = if continued { Output::resume(path, self.written)? } else { Output::create(path)? };
         self.output = Some(output.kept_if(kept));
         Ok(())
     }
 
-    /// A way to end the film's file from another thread; none without a file.
+    /// Returns a handle to end the film's file from another thread; `None` without a file.
     pub fn early_end(&self) -> Option<EarlyEnd> {
         self.output.as_ref().map(Output::early_end)
     }
 
-    /// Keeps the figures of frame `index`, which has come to the encoder.
+    /// Stores the figures of frame `index`, which has entered the encoder.
     pub fn expect(&mut self, index: u32, figures: FrameFigures) {
         self.waiting.insert(index, figures);
     }
 
-    /// Adds seconds of encoding to the last frame that waits.
+    /// Adds seconds of encoding to the last waiting frame.
     pub fn spend_on_last(&mut self, seconds: f64) {
         if let Some(mut last) = self.waiting.last_entry() {
             last.get_mut().seconds.encode += seconds;
         }
     }
 
-    /// Says what makes the film whole, if it ends with what was written at the checkpoint.
+    /// Sets the bytes that complete the film if it ends with the bytes of the checkpoint.
     pub fn end_with(&mut self, ending: Vec<u8>) -> Result<()> {
         self.output.as_mut().map_or(Ok(()), |output| output.write_before(&[], ending))
     }
 
-    /// Writes the bytes, and a line for each coded picture with the figures that waited for it. The film may end early with `ending`.
+    /// Writes the bytes, and a report of each coded picture with its waiting figures. If the film ends early,
+    /// `ending` completes it.
     pub fn hand_out(&mut self, coded: Encoded, ending: Vec<u8>, observer: &dyn Observer) -> Result<Coding> {
         let Encoded { bytes, pictures, coding } = coded;
         self.output.as_mut().map_or(Ok(()), |output| output.write_before(&bytes, ending))?;
@@ -133,12 +136,12 @@ impl FilmLog {
         Ok(coding)
     }
 
-    /// Completes the file, and gives the reports in display order with the seconds that masking each frame took.
+    /// Completes the file, and returns the reports in display order with the seconds of masking.
     pub fn finish(self, masking_seconds: &[(u32, f64)]) -> Result<Vec<FrameReport>> {
         let Self { output, begin, mut reports, .. } = self;
-        // An encoder that looks ahead codes in another order.
+        // An encoder with lookahead codes in another order.
         reports.sort_by_key(|frame| frame.index);
-        // Only an encoder in a wrong state leaves a frame out, or reports it twice.
+        // Only an encoder in an invalid state omits a frame or reports it twice.
         if !reports.iter().map(|frame| frame.index).eq((begin..).take(reports.len())) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }

@@ -1,4 +1,4 @@
-//! Observers of a run while it goes on.
+//! Observers of a running film.
 
 use crate::parts::Shaded;
 use crate::report::FrameReport;
@@ -6,40 +6,41 @@ use perceptual::YCbCr;
 use plane::{Picture, Plane};
 use std::sync::Mutex;
 
-/// Sees what the stages of a run make. Each method is called from the thread of its stage, which goes on when it returns;
-/// who wants to do more with what comes sends it on through a channel.
+/// Receives the results of a run's stages. Each method is called on the thread of its stage, which continues when the
+/// method returns; send data through a channel for longer work.
 pub trait Observer: Sync {
-    /// Frame `index` as light, with the channels that are kept of it, in display order.
+    /// Receives the light of frame `index` and its channels, in display order.
     fn shaded(&self, _index: u32, _shaded: &Shaded) {}
 
-    /// Frame `index` as it goes to the encoder, in display order.
+    /// Receives the picture of frame `index` before coding, in display order.
     fn picture(&self, _index: u32, _picture: &YCbCr) {}
 
-    /// Importance of each pixel of frame `index`, 0…1, in display order, where it steers anything.
+    /// Receives the importance of each pixel of frame `index`, 0…1, in display order; called only if importance is in
+    /// use.
     fn importance(&self, _index: u32, _importance: &Plane<f32>) {}
 
-    /// The luminance that each pixel of frame `index` may be wrong by \[W·m⁻²·sr⁻¹\], in display order; frame `index` + 1 is
-    /// rendered with them.
+    /// Receives the permitted luminance error of each pixel of frame `index` \[W·m⁻²·sr⁻¹\], in display order. Frame
+    /// `index` + 1 is rendered with it.
     fn thresholds(&self, _index: u32, _delta: &Plane<f32>) {}
 
-    /// Frame `index` as decoders show it, in the order of coding, where the encoder tells.
+    /// Receives frame `index` as a decoder shows it, in coding order, if the encoder provides it.
     fn decoded(&self, _index: u32, _picture: &Picture) {}
 
-    /// The next bytes of the film.
+    /// Receives the next bytes of the film.
     fn bytes(&self, _bytes: &[u8]) {}
 
-    /// A frame is coded, in the order of coding.
+    /// Receives the report of a coded frame, in coding order.
     fn frame(&self, _report: &FrameReport) {}
 }
 
-/// Sees nothing.
+/// Ignores all results.
 impl Observer for () {}
 
-/// Sees what is told of each frame.
+/// Observer that passes each frame's report to a function.
 pub struct OnFrame<F>(Mutex<F>);
 
 impl<F: FnMut(&FrameReport) + Send> OnFrame<F> {
-    /// Calls `tell` with each frame.
+    /// Returns an observer that calls `tell` with each frame's report.
     pub fn new(tell: F) -> Self {
         Self(Mutex::new(tell))
     }

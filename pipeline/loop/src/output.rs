@@ -1,4 +1,4 @@
-//! Files that are either whole or not there.
+//! Files that are complete or absent.
 
 use crate::early_end::{EarlyEnd, Tail, held};
 use crate::error::{Error, Result};
@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// A file that is written under `NAME.part` and gets its name when it is finished.
+/// File that is written as `NAME.part` and renamed when it is finished.
 ///
-/// While it is written, its part is locked: no other run writes to the same place. Dropped unfinished, it leaves nothing behind,
-/// unless it is [kept](Output::kept_if). Killed, the process leaves the part: for video, a prefix that plays.
-/// Devices and pipes are written directly, and so is standard output, whose name is `-`.
+/// The part is locked during writing, so that no other run writes to the same path. Dropping an unfinished output
+/// removes the part unless it is [kept](Output::kept_if). A killed process leaves the part; for video, it is a
+/// playable prefix. Devices and pipes are written directly, as is standard output, named `-`.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
@@ -22,30 +22,30 @@ pub struct Output {
     file: File,
     written: Written,
     sum: crc32fast::Hasher,
-    /// Whether the part stays where the file is not finished.
+    /// True if the part of an unfinished file remains.
     kept: Arc<AtomicBool>,
     /// End of the file, shared with a thread that may end it early.
     tail: Arc<Mutex<Tail>>,
 }
 
-/// Bytes of a file, as far as a checkpoint knows them.
+/// Length and checksum of a file's bytes, as stored in checkpoints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Written {
     /// Number of bytes.
     pub length: u64,
-    /// CRC-32 of them.
+    /// CRC-32 of the bytes.
     pub sum: u32,
 }
 
 impl Output {
-    /// Opens the file for writing, before any work is done for it.
+    /// Opens the file for writing, before any other work.
     ///
     /// # Errors
-    /// The folder does not exist or may not be written to, or another run writes there.
+    /// If the folder does not exist or cannot be written to, or another run writes there.
     pub fn create(path: &Path) -> Result<Self> {
-        let problem = || Error::file(path, "cannot be written; choose another place with -o");
+        let problem = || Error::file(path, "cannot be written; choose another path with -o");
         if is_standard_output(path) {
-            let file = standard_output().map_err(Error::file(path, "is standard output, which is closed"))?;
+            let file = standard_output().map_err(Error::file(path, "cannot be opened: standard output is closed"))?;
             return Ok(Self::new(Path::new("standard output"), None, file));
         }
         let (part, file) = if is_stream(path) {
@@ -64,39 +64,39 @@ impl Output {
         Self { path: path.to_owned(), part, file, written, sum, kept: Arc::default(), tail: Tail::of_nothing() }
     }
 
-    /// A way to complete the file from another thread, while this one may be busy for long.
+    /// Returns a handle to complete the file from another thread while this one is busy.
     #[must_use]
     pub fn early_end(&self) -> EarlyEnd {
         EarlyEnd::new(&self.path, self.part.clone(), self.tail.clone())
     }
 
-    /// Opens what an earlier process has left of the file, and goes on after the bytes that were `written`.
+    /// Opens the file of an earlier process, and continues after the first `written` bytes.
     ///
     /// # Errors
-    /// There is not as much of it, its bytes are others, it may not be written to, or another run writes there.
+    /// If the file is shorter or its bytes differ, if it cannot be written to, or if another run writes there.
     pub fn resume(path: &Path, written: Written) -> Result<Self> {
-        let context = |error| Error::file(path, "cannot be continued")(error);
+        let context = |error| Error::file(path, "cannot be resumed")(error);
         let part = part_of(path);
         let has_enough =
             |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= written.length);
         let is_finished = !has_enough(&part);
         if is_finished {
-            // Finished in order, as after Ctrl-C, it has its name already.
+            // A file finished in order, as after Ctrl-C, already has its final name.
             if !has_enough(path) {
-                let problem = " is shorter than when it was left: start anew, without --resume";
+                let problem = " is shorter than at its checkpoint: restart without --resume";
                 return Err(Error::content(&part, problem));
             }
             fs::copy(path, &part).map_err(context)?;
         }
         let mut file = locked(path, &part, File::options().read(true).write(true))?;
 
-        // The film would be wrong in silence if its beginning were that of another.
+        // Another file's bytes at the start would silently corrupt the film.
         let sum = sum_of(&mut file, written.length).map_err(context)?;
         if sum.clone().finalize() != written.sum {
             if is_finished {
                 let _ = fs::remove_file(&part);
             }
-            return Err(Error::content(&part, " has other bytes than when it was left: start anew, without --resume"));
+            return Err(Error::content(&part, " differs from its checkpoint: restart without --resume"));
         }
         file.set_len(written.length).map_err(context)?;
         file.seek(SeekFrom::End(0)).map_err(context)?;
@@ -105,26 +105,26 @@ impl Output {
         Ok(output)
     }
 
-    /// Lets the part stay where the file is not finished, if `kept` is true then: a checkpoint knows what is in it.
+    /// Keeps the part of an unfinished file if `kept` is true when it is dropped, since a checkpoint refers to it.
     #[must_use]
     pub fn kept_if(mut self, kept: Arc<AtomicBool>) -> Self {
         self.kept = kept;
         self
     }
 
-    /// Bytes written so far.
+    /// Length and checksum of the bytes written so far.
     pub fn written(&self) -> Written {
         Written { sum: self.sum.clone().finalize(), ..self.written }
     }
 
-    /// Returns when all that was written is on the disk.
+    /// Waits until all written bytes are on the disk.
     ///
     /// # Errors
-    /// The disk is full or gone, or somebody has removed the part.
+    /// If the disk is full or lost, or the part was removed.
     pub fn sync(&self) -> Result<()> {
         let Some(part) = &self.part else { return Ok(()) };
         if !is_in_place(&self.file, part) {
-            return Err(Error::content(&self.path, ": the part that was written has been removed or replaced"));
+            return Err(Error::content(&self.path, ": its .part file was removed or replaced"));
         }
         self.file.sync_data().map_err(Error::file(&self.path, "cannot be written"))
     }
@@ -132,15 +132,15 @@ impl Output {
     /// Appends `bytes`.
     ///
     /// # Errors
-    /// The disk is full or gone, or the file was ended early.
+    /// If the disk is full or lost, or the file was ended early.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.write_before(bytes, Vec::new())
     }
 
-    /// Appends `bytes`. What an early end would append next, to make the file whole, is `ending`.
+    /// Appends `bytes`. An early end would then append `ending` to complete the file.
     ///
     /// # Errors
-    /// The disk is full or gone, or the file was ended early.
+    /// If the disk is full or lost, or the file was ended early.
     pub fn write_before(&mut self, bytes: &[u8], ending: Vec<u8>) -> Result<()> {
         let mut tail = held(&self.tail);
         if !tail.is_open {
@@ -153,10 +153,10 @@ impl Output {
         Ok(())
     }
 
-    /// Gives the file its name.
+    /// Completes the file, and renames it to its final name.
     ///
     /// # Errors
-    /// The written file cannot be kept.
+    /// If the file cannot be completed or renamed.
     pub fn finish(mut self) -> Result<()> {
         let tail = self.tail.clone();
         let mut tail = held(&tail);
@@ -175,41 +175,41 @@ impl Output {
     }
 }
 
-/// Standard output as a file of its own.
+/// Opens standard output as a separate file, on Unix.
 #[cfg(unix)]
 fn standard_output() -> std::io::Result<File> {
     use std::os::fd::AsFd;
     std::io::stdout().as_fd().try_clone_to_owned().map(File::from)
 }
 
-/// The same of Windows.
+/// Opens standard output as a separate file, on Windows.
 #[cfg(windows)]
 fn standard_output() -> std::io::Result<File> {
     use std::os::windows::io::AsHandle;
     std::io::stdout().as_handle().try_clone_to_owned().map(File::from)
 }
 
-/// Opens `part` and locks it for the file at `path`.
+/// Opens `part`, and locks it for the file at `path`.
 fn locked(path: &Path, part: &Path, options: &fs::OpenOptions) -> Result<File> {
-    let problem = || Error::file(path, "cannot be written; choose another place with -o");
+    let problem = || Error::file(path, "cannot be written; choose another path with -o");
     loop {
         let file = options.open(part).map_err(problem())?;
         match file.try_lock() {
-            // Another run may have given the part its name between the two calls.
+            // Another run may have renamed the part between the two calls.
             Ok(()) if is_in_place(&file, part) => return Ok(file),
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                let text = " is being written by another run: wait for that, or choose another place with -o";
+                let text = " is being written by another run: wait for it to end, or choose another path with -o";
                 return Err(Error::content(path, text));
             }
-            // Some network file systems have no locks.
+            // Some network file systems do not support locks.
             Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => return Ok(file),
             Err(TryLockError::Error(error)) => return Err(problem()(error)),
         }
     }
 }
 
-/// Whether `path` still leads to the open `file`.
+/// Returns true if `path` still refers to the open `file`.
 #[cfg(unix)]
 fn is_in_place(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -217,13 +217,13 @@ fn is_in_place(file: &File, path: &Path) -> bool {
     matches!((file.metadata(), fs::metadata(path)), (Ok(own), Ok(there)) if identity(&own) == identity(&there))
 }
 
-/// Elsewhere files that are open cannot be renamed.
+/// Open files cannot be renamed on other systems.
 #[cfg(not(unix))]
 fn is_in_place(_: &File, _: &Path) -> bool {
     true
 }
 
-/// The running sum of the first `length` bytes of `file`.
+/// Returns the checksum of the first `length` bytes of `file`, ready for more.
 fn sum_of(file: &mut File, length: u64) -> std::io::Result<crc32fast::Hasher> {
     let mut sum = crc32fast::Hasher::new();
     let mut first = file.take(length);
@@ -236,7 +236,7 @@ fn sum_of(file: &mut File, length: u64) -> std::io::Result<crc32fast::Hasher> {
     }
 }
 
-/// `film.m2v` → `film.m2v.part`.
+/// Returns the path of a file's part: `film.m2v` → `film.m2v.part`.
 pub fn part_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
@@ -263,7 +263,7 @@ mod tests {
         output.write(b"abc").unwrap();
         assert!(!path.exists());
         drop(output);
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "nothing half-written stays");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "no unfinished file remains");
         let mut output = Output::create(&path).unwrap();
         output.write(b"abc").unwrap();
         output.finish().unwrap();
@@ -282,14 +282,14 @@ mod tests {
         assert_eq!(output.written(), written(b"abcdxy"));
         output.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"abcdxy");
-        // Now it has its name, and its first bytes can be continued all the same.
+        // The file now has its final name, but can still be resumed after its first bytes.
         let mut output = Output::resume(&path, written(b"a")).unwrap();
         output.write(b"z").unwrap();
         output.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"az");
         for left in [written(b"azz"), written(b"ay")] {
             let error = Output::resume(&path, left).err().unwrap().to_string();
-            assert!(error.contains("start anew") && error.contains("a.m2v.part"), "{error}");
+            assert!(error.contains("restart") && error.contains("a.m2v.part"), "{error}");
             assert_eq!(fs::read(&path).unwrap(), b"az");
         }
     }
@@ -327,7 +327,7 @@ mod tests {
         }
     }
 
-    /// Removing a part while it is written ends in an error: the file would have no name.
+    /// Removing a part during writing is an error: the file could not be renamed.
     #[test]
     #[cfg(unix)]
     fn a_part_that_is_gone_is_noticed() {

@@ -1,12 +1,13 @@
-//! The five parts of the loop, as plain state machines: one step for each frame, and a state that another process can restore.
+//! The five stages of the loop as state machines: one step per frame, and a state that another process can restore.
 //!
 //! ```text
 //! Prepare ──► Shade ──► Display ──► Encode ──► Mask
 //!               ▲                               │
 //!               └── ΔY(n−1), one frame late ◄───┘
 //! ```
-//! A part knows no channel, thread, checkpoint or observer: [`couple`](crate::couple) joins them. A renderer, masking model or
-//! encoder of one's own implements one of these traits; [`perceptual::Feedback`] is a [`Mask`], [`ToneMap`] a [`Display`].
+//! Stages are independent of channels, threads, checkpoints and observers, which [`couple`](crate::couple) adds.
+//! Implement one of these traits for another renderer, masking model or encoder. [`perceptual::Feedback`] is a
+//! [`Mask`], [`ToneMap`] a [`Display`].
 
 use crate::error::Result;
 use crate::figures::FrameFigures;
@@ -20,83 +21,84 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// The first half of a renderer: everything that needs no thresholds. It works one frame ahead of the rest.
+/// First half of a renderer: work that needs no thresholds. It is one frame ahead of the other stages.
 pub trait Prepare: Send {
-    /// A frame up to here, for [`Shade`].
+    /// Prepared frame, as passed to [`Shade`].
     type Frame: Send;
 
-    /// Prepares frame `index`, counted from 0; none after the last frame.
+    /// Prepares frame `index`, counted from 0; returns `None` after the last frame.
     fn step(&mut self, index: u32) -> Option<Prepared<Self::Frame>>;
 
-    /// The state after the last step, for a checkpoint.
+    /// State after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// Continues after frame `last` from its [`state`](Prepare::state), and gives that frame once more.
+    /// Restores the [`state`](Prepare::state) after frame `last`, and prepares that frame again.
     ///
     /// # Errors
-    /// The state does not fit this part.
+    /// If the state does not fit this stage.
     fn restore(&mut self, state: &[u8], last: u32) -> Result<Prepared<Self::Frame>>;
 }
 
-/// The second half of a renderer: light.
+/// Second half of a renderer: light.
 pub trait Shade<F>: Send {
-    /// Computes the radiance of every pixel. The luminance of a pixel may be wrong by the threshold that `thresholds` has for
-    /// it, or by 2 % of itself where there is none.
+    /// Computes the radiance of every pixel. `thresholds` has the permitted error of each pixel's luminance, 2 % by
+    /// default.
     fn step(&mut self, prepared: &Prepared<F>, thresholds: LastThresholds<'_>) -> Shaded;
 
-    /// The state after the last step, for a checkpoint.
+    /// State after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// Continues after the frame `last` from its [`state`](Shade::state).
+    /// Restores the [`state`](Shade::state) after the frame `last`.
     ///
     /// # Errors
-    /// The state does not fit this part, or that frame.
+    /// If the state does not fit this stage or frame.
     fn restore(&mut self, state: &[u8], last: &Prepared<F>) -> Result<()>;
 }
 
-/// A display: light into a picture, and files of uncompressed frames.
+/// Display: converts light into pictures, and writes files of uncompressed frames.
 pub trait Display: Send {
-    /// Opens the files of a film that begins. Unfinished, they stay if `kept` is true then.
+    /// Opens the files of a new film. If `kept` is true when they are dropped, unfinished files remain.
     ///
     /// # Errors
-    /// A file cannot be written.
+    /// If a file cannot be written.
     fn begin(&mut self, _kept: &Arc<AtomicBool>) -> Result<()> {
         Ok(())
     }
 
-    /// Frame `index` as a picture. The driver adds its motion.
+    /// Converts frame `index` into a picture. The driver adds its motion.
     fn show(&mut self, index: u32, shaded: &Shaded) -> Displayed;
 
-    /// Writes the uncompressed frame, of which `picture` is shown, into the files that are wanted.
+    /// Writes the uncompressed frame, shown as `picture`, into the requested files.
     ///
     /// # Errors
-    /// A file cannot be written.
+    /// If a file cannot be written.
     fn write(&mut self, _index: u32, _shaded: Shaded, _picture: &YCbCr) -> Result<()> {
         Ok(())
     }
 
-    /// The state after the last step, for a checkpoint.
+    /// State after the last step, for a checkpoint.
     ///
     /// # Errors
-    /// A file cannot be brought to the disk.
+    /// If a file cannot be synced to the disk.
     fn state(&self) -> Result<Vec<u8>> {
         Ok(Vec::new())
     }
 
-    /// Continues from a [`state`](Display::state), and cuts files to the length that they had. Unfinished, they stay if `kept` is true.
+    /// Restores a [`state`](Display::state), and truncates files to their length at that time. If `kept` is true when
+    /// they are dropped, unfinished files remain.
     ///
     /// # Errors
-    /// The state is of another display, or a file is shorter than it was.
+    /// If the state belongs to another display, or a file is shorter than it was.
     fn restore(&mut self, state: &[u8], kept: &Arc<AtomicBool>) -> Result<()>;
 
     /// Completes the files.
     ///
     /// # Errors
-    /// A file cannot be completed.
+    /// If a file cannot be completed.
     fn finish(self) -> Result<()>
     where
         Self: Sized,
@@ -105,7 +107,7 @@ pub trait Display: Send {
     }
 }
 
-/// Shows frames by the curve alone, in BT.709, and writes no files.
+/// Applies only the tone curve, in BT.709, and writes no files.
 impl Display for ToneMap {
     fn show(&mut self, index: u32, shaded: &Shaded) -> Displayed {
         let tone_map = *self;
@@ -126,102 +128,103 @@ impl Display for ToneMap {
     }
 }
 
-/// A masking model: the error that stays invisible.
+/// Masking model: the largest invisible error.
 pub trait Mask: Send {
-    /// The luminance that each pixel of `displayed` may be wrong by \[W·m⁻²·sr⁻¹\], given how the picture was coded.
+    /// Returns the permitted luminance error of each pixel of `displayed` \[W·m⁻²·sr⁻¹\], given the coding of the
+    /// picture.
     fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>>;
 
-    /// The state after the last step, for a checkpoint; the thresholds themselves are kept by the loop.
+    /// State after the last step, for a checkpoint; the loop itself stores the thresholds.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// Continues after a frame from its [`state`](Mask::state) and its thresholds.
+    /// Restores the [`state`](Mask::state) and the thresholds of a frame.
     ///
     /// # Errors
-    /// The state does not fit this part.
+    /// If the state does not fit this stage.
     fn restore(&mut self, state: &[u8], thresholds: &LuminanceThresholds) -> Result<()>;
 }
 
-/// A video encoder with its container.
+/// Video encoder with its container.
 pub trait Encode: Send {
-    /// Encodes the next picture, in display order, and gives what can be written now.
+    /// Encodes the next picture, in display order, and returns the bytes available now.
     ///
     /// # Errors
-    /// The picture cannot be coded.
+    /// If the picture cannot be coded.
     fn step(&mut self, displayed: &Displayed) -> Result<Encoded>;
 
-    /// Encodes the pictures that wait, and ends the stream.
+    /// Encodes the waiting pictures, and ends the stream.
     ///
     /// # Errors
-    /// A picture cannot be coded.
+    /// If a picture cannot be coded.
     fn finish(self) -> Result<Encoded>;
 
-    /// Bytes that would make a whole file of what the steps gave until now. A film that is ended at once ends with them. Pictures that
-    /// still wait to be coded are not in it.
+    /// Bytes that would complete the file after the steps so far, without the pictures that still wait. A film that
+    /// is ended at once ends with them.
     fn ending(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// The state after the last step, for a checkpoint.
+    /// State after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// Continues from a [`state`](Encode::state) of an encoder with the same settings.
+    /// Restores a [`state`](Encode::state) of an encoder with the same settings.
     ///
     /// # Errors
-    /// The state is of another encoder.
+    /// If the state belongs to another encoder.
     fn restore(&mut self, state: &[u8]) -> Result<()>;
 }
 
-/// A frame up to where thresholds are needed.
+/// Frame before the work that needs thresholds.
 #[derive(Clone, Debug, Default)]
 pub struct Prepared<F> {
     /// The renderer's own data.
     pub frame: F,
-    /// Where each pixel was in the frame before; none for the first frame and after a cut.
+    /// Position of each pixel in the previous frame; `None` for the first frame and after a shot change.
     pub correspondence: Option<Arc<Correspondence>>,
-    /// Where each pixel of the frame before is in this one, for encoders with B pictures.
+    /// Position of each pixel of the previous frame in this one, for encoders with B pictures.
     pub forward: Option<Arc<Correspondence>>,
     /// CPU seconds and counts so far.
     pub figures: FrameFigures,
 }
 
-/// Names of channels, and their samples in raster order.
+/// Channels as pairs of name and samples in raster order.
 pub type Channels = Vec<(String, Vec<f32>)>;
 
-/// A pixel that shows several surfaces.
+/// Pixel that shows several surfaces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outline {
-    /// Its place in raster order.
+    /// Index of the pixel in raster order.
     pub pixel: usize,
-    /// The surfaces that it shows: share of its area and radiance of each.
+    /// Surfaces in the pixel: fraction of its area and radiance of each.
     pub parts: Vec<PixelPart>,
 }
 
-/// A frame as light.
+/// Light of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Shaded {
     /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
-    /// Pixels that show several surfaces: a display shows the mean of what it shows of these, and not of `radiance`.
+    /// Pixels that show several surfaces. A display shows the mean of their tone-mapped surfaces, not of `radiance`.
     pub outlines: Vec<Outline>,
-    /// Importance of each pixel, 0…1, where it is to steer the encoder.
+    /// Importance of each pixel, 0…1, if it steers the encoder.
     pub importance: Option<Arc<Plane<f32>>>,
-    /// Further channels for the frame's OpenEXR file.
+    /// Additional channels for the frame's OpenEXR file.
     pub channels: Channels,
-    /// Facts for the header of that file.
+    /// Attributes for the header of that file.
     pub header: FrameHeader,
-    /// Channels that observers alone want: they go into no file.
+    /// Channels for observers only, written to no file.
     pub watched: Channels,
-    /// CPU seconds and counts, those of [`Prepared`] included.
+    /// CPU seconds and counts, including [`Prepared`]'s.
     pub figures: FrameFigures,
 }
 
 impl Shaded {
-    /// Radiance of which each pixel is shown as the mean of its surfaces, each shown by `tone_map`. Blended before the curve, a light
-    /// far above white would cover thin things before it.
+    /// Returns the radiance that `tone_map` shows as the mean of each pixel's tone-mapped surfaces. If blended before
+    /// the curve, a light far above white would cover thin objects in front of it.
     #[must_use]
     pub fn blended(&self, tone_map: &ToneMap) -> Cow<'_, Plane<[f32; 3]>> {
         let mut radiance = Cow::Borrowed(&self.radiance);
@@ -232,68 +235,68 @@ impl Shaded {
     }
 }
 
-/// A frame as a picture.
+/// Picture of a frame.
 #[derive(Clone, Debug)]
 pub struct Displayed {
-    /// Its number, from 0.
+    /// Number of the frame, from 0.
     pub index: u32,
-    /// Y′C_BC_R.
+    /// Picture as Y′C_BC_R.
     pub picture: Arc<YCbCr>,
     /// Luminance before tone mapping \[W·m⁻²·sr⁻¹\].
     pub luminance: Arc<Plane<f32>>,
-    /// The curve between the two.
+    /// Tone curve from luminance to picture.
     pub tone_map: ToneMap,
-    /// As in [`Shaded`].
+    /// Importance of each pixel, from [`Shaded`].
     pub importance: Option<Arc<Plane<f32>>>,
-    /// As in [`Prepared`].
+    /// Position of each pixel in the previous frame, from [`Prepared`].
     pub correspondence: Option<Arc<Correspondence>>,
-    /// As in [`Prepared`].
+    /// Position of each pixel of the previous frame in this one, from [`Prepared`].
     pub forward: Option<Arc<Correspondence>>,
 }
 
-/// The result of a step of encoding.
+/// Result of an encoding step.
 #[derive(Clone, Debug, Default)]
 pub struct Encoded {
-    /// The next bytes of the file.
+    /// Next bytes of the file.
     pub bytes: Vec<u8>,
-    /// The pictures that were coded, in the order of coding.
+    /// Pictures coded in this step, in coding order.
     pub pictures: Vec<CodedFrame>,
-    /// How the picture of this step was coded, as far as that is known now.
+    /// Coding of this step's picture, as far as available.
     pub coding: Coding,
 }
 
-/// A coded frame, for the report.
+/// Coded frame, for the report.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CodedFrame {
-    /// Its frame.
+    /// Number of the frame.
     pub index: u32,
     /// I, P or B.
     pub picture_type: PictureType,
-    /// Size in the elementary stream, headers included.
+    /// Size in the elementary stream with headers \[bits\].
     pub bits: u64,
     /// quantiser_scale of the picture's settings.
     pub quantiser_scale: u32,
-    /// PSNR of luma \[dB\]; infinite when nothing is lost.
+    /// PSNR of luma \[dB\]; infinite if lossless.
     pub psnr_y: f64,
-    /// The picture that a decoder shows, for observers; an encoder need not tell.
+    /// Picture as a decoder shows it, for observers; optional for encoders.
     pub decoded: Option<Arc<Picture>>,
 }
 
-/// How a picture was coded, or will be where the encoder has not come to it yet.
+/// Coding of a picture, or the expected coding if the encoder has not reached it yet.
 #[derive(Clone, Debug)]
 pub struct Coding {
-    /// quantiser_scale of MPEG-2, the mean over the picture.
+    /// Mean quantiser_scale of the picture.
     pub quantiser_scale: f32,
-    /// The coded picture, where masking needs it.
+    /// Coded picture, if masking needs it.
     pub outcome: Option<Coded>,
-    /// Whether the picture is an I picture.
+    /// True for an I picture.
     pub begins_group: bool,
-    /// How the next picture will be coded.
+    /// Expected coding of the next picture.
     pub next: NextPicture,
 }
 
 impl Coding {
-    /// Nothing is known but the quantiser.
+    /// Returns a coding with only the quantiser known.
     #[must_use]
     pub fn of_quantiser(quantiser_scale: f32) -> Self {
         Self { quantiser_scale, outcome: None, begins_group: false, next: NextPicture::Predicted }
@@ -306,18 +309,18 @@ impl Default for Coding {
     }
 }
 
-/// ΔY of a frame, on its way back to the renderer.
+/// Thresholds ΔY of a frame, on the feedback edge to the renderer.
 #[derive(Clone, Debug)]
 pub struct LuminanceThresholds {
-    /// The frame that they were derived from; the frame after it uses them.
+    /// Number of the frame from which they were derived; the next frame uses them.
     pub of: u32,
-    /// \[W·m⁻²·sr⁻¹\] of luminance.
+    /// Permitted luminance error \[W·m⁻²·sr⁻¹\].
     pub delta: Arc<Plane<f32>>,
-    /// Luminance of that frame \[W·m⁻²·sr⁻¹\].
+    /// Luminance of the frame \[W·m⁻²·sr⁻¹\].
     pub luminance: Arc<Plane<f32>>,
 }
 
-/// The thresholds of the frame before, seen from the frame that is shaded now.
+/// Thresholds of the previous frame, as seen from the current frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LastThresholds<'a> {
     thresholds: Option<&'a LuminanceThresholds>,
@@ -325,29 +328,30 @@ pub struct LastThresholds<'a> {
 }
 
 impl<'a> LastThresholds<'a> {
-    /// No thresholds: every pixel may be wrong by 2 % of its luminance.
+    /// Returns no thresholds: every pixel's luminance may have an error of 2 %.
     #[must_use]
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// `thresholds` of frame `index` − 1, for frame `index`. Without a correspondence they say nothing.
+    /// Returns the `thresholds` of frame `index` − 1 for frame `index`. Without a correspondence they are unused.
     ///
     /// # Panics
-    /// If they are of another frame: the feedback is exactly one frame late.
+    /// If they belong to another frame: the feedback is exactly one frame late.
     #[must_use]
     pub fn new(index: u32, thresholds: Option<&'a LuminanceThresholds>, known: Option<&'a Correspondence>) -> Self {
         assert!(thresholds.is_none_or(|thresholds| thresholds.of + 1 == index), "thresholds out of step");
         Self { thresholds, known }
     }
 
-    /// ΔY along the motion; 2 % of luminance everywhere, for a picture of `width` × `height`, where nothing is known.
+    /// Returns ΔY reprojected along the motion; without thresholds, 2 % of luminance for a picture of `width` ×
+    /// `height`.
     #[must_use]
     pub fn map(&self, width: usize, height: usize) -> ThresholdMap {
         self.reprojected(|thresholds| &thresholds.delta).unwrap_or_else(|| ThresholdMap::relative(width, height))
     }
 
-    /// Luminance of the frame before along the motion; none where nothing is known.
+    /// Returns the luminance of the previous frame reprojected along the motion; `None` without thresholds.
     #[must_use]
     pub fn luminance(&self) -> Option<ThresholdMap> {
         self.reprojected(|thresholds| &thresholds.luminance)

@@ -1,35 +1,35 @@
-//! The line of each frame in a report. The names are kept stable.
+//! The report of each frame. Field names are stable.
 
 use crate::figures::FrameFigures;
 use crate::parts::CodedFrame;
 use plane::PictureType;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// A name of a picture type. Named here, or serde would believe that it lends from what it reads.
+/// Name of a picture type. As an alias, it keeps serde from borrowing it from its input.
 pub(crate) type PictureTypeName = &'static str;
 
-/// One frame.
+/// Report of one frame.
 #[derive(Clone, Debug, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FrameReport {
-    /// From 0, in display order.
+    /// Number of the frame from 0, in display order.
     pub index: u32,
-    /// "I", "P" or "B".
+    /// Picture type: "I", "P" or "B".
     #[serde(deserialize_with = "picture_type")]
     #[schemars(extend("enum" = ["I", "P", "B"]))]
     pub picture_type: PictureTypeName,
-    /// Size of the coded picture, headers included.
+    /// Size of the coded picture with headers \[bits\].
     pub bits: u64,
-    /// quantiser_scale.
+    /// quantiser_scale of the picture.
     pub qscale: u32,
-    /// PSNR of the coded luma against the uncoded \[dB\]; null when they are equal.
+    /// PSNR of the coded luma against the uncoded \[dB\]; null if both are equal.
     pub psnr_y: Option<f64>,
-    /// Seconds and counts of the stages.
+    /// CPU seconds and counts of the stages.
     #[serde(flatten)]
     pub figures: FrameFigures,
 }
 
 impl FrameReport {
-    /// The line of a coded picture, with the figures of the stages before the encoder.
+    /// Returns the report of a coded picture, with the figures of the stages before the encoder.
     #[must_use]
     pub fn new(picture: &CodedFrame, mut figures: FrameFigures) -> Self {
         figures.seconds.add_up();
@@ -47,19 +47,19 @@ impl FrameReport {
         }
     }
 
-    /// Adds the seconds that masking this frame took.
+    /// Adds the CPU seconds of masking this frame.
     pub fn add_masking(&mut self, seconds: f64) {
         self.figures.seconds.thresholds = seconds;
         self.figures.seconds.add_up();
     }
 }
 
-/// Reads the name of a picture type.
+/// Deserializes the name of a picture type.
 ///
 /// # Errors
-/// There is no such type.
+/// If the name is not a picture type.
 pub(crate) fn picture_type<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {
     let name = String::deserialize(deserializer)?;
     let known = ["I", "P", "B"].into_iter().find(|known| *known == name);
-    known.ok_or_else(|| serde::de::Error::custom("a picture that is neither I nor P nor B"))
+    known.ok_or_else(|| serde::de::Error::custom("the picture type must be I, P or B"))
 }

@@ -1,4 +1,4 @@
-//! The parts as stages of the loop: each with its spans, its CPU seconds, and the results that observers and the report see.
+//! The stages as the driver runs them: with spans, CPU seconds, and results for observers and the report.
 
 use super::checkpoint::Part;
 use super::log::FilmLog;
@@ -33,7 +33,7 @@ impl<P: Prepare> Stage for Preparing<P> {
     }
 }
 
-/// A frame's motion, on its way past the renderer to the encoder.
+/// Motion of a frame, passed around the renderer to the encoder.
 pub(super) struct Motion {
     correspondence: Option<Arc<Correspondence>>,
     forward: Option<Arc<Correspondence>>,
@@ -46,7 +46,7 @@ pub(super) struct Shading<S, F> {
 }
 
 impl<S, F> Shading<S, F> {
-    /// Shades together with these ranks.
+    /// Returns a stage that shades together with `ranks`.
     pub fn new(part: S, ranks: Arc<dyn Ranks>) -> Self {
         Self { part, ranks, frames: PhantomData }
     }
@@ -71,10 +71,10 @@ impl<F, S: Shade<F>> Stage for Shading<S, F> {
     }
 }
 
-/// Checks that all ranks have the same light, and adds up what it took them.
+/// Checks that all ranks computed the same light, and adds up their figures.
 ///
 /// # Errors
-/// They have not.
+/// The ranks computed different light.
 fn agree(ranks: &dyn Ranks, index: u32, shaded: &mut Shaded) -> Result<()> {
     if ranks.count() == 1 {
         return Ok(());
@@ -91,7 +91,7 @@ fn agree(ranks: &dyn Ranks, index: u32, shaded: &mut Shaded) -> Result<()> {
     sum.finalize().put(&mut own);
     figures.of_rank().put(&mut own);
 
-    // Every rank compares all with the first, so all of them end, or none.
+    // Every rank compares all sums with the first one, so either all ranks fail or none.
     let all = ranks.all_gather(own);
     let mut answers = Vec::with_capacity(all.len());
     for bytes in &all {
@@ -100,7 +100,7 @@ fn agree(ranks: &dyn Ranks, index: u32, shaded: &mut Shaded) -> Result<()> {
     }
     if let Some(other) = answers.iter().position(|(sum, _)| *sum != answers[0].0) {
         return Err(Error::Ranks(format!(
-            "rank {other} has found other light for frame {index} than rank 0: all ranks need the same program, and processors that round alike"
+            "rank {other} differs from rank 0 in the light of frame {index}: use the same program, and processors that round alike"
         )));
     }
     figures.add_up_ranks(answers.iter().map(|(_, figures)| figures));
@@ -198,7 +198,7 @@ pub(super) struct Masking<'a, M> {
     part: M,
     /// Thresholds of the last frame, for a checkpoint.
     thresholds: Option<LuminanceThresholds>,
-    /// Frames, and the CPU seconds that masking them took.
+    /// Frames, and the CPU seconds of masking them.
     spent: &'a mut Vec<(u32, f64)>,
     observer: &'a dyn Observer,
     pool: ThreadPool,
@@ -234,8 +234,8 @@ impl<M: Mask> Stage for Masking<'_, M> {
     }
 }
 
-/// A pool of one thread for a stage whose work is short: in the common pool it would queue after a picture's worth of
-/// macroblocks, and its time could not be told from theirs.
+/// Returns a pool of one thread for a stage with short work. In the common pool it would queue after a picture's
+/// macroblocks, and its time could not be measured separately.
 fn pool_of_one() -> Result<ThreadPool> {
-    rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")
+    rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")
 }

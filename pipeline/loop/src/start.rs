@@ -1,4 +1,4 @@
-//! The parts of a film, and the frame that it begins or is continued with.
+//! The stages of a film, and its first frame.
 
 use super::checkpoint::{Checkpoints, Part};
 use super::log::FilmLog;
@@ -10,57 +10,57 @@ use crate::team::Lead;
 use plane::Plane;
 use std::path::Path;
 
-/// The parts of a film. Without masking, no thresholds flow back.
+/// Stages of a film. Without masking, no thresholds flow back.
 #[derive(Debug)]
 pub struct Parts<P, S, D, M, E> {
-    /// The first half of the renderer.
+    /// First half of the renderer.
     pub prepare: P,
-    /// The second half.
+    /// Second half of the renderer.
     pub shade: S,
     /// Tone curve, and files of uncompressed frames.
     pub display: D,
-    /// The encoder with its container.
+    /// Encoder with its container.
     pub encode: E,
-    /// The masking model.
+    /// Masking model.
     pub mask: Option<M>,
 }
 
-/// Where a film begins or is continued; made by [`Parts::begin`].
+/// Start of a new or resumed film, from [`Parts::begin`].
 #[derive(Debug)]
 pub struct Start<'a> {
     pub(super) checkpoints: &'a Checkpoints,
-    /// The first frame of the film, or of its part.
+    /// First frame of the film, or of the range that is made.
     pub(super) begin: u32,
-    /// The first frame that is still to be made.
+    /// First frame that is not finished yet.
     pub(super) first: u32,
     pub(super) thresholds: Option<LuminanceThresholds>,
     pub(super) masking_seconds: Vec<(u32, f64)>,
     pub(super) log: FilmLog,
-    /// Whom this process leads.
+    /// Connection to the ranks that this process leads.
     pub(super) lead: Lead,
 }
 
-/// State of masking in a checkpoint: its own state, ΔY and luminance of the last frame, and its seconds so far.
+/// State of masking in a checkpoint: its own state, ΔY and luminance of the last frame, and its CPU seconds so far.
 type MaskState = (Vec<u8>, Option<(Plane<f32>, Plane<f32>)>, Vec<(u32, f64)>);
 
 impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S, D, M, E> {
-    /// Brings every part to where `checkpoints` say: to the beginning, or after the last frame that is done.
+    /// Brings every stage to the first frame, or after the last finished frame of `checkpoints`.
     ///
     /// # Errors
-    /// A part cannot read its state, or a file of uncompressed frames cannot be opened.
+    /// If a stage cannot restore its state, or a file of uncompressed frames cannot be opened.
     pub fn begin<'a>(&mut self, checkpoints: &'a Checkpoints) -> Result<Start<'a>> {
         self.begin_at(0, checkpoints)
     }
 
-    /// As [`begin`](Parts::begin), for a part of a film whose first frame is `begin`.
+    /// Does the same as [`begin`](Parts::begin), for a range of a film with first frame `begin`.
     ///
     /// # Errors
-    /// A part cannot read its state, or a file of uncompressed frames cannot be opened.
+    /// If a stage cannot restore its state, or a file of uncompressed frames cannot be opened.
     pub fn begin_at<'a>(&mut self, begin: u32, checkpoints: &'a Checkpoints) -> Result<Start<'a>> {
         self.begin_among(begin, checkpoints, Lead::nobody())
     }
 
-    /// As [`begin_at`](Parts::begin_at), where this process leads others.
+    /// Does the same as [`begin_at`](Parts::begin_at), with this process as `lead` of other ranks.
     pub fn begin_among<'a>(&mut self, begin: u32, checkpoints: &'a Checkpoints, lead: Lead) -> Result<Start<'a>> {
         let log = FilmLog::beginning(begin);
         let (thresholds, masking_seconds) = (None, Vec::new());
@@ -74,7 +74,7 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S,
         Ok(start)
     }
 
-    /// Brings every part to where it was after frame `last`.
+    /// Restores the state of every stage after frame `last`.
     fn restore(&mut self, start: &mut Start, last: u32) -> Result<()> {
         let checkpoints = start.checkpoints;
         let state = |part| checkpoints.state(part);
@@ -89,31 +89,32 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S,
             mask.restore(&own, &thresholds)?;
             (start.thresholds, start.masking_seconds) = (Some(thresholds), masking_seconds);
         }
-        // From here on all ranks restore the same.
+        // From here on all ranks restore the same state.
         start.lead.start(start.first, Some((state(Part::Prepare), state(Part::Shade))));
         let done = self.prepare.restore(state(Part::Prepare), last)?;
         self.shade.restore(state(Part::Shade), &done)?;
-        // Last, because this cuts a file to the length that it had.
+        // The display comes last, because it truncates its file.
         self.display.restore(state(Part::Display), &checkpoints.kept())
     }
 }
 
 impl Start<'_> {
-    /// The first frame that is still to be made.
+    /// First frame that is not finished yet.
     #[must_use]
     pub fn first_frame(&self) -> u32 {
         self.first
     }
 
-    /// Writes the film to `path`: to a new file, or after the bytes that there were at the checkpoint.
+    /// Writes the film to `path`: a new file, or after the bytes at the checkpoint.
     ///
     /// # Errors
-    /// The file cannot be written, or is shorter than it was.
+    /// If the file cannot be written, or is shorter than at the checkpoint.
     pub fn write_to(&mut self, path: &Path) -> Result<()> {
         self.log.write_to(path, self.first > self.begin, self.checkpoints.kept())
     }
 
-    /// A way to end the film's file from another thread, at once; none before [`write_to`](Self::write_to).
+    /// Returns a handle to end the film's file at once from another thread; `None` before
+    /// [`write_to`](Self::write_to).
     #[must_use]
     pub fn early_end(&self) -> Option<EarlyEnd> {
         self.log.early_end()

@@ -1,4 +1,4 @@
-//! The state of a part as bytes, for checkpoints. No other file of this crate names bincode.
+//! States of stages as bytes, for checkpoints. No other file of this crate uses bincode.
 
 use crate::error::{Context, Error, Result};
 use serde::Serialize;
@@ -6,33 +6,33 @@ use serde::de::DeserializeOwned;
 
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 
-/// The message about states that no part of this film left.
-pub const NONSENSE: &str = "the checkpoint makes no sense: start anew, without --resume";
+/// Message about a state that does not belong to this film.
+pub const NONSENSE: &str = "the checkpoint is invalid: restart without --resume";
 
-/// A state as bytes, for [`decode`].
+/// Encodes a state as bytes, for [`decode`].
 ///
 /// # Panics
-/// The value cannot be stored, as a map whose keys are unknown.
+/// If the value cannot be stored, such as a map of unknown length.
 #[must_use]
 pub fn encode(value: &impl Serialize) -> Vec<u8> {
-    bincode::serde::encode_to_vec(value, CONFIG).expect("what stages carry can be encoded")
+    bincode::serde::encode_to_vec(value, CONFIG).expect("states of stages can be encoded")
 }
 
 /// Decodes a state from the bytes of [`encode`].
 ///
 /// # Errors
-/// The bytes are of something else.
+/// If the bytes are not such a state.
 pub fn decode<T: DeserializeOwned>(state: &[u8]) -> Result<T> {
     decode_bytes(state).context(NONSENSE)
 }
 
-/// As [`decode`]; the message is that of the bytes alone.
+/// Decodes like [`decode`], but without its message.
 ///
 /// # Errors
-/// The bytes are of something else.
+/// If the bytes are not such a state.
 pub fn decode_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
-    // For texts memory is reserved as long as they are said to be. Numbers of eight bytes may be stored as one, so what is
-    // decoded is at most eight times as large as what is stored; limits can only be constants.
+    // Memory for strings is reserved by their stated length. Numbers of eight bytes may be stored as one byte, so
+    // decoded data has at most eight times the stored size. Limits must be constants.
     match bytes.len().checked_ilog2() {
         None | Some(0..16) => decode_within::<T, 0x8_0000>(bytes),
         Some(16..24) => decode_within::<T, 0x800_0000>(bytes),
@@ -56,14 +56,14 @@ mod tests {
 
     #[test]
     fn texts_are_no_longer_than_their_file() {
-        // A length of 2⁵⁰ bytes, as bincode writes it.
+        // A length of 2⁵⁰ bytes in bincode's format.
         let length = [&[253][..], &(1u64 << 50).to_le_bytes()].concat();
         assert!(decode::<String>(&length).is_err());
         assert!(decode::<(u8, Vec<u8>)>(&[&[1], &length[..]].concat()).is_err());
         let numbers = vec![u64::MAX, 1, 0];
         assert_eq!(decode::<Vec<u64>>(&encode(&numbers)).unwrap(), numbers);
         for count in [0, 1000, 0x1_0000, 0x10_0000] {
-            // Every number takes a byte, the least that eight can.
+            // Every number is stored in one byte, the minimum for eight.
             let numbers = vec![7u64; count];
             assert!(decode::<Vec<u64>>(&encode(&numbers)).unwrap() == numbers, "{count} numbers");
         }

@@ -1,34 +1,34 @@
-//! A stage of the loop on a thread of its own: frames in, one step for each, and its state where a checkpoint is due.
+//! A stage of the loop on its own thread: one step per frame, and its state whenever a checkpoint is due.
 
 use super::checkpoint::{Checkpoints, Part};
 use crate::error::{Context, Error, Result};
 
-/// A message between two stages, with the frame that it belongs to.
+/// Message between two stages, with its frame.
 pub(super) struct Stamped<T> {
     pub index: u32,
-    /// Whether each stage leaves its state for a checkpoint after this frame.
+    /// True if each stage stores its state for a checkpoint after this frame.
     pub marked: bool,
     pub content: T,
 }
 
 impl<T> Stamped<T> {
-    /// Another message of the same frame.
+    /// Returns another message of the same frame.
     pub fn with<U>(self, other: impl FnOnce(T) -> U) -> Stamped<U> {
         Stamped { index: self.index, marked: self.marked, content: other(self.content) }
     }
 }
 
-/// A part of the loop with what the driver adds to it: time, spans, observers.
+/// Stage with the driver's additions: time, spans, observers.
 pub(super) trait Stage: Sized {
-    /// Its place in a checkpoint.
+    /// Index of the stage's state in a checkpoint.
     const PART: Part;
     type In;
     type Out;
 
-    /// Takes in frame `index`; none ends the film.
+    /// Processes frame `index`; `None` ends the film.
     fn step(&mut self, index: u32, input: Self::In) -> Result<Option<Self::Out>>;
 
-    /// The state after the last step.
+    /// State after the last step.
     fn state(&self) -> Result<Vec<u8>>;
 
     /// Ends the film in order, after the last frame.
@@ -37,12 +37,12 @@ pub(super) trait Stage: Sized {
     }
 }
 
-/// Steps through `frames` until there are none, or until `send` finds that its receiver is gone.
+/// Steps through `frames` to their end, or until the receiver of `send` is gone.
 ///
-/// The stage leaves its state after each marked frame, and after the last frame of a run that was ended early.
+/// The stage stores its state after each marked frame, and after the last frame of a run that ended early.
 ///
 /// # Errors
-/// The first failure of a step, or a state that cannot be had.
+/// The first failure of a step, or a failure to get the state.
 pub(super) fn work<S: Stage>(
     checkpoints: &Checkpoints,
     mut stage: S,
@@ -57,7 +57,7 @@ pub(super) fn work<S: Stage>(
         }
         last = Some(index);
         if !send(Stamped { index, marked, content }) {
-            // A later stage has failed, and the driver will report that.
+            // A later stage has failed, and the driver reports it.
             return Ok(());
         }
     }
@@ -67,7 +67,7 @@ pub(super) fn work<S: Stage>(
     stage.finish()
 }
 
-/// The work of a thread, and its name.
+/// Name and work of a thread.
 pub(super) type Work<'a> = (&'static str, Box<dyn FnOnce() -> Result<()> + Send + 'a>);
 
 /// Names the work of a thread.
@@ -75,22 +75,21 @@ pub(super) fn stage<'a>(name: &'static str, work: impl FnOnce() -> Result<()> + 
     (name, Box::new(work))
 }
 
-/// Runs everything at once, and reports the first failure in the order of `stages`.
+/// Runs all stages in parallel, and reports the first failure in the order of `stages`.
 ///
-/// A stage that fails drops its ends of the channels, so the others end too; all are joined before any failure is reported.
+/// A stage that fails drops its channel ends, so the others end too. All threads are joined before a failure is
+/// reported.
 ///
 /// # Errors
-/// The first failure of a stage, or its panic.
+/// The first failure or panic of a stage.
 pub(super) fn run<const N: usize>(stages: [Work<'_>; N]) -> Result<()> {
     std::thread::scope(|scope| {
         let started = stages.map(|(name, stage)| {
             let thread = std::thread::Builder::new().name(name.into()).spawn_scoped(scope, stage);
-            (name, thread.context("a thread cannot be started"))
+            (name, thread.context("cannot start a thread"))
         });
         let results = started.map(|(name, thread)| {
-            thread?
-                .join()
-                .unwrap_or_else(|_| Err(Error::Fault(format!("the {name} stage failed: a fault of this program"))))
+            thread?.join().unwrap_or_else(|_| Err(Error::Fault(format!("the {name} stage failed: this is a bug"))))
         });
         results.into_iter().collect()
     })

@@ -1,4 +1,4 @@
-//! A checkpoint as a file.
+//! Checkpoint files.
 //!
 //! ```text
 //! "R2MC"  version (u32)  length of the body (u64)  CRC-32 of the body (u32)  body (bincode)     all little-endian
@@ -12,35 +12,35 @@ use std::fs;
 use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2MC";
-/// Counts changes of anything that is stored.
+/// Format version, incremented with every change of the stored data.
 const VERSION: u32 = 16;
 const HEADER: usize = 20;
 
-/// The origin of a film: only the same can be continued.
+/// Origin of a film: only a run with the same identity can continue it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Identity {
     pub program: String,
     /// All settings, as JSON.
     pub settings: String,
-    /// CRC-32 of the files that are read.
+    /// CRC-32 of the input files.
     pub inputs: u32,
 }
 
-/// All that a run carries from one frame to the next.
+/// State that a run passes from one frame to the next.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Stored {
     pub identity: Identity,
-    /// The last frame that is done.
+    /// Last finished frame.
     pub frame: u32,
-    /// By [`Part`](super::Part); empty where there is none.
+    /// States, indexed by [`Part`](super::Part); empty if a stage has none.
     pub states: Vec<Vec<u8>>,
 }
 
 impl Identity {
-    /// In what `self`, which was stored, is another job than `wanted`; none if it is the same.
+    /// Returns how the stored `self` differs from `wanted`; `None` if both are the same job.
     pub fn difference(&self, wanted: &Self) -> Option<String> {
         if self.program != wanted.program {
-            return Some(format!("it is of {}, and this is {}", self.program, wanted.program));
+            return Some(format!("it was written by {}, and this is {}", self.program, wanted.program));
         }
         if self.settings != wanted.settings {
             let read = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap_or_default();
@@ -49,14 +49,14 @@ impl Identity {
             let other = names.into_iter().find(|name| then[name.as_str()] != now[name.as_str()]);
             return Some(match other {
                 Some(name) => format!("{name} was {} and is now {}", shown(&then[name]), shown(&now[name])),
-                None => "it is of other settings".into(),
+                None => "it has other settings".into(),
             });
         }
         (self.inputs != wanted.inputs).then(|| "the scene has changed".into())
     }
 }
 
-/// A setting in words: sizes as they are typed, all else as JSON has it.
+/// Formats a setting: sizes as on the command line, other values as JSON.
 fn shown(value: &serde_json::Value) -> String {
     match (&value["width"], &value["height"]) {
         (serde_json::Value::Null, _) => value.to_string(),
@@ -65,7 +65,7 @@ fn shown(value: &serde_json::Value) -> String {
 }
 
 impl Stored {
-    /// Writes the checkpoint; until it is whole, the one before it stays.
+    /// Writes the checkpoint; the previous one is replaced only when this one is complete.
     pub fn write(&self, path: &Path) -> Result<()> {
         let body = encode(self);
         let mut header = Vec::with_capacity(HEADER);
@@ -79,28 +79,29 @@ impl Stored {
         file.finish()
     }
 
+    // Reads and validates a checkpoint.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = fs::read(path).map_err(Error::file(path, "cannot be read"))?;
-        Self::from_bytes(&bytes).context(format!("{}: start anew, without --resume", path.display()))
+        Self::from_bytes(&bytes).context(format!("{}: restart without --resume", path.display()))
     }
 
     fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let Some((header, body)) = bytes.split_at_checked(HEADER).filter(|(header, _)| header[..4] == MAGIC) else {
-            return Err(Error::Checkpoint("this is no checkpoint".into()));
+            return Err(Error::Checkpoint("not a checkpoint".into()));
         };
         let number = |range: std::ops::Range<usize>| {
             header[range].iter().rev().fold(0u64, |value, &byte| value << 8 | u64::from(byte))
         };
         if number(4..8) != u64::from(VERSION) {
-            let text = format!("a checkpoint of version {}, and this program knows {VERSION}", number(4..8));
+            let text = format!("checkpoint version {}, but this program reads version {VERSION}", number(4..8));
             return Err(Error::Checkpoint(text));
         }
         if number(8..16) != body.len() as u64 || number(16..20) != u64::from(crc32fast::hash(body)) {
-            return Err(Error::Checkpoint("the checkpoint is cut short or damaged".into()));
+            return Err(Error::Checkpoint("the checkpoint is truncated or damaged".into()));
         }
         let stored: Self = decode_bytes(body)?;
         if stored.states.len() != super::PARTS {
-            return Err(Error::Checkpoint(format!("a checkpoint of {} states", stored.states.len())));
+            return Err(Error::Checkpoint(format!("a checkpoint with {} states", stored.states.len())));
         }
         Ok(stored)
     }
@@ -119,7 +120,7 @@ mod tests {
         Stored { identity: job.clone(), frame: 41, states: parts.clone() }.write(&path).unwrap();
         let read = Stored::read(&path).unwrap();
         assert!(read.identity == job && read.frame == 41 && read.states == parts);
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else stays");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no other file remains");
 
         let bytes = fs::read(&path).unwrap();
         for place in 0..bytes.len() {

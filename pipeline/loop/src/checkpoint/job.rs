@@ -1,20 +1,20 @@
-//! The identity of a film: only a run of the same program, settings and inputs continues it.
+//! Identity of a film: only a run with the same program, settings and inputs continues it.
 
 use super::file::Identity;
 use std::path::{Path, PathBuf};
 
-/// A film, and everything that its bits depend on.
+/// Film with all data that determines its bits.
 #[derive(Clone, Debug)]
 pub struct FilmJob {
     film: PathBuf,
     identity: Identity,
-    /// The frame after the last; none where that is not known.
+    /// Number of the frame after the last; `None` if unknown.
     end: Option<u32>,
 }
 
 impl FilmJob {
-    /// A film at `film` that `program` makes: `settings` is a JSON object with all that its bits depend on, `inputs` a check
-    /// sum of the files that are read.
+    /// Returns the job of a film at `film` made by `program`. `settings` is a JSON object with every setting that
+    /// affects the bits; `inputs` is a checksum of the input files.
     #[must_use]
     pub fn new(film: &Path, program: &str, settings: &str, inputs: u32) -> Self {
         Self {
@@ -24,32 +24,33 @@ impl FilmJob {
         }
     }
 
-    /// The path of the film.
+    /// Path of the film.
     #[must_use]
     pub fn film(&self) -> &Path {
         &self.film
     }
 
-    /// The same film, of which `end` is the frame after the last.
+    /// Returns the same job with `end` as the number of the frame after the last.
     #[must_use]
     pub fn with_end(self, end: Option<u32>) -> Self {
         Self { end, ..self }
     }
 
-    /// A sum of all that ranks of this film have to have in common: they may read its files and write the film at other places.
+    /// Checksum of the data that all ranks of a film must have in common. Paths are excluded: ranks may read and
+    /// write at different paths.
     #[must_use]
     pub fn sum(&self) -> u32 {
         let Identity { program, settings, inputs } = &self.identity;
         crc32fast::hash(format!("{program} {settings} {inputs} {:?}", self.end).as_bytes())
     }
 
-    /// Whether both are the same film, as far as both go.
+    /// Returns true if both jobs make the same film, apart from its length.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
         self.identity.difference(&other.identity).is_none()
     }
 
-    /// The frame after the last, if it is known.
+    /// Number of the frame after the last; `None` if unknown.
     #[must_use]
     pub fn end(&self) -> Option<u32> {
         self.end

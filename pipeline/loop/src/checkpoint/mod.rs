@@ -1,14 +1,14 @@
-//! Interrupted films can be continued: the state of every part is written now and then, and another process goes on from
-//! there, to the same bits.
+//! Checkpoints: the states of all stages are written at intervals, and another process continues the film from them
+//! to the same bits.
 //!
-//! A checkpoint is a cut through the loop after one frame. The driver marks the frame when it is begun, and each part that is
-//! done with it leaves its state here; when the last one is there, the file is written, whole or not at all. Parts do not wait
-//! for each other: all states are of the same frame, though not of the same time.
+//! A checkpoint contains the state of every stage after the same frame. The driver marks that frame at its start, and
+//! each stage stores its state here after the frame. When the last state arrives, the file is written atomically.
+//! Stages do not wait for each other, so the states are stored at different times.
 //!
-//! A run that is ended early (Ctrl-C) leaves the same after its last frame, when the parts come to their ends.
+//! A run that ends early (Ctrl-C) leaves a checkpoint after its last frame, when its stages end.
 //!
-//! Data that follows from scene and settings is not written but made again: the ray tree, photons, direct lights and the
-//! picture of the last frame, for which that one frame is prepared once more.
+//! Data that follows from scene and settings is not stored but recomputed: the ray tree, photons, direct lights and
+//! the G-buffer of the last frame. That one frame is therefore prepared again.
 
 mod file;
 mod job;
@@ -24,34 +24,34 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// The part of the loop that a state belongs to.
+/// Stage to which a state belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// The light tree.
     Prepare,
-    /// The irradiance cache, or the light of a film in which nothing moves.
+    /// The irradiance cache, or the light of a static film.
     Shade,
-    /// The exposure; bytes of the uncompressed film.
+    /// The exposure, and the length of the uncompressed file.
     Display,
-    /// The encoder with the frames that wait in it; bytes of the film; the report up to here.
+    /// The encoder with its waiting frames, the length of the film, and the reports so far.
     Encode,
-    /// ΔY; not there in films without masking.
+    /// The thresholds ΔY; absent in films without masking.
     Mask,
 }
 
 const PARTS: usize = 5;
 
-/// States of one frame that are there already.
+/// Collected states of one frame, indexed by [`Part`].
 type States = [Option<Vec<u8>>; PARTS];
 
-/// The place where checkpoints go, and the one that a run begins with.
+/// Destination of a run's checkpoints, and the checkpoint from which the run starts.
 #[derive(Debug)]
 pub struct Checkpoints {
-    /// None: nothing is written.
+    /// `None` writes no checkpoints.
     place: Option<Destination>,
     from: Option<Stored>,
     path: Option<PathBuf>,
-    /// Whether there is a checkpoint, so that an unfinished film is worth keeping.
+    /// True if a checkpoint exists, so that an unfinished film is kept.
     kept: Arc<AtomicBool>,
 }
 
@@ -65,39 +65,40 @@ struct Destination {
 
 #[derive(Debug)]
 struct CheckpointProgress {
-    /// When a frame was last marked.
+    /// Time at which a frame was last marked.
     last: Instant,
-    /// The last frame of a run that ends before its film does.
+    /// Last frame of a run that ends before its film.
     ends_after: Option<u32>,
-    /// States that make up a checkpoint.
+    /// Number of states in a complete checkpoint.
     expected: usize,
     waiting: BTreeMap<u32, States>,
-    /// The first checkpoint that could not be written, until it is told.
+    /// First checkpoint that could not be written, until it is reported.
     failure: Option<Error>,
 }
 
 impl Checkpoints {
-    /// None are written, and the film begins at its beginning.
+    /// Returns checkpoints that write nothing and start the film at its first frame.
     #[must_use]
     pub fn off() -> Self {
         Self { place: None, from: None, path: None, kept: Arc::default() }
     }
 
-    /// For a film that begins at its beginning: a checkpoint beside it every so often, and after each frame if that is zero.
-    /// The checkpoint of another run is removed when the first frame begins.
+    /// Returns the checkpoints of a film that starts at its first frame: one at every interval `every`, next to the
+    /// film, or after each frame if the interval is zero. The first frame's start removes the checkpoint of an
+    /// earlier run.
     #[must_use]
     pub fn new(job: &FilmJob, every: Option<Duration>) -> Self {
         let path = path_for(job.film());
-        // A stream cannot be cut to a length later.
+        // A stream cannot be truncated later.
         let is_file = !is_stream(job.film());
         let place = every.filter(|_| is_file).map(|every| Destination::new(path.clone(), job, every));
         Self { place, from: None, path: Some(path), kept: Arc::default() }
     }
 
-    /// Continues from the checkpoint beside the film; from the beginning if there is none.
+    /// Continues from the checkpoint next to the film; without one, starts at the first frame.
     ///
     /// # Errors
-    /// The checkpoint is damaged, or of another scene, other settings, or another version of the program.
+    /// If the checkpoint is damaged or belongs to another scene, other settings or another program version.
     pub fn resume(job: &FilmJob, every: Option<Duration>) -> Result<Self> {
         let path = path_for(job.film());
         if !path.exists() {
@@ -106,14 +107,14 @@ impl Checkpoints {
         let stored = Stored::read(&path)?;
         if let Some(difference) = stored.identity.difference(job.identity()) {
             return Err(Error::Checkpoint(format!(
-                "{} cannot be continued: {difference}; give the options of then, or begin anew with --overwrite in place of --resume",
+                "{} cannot be resumed: {difference}; use the same options, or restart with --overwrite instead of --resume",
                 path.display()
             )));
         }
         let done = stored.frame.saturating_add(1);
         if let Some(end) = job.end().filter(|&end| end < done) {
             return Err(Error::Checkpoint(format!(
-                "{}: {done} frames are done, and the film would have {end}: take more --frames, or begin anew with --overwrite in place of --resume",
+                "{}: {done} frames are done, not {end}: increase --frames, or restart with --overwrite instead of --resume",
                 path.display()
             )));
         }
@@ -121,19 +122,20 @@ impl Checkpoints {
         Ok(Self { place, from: Some(stored), path: Some(path), kept: Arc::new(AtomicBool::new(true)) })
     }
 
-    /// The last frame that is done; none at the beginning.
+    /// Last finished frame; `None` at the start of a film.
     #[must_use]
     pub fn last_frame(&self) -> Option<u32> {
         self.from.as_ref().map(|stored| stored.frame)
     }
 
-    /// The state that a part left after [`Checkpoints::last_frame`]; empty where there is none.
+    /// State of a stage after [`Checkpoints::last_frame`]; empty if it has none.
     #[must_use]
     pub fn state(&self, part: Part) -> &[u8] {
         self.from.as_ref().map_or(&[], |stored| &stored.states[part as usize])
     }
 
-    /// The error of a part that could not read its state, with the name of the checkpoint. What names a file already stays.
+    /// Adds the checkpoint's path to the error of a stage that could not restore its state. Errors with a path are
+    /// unchanged.
     pub(super) fn named(&self, error: Error) -> Error {
         match (&self.path, error) {
             (_, error @ (Error::File { .. } | Error::Content { .. })) | (None, error) => error,
@@ -141,23 +143,24 @@ impl Checkpoints {
         }
     }
 
-    /// Whether there is a checkpoint, now and later.
+    /// Flag that is true while a checkpoint exists.
     pub(super) fn kept(&self) -> Arc<AtomicBool> {
         self.kept.clone()
     }
 
-    /// A line about a checkpoint that could not be written, once: the film goes on, and the checkpoint before stays.
+    /// Returns, once, a warning about a checkpoint that could not be written. The film continues, and the previous
+    /// checkpoint remains.
     #[must_use]
     pub fn take_warning(&self) -> Option<String> {
         let failure = self.place.as_ref()?.lock().failure.take()?;
-        Some(format!("{}; the film goes on without it", failure.chain()))
+        Some(format!("{}; the film continues without it", failure.chain()))
     }
 
-    /// Says whether masking leaves states too. The driver calls this before the first frame, when the film's file is its own: the
-    /// checkpoint of another run can go.
+    /// Sets the number of states, which depends on `masking`, and removes the checkpoint of an earlier run. The
+    /// driver calls this before the first frame, once it owns the film's file.
     ///
     /// # Errors
-    /// That checkpoint cannot be removed.
+    /// If that checkpoint cannot be removed.
     pub(super) fn begin(&self, masking: bool) -> Result<()> {
         if let Some(path) = self.path.as_ref().filter(|_| self.from.is_none()) {
             remove(path)?;
@@ -168,7 +171,7 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// Whether a checkpoint is to be made after the frame that is begun now; called once for each.
+    /// Returns true if a checkpoint is due after the frame that starts now. Call it once per frame.
     pub(super) fn is_due(&self) -> bool {
         let Some(place) = &self.place else { return false };
         let mut progress = place.lock();
@@ -179,29 +182,29 @@ impl Checkpoints {
         due
     }
 
-    /// Has a checkpoint made after the last frame of a film whose next one would be `end`: with more frames it goes on from there.
+    /// Requests a checkpoint after the last frame of a film with `end` frames, from which a longer film can continue.
     pub fn leave_at_end(&self, end: u32) {
         if let Some(place) = &self.place {
             place.lock().ends_after = end.checked_sub(1);
         }
     }
 
-    /// Says that the run ends early, before frame `next`; told before the first part hands over nothing more. A run that began
-    /// with `first` leaves nothing if it made no frame.
+    /// Records that the run ends early, before frame `next`; called before the first stage ends its output. A run that
+    /// started with frame `first` and made no frame leaves no checkpoint.
     pub(super) fn end_before(&self, next: u32, first: u32) {
         if let Some(place) = self.place.as_ref().filter(|_| next > first) {
             place.lock().ends_after = Some(next - 1);
         }
     }
 
-    /// Whether a part that has come to its end, with `frame` as its last, is to leave its state: the run was ended early, and
-    /// can be continued from here.
+    /// Returns true if a stage that ends after `frame` must store its state, since the run ended early and can be
+    /// resumed there.
     pub(super) fn ends_after(&self, frame: u32) -> bool {
         self.place.as_ref().is_some_and(|place| place.lock().ends_after == Some(frame))
     }
 
-    /// Leaves the state of a part after `frame`, and writes the checkpoint if this was the last one of it. Where that fails, the
-    /// checkpoint before stays, and [`take_warning`](Self::take_warning) says so.
+    /// Stores the state of a stage after `frame`, and writes the checkpoint if this state completes it. If that
+    /// fails, the previous checkpoint remains, and [`take_warning`](Self::take_warning) reports the error.
     pub(super) fn leave(&self, frame: u32, part: Part, state: Vec<u8>) {
         let Some(place) = &self.place else { return };
         let mut progress = place.lock();
@@ -210,7 +213,7 @@ impl Checkpoints {
         states[part as usize] = Some(state);
         let whole = states.iter().flatten().count() == expected;
         let Some(states) = whole.then(|| progress.waiting.remove(&frame)).flatten() else { return };
-        // Written under the lock: a later checkpoint never comes before an earlier one.
+        // Written under the lock, so that checkpoints are written in frame order.
         let states = states.map(Option::unwrap_or_default).to_vec();
         match (Stored { identity: place.job.identity().clone(), frame, states }.write(&place.path)) {
             Ok(()) => {
@@ -221,7 +224,7 @@ impl Checkpoints {
         }
     }
 
-    /// Removes the checkpoint: the film is whole.
+    /// Removes the checkpoint of a finished film.
     pub fn remove(self) {
         self.path.iter().for_each(|path| drop(remove(path)));
     }
@@ -240,12 +243,12 @@ impl Destination {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, CheckpointProgress> {
-        // A part that panicked has left nothing half-done here.
+        // A panic leaves this data consistent: poison can be ignored.
         self.progress.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }
 
-/// Removes a checkpoint, and one that a killed run had begun to write.
+/// Removes a checkpoint, including an incomplete one of a killed run.
 fn remove(path: &Path) -> Result<()> {
     for path in [path, &part_of(path)] {
         match std::fs::remove_file(path) {
@@ -258,7 +261,7 @@ fn remove(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// `film.m2v` → `film.m2v.checkpoint`.
+/// Returns the checkpoint's path: `film.m2v` → `film.m2v.checkpoint`.
 #[must_use]
 pub fn path_for(output: &Path) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_owned();

@@ -1,26 +1,26 @@
-//! The ranks compare what they are about to make, before the first of them begins.
+//! Comparison of the ranks' films, before the first rank starts.
 
 use crate::error::{Error, Result};
 use crate::state::{decode_bytes, encode};
 use ranks::Ranks;
 use serde::{Deserialize, Serialize};
 
-/// A rank's answer.
+/// Answer of a rank.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Present {
-    /// It is ready for the film with this sum: see [`FilmJob::sum`](crate::checkpoint::FilmJob::sum).
+    /// The rank is ready for the film with this checksum: see [`FilmJob::sum`](crate::checkpoint::FilmJob::sum).
     Ready(u32),
-    /// There is nothing to be made.
+    /// The rank has no film to make.
     Idle,
-    /// It cannot make the film, for this reason.
+    /// The rank cannot make the film, for this reason.
     Fails(String),
 }
 
-/// Compares the answers of all ranks: true where all are ready for the same film, false where rank 0 makes none. Every rank gets
-/// the same result.
+/// Compares the answers of all ranks. Returns true if all are ready for the same film, false if rank 0 makes none;
+/// every rank gets the same result.
 ///
 /// # Errors
-/// A rank fails, or is ready for another film than rank 0.
+/// If a rank fails, or is ready for another film than rank 0.
 pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
     if ranks.count() == 1 {
         return Ok(matches!(own, Present::Ready(_)));
@@ -30,7 +30,7 @@ pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
         answers.push(decode_bytes::<Present>(&bytes).map_err(|_| Error::Ranks("ranks run different programs".into()))?);
     }
 
-    // Rank 0 says why it makes nothing, if so, and the answers of the others do not matter.
+    // If rank 0 makes no film, it reports why, and the other answers do not matter.
     let first = &answers[0];
     if !matches!(first, Present::Ready(_)) {
         return Ok(false);
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
     use ranks::ThreadRanks;
 
-    /// The results of ranks that answer so.
+    /// Returns the results of ranks with these answers.
     fn results(answers: &[Present]) -> Vec<Result<bool, String>> {
         std::thread::scope(|scope| {
             let ranks = ThreadRanks::new(answers.len());

@@ -61,7 +61,7 @@ impl Post {
             std::mem::forget(carrier.line);
         };
         let thread = std::thread::Builder::new().name("mail of ranks".into()).spawn(carry);
-        let thread = thread.map_err(|error| Error::Ranks(format!("a thread cannot be started: {error}")))?;
+        let thread = thread.map_err(|error| Error::Ranks(format!("cannot start a thread: {error}")))?;
         let _ = ready_in.recv();
         Ok(Self { rank, count, letters: letters_out, inbox, thread: Mutex::new(Some(thread)) })
     }

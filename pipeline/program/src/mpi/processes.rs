@@ -141,7 +141,7 @@ impl Process {
             std::mem::forget(line);
         };
         let thread = std::thread::Builder::new().name(name.into()).spawn(serve);
-        thread.map_err(|error| Error::Ranks(format!("a thread cannot be started: {error}")))?;
+        thread.map_err(|error| Error::Ranks(format!("cannot start a thread: {error}")))?;
         let _ = results_in.recv();
         Ok(Self { rank, count, thread: Mutex::new(Ends { operations: operations_out, results: results_in }) })
     }
