@@ -446,7 +446,7 @@ fn help_answers_what_users_ask() {
         ("compare -h", "render --antialiasing off --exr frames,\nand reference"),
         ("reference -h", "--frame 10 --center -o truth.exr"),
         ("plan room.glb --frames 1", "; 1 frame in about"),
-        ("plan room.glb --frames 2", "; 2 frames in some"),
+        ("plan room.glb --frames 2", "; 2 frames in about"),
     ] {
         let words: Vec<&str> = words.split(' ').collect();
         let shown = run(folder.path(), &words).stdout;

@@ -170,7 +170,7 @@ fn whatever_fails_the_loop_ends() {
     let film = film(8, Some(2));
     let allowed = film.shade.allowed.clone();
     let error = run(film, &Seen::default()).unwrap_err().to_string();
-    assert!(error.contains("shade") && error.contains("fault"), "{error}");
+    assert!(error.contains("shade") && error.contains("bug"), "{error}");
     assert_eq!(allowed.lock().unwrap().len(), 2);
 }
 

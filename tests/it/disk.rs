@@ -86,7 +86,7 @@ fn a_checkpoint_that_cannot_be_written_ends_no_film() {
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{message}");
     for line in message.lines() {
-        assert!(line.starts_with("warning: film.m2v.checkpoint ") && line.contains("goes on"), "{message}");
+        assert!(line.starts_with("warning: film.m2v.checkpoint ") && line.contains("continues"), "{message}");
     }
     assert!(message.lines().count() > 0, "a warning");
     assert!(fs::read(folder.join("film.m2v")).unwrap() == truth.stream);

@@ -100,7 +100,7 @@ fn a_stage_that_panics_ends_the_run() {
         ] {
             for at in [0, 2, 5] {
                 let message = film_with(panics, at, more).expect_err("a panic is a failure");
-                assert!(message.contains(stage) && message.contains("fault"), "{panics:?} at {at}: {message}");
+                assert!(message.contains(stage) && message.contains("bug"), "{panics:?} at {at}: {message}");
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The whole pipeline, driven from code: pictures, thresholds and bytes come through a channel while the film is made.
+//! Drives the whole loop from code: pictures, thresholds and bytes arrive through a channel while the film is made.
 //!
 //! ```text
 //! cargo run --release -p render2mpeg --example drive -- scenes/cornell/cornell.glb
@@ -16,15 +16,15 @@ use std::sync::mpsc::Sender;
 
 /// Messages from the stages' threads.
 enum News {
-    /// Frame, and mean luma in code values above black.
+    /// Number of the frame, and mean luma in code values above black.
     Picture(u32, f64),
-    /// Frame, and largest ΔY.
+    /// Number of the frame, and largest ΔY.
     Thresholds(u32, f32),
     Bytes(usize),
     Coded(Box<FrameReport>),
 }
 
-/// The stages go on at once: what they tell waits in the channel.
+/// Observer that sends everything through a channel, so that the stages continue at once.
 struct Channel(Sender<News>);
 
 impl Observer for Channel {
@@ -49,7 +49,7 @@ impl Observer for Channel {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = PathBuf::from(std::env::args().nth(1).ok_or("name a scene: drive SCENE.glb")?);
+    let path = PathBuf::from(std::env::args().nth(1).ok_or("usage: drive SCENE.glb")?);
     let scene = render_core::scene::load(&path)?;
     let options = Options {
         output: Some("drive.mpg".into()),
@@ -66,7 +66,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         scope.spawn(move || {
             for told in news {
                 match told {
-                    News::Picture(index, mean) => println!("frame {index}: luma {mean:.1} in the mean"),
+                    News::Picture(index, mean) => println!("frame {index}: mean luma {mean:.1}"),
                     News::Thresholds(index, largest) => println!("frame {index}: ΔY up to {largest:.4}"),
                     News::Bytes(count) => println!("{count} bytes"),
                     News::Coded(frame) => println!("frame {}: coded as {}", frame.index, frame.picture_type),

@@ -1,11 +1,11 @@
-//! A renderer of one's own in the loop: it knows nothing of scenes, lights or cuts, yet gives the encoder exact motion and
-//! works only as hard as the decoded picture requires.
+//! A custom renderer in the loop. It has no scenes, lights or lightcuts, yet gives the encoder exact motion and takes
+//! only the samples that the decoded picture requires.
 //!
 //! ```text
 //! cargo run --release -p render2mpeg --example own_renderer -- orbit.mpg
 //! ```
-//! A disc of fine rings moves over a gradient. Each pixel is the mean of samples, and takes them until its standard error is
-//! below its threshold: the same rule that stops a lightcut.
+//! A disc of fine rings moves over a gradient. Each pixel is a mean of samples, taken until its standard error is
+//! below its threshold. A lightcut stops by the same rule.
 
 use mpeg2enc::{Config, Container, FrameRate};
 use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap};
@@ -23,7 +23,7 @@ const SIZE: (usize, usize) = (192, 128);
 const FRAMES: u32 = 50;
 const RADIUS: f32 = 40.0;
 
-/// Where the disc is in a frame \[pixels\].
+/// Returns the disc's center in a frame \[pixels\].
 fn center(frame: u32) -> [f32; 2] {
     let angle = frame as f32 * 0.12;
     [96.0 + 40.0 * angle.cos(), 64.0 + 20.0 * angle.sin()]
@@ -33,13 +33,13 @@ fn is_on_disc([x, y]: [f32; 2], [cx, cy]: [f32; 2]) -> bool {
     (x - cx).hypot(y - cy) < RADIUS
 }
 
-/// Radiance at a place of the picture.
+/// Returns the radiance at a position in the picture.
 fn radiance([x, y]: [f32; 2], [cx, cy]: [f32; 2]) -> f32 {
     let r = (x - cx).hypot(y - cy);
     if r < RADIUS { 0.4 + 0.35 * (0.02 * r * r).sin() } else { 0.05 + 0.3 * x / SIZE.0 as f32 }
 }
 
-/// Knows where everything is, and where it was.
+/// Computes the position of every pixel's surface point in the previous frame.
 struct Motion;
 
 impl Prepare for Motion {
@@ -52,7 +52,7 @@ impl Prepare for Motion {
         let (width, height) = SIZE;
         let known = (frame > 0).then(|| {
             let (now, then) = (center(frame), center(frame - 1));
-            // Where the pixel's point was in the frame before, if it could be seen there.
+            // Position of the pixel's point in the previous frame, if it was visible there.
             let before = |x: usize, y: usize| {
                 let here = [x as f32 + 0.5, y as f32 + 0.5];
                 let on_disc = is_on_disc(here, now);
@@ -75,7 +75,7 @@ impl Prepare for Motion {
     }
 }
 
-/// Samples until the thresholds are met.
+/// Takes samples until the thresholds are met, and counts them.
 #[derive(Clone, Default)]
 struct Samples(Arc<AtomicU64>);
 
@@ -86,7 +86,7 @@ impl Shade<u32> for Samples {
         let picture = Plane::from_fn(SIZE.0, SIZE.1, |x, y| {
             let (mut sum, mut squares, mut count) = (0.0f32, 0.0f32, 0.0f32);
             loop {
-                // A Halton point of bases 2 and 3: the same for every pixel and frame.
+                // A Halton point of bases 2 and 3, equal for every pixel and frame.
                 let place = [x as f32 + radical_inverse(2, count as u32), y as f32 + radical_inverse(3, count as u32)];
                 let value = radiance(place, center(frame));
                 (sum, squares, count) = (sum + value, squares + value * value, count + 1.0);
@@ -117,7 +117,7 @@ fn radical_inverse(base: u32, mut index: u32) -> f32 {
     value
 }
 
-/// The largest threshold of a film.
+/// Observer of the largest threshold of a film.
 #[derive(Default)]
 struct Widest(Mutex<f32>);
 
@@ -151,7 +151,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let frames = couple(parts, start, Run { observer: &widest, ..Run::default() })?;
         let per_pixel = samples.0.load(Ordering::Relaxed) as f64 / (SIZE.0 * SIZE.1) as f64 / f64::from(FRAMES);
         println!(
-            "quantiser_scale {quantiser_scale}: {per_pixel:.2} samples a pixel, {} bits, thresholds up to {:.3}",
+            "quantiser_scale {quantiser_scale}: {per_pixel:.2} samples per pixel, {} bits, thresholds up to {:.3}",
             frames.iter().map(|frame| frame.bits).sum::<u64>(),
             widest.0.into_inner().expect("no observer panicked")
         );

@@ -1,6 +1,6 @@
-//! A film once more, for people's own machines: its decoded pictures, coded by an encoder that players of today know.
+//! Transcoding of a finished film for common players: its decoded pictures, coded again by ffmpeg.
 //!
-//! ffmpeg does that where it is installed; nothing of it is part of this program.
+//! ffmpeg runs as a separate program, if installed; this program contains none of it.
 
 use crate::error::{Error, Result};
 use crate::settings::Settings;
@@ -10,22 +10,22 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// An encoder of ffmpeg, and what it is told.
+/// Encoder of ffmpeg, and its options.
 #[derive(Debug)]
 struct Encoder {
-    /// Its name in ffmpeg.
+    /// Name of the encoder in ffmpeg.
     name: &'static str,
-    /// The ending of its files, and ffmpeg's name of them.
+    /// File ending, also ffmpeg's name of the container.
     ending: &'static str,
     options: &'static [&'static str],
-    /// The least width and height.
+    /// Minimum width and height \[pixels\].
     least: usize,
-    /// Whether width and height have to be even.
+    /// True if width and height must be even.
     is_even: bool,
 }
 
-/// In the order in which they are tried. Quality is a little above what each calls visually lossless: what there is to see is in the
-/// film.
+/// Encoders in order of preference. Quality is slightly above each encoder's visually lossless level, so that only
+/// the film's own losses are visible.
 const ENCODERS: [Encoder; 3] = [
     Encoder {
         name: "libx264",
@@ -43,32 +43,32 @@ const ENCODERS: [Encoder; 3] = [
         is_even: false,
     },
 ];
-/// Color of the film, which encoders do not always take over.
+/// Color properties of the film, which encoders do not always copy.
 const COLOR: [&str; 8] =
     ["-color_primaries", "bt709", "-color_trc", "bt709", "-colorspace", "bt709", "-color_range", "tv"];
 
-/// A file that is made from a film when that is whole.
+/// File that is made from a finished film.
 #[derive(Debug)]
 pub struct Companion {
     path: PathBuf,
     encoder: &'static Encoder,
     size: Size,
-    /// Whether the film is MPEG-1, which states no matrix and has that of BT.601.
+    /// True if the film is MPEG-1, which states no matrix and uses BT.601.
     is_mpeg1: bool,
 }
 
 impl Companion {
-    /// Looks for ffmpeg and for the encoder that the ending of `path` asks for, before any work is done for a film of these `settings`.
+    /// Finds ffmpeg and the encoder for the ending of `path`, before the film of these `settings` is made.
     ///
     /// # Errors
-    /// There is no such ending, ffmpeg is not installed, or it was built without the encoder.
+    /// If the ending is unknown, ffmpeg is not installed, or it was built without the encoder.
     pub fn new(path: &Path, settings: &Settings) -> Result<Self> {
         let size = settings.render.size;
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
         let wanted: Vec<&Encoder> = ENCODERS.iter().filter(|encoder| encoder.ending == ending).collect();
         if wanted.is_empty() {
             let name = path.display();
-            return Err(Error::Options(format!("--also {name}: such files are not made; name it .mp4 or .webm")));
+            return Err(Error::Options(format!("--also {name}: unknown format; name it .mp4 or .webm")));
         }
         let known = encoders_of_ffmpeg(path)?;
         let fits = |encoder: &&Encoder| size.width.min(size.height) >= encoder.least;
@@ -81,7 +81,7 @@ impl Companion {
                 Err(Error::content(
                     path,
                     format!(
-                        ": needs {names}, which the installed ffmpeg has not; install another, or leave out --also"
+                        ": needs {names}, which the installed ffmpeg lacks; install another ffmpeg, or drop --also"
                     ),
                 ))
             }
@@ -94,20 +94,20 @@ impl Companion {
         self.encoder.name
     }
 
-    /// The file.
+    /// Path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Decodes the `film` and codes its pictures again, into a file that has its name when it is whole.
+    /// Decodes the `film` and codes its pictures again, into a file that is renamed when it is complete.
     ///
     /// # Errors
-    /// ffmpeg fails; its last line tells why.
+    /// If ffmpeg fails; the message ends with ffmpeg's last line.
     pub fn make(&self, film: &Path) -> Result<()> {
         let Self { path, encoder, size, is_mpeg1 } = self;
         let part = part_of(path);
-        // Paths may begin with a dash, or look like an address.
+        // Paths may begin with a dash or look like a URL.
         let file = |path: &Path| {
             let mut address = std::ffi::OsString::from("file:");
             address.push(path);
@@ -117,7 +117,7 @@ impl Companion {
         command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
         command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
         command.args(encoder.options).args(COLOR);
-        // Sides that the film's header cannot state are coded one sample longer.
+        // Sides that the film's header cannot state are coded one sample larger.
         let is_longer = size.width.is_multiple_of(4096) || size.height.is_multiple_of(4096);
         let shown = |side: usize| if encoder.is_even { side / 2 * 2 } else { side };
         let (width, height) = (shown(size.width), shown(size.height));
@@ -132,24 +132,22 @@ impl Companion {
             command.arg("-vf").arg(filters.join(","));
         }
         command.args(["-f", encoder.ending]).arg(file(&part));
-        let output = command
-            .stdin(Stdio::null())
-            .output()
-            .map_err(Error::file(path, "cannot be made: ffmpeg does not start"))?;
+        let output =
+            command.stdin(Stdio::null()).output().map_err(Error::file(path, "cannot be made: ffmpeg did not start"))?;
         if !output.status.success() {
             let _ = fs::remove_file(&part);
             let text = String::from_utf8_lossy(&output.stderr);
-            let last = text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("no reason is told");
+            let last = text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("unknown reason");
             return Err(Error::content(path, format!(" cannot be made: ffmpeg: {}", last.trim())));
         }
         fs::rename(&part, path).map_err(Error::file(path, "cannot be completed"))
     }
 }
 
-/// ffmpeg's list of encoders.
+/// Returns ffmpeg's list of encoders.
 fn encoders_of_ffmpeg(path: &Path) -> Result<String> {
     let output = Command::new("ffmpeg").args(["-v", "error", "-encoders"]).stdin(Stdio::null()).output();
     let output =
-        output.map_err(Error::file(path, "needs ffmpeg, which is not installed; install it, or leave out --also"))?;
+        output.map_err(Error::file(path, "needs ffmpeg, which is not installed; install it, or drop --also"))?;
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }

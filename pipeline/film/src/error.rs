@@ -1,76 +1,76 @@
-//! Failures of a film: of its scene, its options, its encoder, and of the loop that makes it.
+//! Errors of a film: of its scene, options, encoder, and the loop that makes it.
 
 pub use pipeline::error::Cause;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A result whose error is that of this crate.
+/// Result with this crate's error.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Everything that can fail in this crate.
+/// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The scene cannot be loaded.
     #[error(transparent)]
     Scene(#[from] render_core::scene::LoadError),
-    /// The encoder has no such size, rate, quantiser or group of pictures.
+    /// The encoder does not support the size, rate, quantiser or group of pictures.
     #[error(transparent)]
     Encoder(#[from] mpeg2enc::ConfigError),
-    /// An option is out of its range, or two options contradict each other.
-    /// The text names the option as on the command line, and a value that works.
+    /// An option is out of range, or two options contradict each other. The text names the option as on the command
+    /// line, and a valid value.
     #[error("{0}")]
     Options(String),
-    /// The film would take more memory than there is, or than is allowed.
+    /// The film would take more memory than available or allowed.
     #[error(
-        "{}: a film of this size takes some {needed} of memory, and {allowed}; choose a smaller --size or a simpler scene",
+        "{}: a film of this size takes about {needed} of memory, but {allowed}; choose a smaller --size or a simpler scene",
         path.display()
     )]
     Memory {
-        /// The scene.
+        /// Path of the scene.
         path: PathBuf,
-        /// The estimate, with its unit.
+        /// Estimate, with its unit.
         needed: String,
-        /// Who allows how much, with its unit.
+        /// Limit with its source and unit.
         allowed: String,
     },
     /// Two pictures or sequences cannot be compared.
     #[error("{0}")]
     Comparison(String),
-    /// The run was ended by its caller before it had a result.
-    #[error("interrupted before anything was measured")]
+    /// The caller ended the run before it had a result.
+    #[error("interrupted before the first result")]
     Interrupted,
-    /// The loop, one of its parts or a file fails.
+    /// The loop, one of its stages or a file failed.
     #[error(transparent)]
     Loop(pipeline::Error),
 }
 
 impl Error {
-    /// Wraps an error of another library, or of code of the caller.
+    /// Wraps an error from another library or from the caller's code.
     #[must_use]
     pub fn other(error: impl Into<Cause>) -> Self {
         Self::Loop(pipeline::Error::other(error))
     }
 
-    /// An invariant of this workspace that does not hold.
+    /// Returns an error about a violated invariant of this workspace.
     #[must_use]
     pub fn fault(text: impl Into<String>) -> Self {
         Self::Loop(pipeline::Error::Fault(text.into()))
     }
 
-    /// The message with those of all causes, joined by ": ", in one line.
+    /// Message with the messages of all causes, joined by ": ", in one line.
     #[must_use]
     pub fn chain(&self) -> String {
         pipeline::error::chain(self)
     }
 
-    /// Makes an error of the system's reason to refuse the file at `path`; for `map_err`.
+    /// Returns a function for `map_err` that makes an error from the system's reason to refuse the file at `path`.
     pub fn file(path: &Path, problem: &str) -> impl FnOnce(io::Error) -> Self {
         |source| Self::Loop(pipeline::Error::file(path, problem)(source))
     }
 
-    /// A file that holds something else than expected; `problem` begins with its punctuation.
+    /// Returns an error about unexpected content of a file; `problem` begins with its punctuation.
     #[must_use]
     pub fn content(path: &Path, problem: impl Into<String>) -> Self {
         Self::Loop(pipeline::Error::content(path, problem))
@@ -86,7 +86,7 @@ impl From<pipeline::Error> for Error {
     }
 }
 
-/// For parts of the loop that are made of this crate's functions.
+/// For stages of the loop that use this crate's functions.
 impl From<Error> for pipeline::Error {
     fn from(error: Error) -> Self {
         match error {
@@ -109,12 +109,12 @@ impl From<serde_json::Error> for Error {
     }
 }
 
-/// Adds what was being done to an error of another kind.
+/// Adds the failed action to an error of another kind.
 pub trait Context<T> {
-    /// Wraps the error, if there is one.
+    /// Wraps the error, if any, with `context`.
     ///
     /// # Errors
-    /// The same one, with `context` before it.
+    /// The original error, with `context` before it.
     fn context(self, context: impl Into<String>) -> Result<T>;
 }
 

@@ -1,4 +1,4 @@
-//! The identity of a film, by its settings and the files that it is made from.
+//! Identity of a film: its settings and input files.
 
 use crate::error::{Context, Error, Result};
 use crate::settings::Settings;
@@ -9,12 +9,12 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The film of `scene` that `settings` describe. Where the scene and its files lie does not matter, nor how a path is typed.
+/// Returns the job of a film of `scene` with `settings`. Paths of the scene and its files do not affect it.
 ///
 /// # Errors
-/// The baked light cannot be read.
+/// If the baked light cannot be read.
 pub fn job_of(scene: &Scene, settings: &Settings) -> Result<FilmJob> {
-    let context = "the settings cannot be put into JSON";
+    let context = "the settings cannot be written as JSON";
     let text = serde_json::to_string(settings).context(context)?;
     let text = identity_of(&text).context(context)?;
     let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
@@ -22,7 +22,7 @@ pub fn job_of(scene: &Scene, settings: &Settings) -> Result<FilmJob> {
     Ok(job.with_end(Some(settings.frame_range().end)))
 }
 
-/// The finished film that a report describes; `None` if it describes none, or none that is whole.
+/// Returns the finished film that a report describes; `None` if it describes none, or an unfinished one.
 #[must_use]
 pub fn job_of_report(film: &Path, report: &[u8]) -> Option<FilmJob> {
     let report: Value = serde_json::from_slice(report).ok()?;
@@ -36,8 +36,8 @@ pub fn job_of_report(film: &Path, report: &[u8]) -> Option<FilmJob> {
     Some(job.with_end(u32::try_from(end).ok()))
 }
 
-/// Settings as JSON, without places of what their contents tell apart, and without the number of frames: no frame depends on how
-/// many there are. Containers that begin with the length of the film keep it.
+/// Returns the settings as JSON without paths of files that are identified by content, and without the number of
+/// frames. No frame depends on the number of frames; only containers that begin with the film's length keep it.
 fn identity_of(settings: &str) -> serde_json::Result<String> {
     let mut value: Value = serde_json::from_str(settings)?;
     if let Some(names) = value.as_object_mut() {
@@ -47,7 +47,7 @@ fn identity_of(settings: &str) -> serde_json::Result<String> {
             names.remove("frames");
         }
         ["scene", "output", "baked"].iter().for_each(|name| drop(names.remove(*name)));
-        // Further outputs are continued where they lie.
+        // Additional outputs continue at their paths.
         for name in ["png", "exr", "y4m"] {
             let Some(path) = names.get_mut(name).filter(|path| path.is_string()) else { continue };
             let absolute = path.as_str().and_then(|path| std::path::absolute(path).ok());
@@ -59,10 +59,10 @@ fn identity_of(settings: &str) -> serde_json::Result<String> {
     serde_json::to_string(&value)
 }
 
-/// CRC-32 of all files that a film is made from: those that the scene was read from, and its baked light.
+/// Returns the CRC-32 of all input files of a film: the files of the scene, and the baked light.
 ///
 /// # Errors
-/// The baked light cannot be read.
+/// If the baked light cannot be read.
 pub fn sum_of_inputs(scene: &Scene, settings: &Settings) -> Result<u32> {
     let Some(path) = &settings.files.baked else { return Ok(scene.origin.sum) };
     let baked = fs::read(path).map_err(Error::file(path, "cannot be read; make it with render2mpeg bake"))?;

@@ -22,5 +22,5 @@ pub use render::{Render, render};
 pub use report::Report;
 pub use settings::{Options, Settings};
 
-/// The crates whose types stand in signatures.
+/// The crates with types in public signatures.
 pub use {mpeg2enc, perceptual, pipeline, plane, render_core, renderer};

@@ -1,4 +1,4 @@
-//! A film in one line: a scene, the options that differ from their defaults, and a path.
+//! A film in one call: a scene, options that differ from their defaults, and a path.
 
 use crate::error::{Error, Result};
 use crate::report::Report;
@@ -8,7 +8,7 @@ use render_core::scene::{self, Scene};
 use renderer::plan::Plan;
 use std::path::{Path, PathBuf};
 
-/// A scene with the options of its film.
+/// Scene with the options of its film.
 ///
 /// ```no_run
 /// use render2mpeg::{Film, Options};
@@ -26,39 +26,40 @@ pub struct Film {
 }
 
 impl Film {
-    /// Loads a glTF 2.0 scene, `.glb` or `.gltf`, with the TOML file of the same name beside it, if there is one.
+    /// Loads a glTF 2.0 scene, `.glb` or `.gltf`, with the TOML file of the same name next to it, if one exists.
     ///
     /// # Errors
-    /// [`Error::Scene`]: the scene cannot be read, or requires what this renderer does not know.
+    /// [`Error::Scene`]: the scene cannot be read, or requires an unsupported feature.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         let scene = scene::load(&path)?;
         Ok(Self { path, scene, options: Options::default() })
     }
 
-    /// Replaces the options, which are the defaults at first.
+    /// Replaces the options, which initially are the defaults.
     #[must_use]
     pub fn with_options(self, options: Options) -> Self {
         Self { options, ..self }
     }
 
-    /// The scene.
+    /// Scene of the film.
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// The options with every default filled in.
+    /// Returns the options with every default filled in.
     ///
     /// # Errors
-    /// [`Error::Options`], [`Error::Loop`] or [`Error::Encoder`]: an option or a setting of the scene is out of its range.
+    /// [`Error::Options`], [`Error::Loop`] or [`Error::Encoder`]: an option or a scene setting is out of range.
     pub fn settings(&self) -> Result<Settings> {
         let settings = Settings::new(self.path.clone(), &self.scene, &self.options)?;
         let _ = settings.encoder_config()?;
         Ok(settings)
     }
 
-    /// Renders into a file, `.mpg`, `.mp4`, `.mkv`, `.ts`, `.vob` or `.m2v`, and reports what it took. Blocks until the film is finished.
+    /// Renders into a file, `.mpg`, `.mp4`, `.mkv`, `.ts`, `.vob` or `.m2v`, and returns the report. Blocks until the
+    /// film is finished.
     ///
     /// # Errors
     /// Errors of [`Film::settings`], an [`Error::Loop`] if the film cannot be written, and errors of [`render`](crate::render).
@@ -66,8 +67,8 @@ impl Film {
         self.render_with(output, Run::default())
     }
 
-    /// Renders as [`Film::render_to`] does, with an observer, and with a flag that ends the film early: no further frame is
-    /// begun once it is true, and the stream plays.
+    /// Renders like [`Film::render_to`], with an observer and a flag that ends the film early. Once the flag is true,
+    /// no further frame starts, and the video remains playable.
     ///
     /// # Errors
     /// Errors of [`Film::render_to`].
@@ -76,7 +77,7 @@ impl Film {
         let settings = Settings::new(self.path.clone(), &self.scene, &options)?;
         let _ = settings.encoder_config()?;
         for folder in settings.files.exr.iter().chain(&settings.files.png) {
-            std::fs::create_dir_all(folder).map_err(Error::file(folder, "cannot be made"))?;
+            std::fs::create_dir_all(folder).map_err(Error::file(folder, "cannot be created"))?;
         }
         let plan = Plan::new(&self.scene, &settings.render);
         crate::render(&self.scene, &settings, &plan, run)

@@ -1,4 +1,4 @@
-//! Files of single pictures as displays show them.
+//! Files of single pictures.
 
 use crate::error::{Error, Result};
 use perceptual::ToneMap;
@@ -7,29 +7,29 @@ use pipeline::output::Output;
 use plane::Plane;
 use std::path::Path;
 
-/// Contents of a picture's file.
+/// Kind of picture in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureFormat {
-    /// OpenEXR: linear light.
+    /// OpenEXR with linear light.
     Linear,
-    /// PNG or JPEG: codes for displays.
+    /// PNG or JPEG with display codes.
     Shown(ShownFormat),
 }
 
-/// Formats of codes for displays.
+/// File formats of display codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShownFormat {
-    /// Without losses.
+    /// PNG, lossless.
     Png,
-    /// With losses that are hardly seen.
+    /// JPEG, with hardly visible loss.
     Jpeg,
 }
 
 impl PictureFormat {
-    /// The format for a file's ending.
+    /// Returns the format of a file by its ending.
     ///
     /// # Errors
-    /// There is none for it.
+    /// If the ending is unknown.
     pub fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
         match ending.as_str() {
@@ -37,27 +37,27 @@ impl PictureFormat {
             "png" => Ok(Self::Shown(ShownFormat::Png)),
             "jpg" | "jpeg" => Ok(Self::Shown(ShownFormat::Jpeg)),
             _ => {
-                let text = "such pictures are not written; name it .png or .jpg for displays, or .exr for linear light";
+                let text = "unknown picture format; name it .png or .jpg for display, or .exr for linear light";
                 Err(Error::Options(format!("{}: {text}", path.display())))
             }
         }
     }
 }
 
-/// Quality of JPEG files, 1…100: no blocks are seen at it.
+/// Quality of JPEG files, 1…100: high enough to hide the blocks.
 #[cfg(feature = "still")]
 const JPEG_QUALITY: u8 = 92;
 
-/// Codes that a display shows for linear RGB `radiance`.
+/// Returns the display codes of linear RGB `radiance`.
 #[must_use]
 pub fn shown(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Plane<[u8; 3]> {
     radiance.map(|rgb| rgb.map(|linear| (tone_map.encode(linear) * 255.0).round().clamp(0.0, 255.0) as u8))
 }
 
-/// Writes codes for displays, `.png` or `.jpg`, whole or not at all.
+/// Writes display codes as `.png` or `.jpg`, atomically.
 ///
 /// # Errors
-/// The file cannot be written, or has another ending.
+/// If the file cannot be written or has another ending.
 #[cfg(feature = "still")]
 pub fn write_shown(path: &Path, picture: &Plane<[u8; 3]>) -> Result<()> {
     use image::{ExtendedColorType, ImageEncoder, codecs};
@@ -78,7 +78,7 @@ pub fn write_shown(path: &Path, picture: &Plane<[u8; 3]>) -> Result<()> {
     Ok(file.finish()?)
 }
 
-/// The settings request none of these.
+/// Returns an error, in builds without the feature `still`.
 ///
 /// # Errors
 /// Always.

@@ -1,4 +1,4 @@
-//! Places of the files of a run: no two are the same, and none that is read is written.
+//! Paths of a run's files: outputs must differ from each other and from inputs.
 
 use crate::error::{Error, Result};
 use pipeline::streams::is_standard_output;
@@ -6,30 +6,30 @@ use render_core::scene::Scene;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Files that are read and written, with what they are called in messages.
+/// Input and output files, with their names in messages.
 #[derive(Clone, Debug, Default)]
 pub struct FilePlaces {
     read: Vec<(String, PathBuf)>,
-    /// Names, paths as they were stated, and the files that these lead to.
+    /// Names, paths as given, and the resolved files.
     written: Vec<(String, PathBuf, PathBuf)>,
 }
 
 impl FilePlaces {
-    /// The files that `scene` was read from.
+    /// Returns the input files of `scene`.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
         let read = scene.origin.files.iter().map(|path| ("the scene".into(), path.clone()));
         Self { read: read.collect(), written: Vec::new() }
     }
 
-    /// A file that is read, if there is one: `name` says of what.
+    /// Adds an input file, if given, with its `name` for messages.
     #[must_use]
     pub fn reads(mut self, name: &str, path: Option<&Path>) -> Self {
         self.read.extend(path.and_then(resolved).map(|path| (name.into(), path)));
         self
     }
 
-    /// A file that is written, if there is one: `name` is its option.
+    /// Adds an output file, if given, with the `name` of its option.
     #[must_use]
     pub fn writes(mut self, name: &str, path: Option<&Path>) -> Self {
         let file = path.and_then(|path| Some((path, resolved(path)?)));
@@ -37,15 +37,15 @@ impl FilePlaces {
         self
     }
 
-    /// Checks all of them, before any work is done.
+    /// Checks all files, before any work.
     ///
     /// # Errors
-    /// A file would be written that is read, or that something else is written to.
+    /// If an output is also an input or another output.
     pub fn check(&self) -> Result<()> {
         for (place, (name, path, file)) in self.written.iter().enumerate() {
             let fail = |of: &str| {
                 let path = path.display();
-                Err(Error::Options(format!("{name} {path}: that is a file of {of}; choose another name")))
+                Err(Error::Options(format!("{name} {path}: this is a file of {of}; choose another name")))
             };
             if let Some((of, _)) = self.read.iter().find(|(_, other)| other == file) {
                 return fail(of);
@@ -58,8 +58,8 @@ impl FilePlaces {
     }
 }
 
-/// The file that a path leads to, links and `..` followed, whether it is there or not yet; none for devices and pipes, which any number
-/// of outputs may go to. Standard output counts as a file: two outputs would get mixed up there.
+/// Resolves links and `..` in a path, for existing and new files. Returns `None` for devices and pipes, which may
+/// receive several outputs. Standard output counts as a file, since two outputs would mix there.
 fn resolved(path: &Path) -> Option<PathBuf> {
     if is_standard_output(path) {
         return Some("-".into());

@@ -1,4 +1,4 @@
-//! A film of a scene: this crate's renderer, masking and encoder in the loop.
+//! Film of a scene: this crate's renderer, masking model and encoder in the loop.
 
 use crate::error::Result;
 use crate::job::sum_of_inputs;
@@ -21,7 +21,7 @@ use std::time::Instant;
 #[cfg(feature = "bake")]
 use renderer::texels::BakedTexels;
 
-/// A film that is ready to be made, from its beginning or from a checkpoint.
+/// Film that is ready to be made, from its first frame or from a checkpoint.
 #[derive(Debug)]
 pub struct Render<'a> {
     scene: &'a Scene,
@@ -35,19 +35,20 @@ pub struct Render<'a> {
 }
 
 impl<'a> Render<'a> {
-    /// Brings the film to where `checkpoints` say. No file is changed before all of a checkpoint is read.
+    /// Prepares the film from its first frame or from `checkpoints`. Files are changed only after the whole
+    /// checkpoint was read.
     ///
     /// # Errors
-    /// The settings fit no encoder, the checkpoint makes no sense, or a file of uncompressed frames cannot be written.
+    /// If the settings fit no encoder, the checkpoint is invalid, or a file of uncompressed frames cannot be written.
     pub fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, checkpoints: &'a Checkpoints) -> Result<Self> {
         Self::among(scene, settings, plan, checkpoints, &Team::alone())
     }
 
-    /// As [`new`](Self::new), on rank 0 of a `team` whose other ranks [`follow`](Self::follow). They share the work on each frame;
-    /// the bytes are those of one process.
+    /// Does the same as [`new`](Self::new), on rank 0 of a `team` that shares the work of each frame. The other ranks
+    /// call [`follow`](Self::follow). The bytes are the same as with one process.
     ///
     /// # Errors
-    /// Errors of [`new`](Self::new). The other ranks end then.
+    /// Errors of [`new`](Self::new). The other ranks then end.
     pub fn among(
         scene: &'a Scene,
         settings: &'a Settings,
@@ -56,7 +57,7 @@ impl<'a> Render<'a> {
         team: &Team,
     ) -> Result<Self> {
         let begin = Instant::now();
-        // First of all: whatever fails below, the others are told.
+        // Created first: if a later step fails, dropping it notifies the other ranks.
         let lead = Lead::of(team.shade.clone());
         let masks = plan.is_on(Stage::Masking);
         let light = LightParts::new(scene, settings, plan, team)?;
@@ -80,51 +81,54 @@ impl<'a> Render<'a> {
         })
     }
 
-    /// Shares the work on a film that rank 0 of the `team` makes, on any other rank, and writes nothing. Blocks until rank 0 ends.
+    /// Shares the work of a film that rank 0 of the `team` makes. Call it on all other ranks; it writes nothing and
+    /// blocks until rank 0 ends.
     ///
     /// # Errors
-    /// The baked light cannot be read, a checkpoint makes no sense, or ranks have found different light.
+    /// If the baked light cannot be read, a checkpoint is invalid, or the ranks computed different light.
     pub fn follow(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<()> {
         let LightParts { prepare, shade, .. } = LightParts::new(scene, settings, plan, team)?;
         Ok(follow(prepare, shade, team)?)
     }
 
-    /// Opens the file of the film. Without one, its bytes go only to the observer.
+    /// Opens the film's file. Without one, the bytes are passed only to the observer.
     ///
     /// # Errors
-    /// The file cannot be written, or is shorter than at the checkpoint.
+    /// If the file cannot be written, or is shorter than at the checkpoint.
     pub fn write_to(&mut self, path: &Path) -> Result<()> {
         Ok(self.start.write_to(path)?)
     }
 
-    /// Ends the film's file when it is called, from any thread and at once, as a film of the frames written until then; it tells
-    /// whether there are any. What goes on in [`finish`](Self::finish) then fails. `None` before [`write_to`](Self::write_to).
+    /// Returns a function that ends the film's file at once, from any thread, with the frames written so far. It
+    /// returns true if the file has frames; [`finish`](Self::finish) then fails. `None` before
+    /// [`write_to`](Self::write_to).
     #[must_use]
     pub fn early_end(&self) -> Option<impl Fn() -> Result<bool> + Send + 'static> {
         let end = self.start.early_end()?;
         Some(move || Ok(end.end()?))
     }
 
-    /// Lets observers see these channels of each frame, in [`Shaded::watched`](pipeline::parts::Shaded::watched); no file has them.
+    /// Passes these channels of each frame to observers, in [`Shaded::watched`](pipeline::parts::Shaded::watched); no
+    /// file contains them.
     pub fn watch(&mut self, aov: &[Aov]) {
         self.parts.shade.watch(aov);
     }
 
-    /// Lets this process stand for several ranks that take tiles, one after the other; they note how long they would take.
+    /// Makes this process simulate several ranks that take tiles in sequence, and record their simulated times.
     pub fn simulate(&mut self, ranks: SimulatedRanks) {
         self.parts.shade.set_crew(Crew::Simulated(ranks));
     }
 
-    /// The first frame that is still to be made.
+    /// First frame that is not finished yet.
     #[must_use]
     pub fn first_frame(&self) -> u32 {
         self.start.first_frame()
     }
 
-    /// Makes the film and reports what it took. Blocks until all is done.
+    /// Makes the film, and returns its report. Blocks until the film is finished.
     ///
     /// # Errors
-    /// The first failure of a stage: a file that cannot be written, or a fault of this program.
+    /// The first failure of a stage: a file that cannot be written, or a bug.
     pub fn finish(mut self, run: Run<'_>) -> Result<Report> {
         if let Some(exposure) = self.exposure_before() {
             self.parts.display.set_exposure(exposure);
@@ -137,8 +141,9 @@ impl<'a> Render<'a> {
         Ok(Report { inputs, ..Report::new(scene, settings, plan.steps(), reports, ending) })
     }
 
-    /// The exposure that a film has before its first frame: of its lit frames, where the first is no measure of them; else of a small
-    /// first frame for a film in chunks, none of which may depend on another's frames. One that is continued has its exposure.
+    /// Returns the exposure that must be set before the first frame: the exposure of the film's lit frames, if the
+    /// first frame is not representative, or a small first frame's exposure for films in independent chunks. A
+    /// resumed film has its exposure.
     fn exposure_before(&self) -> Option<f32> {
         let Self { scene, settings, start, .. } = self;
         let begins = start.first_frame() == settings.frame_range().start;
@@ -160,7 +165,7 @@ impl<'a> Render<'a> {
     }
 }
 
-/// The parts that make light, which every rank has.
+/// Stages that compute light, which every rank has.
 struct LightParts<'a> {
     prepare: Preparation<'a>,
     shade: Shading<'a>,
@@ -195,9 +200,9 @@ fn with_baked<'a>(shading: Shading<'a>, baked: Option<&Arc<BakedTexels>>) -> Sha
     }
 }
 
-/// Renders `scene` into the file that `settings` name, without checkpoints, and reports the cost.
+/// Renders `scene` into the output file of `settings`, without checkpoints, and returns the report.
 ///
-/// The caller chooses the threads that rayon may use by installing a pool.
+/// To choose the threads, call this inside a rayon pool.
 ///
 /// # Errors
 /// Errors of [`Render::new`], [`Render::write_to`] and [`Render::finish`].

@@ -1,4 +1,4 @@
-//! Results and costs of a run, as JSON. The names are kept stable; `schema` counts changes.
+//! Results and costs of a run, as JSON. Field names are stable; `schema` counts changes.
 
 use crate::error::{Context, Result};
 use crate::settings::Settings;
@@ -10,90 +10,89 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The whole report.
+/// Report of a run.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Report {
     /// Version of the layout.
     pub schema: u32,
-    /// Version of the program.
+    /// Name and version of the program.
     pub program: String,
     /// The rendered scene.
     pub scene: SceneReport,
-    /// Every choice of the run, defaults filled in.
-    #[schemars(with = "BTreeMap<String, serde_json::Value>")]
+    /// All settings of the run, with defaults filled in.
     pub settings: Settings,
-    /// The stages that ran, the stages that were left out, and why.
+    /// Stages that ran, stages that were left out, and reasons.
     pub plan: Vec<Step>,
-    /// One per frame.
+    /// Reports of all frames.
     pub frames: Vec<FrameReport>,
-    /// Over all frames.
+    /// Summary of all frames.
     pub summary: Summary,
-    /// Check sum of the files that the film was made from: parts of other files do not belong to it.
+    /// Checksum of the input files: parts made from other files are refused.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inputs: Option<u32>,
 }
 
-/// The rendered scene.
+/// Scene of a run.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct SceneReport {
-    /// The scene file.
+    /// Path of the scene.
     pub file: PathBuf,
-    /// Triangles of all instances.
+    /// Number of triangles of all instances.
     pub triangles: usize,
-    /// Meshes in their places.
+    /// Number of mesh instances.
     pub instances: usize,
-    /// Images in use.
+    /// Number of images in use.
     pub textures: usize,
     /// Length of the animation \[s\].
     pub duration: f32,
-    /// Parts of the scene that were read but not rendered.
+    /// Features of the scene that were read but not rendered.
     pub warnings: Vec<String>,
 }
 
-/// Means over the frames, and totals.
+/// Means and totals of a run's frames.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Summary {
-    /// Frames in the stream.
+    /// Number of frames in the stream.
     pub frames: u32,
-    /// Whether the run was ended early by the user.
+    /// True if the user ended the run early.
     pub interrupted: bool,
-    /// Size of all pictures.
+    /// Size of all coded pictures \[bits\].
     pub bits_total: u64,
-    /// Mean.
+    /// Mean size of a frame \[bits\].
     pub bits: f64,
-    /// Mean over the frames that have one \[dB\].
+    /// Mean PSNR of luma, over the frames with a finite PSNR \[dB\].
     pub psnr_y: Option<f64>,
-    /// Means.
+    /// Mean CPU seconds of each stage.
     pub seconds: Seconds,
-    /// Mean.
+    /// Mean number of clusters in a lightcut.
     pub cut_size_mean: f64,
-    /// Largest of all frames.
+    /// Largest number of clusters in a lightcut.
     pub cut_size_max: u32,
-    /// Mean.
+    /// Mean number of shadow rays per frame.
     pub shadow_rays: f64,
-    /// Mean over the frames that took thresholds from the one before.
+    /// Mean ratio of threshold to luminance, over the frames after the first.
     pub threshold_mean_relative: f64,
-    /// Mean.
+    /// Mean fraction of the light tree's inner nodes with changed children.
     pub tree_swaps_share: f64,
-    /// By the clock, loading included \[s\].
+    /// Wall-clock time, including loading \[s\].
     pub wall_seconds: f64,
-    /// CPU time of all threads \[s\]; null where the system does not tell.
+    /// CPU time of all threads \[s\]; null if the system does not report it.
     pub cpu_seconds: Option<f64>,
-    /// Most memory that was ever in use; null where the system does not tell.
+    /// Peak memory \[bytes\]; null if the system does not report it.
     pub peak_memory_bytes: Option<u64>,
 }
 
-/// How a run ended.
+/// End of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Ending {
-    /// Whether the user ended it early.
+    /// True if the user ended the run early.
     pub interrupted: bool,
-    /// Wall-clock time from its beginning \[s\].
+    /// Wall-clock time since the start \[s\].
     pub wall_seconds: f64,
 }
 
 impl Summary {
-    /// Of `frames`, made by this process.
+    /// Returns the summary of `frames`, made by this process.
     pub fn of(frames: &[FrameReport], ending: Ending) -> Self {
         let Ending { interrupted, wall_seconds } = ending;
         let count = frames.len().max(1) as f64;
@@ -120,7 +119,7 @@ impl Summary {
 }
 
 impl Report {
-    /// A report of `frames`.
+    /// Returns the report of `frames`.
     pub fn new(scene: &Scene, settings: &Settings, plan: &[Step], frames: Vec<FrameReport>, ending: Ending) -> Self {
         let summary = Summary::of(&frames, ending);
         Self {
@@ -142,34 +141,34 @@ impl Report {
         }
     }
 
-    /// Writes the report, whole or not at all.
+    /// Writes the report atomically.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         write_json(self, path)
     }
 }
 
-/// `film.m2v` → `film.report.json`: the report of a video, unless another place was chosen.
+/// Returns the default path of a video's report: `film.m2v` → `film.report.json`.
 #[must_use]
 pub fn path_beside(video: &Path) -> PathBuf {
     video.with_extension("report.json")
 }
 
-/// Writes `value` as JSON, whole or not at all.
+/// Writes `value` as JSON, atomically.
 ///
 /// # Errors
-/// The file cannot be written.
+/// If the file cannot be written.
 pub fn write_json(value: &impl Serialize, path: &Path) -> Result<()> {
     let mut output = pipeline::output::Output::create(path)?;
-    let mut text = serde_json::to_string_pretty(value).context("the report cannot be put into JSON")?;
+    let mut text = serde_json::to_string_pretty(value).context("the report cannot be written as JSON")?;
     text.push('\n');
     output.write(text.as_bytes())?;
     Ok(output.finish()?)
 }
 
-/// CPU time of the whole process \[s\]; nothing where the system does not tell.
+/// CPU time of the whole process \[s\]; `None` if the system does not report it.
 #[cfg(unix)]
 pub fn process_cpu_seconds() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
@@ -181,7 +180,7 @@ pub fn process_cpu_seconds() -> Option<f64> {
     None
 }
 
-/// The kernel's high-water mark of resident memory (proc(5), VmHWM); Linux only.
+/// Peak resident memory from the kernel (proc(5), VmHWM) \[bytes\]; Linux only.
 fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -1,4 +1,4 @@
-//! One picture: a frame of a scene as a display shows it, or its light.
+//! Single pictures: a frame of a scene as tone-mapped codes and as linear light.
 
 use crate::error::Result;
 use crate::picture_file::{PictureFormat, shown, write_shown};
@@ -14,20 +14,20 @@ use renderer::plan::Plan;
 use renderer::{Preparation, Shading, exposure_of_first_frame, exposure_of_lit_frames};
 use std::path::Path;
 
-/// A picture of one frame.
+/// Picture of one frame.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Still {
     /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
-    /// As a display shows it: red, green and blue of sRGB, codes of 8 bits.
+    /// Tone-mapped picture: red, green and blue of sRGB as 8-bit codes.
     pub shown: Plane<[u8; 3]>,
-    /// Facts for the header of a file of linear light.
+    /// Attributes for the header of an OpenEXR file.
     pub header: FrameHeader,
 }
 
 impl Still {
-    /// Frame `frame` of `scene`, counted from 0, with the light that a film's first frame has.
+    /// Renders frame `frame` of `scene`, counted from 0, without thresholds, like the first frame of a film.
     #[must_use]
     pub fn render(scene: &Scene, settings: &Settings, frame: u32) -> Self {
         let renderer = settings.render.clone();
@@ -35,7 +35,7 @@ impl Still {
         let prepared = Preparation::new(scene, &renderer, &plan).frame(frame);
         let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
 
-        // Without an exposure of its own a film has that of its first frame, or of those that are lit.
+        // Automatic exposure uses the film's first frame, or its lit frames.
         let of_lit_frames = || exposure_of_lit_frames(scene, &renderer);
         let found = settings.render.auto_exposure.then(of_lit_frames).flatten();
         let exposure = match (settings.render.auto_exposure, frame) {
@@ -49,10 +49,11 @@ impl Still {
         Self { radiance: shaded.radiance, shown, header: shaded.header }
     }
 
-    /// Writes `.png` or `.jpg` as a display shows it, or `.exr` with linear light, in halves where these suffice.
+    /// Writes `.png` or `.jpg` tone mapped for display, or `.exr` with linear light, in 16-bit floats where these
+    /// suffice.
     ///
     /// # Errors
-    /// The ending is another, or the file cannot be written.
+    /// If the ending is unknown or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         match PictureFormat::of(path)? {
             PictureFormat::Linear => Ok(write_linear(path, &self.header, &self.radiance, Vec::new(), ExrDepth::Half)?),

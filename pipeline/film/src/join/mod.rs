@@ -1,7 +1,7 @@
-//! The film that parts make together: `render2mpeg join`.
+//! Joining parts into a film: `render2mpeg join`.
 //!
-//! `part` reads a part with its report, `order` checks that parts belong together, and here they become one stream and one report.
-//! Nothing is coded again: the pictures are those of the parts, and a film that one machine made in the same chunks has the same bytes.
+//! `part` reads a part with its report, `order` checks that the parts form one film, and this module writes one
+//! stream and one report. Nothing is recoded. A film that one machine made in the same chunks has the same bytes.
 
 mod order;
 mod part;
@@ -18,7 +18,7 @@ use serde::Serialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// The report of a joined film, laid out as [`Report`](crate::Report).
+/// Report of a joined film, with the layout of [`Report`](crate::Report).
 #[derive(Clone, Debug, Serialize)]
 pub struct JoinedReport {
     schema: u32,
@@ -26,26 +26,26 @@ pub struct JoinedReport {
     scene: Value,
     settings: Value,
     plan: Value,
-    /// One for each frame.
+    /// Reports of all frames.
     pub frames: Vec<FrameReport>,
-    /// Over all frames. Times are those of the parts together, and memory is the most that one of them took.
+    /// Summary of all frames. Times are sums over the parts; memory is the maximum over the parts.
     pub summary: Summary,
-    /// The parts in their order.
+    /// The parts in order.
     parts: Vec<JoinedPart>,
 }
 
-/// A part, in the report of its film.
+/// Part of a film, in the film's report.
 #[derive(Clone, Debug, Serialize)]
 struct JoinedPart {
     file: PathBuf,
-    /// First and last frame.
+    /// First and last frame, as `A-B`.
     range: String,
     wall_seconds: f64,
     cpu_seconds: Option<f64>,
 }
 
 impl JoinedReport {
-    /// Of a film at `output`.
+    /// Returns the report of a film at `output`.
     fn new(parts: Vec<WholePart>, output: &Path) -> Self {
         let summaries: Vec<&Summary> = parts.iter().map(|part| &part.report.summary).collect();
         let wall_seconds = summaries.iter().map(|summary| summary.wall_seconds).sum();
@@ -59,7 +59,7 @@ impl JoinedReport {
         });
         let joined = joined.collect();
 
-        // Settings of all parts are told once; a range and an output belong to one part alone.
+        // Settings of all parts appear once; range and output belong to one part only.
         let first = &parts[0].report;
         let (schema, program) = (first.schema, first.program.clone());
         let (scene, mut settings, plan) = (first.scene.clone(), first.settings.clone(), first.plan.clone());
@@ -71,16 +71,16 @@ impl JoinedReport {
         Self { schema, program, scene, settings: settings.into(), plan, frames, summary, parts: joined }
     }
 
-    /// Writes the report, whole or not at all.
+    /// Writes the report atomically.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         write_json(self, path)
     }
 }
 
-/// The files that the parts at `paths` are read from: streams and reports.
+/// Returns the input files of the parts at `paths`: streams and reports.
 #[must_use]
 pub fn places(paths: &[PathBuf]) -> FilePlaces {
     let mut places = FilePlaces::default();
@@ -90,11 +90,13 @@ pub fn places(paths: &[PathBuf]) -> FilePlaces {
     places
 }
 
-/// Joins the elementary streams at `paths`, in this order, to the film at `output`, whose ending says its container. The report of each
-/// part is beside it. Nothing is written unless all parts are whole, follow each other, and make all of a film.
+/// Joins the elementary streams at `paths`, in this order, into the film at `output`, with the container of its
+/// ending. Each part's report is next to it. Nothing is written unless all parts are complete, consecutive, and form
+/// a whole film.
 ///
 /// # Errors
-/// A part is cut short, of another film, or not where it should be; or a file cannot be read or written. One line names it.
+/// If a part is truncated, misplaced or belongs to another film, or a file cannot be read or written. The message
+/// names the file.
 pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
     let container = container_of(output, None).ok_or_else(|| unknown_ending(output))?;
     places(paths).writes("-o", Some(output)).check()?;
@@ -105,7 +107,7 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
         check_disc_part(&parts[0])?;
     }
 
-    // Each part is read again when its turn comes: a film may be larger than memory.
+    // Each part is read again when it is written: a film may exceed memory.
     let config = parts[0].encoder_config()?;
     let pictures = u64::from(parts[0].pictures);
     let all = u64::from(parts[0].film_frames) * pictures;
@@ -122,17 +124,17 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
     Ok(JoinedReport::new(parts, output))
 }
 
-/// Whether a part can be one of DVD-Video, which its own file cannot tell.
+/// Checks that DVD-Video permits a part's pixels and rate, which an elementary stream does not state.
 ///
 /// # Errors
-/// Its pixels are square, or its rate needs pulldown.
+/// If the pixels are square, or the rate needs pulldown.
 fn check_disc_part(part: &WholePart) -> Result<()> {
     let remedy = match CodedRate::of(part.fps)?.rate.fraction() {
         (24_000, 1001) => {
-            "has no pulldown, which DVD-Video needs at 23.976 pictures a second: render the film in one run"
+            "has no pulldown, which DVD-Video needs at 23.976 pictures per second: render the film in one run"
         }
         _ if part.aspect.is_square() => {
-            "has square pixels, and DVD-Video has pictures of 4:3 or 16:9: render parts with --aspect"
+            "has square pixels, but DVD-Video pictures are 4:3 or 16:9: render parts with --aspect"
         }
         _ => return Ok(()),
     };

@@ -1,31 +1,31 @@
-//! Whether parts belong to one film, are all there, and stand in order.
+//! Checks that parts belong to one film, are complete and in order.
 
 use super::part::WholePart;
 use crate::error::{Error, Result};
 use crate::settings::FrameRange;
 use serde_json::Value;
 
-/// Settings that change no bit of the stream: places of files, and which part it is.
+/// Settings that change no bit of the stream: paths, and the part's range.
 const OF_ONE_PART: [&str; 8] = ["scene", "output", "range", "baked", "exr", "exr_depth", "aov", "y4m"];
 
-/// Checks `parts`, in the order in which they are to be joined.
+/// Checks `parts`, in the order in which they will be joined.
 ///
 /// # Errors
-/// The first part that is of another film than the first, or does not follow the one before.
+/// If a part belongs to another film than the first, or does not follow the previous part.
 pub(super) fn check(parts: &[WholePart]) -> Result<()> {
     let [first, others @ ..] = parts else {
-        return Err(Error::Options("there are no parts to join".into()));
+        return Err(Error::Options("no parts to join".into()));
     };
     others.iter().try_for_each(|part| check_same_film(first, part))?;
     check_order(parts)
 }
 
-/// Whether `part` is of the same film as the `first`.
+/// Checks that `part` belongs to the same film as the `first`.
 fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
     let (one, other) = (&first.report, &part.report);
     let differs = |what: &str, then: &dyn std::fmt::Display, now: &dyn std::fmt::Display| {
         let beside = first.path.display();
-        Err(Error::content(&part.path, format!(" is of another film: {what} is {now}, and {then} in {beside}")))
+        Err(Error::content(&part.path, format!(" belongs to another film: {what} is {now}, but {then} in {beside}")))
     };
     if one.program != other.program || one.schema != other.schema {
         return differs("the program", &one.program, &other.program);
@@ -39,17 +39,17 @@ fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
     }
     if one.inputs != other.inputs {
         let beside = first.path.display();
-        let text = format!(" was made from another scene than {beside}: a file of the scene has changed between them");
+        let text = format!(" was made from another scene than {beside}: a file of the scene changed between them");
         return Err(Error::content(&part.path, text));
     }
     if first.sequence_header != part.sequence_header {
-        let text = format!(" has another sequence header than {}: it is of another film", first.path.display());
+        let text = format!(" has another sequence header than {}: it belongs to another film", first.path.display());
         return Err(Error::content(&part.path, text));
     }
     Ok(())
 }
 
-/// Whether the parts follow each other from the first frame of their film to the last.
+/// Checks that the parts are consecutive, from the first frame of their film to the last.
 fn check_order(parts: &[WholePart]) -> Result<()> {
     let mut next = 0;
     for part in parts {
@@ -59,15 +59,15 @@ fn check_order(parts: &[WholePart]) -> Result<()> {
             return wrong(format!("overlaps {}, frames {}", other.path.display(), other.range));
         }
         if first != next {
-            // It comes too early, or what it follows is not there.
+            // The part comes too early, or its predecessor is missing.
             return match parts.iter().find(|other| other.range.first == next) {
-                Some(other) => wrong(format!("is in the wrong place: {} comes first", other.path.display())),
+                Some(other) => wrong(format!("is out of order: {} comes first", other.path.display())),
                 None => wrong(format!("cannot come next: the part that begins with frame {next} is missing")),
             };
         }
         let frames = part.film_frames;
         if last >= frames {
-            return wrong(format!("goes on after the end of its film of {frames} frames"));
+            return wrong(format!("continues after the end of its film of {frames} frames"));
         }
         next = last + 1;
     }

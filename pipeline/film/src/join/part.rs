@@ -1,4 +1,4 @@
-//! A part of a film: an elementary stream, and the report beside it.
+//! Part of a film: an elementary stream and its report.
 
 use crate::error::{Context, Error, Result};
 use crate::report::{Summary, path_beside};
@@ -10,25 +10,25 @@ use serde_json::{Map, Value};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A part whose stream is whole and is the one that its report tells of.
+/// Complete part with a stream that matches its report.
 #[derive(Debug)]
 pub(super) struct WholePart {
     pub path: PathBuf,
     pub range: FrameRange,
-    /// Frames of the whole film.
+    /// Number of frames of the whole film.
     pub film_frames: u32,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// Shape of the displayed picture.
+    /// Display aspect ratio.
     pub aspect: PictureAspect,
-    /// Pictures of each frame.
+    /// Pictures per frame.
     pub pictures: u32,
-    /// Sequence header and extensions of its stream.
+    /// Sequence header and extensions of the stream.
     pub sequence_header: Vec<u8>,
     pub report: PartReport,
 }
 
-/// The report of a part, as far as it is looked at.
+/// Fields of a part's report that joining reads.
 #[derive(Debug, Deserialize)]
 pub(super) struct PartReport {
     pub schema: u32,
@@ -41,7 +41,7 @@ pub(super) struct PartReport {
     pub inputs: Option<u32>,
 }
 
-/// Settings of a part by which its stream is wrapped.
+/// Settings of a part that its container needs.
 #[derive(Deserialize)]
 struct PartCoding {
     size: CodedSize,
@@ -62,30 +62,30 @@ impl WholePart {
     /// Reads the stream at `path` and its report.
     ///
     /// # Errors
-    /// A file cannot be read, the stream is cut short or was ended early, or the report is of another stream.
+    /// If a file cannot be read, the stream is truncated or ended early, or the report describes another stream.
     pub fn read(path: &Path) -> Result<Self> {
         let stream = stream_at(path)?;
         let report = report_of(path)?;
         let wrong = |problem: String| Err(Error::content(path, problem));
 
-        // The frames that it has are those that it was made for.
+        // The frames of the part must be the frames that were requested.
         let range = report.settings.get("range").and_then(Value::as_str).and_then(|range| range.parse().ok());
         let frames = report.settings.get("frames").and_then(Value::as_u64).and_then(|frames| frames.try_into().ok());
         let (Some(range), Some(film_frames)) = (range, frames) else {
-            return wrong(" is no part of a film: parts are made by render --range A-B".into());
+            return wrong(" is not a part of a film: make parts with render --range A-B".into());
         };
         let FrameRange { first, last } = range;
         let (made, wanted) = (report.frames.len() as u64, u64::from(last) + 1 - u64::from(first));
         if report.summary.interrupted || made < wanted {
-            return wrong(format!(" was ended early, {made} of its {wanted} frames are there: go on with --resume"));
+            return wrong(format!(" ended early with {made} of {wanted} frames: continue it with --resume"));
         }
 
         let place = path_beside(path).display().to_string();
         let coded: PartCoding = serde_json::from_value(report.settings.clone().into()).context(place.clone())?;
         let CodedRate { pictures, .. } = CodedRate::of(coded.fps).context(place)?;
 
-        // A stream belongs to its report if the sizes of frames agree. With a look-ahead, pictures may be counted with the previous
-        // frame.
+        // A stream matches its report if the sizes of frames agree. With lookahead, pictures may be counted with the
+        // previous frame.
         let mut lines: Vec<(u32, u64)> = report.frames.iter().map(|frame| (frame.index, frame.bits)).collect();
         lines.sort_unstable();
         let mut frames = vec![0; wanted as usize];
@@ -100,10 +100,10 @@ impl WholePart {
         };
         let has_all = lines.iter().map(|&(index, _)| index).eq(first..=last);
         if !is_same || !has_all || stream.units.len() as u64 != wanted * u64::from(pictures) {
-            return wrong(format!(" is not the video that {} tells of: bring both again", path_beside(path).display()));
+            return wrong(format!(" does not match {}: copy both files again", path_beside(path).display()));
         }
         if !stream.begins_closed {
-            return wrong(" begins with pictures that need others before them: it is no part of a film".into());
+            return wrong(" begins with pictures that need earlier ones: it is not a part of a film".into());
         }
         Ok(Self {
             path: path.into(),
@@ -117,23 +117,23 @@ impl WholePart {
         })
     }
 
-    /// The stream, read again.
+    /// Reads the stream again.
     ///
     /// # Errors
-    /// It cannot be read, or has changed meanwhile.
+    /// If it cannot be read or has changed in the meantime.
     pub fn stream(&self) -> Result<ElementaryStream> {
         let stream = stream_at(&self.path)?;
         let bits: u64 = stream.units.iter().map(|unit| 8 * unit.data.len() as u64).sum();
         if bits != self.report.summary.bits_total {
-            return Err(Error::content(&self.path, " has changed while parts were joined"));
+            return Err(Error::content(&self.path, " changed while parts were joined"));
         }
         Ok(stream)
     }
 
-    /// Settings of an encoder, as far as containers need them.
+    /// Returns the encoder settings that containers need.
     ///
     /// # Errors
-    /// The report has none that fit an encoder.
+    /// If the settings in the report fit no encoder.
     pub fn encoder_config(&self) -> Result<Config> {
         let place = path_beside(&self.path).display().to_string();
         let coded: PartCoding = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;
@@ -148,20 +148,20 @@ impl WholePart {
     }
 }
 
-/// The whole elementary stream at `path`.
+/// Reads the complete elementary stream at `path`.
 fn stream_at(path: &Path) -> Result<ElementaryStream> {
-    let bytes = fs::read(path).map_err(Error::file(path, "cannot be read; a part is made by render --range"))?;
+    let bytes = fs::read(path).map_err(Error::file(path, "cannot be read; make parts with render --range"))?;
     let stream = ElementaryStream::parse(&bytes).map_err(|error| Error::content(path, format!(" {error}")))?;
     match stream.is_ended {
         true => Ok(stream),
-        false => Err(Error::content(path, " is cut short: bring it again, or render it with --resume")),
+        false => Err(Error::content(path, " is truncated: copy it again, or complete it with --resume")),
     }
 }
 
-/// The report beside a part.
+/// Reads the report next to a part.
 fn report_of(path: &Path) -> Result<PartReport> {
     let place = path_beside(path);
-    let problem = format!("cannot be read; {} needs its report beside it", path.display());
+    let problem = format!("cannot be read; {} needs its report next to it", path.display());
     let bytes = fs::read(&place).map_err(Error::file(&place, &problem))?;
-    serde_json::from_slice(&bytes).map_err(|error| Error::content(&place, format!(": no report of a film: {error}")))
+    serde_json::from_slice(&bytes).map_err(|error| Error::content(&place, format!(": not a report of a film: {error}")))
 }

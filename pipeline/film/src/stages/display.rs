@@ -1,4 +1,4 @@
-//! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
+//! Display stage: tone curve and Y′C_BC_R. Converts radiance to code values.
 
 use super::linear::write_linear;
 use crate::picture_file::{shown, write_shown};
@@ -15,15 +15,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// The tone curve of a film, and the files of its uncompressed frames.
+/// Tone curve of a film, and files of its uncompressed frames.
 #[derive(Debug)]
 pub struct Display {
     tone_map: ToneMap,
-    /// Whether the first frame sets the exposure.
+    /// True if the first frame sets the exposure.
     auto_exposure: bool,
-    /// The film's matrix.
+    /// Color matrix of the film.
     matrix: ColorMatrix,
-    /// Folder for frames as displays show them.
+    /// Folder for frames as PNG.
     png: Option<PathBuf>,
     /// Folder for linear frames.
     exr: Option<PathBuf>,
@@ -32,20 +32,20 @@ pub struct Display {
 }
 
 impl Display {
-    /// Shows frames by `tone_map`, and writes no files.
+    /// Returns a display with `tone_map` that writes no files.
     #[must_use]
     pub fn new(tone_map: ToneMap) -> Self {
         let (matrix, exr_depth) = (ColorMatrix::default(), ExrDepth::default());
         Self { tone_map, auto_exposure: false, matrix, png: None, exr: None, exr_depth, y4m: None }
     }
 
-    /// The tone curve and the files that `settings` name.
+    /// Returns a display with the tone curve and files of `settings`.
     ///
     /// # Errors
-    /// The frame rate is not one of the standard's.
+    /// If the standard lacks the frame rate.
     pub fn of(settings: &Settings) -> crate::Result<Self> {
         let y4m = settings.files.y4m.as_deref().map(|path| Y4m::new(path, settings)).transpose()?;
-        // Chunks that are made apart have one exposure, which is found before: `set_exposure`.
+        // Independent chunks share one exposure, computed earlier: `set_exposure`.
         let auto_exposure = settings.render.auto_exposure && !settings.is_in_chunks();
         let (png, exr) = (settings.files.png.clone(), settings.files.exr.clone());
         let exr_depth = settings.files.exr_depth.unwrap_or_default();
@@ -53,7 +53,7 @@ impl Display {
         Ok(Self { auto_exposure, matrix, png, exr, exr_depth, y4m, ..Self::new(settings.render.tone_map) })
     }
 
-    /// Shows all frames with this factor on radiance.
+    /// Sets a constant exposure, the factor on radiance.
     pub(crate) fn set_exposure(&mut self, exposure: f32) {
         self.auto_exposure = false;
         self.tone_map = self.tone_map.with_exposure(exposure);
@@ -83,7 +83,7 @@ impl pipeline::parts::Display for Display {
             write_shown(&folder.join(format!("frame_{index:05}.png")), &shown)?;
         }
         if let Some(file) = &mut self.y4m {
-            // Readers take the matrix of BT.601 for granted.
+            // Readers assume the matrix of BT.601.
             match file.matrix == self.matrix {
                 true => file.write(&picture.picture)?,
                 false => {
@@ -119,7 +119,8 @@ impl pipeline::parts::Display for Display {
     }
 }
 
-/// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it. It states no matrix, so that readers assume BT.601.
+/// Uncompressed frames in a YUV4MPEG2 file, with MPEG-2's chroma siting. The format states no matrix, and readers
+/// assume BT.601.
 #[derive(Debug)]
 pub struct Y4m {
     path: PathBuf,
@@ -138,10 +139,10 @@ impl Y4m {
         Ok(Self { path: path.into(), header, matrix, output: None })
     }
 
-    /// Begins a file at `path` for a film of `settings`.
+    /// Creates a file at `path` for a film with `settings`.
     ///
     /// # Errors
-    /// The file cannot be written, or no video has the frame rate.
+    /// If the file cannot be written, or the standard lacks the frame rate.
     pub fn create(path: &Path, settings: &Settings) -> crate::Result<Self> {
         let mut file = Self::new(path, settings)?;
         file.begin(Arc::default())?;
@@ -161,14 +162,14 @@ impl Y4m {
     /// Writes the next frame.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     pub fn write(&mut self, picture: &Picture) -> Result<()> {
         let Some(output) = &mut self.output else { return Ok(()) };
         let planes = picture.planes().map(|plane| plane.samples());
         output.write(&[b"FRAME\n", planes[0], planes[1], planes[2]].concat())
     }
 
-    /// Bytes of the file, once they are on the disk.
+    /// Syncs the file to the disk, and returns its length and checksum.
     fn sync(&self) -> Result<Written> {
         let Some(output) = &self.output else { return Ok(Written::default()) };
         output.sync()?;
@@ -178,7 +179,7 @@ impl Y4m {
     /// Completes the file.
     ///
     /// # Errors
-    /// The file cannot be completed.
+    /// If the file cannot be completed.
     pub fn finish(self) -> Result<()> {
         self.output.map_or(Ok(()), Output::finish)
     }

@@ -1,4 +1,4 @@
-//! Frames as linear light, in OpenEXR files.
+//! Frames as linear light in OpenEXR files.
 
 use crate::settings::ExrDepth;
 use pipeline::error::{Error, Result};
@@ -9,15 +9,15 @@ use render_core::image_file::FrameHeader;
 use render_core::image_file::{FrameChannel, SampleDepth, write_frame};
 use std::path::Path;
 
-/// Layers of colors and normals, which halves hold to more than eyes and compositing ask for. All others are numbers that are
-/// measured with: places, distances, ids and counts.
+/// Layers of colors and normals, for which 16-bit floats exceed the precision of vision and compositing. All other
+/// layers are measured data: positions, distances, ids and counts.
 #[cfg(feature = "exr")]
 const HALF_LAYERS: [&str; 5] = ["", "direct", "indirect", "albedo", "normal"];
 
-/// Writes radiance \[W·m⁻²·sr⁻¹\] as the channels R, G, B, with `further` channels; colors have this `depth`.
+/// Writes radiance \[W·m⁻²·sr⁻¹\] as channels R, G, B, and the `further` channels; colors have the given `depth`.
 ///
 /// # Errors
-/// The file cannot be written.
+/// If the file cannot be written.
 #[cfg(feature = "exr")]
 pub fn write_linear(
     path: &Path,
@@ -38,7 +38,7 @@ pub fn write_linear(
     write_frame(path, (radiance.width(), radiance.height()), header, channels).map_err(Error::other)
 }
 
-/// Bits of the samples of `layer`.
+/// Returns the sample depth of `layer`.
 #[cfg(feature = "exr")]
 fn depth_of(layer: &str, depth: ExrDepth) -> SampleDepth {
     match depth {
@@ -47,7 +47,7 @@ fn depth_of(layer: &str, depth: ExrDepth) -> SampleDepth {
     }
 }
 
-/// The settings request none of these.
+/// Returns an error, in builds without the feature `exr`.
 #[cfg(not(feature = "exr"))]
 pub fn write_linear(path: &Path, _: &FrameHeader, _: &Plane<[f32; 3]>, _: Channels, _: ExrDepth) -> Result<()> {
     Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))

@@ -1,4 +1,4 @@
-//! The masking model of a film: the error of the next frame that stays invisible.
+//! Masking stage of a film: the largest invisible error of the next frame.
 
 use crate::settings::Settings;
 use perceptual::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap};
@@ -11,24 +11,24 @@ use renderer::settings::RenderSettings;
 use renderer::settings::Thresholds;
 use std::sync::Arc;
 
-/// ΔY(t) of each frame t in display order, by the thresholds that the settings name.
+/// Computes ΔY(t) of each frame t in display order, with the kind of thresholds in the settings.
 pub struct Masking {
     thresholds: Thresholds,
     kappa: f32,
-    /// Frames of a chunk, with the first of which masking begins anew.
+    /// Number of frames per chunk; masking is reset at the first frame of each chunk.
     chunk: Option<u32>,
     steps: QuantiserSteps,
-    /// Made with the first frame, which may set the exposure.
+    /// Created with the first frame, which may set the exposure.
     feedback: Option<Feedback>,
-    /// ΔY and predicted luma of the last frame, where a film is continued.
+    /// ΔY and predicted luma of the last frame, if the film is resumed.
     last: Option<(Arc<Plane<f32>>, Plane<u8>)>,
 }
 
 impl Masking {
-    /// For a film from its beginning.
+    /// Returns the masking stage of a new film.
     ///
     /// # Errors
-    /// The settings fit no encoder.
+    /// If the settings fit no encoder.
     pub fn new(settings: &Settings) -> crate::Result<Self> {
         let config = settings.encoder_config()?;
         let (intra_matrix, non_intra_matrix) = config.matrices();
@@ -77,7 +77,7 @@ impl Mask for Masking {
         feedback.thresholds().clone()
     }
 
-    /// Luma of the last frame, where the loss of coding is predicted.
+    /// Returns the predicted luma of the last frame, if coding loss is predicted.
     fn state(&self) -> Vec<u8> {
         encode(&self.feedback.as_ref().map(|feedback| feedback.predicted()))
     }

@@ -1,4 +1,4 @@
-//! A film: radiance into pictures, pictures into a stream, the stream into a file; and the thresholds that follow from it.
+//! Stages of a film: display, masking and encoding.
 
 pub mod display;
 pub mod linear;

@@ -1,4 +1,4 @@
-//! The encoder of a film, with the container that its stream is wrapped into.
+//! Encoding stage of a film: the encoder and its container.
 
 use super::weights::weights;
 use crate::settings::{AdaptiveQuantiser, CodedRate, Settings};
@@ -13,56 +13,57 @@ use render_core::MACROBLOCK;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Pictures in, bytes of the file out.
+/// Encodes pictures into the bytes of the file.
 pub struct Video {
     encoder: Encoder,
-    /// The film's number of the first frame of this encoder.
+    /// Number of this encoder's first frame in the film.
     first: u32,
-    /// Pictures of each frame.
+    /// Pictures per frame.
     pictures: u32,
-    /// Frames of a chunk, with the first of which another encoder begins.
+    /// Number of frames per chunk; each chunk starts a new encoder.
     chunk: Option<u32>,
     stream: Stream,
-    /// Whether the renderer's motion is used.
+    /// True if the renderer's motion is used.
     uses_motion: bool,
-    /// Whether quantisers follow masking.
+    /// True if quantisers follow masking.
     masks: bool,
-    /// Whether pictures wait for the motion into the next one, for B pictures.
+    /// True if pictures wait for the motion into the next picture, for B pictures.
     waits: bool,
     waiting: Option<Waiting>,
 }
 
-/// The container, and what its packets tell.
+/// Container, and statistics of its packets.
 struct Stream {
     multiplexer: Multiplexer,
-    /// The film's number of the first frame in this file.
+    /// Number of this file's first frame in the film.
     first: u32,
-    /// Pictures of each frame.
+    /// Pictures per frame.
     pictures: u32,
-    /// Whether pictures come out as they are pushed.
+    /// True if pictures are coded as they are pushed.
     is_immediate: bool,
-    /// The frame whose pictures may still come.
+    /// Frame that may receive more pictures.
     held: Option<CodedFrame>,
-    /// The mean over the finest of the pictures coded last, from which the others are predicted; before any, that of the settings.
+    /// Mean quantiser of the finest of the last coded pictures, from which others are predicted; initially the
+    /// quantiser of the settings.
     quantiser_scale: f32,
-    /// Whether masking sees what became of each picture. An encoder that looks ahead is late: masking is then at another one.
+    /// True if masking receives the coded picture. An encoder with lookahead codes it too late for masking.
     tells_outcome: bool,
 }
 
-/// A picture whose motion into the next one is still to come.
+/// Picture that waits for the motion into the next picture.
 #[derive(Serialize, Deserialize)]
 struct Waiting {
     picture: Arc<Picture>,
     to_previous: Option<Arc<Correspondence>>,
-    /// Weights of its macroblocks, where they are not all alike.
+    /// Weights of its macroblocks; `None` if uniform.
     weights: Option<Plane<f32>>,
 }
 
 impl Video {
-    /// The encoder that `settings` describe.
+    /// Returns the encoder for `settings`.
     ///
     /// # Errors
-    /// The standard does not have what the settings request; the message names what it has.
+    /// If the standard does not support the settings; the message names valid values.
     pub fn new(settings: &Settings) -> crate::Result<Self> {
         let config = settings.encoder_config()?;
         let CodedRate { pictures, .. } = CodedRate::of(settings.render.fps)?;
@@ -91,10 +92,10 @@ impl Video {
         })
     }
 
-    /// At a constant quantiser, each picture as it comes: for renderers of one's own.
+    /// Returns an encoder at a constant quantiser that codes each picture at once, for custom renderers.
     ///
     /// # Errors
-    /// The standard does not have such a configuration.
+    /// If the standard does not support the configuration.
     pub fn immediate(config: mpeg2enc::Config, container: Container, quantiser_scale: u32) -> crate::Result<Self> {
         let config = config.with_lookahead(0).with_quantiser_scale(quantiser_scale);
         let multiplexer = Multiplexer::new(container, &config);
@@ -121,7 +122,7 @@ impl Video {
 
     fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Encoded {
         let Waiting { picture, to_previous, weights } = waiting;
-        // Pictures of one frame are alike: nothing moves between them.
+        // Pictures of one frame are equal: no motion between them.
         let still = (self.pictures > 1).then(|| Correspondence::still(picture.width(), picture.height()));
         let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next: still.as_ref().or(to_next) };
         let mut packets = match weights {
@@ -135,12 +136,13 @@ impl Video {
         self.stream.wrap(packets, self.first)
     }
 
-    /// The picture that waits for motion into the next one, which there is none of.
+    /// Encodes the waiting picture at the end, without motion into a next picture.
     fn push_last(&mut self) -> Encoded {
         self.waiting.take().map(|last| self.push(last, None)).unwrap_or_default()
     }
 
-    /// Ends the chunk before frame `index`, with which another encoder begins. The stream goes on: it has no end here.
+    /// Ends the chunk before frame `index`, and starts a new encoder. The stream itself continues without an end
+    /// code.
     fn begin_chunk(&mut self, index: u32) -> Result<Encoded> {
         let last = self.push_last();
         let number = u64::from(index) * u64::from(self.pictures);
@@ -153,15 +155,15 @@ impl Video {
         Ok(joined(last, rest))
     }
 
-    /// Whether frame `index` begins a group, as far as the encoder knows now.
+    /// Returns true if frame `index` begins a group, as planned by the encoder so far.
     fn begins_group(&self, index: u32) -> bool {
-        // Only a forged state has an encoder that began later.
+        // Only a forged state has an encoder that started later.
         let number = u64::from(index.saturating_sub(self.first)) * u64::from(self.pictures);
         self.encoder.begins_group(number) == Some(true)
     }
 }
 
-/// Two steps as one: the bytes and pictures of both, and the `coding` of the later.
+/// Joins two steps: bytes and pictures of both, `coding` of the second.
 fn joined(first: Encoded, then: Encoded) -> Encoded {
     Encoded {
         bytes: [first.bytes, then.bytes].concat(),
@@ -171,13 +173,13 @@ fn joined(first: Encoded, then: Encoded) -> Encoded {
 }
 
 impl Stream {
-    /// Puts packets into the file, and notes their quantiser. Their encoder began with the film's picture `first`.
+    /// Adds packets to the file, and records their quantiser. Their encoder began with the film's frame `first`.
     fn wrap(&mut self, packets: Vec<Packet>, first: u32) -> Encoded {
         let scales = packets.iter().map(|packet| {
             let scales = packet.quantiser_scales.samples();
             scales.iter().map(|&scale| u32::from(scale)).sum::<u32>() as f32 / scales.len() as f32
         });
-        // The finest pictures are those that the others are predicted from.
+        // The other pictures are predicted from the finest ones.
         self.quantiser_scale = scales.reduce(f32::min).unwrap_or(self.quantiser_scale);
         let is_first = |packet: &&Packet| packet.display_index.is_multiple_of(self.pictures.into());
         let outcome = packets.iter().rev().find(is_first).filter(|_| self.tells_outcome).map(Packet::coded);
@@ -197,14 +199,14 @@ impl Stream {
 }
 
 impl Stream {
-    /// The last packets of an encoder.
+    /// Adds the last packets of an encoder.
     fn wrap_last(&mut self, packets: Vec<Packet>, first: u32) -> Encoded {
         let mut coded = self.wrap(packets, first);
         coded.pictures.extend(self.held.take());
         coded
     }
 
-    /// Adds the bits of a picture to its frame. Returns the previous frame when a new one begins.
+    /// Adds a picture's bits to its frame. Returns the previous frame when a new one begins.
     fn count(&mut self, packet: &Packet, first: u32) -> Option<CodedFrame> {
         let pictures = u64::from(self.pictures);
         if let Some(held) = self.held.as_mut().filter(|_| !packet.display_index.is_multiple_of(pictures)) {
@@ -246,7 +248,7 @@ impl Encode for Video {
         } else {
             self.push(taken, None)
         };
-        // A picture that waits will be coded as the rate allows, and not as those coded last.
+        // A waiting picture will be coded at the rate control's quantiser, not at the previous one.
         if let Some(planned) = self.encoder.planned_quantiser_scale() {
             coded.coding.quantiser_scale = planned;
         }
@@ -269,7 +271,7 @@ impl Encode for Video {
         self.stream.multiplexer.ending()
     }
 
-    /// Everything that the next bytes depend on, besides settings and frames to come.
+    /// State that determines the next bytes, in addition to settings and later frames.
     fn state(&self) -> Vec<u8> {
         let Self { encoder, first, stream, waiting, .. } = self;
         encode(&(first, encoder.state(), &stream.multiplexer, stream.quantiser_scale, waiting, &stream.held))
@@ -279,12 +281,12 @@ impl Encode for Video {
         let (first, encoder, multiplexer, quantiser_scale, waiting, held) = decode(state)?;
         let (first, waiting): (u32, Option<Waiting>) = (first, waiting);
 
-        // Forged weights are those of another picture.
+        // Forged weights may belong to a picture of another size.
         let fits = |Waiting { picture, weights, .. }: &Waiting| {
             let counts = (picture.width().div_ceil(MACROBLOCK), picture.height().div_ceil(MACROBLOCK));
             weights.as_ref().is_none_or(|weights| (weights.width(), weights.height()) == counts)
         };
-        // Only a frame of several pictures waits for the others.
+        // Only frames of several pictures are held.
         let held: Option<CodedFrame> = held;
         let may_hold = self.pictures > 1 && !self.stream.is_immediate;
         if !waiting.iter().all(fits) || held.is_some() && !may_hold {

@@ -1,21 +1,22 @@
-//! Weights of macroblocks: quantisers are finer where people look, and where nothing masks what coding loses.
+//! Quantiser weights of macroblocks: finer at high importance, and where no texture masks coding errors.
 //!
 //! ```text
-//! weight = m · 2^(a (v̄ − v))        v  mean importance of a macroblock        v̄  mean of these over the picture
+//! weight = m · 2^(a (v̄ − v))        v  mean importance of a macroblock        v̄  mean of v over the picture
 //!                                   m  weight by masking
 //! ```
-//! The weights' geometric mean is 1, so that the mean quantiser stays.
+//! The geometric mean of the weights is 1, so that the mean quantiser is unchanged.
 
 use perceptual::masking_weights;
 use pipeline::parts::Displayed;
 use plane::Plane;
 use render_core::MACROBLOCK;
 
-/// a. At quantisers 16 and 48, `nave` by saliency and `conference` by task (128×128, 8 frames) have 0.35 to 0.72 dB more of luma where
-/// v > 0.7, for 1.0 % more bits in the mean, −1.0 to 2.4 %. With ½ it is 0.69 to 1.38 dB for 1.9 %, −0.6 to 4.0 %.
+/// The exponent a. At quantisers 16 and 48, `nave` by saliency and `conference` by task gain 0.35 to 0.72 dB of luma
+/// where v > 0.7 (128×128, 8 frames). Bits rise by 1.0 % on average (−1.0 to 2.4 %). With ½ the gain is 0.69 to 1.38
+/// dB for 1.9 % (−0.6 to 4.0 %).
 const STRENGTH: f32 = 0.25;
 
-/// Weights of the macroblocks of a picture, by masking if that `masks`; none where all are alike.
+/// Returns the weights of a picture's macroblocks, with masking if `masks`; `None` if all are equal.
 pub(super) fn weights(displayed: &Displayed, masks: bool) -> Option<Plane<f32>> {
     let by_importance = displayed.importance.as_deref().map(of_importance);
     let by_masking = masks.then(|| masking_weights(&displayed.picture.luma));
@@ -25,7 +26,7 @@ pub(super) fn weights(displayed: &Displayed, masks: bool) -> Option<Plane<f32>> 
     }
 }
 
-/// Weights of macroblocks of whose pixels each has this importance, 0…1.
+/// Returns the weights of macroblocks for the importance of each pixel, 0…1.
 fn of_importance(importance: &Plane<f32>) -> Plane<f32> {
     let (width, height) = (importance.width(), importance.height());
     let of_macroblock = |column: usize, row: usize| {
@@ -45,7 +46,7 @@ mod tests {
 
     #[test]
     fn weights_fall_where_importance_rises_and_their_geometric_mean_is_one() {
-        // Two and a half macroblocks by one.
+        // The picture is two and a half macroblocks wide and one high.
         let weights = of_importance(&Plane::from_fn(40, 16, |x, _| if x < 16 { 1.0 } else { (x % 2) as f32 }));
         assert_eq!((weights.width(), weights.height()), (3, 1));
         let [first, second, third] = [0, 1, 2].map(|column| weights.get(column, 0));
