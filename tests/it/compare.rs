@@ -74,16 +74,16 @@ fn videos_folders_and_pictures_are_compared() {
     std::fs::write(path("short.m2v"), &rendered.stream[..8]).unwrap();
     std::fs::write(path("broken.y4m"), b"YUV4MPEG2 W64").unwrap();
     for (arguments, words) in [
-        ("compare a.png frames/frame_00000.exr", &["a.png", "linear light", "like with like"][..]),
+        ("compare a.png frames/frame_00000.exr", &["a.png", "linear light", "of one kind"][..]),
         ("compare a.png room.y4m", &["a.png", "16x16", "64x48"]),
         ("compare empty empty", &["empty", ".exr", ".png"]),
         ("compare room.glb a.png", &["room.glb", ".y4m", ".mpg", ".mp4", ".mkv"]),
         (
             "compare frames/frame_00000.exr frames",
-            &["frame_00000.exr is one picture, frames goes on; compare sequences of the same length"],
+            &["frame_00000.exr is a single picture, but frames is longer; compare sequences of the same length"],
         ),
-        ("compare frames two", &["two ends after 2 pictures, frames goes on"]),
-        ("compare one frames", &["one ends after 1 picture, frames goes on"]),
+        ("compare frames two", &["two ends after 2 pictures, but frames is longer"]),
+        ("compare one frames", &["one ends after 1 picture, but frames is longer"]),
         ("compare film.m2v frames/frame_00000.exr", &["film.m2v", "linear light"]),
         ("compare broken.y4m room.y4m", &["broken.y4m", "YUV4MPEG2"]),
         ("compare a.png b.png --heatmap nowhere/c.png", &["nowhere/c.png"]),

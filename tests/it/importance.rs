@@ -93,7 +93,7 @@ fn the_map_is_a_layer_of_the_frames() {
     }
     let mean = samples.iter().sum::<f32>() / samples.len() as f32;
     assert!((f64::from(mean) - made.figures(&["samples_mean"])[4]).abs() < 1e-5);
-    assert!(fs::read_to_string(folder.join("page.html")).unwrap().contains("Where people look"));
+    assert!(fs::read_to_string(folder.join("page.html")).unwrap().contains("Mean importance"));
 }
 
 /// Adaptive quantisation by masking changes the film and not its pictures, and spends fewer bits.

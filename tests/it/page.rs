@@ -89,8 +89,7 @@ fn it_shows_the_film_and_names_no_folder() {
         assert!(html.contains(&format!("alt=\"Frame {frame}, decoded\"")), "{frame}");
     }
     assert_eq!(data(&html, "image/jpeg").len(), 4, "three frames and the strip");
-    for words in
-        ["Frames 0 to 4", "prefers-reduced-motion", ">Pause<", "Thresholds of frame 2", "Sizes of cuts of frame 2"]
+    for words in ["Frames 0 to 4", "prefers-reduced-motion", ">Pause<", "Thresholds of frame 2", "Cut sizes of frame 2"]
     {
         assert!(html.contains(words), "{words}");
     }
@@ -136,7 +135,7 @@ fn it_changes_neither_the_film_nor_its_frames() {
         assert!(with.stream == plain.stream, "{options}: another film");
         assert!(watched == fs::read(&frames).unwrap(), "{options}: other layers");
         assert_sound(&html);
-        assert!(html.contains("Sizes of cuts of frame "), "{options}");
+        assert!(html.contains("Cut sizes of frame "), "{options}");
         let last = with.report["frames"].as_array().unwrap().len() - 1;
         assert!(html.contains("alt=\"Frame 0, decoded\"") && html.contains(&format!("alt=\"Frame {last}, decoded\"")));
     }
@@ -150,13 +149,13 @@ fn what_never_changes_has_no_plot() {
     assert_sound(&html);
     let bits = film.figures(&["bits"]);
     assert!(bits.iter().all(|&size| size == bits[0]), "{bits:?}");
-    // A number in the list, and no plot.
-    assert!(html.contains("<dt>Bits of the pictures</dt>") && !html.contains("aria-label=\"Bits of the pictures\""));
+    // A number in the list, and no drawing.
+    assert!(html.contains("<dt>Bits per picture</dt>") && !html.contains("aria-label=\"Bits per picture\""));
     assert!(html.contains("<dt>Thresholds</dt><dd>2 % of luminance</dd>"), "of thresholds");
     assert!(html.contains("aria-label=\"CPU seconds of the stages\""));
-    // Without thresholds and cuts, the page has no maps of them.
-    assert!(!html.contains("Thresholds of frame") && !html.contains("Sizes of cuts of frame"));
-    // A film of one frame has no strip.
+    // It has no thresholds and no cuts: no maps of them.
+    assert!(!html.contains("Thresholds of frame") && !html.contains("Cut sizes of frame"));
+    // One frame has no strip.
     let one =
         render(folder.path(), "one", &folder.path().join("room.glb"), &format!("{SMALL} --frames 1 --html one.html"));
     let html = fs::read_to_string(folder.path().join("one.html")).unwrap();

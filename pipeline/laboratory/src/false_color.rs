@@ -1,6 +1,7 @@
-//! Numbers as colors: dark for little, bright for much.
+//! False colors: dark for low values, bright for high values.
 
-/// Stops of the scale from 0 to 1, R′G′B′; brightness rises all the way, so that it reads in gray, too. Ours.
+/// Stops of the scale from 0 to 1 as R′G′B′ (ours). Brightness rises monotonically, so that the scale also works in
+/// gray.
 const STOPS: [[f32; 3]; 6] = [
     [0.02, 0.02, 0.08],
     [0.16, 0.10, 0.44],
@@ -10,7 +11,7 @@ const STOPS: [[f32; 3]; 6] = [
     [1.00, 0.98, 0.82],
 ];
 
-/// The color of `value` on a scale from 0 to 1; what lies outside takes the color of the end.
+/// Returns the color of `value` on a scale from 0 to 1; values outside take the color of the nearest end.
 pub fn false_color(value: f32) -> [u8; 3] {
     let place = value.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
     let below = (place as usize).min(STOPS.len() - 2);
@@ -21,7 +22,7 @@ pub fn false_color(value: f32) -> [u8; 3] {
     })
 }
 
-/// Where `value` lies between `low` and `high` by ratio, as a share; both ends are positive.
+/// Logarithmic position of `value` between positive `low` and `high`, clamped to 0…1.
 pub fn log_share(value: f32, low: f32, high: f32) -> f32 {
     if value > low { ((value / low).ln() / (high / low).ln()).min(1.0) } else { 0.0 }
 }

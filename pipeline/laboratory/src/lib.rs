@@ -1,10 +1,10 @@
-//! Measurements of films, and pages of the figures. Films do not depend on this crate.
+//! Measurements of films, and pages of the results. Films do not depend on this crate.
 //!
-//! - [`compare`]: how far pictures, folders of pictures and videos are from others.
-//! - [`sweep`]: the same frames by several methods beside a reference; error against run time.
+//! - [`compare`]: differences of pictures, folders of pictures and videos from a reference.
+//! - [`sweep`]: the same frames by several methods, compared with a reference: error against run time.
 //! - [`page`]: plots, tables and pictures as one HTML page; also the page of a single run.
 //!
-//! [`false_color`] and [`png_file`] are pictures for both comparisons and pages.
+//! [`false_color`] and [`png_file`] serve both comparisons and pages.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 

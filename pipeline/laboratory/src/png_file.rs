@@ -1,21 +1,21 @@
-//! Displayed pictures in PNG files, still and moving.
+//! PNG files of displayed pictures, single and animated.
 
 use plane::Plane;
 use render2mpeg::error::{Cause, Error, Result};
 use std::io::BufReader;
 use std::path::Path;
 
-/// Most pixels that a file may claim before memory is taken for them.
+/// Maximum number of pixels of a file, checked before memory is allocated.
 const MOST_PIXELS: u64 = 1 << 27;
 
-/// Reads a PNG file as R′G′B′ of 8 bits; gray and palettes are spread out, opacity is left off.
+/// Reads a PNG file as 8-bit R′G′B′; gray and palettes are expanded, and alpha is dropped.
 ///
 /// # Errors
-/// Not a PNG file, or larger than 2²⁷ pixels; the message names the path.
+/// If the file is not a PNG file or exceeds 2²⁷ pixels; the message names the path.
 pub fn read(path: &Path) -> Result<Plane<[u8; 3]>> {
     let file = std::fs::File::open(path).map_err(Error::file(path, "cannot be read"))?;
     decode(BufReader::new(file)).map_err(|source| {
-        let (path, problem) = (path.into(), " is not a whole PNG file".into());
+        let (path, problem) = (path.into(), " is not a complete PNG file".into());
         pipeline::Error::Content { path, problem, source: Some(source) }.into()
     })
 }
@@ -26,7 +26,7 @@ fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>,
     let mut reader = decoder.read_info()?;
     let (width, height) = (reader.info().width, reader.info().height);
     if u64::from(width) * u64::from(height) > MOST_PIXELS {
-        return Err(format!("{width}x{height} pixels are more than this program takes").into());
+        return Err(format!("{width}x{height} pixels exceed this program's limit").into());
     }
     let mut bytes = vec![0; reader.output_buffer_size().ok_or("its size overflows")?];
     reader.next_frame(&mut bytes)?;
@@ -37,7 +37,7 @@ fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>,
     Ok(Plane::from_vec(width as usize, height as usize, samples))
 }
 
-/// The bytes of a PNG file of R′G′B′.
+/// Encodes an R′G′B′ picture as a PNG file.
 ///
 /// # Panics
 /// If the picture has no pixels.
@@ -45,10 +45,10 @@ pub fn encode(picture: &Plane<[u8; 3]>) -> Vec<u8> {
     animation(std::slice::from_ref(picture), 1.0)
 }
 
-/// The bytes of an animated PNG file that browsers play again and again, at `fps` pictures a second.
+/// Encodes an animated PNG file at `fps` pictures per second, which browsers play in a loop.
 ///
 /// # Panics
-/// If there are no pictures, they differ in size, or have no pixels.
+/// If `pictures` is empty, or the pictures differ in size or have no pixels.
 pub fn animation(pictures: &[Plane<[u8; 3]>], fps: f64) -> Vec<u8> {
     const WRITES: &str = "writing into memory cannot fail";
     let (width, height) = (pictures[0].width(), pictures[0].height());
@@ -81,7 +81,7 @@ mod tests {
         let path = folder.path().join("a.png");
         std::fs::write(&path, encode(&picture)).unwrap();
         assert_eq!(read(&path).unwrap(), picture);
-        // Of a moving picture the first is read.
+        // The first picture of an animation is read.
         std::fs::write(&path, animation(&[picture.clone(), Plane::filled(7, 5, [0; 3])], 25.0)).unwrap();
         assert_eq!(read(&path).unwrap(), picture);
         std::fs::write(&path, b"no picture").unwrap();

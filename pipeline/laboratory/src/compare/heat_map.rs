@@ -1,11 +1,10 @@
-//! Where pictures differ.
+//! Heat maps of picture differences.
 
 use super::false_color::{false_color, log_share};
 use super::picture::View;
 use plane::Plane;
 
-/// Differences of luma, in code values of 219, that take the darkest and the brightest color: from what rounding hides to
-/// what nobody misses.
+/// Luma differences with the darkest and the brightest color, in code values of 219: from below rounding to obvious.
 pub const RANGE: (f32, f32) = (0.25, 64.0);
 
 /// Sum of the luma differences of many pictures.
@@ -16,10 +15,10 @@ pub struct HeatMap {
 }
 
 impl HeatMap {
-    /// Adds |a − b|.
+    /// Adds |a − b| of two pictures.
     ///
     /// # Panics
-    /// If the sizes differ, or are not those of the pictures before.
+    /// If the sizes differ from each other or from earlier pictures.
     pub fn add(&mut self, a: &View, b: &View) {
         if self.count == 0 {
             self.sum = Plane::filled(a.fine_luma.width(), a.fine_luma.height(), 0.0);
@@ -30,7 +29,7 @@ impl HeatMap {
         self.count += 1;
     }
 
-    /// The mean difference as false colors, by ratio over [`RANGE`].
+    /// Returns the mean difference in false colors, logarithmic over [`RANGE`].
     pub fn picture(&self) -> Plane<[u8; 3]> {
         let count = self.count.max(1) as f32;
         self.sum.map(|sum| false_color(log_share(sum / count, RANGE.0, RANGE.1)))

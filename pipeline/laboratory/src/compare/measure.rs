@@ -1,32 +1,32 @@
-//! The measures themselves, of one picture and of many.
+//! Measures of picture differences, for one picture and for many.
 
 use super::picture::View;
 use plane::Plane;
 use serde::Serialize;
 use ssimulacra2::{LinearRgb, compute_frame_ssimulacra2};
 
-/// Differences of picture a from reference b, over all pixels and channels.
+/// Differences of a picture a from a reference b, over all pixels and channels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Pixels in a row.
+    /// Width \[pixels\].
     pub width: usize,
-    /// Rows.
+    /// Height \[pixels\].
     pub height: usize,
-    /// Mean of a over mean of b, of their luminance; nothing when b is black.
+    /// Ratio of a's mean luminance to b's; `None` if b is black.
     pub mean_ratio: Option<f64>,
-    /// Root of the mean of (a − b)², of linear light \[W·m⁻²·sr⁻¹; displayed pictures: white is 1\].
+    /// Root mean square of a − b in linear light \[W·m⁻²·sr⁻¹; for displayed pictures white is 1\].
     pub rmse: f64,
     /// Mean of (a − b)² / (b² + 0.01), see [`perceptual::relative_mse`].
     pub relative_mse: f64,
-    /// The same without the part that is the reference's own noise: mean of ((a − b)² − Var b) / (b² + 0.01). Only where b has
-    /// a variance; it may fall below 0 when nothing but noise separates the two.
+    /// Relative MSE without the reference's own noise: mean of ((a − b)² − Var b) / (b² + 0.01). `None` if b has no
+    /// variance; may be negative if only noise separates the pictures.
     pub relative_mse_without_noise: Option<f64>,
-    /// Peak signal-to-noise ratio of 8-bit luma \[dB\], see [`perceptual::psnr`]; nothing when they are equal.
+    /// Peak signal-to-noise ratio of 8-bit luma \[dB\], see [`perceptual::psnr`]; `None` for equal pictures.
     pub psnr_y: Option<f64>,
     /// Structural similarity of luma, see [`perceptual::ssim`]: 1 is equal.
     pub ssim: f64,
-    /// SSIMULACRA 2 of what a display shows: 100 is equal, 90 hardly told apart, 70 good, 50 fair; nothing for
-    /// pictures of less than 8 pixels on a side.
+    /// SSIMULACRA 2 of the displayed pictures: 100 is equal, 90 hardly distinguishable, 70 good, 50 fair; `None` for
+    /// pictures with a side below 8 pixels.
     pub ssimulacra2: Option<f64>,
 }
 
@@ -39,7 +39,7 @@ pub fn measure(a: &View, b: &View) -> Comparison {
         plane.samples().iter().map(|&rgb| f64::from(render_core::luminance(rgb.into()))).sum::<f64>()
     };
     let relative_mse = perceptual::relative_mse(&a.linear, &b.linear);
-    // The noise alone, by the same formula: a picture that is one standard deviation off everywhere.
+    // Only the noise, by the same formula: a picture that differs by one standard deviation everywhere.
     let relative_noise = b.variance.as_ref().map(|noise| {
         let off = b.linear.samples().iter().zip(noise.samples());
         let off = off.map(|(b, v)| std::array::from_fn(|c| b[c] + v[c].max(0.0).sqrt())).collect();
@@ -47,7 +47,7 @@ pub fn measure(a: &View, b: &View) -> Comparison {
     });
     let linear_rgb = |view: &View| {
         let shown = &view.shown;
-        LinearRgb::new(shown.samples().to_vec(), shown.width(), shown.height()).expect("as many pixels as it says")
+        LinearRgb::new(shown.samples().to_vec(), shown.width(), shown.height()).expect("one sample per pixel")
     };
     Comparison {
         width: a.luma.width(),
@@ -63,7 +63,8 @@ pub fn measure(a: &View, b: &View) -> Comparison {
 }
 
 impl Comparison {
-    /// Means over pictures of one size; of each measure over those that have it, and the root of mean squares for the RMSE.
+    /// Returns the means over pictures of one size. Measures are averaged over the pictures that have them, and the
+    /// RMSE as a root mean square.
     pub fn mean(all: &[Self]) -> Self {
         let count = all.len().max(1) as f64;
         let mean = |value: &dyn Fn(&Self) -> f64| all.iter().map(value).sum::<f64>() / count;
@@ -90,7 +91,7 @@ impl std::fmt::Display for Comparison {
         let Self { width, height, mean_ratio, rmse, relative_mse, .. } = self;
         writeln!(f, "pixels                {width}x{height}")?;
         if let Some(ratio) = mean_ratio {
-            writeln!(f, "mean luminance        {ratio:.5} of the reference's")?;
+            writeln!(f, "mean luminance        {ratio:.5} of the reference")?;
         }
         writeln!(f, "RMSE                  {rmse:.6e}")?;
         writeln!(f, "relative MSE          {relative_mse:.6e}   mean of (a - b)^2 / (b^2 + 0.01)")?;
@@ -103,7 +104,7 @@ impl std::fmt::Display for Comparison {
         }
         write!(f, "luma SSIM             {:.6}", self.ssim)?;
         if let Some(score) = self.ssimulacra2 {
-            write!(f, "\nSSIMULACRA 2          {score:.3}   100 equal, 90 hardly told apart, 70 good, 50 fair")?;
+            write!(f, "\nSSIMULACRA 2          {score:.3}   100 equal, 90 hardly distinguishable, 70 good, 50 fair")?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
-//! How far pictures, sequences and videos are from others.
+//! Differences of pictures, sequences and videos from a reference.
 //!
-//! Everything is measured twice: as linear light, where light adds up, and as luma, what a viewer is shown. Linear pictures
-//! are shown with the exposure that brings the middle of the (first) reference to middle gray, and the sRGB curve.
+//! Pictures are measured twice: as linear light, which is additive, and as luma, which viewers see. Linear pictures
+//! are shown with the sRGB curve and the exposure that maps the middle of the first reference to middle gray.
 
 mod heat_map;
 mod measure;
@@ -18,21 +18,21 @@ use render2mpeg::error::{Error, Result};
 use serde::Serialize;
 use std::path::Path;
 
-/// Comparisons of each picture of a sequence, and of all.
+/// Comparisons of each picture of a sequence, and their mean.
 #[derive(Clone, Debug, Serialize)]
 pub struct SequenceComparison {
-    /// One for each picture, in order.
+    /// Comparisons of all pictures, in order.
     pub frames: Vec<Comparison>,
-    /// See [`Comparison::mean`].
+    /// Mean of all comparisons, see [`Comparison::mean`].
     pub mean: Comparison,
 }
 
 /// Compares `a` with the reference `b`: two pictures, two folders of pictures, or two videos.
 ///
-/// `each` is called with every comparison as it is made, `heat_map` takes up the differences.
+/// Calls `each` with every comparison, and adds all differences to `heat_map`.
 ///
 /// # Errors
-/// A file that cannot be read, pictures of two sizes or two kinds, or sequences of two lengths.
+/// If a file cannot be read, or pictures differ in size or kind, or sequences in length.
 pub fn compare_paths(
     a: &Path,
     b: &Path,
@@ -50,21 +50,23 @@ pub fn compare_paths(
                 let (short, long) = if more.is_some() { (b, a) } else { (a, b) };
                 let end = end_of(short, frames.len());
                 let (short, long) = (short.display(), long.display());
-                let problem = format!("{short} {end}, {long} goes on; compare sequences of the same length");
+                let problem = format!("{short} {end}, but {long} is longer; compare sequences of the same length");
                 return Err(Error::Comparison(problem));
             }
         };
         if picture.is_linear() != reference.is_linear() {
             let (linear, shown) = if picture.is_linear() { (a, b) } else { (b, a) };
             let (linear, shown) = (linear.display(), shown.display());
-            let problem = format!("{linear} is linear light, {shown} is what a display shows; compare like with like");
+            let problem = format!("{linear} is linear light, but {shown} is tone mapped; compare pictures of one kind");
             return Err(Error::Comparison(problem));
         }
         let sizes = [picture.size(), reference.size()];
         if sizes[0] != sizes[1] {
             let [(w, h), (v, k)] = sizes;
             let (a, b) = (a.display(), b.display());
-            return Err(Error::Comparison(format!("{a} has {w}x{h} pixels, {b} has {v}x{k}; render both in one size")));
+            return Err(Error::Comparison(format!(
+                "{a} has {w}x{h} pixels, but {b} has {v}x{k}; render both in one size"
+            )));
         }
         let exposure = *exposure.get_or_insert_with(|| reference.exposure());
         let (picture, reference) = (picture.view(exposure), reference.view(exposure));
@@ -76,23 +78,23 @@ pub fn compare_paths(
         frames.push(comparison);
     }
     if frames.is_empty() {
-        return Err(Error::content(a, " holds no pictures"));
+        return Err(Error::content(a, " contains no pictures"));
     }
     let mean = Comparison::mean(&frames);
     Ok(SequenceComparison { frames, mean })
 }
 
-/// The end of the sequence at `path`, in words, after `count` pictures.
+/// Describes the end of the sequence at `path`, after `count` pictures.
 fn end_of(path: &Path, count: usize) -> String {
     match count {
-        0 => "holds no pictures".into(),
-        1 if is_single(path) => "is one picture".into(),
+        0 => "contains no pictures".into(),
+        1 if is_single(path) => "is a single picture".into(),
         1 => "ends after 1 picture".into(),
         _ => format!("ends after {count} pictures"),
     }
 }
 
-/// Whether `path` stands for one picture and not for many.
+/// Returns true if `path` is a single picture.
 pub fn is_single(path: &Path) -> bool {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     path.is_file() && matches!(ending.as_str(), "exr" | "png")
@@ -110,7 +112,7 @@ mod tests {
     #[test]
     fn noise_of_the_reference_is_taken_off() {
         let truth = Plane::filled(64, 64, [1.0f32, 2.0, 0.5]);
-        // One standard deviation up or down, in turn.
+        // One standard deviation up or down, alternating.
         let noisy = Plane::from_fn(64, 64, |x, y| {
             let sign = if (x + y) % 2 == 0 { 0.1 } else { -0.1 };
             truth.get(x, y).map(|c| c + sign)
@@ -137,7 +139,7 @@ mod tests {
         let truth = view(truth.clone(), None);
         let (good, bad) = (measure(&off_by(0.002), &truth), measure(&off_by(0.02), &truth));
         assert!(good.psnr_y > bad.psnr_y && good.ssim > bad.ssim && good.ssimulacra2 > bad.ssimulacra2);
-        // Ten times the difference is 20 dB, but for rounding to code values.
+        // Ten times the difference is 20 dB, apart from rounding to code values.
         assert!((good.psnr_y.unwrap() - bad.psnr_y.unwrap() - 20.0).abs() < 1.5, "{good:?} {bad:?}");
         let mut map = HeatMap::default();
         map.add(&off_by(0.02), &truth);

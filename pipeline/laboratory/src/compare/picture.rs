@@ -1,4 +1,4 @@
-//! A picture in all the forms that measures need, whatever file it came from.
+//! A picture in all forms that the measures need, independent of its file.
 
 use perceptual::{ColorMatrix, ToneMap, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8_by};
 use pipeline::exposure::exposure_for;
@@ -8,39 +8,39 @@ use std::sync::Arc;
 /// Code value of black in 8-bit luma, Rec. 709.
 const BLACK: f32 = 16.0;
 
-/// A picture as it was read.
+/// Picture as read from a file.
 #[derive(Clone, Debug)]
 pub enum Picture {
     /// Linear light \[W·m⁻²·sr⁻¹\], of any brightness.
     Linear {
-        /// R, G, B.
+        /// Radiance as R, G, B.
         radiance: Plane<[f32; 3]>,
-        /// Variance of the noise in it, where that is known.
+        /// Variance of the noise in `radiance`, if known.
         variance: Option<Plane<[f32; 3]>>,
     },
-    /// R′G′B′ as a display takes it, sRGB.
+    /// R′G′B′ for a display, sRGB.
     Display(Plane<[u8; 3]>),
-    /// A picture of a video: Y′C_BC_R, and its matrix.
+    /// Picture of a video: Y′C_BC_R and its matrix.
     Video(plane::Picture, ColorMatrix),
 }
 
-/// The same, ready to be measured.
+/// Picture ready for measurement.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Linear light; of displayed pictures, with white at 1.
+    /// Linear light; for displayed pictures white is 1.
     pub linear: Plane<[f32; 3]>,
     /// Variance of the noise in `linear`.
     pub variance: Option<Plane<[f32; 3]>>,
-    /// Luma as shown, 16…235.
+    /// Displayed luma, 16…235.
     pub luma: Plane<u8>,
-    /// The same before rounding, above black: 0…219.
+    /// Displayed luma before rounding, above black: 0…219.
     pub fine_luma: Plane<f32>,
-    /// Linear light that a display sends, 0…1.
+    /// Linear light of the display, 0…1.
     pub shown: Plane<[f32; 3]>,
 }
 
 impl Picture {
-    /// Width and height in pixels.
+    /// Width and height \[pixels\].
     pub fn size(&self) -> (usize, usize) {
         match self {
             Self::Linear { radiance, .. } => (radiance.width(), radiance.height()),
@@ -49,13 +49,13 @@ impl Picture {
         }
     }
 
-    /// Whether it is linear light and not what a display takes.
+    /// Returns true for linear light, false for pictures for a display.
     pub fn is_linear(&self) -> bool {
         matches!(self, Self::Linear { .. })
     }
 
-    /// The exposure that shows the picture with its middle, the geometric mean of what is lit, at middle gray; 1 for
-    /// pictures that are exposed already.
+    /// Exposure that maps the geometric mean of the lit pixels to middle gray; 1 for pictures that are already
+    /// exposed.
     pub fn exposure(&self) -> f32 {
         match self {
             Self::Linear { radiance, .. } => exposure_for(&luminance_plane(radiance)),
@@ -63,7 +63,7 @@ impl Picture {
         }
     }
 
-    /// Everything that is measured; linear light is shown with `exposure` and the sRGB curve.
+    /// Returns all data for measurement; linear light is shown with `exposure` and the sRGB curve.
     pub fn view(self, exposure: f32) -> View {
         let srgb = ToneMap::srgb();
         match self {
@@ -72,7 +72,7 @@ impl Picture {
                     YCbCr::from_radiance(&radiance, &srgb.with_exposure(exposure));
                 let [luma, ..] = Arc::unwrap_or_clone(picture).into_planes();
                 let shown = radiance.map(|rgb| rgb.map(|c| (c * exposure).clamp(0.0, 1.0)));
-                // What is not finite is shown black.
+                // Non-finite pixels are shown black.
                 let shown = shown.map(|rgb| if rgb.iter().all(|c| c.is_finite()) { rgb } else { [0.0; 3] });
                 View { linear: radiance, variance, luma, fine_luma, shown }
             }

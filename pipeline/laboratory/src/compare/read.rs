@@ -1,4 +1,4 @@
-//! Pictures from files: one, a folder of them, or a video.
+//! Pictures from files: a single picture, a folder or a video.
 
 use super::picture::Picture;
 use super::png_file;
@@ -10,14 +10,14 @@ use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// Largest side of a picture in a video, that of MPEG-2.
+/// Largest side of a picture in a video, as in MPEG-2 \[pixels\].
 const LARGEST_SIDE: usize = 16383;
-/// Files that ffmpeg reads.
+/// Endings of files that ffmpeg reads.
 const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "mp4", "mkv", "avi", "mov"];
 
-/// The pictures of a file or folder, one after the other.
+/// Iterator over the pictures of a file or folder.
 pub struct Pictures {
-    /// Where they come from.
+    /// Path of the file or folder.
     pub path: PathBuf,
     source: FrameSource,
 }
@@ -25,15 +25,15 @@ pub struct Pictures {
 enum FrameSource {
     Files(std::vec::IntoIter<PathBuf>),
     Y4m(Box<y4m::Decoder<Box<dyn Read>>>),
-    /// Pictures from ffmpeg; the process is waited for at the end.
+    /// Pictures from ffmpeg, and its process, which is waited for at the end.
     Ffmpeg(Box<y4m::Decoder<Box<dyn Read>>>, Child),
 }
 
 impl Pictures {
-    /// Opens an OpenEXR or PNG picture, a folder of either, or a video.
+    /// Opens an OpenEXR or PNG picture, a folder of pictures, or a video.
     ///
     /// # Errors
-    /// Nothing is there, or nothing that can be read; the message says what could.
+    /// If the path does not exist or cannot be read; the message names the supported formats.
     pub fn open(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(Error::file(path, "cannot be read"))?;
         let source = if metadata.is_dir() {
@@ -48,8 +48,9 @@ impl Pictures {
                 video if VIDEO_ENDINGS.contains(&video) => ffmpeg(path)?,
                 _ => {
                     let videos = VIDEO_ENDINGS.map(|ending| format!(".{ending}")).join(", ");
-                    let known =
-                        format!(": compared are pictures (.exr, .png), folders of them, and videos (.y4m, {videos})");
+                    let known = format!(
+                        ": unknown format; compare pictures (.exr, .png), folders of pictures, or videos (.y4m, {videos})"
+                    );
                     return Err(Error::content(path, known));
                 }
             }
@@ -61,7 +62,7 @@ impl Pictures {
 impl Iterator for Pictures {
     type Item = Result<Picture>;
 
-    /// The next picture, or why it cannot be read; the message names its file.
+    /// Returns the next picture, or an error that names its file.
     fn next(&mut self) -> Option<Self::Item> {
         match &mut self.source {
             FrameSource::Files(paths) => paths.next().map(|path| read_picture(&path)),
@@ -70,7 +71,7 @@ impl Iterator for Pictures {
                 match next_frame(&self.path, decoder, ColorMatrix::Bt709).transpose() {
                     None => match child.wait() {
                         Ok(status) if status.success() => None,
-                        _ => Some(Err(Error::content(&self.path, ": ffmpeg could not decode it to the end"))),
+                        _ => Some(Err(Error::content(&self.path, ": ffmpeg could not decode the whole file"))),
                     },
                     picture => picture,
                 }
@@ -92,7 +93,7 @@ fn ending(path: &Path) -> String {
     path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
-/// The pictures in a folder, by name.
+/// Returns the pictures in a folder, sorted by name.
 fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let context = |error| Error::file(folder, "cannot be read")(error);
     let mut paths = Vec::new();
@@ -103,7 +104,7 @@ fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>> {
         }
     }
     if paths.is_empty() {
-        return Err(Error::content(folder, ": there are no .exr or .png files in this folder"));
+        return Err(Error::content(folder, ": no .exr or .png files in this folder"));
     }
     paths.sort();
     Ok(paths)
@@ -118,36 +119,36 @@ fn read_picture(path: &Path) -> Result<Picture> {
 
 fn linear_picture(path: &Path) -> Result<Picture> {
     let layers = render_core::image_file::read_layers(path).map_err(Error::other)?;
-    let radiance = layers.colors("").ok_or_else(|| Error::content(path, ": it has no channels R, G and B"))?;
+    let radiance = layers.colors("").ok_or_else(|| Error::content(path, ": no channels R, G and B"))?;
     Ok(Picture::Linear { radiance, variance: layers.colors("variance.") })
 }
 
-/// Bytes of a header, ours: those of ffmpeg are shorter than 100.
+/// Maximum length of a header \[bytes\] (ours): ffmpeg's are shorter than 100.
 const LONGEST_HEADER: usize = 1024;
 
 fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {
     let (header, input) = header_and_all(input).map_err(Error::file(path, "cannot be read"))?;
-    // The decoder multiplies them before it checks its limits.
+    // The decoder multiplies the sides before it checks its limits.
     let sides = header.split(|&byte| byte == b' ').filter(|word| matches!(word.first(), Some(b'W' | b'H')));
     for side in sides.map(|word| String::from_utf8_lossy(&word[1..]).trim().to_owned()) {
         if !side.parse().is_ok_and(|side| (1..=LARGEST_SIDE).contains(&side)) {
-            let problem = format!(": a picture has no side of {side}; sides go from 1 to {LARGEST_SIDE}");
+            let problem = format!(": invalid picture side {side}; sides must be in 1..={LARGEST_SIDE}");
             return Err(Error::content(path, problem));
         }
     }
-    // Memory is taken for what the header says.
+    // Memory is allocated for the size in the header.
     let limits = y4m::Limits { bytes: LARGEST_SIDE * LARGEST_SIDE * 3 / 2 + 2 * LARGEST_SIDE };
     let decoder = y4m::Decoder::new_with_limits(input, limits)
         .map_err(|error| Error::content(path, format!(" is not a YUV4MPEG2 video: {error}")))?;
     use y4m::Colorspace::{C420, C420jpeg, C420mpeg2, C420paldv};
     if !matches!(decoder.get_colorspace(), C420 | C420jpeg | C420mpeg2 | C420paldv) {
-        let problem = ": only 8-bit 4:2:0 videos are compared; ffmpeg -pix_fmt yuv420p makes one";
+        let problem = ": only 8-bit 4:2:0 videos are supported; convert it with ffmpeg -pix_fmt yuv420p";
         return Err(Error::content(path, problem));
     }
     Ok(decoder)
 }
 
-/// The first line, as far as a header may go, and the whole input with it.
+/// Returns the first line, up to the length of a header, and the whole input including it.
 fn header_and_all(mut input: Box<dyn Read>) -> std::io::Result<(Vec<u8>, Box<dyn Read>)> {
     let mut header = Vec::new();
     let mut byte = [0];
@@ -163,7 +164,7 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: Co
     let frame = match decoder.read_frame() {
         Ok(frame) => frame,
         Err(y4m::Error::EOF) => return Ok(None),
-        Err(error) => return Err(Error::content(path, format!(": the video breaks off: {error}"))),
+        Err(error) => return Err(Error::content(path, format!(": the video is truncated: {error}"))),
     };
     let plane = |samples: &[u8], width, height| Plane::from_vec(width, height, samples.to_vec());
     let chroma = |samples| plane(samples, width.div_ceil(2), height.div_ceil(2));
@@ -172,12 +173,12 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: Co
     Ok(Some(Picture::Video(picture.expect("chroma of half of the size"), matrix)))
 }
 
-/// Lets ffmpeg decode; what it has to say goes to standard error.
+/// Starts ffmpeg as the decoder; its messages go to standard error.
 fn ffmpeg(path: &Path) -> Result<FrameSource> {
     let mut child = Command::new("ffmpeg")
         .args(["-nostdin", "-v", "error", "-i"])
         .arg(path)
-        // Films that state no matrix have that of BT.601.
+        // Films that state no matrix use BT.601.
         .args(["-vf", "scale=out_color_matrix=bt709"])
         .args(["-fps_mode", "passthrough", "-f", "yuv4mpegpipe", "-pix_fmt", "yuv420p", "-"])
         .stdin(Stdio::null())
@@ -185,7 +186,7 @@ fn ffmpeg(path: &Path) -> Result<FrameSource> {
         .spawn()
         .map_err(|error| {
             let problem =
-                format!(": ffmpeg decodes it, and cannot be started ({error}); install ffmpeg, or compare .y4m videos");
+                format!(": cannot start ffmpeg to decode it ({error}); install ffmpeg, or compare .y4m videos");
             Error::content(path, problem)
         })?;
     let output = child.stdout.take().expect("it was requested");

@@ -1,6 +1,6 @@
-//! Numbers to places along an axis, and which numbers to write beside it.
+//! Axes: positions of values, and tick marks.
 
-/// An axis between two numbers, drawn between two places.
+/// Axis between two values, drawn between two positions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axis {
     low: f64,
@@ -11,8 +11,8 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// An axis drawn between `from` and `to` that holds all `values`, with a little room; by ratio it leaves out what is not
-    /// positive.
+    /// Returns an axis from `from` to `to` that contains all `values` with a margin. A logarithmic axis ignores
+    /// values that are not positive.
     pub(super) fn holding(values: impl Iterator<Item = f64>, log: bool, from: f64, to: f64) -> Self {
         let known: Vec<f64> = values.filter(|v| v.is_finite() && (!log || *v > 0.0)).collect();
         let low = known.iter().copied().reduce(f64::min).unwrap_or(if log { 0.1 } else { 0.0 });
@@ -22,19 +22,19 @@ impl Axis {
             (low / room, high * room)
         } else {
             let room = if high > low { 0.06 * (high - low) } else { 0.5 * high.abs().max(1e-3) };
-            // What is near zero begins there.
+            // Ranges near zero start at zero.
             let low = if low >= 0.0 && low < 0.35 * high { 0.0 } else { low - room };
             (low, high + room)
         };
         Self { low, high, log, from, to }
     }
 
-    /// The `name` of what lies along it, which says if it goes by ratio.
+    /// Returns the axis label: `name`, with a note if logarithmic.
     pub(super) fn label(&self, name: &str) -> String {
         if self.log { format!("{name} (logarithmic)") } else { name.to_owned() }
     }
 
-    /// Where `value` lies; none where it cannot be drawn.
+    /// Position of `value`; `None` if it cannot be drawn.
     pub(super) fn place(&self, value: f64) -> Option<f64> {
         if !value.is_finite() || (self.log && value <= 0.0) {
             return None;
@@ -47,7 +47,7 @@ impl Axis {
         Some(self.from + share * (self.to - self.from))
     }
 
-    /// Numbers to mark, each with its text.
+    /// Tick values with their labels.
     pub(super) fn ticks(&self) -> Vec<(f64, String)> {
         let values = if self.log { self.log_ticks() } else { self.linear_ticks() };
         values.into_iter().map(|value| (value, short(value))).collect()
@@ -61,7 +61,7 @@ impl Axis {
         (first..).map(|i| i as f64 * step).take_while(|&v| v <= self.high + 1e-9 * step).collect()
     }
 
-    /// As few as tell how far it is between points: powers of ten, else halves and fifths of them, else all digits.
+    /// Fewest ticks that show the scale: powers of ten, else 1, 2 and 5 times these, else all digits.
     fn log_ticks(&self) -> Vec<f64> {
         const MULTIPLES: [&[f64]; 3] = [&[1.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]];
         let first = self.low.log10().floor() as i32;
@@ -74,7 +74,7 @@ impl Axis {
     }
 }
 
-/// A number in few characters: 0.02, 1500, 2·10⁻⁵.
+/// Formats a number in few characters: 0.02, 1500, 2·10⁻⁵.
 pub(super) fn short(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(texts(0.25, 0.7), ["0.3", "0.4", "0.5", "0.6", "0.7", "0.8"]);
         assert!(texts(0.071, 0.072).len() >= 3);
         assert_eq!((axis.place(0.0), axis.place(f64::NAN)), (None, None));
-        // No values, one value: still an axis.
+        // No values, or one value, still give an axis.
         for values in [vec![], vec![5.0], vec![0.0, 0.0]] {
             for log in [false, true] {
                 let axis = Axis::holding(values.clone().into_iter(), log, 0.0, 100.0);

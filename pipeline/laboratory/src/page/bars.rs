@@ -1,31 +1,31 @@
-//! Columns that are made of parts.
+//! Stacked bar charts.
 
 use super::axis::Axis;
 use super::line_plot::{AREA, Labels, LegendEntry, SIZE, frame, height_and_bottom, legend};
 use super::svg::{Rectangle, Svg, TextStyle, at};
 
-/// Of more columns the numbers do not show when they are pointed at: they would take most of a page.
+/// Maximum number of columns with tooltips: more would take most of a page.
 const MOST_TITLED: usize = 150;
 
-/// Columns side by side.
+/// Stacked bar chart.
 #[derive(Clone, Debug)]
 pub struct StackedBars {
-    /// Above it.
+    /// Title above the chart.
     pub title: String,
-    /// Name below.
+    /// Label of the x axis.
     pub x_label: String,
-    /// Name and unit at the left.
+    /// Label and unit of the y axis.
     pub y_label: String,
-    /// Parts from below: names and numbers of their colors.
+    /// Names and color numbers of the stacked values, from below.
     pub parts: Vec<(String, usize)>,
-    /// Under each column; some are left out where there is no room.
+    /// Labels of the columns; some are omitted if space is short.
     pub names: Vec<String>,
-    /// A value for each part, for each column.
+    /// Values of each column, one per entry of `parts`.
     pub columns: Vec<Vec<f64>>,
 }
 
 impl StackedBars {
-    /// Draws it.
+    /// Draws the chart.
     pub fn draw(&self) -> Svg {
         let (left, right, top) = AREA;
         let named = if self.parts.len() > 1 { self.parts.len().div_ceil(3) } else { 0 };

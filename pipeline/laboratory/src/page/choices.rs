@@ -1,4 +1,4 @@
-//! The settings of a film as a page lists them.
+//! Settings of a film, as listed on a page.
 
 use super::command::file_name;
 use render2mpeg::error::Result;
@@ -7,7 +7,7 @@ use render2mpeg::settings::Settings;
 use serde_json::Value;
 use std::path::PathBuf;
 
-/// A setting in words; `usual` is the default, where it differs.
+/// Setting as text, with its default `usual` if that differs.
 #[derive(Clone, Debug, serde::Serialize)]
 pub(super) struct Choice {
     name: String,
@@ -15,22 +15,22 @@ pub(super) struct Choice {
     usual: Option<String>,
 }
 
-/// All settings, each beside its default where it differs from that in `usual`.
+/// Returns all settings, each with its default in `usual` if that differs.
 ///
 /// # Errors
-/// A fault of our own.
+/// If the settings cannot be serialized, which is a bug.
 pub(super) fn choices(settings: &Settings, usual: Option<&Settings>) -> Result<Vec<Choice>> {
     let usual = usual.map(rows).transpose()?.unwrap_or_default();
     let known = |name: &str| usual.iter().find(|(own, _)| own == name).map(|(_, value)| value.clone());
     let choice = |(name, value): (String, String)| {
-        // Options that are there only if they are chosen have no default.
+        // Options that are listed only if set have no default.
         let default = known(&name).or((!usual.is_empty()).then(|| "–".into()));
         Choice { usual: default.filter(|usual| *usual != value), name, value }
     };
     Ok(rows(settings)?.into_iter().map(choice).collect())
 }
 
-/// Names and values, those within others by both names.
+/// Returns names and values; nested values have both names, joined by a dot.
 fn rows(settings: &Settings) -> Result<Vec<(String, String)>> {
     let mut rows = Vec::new();
     let Value::Object(all) = serde_json::to_value(settings)? else { return Ok(rows) };
@@ -45,7 +45,7 @@ fn rows(settings: &Settings) -> Result<Vec<(String, String)>> {
     Ok(rows)
 }
 
-/// JSON as a person writes it.
+/// Formats a JSON value for readers.
 pub(super) fn plain(value: &Value) -> String {
     match value {
         Value::Null => "–".into(),
@@ -58,7 +58,7 @@ pub(super) fn plain(value: &Value) -> String {
     }
 }
 
-/// `settings` with the names of files and without their folders.
+/// Returns `settings` with file names instead of paths.
 fn settings_without_folders(settings: &Settings) -> Settings {
     let name = |path: &PathBuf| PathBuf::from(file_name(&path.to_string_lossy()).as_ref());
     let mut named = settings.clone();
@@ -70,7 +70,7 @@ fn settings_without_folders(settings: &Settings) -> Settings {
     named
 }
 
-/// A report that says nothing about folders of the machine.
+/// Returns a report without the machine's folders.
 pub(super) fn without_folders(report: &Report) -> Report {
     let mut report = report.clone();
     report.settings = settings_without_folders(&report.settings);
@@ -82,7 +82,7 @@ pub(super) fn without_folders(report: &Report) -> Report {
     report
 }
 
-/// Settings of `usual`, for comparison with settings that have no folders either.
+/// Returns the settings `usual` without folders, for comparison with settings without folders.
 pub(super) fn usual_without_folders(usual: Option<&Settings>) -> Option<Settings> {
     usual.map(settings_without_folders)
 }

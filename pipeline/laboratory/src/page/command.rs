@@ -1,10 +1,10 @@
-//! The command that made a film, with names of files and without folders of the machine.
+//! The command that made a film, without folders of the machine.
 
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::path::Path;
 
-/// `arguments` of the program, its own name first, as a shell takes them.
+/// Formats the program's `arguments`, including its name, for a shell.
 #[must_use]
 pub fn command_line(arguments: impl IntoIterator<Item = OsString>) -> String {
     let mut words: Vec<String> = Vec::new();
@@ -14,7 +14,7 @@ pub fn command_line(arguments: impl IntoIterator<Item = OsString>) -> String {
     words.join(" ")
 }
 
-/// An argument with its last name alone where it is a path; `--option=PATH` keeps the option.
+/// Reduces paths in an argument to their file names; `--option=PATH` keeps the option.
 fn without_folders(argument: &str) -> String {
     match argument.split_once('=') {
         Some((option, value)) if option.starts_with('-') => format!("{option}={}", file_name(value)),
@@ -22,13 +22,13 @@ fn without_folders(argument: &str) -> String {
     }
 }
 
-/// The last name of a path.
+/// Returns the file name of a path.
 pub(super) fn file_name(path: &str) -> Cow<'_, str> {
     let name = Path::new(path).file_name();
     name.map_or(Cow::Borrowed(path.trim_matches(['/', '.'])), |name| name.to_string_lossy())
 }
 
-/// A word in quotes, if a shell would take it apart.
+/// Quotes a word if a shell would split it.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_=.,:+%@/".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {

@@ -1,4 +1,4 @@
-//! Figures of a page as files that it holds itself.
+//! Data files embedded in a page.
 
 use super::html::data_uri;
 use super::svg::Svg;
@@ -6,20 +6,20 @@ use minijinja::{Value, context};
 use pipeline::report::FrameReport;
 use render2mpeg::error::Result;
 
-/// A link that saves `bytes` under `name`.
+/// Returns a link that saves `bytes` as `name`.
 pub fn download(name: &str, mime: &str, bytes: &[u8]) -> Value {
     context! { name, uri => data_uri(mime, bytes) }
 }
 
-/// A drawing with the link that saves it as `name`.
+/// Returns a drawing with a link that saves it as `name`.
 pub(super) fn drawing(name: &str, svg: &Svg) -> Value {
     context! { svg => svg.inline(), file => download(name, "image/svg+xml", svg.file().as_bytes()) }
 }
 
-/// Figures of frames as comma-separated values: a line for each frame, nothing where a figure is unknown.
+/// Formats the figures of frames as comma-separated values, one line per frame; unknown figures are empty.
 ///
 /// # Errors
-/// A fault of our own.
+/// If a report cannot be serialized, which is a bug.
 pub(super) fn csv_of(frames: &[FrameReport]) -> Result<String> {
     let mut text = String::new();
     for frame in frames {
@@ -33,7 +33,8 @@ pub(super) fn csv_of(frames: &[FrameReport]) -> Result<String> {
     Ok(text)
 }
 
-/// Names and values of a frame's figures, its number first; those of stages have names as `seconds.direct`.
+/// Returns names and values of a frame's figures, with its number first; figures of stages have names like
+/// `seconds.direct`.
 fn cells(frame: &FrameReport) -> Result<Vec<(String, String)>> {
     let mut cells = vec![("index".to_owned(), frame.index.to_string())];
     let serde_json::Value::Object(figures) = serde_json::to_value(frame)? else { return Ok(cells) };

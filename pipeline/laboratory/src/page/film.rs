@@ -1,4 +1,4 @@
-//! Pictures and maps of a film for its page, gathered while the film is made, in bounded memory.
+//! Pictures and maps of a film for its page, collected during the film in bounded memory.
 
 use super::frame_maps::FrameMaps;
 use super::map::ImportanceSum;
@@ -15,21 +15,21 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Pictures of the strip, at most, and their longest side.
+/// Maximum number of pictures in the strip, and maximum side of each \[pixels\].
 const STRIP: (u32, usize) = (48, 320);
-/// Pictures of the strip a second, at most and at least.
+/// Maximum and minimum rate of the strip \[pictures per second\].
 const PACE: (f64, f64) = (12.0, 2.0);
-/// Qualities of JPEG: of the single frames, and of the strip's.
+/// JPEG quality of the stills and of the strip.
 const QUALITY: (u8, u8) = (92, 80);
 
-/// Sees a film while it is made, and keeps what its page shows: the first, middle and last frame as decoded, a strip of at most
-/// 48 small ones, and maps of one frame.
+/// Observer that keeps the data of a film's page: the first, middle and last decoded frame, a strip of at most 48
+/// small frames, and maps of one frame.
 #[derive(Debug)]
 pub struct FilmWatch {
     frames: Range<u32>,
     fps: f64,
     matrix: ColorMatrix,
-    /// Share of its luminance that a pixel without a threshold may be wrong by.
+    /// Permitted error of a pixel without a threshold, as a fraction of its luminance.
     share_elsewhere: f32,
     held: Mutex<Held>,
     importance: ImportanceSum,
@@ -44,7 +44,7 @@ struct Held {
     maps: Option<FrameMaps>,
 }
 
-/// A frame as decoders show it.
+/// Decoded frame.
 #[derive(Clone, Debug)]
 struct KeptPicture {
     index: u32,
@@ -52,7 +52,7 @@ struct KeptPicture {
 }
 
 impl FilmWatch {
-    /// For a film with these settings.
+    /// Returns the observer of a film with these settings.
     #[must_use]
     pub fn new(settings: &Settings) -> Self {
         Self {
@@ -69,23 +69,23 @@ impl FilmWatch {
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// One frame in this number is in the strip.
+    /// Interval of the frames in the strip.
     fn every(&self) -> u32 {
         (self.frames.len() as u32).div_ceil(STRIP.0).max(1)
     }
 
-    /// Distance of frame `index` from the middle of the film.
+    /// Distance of frame `index` from the middle of the film \[frames\].
     fn distance_to_middle(&self, index: u32) -> u32 {
         index.abs_diff(self.frames.start + self.frames.len() as u32 / 2)
     }
 
-    /// The single frames, in order, each once: names and addresses.
+    /// Returns the distinct stills in order, with names and data URIs.
     pub(super) fn stills(&self) -> Result<Vec<Value>> {
         let held = self.held();
         let mut stills: Vec<(&str, &KeptPicture)> = Vec::new();
         let [first, last] = [held.first.as_ref(), held.last.as_ref()];
         for (name, still) in [("First", first), ("Middle", held.middle.as_ref()), ("Last", last)] {
-            // The middle of a film that was ended early is its end.
+            // In a film that ended early, the middle frame may be its last.
             let is_other = |still: &&KeptPicture| stills.iter().all(|(_, other)| other.index != still.index);
             let is_end = name == "Middle" && still.zip(last).is_some_and(|(still, last)| still.index == last.index);
             if let Some(still) = still.filter(is_other).filter(|_| !is_end) {
@@ -99,7 +99,7 @@ impl FilmWatch {
         stills.into_iter().map(shown).collect()
     }
 
-    /// The strip as one picture, its frames below each other, with what plays it; none of fewer than two frames.
+    /// Returns the strip as one picture of stacked frames, with its animation; `None` with fewer than two frames.
     pub(super) fn strip(&self) -> Result<Option<Value>> {
         let held = self.held();
         let Some(first) = held.strip.values().next().filter(|_| held.strip.len() > 1) else { return Ok(None) };
@@ -119,19 +119,19 @@ impl FilmWatch {
         }))
     }
 
-    /// The frame whose maps there are, and the maps.
+    /// Returns the maps, and the number of their frame.
     pub(super) fn maps(&self) -> Option<(u32, Vec<Value>)> {
         let held = self.held();
         held.maps.as_ref().map(|maps| (maps.index, maps.drawn()))
     }
 
-    /// The map of where people look, if the film has one.
+    /// Returns the map of mean importance, if the film has importance.
     pub(super) fn importance(&self) -> Option<Svg> {
         self.importance.draw()
     }
 }
 
-/// Takes pictures as they come: with B pictures not in the order of frames.
+/// Accepts pictures in coding order, which with B pictures is not the frame order.
 impl Observer for FilmWatch {
     fn shaded(&self, index: u32, shaded: &Shaded) {
         let is_nearer = |kept: &FrameMaps| self.distance_to_middle(index) < self.distance_to_middle(kept.index);
@@ -153,7 +153,7 @@ impl Observer for FilmWatch {
             shrunk(&to_rgb8_by(picture, self.matrix), factor, mean_color)
         });
 
-        // Each place has the frame that fits it best of those that came.
+        // Each position keeps the best matching frame so far.
         let mut held = self.held();
         if held.first.as_ref().is_none_or(|kept| index < kept.index) {
             held.first = still();
@@ -189,7 +189,7 @@ mod tests {
     fn three_frames_and_a_strip_stay_of_a_long_film() {
         let film = watch(1000);
         let picture = Picture::black(640, 480);
-        // As they are coded with B pictures.
+        // In coding order with B pictures.
         for index in (0..1000).map(|place: u32| {
             if place % 3 == 1 {
                 place + 1

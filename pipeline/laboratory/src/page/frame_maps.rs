@@ -1,4 +1,4 @@
-//! Maps of one frame: what its pixels may be wrong by, the cuts, and which light was computed.
+//! Maps of one frame: thresholds, cut sizes, and reused light.
 
 use super::pictures::{factor, png, shrunk};
 use super::scale::{CUT_SIZE, THRESHOLD, css_color, gradient};
@@ -9,36 +9,42 @@ use pipeline::parts::Shaded;
 use plane::Plane;
 use renderer::settings::Aov;
 
-/// The channels that maps are made of.
+/// Channels from which the maps are made.
 pub const WATCHED: [Aov; 3] = [Aov::Threshold, Aov::CutSize, Aov::Shading];
 
-/// Longest side of a map.
+/// Maximum side of a map \[pixels\].
 const MOST_PIXELS: usize = 512;
-/// Cuts that fewer pixels than this share have are drawn as squares of this many pixels, to be seen.
+/// If fewer than this fraction of the pixels have a lightcut, cuts are drawn as squares of this many pixels, to be
+/// visible.
 const SPARSE: (f64, usize) = (0.25, 4);
-/// Colors of light that was computed, and whose direct part, indirect part, or all was carried.
-const REUSED: [(&str, f32); 4] =
-    [("all computed", 0.92), ("direct light carried", 0.64), ("indirect light carried", 0.42), ("all carried", 0.12)];
+/// Kinds of pixels by reused light, with their positions in the false colors.
+const REUSED: [(&str, f32); 4] = [
+    ("all computed", 0.92),
+    ("direct light reprojected", 0.64),
+    ("indirect light reprojected", 0.42),
+    ("all reprojected", 0.12),
+];
 
-/// Numbers of each pixel of a frame, as far as the film has them.
+/// Per-pixel data of a frame, if available.
 #[derive(Clone, Debug)]
 pub(super) struct FrameMaps {
     pub index: u32,
-    /// Thresholds by luminance.
+    /// Ratio of threshold to luminance.
     thresholds: Option<Plane<f32>>,
-    /// Clusters of each pixel's cut; 0 where none was made.
+    /// Number of clusters in each pixel's lightcut; 0 without one.
     cuts: Option<Plane<f32>>,
-    /// As [`Aov::Shading`] has it.
+    /// Reused light, in the encoding of [`Aov::Shading`].
     reused: Option<Plane<f32>>,
 }
 
 impl FrameMaps {
-    /// Maps of frame `index`. A pixel without a threshold may be wrong by the share `elsewhere` of its luminance.
+    /// Collects the maps of frame `index`. A pixel without a threshold may have an error of the fraction `elsewhere`
+    /// of its luminance.
     pub fn new(index: u32, shaded: &Shaded, elsewhere: f32) -> Self {
         let (width, height) = (shaded.radiance.width(), shaded.radiance.height());
         let plane = |name: &str| {
             let (_, samples) = shaded.watched.iter().find(|(own, _)| own == name)?;
-            // A map that is 0 everywhere says nothing.
+            // A map of zeros contains no information.
             let is_told = samples.len() == width * height && samples.iter().any(|&value| value > 0.0);
             is_told.then(|| Plane::from_vec(width, height, samples.clone()))
         };
@@ -47,7 +53,7 @@ impl FrameMaps {
             let shares = pixels.map(|(&threshold, &rgb)| match luminance(rgb) {
                 light if light > 0.0 && threshold > 0.0 => threshold / light,
                 light if light > 0.0 => elsewhere,
-                // Nothing is seen there.
+                // Black pixels have no error to compare.
                 _ => 0.0,
             });
             Plane::from_vec(width, height, shares.collect())
@@ -56,13 +62,13 @@ impl FrameMaps {
         Self { index, thresholds, cuts: plane("cut.size"), reused: plane("shading.reused") }
     }
 
-    /// The maps that there are, each with its title, its address and its legend.
+    /// Returns the available maps, each with its title, data URI and legend.
     pub fn drawn(&self) -> Vec<Value> {
         let mut drawn = Vec::new();
         if let Some(plane) = &self.thresholds {
             let small = fitting(plane, mean);
             let seen: Vec<f32> = plane.samples().iter().copied().filter(|&share| share > 0.0).collect();
-            let about = format!("mean {:.1} %: an error below this stays unseen", 100.0 * mean(&seen));
+            let about = format!("mean {:.1} %: smaller errors are invisible", 100.0 * mean(&seen));
             let map = png(&THRESHOLD.picture(&small));
             drawn.push(context! { name => "Thresholds", uri => map, about, scale => legend(&THRESHOLD) });
         }
@@ -71,11 +77,11 @@ impl FrameMaps {
             let is_sparse = (made as f64) < SPARSE.0 * plane.samples().len() as f64;
             let squares = if is_sparse { shrunk(plane, SPARSE.1, most) } else { plane.clone() };
             let about = match is_sparse {
-                true => format!("{made} pixels have cuts of their own; the others take light from those nearby"),
+                true => format!("{made} pixels have lightcuts; the others interpolate"),
                 false => format!("mean {:.0}, largest {:.0}", mean(plane.samples()), most(plane.samples())),
             };
             let map = png(&CUT_SIZE.picture(&fitting(&squares, most)));
-            drawn.push(context! { name => "Sizes of cuts", uri => map, about, scale => legend(&CUT_SIZE) });
+            drawn.push(context! { name => "Cut sizes", uri => map, about, scale => legend(&CUT_SIZE) });
         }
         if let Some(plane) = &self.reused {
             let first = |samples: &[f32]| samples[0];
@@ -87,12 +93,12 @@ impl FrameMaps {
     }
 }
 
-/// Which of [`REUSED`] a pixel has.
+/// Returns the index in [`REUSED`] of a pixel's value.
 fn kind(value: f32) -> usize {
     (value.max(0.0) as usize).min(REUSED.len() - 1)
 }
 
-/// Kinds of pixels with their colors and shares.
+/// Returns the kinds of pixels with their colors and fractions.
 fn entries(plane: &Plane<f32>) -> Vec<Value> {
     let mut counts = [0usize; REUSED.len()];
     plane.samples().iter().for_each(|&value| counts[kind(value)] += 1);
@@ -107,7 +113,7 @@ fn legend(scale: &super::Scale) -> Value {
     context! { about => scale.about, low => scale.ends.0, high => scale.ends.1, gradient => gradient() }
 }
 
-/// A map with no side longer than [`MOST_PIXELS`].
+/// Returns a map with no side above [`MOST_PIXELS`].
 fn fitting(plane: &Plane<f32>, of: impl Fn(&[f32]) -> f32) -> Plane<f32> {
     shrunk(plane, factor(plane.width(), plane.height(), MOST_PIXELS), of)
 }

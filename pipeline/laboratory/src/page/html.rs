@@ -1,26 +1,26 @@
-//! Templates into pages.
+//! Rendering of HTML templates.
 
 use base64::Engine;
 use minijinja::{Environment, Value, context};
 use render2mpeg::error::{Context, Error, Result};
 
-/// Bytes as an address that holds them.
+/// Returns `bytes` as a data URI.
 pub fn data_uri(mime: &str, bytes: &[u8]) -> String {
     format!("data:{mime};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
 }
 
-/// The page of `template` with `values`, which are escaped unless the template calls them safe.
+/// Renders `template` with `values`, which are escaped unless the template marks them as safe.
 ///
 /// # Errors
-/// A fault of our own.
+/// If the template fails, which is a bug.
 pub fn render_template(template: &str, values: Value) -> Result<String> {
     let mut environment = Environment::new();
-    // The ending .html turns on escaping.
+    // The ending .html enables escaping.
     environment.add_template("base.html", include_str!("templates/base.html")).map_err(Error::other)?;
     environment.add_template("sweep.html", include_str!("templates/sweep.html")).map_err(Error::other)?;
     environment.add_template("run.html", include_str!("templates/run.html")).map_err(Error::other)?;
     let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
     let template = environment.get_template(template).map_err(Error::other)?;
     let colors = super::palette::rules_for_pages();
-    template.render(context! { program, colors, ..values }).context("the page cannot be made")
+    template.render(context! { program, colors, ..values }).context("the page cannot be rendered")
 }

@@ -1,59 +1,60 @@
-//! Lines through points.
+//! Line plots.
 
 use super::axis::{Axis, short};
 use super::svg::{Point, Rectangle, Svg, TextStyle, at};
 
-/// Size of a plot in units that are pixels where a page has room; narrow pages show it at three quarters, where 13 is still readable.
+/// Width and height of a plot, in pixels at full size. Narrow pages scale it to three quarters, where font size 13 is
+/// still readable.
 pub(super) const SIZE: (f64, f64) = (520.0, 360.0);
-/// Left, right and top of the area between the axes.
+/// Left, right and top of the plot area.
 pub(super) const AREA: (f64, f64, f64) = (74.0, 508.0, 34.0);
 /// Height of a row of the legend.
 const LEGEND_ROW: f64 = 19.0;
-/// Width of a digit beside an axis, and of a gap, where pages are narrow and digits large.
+/// Width of a digit next to an axis plus a gap, for narrow pages with large digits.
 const DIGIT: f64 = 11.5;
-/// Marks of a line whose points are too many to be marked each.
+/// Number of marks of a line with too many points to mark each.
 const MARKS: usize = 6;
-/// Letters of a name that has room in the legend beside two others.
+/// Maximum length of names that fit three to a row of the legend \[characters\].
 const SHORT_NAME: usize = 17;
 
-/// One line.
+/// Line of a plot.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// In the legend.
+    /// Name in the legend.
     pub name: String,
-    /// Number of its color and of its mark.
+    /// Number of the line's color and mark.
     pub color: usize,
-    /// Dashed with hollow points, or solid with filled ones.
+    /// True for a dashed line with hollow points, false for a solid line with filled points.
     pub dashed: bool,
-    /// Whether the points are drawn, too.
+    /// True if every point is marked.
     pub points_shown: bool,
-    /// Values along both axes; what cannot be drawn is left out.
+    /// Points (x, y); points that cannot be drawn are omitted.
     pub points: Vec<(f64, f64)>,
-    /// Whether a point does not count, for each: those are crosses.
+    /// True for each point that does not count and is drawn as a cross.
     pub crossed: Vec<bool>,
 }
 
-/// A plot of lines over common axes.
+/// Plot of lines over common axes.
 #[derive(Clone, Debug)]
 pub struct LinePlot {
-    /// Above it.
+    /// Title above the plot.
     pub title: String,
-    /// Name and unit below.
+    /// Label and unit of the x axis.
     pub x_label: String,
-    /// Name and unit at the left.
+    /// Label and unit of the y axis.
     pub y_label: String,
-    /// Whether x goes by ratio.
+    /// True if the x axis is logarithmic.
     pub x_log: bool,
-    /// Whether y goes by ratio.
+    /// True if the y axis is logarithmic.
     pub y_log: bool,
-    /// The lines; later ones lie above.
+    /// The lines; later lines are drawn on top.
     pub series: Vec<Series>,
-    /// A line across at this y, with its name.
+    /// Horizontal line at this y, with its name.
     pub level: Option<(f64, String)>,
 }
 
 impl LinePlot {
-    /// Draws it.
+    /// Draws the plot.
     pub fn draw(&self) -> Svg {
         let rows = self.series.len().div_ceil(columns(self.series.iter().map(|series| series.name.as_str())));
         let (height, bottom) = height_and_bottom(rows);
@@ -80,7 +81,7 @@ impl LinePlot {
         svg
     }
 
-    /// Draws a line and its marks: at each point, or at a few where there are many.
+    /// Draws a line and its marks: every point, or a few points of a long line.
     fn draw_line(&self, svg: &mut Svg, series: &Series, x: &Axis, y: &Axis) {
         let placed: Vec<(usize, Point)> =
             (0..).zip(&series.points).filter_map(|(i, &(a, b))| Some((i, at(x.place(a)?, y.place(b)?)))).collect();
@@ -101,13 +102,14 @@ impl LinePlot {
     }
 }
 
-/// Height of a plot whose legend has `rows`, and where the area between the axes ends; long legends leave that as it is.
+/// Height of a plot with `rows` of the legend, and the bottom of the plot area. More rows extend the plot below the
+/// area.
 pub(super) fn height_and_bottom(rows: usize) -> (f64, f64) {
     let height = SIZE.1 + LEGEND_ROW * rows.saturating_sub(3) as f64;
     (height, height - 48.0 - LEGEND_ROW * rows as f64)
 }
 
-/// Three digits are enough to point at.
+/// Formats a number with three digits, for tooltips.
 fn short3(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return short(0.0);
@@ -116,7 +118,7 @@ fn short3(value: f64) -> String {
     short((value * scale).round() / scale)
 }
 
-/// Text around a plot.
+/// Texts around a plot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Labels<'a> {
     /// Title above the plot.
@@ -127,7 +129,7 @@ pub(super) struct Labels<'a> {
     pub y: &'a str,
 }
 
-/// Title, axes, grid.
+/// Draws title, axes and grid.
 pub(super) fn frame(svg: &mut Svg, labels: Labels, x: Option<&Axis>, y: &Axis, bottom: f64) {
     let (left, right, top) = AREA;
     svg.text(at(left, 20.0), TextStyle { class: "ink", anchor: "start", size: 15.0 }, labels.title);
@@ -140,7 +142,7 @@ pub(super) fn frame(svg: &mut Svg, labels: Labels, x: Option<&Axis>, y: &Axis, b
     for (value, text) in x.map(Axis::ticks).unwrap_or_default() {
         let Some(place) = x.and_then(|x| x.place(value)) else { continue };
         svg.rule(at(place, bottom), at(place, bottom + 4.0), "axis");
-        // No number stands on the one before.
+        // Tick labels must not overlap.
         let room = DIGIT * text.chars().count() as f64;
         if place - 0.5 * room < free {
             continue;
@@ -159,23 +161,23 @@ pub(super) fn frame(svg: &mut Svg, labels: Labels, x: Option<&Axis>, y: &Axis, b
     svg.text_upward(at(14.0, 0.5 * (top + bottom)), "soft", 13.0, &y.label(labels.y));
 }
 
-/// Entries of the legend in a row.
+/// Number of legend entries in a row.
 fn columns<'a>(names: impl Iterator<Item = &'a str>) -> usize {
     let longest = names.map(|name| name.chars().count()).max().unwrap_or(0);
     if longest > SHORT_NAME { 2 } else { 3 }
 }
 
-/// A name in a legend.
+/// Entry of a legend.
 pub(super) struct LegendEntry {
-    /// Name of the line or of the column.
+    /// Name of the line or stacked value.
     pub name: String,
     /// Number of its color and mark.
     pub color: usize,
-    /// Of a line, whether it is dashed; none of a column.
+    /// True for a dashed line; `None` for bars.
     pub dashed: Option<bool>,
 }
 
-/// Names with a piece of their line and its mark, or with their color.
+/// Draws the legend: names with a piece of their line and mark, or with their color.
 pub(super) fn legend(svg: &mut Svg, entries: &[LegendEntry], top: f64) {
     let columns = columns(entries.iter().map(|entry| entry.name.as_str()));
     let column = (AREA.1 - AREA.0 + 46.0) / columns as f64;

@@ -1,21 +1,21 @@
-//! A map of where people look, macroblock by macroblock, over a film.
+//! Map of a film's mean importance per macroblock.
 
 use super::svg::{Rectangle, Svg, TextStyle, at};
 use plane::Plane;
 use std::sync::Mutex;
 
-/// Side of the squares that are drawn: an MPEG-2 macroblock.
+/// Side of the drawn squares \[pixels\]: an MPEG-2 macroblock.
 const SQUARE: usize = 16;
-/// Width of the drawing, and the room above the map for its title.
+/// Width of the drawing, and height of its title.
 const WIDTH: f64 = 480.0;
 const ABOVE: f64 = 34.0;
 
-/// Sum of the importance maps of frames.
+/// Sum of the importance maps of all frames.
 #[derive(Debug, Default)]
 pub(super) struct ImportanceSum(Mutex<Option<(Plane<f32>, u32)>>);
 
 impl ImportanceSum {
-    /// Adds the map of a frame; all are of one size.
+    /// Adds the map of a frame; all maps have one size.
     pub fn add(&self, map: &Plane<f32>) {
         let mut held = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let (sum, frames) = held.get_or_insert_with(|| (Plane::filled(map.width(), map.height(), 0.0), 0));
@@ -23,13 +23,13 @@ impl ImportanceSum {
         *frames += 1;
     }
 
-    /// The mean map of the frames that were added; none before any.
+    /// Draws the mean map; `None` without frames.
     pub fn draw(&self) -> Option<Svg> {
         let held = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let (sum, frames) = held.as_ref()?;
         let (width, height) = (sum.width(), sum.height());
         let scale = WIDTH / width.max(1) as f64;
-        let title = "Where people look: mean importance";
+        let title = "Mean importance";
         let mut svg = Svg::new(WIDTH, ABOVE + scale * height as f64, title);
         svg.text(at(0.0, 20.0), TextStyle { class: "ink", anchor: "start", size: 16.0 }, title);
         for top in (0..height).step_by(SQUARE) {

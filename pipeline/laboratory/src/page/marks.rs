@@ -1,8 +1,8 @@
-//! Marks of lines: each line has a shape of its own, besides its color.
+//! Marks of lines: each line has its own shape in addition to its color.
 
 use super::palette::COLORS;
 
-/// Corners of the marks, within a circle of radius 1; y goes down.
+/// Corners of the marks, within a circle of radius 1; y points down.
 const SHAPES: [&[(f64, f64)]; COLORS] = [
     // Disk, square, triangle, diamond.
     &[
@@ -22,7 +22,7 @@ const SHAPES: [&[(f64, f64)]; COLORS] = [
     &[(-0.85, -0.85), (0.85, -0.85), (0.85, 0.85), (-0.85, 0.85)],
     &[(0.0, -1.15), (1.1, 0.85), (-1.1, 0.85)],
     &[(0.0, -1.25), (1.1, 0.0), (0.0, 1.25), (-1.1, 0.0)],
-    // Triangles to the other sides, and a plus.
+    // Triangles in other directions, and a plus.
     &[(0.0, 1.15), (1.1, -0.85), (-1.1, -0.85)],
     &[
         (-0.4, -1.15),
@@ -40,7 +40,7 @@ const SHAPES: [&[(f64, f64)]; COLORS] = [
     ],
     &[(1.15, 0.0), (-0.85, -1.1), (-0.85, 1.1)],
     &[(-1.15, 0.0), (0.85, -1.1), (0.85, 1.1)],
-    // Star, hourglass, bow, bar across.
+    // Star, hourglass, bow tie, horizontal bar.
     &[
         (0.0, -1.35),
         (0.35, -0.45),
@@ -56,7 +56,7 @@ const SHAPES: [&[(f64, f64)]; COLORS] = [
     &[(-1.0, -1.1), (1.0, -1.1), (-1.0, 1.1), (1.0, 1.1)],
     &[(-1.1, -1.0), (-1.1, 1.0), (1.1, -1.0), (1.1, 1.0)],
     &[(-1.3, -0.45), (1.3, -0.45), (1.3, 0.45), (-1.3, 0.45)],
-    // Bar upright, roof, halves of a square, house.
+    // Vertical bar, roof, halves of a square, house.
     &[(-0.45, -1.3), (0.45, -1.3), (0.45, 1.3), (-0.45, 1.3)],
     &[(0.0, -1.1), (1.2, 0.3), (1.2, 1.1), (0.0, -0.2), (-1.2, 1.1), (-1.2, 0.3)],
     &[(-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)],
@@ -64,7 +64,7 @@ const SHAPES: [&[(f64, f64)]; COLORS] = [
     &[(0.0, -1.3), (0.8, -0.3), (0.8, 1.1), (-0.8, 1.1), (-0.8, -0.3)],
 ];
 
-/// The outline of mark `number` at (x, y), as SVG has it; numbers beyond the last begin anew.
+/// Returns the SVG path of mark `number` at (x, y); numbers wrap around.
 pub(super) fn outline(number: usize, x: f64, y: f64, radius: f64) -> String {
     let mut path = String::new();
     for (i, (dx, dy)) in SHAPES[number % SHAPES.len()].iter().enumerate() {

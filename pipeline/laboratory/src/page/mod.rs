@@ -1,25 +1,26 @@
-//! Figures as plots, and plots, tables and pictures as one HTML page that needs nothing else.
+//! Plots, tables and pictures as one self-contained HTML page.
 //!
-//! Plots are drawn as SVG: inside of a page they take its fonts and its light or dark colors, as files they bring their own.
+//! Plots are SVG drawings. In a page they use its fonts and its light or dark colors; as files they contain their
+//! own.
 
-mod axis; // numbers to places
+mod axis; // positions of values
 mod marks; // shapes of points
-mod palette; // colors for all eyes
+mod palette; // colors for any color vision
 mod svg; // shapes
 
 mod bars;
 mod line_plot;
 mod map;
 
-mod pictures; // bytes of pictures
-mod scale; // numbers to colors
+mod pictures; // pictures as data URIs
+mod scale; // colors of values
 
-mod film; // what a page shows of a film, gathered while it is made
+mod film; // data of a film's page
 mod frame_maps;
 
-mod choices; // settings in words
+mod choices; // settings as text
 mod command; // the command that made a film
-mod data; // figures as files
+mod data; // embedded data files
 mod run_plots;
 
 mod html;

@@ -1,4 +1,4 @@
-//! Pictures of a film in pages: smaller ones, and their bytes.
+//! Small pictures of a film for its page, as data URIs.
 
 use super::html::data_uri;
 use crate::png_file;
@@ -7,16 +7,16 @@ use image::codecs::jpeg::JpegEncoder;
 use plane::Plane;
 use render2mpeg::error::{Context, Result};
 
-/// A picture of one number each pixel, or three.
+/// Picture of 8-bit R′G′B′.
 pub(super) type Rgb = Plane<[u8; 3]>;
 
-/// By how much a picture is made smaller, in whole pixels, so that neither side is longer than `most`.
+/// Integer factor by which a picture must shrink so that no side exceeds `most`.
 pub(super) fn factor(width: usize, height: usize, most: usize) -> usize {
     width.max(height).div_ceil(most).max(1)
 }
 
-/// Each square of `factor` pixels as one, by `of` its samples. What is left over at the right and at the bottom makes smaller
-/// rectangles.
+/// Reduces each square of `factor` pixels to one pixel: `of` its samples. Squares at the right and bottom edges may
+/// be smaller.
 pub(super) fn shrunk<T: Copy, U: Copy>(plane: &Plane<T>, factor: usize, of: impl Fn(&[T]) -> U) -> Plane<U> {
     let size = (plane.width().div_ceil(factor), plane.height().div_ceil(factor));
     let mut square = Vec::new();
@@ -30,7 +30,7 @@ pub(super) fn shrunk<T: Copy, U: Copy>(plane: &Plane<T>, factor: usize, of: impl
     })
 }
 
-/// The mean of code values.
+/// Mean of code values.
 pub(super) fn mean_color(colors: &[[u8; 3]]) -> [u8; 3] {
     std::array::from_fn(|c| {
         let sum: usize = colors.iter().map(|color| usize::from(color[c])).sum();
@@ -38,21 +38,21 @@ pub(super) fn mean_color(colors: &[[u8; 3]]) -> [u8; 3] {
     })
 }
 
-/// The address of a picture as JPEG, at a quality of 1 to 100.
+/// Returns a picture as a JPEG data URI, with quality 1 to 100.
 ///
 /// # Errors
-/// A picture that JPEG cannot have.
+/// If JPEG does not support the picture's size.
 pub(super) fn jpeg(picture: &Rgb, quality: u8) -> Result<String> {
     let mut bytes = Vec::new();
     let (width, height) = (picture.width() as u32, picture.height() as u32);
     let samples = picture.samples().as_flattened();
     JpegEncoder::new_with_quality(&mut bytes, quality)
         .encode(samples, width, height, ExtendedColorType::Rgb8)
-        .context("a picture cannot be put into JPEG")?;
+        .context("a picture cannot be written as JPEG")?;
     Ok(data_uri("image/jpeg", &bytes))
 }
 
-/// The address of a picture as PNG, which keeps each color.
+/// Returns a picture as a lossless PNG data URI.
 pub(super) fn png(picture: &Rgb) -> String {
     data_uri("image/png", &png_file::encode(picture))
 }

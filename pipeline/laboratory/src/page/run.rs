@@ -1,4 +1,4 @@
-//! The page of a single run: the film, what each frame took, and what became of it.
+//! Page of a single run: the film, and the cost and quality of each frame.
 
 use super::choices::{choices, plain, usual_without_folders, without_folders};
 use super::data::{csv_of, download, drawing};
@@ -11,20 +11,20 @@ use render2mpeg::error::Result;
 use render2mpeg::report::Report;
 use render2mpeg::settings::Settings;
 
-/// Origin of a film: command and choices.
+/// Command and default settings of a film.
 #[derive(Clone, Debug, Default)]
 pub struct Made {
-    /// The command, as [`command_line`](super::command_line) has it.
+    /// Command, as formatted by [`command_line`](super::command_line).
     pub command: String,
-    /// Settings of a film of the same scene by which nothing was chosen, if they are known.
+    /// Settings of a film of the same scene without options, if known.
     pub usual: Option<Settings>,
 }
 
-/// A page of a run: frames and a strip of the film, maps, and figures of each frame, as plots and as files. It names files, and no
-/// folders.
+/// Returns the page of a run: frames and a strip of the film, maps, and the figures of each frame as plots and files.
+/// The page contains file names but no folders.
 ///
 /// # Errors
-/// A fault of our own.
+/// If the page cannot be rendered, which is a bug.
 pub fn run_page(report: &Report, film: &FilmWatch, made: &Made) -> Result<String> {
     let report = &without_folders(report);
     let stem = report.scene.file.file_stem().map_or("film".into(), |stem| stem.to_string_lossy().into_owned());
@@ -63,19 +63,19 @@ pub fn run_page(report: &Report, film: &FilmWatch, made: &Made) -> Result<String
     )
 }
 
-/// The figures of the whole film.
+/// Returns the figures of the whole film.
 fn tiles(report: &Report) -> Vec<(&'static str, String)> {
     let summary = &report.summary;
     let mut tiles = vec![
         ("frames", format!("{}{}", summary.frames, if summary.interrupted { ", interrupted" } else { "" })),
-        ("CPU s a frame", format!("{:.2}", summary.seconds.total)),
-        ("by the clock", format!("{:.1} s", summary.wall_seconds)),
+        ("CPU s per frame", format!("{:.2}", summary.seconds.total)),
+        ("wall-clock time", format!("{:.1} s", summary.wall_seconds)),
         ("bits", format!("{:.0} kbit/s", summary.bits * report.settings.render.fps / 1000.0)),
         ("luma PSNR", summary.psnr_y.map_or("equal".into(), |psnr| format!("{psnr:.1} dB"))),
         ("mean threshold", format!("{:.1} %", 100.0 * summary.threshold_mean_relative)),
     ];
     if let Some(bytes) = summary.peak_memory_bytes {
-        tiles.push(("memory at most", format!("{:.0} MB", bytes as f64 / 1e6)));
+        tiles.push(("peak memory", format!("{:.0} MB", bytes as f64 / 1e6)));
     }
     tiles
 }
@@ -93,7 +93,7 @@ mod tests {
     use render2mpeg::Options;
     use render2mpeg::report::Ending;
 
-    /// A hundred frames of noise, which no picture format makes small.
+    /// A hundred frames of noise, which no picture format compresses.
     #[test]
     fn pages_of_long_films_are_bounded() {
         let options = Options { frames: Some(100), ..Options::default() };

@@ -1,4 +1,4 @@
-//! The figures of a run frame by frame: plots of what changes, numbers for what does not.
+//! Figures of a run per frame: plots of varying figures, numbers for constant ones.
 
 use super::axis::short;
 use super::bars::StackedBars;
@@ -6,34 +6,34 @@ use super::line_plot::{LinePlot, Series};
 use super::svg::Svg;
 use pipeline::report::FrameReport;
 
-/// Columns side by side, at most: of longer films each is the mean of several frames.
+/// Maximum number of bars: in longer films each is the mean of several frames.
 const MOST_COLUMNS: usize = 200;
-/// Frames whose points are marked each, at most.
+/// Maximum number of frames with a mark at each point.
 const MOST_MARKED: usize = 40;
-/// Values of one series differ if they do by more than this share: sums of floats may differ by rounding.
+/// Relative difference up to which values of a series count as equal: sums of floats may differ by rounding.
 const SAME: f64 = 1e-9;
 
-/// A number of a frame.
+/// Figure of a frame.
 type Figure = fn(&FrameReport) -> f64;
 
-/// Figures as they are shown.
+/// Figures to show on the page.
 #[derive(Default)]
 pub(super) struct Figures {
-    /// Names for files, and drawings.
+    /// File names and drawings.
     pub plots: Vec<(&'static str, Svg)>,
-    /// Series that are the same in every frame, in words: the name and the number.
+    /// Names and values of the series that are constant over the film.
     pub constant: Vec<(String, String)>,
 }
 
-/// A figure over the frames.
+/// Figure plotted over the frames.
 struct FigureRow {
-    /// For the file.
+    /// Name of the file.
     file: &'static str,
     title: &'static str,
     unit: &'static str,
-    /// The line's name and color.
+    /// Name and color number of the line.
     line: (&'static str, usize),
-    /// Not a number where there is none.
+    /// Value in a frame; NaN if it has none.
     value: Figure,
 }
 
@@ -43,12 +43,12 @@ const ROWS: [FigureRow; 8] = [
         title: "PSNR of the decoded luma",
         unit: "dB",
         line: ("against the uncompressed picture", 2),
-        // Equal pictures have no PSNR, and leave a gap.
+        // Equal pictures have no PSNR, and leave a gap in the line.
         value: |frame| frame.psnr_y.unwrap_or(f64::NAN),
     },
     FigureRow {
         file: "cuts",
-        title: "Size of cuts",
+        title: "Cut size",
         unit: "clusters",
         line: ("mean", 0),
         value: |frame| frame.figures.cut_size_mean,
@@ -62,28 +62,28 @@ const ROWS: [FigureRow; 8] = [
     },
     FigureRow {
         file: "shaded",
-        title: "Pixels of which some light was computed",
+        title: "Pixels with some computed light",
         unit: "% of lit pixels",
-        line: ("computed, not carried", 6),
+        line: ("computed, not reprojected", 6),
         value: |frame| 100.0 * frame.figures.shaded_share,
     },
     FigureRow {
         file: "rays",
         title: "Shadow rays",
         unit: "thousands",
-        line: ("of direct light and cuts", 1),
+        line: ("direct light and cuts", 1),
         value: |frame| frame.figures.shadow_rays as f64 / 1000.0,
     },
     FigureRow {
         file: "kappa",
-        title: "κ, the multiplier on what masking allows",
+        title: "κ, multiplier on masking thresholds",
         unit: "κ",
         line: ("κ", 4),
         value: |frame| frame.figures.kappa.unwrap_or(f64::NAN),
     },
     FigureRow {
         file: "samples",
-        title: "Samples to the pixel",
+        title: "Samples per pixel",
         unit: "samples",
         line: ("mean", 5),
         value: |frame| frame.figures.samples_mean.unwrap_or(f64::NAN),
@@ -92,22 +92,22 @@ const ROWS: [FigureRow; 8] = [
         file: "qscale",
         title: "quantiser_scale of the pictures",
         unit: "quantiser_scale",
-        line: ("of the picture", 7),
+        line: ("per picture", 7),
         value: |frame| f64::from(frame.qscale),
     },
 ];
 
 impl Figures {
-    /// Of `frames`, in display order.
+    /// Collects the figures of `frames`, in display order.
     pub fn of(frames: &[FrameReport]) -> Self {
         let mut figures = Self::default();
         figures.add_columns("seconds", "CPU seconds of the stages", "CPU s", stages(frames));
-        figures.add_columns("bits", "Bits of the pictures", "kbit", kinds(frames));
+        figures.add_columns("bits", "Bits per picture", "kbit", kinds(frames));
         ROWS.iter().for_each(|row| figures.add(row, frames));
         figures
     }
 
-    /// Draws `parts` as columns, or says their sum where all columns are the same.
+    /// Draws `parts` as stacked bars, or lists their sum if it is constant.
     fn add_columns(&mut self, file: &'static str, title: &str, unit: &str, parts: Columns) {
         let sums: Vec<f64> = parts.columns.iter().map(|column| column.iter().sum()).collect();
         if let Some(sum) = constant(&sums) {
@@ -126,7 +126,7 @@ impl Figures {
         self.plots.push((file, drawn.draw()));
     }
 
-    /// Draws a line, or says its number where that stays; nothing of what no frame has.
+    /// Draws a line, or lists its value if it is constant; omits figures without values.
     fn add(&mut self, row: &FigureRow, frames: &[FrameReport]) {
         let points: Vec<(f64, f64)> = frames.iter().map(|frame| (f64::from(frame.index), (row.value)(frame))).collect();
         let values: Vec<f64> = points.iter().map(|point| point.1).collect();
@@ -159,29 +159,29 @@ impl Figures {
     }
 }
 
-/// The value that all have; none if they differ, or some frames have none.
+/// Returns the common value; `None` if values differ or some are missing.
 fn constant(values: &[f64]) -> Option<f64> {
     let first = *values.first()?;
     values.iter().all(|value| (value - first).abs() <= SAME * first.abs()).then_some(first)
 }
 
-/// A number with four digits.
+/// Formats a number with four digits.
 fn digits(value: f64) -> String {
     let scale = if value == 0.0 { 1.0 } else { 10f64.powi(3 - value.abs().log10().floor() as i32) };
     short((value * scale).round() / scale)
 }
 
-/// Parts of columns, with their names and colors.
+/// Stacked bars, with names and colors of the stacked values.
 struct Columns {
     parts: Vec<(String, usize)>,
     names: Vec<String>,
     columns: Vec<Vec<f64>>,
-    /// Frames of a column.
+    /// Number of frames per bar.
     every: usize,
 }
 
 impl Columns {
-    /// At most [`MOST_COLUMNS`]: means of frames that follow each other.
+    /// Reduces the bars to at most [`MOST_COLUMNS`] means of consecutive frames.
     fn few(self) -> Self {
         let every = self.columns.len().div_ceil(MOST_COLUMNS).max(1);
         let mean = |columns: &[Vec<f64>]| {
@@ -194,7 +194,7 @@ impl Columns {
 }
 
 fn stages(frames: &[FrameReport]) -> Columns {
-    // Colors that differ most beside each other.
+    // Neighboring colors differ most.
     let stages: [(&str, usize, Figure); 9] = [
         ("scene", 6, |f| f.figures.seconds.update),
         ("photons", 1, |f| f.figures.seconds.photons),

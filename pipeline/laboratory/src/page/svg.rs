@@ -1,9 +1,9 @@
-//! The few shapes that plots are made of.
+//! Basic shapes of SVG drawings.
 
 use super::{marks, palette};
 use std::fmt::Write;
 
-/// A drawing of fixed size that scales with the page.
+/// Drawing of fixed size that scales with the page.
 #[derive(Clone, Debug)]
 pub struct Svg {
     width: f64,
@@ -12,19 +12,19 @@ pub struct Svg {
     body: String,
 }
 
-/// A point of a drawing; y goes down.
+/// Point of a drawing; y points down.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
     pub x: f64,
     pub y: f64,
 }
 
-/// The point (x, y).
+/// Returns the point (x, y).
 pub(super) fn at(x: f64, y: f64) -> Point {
     Point { x, y }
 }
 
-/// A rectangle of a drawing, from its upper left corner.
+/// Rectangle of a drawing, by its upper left corner and size.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rectangle {
     pub x: f64,
@@ -33,33 +33,33 @@ pub(super) struct Rectangle {
     pub height: f64,
 }
 
-/// How text stands on a drawing.
+/// Style of a text in a drawing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TextStyle {
-    /// Class that says its color.
+    /// CSS class with the text's color.
     pub class: &'static str,
-    /// The part of the text that lies at its place: start, middle or end.
+    /// Anchor of the text at its position: start, middle or end.
     pub anchor: &'static str,
-    /// Height of the font.
+    /// Font size.
     pub size: f64,
 }
 
-/// Style of the classes in files, besides the colors of lines; a page has its own rules for them.
+/// Style of the classes in files, except for line colors; pages have their own rules.
 const FILE_STYLE: &str =
     ".ink,.entry{fill:#1d2129}.soft{fill:#5a6270}.grid{stroke:#d9dde3}.axis{stroke:#7c8592}.hollow{fill:#ffffff}";
 
-/// Text as XML holds it.
+/// Escapes text for XML.
 pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Text that shows when a shape is pointed at; nothing for no text.
+/// Returns a tooltip; empty for an empty text.
 fn titled(about: &str) -> String {
     if about.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(about)) }
 }
 
 impl Svg {
-    /// Nothing drawn yet. `title` is what a screen reader says.
+    /// Returns an empty drawing. Screen readers read `title`.
     pub(super) fn new(width: f64, height: f64, title: &str) -> Self {
         Self { width, height, title: title.into(), body: String::new() }
     }
@@ -69,7 +69,7 @@ impl Svg {
         self.body.push('\n');
     }
 
-    /// A straight line of a class that says its color.
+    /// Draws a straight line with a CSS class.
     pub(super) fn rule(&mut self, from: Point, to: Point, class: &str) {
         self.draw(format_args!(
             r#"<line class="{class}" x1="{:.1}" y1="{:.1}" x2="{:.1}" y2="{:.1}" stroke-width="1"/>"#,
@@ -77,7 +77,7 @@ impl Svg {
         ));
     }
 
-    /// A line through points, in a color of the palette.
+    /// Draws a line through points, in a color of the palette.
     pub(super) fn polyline(&mut self, points: &[Point], color: usize, dashed: bool) {
         let list: Vec<String> = points.iter().map(|Point { x, y }| format!("{x:.1},{y:.1}")).collect();
         let dash = if dashed { r#" stroke-dasharray="5 4""# } else { "" };
@@ -87,7 +87,7 @@ impl Svg {
         ));
     }
 
-    /// The mark of a color, filled or hollow; `about` shows when it is pointed at.
+    /// Draws the mark of a color, filled or hollow, with the tooltip `about`.
     pub(super) fn point(&mut self, place: Point, color: usize, filled: bool, about: &str) {
         let fill = if filled { palette::fill_class(color) } else { "hollow".into() };
         let outline = marks::outline(color, place.x, place.y, 4.2);
@@ -95,7 +95,7 @@ impl Svg {
         self.draw(format_args!(r#"<path class="{stroke} {fill}" d="{outline}" stroke-width="1.5">{about}</path>"#));
     }
 
-    /// A cross where a point does not count; `about` shows when it is pointed at.
+    /// Draws a cross for a point that does not count, with the tooltip `about`.
     pub(super) fn cross(&mut self, place: Point, color: usize, about: &str) {
         let (about, stroke, r) = (titled(about), palette::stroke_class(color), 4.2);
         let (left, right, top, bottom) = (place.x - r, place.x + r, place.y - r, place.y + r);
@@ -104,13 +104,13 @@ impl Svg {
         ));
     }
 
-    /// A rectangle filled with a color of the palette; `about` shows when it is pointed at.
+    /// Draws a rectangle in a color of the palette, with the tooltip `about`.
     pub(super) fn bar(&mut self, bar: Rectangle, color: usize, about: &str) {
         let class = palette::fill_class(color);
         self.rectangle(bar, &format!(r#"class="{class}""#), about);
     }
 
-    /// A square of a map, with its own gray, 0 to 255.
+    /// Draws a square of a map in a gray of 0 to 255.
     pub(super) fn gray(&mut self, square: Rectangle, gray: u8, about: &str) {
         self.rectangle(square, &format!(r##"fill="#{gray:02x}{gray:02x}{gray:02x}""##), about);
     }
@@ -122,7 +122,7 @@ impl Svg {
         ));
     }
 
-    /// Text from left to right.
+    /// Draws text from left to right.
     pub(super) fn text(&mut self, place: Point, style: TextStyle, text: &str) {
         let (Point { x, y }, TextStyle { class, anchor, size }) = (place, style);
         let text = escaped(text);
@@ -131,7 +131,7 @@ impl Svg {
         ));
     }
 
-    /// Text that runs upward.
+    /// Draws text that runs upward.
     pub(super) fn text_upward(&mut self, place: Point, class: &str, size: f64, text: &str) {
         let (Point { x, y }, text) = (place, escaped(text));
         self.draw(format_args!(
@@ -139,14 +139,14 @@ impl Svg {
         ));
     }
 
-    /// As part of a page.
+    /// Returns the drawing for embedding in a page.
     pub fn inline(&self) -> String {
         let Self { width, height, title, body } = self;
         let title = escaped(title);
         format!(r#"<svg class="plot" viewBox="0 0 {width} {height}" role="img" aria-label="{title}">{body}</svg>"#)
     }
 
-    /// As a file, on white.
+    /// Returns the drawing as a file with a white background.
     pub fn file(&self) -> String {
         let Self { width, height, title, body } = self;
         let (title, colors) = (escaped(title), palette::rules_for_files());

@@ -14,13 +14,13 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A coded picture.
+/// Coded picture.
 pub(super) struct CodedFrame {
-    /// The picture that a decoder shows.
+    /// Picture as a decoder shows it.
     pub decoded: Arc<plane::Picture>,
-    /// Size of the picture, headers included.
+    /// Size of the picture with headers \[bits\].
     pub bits: u64,
-    /// CPU seconds.
+    /// CPU seconds of encoding.
     pub seconds: f64,
 }
 
@@ -32,42 +32,43 @@ pub struct Coder {
     sinks: Sinks,
 }
 
-/// Where bytes go.
+/// Consumers of the stream's bytes.
 struct Sinks {
-    /// The stream that the driver wrote, of a film that was rendered with this quantiser.
+    /// Stream that the driver wrote, if the film was rendered with this quantiser.
     written: Option<BufReader<File>>,
     copy: Option<Copy>,
 }
 
 impl Coder {
-    /// For `film` with `qscale`.
+    /// Returns the encoder of `film` with `qscale`.
     ///
     /// # Errors
-    /// Settings that fit no encoder.
+    /// If the settings fit no encoder.
     pub fn new(film: &Film, qscale: u32) -> Result<Self> {
         let mut settings = film.settings.clone();
         settings.render.qscale = qscale;
         let encoder = settings.encoder_config()?.with_lookahead(0).encoder()?;
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")?;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
         let written = film.stream.as_ref().filter(|_| film.settings.render.qscale == qscale);
         let open = |path: &PathBuf| File::open(path).map_err(Error::file(path, "cannot be read"));
         let sinks = Sinks { written: written.map(open).transpose()?.map(BufReader::new), copy: None };
         Ok(Self { settings, encoder, pool, sinks })
     }
 
-    /// Keeps the stream and what it decodes to below `workspace`, for [`Coder::finish`] to compare with another decoder's.
+    /// Stores the stream and its decoded pictures below `workspace`, for [`Coder::finish`] to compare with another
+    /// decoder.
     ///
     /// # Errors
-    /// Files cannot be written there.
+    /// If files cannot be written there.
     pub fn check_below(&mut self, workspace: &Path) -> Result<()> {
         self.sinks.copy = Some(Copy::new(workspace, &self.settings)?);
         Ok(())
     }
 
-    /// The next picture.
+    /// Encodes the next picture.
     ///
     /// # Errors
-    /// Another stream than the driver wrote.
+    /// If the stream differs from the driver's.
     pub fn push(&mut self, frame: &FilmFrame) -> Result<CodedFrame> {
         let known = frame.known.as_ref().filter(|_| self.settings.render.motion);
         let busy = Busy::default();
@@ -82,10 +83,10 @@ impl Coder {
         Ok(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() })
     }
 
-    /// The end of the stream, and the check by another decoder where that was requested and there is one.
+    /// Ends the stream. Runs the check by another decoder if it was requested and a decoder is installed.
     ///
     /// # Errors
-    /// Another stream than the driver wrote, or another decoder shows other pictures.
+    /// If the stream differs from the driver's, or the other decoder's pictures differ.
     pub fn finish(self) -> Result<Option<DecoderCheck>> {
         let Self { encoder, mut sinks, .. } = self;
         sinks.take(&encoder.finish().end)?;
@@ -97,7 +98,7 @@ impl Coder {
 }
 
 impl Sinks {
-    /// Bytes of the stream: they are those that the driver wrote, and go to the other decoder.
+    /// Compares the stream's bytes with the driver's, and copies them for the other decoder.
     fn take(&mut self, bytes: &[u8]) -> Result<()> {
         if let Some(written) = &mut self.written {
             let mut same = vec![0; bytes.len()];
@@ -109,9 +110,9 @@ impl Sinks {
     }
 }
 
-const ANOTHER_STREAM: &str = "the sweep's stream is not the one that the run wrote: a fault of this program";
+const ANOTHER_STREAM: &str = "the sweep's stream differs from the run's: this is a bug";
 
-/// A stream, and what the encoder says that it decodes to.
+/// A stream and the encoder's decoded pictures.
 struct Copy {
     stream: Output,
     decoded: Y4m,
@@ -124,7 +125,7 @@ impl Copy {
         Ok(Self { stream: Output::create(&paths[0])?, decoded: Y4m::create(&paths[1], settings)?, paths })
     }
 
-    /// Decodes with ffmpeg, and compares; nothing where there is no ffmpeg.
+    /// Decodes the stream with ffmpeg, and compares the pictures; `None` without ffmpeg.
     fn check(self) -> Result<Option<DecoderCheck>> {
         let Self { stream, decoded, paths } = self;
         stream.finish()?;
@@ -133,35 +134,35 @@ impl Copy {
             Ok(_) => check_with_ffmpeg(&paths[0], &paths[1]).map(Some),
             Err(_) => Ok(None),
         };
-        // They lie in a folder that goes anyway.
+        // The folder is removed in any case: errors do not matter.
         paths.iter().for_each(|path| drop(std::fs::remove_file(path)));
         found
     }
 }
 
-/// A stream, checked by another decoder.
+/// Check of a stream by another decoder.
 #[derive(Clone, Debug, Serialize)]
 pub struct DecoderCheck {
     /// Name of the decoder.
     pub decoder: &'static str,
-    /// Pictures that were compared.
+    /// Number of compared pictures.
     pub frames: usize,
     /// Largest difference of a luma sample, in code values: inverse transforms may round differently.
     pub largest_difference: u8,
-    /// Share of luma samples that are equal.
+    /// Fraction of equal luma samples.
     pub equal_share: f64,
 }
 
-/// Largest difference from rounding that adds up over a group of pictures.
+/// Largest difference due to rounding accumulated over a group of pictures.
 const MOST_DIFFERENCE: u8 = 4;
 
-/// Lets ffmpeg decode `stream`, and compares with `decoded`, the encoder's own reconstruction.
+/// Decodes `stream` with ffmpeg, and compares it with `decoded`, the encoder's own reconstruction.
 fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
     let (mut others, own) = (Pictures::open(stream)?, Pictures::open(decoded)?);
     let (mut largest, mut equal, mut count, mut frames) = (0, 0usize, 0usize, 0);
     for own in own {
         let (Picture::Video(own, _), Some(Picture::Video(other, _))) = (own?, others.next().transpose()?) else {
-            return Err(Error::Comparison("ffmpeg finds fewer pictures than were coded".into()));
+            return Err(Error::Comparison("ffmpeg decodes fewer pictures than were coded".into()));
         };
         for (&a, &b) in own.luma().samples().iter().zip(other.luma().samples()) {
             largest = largest.max(a.abs_diff(b));
@@ -172,7 +173,7 @@ fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
     }
     if largest > MOST_DIFFERENCE {
         return Err(Error::fault(format!(
-            "ffmpeg decodes other pictures than the encoder reconstructs, by {largest} code values: a fault of this program"
+            "ffmpeg's pictures differ from the encoder's reconstruction by {largest} code values: this is a bug"
         )));
     }
     let equal_share = equal as f64 / count.max(1) as f64;

@@ -1,4 +1,4 @@
-//! A sweep's figures as JSON and as a table.
+//! Figures of a sweep as JSON and CSV.
 
 use super::Swept;
 use super::figures::{MethodRun, Outcome};
@@ -7,7 +7,7 @@ use render2mpeg::error::{Context, Error, Result};
 use serde::Serialize;
 use std::path::Path;
 
-/// `sweep.json`: the figures, and what they say in words.
+/// Contents of `sweep.json`: the figures, and findings in words.
 #[derive(Serialize)]
 struct SweepFile<'a> {
     #[serde(flatten)]
@@ -16,15 +16,15 @@ struct SweepFile<'a> {
 }
 
 impl Swept {
-    /// The text of `sweep.json`.
+    /// Returns the text of `sweep.json`.
     pub(super) fn json(&self) -> Result<String> {
         let written = SweepFile { outcome: &self.outcome, findings: self.outcome.findings() };
-        let mut json = serde_json::to_string_pretty(&written).context("the figures cannot be put into JSON")?;
+        let mut json = serde_json::to_string_pretty(&written).context("the figures cannot be written as JSON")?;
         json.push('\n');
         Ok(json)
     }
 
-    /// The same for a page, which names files and no folders of the machine.
+    /// Returns the same text with file names instead of paths, for a page.
     pub(super) fn json_without_folders(&self) -> Result<String> {
         let mut value: serde_json::Value = serde_json::from_str(&self.json()?)?;
         for name in ["scene", "output", "baked"] {
@@ -37,7 +37,7 @@ impl Swept {
     }
 }
 
-/// A line for each run; nothing where a figure is unknown.
+/// Formats runs as CSV, one line per run; unknown figures are empty.
 pub(super) fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for run in runs {
@@ -90,5 +90,5 @@ pub(super) fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
         }
         writer.write_record(columns.iter().map(|(_, value)| value)).map_err(Error::other)?;
     }
-    writer.into_inner().map_err(|error| error.into_error()).context("the table cannot be completed")
+    writer.into_inner().map_err(|error| error.into_error()).context("the table cannot be written")
 }

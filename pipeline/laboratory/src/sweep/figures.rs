@@ -1,4 +1,4 @@
-//! Figures of a sweep: one [`MethodRun`] for each method and quantiser.
+//! Figures of a sweep: a [`MethodRun`] for each method and quantiser.
 
 use super::coded::DecoderCheck;
 use super::histogram::ErrorHistogram;
@@ -10,104 +10,105 @@ use plane::Plane;
 use render2mpeg::settings::Settings;
 use serde::Serialize;
 
-/// Decoded PSNR that may be lost at *equal decoded quality* \[dB\]. What is better than the baseline is at least equal.
+/// Maximum loss of decoded PSNR at *equal decoded quality* \[dB\]. Better than the baseline also counts as equal.
 const EQUAL_PSNR: f64 = 0.1;
-/// Share of bits that there may be more.
+/// Maximum relative increase of bits at equal quality.
 const EQUAL_BITS: f64 = 0.01;
-/// Share of flicker that there may be more. Another seed of the light tree alone moves it by several hundredths.
+/// Maximum relative increase of flicker at equal quality. Another seed of the light tree alone changes flicker by
+/// several hundredths.
 const EQUAL_FLICKER: f64 = 0.1;
 
-/// A sweep's figures; means leave out frame 0, for which no thresholds are known.
+/// Figures of a sweep. Means exclude frame 0, which has no thresholds.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Outcome {
     /// Version of the layout.
     pub schema: u32,
-    /// Version of the program.
+    /// Name and version of the program.
     pub program: String,
-    /// The reference's settings; all others differ by what their method says.
+    /// Settings of the reference; methods change some of them.
     pub settings: Settings,
-    /// Points of light in the tree.
+    /// Number of lights in the tree.
     pub lights: u32,
-    /// CPU seconds a frame of the references: every light at every pixel.
+    /// Costs of the references, which evaluate every light at every pixel.
     pub references: Vec<ReferenceCost>,
-    /// One for each quantiser and method, methods together.
+    /// Runs by method and quantiser, grouped by method.
     pub runs: Vec<MethodRun>,
-    /// The check by another decoder; null where there is none.
+    /// Check by another decoder; null without one.
     pub decoder_check: Option<DecoderCheck>,
-    /// Whether it was ended early: runs of some methods or quantisers are missing then.
+    /// True if the sweep ended early, without the runs of some methods or quantisers.
     pub interrupted: bool,
-    /// By the clock, everything \[s\].
+    /// Wall-clock time of the sweep \[s\].
     pub wall_seconds: f64,
 }
 
 /// Cost of a reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReferenceCost {
-    /// Whether light from close by is compensated.
+    /// True if lost short-range light is compensated.
     pub compensation: bool,
-    /// CPU seconds of the stages, a frame.
+    /// Mean CPU seconds of the stages per frame.
     pub seconds: Seconds,
 }
 
-/// A method at a quantiser.
+/// Results of a method at one quantiser.
 #[derive(Clone, Debug, Serialize)]
 pub struct MethodRun {
     /// Name of the method.
     pub method: &'static str,
-    /// As in plots.
+    /// Label in plots.
     pub label: String,
     /// quantiser_scale.
     pub qscale: u32,
-    /// Whether indirect light was cached.
+    /// True if indirect light was cached.
     pub cache: bool,
-    /// Whether it is a film by lightcuts and not by paths.
+    /// True for a film by lightcuts, false for path tracing.
     pub lightcuts: bool,
-    /// Multiplier on what masking allows, where it steers.
+    /// Multiplier on masking thresholds, if these are in use.
     pub kappa: Option<f32>,
-    /// CPU seconds of the stages, a frame; of paths, all in `direct`.
+    /// Mean CPU seconds of the stages per frame; path tracing counts as `direct`.
     pub seconds: Seconds,
-    /// Threshold by luminance.
+    /// Mean ratio of threshold to luminance.
     pub threshold_mean_relative: f64,
-    /// Share of the light tree's nodes whose children changed places.
+    /// Mean fraction of the light tree's nodes with changed children.
     pub tree_swaps_share: f64,
-    /// Clusters in a cut, over the cuts that were made.
+    /// Mean number of clusters in a lightcut.
     pub cut_size_mean: f64,
-    /// Shadow rays of direct light and cuts, a frame.
+    /// Mean number of shadow rays of direct light and lightcuts per frame.
     pub shadow_rays: f64,
-    /// A frame.
+    /// Mean size of a coded frame \[bits\].
     pub bits: f64,
-    /// Rendered frames against the reference, before compression.
+    /// Rendered frames compared with the reference, before compression.
     pub rendered: Comparison,
-    /// Decoded frames against the reference before compression.
+    /// Decoded frames compared with the uncompressed reference.
     pub decoded: Comparison,
-    /// How much more the decoded film changes from frame to frame than the decoded reference, in pixels that are seen in both:
-    /// root mean square of luma \[code values\].
+    /// Additional change between frames, compared with the decoded reference, in pixels visible in both frames. Root
+    /// mean square of luma \[code values\].
     pub flicker: f64,
-    /// True error by threshold, of all pixels of these frames.
+    /// Histogram of true error divided by threshold, over all pixels of these frames.
     pub error_by_threshold: Option<ErrorHistogram>,
-    /// Beside its baseline; none where that was not run.
+    /// Comparison with the baseline; null if the baseline was not run.
     pub against_baseline: Option<AgainstBaseline>,
 }
 
-/// A run beside the run with fixed thresholds of 2 % at the same quantiser.
+/// Comparison of a run with its baseline: fixed thresholds of 2 % at the same quantiser.
 #[derive(Clone, Debug, Serialize)]
 pub struct AgainstBaseline {
-    /// Decoded PSNR more than the baseline's \[dB\].
+    /// Decoded PSNR minus the baseline's \[dB\].
     pub psnr_difference: f64,
-    /// Bits by the baseline's.
+    /// Ratio of bits to the baseline's.
     pub bits_ratio: f64,
-    /// The run's flicker by the baseline's.
+    /// Ratio of flicker to the baseline's.
     pub flicker_ratio: f64,
-    /// Whether decoded PSNR is at most 0.1 dB less, bits are at most 1 % more, and flicker at most 10 %.
+    /// True if decoded PSNR is at most 0.1 dB lower, bits at most 1 % and flicker at most 10 % higher.
     pub equal_quality: bool,
-    /// The baseline's CPU seconds in indirect light by this run's.
+    /// Ratio of the baseline's CPU seconds of indirect light to this run's.
     pub speedup_indirect: f64,
-    /// The same of whole frames.
+    /// Ratio of the baseline's CPU seconds per frame to this run's.
     pub speedup_total: f64,
-    /// The baseline's mean cut by this run's.
+    /// Ratio of the baseline's mean cut size to this run's.
     pub cut_size_ratio: f64,
-    /// The baseline's shadow rays by this run's, those of direct light included.
+    /// Ratio of the baseline's shadow rays to this run's, including direct light.
     pub shadow_rays_ratio: f64,
 }
 
@@ -117,29 +118,29 @@ pub struct RunPictures {
     pub method: &'static str,
     /// quantiser_scale.
     pub qscale: u32,
-    /// Decoded.
+    /// Decoded picture.
     pub decoded: Plane<[u8; 3]>,
-    /// Threshold by luminance, and cut size.
+    /// Maps of the last frame; `None` for path tracing.
     pub maps: Option<Maps>,
 }
 
-/// Thresholds, cuts and errors of the last frame of a film.
+/// Thresholds, cut sizes and errors of a film's last frame.
 pub struct Maps {
-    /// Threshold by luminance.
+    /// Ratio of threshold to luminance.
     pub relative_threshold: Plane<f32>,
-    /// Clusters of each pixel's cut; with a cache, at the pixels of records, 0 elsewhere.
+    /// Number of clusters in each pixel's lightcut; with a cache, only at pixels of records, 0 elsewhere.
     pub cut_size: Plane<f32>,
-    /// |luma − the reference's| before compression, in code values.
+    /// Luma difference from the reference before compression, absolute \[code values\].
     pub error: Plane<f32>,
 }
 
-/// Mean of a figure over the frames that had thresholds: all but the first, unless there is no other.
+/// Mean of a figure over the frames with thresholds: all except the first, or a single frame.
 pub fn mean_of(frames: &[FrameReport], figure: impl Fn(&FrameReport) -> f64) -> f64 {
     let frames = steered(frames);
     frames.iter().map(figure).sum::<f64>() / frames.len().max(1) as f64
 }
 
-/// All but the first, unless there is no other.
+/// Returns all frames except the first, or a single frame.
 pub fn steered<T>(frames: &[T]) -> &[T] {
     if frames.len() > 1 { &frames[1..] } else { frames }
 }
@@ -171,7 +172,7 @@ impl MethodRun {
     }
 }
 
-/// Sets each run of a method beside its baseline's at the same quantiser.
+/// Compares each run with its baseline at the same quantiser.
 pub fn set_beside_baselines(runs: &mut [MethodRun]) {
     let found: Vec<Option<AgainstBaseline>> = runs
         .iter()
@@ -184,7 +185,7 @@ pub fn set_beside_baselines(runs: &mut [MethodRun]) {
     runs.iter_mut().zip(found).for_each(|(run, found)| run.against_baseline = found);
 }
 
-/// The method's label with the multiplier in force.
+/// Returns the method's label with the multiplier in use.
 pub fn label(method: &Method, settings: &Settings) -> String {
     method.label.replace("{κ}", &format!("{}", settings.render.kappa))
 }

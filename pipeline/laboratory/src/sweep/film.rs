@@ -1,4 +1,4 @@
-//! Films in files: rendered as always, and read back frame by frame with all that is known of them.
+//! Films stored in files: rendered as usual, then read frame by frame with all their data.
 
 use super::method::{Method, Way};
 use crate::compare::{Picture, Pictures};
@@ -22,37 +22,38 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use tempfile::TempDir;
 
-/// A frame before compression.
+/// Frame before compression.
 #[derive(Clone, Debug)]
 pub struct FilmFrame {
-    /// Linear light.
+    /// Linear light \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
-    /// As the encoder gets it.
+    /// Picture as passed to the encoder.
     pub picture: plane::Picture,
-    /// Where the same points were in the frame before; none in the first.
+    /// Correspondence with the previous frame; `None` for the first frame.
     pub known: Option<Correspondence>,
-    /// Luminance that each pixel may be wrong by; 0 where 2 % of its own hold.
+    /// Permitted luminance error of each pixel; 0 means 2 % of its luminance.
     pub thresholds: Plane<f32>,
-    /// Clusters of each pixel's cut; with the cache, at the pixels of records.
+    /// Number of clusters in each pixel's lightcut; with a cache, only at pixels of records.
     pub cut_sizes: Plane<f32>,
 }
 
-/// A film before compression, in files, and what it cost. The files go when it goes: a long film never lies in memory.
+/// Film before compression, stored in files that are removed when it is dropped, and its cost. Long films need no
+/// memory.
 pub(super) struct Film {
-    /// Every choice.
+    /// Settings of the film.
     pub settings: Settings,
-    /// Reports of the stages; of paths, only the time in `direct`.
+    /// Reports of the stages; path tracing has only the time in `direct`.
     pub reports: Vec<FrameReport>,
-    /// The video as the run wrote it; paths write none.
+    /// Video as the run wrote it; `None` for path tracing.
     pub stream: Option<PathBuf>,
     folder: TempDir,
 }
 
 impl Film {
-    /// Its frames, read one by one.
+    /// Returns the frames, read one by one.
     ///
     /// # Errors
-    /// The files are not there any more.
+    /// If the files no longer exist.
     pub fn frames(&self) -> Result<impl Iterator<Item = Result<FilmFrame>>> {
         let mut pictures = Pictures::open(&uncompressed(self.folder.path()))?;
         Ok((0..self.settings.render.frames).map(move |n| {
@@ -64,23 +65,24 @@ impl Film {
     }
 }
 
-/// Where a film in `folder` has its frames as the encoder gets them.
+/// Returns the path of the uncompressed frames of a film in `folder`.
 fn uncompressed(folder: &Path) -> PathBuf {
     folder.join("film.y4m")
 }
 
-/// And where frame `n` as linear light, with all that is known of it.
+/// Returns the path of frame `n` as linear light with all its data.
 fn linear(folder: &Path, n: u32) -> PathBuf {
     folder.join(format!("frame_{n:05}.exr"))
 }
 
-/// A folder for a film's files.
+/// Creates a folder for a film's files.
 fn folder_in(workspace: &Path) -> Result<TempDir> {
     let made = tempfile::Builder::new().prefix("film-").tempdir_in(workspace);
     made.map_err(Error::file(workspace, "cannot be written to"))
 }
 
-/// Settings of a method, with the exposure of the reference: a curve of its own would be a difference of its own.
+/// Returns the settings of a method with the reference's exposure: another tone curve would be a difference of its
+/// own.
 pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Option<f32>) -> Result<Settings> {
     let mut settings = Settings::new(path.into(), scene, options)?;
     if let Some(exposure) = exposure {
@@ -90,20 +92,20 @@ pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Opt
     Ok(settings)
 }
 
-/// The scene of films, and the folder where they are made.
+/// Scene of the films, and the folder in which they are made.
 #[derive(Clone, Copy)]
 pub struct Workshop<'a> {
     pub scene: &'a Scene,
-    /// Folders of films are made in it.
+    /// Folder for the films' folders.
     pub folder: &'a Path,
-    /// Ends the work when it is set.
+    /// Ends the work when true.
     pub stop: &'a AtomicBool,
 }
 
-/// Renders into files.
+/// Renders a film into files.
 ///
 /// # Errors
-/// Errors of [`render2mpeg::render`], or that `stop` was set.
+/// Errors of [`render2mpeg::render`], or [`Error::Interrupted`] once `stop` is true.
 pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut() + Send) -> Result<Film> {
     let Workshop { scene, folder: workspace, stop } = workshop;
     let folder = folder_in(workspace)?;
@@ -112,7 +114,7 @@ pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut()
     with_files.render.aov = vec![Aov::Motion, Aov::Threshold, Aov::CutSize];
     with_files.files = FileSettings {
         exr: Some(folder.path().to_owned()),
-        // Errors are measured on these: halves would add theirs.
+        // Errors are measured on these files: 16-bit floats would add their own.
         exr_depth: Some(ExrDepth::Float),
         y4m: Some(uncompressed(folder.path())),
         y4m_is_coded: true,
@@ -144,10 +146,11 @@ fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame>
     })
 }
 
-/// Renders by `spp` paths through each pixel, through its center alone without anti-aliasing; motion is that of `like`, a film of the same scene.
+/// Renders frames by `spp` paths per pixel, through pixel centers only without anti-aliasing. Motion is copied from
+/// `like`, a film of the same scene.
 ///
 /// # Errors
-/// `stop` was set, or the disk is full.
+/// If `stop` is true, or the disk is full.
 pub fn by_paths(
     workshop: Workshop<'_>,
     settings: Settings,
@@ -163,13 +166,13 @@ pub fn by_paths(
         if stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
         }
-        // A seed for each frame: with one for all, noise would stand still and cost no bits.
+        // Each frame has its own seed: static noise would cost no bits.
         let seed = settings.render.seed.wrapping_add(u64::from(report.index) << 32);
         let pixel = if settings.render.antialiasing { PixelSampling::Area } else { PixelSampling::Center };
         let options = PathOptions { samples: spp, seed, max_bounces: settings.render.bounces, pixel };
         let before = process_cpu_seconds();
         let radiance = reference::by_paths(scene, &settings.render, report.index, &options, |_, _| ()).radiance;
-        // Path tracing has neither cuts nor thresholds.
+        // Path tracing has neither lightcuts nor thresholds.
         let mut report = report.clone();
         let figures = &mut report.figures;
         (figures.cut_size_mean, figures.cut_size_max, figures.shadow_rays) = (0.0, 0, 0);
@@ -185,7 +188,7 @@ pub fn by_paths(
     Ok(Film { settings, reports, stream: None, folder })
 }
 
-/// Writes a frame for [`read_frame`], without thresholds and cuts.
+/// Writes a frame for [`read_frame`], without thresholds and lightcuts.
 fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, known: Option<&Correspondence>) -> Result<()> {
     let (width, height) = (radiance.width(), radiance.height());
     let color = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
@@ -207,10 +210,10 @@ fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, known: Option<&Correspon
     image_file::write_layers(path, width, height, channels).map_err(Error::other)
 }
 
-/// Renders by `method`; `reference` lends paths its motion.
+/// Renders a film by `method`; path tracing copies the motion of `reference`.
 ///
 /// # Errors
-/// See [`render`] and [`by_paths`].
+/// Errors of [`render`] and [`by_paths`].
 pub fn by_method(
     method: &Method,
     workshop: Workshop<'_>,

@@ -1,60 +1,61 @@
-//! How the errors of pixels lie beside the thresholds that they were allowed (figure 7 of \[Herzog08\]).
+//! Histogram of pixel errors divided by their thresholds (figure 7 of \[Herzog08\]).
 
 use super::film::{Film, FilmFrame};
 use perceptual::luminance;
 use renderer::settings::Size;
 use serde::Serialize;
 
-/// Bins between 0 and [`HIGHEST`].
+/// Number of bins between 0 and [`HIGHEST`].
 const BINS: usize = 40;
-/// Ratio where the last bin ends; what lies above is counted apart.
+/// End of the last bin, as a ratio; larger ratios are counted separately.
 const HIGHEST: f64 = 2.0;
-/// Most pixels that are taken; of more, some are left out, evenly: all of a film would not fit.
+/// Maximum number of sampled pixels; larger films are subsampled evenly to fit in memory.
 const MOST_PIXELS: usize = 1 << 21;
-/// Pixels darker than this share of the picture's mean do not count: 0/0 says nothing.
+/// Pixels darker than this fraction of the picture's mean are excluded: 0/0 has no meaning.
 const DARK: f64 = 1e-4;
 
-/// Shares of pixels by the ratio of true error to threshold.
+/// Histogram of the ratio of true error to threshold, over pixels.
 #[derive(Clone, Debug, Serialize)]
 pub struct ErrorHistogram {
     /// Width of a bin.
     pub bin: f64,
-    /// Share of pixels in each; they sum to 1 with `above`.
+    /// Fraction of pixels in each bin; with `above` they sum to 1.
     pub shares: Vec<f64>,
-    /// Mean threshold by luminance in each bin; null in empty ones.
+    /// Mean ratio of threshold to luminance in each bin; null for empty bins.
     pub thresholds: Vec<Option<f64>>,
-    /// Share of pixels beyond the last bin.
+    /// Fraction of pixels above the last bin.
     pub above: f64,
-    /// Share of pixels that keep their threshold.
+    /// Fraction of pixels within their threshold.
     pub within: f64,
-    /// Half of the pixels lie below.
+    /// Median of the ratio.
     pub median: f64,
-    /// 95 in a hundred lie below.
+    /// 95th percentile of the ratio.
     pub p95: f64,
 }
 
-/// Gathers ratios of error to threshold, frame by frame.
+/// Collects ratios of error to threshold, frame by frame.
 pub struct Ratios {
-    /// Each with its threshold by luminance.
+    /// Ratio of error to threshold, and of threshold to luminance, for each pixel.
     pairs: Vec<(f64, f64)>,
-    /// Share of its luminance that a pixel without a threshold may be wrong by.
+    /// Permitted error of a pixel without a threshold, as a fraction of its luminance.
     otherwise: f64,
-    /// One pixel in this number is taken.
+    /// Interval of the sampled pixels.
     stride: usize,
     pixels: usize,
 }
 
 impl Ratios {
-    /// For `frames` of `film`. A film of fixed thresholds has its own share.
+    /// Returns an empty collection for `frames` frames of `film`. Films with fixed thresholds have their own
+    /// fraction.
     pub fn of(film: &Film, frames: usize) -> Self {
         let otherwise = f64::from(film.settings.render.thresholds.share_elsewhere());
         let Size { width, height } = film.settings.render.size;
-        // Odd, so that not the same columns are taken again and again.
+        // Odd, so that the samples do not repeat the same columns.
         let stride = (frames * width * height / MOST_PIXELS) | 1;
         Self { pairs: Vec::new(), otherwise, stride, pixels: 0 }
     }
 
-    /// Takes the lit pixels of a frame: |Y − Y of the reference| by threshold.
+    /// Adds the lit pixels of a frame: |Y − Y of the reference| divided by threshold.
     pub fn add(&mut self, frame: &FilmFrame, reference: &FilmFrame) {
         let truth = reference.radiance.map(|rgb| f64::from(luminance(rgb)));
         let dark = DARK * truth.samples().iter().sum::<f64>() / truth.samples().len().max(1) as f64;
@@ -68,14 +69,14 @@ impl Ratios {
         }));
     }
 
-    /// The histogram of the ratios.
+    /// Returns the histogram of the ratios.
     pub fn histogram(self) -> ErrorHistogram {
         ErrorHistogram::from_pairs(self.pairs)
     }
 }
 
 impl ErrorHistogram {
-    /// From ratios of error to threshold, each with its threshold by luminance.
+    /// Returns the histogram of pairs: error to threshold, and threshold to luminance.
     fn from_pairs(mut pairs: Vec<(f64, f64)>) -> Self {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let count = pairs.len().max(1) as f64;

@@ -1,11 +1,11 @@
-//! Maps of a frame, as pictures: thresholds, cut sizes, errors (figures 4 and 8 of \[Herzog08\]).
+//! Maps of a frame as pictures: thresholds, cut sizes, errors (figures 4 and 8 of \[Herzog08\]).
 
 use super::figures::Maps;
 use crate::compare::HEAT_MAP_RANGE;
 use crate::page::{CUT_SIZE, Scale, THRESHOLD};
 use plane::Plane;
 
-/// Error before compression.
+/// Luma error before compression.
 pub const ERROR: Scale = Scale {
     name: "error",
     about: "error before compression, code values of luma",
@@ -13,15 +13,15 @@ pub const ERROR: Scale = Scale {
     ends: ("¼", "64"),
 };
 
-/// A map as a picture.
+/// Map as a picture.
 pub struct MapPicture {
-    /// Legend of the colors.
+    /// Scale of the colors.
     pub scale: Scale,
-    /// In false colors.
+    /// Map in false colors.
     pub picture: Plane<[u8; 3]>,
 }
 
-/// The three maps as pictures, with their scales.
+/// Returns the three maps as pictures with their scales.
 pub fn pictures(maps: &Maps) -> [MapPicture; 3] {
     let map = |scale: Scale, plane: &Plane<f32>| MapPicture { picture: scale.picture(plane), scale };
     [map(THRESHOLD, &maps.relative_threshold), map(CUT_SIZE, &maps.cut_size), map(ERROR, &maps.error)]

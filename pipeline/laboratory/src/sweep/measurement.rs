@@ -1,4 +1,4 @@
-//! A film through the encoder and beside the reference, frame by frame: what becomes of it as a [`MethodRun`].
+//! Measurement of an encoded film against the reference, frame by frame, as a [`MethodRun`].
 
 use super::coded::{CodedFrame, Coder, DecoderCheck};
 use super::figures::{Maps, MethodRun, RunPictures, label, mean_of, mean_seconds};
@@ -13,37 +13,37 @@ use render2mpeg::settings::Settings;
 use renderer::settings::Thresholds;
 use std::path::Path;
 
-/// Findings of a film at a quantiser.
+/// Results of a film at one quantiser.
 pub struct Measured {
-    /// The figures.
+    /// Figures of the run.
     pub run: MethodRun,
-    /// Its last frame.
+    /// Pictures of the last frame.
     pub pictures: RunPictures,
-    /// The first decoded pictures, as many as were requested.
+    /// First decoded pictures, in the requested number.
     pub clip: Vec<Plane<[u8; 3]>>,
-    /// The check by another decoder, where it was requested.
+    /// Check by another decoder, if requested.
     pub check: Option<DecoderCheck>,
 }
 
-/// Requests beyond the figures.
+/// Additional requests.
 pub struct Wanted<'a> {
-    /// Decoded pictures from the beginning on.
+    /// Number of decoded pictures to keep, from the first frame.
     pub clip: usize,
-    /// Where another decoder's files may lie for a while, if its check is requested.
+    /// Folder for temporary files of another decoder, if its check is requested.
     pub check_below: Option<&'a Path>,
 }
 
-/// Encodes `film` with `qscale` and lays it beside `reference`.
+/// Encodes `film` with `qscale`, and compares it with `reference`.
 ///
 /// # Errors
-/// Frames that cannot be read, another stream than the run wrote, a decoder that shows other pictures.
+/// If frames cannot be read, the stream differs from the run's, or another decoder's pictures differ.
 pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wanted: &Wanted<'_>) -> Result<Measured> {
     let mut coder = Coder::new(film, qscale)?;
     let mut of_reference = Coder::new(reference, qscale)?;
     let mut flicker = Flicker::default();
     wanted.check_below.map(|folder| coder.check_below(folder)).transpose()?;
     let count = film.reports.len();
-    // The first frame knows no thresholds: it is coded, and not counted unless it is the only one.
+    // The first frame has no thresholds: it is coded, but counts only if it is the only one.
     let uncounted = usize::from(count > 1);
     let lightcuts = film.stream.is_some();
     let (mut sums, mut clip, mut last) = (FrameSums::new(film, count - uncounted), Vec::new(), None);
@@ -63,16 +63,16 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
         }
     }
     if last.is_none() {
-        return Err(Error::fault("a film without frames: a fault of this program"));
+        return Err(Error::fault("a film without frames: this is a bug"));
     }
     let run = MethodRun { flicker: flicker.mean(), ..sums.into_run(method, qscale, film) };
     Ok(Measured { run, pictures: last.expect("checked"), clip, check: coder.finish()? })
 }
 
-/// How much more a decoded film changes from frame to frame than the decoded reference.
+/// Additional change between frames of a decoded film, compared with the decoded reference.
 #[derive(Default)]
 struct Flicker {
-    /// Luma of the frame before, of the film and of the reference.
+    /// Luma of the previous frame, of the film and of the reference.
     before: Option<[Plane<u8>; 2]>,
     squares: f64,
     frames: u32,
@@ -102,7 +102,7 @@ impl Flicker {
     }
 }
 
-/// Sums over the frames that count.
+/// Sums over the counted frames.
 struct FrameSums {
     exposure: f32,
     rendered: Vec<Comparison>,
@@ -123,7 +123,8 @@ impl FrameSums {
         let linear = |frame: &FilmFrame| {
             Picture::Linear { radiance: frame.radiance.clone(), variance: None }.view(self.exposure)
         };
-        // Light as light, and pictures as the encoder got them: the exposure has no say in what is taken from here.
+        // Light is measured as light, and pictures as passed to the encoder: the exposure does not affect these
+        // figures.
         let mut rendered = measure(&linear(frame), &linear(truth));
         rendered.psnr_y = Some(perceptual::psnr(frame.picture.luma(), truth.picture.luma())).filter(|p| p.is_finite());
         rendered.ssim = perceptual::ssim(frame.picture.luma(), truth.picture.luma());
@@ -164,7 +165,7 @@ impl FrameSums {
     }
 }
 
-/// Thresholds and cuts of `frame`, and how far it is from the reference.
+/// Returns thresholds and cut sizes of `frame`, and its difference from the reference.
 fn maps_of(settings: &Settings, frame: &FilmFrame, truth: &FilmFrame) -> Maps {
     let share = settings.render.thresholds.share_elsewhere();
     let relative = |x, y| {

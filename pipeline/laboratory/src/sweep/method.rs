@@ -1,39 +1,39 @@
-//! The ways of rendering that a sweep compares.
+//! Rendering methods that a sweep compares.
 
 use render2mpeg::Options;
 use render2mpeg::settings::Switch;
 use renderer::settings::{Lighting, PixelShading, Stopping, Thresholds};
 
-/// How a method makes its frames.
+/// Way in which a method makes its frames.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Way {
-    /// As films are rendered, with these differences from the defaults.
+    /// Rendered as a film, with these changes to the default options.
     Film(fn(&mut Options)),
-    /// Path tracing, with this number of paths for each pixel.
+    /// Path tracing with this number of paths per pixel.
     Paths(u32),
 }
 
-/// A row of the table below.
+/// Rendering method, a row of [`METHODS`].
 #[derive(Clone, Copy, Debug)]
 pub struct Method {
-    /// As typed and as in files.
+    /// Name on the command line and in files.
     pub name: &'static str,
-    /// As in plots; `{κ}` stands for the multiplier in force.
+    /// Label in plots; `{κ}` is replaced by the multiplier in use.
     pub label: &'static str,
-    /// How frames are made.
+    /// Way in which frames are made.
     pub way: Way,
-    /// Whether indirect light is cached and interpolated.
+    /// True if indirect light is cached and interpolated.
     pub cache: bool,
-    /// Whether the quantiser changes how frames are rendered.
+    /// True if the quantiser affects the rendering.
     pub steered: bool,
-    /// Number of its color and mark in plots, its own.
+    /// Number of its own color and mark in plots.
     pub color: usize,
 }
 
-/// Every method, in the order of plots and tables. Another one is another row.
+/// All methods, in the order of plots and tables. To add a method, add a row.
 ///
-/// Without the cache every pixel has its own cut, and nothing else is done for it: no compensation, as in \[Herzog08\].
+/// Without the cache every pixel has its own lightcut without compensation, as in \[Herzog08\].
 pub const METHODS: &[Method] = &[
     film("lightcuts", "2 %", 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
     film("paper", "κ = 1", 3, |w| masking(w).kappa = Some(1.0)).steered(),
@@ -65,19 +65,19 @@ pub const METHODS: &[Method] = &[
     paths("paths-64", "64 paths", 64, 2),
 ];
 
-/// Thresholds from the masking model.
+/// Sets the thresholds of the masking model.
 fn masking(options: &mut Options) -> &mut Options {
     options.thresholds = Some(Thresholds::Perceptual);
     options
 }
 
-/// Every pixel of each frame is lit.
+/// Shades every pixel of each frame.
 fn full(options: &mut Options) -> &mut Options {
     options.shading = Some(PixelShading::Full);
     options
 }
 
-/// A film without cache, for which the quantiser changes nothing.
+/// Returns a film without cache that is independent of the quantiser.
 const fn film(name: &'static str, label: &'static str, color: usize, change: fn(&mut Options)) -> Method {
     Method { name, label, way: Way::Film(change), cache: false, steered: false, color }
 }
@@ -86,11 +86,11 @@ const fn paths(name: &'static str, label: &'static str, spp: u32, color: usize) 
     Method { name, label, way: Way::Paths(spp), cache: true, steered: false, color }
 }
 
-/// There is no method of this name; the message names all.
+/// The method does not exist; the message lists all methods.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("\"{name}\" is not a method; there are {}", all_names())]
+#[error("\"{name}\" is not a method; methods are {}", all_names())]
 pub struct UnknownMethod {
-    /// The name, as typed.
+    /// Name as typed.
     pub name: String,
 }
 
@@ -107,16 +107,16 @@ impl Method {
         Self { steered: true, ..self }
     }
 
-    /// The method called `name`.
+    /// Returns the method called `name`.
     ///
     /// # Errors
-    /// There is none.
+    /// If no method has this name.
     pub fn named(name: &str) -> Result<&'static Method, UnknownMethod> {
         METHODS.iter().find(|method| method.name == name).ok_or_else(|| UnknownMethod { name: name.into() })
     }
 
-    /// Its baseline for speed: fixed thresholds of 2 %, cached or not as it is; none for paths, which are
-    /// not lightcuts.
+    /// Returns the baseline for speed: fixed thresholds of 2 %, with the same use of the cache. `None` for path
+    /// tracing.
     pub fn baseline(&self) -> Option<&'static Method> {
         let name = if self.cache { "lightcuts-cache" } else { "lightcuts" };
         match self.way {
@@ -125,17 +125,17 @@ impl Method {
         }
     }
 
-    /// Whether it is rendered as films are, and not by paths.
+    /// Returns true if the method renders films, false for path tracing.
     pub fn is_film(&self) -> bool {
         matches!(self.way, Way::Film(_))
     }
 
-    /// Whether light from close by is compensated: it is with the cache and by paths, which lose none.
+    /// Returns true if lost short-range light is compensated: with the cache, and for path tracing, which loses none.
     pub fn compensates(&self) -> bool {
         self.cache
     }
 
-    /// The options of a film by this method, given those that all methods share.
+    /// Returns the options of a film by this method, given the `common` options of all methods.
     pub fn options(&self, common: &Options) -> Options {
         let switch = |on| Some(if on { Switch::On } else { Switch::Off });
         let mut options =
@@ -146,7 +146,8 @@ impl Method {
         options
     }
 
-    /// About how long a frame takes, in units of one by the cache; measured on `cornell` at 160×160. For progress only.
+    /// Approximate time per frame, relative to a frame with the cache; measured on `cornell` at 160×160. For progress
+    /// only.
     pub fn weight(&self) -> u64 {
         match self.way {
             Way::Film(_) if self.cache => 1,
@@ -156,14 +157,14 @@ impl Method {
     }
 }
 
-/// The reference's [`Method::weight`].
+/// [`Method::weight`] of the reference.
 pub const REFERENCE_WEIGHT: u64 = 20;
 
-/// The options of the reference: every light, with compensation or without.
+/// Returns the options of the reference: every light, with or without compensation.
 pub fn reference_options(common: &Options, compensates: bool) -> Options {
     let compensation = Some(if compensates { Switch::On } else { Switch::Off });
     let (lighting, cache) = (Some(Lighting::AllLights), Some(Switch::Off));
-    // The finest quantiser: as many photons as any film has.
+    // The finest quantiser, which gives the most photons of any film.
     Options { lighting, cache, compensation, qscale: Some(1), ..common.clone() }
 }
 

@@ -1,10 +1,10 @@
-//! Error against run time: the same frames by several methods, through the encoder at several quantisers, all beside a
+//! Error against run time: the same frames by several methods, encoded at several quantisers, and compared with a
 //! reference that evaluates every light at every pixel.
 //!
-//! Methods are rows of [`METHODS`]; what is found about each at each quantiser is a [`MethodRun`]. The reference of methods
-//! without cache has no compensation, as they have none: what is left between the two is the cuts' own error.
+//! Methods are rows of [`METHODS`]; the result of a method at a quantiser is a [`MethodRun`]. Methods without cache
+//! have no compensation, and neither has their reference: the remaining difference is the error of the lightcuts.
 //!
-//! Films lie in files and are read frame by frame: a sweep of a long film takes disk, not memory.
+//! Films are stored in files and read frame by frame: a sweep of a long film needs disk space, not memory.
 
 mod coded;
 mod data;
@@ -41,66 +41,68 @@ use std::time::Instant;
 /// Options of a sweep.
 #[derive(Clone, Debug)]
 pub struct Sweep {
-    /// Options that all methods have in common: frames, size, lights, seed.
+    /// Options shared by all methods: frames, size, lights, seed.
     pub common: Options,
-    /// The standard's quantiser_scale, one or more.
+    /// quantiser_scale values, one or more.
     pub qscales: Vec<u32>,
-    /// Methods to compare; baselines are added.
+    /// Methods to compare; their baselines are added.
     pub methods: Vec<&'static Method>,
 }
 
-/// Frames of a sweep unless others are wished for, and size: with these, `cornell` takes some three minutes of one core.
+/// Default number of frames. With the default size, a sweep of `cornell` takes about three minutes on one core.
 pub const DEFAULT_FRAMES: u32 = 5;
-/// See [`DEFAULT_FRAMES`].
+/// Default size of the pictures \[pixels\].
 pub const DEFAULT_SIZE: Size = Size { width: 144, height: 144 };
-/// Quantisers unless others are wished for: from nearly lossless to blocks that everyone sees.
+/// Default quantisers: from almost lossless to obvious blocks.
 pub const DEFAULT_QSCALES: [u32; 5] = [2, 8, 16, 32, 48];
 
-/// Pictures of the clip on the page, at most: it is played again and again.
+/// Maximum number of pictures of the page's looping clip.
 const CLIP_FRAMES: usize = 50;
 
-/// The scene that a sweep renders.
+/// Scene of a sweep.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
-    /// The scene file, as it stands in reports.
+    /// Path of the scene, as written in reports.
     pub path: &'a Path,
-    /// The scene itself.
+    /// The loaded scene.
     pub scene: &'a Scene,
 }
 
-/// How far a sweep is.
+/// Progress of a sweep.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Progress {
-    /// Work done and work there is, in frames of the quickest method, estimated.
+    /// Work done, in frames of the fastest method (estimated).
     pub done: u64,
-    /// See `done`.
+    /// Total work, in the same unit.
     pub all: u64,
-    /// The current step, in words.
+    /// Description of the current step.
     pub doing: String,
 }
 
-/// A finished sweep.
+/// Finished sweep.
 #[non_exhaustive]
 pub struct Swept {
-    /// The figures.
+    /// Figures of the sweep.
     pub outcome: Outcome,
-    /// Pictures of each run, in the order of its runs.
+    /// Pictures of each run, in the order of the runs.
     pub pictures: Vec<RunPictures>,
-    /// The run that can be watched, by its place, and its first decoded pictures.
+    /// Index of the run shown as a clip, and its first decoded pictures.
     pub clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
-    /// The last frame of the reference with compensation or, if there is none, without, before compression.
+    /// Last frame of the reference before compression, with compensation if such a reference exists.
     pub truth: Plane<[u8; 3]>,
 }
 
 impl Sweep {
-    /// Runs everything; `progress` is called with every frame. The film in work lies in a folder of its own below
-    /// `workspace`, which is gone at the end.
+    /// Runs all measurements, and calls `progress` for every frame. The current film is stored in a temporary folder
+    /// below `workspace`.
     ///
-    /// Once `stop` is set, no further film is made, and what is measured so far is the result: [`Outcome::interrupted`].
+    /// Once `stop` is true, no further film is made, and the result contains the finished measurements:
+    /// [`Outcome::interrupted`].
     ///
     /// # Errors
-    /// Settings that fit nothing, a disk that is full, a decoder that shows other pictures, or `stop` before anything was measured.
+    /// If settings are invalid, the disk is full, a decoder's pictures differ, or `stop` is true before the first
+    /// result.
     pub fn run(
         &self,
         source: Source<'_>,
@@ -111,12 +113,12 @@ impl Sweep {
         let begin = Instant::now();
         let Source { path, scene } = source;
 
-        // The measurements are chosen and checked before the first ray.
+        // Choose and check the measurements before the first ray.
         let methods = self.methods_with_baselines();
         let qscales = self.sorted_qscales();
         let common = self.checked_options(source, &qscales)?;
 
-        // The films that all methods are compared with; the folder of all films goes when it is dropped.
+        // Render the films of the reference; the temporary folder is removed when it is dropped.
         let folder = tempfile::Builder::new()
             .prefix("working-")
             .tempdir_in(workspace)
@@ -126,7 +128,7 @@ impl Sweep {
         let mut work = WeightedFrames::new(qscales.len() as u64, &methods, frames.into(), &mut progress);
         let references = ReferenceFilms::render(path, workshop, &methods, &common, &mut work)?;
 
-        // Each method at each quantiser, beside them.
+        // Measure each method at each quantiser.
         let measuring = Measuring {
             path,
             workshop,
@@ -138,9 +140,9 @@ impl Sweep {
         let mut found = measuring.measure(&mut work)?;
         figures::set_beside_baselines(&mut found.runs);
 
-        // The figures, and the last frame as it should be.
+        // Collect the figures, and the reference's last frame.
         let of_all = references.of_all()?;
-        let last = of_all.frames()?.last().ok_or_else(|| missing("there are no frames"))??;
+        let last = of_all.frames()?.last().ok_or_else(|| missing("no frames"))??;
         let outcome = Outcome {
             schema: 1,
             program: concat!("render2mpeg ", env!("CARGO_PKG_VERSION")).into(),
@@ -156,7 +158,7 @@ impl Sweep {
         Ok(Swept { outcome, pictures: found.pictures, clip: found.clip, truth })
     }
 
-    /// The quantisers in rising order, each once.
+    /// Returns the quantisers in ascending order, without duplicates.
     fn sorted_qscales(&self) -> Vec<u32> {
         let mut qscales = self.qscales.clone();
         qscales.sort_unstable();
@@ -164,22 +166,22 @@ impl Sweep {
         qscales
     }
 
-    /// Options that all films have in common, with their number of frames.
+    /// Returns the options shared by all films, with their number of frames.
     fn checked_options(&self, Source { path, scene }: Source<'_>, qscales: &[u32]) -> Result<Options> {
         let Some(&first_qscale) = qscales.first() else {
-            return Err(Error::Options("--qscale needs a quantiser at least".into()));
+            return Err(Error::Options("--qscale needs at least one quantiser".into()));
         };
         let common = Options { qscale: Some(first_qscale), ..self.common.clone() };
         let plain = settings_for(path, scene, &common, None)?;
         for &qscale in qscales {
-            // What no table of the standard has is told before the first ray.
+            // Report quantisers that the standard lacks before the first ray.
             let settings = settings_for(path, scene, &Options { qscale: Some(qscale), ..common.clone() }, None)?;
             settings.encoder_config()?.with_lookahead(0).validate()?;
         }
         Ok(Options { frames: Some(plain.render.frames), ..common })
     }
 
-    /// The methods in the order of the table, each once, and what they are measured against.
+    /// Returns the methods and their baselines in the order of the table, without duplicates.
     fn methods_with_baselines(&self) -> Vec<&'static Method> {
         let wanted = |candidate: &&Method| {
             self.methods.iter().any(|method| {
@@ -191,22 +193,22 @@ impl Sweep {
     }
 }
 
-/// The films to measure.
+/// Films to measure.
 struct Measuring<'a> {
-    /// The scene file.
+    /// Path of the scene.
     path: &'a Path,
     workshop: Workshop<'a>,
-    /// Options that all films have in common.
+    /// Options shared by all films.
     common: &'a Options,
-    /// In rising order.
+    /// Quantisers in ascending order.
     qscales: &'a [u32],
-    /// In the order of the table.
+    /// Methods in the order of the table.
     methods: &'a [&'static Method],
-    /// Films of the references, which every method is compared with.
+    /// Films of the references, compared with every method.
     references: &'a ReferenceFilms,
 }
 
-/// Findings over all films.
+/// Results of all films.
 #[derive(Default)]
 struct Findings {
     runs: Vec<MethodRun>,
@@ -214,18 +216,18 @@ struct Findings {
     pictures: Vec<RunPictures>,
     decoder_check: Option<DecoderCheck>,
     clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
-    /// Whether films are missing: the work was ended early.
+    /// True if the work ended early and films are missing.
     interrupted: bool,
 }
 
 impl Measuring<'_> {
-    /// Renders each method, at each quantiser where that steers it, and measures it through the encoder, until all is measured
-    /// or the work is to end.
+    /// Renders and measures each method at each quantiser until all are measured or the work must end. Methods that
+    /// the quantiser does not affect are rendered once.
     fn measure(&self, work: &mut WeightedFrames<'_>) -> Result<Findings> {
         let mut findings = Findings::default();
         for index in 0..self.methods.len() {
             match self.measure_method(index, &mut findings, work) {
-                // A film that was not finished is no finding, and those before it are.
+                // The results of finished films remain valid after an interruption.
                 Err(Error::Interrupted) if !findings.runs.is_empty() => {
                     findings.interrupted = true;
                     break;
@@ -236,16 +238,16 @@ impl Measuring<'_> {
         Ok(findings)
     }
 
-    /// Adds the method at place `index`, at each quantiser, to the findings.
+    /// Adds the results of the method at `index`, at each quantiser.
     fn measure_method(&self, index: usize, findings: &mut Findings, work: &mut WeightedFrames<'_>) -> Result<()> {
         let middle = self.qscales[self.qscales.len() / 2];
         let method = self.methods[index];
         let truth = self.references.truth_of(method)?;
         let mut kept: Option<Film> = None;
         for &qscale in self.qscales {
-            // A film that its quantiser does not steer serves for all of them.
+            // A film that is independent of the quantiser serves for all quantisers.
             if kept.is_none() || method.steered {
-                // The one before has had its time: its files go first.
+                // Remove the previous film's files first.
                 drop(kept.take());
                 kept = Some(self.film(method, qscale, work)?);
             }
@@ -254,7 +256,7 @@ impl Measuring<'_> {
             }
             let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
 
-            // Of all films one is shown as a clip, and one is checked by another decoder.
+            // One film is shown as a clip, and one is checked by another decoder.
             let is_watched = self.watched() == Some(index) && qscale == middle;
             let is_checked = qscale == middle && findings.decoder_check.is_none();
             let wanted = Wanted {
@@ -272,7 +274,7 @@ impl Measuring<'_> {
         Ok(())
     }
 
-    /// The film of a method, made for a quantiser.
+    /// Renders the film of a method for a quantiser.
     fn film(&self, method: &Method, qscale: u32, work: &mut WeightedFrames<'_>) -> Result<Film> {
         let &Self { path, workshop, common, references, .. } = self;
         let options = Options { qscale: Some(qscale), ..common.clone() };
@@ -282,18 +284,18 @@ impl Measuring<'_> {
         film::by_method(method, workshop, settings, references.truth_of(method)?, step)
     }
 
-    /// The method that is shown as a clip: the last film, if possible one with the cache.
+    /// Returns the index of the method shown as a clip: the last film, preferably with the cache.
     fn watched(&self) -> Option<usize> {
         let cached = self.methods.iter().rposition(|method| method.is_film() && method.cache);
         cached.or(self.methods.iter().rposition(|method| method.is_film()))
     }
 }
 
-/// Reference films that all methods are compared with.
+/// Reference films, compared with all methods.
 struct ReferenceFilms {
-    /// Every light without compensation, and with it, where a method requires it.
+    /// Every light, without and with compensation; `None` if no method needs it.
     films: [Option<Film>; 2],
-    /// Exposure of the first: a curve of its own would be a difference of its own.
+    /// Exposure of the first reference: another tone curve would be a difference of its own.
     exposure: Option<f32>,
 }
 
@@ -323,14 +325,14 @@ impl ReferenceFilms {
         Ok(Self { films, exposure })
     }
 
-    /// The film that shows what `method` aims at.
+    /// Returns the reference film of `method`.
     fn truth_of(&self, method: &Method) -> Result<&Film> {
         self.films[usize::from(method.compensates())].as_ref().ok_or_else(|| missing("no reference was rendered"))
     }
 
-    /// The film with compensation or, if there is none, without.
+    /// Returns the film with compensation, or else the one without.
     fn of_all(&self) -> Result<&Film> {
-        self.films.iter().rev().flatten().next().ok_or_else(|| missing("there are no methods"))
+        self.films.iter().rev().flatten().next().ok_or_else(|| missing("no methods"))
     }
 }
 
@@ -340,21 +342,21 @@ impl ReferenceCost {
     }
 }
 
-/// An invariant of a sweep that does not hold.
+/// Returns an error about a violated invariant of a sweep.
 fn missing(what: &str) -> Error {
     Error::fault(what)
 }
 
-/// The exposure that a film was shown with: as set, else as found in its first frame.
+/// Exposure of a film: from its settings, else from its first frame.
 fn exposure_of(film: &Film) -> Result<f32> {
     if !film.settings.render.auto_exposure {
         return Ok(film.settings.render.tone_map.exposure);
     }
-    let first = film.frames()?.next().ok_or_else(|| missing("there are no frames"))??;
+    let first = film.frames()?.next().ok_or_else(|| missing("no frames"))??;
     Ok(Picture::Linear { radiance: first.radiance, variance: None }.exposure())
 }
 
-/// Counts frames, weighted by about how long they take.
+/// Counts frames, weighted by their approximate time.
 struct WeightedFrames<'a> {
     done: u64,
     all: u64,
@@ -369,7 +371,7 @@ impl<'a> WeightedFrames<'a> {
         Self { done: 0, all: frames * (films + references * REFERENCE_WEIGHT), progress }
     }
 
-    /// Begins a film, and returns the function to call with each frame of it.
+    /// Starts a film, and returns the function to call for each of its frames.
     fn begin(&mut self, doing: String, weight: u64) -> impl FnMut() + Send {
         (self.progress)(&Progress { done: self.done, all: self.all, doing: doing.clone() });
         move || {

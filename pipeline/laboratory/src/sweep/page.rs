@@ -1,4 +1,4 @@
-//! A sweep as one page.
+//! HTML page of a sweep.
 
 use super::data::csv_of;
 use super::figures::{MethodRun, RunPictures};
@@ -12,13 +12,13 @@ use minijinja::{Value, context};
 use plane::Plane;
 use render2mpeg::error::Result;
 
-/// Pictures a second of the clip: a sweep's films are too short for their own pace.
+/// Rate of the clip \[pictures per second\]: films of a sweep are too short for their own rate.
 const CLIP_FPS: f64 = 6.0;
 
-/// The page: `plots` in their order, tables, maps, frames side by side, and a clip.
+/// Returns the page: `plots` in order, tables, maps, frames side by side, and a clip.
 ///
 /// # Errors
-/// A fault of our own.
+/// If the page cannot be rendered, which is a bug.
 pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
     let outcome = &swept.outcome;
     let settings = &outcome.settings;
@@ -43,13 +43,13 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
         ("picture", format!("{}×{}", settings.render.size.width, settings.render.size.height)),
         ("frames", format!("{}", settings.render.frames)),
         ("lights in the tree", format!("{}", outcome.lights)),
-        ("photons a frame", format!("{}", settings.render.photons)),
-        ("every light", format!("{cheapest:.1} CPU s a frame")),
+        ("photons per frame", format!("{}", settings.render.photons)),
+        ("every light", format!("{cheapest:.1} CPU s per frame")),
         ("this sweep", format!("{:.0} s{ended}", outcome.wall_seconds)),
     ];
     let choices = choices(swept);
     let clip = clip(swept);
-    // The reference stands last, and beside it the picture that the clip shows.
+    // The reference comes first; by default it is compared with the run of the clip.
     let chosen = middle(&shown(swept)).map_or(0, |place| place + 1);
     render_template(
         "sweep.html",
@@ -86,7 +86,7 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
     )
 }
 
-/// JSON that may stand inside of a script.
+/// Formats JSON for embedding in a script.
 fn json(value: &impl serde::Serialize) -> Result<String> {
     Ok(serde_json::to_string(value)?.replace('<', "\\u003c"))
 }
@@ -95,7 +95,7 @@ fn uri(picture: &Plane<[u8; 3]>) -> String {
     data_uri("image/png", &png_file::encode(picture))
 }
 
-/// Runs and their pictures, of the methods with cache where there are any.
+/// Returns runs and their pictures, of methods with cache if there are any.
 fn shown(swept: &Swept) -> Vec<(&MethodRun, &RunPictures)> {
     let runs = swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.lightcuts);
     let runs: Vec<(&MethodRun, &RunPictures)> = runs.collect();
@@ -105,7 +105,7 @@ fn shown(swept: &Swept) -> Vec<(&MethodRun, &RunPictures)> {
     shown
 }
 
-/// Pictures to lay side by side: labels and addresses.
+/// Returns the pictures for side-by-side comparison: labels and data URIs.
 fn choices(swept: &Swept) -> Vec<(String, String)> {
     let mut choices = vec![("reference, uncompressed".to_owned(), uri(&swept.truth))];
     for (run, pictures) in shown(swept) {
@@ -114,13 +114,13 @@ fn choices(swept: &Swept) -> Vec<(String, String)> {
     choices
 }
 
-/// Place of the last method at the middle quantiser.
+/// Index of the last method at the middle quantiser.
 fn middle(shown: &[(&MethodRun, &RunPictures)]) -> Option<usize> {
     let qscale = shown.get(shown.len() / 2)?.0.qscale;
     shown.iter().rposition(|(run, _)| run.qscale == qscale)
 }
 
-/// The clip of decoded pictures, as browsers play it.
+/// Returns the label and the data URI of the clip of decoded pictures.
 fn clip(swept: &Swept) -> Option<(String, String)> {
     let (place, pictures) = swept.clip.as_ref()?;
     let run = &swept.outcome.runs[*place];
@@ -128,8 +128,8 @@ fn clip(swept: &Swept) -> Option<(String, String)> {
     Some((format!("{} at quantiser {}", run.label, run.qscale), data_uri("image/png", &film)))
 }
 
-/// For each steered method its maps, a column for each quantiser; of the methods without cache, whose pixels all have a
-/// cut, where there are any.
+/// Returns the maps of each steered method, one column per quantiser. Methods without cache are preferred, because
+/// all their pixels have a lightcut.
 fn map_blocks(swept: &Swept) -> Vec<Value> {
     let steered = || swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.kappa.is_some());
     let by_pixel = steered().any(|(run, _)| !run.cache);

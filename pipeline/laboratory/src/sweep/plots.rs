@@ -1,20 +1,20 @@
-//! A sweep's figures as plots.
+//! Plots of a sweep's figures.
 
 use super::figures::{MethodRun, Outcome};
 use super::method::{METHODS, Method};
 use crate::page::{LinePlot, Series, StackedBars, Svg};
 
-/// A plot, the name of its files, and what it shows in words.
+/// Plot with the name of its file and a caption.
 pub struct Plot {
-    /// Name of the files.
+    /// Name of the file.
     pub name: String,
-    /// The drawing.
+    /// Drawing of the plot.
     pub svg: Svg,
-    /// Below it.
+    /// Caption below the plot.
     pub caption: String,
 }
 
-/// Everything that is drawn of `outcome`, the most telling first.
+/// Returns all plots of `outcome`, the most informative first.
 pub fn plots(outcome: &Outcome) -> Vec<Plot> {
     let mut plots = against_time(outcome);
     plots.extend(against_baselines(outcome));
@@ -23,13 +23,13 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
     plots
 }
 
-/// Quality against CPU time, for all methods.
+/// Plots quality against CPU time, for all methods.
 fn against_time(outcome: &Outcome) -> Vec<Plot> {
     let all = |_: &MethodRun| true;
     let seconds = |run: &MethodRun| run.seconds.total;
     let psnr = |run: &MethodRun| run.decoded.psnr_y.unwrap_or(f64::NAN);
     let rendered = |run: &MethodRun| run.rendered.relative_mse;
-    let time = ("CPU s a frame", true);
+    let time = ("CPU s per frame", true);
     vec![
         plot(
             "decoded_psnr",
@@ -40,7 +40,7 @@ fn against_time(outcome: &Outcome) -> Vec<Plot> {
                 lines(outcome, all, seconds, psnr, never),
                 None,
             ),
-            "Decoded pictures against the uncompressed reference. Along a line the quantiser rises from top to bottom. Solid: irradiance cache; dashed: a cut for every pixel.",
+            "Decoded pictures against the uncompressed reference. The quantiser rises along each line from top to bottom. Solid: irradiance cache; dashed: one cut per pixel.",
         ),
         plot(
             "rendered_error",
@@ -51,12 +51,12 @@ fn against_time(outcome: &Outcome) -> Vec<Plot> {
                 lines(outcome, all, seconds, rendered, never),
                 None,
             ),
-            "Linear light against the reference. What the renderer saves here, the codec hides above.",
+            "Linear light against the reference. The codec masks the renderer's savings: compare with the plot above.",
         ),
     ]
 }
 
-/// The steered methods against fixed thresholds of 2 %, by quantiser.
+/// Plots the steered methods against fixed thresholds of 2 %, by quantiser.
 fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
     let steered = |run: &MethodRun| run.kappa.is_some();
     let speedup = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
@@ -74,46 +74,46 @@ fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
                 lines(outcome, steered, qscale, speedup, unequal),
                 Some((1.0, "2 %".into())),
             ),
-            "Crosses: decoded quality is less than equal (0.1 dB less, 1 % of bits or 10 % of flicker more), so that the speed-up does not count.",
+            "Crosses: decoded quality is not equal (over 0.1 dB less, 1 % more bits or 10 % more flicker), so the speed-up does not count.",
         ),
         plot(
             "decoded_difference",
             axes(
-                "What 2 % would have given: decoded PSNR",
+                "Decoded PSNR compared with 2 %",
                 ("quantiser_scale", true),
                 ("dB more than with 2 %", false),
                 lines(outcome, steered, qscale, lost, unequal),
                 Some((0.0, "2 %".into())),
             ),
-            "Equal quality is from −0.1 dB up, if bits and flicker are equal, too. Crosses: it is not.",
+            "Quality is equal from −0.1 dB upward, if bits and flicker are equal too. Crosses: not equal.",
         ),
         plot(
             "bits_difference",
             axes(
-                "What 2 % would have given: bits",
+                "Bits compared with 2 %",
                 ("quantiser_scale", true),
                 ("% more than with 2 %", false),
                 lines(outcome, steered, qscale, bits, unequal),
                 Some((0.0, "2 %".into())),
             ),
-            "Coarser light is grainier, and grain takes bits. Equal is up to 1 %, if PSNR and flicker are equal, too.",
+            "Coarser light has more noise, and noise costs bits. Quality is equal up to 1 %, if PSNR and flicker are equal too.",
         ),
     ]
 }
 
-/// Cut sizes and errors of each method, by quantiser.
+/// Plots cut sizes and errors of each method, by quantiser.
 fn of_each_method(outcome: &Outcome) -> Vec<Plot> {
     vec![
         plot(
             "cut_size",
             axes(
-                "Size of cuts",
+                "Cut size",
                 ("quantiser_scale", true),
-                ("clusters, mean", true),
+                ("mean clusters", true),
                 lines(outcome, |run| run.lightcuts, qscale, |run| run.cut_size_mean, never),
                 None,
             ),
-            "Over the cuts that were made. With the cache these are few, and at the places where light changes most.",
+            "Mean over all lightcuts. With the cache they are few, located where light changes most.",
         ),
         plot(
             "rmse",
@@ -124,7 +124,7 @@ fn of_each_method(outcome: &Outcome) -> Vec<Plot> {
                 rmse_lines(outcome),
                 None,
             ),
-            "Against the uncompressed reference, of 255 code values; as figure 6a of the paper.",
+            "Against the uncompressed reference, of 255 code values; as in figure 6a of the paper.",
         ),
     ]
 }
@@ -133,7 +133,7 @@ fn plot(name: &str, drawn: LinePlot, caption: &str) -> Plot {
     Plot { name: name.into(), svg: drawn.draw(), caption: caption.into() }
 }
 
-/// A plot with two axes, each by its label and whether it is logarithmic.
+/// Returns a plot with two axes, each with its label and true if logarithmic.
 fn axes(title: &str, x: (&str, bool), y: (&str, bool), series: Vec<Series>, level: Option<(f64, String)>) -> LinePlot {
     LinePlot { title: title.into(), x_label: x.0.into(), y_label: y.0.into(), x_log: x.1, y_log: y.1, series, level }
 }
@@ -146,7 +146,7 @@ fn never(_: &MethodRun) -> bool {
     false
 }
 
-/// A line for each method, through its quantisers.
+/// Returns a line per method, through its quantisers.
 fn lines(
     outcome: &Outcome,
     wanted: impl Fn(&MethodRun) -> bool,
@@ -172,14 +172,14 @@ fn color_of(run: &MethodRun) -> usize {
 }
 
 fn rmse_lines(outcome: &Outcome) -> Vec<Series> {
-    // A cut for every pixel, as in the paper; without such methods, the others.
+    // Methods with a cut for every pixel, as in the paper, or else all methods.
     let cached = !outcome.runs.iter().any(|run| run.lightcuts && !run.cache);
     let wanted = move |run: &MethodRun| run.lightcuts && run.cache == cached;
     let rmse = |psnr: Option<f64>| psnr.map_or(0.0, |psnr| 255.0 * 10f64.powf(-psnr / 20.0));
     let mut series = lines(outcome, wanted, qscale, |run| rmse(run.rendered.psnr_y), never);
     let mut decoded = lines(outcome, wanted, qscale, |run| rmse(run.decoded.psnr_y), never);
 
-    // Each line has a color of its own: those before compression take what the methods leave.
+    // Each line has its own color: lines before compression take the unused ones.
     let taken: Vec<usize> = decoded.iter().map(|line| line.color).collect();
     let free = (0..METHODS.len()).filter(|color| !taken.contains(color));
     for (line, color) in series.iter_mut().zip(free) {
@@ -196,7 +196,7 @@ fn first_word(label: &str) -> &str {
     label.split(',').next().unwrap_or(label)
 }
 
-/// Error by threshold of the steered methods at the middle quantiser.
+/// Plots histograms of error divided by threshold, for the steered methods at the middle quantiser.
 fn histograms(outcome: &Outcome) -> Vec<Plot> {
     let mut qscales: Vec<u32> = outcome.runs.iter().map(|run| run.qscale).collect();
     qscales.sort_unstable();
@@ -210,15 +210,15 @@ fn histograms(outcome: &Outcome) -> Vec<Plot> {
             if start < 1.0 - 1e-9 { vec![100.0 * share, 0.0] } else { vec![0.0, 100.0 * share] }
         });
         let bars = StackedBars {
-            title: format!("{} at {}: true error by threshold", run.label, run.qscale),
-            x_label: "|error| / threshold, of pixels".into(),
+            title: format!("{} at {}: true error / threshold", run.label, run.qscale),
+            x_label: "|error| / threshold of pixels".into(),
             y_label: "% of pixels".into(),
             parts: vec![("within".into(), 2), ("beyond".into(), 3)],
             names: starts.map(|start| format!("{start:.2}")).collect(),
             columns: columns.collect(),
         };
         let caption = format!(
-            "{:.1} % of pixels keep their threshold; half are below {:.2} of it, 95 in a hundred below {:.2}; {:.1} % lie beyond the right end. As figure 7 of the paper.",
+            "{:.1} % of pixels are within their threshold; the median is {:.2} of it, the 95th percentile {:.2}; {:.1} % exceed the plot. As in figure 7 of the paper.",
             100.0 * histogram.within,
             histogram.median,
             histogram.p95,

@@ -1,4 +1,4 @@
-//! The paper's table 1 for a scene, and what the figures say in words.
+//! The paper's table 1 for a scene, and findings in words.
 
 use super::figures::{AgainstBaseline, MethodRun, Outcome};
 use serde::Serialize;
@@ -23,8 +23,8 @@ pub const HEADINGS: [&str; 15] = [
     "speed-up",
 ];
 
-/// A row as table 1 of \[Herzog08\] has it: T light is photons and tree, T eye primary rays and motion, T LC indirect light;
-/// CPU seconds a frame. Beyond the paper's: masking, encoding, quality after decoding.
+/// Returns a row of table 1 in \[Herzog08\], in CPU seconds per frame: T light is photons and tree, T eye primary
+/// rays and motion, T LC indirect light. Masking, encoding and decoded quality are additional columns.
 pub fn cells(run: &MethodRun, lights: u32) -> [String; 15] {
     let s = &run.seconds;
     let beside = run.against_baseline.as_ref();
@@ -56,7 +56,7 @@ pub fn cells(run: &MethodRun, lights: u32) -> [String; 15] {
     ]
 }
 
-/// Speed-up of indirect light, only where quality is equal.
+/// Speed-up of indirect light, only at equal quality.
 fn speedup(run: &MethodRun) -> String {
     match &run.against_baseline {
         None => "–".into(),
@@ -67,7 +67,7 @@ fn speedup(run: &MethodRun) -> String {
 }
 
 impl Outcome {
-    /// The table as text for a terminal.
+    /// Returns the table as text for a terminal.
     pub fn table(&self) -> String {
         let rows: Vec<[String; 15]> = self.rows().map(|run| cells(run, self.lights)).collect();
         let width = |column: usize| {
@@ -82,7 +82,7 @@ impl Outcome {
             let _ = writeln!(text, "{}", cells.collect::<Vec<String>>().join("  "));
         }
         if self.interrupted {
-            let _ = writeln!(text, "\nThis sweep was ended early: what it had not measured is missing.");
+            let _ = writeln!(text, "\nThis sweep ended early: unmeasured runs are missing.");
         }
         for Finding { label, text: words } in self.findings() {
             let _ = writeln!(text, "\n{label}: {words}");
@@ -90,15 +90,15 @@ impl Outcome {
         text
     }
 
-    /// Runs in the order of the table: by cache, quantiser, method.
+    /// Returns the runs in the order of the table: by cache, quantiser, method.
     pub fn rows(&self) -> impl Iterator<Item = &MethodRun> {
         let mut runs: Vec<&MethodRun> = self.runs.iter().collect();
         runs.sort_by_key(|run| (!run.lightcuts, run.cache, run.qscale));
         runs.into_iter()
     }
 
-    /// How far the time for equal work differs between runs: of photons, tree and primary rays, which all films do alike; half
-    /// of the largest less the smallest, by the mean.
+    /// Relative variation of the time for equal work between runs: half the range of photons, light tree and primary
+    /// rays, divided by their mean. All films do this work alike.
     pub fn timing_spread(&self) -> f64 {
         let films = self.runs.iter().filter(|run| run.lightcuts).map(|run| &run.seconds);
         let same: Vec<f64> = films.map(|s| s.update + s.photons + s.tree + s.visibility).collect();
@@ -108,7 +108,7 @@ impl Outcome {
         if mean > 0.0 { 0.5 * (most - least) / mean } else { 0.0 }
     }
 
-    /// Findings on each steered method: where coupling pays, and where it does not.
+    /// Returns the findings on each steered method: where coupling pays, and where it does not.
     pub fn findings(&self) -> Vec<Finding> {
         let steered: Vec<&MethodRun> = self.runs.iter().filter(|run| run.kappa.is_some()).collect();
         let notable = NOTABLE.max(1.0 + self.timing_spread());
@@ -121,11 +121,11 @@ impl Outcome {
 pub struct Finding {
     /// Label of the method.
     pub label: String,
-    /// A few sentences.
+    /// Finding in a few sentences.
     pub text: String,
 }
 
-/// From which ratio on time is saved, if it does not swing by more: less is what two measurements of the same differ by.
+/// Minimum ratio that counts as saved time, unless times vary more: two equal measurements may differ by this ratio.
 const NOTABLE: f64 = 1.05;
 
 fn finding(runs: &[&MethodRun], notable: f64) -> Finding {
@@ -159,7 +159,7 @@ fn finding(runs: &[&MethodRun], notable: f64) -> Finding {
         ));
     }
     if beside.is_empty() {
-        sentences.push("nothing to compare with was run.".into());
+        sentences.push("No baseline was run.".into());
     }
     let label = runs.first().map_or(String::new(), |run| run.label.clone());
     Finding { label, text: sentences.join(" ") }
@@ -169,7 +169,7 @@ fn list(runs: &[(u32, &AgainstBaseline)]) -> String {
     runs.iter().map(|(qscale, _)| qscale.to_string()).collect::<Vec<String>>().join(", ")
 }
 
-/// Least to most, or one number where they are the same to two decimals.
+/// Formats the range of a figure, or a single number if both ends agree to two decimals.
 fn range(runs: &[(u32, &AgainstBaseline)], figure: impl Fn(&AgainstBaseline) -> f64) -> String {
     let figures = || runs.iter().map(|(_, beside)| figure(beside));
     let least = format!("{:.2}", figures().fold(f64::INFINITY, f64::min));
@@ -177,7 +177,7 @@ fn range(runs: &[(u32, &AgainstBaseline)], figure: impl Fn(&AgainstBaseline) -> 
     if least == most { most } else { format!("{least} to {most}") }
 }
 
-/// The figure farthest from 0.
+/// Returns the figure farthest from 0.
 fn farthest(runs: &[(u32, &AgainstBaseline)], figure: impl Fn(&AgainstBaseline) -> f64) -> f64 {
     let larger = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
     runs.iter().map(|(_, beside)| figure(beside)).fold(0.0, larger)

@@ -1,6 +1,7 @@
-//! How far colors are apart, for all eyes: deficient color vision after \[Machado09\], differences in CIELAB.
+//! Color differences for normal and deficient color vision \[Machado09\], in CIELAB.
 
-/// Matrices on linear R, G, B: what protanopia, deuteranopia and tritanopia leave (\[Machado09\], table 1, severity 1.0).
+/// Matrices on linear R, G, B that simulate protanopia, deuteranopia and tritanopia (\[Machado09\], table 1, severity
+/// 1.0).
 const DEFICIENCIES: [(&str, [[f64; 3]; 3]); 3] = [
     ("protanopia", [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]),
     (
@@ -9,15 +10,15 @@ const DEFICIENCIES: [(&str, [[f64; 3]; 3]); 3] = [
     ),
     ("tritanopia", [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]),
 ];
-/// Linear sRGB to CIE XYZ (IEC 61966-2-1), and its white, D65.
+/// Linear sRGB to CIE XYZ (IEC 61966-2-1), and its white point D65.
 const TO_XYZ: [[f64; 3]; 3] =
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]];
 const WHITE: [f64; 3] = [0.95047, 1.0, 1.08883];
 
-/// A color as an eye sees it: the name of its vision, and L*, a*, b*.
+/// Perceived color: name of the color vision, and L*, a*, b*.
 type Seen = (&'static str, [f64; 3]);
 
-/// A color `#rrggbb` in linear R, G, B.
+/// Converts a color `#rrggbb` to linear R, G, B.
 fn linear(color: &str) -> [f64; 3] {
     std::array::from_fn(|c| {
         let code = u8::from_str_radix(&color[2 * c + 1..2 * c + 3], 16).expect("#rrggbb");
@@ -30,7 +31,7 @@ fn times(matrix: &[[f64; 3]; 3], color: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row.iter().zip(color).map(|(weight, value)| weight * value).sum())
 }
 
-/// Linear R, G, B as L*, a*, b*; a display shows nothing beyond 0 and 1.
+/// Converts linear R, G, B to L*, a*, b*, clamped to the display's range 0…1.
 fn lab(color: [f64; 3]) -> [f64; 3] {
     let xyz = times(&TO_XYZ, color.map(|value| value.clamp(0.0, 1.0)));
     let [x, y, z] = std::array::from_fn(|c| {
@@ -40,7 +41,7 @@ fn lab(color: [f64; 3]) -> [f64; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// A color as all eyes see it.
+/// Returns a color as perceived by all kinds of color vision.
 pub(super) fn seen(color: &str) -> [Seen; 4] {
     let color = linear(color);
     let [p, d, t] = &DEFICIENCIES;
@@ -48,7 +49,8 @@ pub(super) fn seen(color: &str) -> [Seen; 4] {
     [("normal vision", lab(color)), of(p), of(d), of(t)]
 }
 
-/// The difference of two colors for the eye that tells them apart least: ΔE*ab (CIE 1976), and the name of its vision.
+/// Returns the smallest difference of two colors over all kinds of color vision: ΔE*ab (CIE 1976), and the name of
+/// the vision.
 pub(super) fn least_difference(a: &str, b: &str) -> (f64, &'static str) {
     let pairs = seen(a).into_iter().zip(seen(b));
     let differences = pairs.map(|((name, a), (_, b))| {
@@ -58,7 +60,7 @@ pub(super) fn least_difference(a: &str, b: &str) -> (f64, &'static str) {
     differences.min_by(|a, b| a.0.total_cmp(&b.0)).expect("four visions")
 }
 
-/// Contrast of two colors as WCAG 2 has it, 1 to 21.
+/// Contrast of two colors as in WCAG 2, 1 to 21.
 pub(super) fn contrast(a: &str, b: &str) -> f64 {
     let luminance = |color: &str| times(&TO_XYZ, linear(color))[1];
     let (a, b) = (luminance(a), luminance(b));
@@ -67,12 +69,12 @@ pub(super) fn contrast(a: &str, b: &str) -> f64 {
 
 #[test]
 fn colors_of_known_differences() {
-    // White and black are 100 apart, for all; sRGB's red is L* 53.24, a* 80.09, b* 67.20.
+    // White and black differ by 100 in all; sRGB red is L* 53.24, a* 80.09, b* 67.20.
     assert!((least_difference("#ffffff", "#000000").0 - 100.0).abs() < 1e-3);
     let (name, red) = seen("#ff0000")[0];
     let known = red.iter().zip([53.24, 80.09, 67.20]).all(|(found, known)| (found - known).abs() < 0.02);
     assert!(name == "normal vision" && known, "{red:?}");
-    // The red and green of a traffic light are alike for those without M cones, and gray stays gray.
+    // Without M cones, a traffic light's red and green look alike, and gray stays gray.
     let [.., deuteranopia, _] = seen("#808080");
     assert!(deuteranopia.1[1].abs() < 0.1 && deuteranopia.1[2].abs() < 0.1, "{deuteranopia:?}");
     let (difference, name) = least_difference("#c04000", "#7a6a00");
