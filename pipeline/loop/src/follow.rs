@@ -105,7 +105,7 @@ fn unexpected(order: &Order) -> Error {
         Order::Frame { .. } => "to make a frame",
         Order::End { .. } => "to end",
     };
-    Error::Fault(format!("rank 0 ordered {name} out of order"))
+    Error::Fault(format!("rank 0 ordered {name} at the wrong time"))
 }
 
 #[cfg(test)]

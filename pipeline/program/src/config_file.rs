@@ -115,8 +115,8 @@ fn with_file(
             continue;
         }
         if option(all, key).is_none() && option(own, key).is_none() {
-            let advice = guesses::advice(key, own)
-                .map_or_else(|| format!("the nearest is {}", nearest(key, all)), str::to_owned);
+            let advice =
+                guesses::advice(key, own).map_or_else(|| format!("did you mean {}?", nearest(key, all)), str::to_owned);
             bail!("{place}: there is no option {key}: {advice}");
         }
         if let Some(option) = option(own, key) {

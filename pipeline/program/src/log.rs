@@ -25,7 +25,7 @@ impl Log {
         let Some((path, trace)) = &self.trace else { return Ok(None) };
         trace.write(path)?;
         let (wall, sum) = trace.overlap();
-        Ok(Some(format!("{}: {wall:.2} s by the clock for {sum:.2} s of stages", path.display())))
+        Ok(Some(format!("{}: {wall:.2} s wall-clock time, {sum:.2} s summed over stages", path.display())))
     }
 }
 

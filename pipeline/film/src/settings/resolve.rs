@@ -185,7 +185,7 @@ impl Options {
         let all = video.frames.unwrap_or(if animated > 0 { animated } else { 100 });
         let (from, every) = (self.from.unwrap_or(0), self.every.unwrap_or(1));
         if every == 0 {
-            fail!("--every 0: must be at least 1, which renders every frame");
+            fail!("--every 0 must be at least 1, which renders every frame");
         }
         let end = match self.to {
             Some(to) if to < from => fail!("--to {to} is before --from {from}"),

@@ -122,7 +122,7 @@ impl FromStr for BitRate {
         let rate = number.parse::<f64>().ok().map(|number| number * unit);
         let rate = rate.filter(|rate| (LEAST_BIT_RATE..=1e9).contains(rate));
         rate.map(|rate| Self(rate.round() as u32)).ok_or_else(|| {
-            let known = "a bit rate such as 1500k or 2M, from 10k to 1000M bits a second";
+            let known = "a bit rate such as 1500k or 2M, from 10k to 1000M bits per second";
             Error::Options(format!("\"{text}\" is not {known}"))
         })
     }

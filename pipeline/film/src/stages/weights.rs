@@ -11,9 +11,9 @@ use pipeline::parts::Displayed;
 use plane::Plane;
 use render_core::MACROBLOCK;
 
-/// The exponent a. At quantisers 16 and 48, `nave` by saliency and `conference` by task gain 0.35 to 0.72 dB of luma
-/// where v > 0.7 (128×128, 8 frames). Bits rise by 1.0 % on average (−1.0 to 2.4 %). With ½ the gain is 0.69 to 1.38
-/// dB for 1.9 % (−0.6 to 4.0 %).
+/// The exponent a. At quantisers 16 and 48, luma where v > 0.7 gains 0.35 to 0.72 dB (128×128, 8 frames). Scenes are
+/// `nave` by saliency and `conference` by task. Bits rise by 1.0 % on average (−1.0 to 2.4 %). With ½ the gain is 0.69
+/// to 1.38 dB for 1.9 % (−0.6 to 4.0 %).
 const STRENGTH: f32 = 0.25;
 
 /// Returns the weights of a picture's macroblocks, with masking if `masks`; `None` if all are equal.

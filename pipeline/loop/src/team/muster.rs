@@ -40,7 +40,7 @@ pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
             Present::Fails(reason) => return Err(Error::Ranks(format!("rank {rank}: {reason}"))),
             answer if answer != first => {
                 let text = "has another scene, other settings or another version of the program than rank 0";
-                return Err(Error::Ranks(format!("rank {rank} {text}: start all ranks with the same")));
+                return Err(Error::Ranks(format!("rank {rank} {text}: start all ranks alike")));
             }
             _ => {}
         }

@@ -140,7 +140,7 @@ impl BakeJob<'_> {
             }
             let atlas = &baked.texels.atlas;
             tell!(
-                "  {} texels, {} on surfaces and {} inside solids, {:.2} per meter, in {} charts and {} tiles",
+                "  {} texels, {} on surfaces and {} inside other geometry, {:.2} per meter, in {} charts and {} tiles",
                 atlas.len(),
                 atlas.covered(),
                 baked.filled,
