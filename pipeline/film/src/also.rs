@@ -113,6 +113,8 @@ impl Companion {
             address.push(path);
             address
         };
+
+        // One video stream, in the pixel format that players support.
         let mut command = Command::new("ffmpeg");
         command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
         command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
@@ -132,6 +134,8 @@ impl Companion {
             command.arg("-vf").arg(filters.join(","));
         }
         command.args(["-f", encoder.ending]).arg(file(&part));
+
+        // The file gets its name only if ffmpeg succeeds.
         let output =
             command.stdin(Stdio::null()).output().map_err(Error::file(path, "cannot be made: ffmpeg did not start"))?;
         if !output.status.success() {

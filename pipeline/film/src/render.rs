@@ -69,6 +69,7 @@ impl<'a> Render<'a> {
             mask: masks.then(|| Masking::new(settings)).transpose()?,
         };
         let start = parts.begin_among(settings.frame_range().start, checkpoints, lead)?;
+        // The stages start from a checkpoint, or from the first frame.
         Ok(Self {
             scene,
             settings,

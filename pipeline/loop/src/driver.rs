@@ -62,6 +62,8 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let (coded_out, coded_in) = bounded(1);
     let masks = mask.is_some();
     let (thresholds_out, last_thresholds) = feedback_edge(masks.then_some(begin), thresholds);
+
+    // Around each stage: its time, its observer and its figures.
     let preparing = Preparing(prepare);
     let shading = Shading::new(shade, ranks.clone());
     let displaying = Displaying::new(display, observer)?;
@@ -69,6 +71,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let masking = mask.map(|mask| Masking::new(mask, &mut masking_seconds, observer)).transpose()?;
     let pace = Pace::new(stop, checkpoints, first, ranks.count() > 1);
     lead.begin(pace.decision().unwrap_or_default());
+
     // Failures are reported in this order.
     threads::run([
         stage("encode", move || {

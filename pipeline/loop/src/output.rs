@@ -98,6 +98,8 @@ impl Output {
             }
             return Err(Error::content(&part, " differs from its checkpoint: restart without --resume"));
         }
+
+        // Bytes after the checkpoint are written again.
         file.set_len(written.length).map_err(context)?;
         file.seek(SeekFrom::End(0)).map_err(context)?;
         let mut output = Self::new(path, Some(part), file);

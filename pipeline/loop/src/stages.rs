@@ -79,6 +79,8 @@ fn agree(ranks: &dyn Ranks, index: u32, shaded: &mut Shaded) -> Result<()> {
     if ranks.count() == 1 {
         return Ok(());
     }
+
+    // Checksum of the light, and this rank's figures.
     let mut sum = crc32fast::Hasher::new();
     let mut row = Vec::new();
     for y in 0..shaded.radiance.height() {

@@ -103,6 +103,8 @@ fn with_file(
         let line = error.span().map_or(1, |span| text[..span.start].lines().count().max(1));
         anyhow!("{place}: line {line}: {}", error.message())
     })?;
+
+    // Keys of any option of `render` are accepted, so that commands can share a file.
     let has_scene = options.contains_id("scene");
     let named = |name: &str| command.get_subcommands().find(|one| one.get_name() == name).expect("a known command");
     let (own, all) = (named(name), named("render"));
@@ -134,6 +136,8 @@ fn with_file(
         let first = text.lines().next().unwrap_or_default();
         bail!("{place}: {}", first.strip_prefix("error: ").unwrap_or(first));
     }
+
+    // Typed words come last, and win.
     words.extend(scene.filter(|_| !has_scene));
     let rest = typed.iter().skip(2).cloned();
     Ok(head.into_iter().chain(words.into_iter().map(OsString::from)).chain(rest).collect())

@@ -168,6 +168,8 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     if broken > 0 {
         tell!("  warning   {broken} pixels were not finite and became black");
     }
+
+    // Paths of all files.
     tell!("video:  {}", settings.output.display());
     let others = [("y4m:   ", &settings.files.y4m), ("frames:", &settings.files.exr), ("frames:", &settings.files.png)];
     for (name, path) in others {

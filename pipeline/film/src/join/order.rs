@@ -27,6 +27,8 @@ fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
         let beside = first.path.display();
         Err(Error::content(&part.path, format!(" belongs to another film: {what} is {now}, but {then} in {beside}")))
     };
+
+    // Program and settings must agree, except for settings of a single part.
     if one.program != other.program || one.schema != other.schema {
         return differs("the program", &one.program, &other.program);
     }
@@ -37,6 +39,8 @@ fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
             return differs(name, then, now);
         }
     }
+
+    // The same settings may belong to another version of the scene, or to another encoder.
     if one.inputs != other.inputs {
         let beside = first.path.display();
         let text = format!(" was made from another scene than {beside}: a file of the scene changed between them");

@@ -80,6 +80,7 @@ impl WholePart {
             return wrong(format!(" ended early with {made} of {wanted} frames: continue it with --resume"));
         }
 
+        // Pictures per frame, by the rate in the report.
         let place = path_beside(path).display().to_string();
         let coded: PartCoding = serde_json::from_value(report.settings.clone().into()).context(place.clone())?;
         let CodedRate { pictures, .. } = CodedRate::of(coded.fps).context(place)?;

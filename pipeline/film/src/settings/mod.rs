@@ -135,6 +135,8 @@ impl Settings {
         let CodedRate { rate: frame_rate, pictures } = CodedRate::of(self.render.fps)?;
         let is_disc = self.container() == Container::Disc;
         let pulldown = is_disc && frame_rate == mpeg2enc::FrameRate::from_fps(24_000.0 / 1001.0)?;
+
+        // A bit rate needs a decoder buffer.
         let rate = match self.coding.bitrate {
             None => Rate::ConstantQuantiser,
             Some(BitRate(bits_per_second)) => {
@@ -156,6 +158,7 @@ impl Settings {
             .with_rate(rate)
             .with_effort(self.coding.effort);
         config.validate()?;
+
         // DVD-Video requires Main Level.
         let stated = if pulldown { 30_000.0 / 1001.0 } else { frame_rate.fps() };
         let lowest = Level::lowest(self.render.size.width, self.render.size.height, stated);

@@ -44,15 +44,20 @@ impl Options {
     /// # Errors
     /// If an option or a scene setting is out of range or contradicts another; the message names valid values.
     pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
+        // The preset comes first: every other default applies to what it leaves open.
         if let Some(preset) = self.preset {
             self.fill_in_preset(preset, scene);
         }
+
+        // Length and output of the film.
         let (fps, frames) = self.fill_in_length(&path, scene)?;
         self.fill_in_chunks(frames)?;
         let output = self.fill_in_output(&path)?;
         if self.cbr && self.bitrate.is_none() {
             fail!("--cbr needs --bitrate, the constant rate in bits per second");
         }
+
+        // Thresholds and sampling.
         let (thresholds, kappa) = self.fill_in_thresholds()?;
         let (stopping, within) = self.fill_in_stopping()?;
         self.fill_in_importance(&path, scene)?;
@@ -63,6 +68,8 @@ impl Options {
         if self.bounces == Some(0) {
             fail!("--bounces 0: unreflected light shows only lamps; 1 is direct light only");
         }
+
+        // Files, lights and exposure.
         self.check_files()?;
         let vpls = *self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene));
         if !(1..=10_000_000).contains(&vpls) {
@@ -71,13 +78,17 @@ impl Options {
         let lighting = self.fill_in_lighting(&path)?;
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
-        // With a bit rate the quantiser may become any: expect the default.
+        // A bit rate may lead to any quantiser: expect the default.
         let expected_qscale = if self.bitrate.is_some() { 8 } else { qscale };
+
+        // Size and shape of the pictures.
         let size = *self.size.get_or_insert_with(|| Size::of_camera(scene, 512));
         let aspect = *self.aspect.insert(PictureAspect::of(self.aspect, &output, self.range, size)?);
         check_disc(&output, self.range, fps)?;
         let frame_range = self.range.map_or(0..frames, |FrameRange { first, last }| first..last + 1);
         let [pixel_width, pixel_height] = aspect.pixel(size);
+
+        // All options now have values.
         let render = RenderSettings {
             frames,
             end: frame_range.end,

@@ -239,6 +239,8 @@ impl Encode for Video {
             true => self.begin_chunk(*index)?,
             false => Encoded::default(),
         };
+
+        // With B pictures, a picture is pushed once the motion into the next one is known.
         let taken = Waiting { picture: picture.picture.clone(), to_previous, weights };
         let mut coded = if self.waits {
             match self.waiting.replace(taken) {

@@ -43,6 +43,7 @@ pub fn compare_paths(
     let mut frames = Vec::new();
     let mut exposure = None;
     loop {
+        // Both sequences must end together.
         let (picture, reference) = match (pictures.next().transpose()?, references.next().transpose()?) {
             (Some(picture), Some(reference)) => (picture, reference),
             (None, None) => break,
@@ -54,6 +55,8 @@ pub fn compare_paths(
                 return Err(Error::Comparison(problem));
             }
         };
+
+        // Only pictures of one kind and size can be compared.
         if picture.is_linear() != reference.is_linear() {
             let (linear, shown) = if picture.is_linear() { (a, b) } else { (b, a) };
             let (linear, shown) = (linear.display(), shown.display());
@@ -68,6 +71,8 @@ pub fn compare_paths(
                 "{a} has {w}x{h} pixels, but {b} has {v}x{k}; render both in one size"
             )));
         }
+
+        // The first reference determines the exposure of all pictures.
         let exposure = *exposure.get_or_insert_with(|| reference.exposure());
         let (picture, reference) = (picture.view(exposure), reference.view(exposure));
         let comparison = measure(&picture, &reference);

@@ -31,10 +31,14 @@ impl StackedBars {
         let named = if self.parts.len() > 1 { self.parts.len().div_ceil(3) } else { 0 };
         let (height, bottom) = height_and_bottom(named);
         let mut svg = Svg::new(SIZE.0, height, &self.title);
+
+        // Axes and labels.
         let heights = self.columns.iter().map(|column| column.iter().sum::<f64>());
         let y = Axis::holding(heights.chain([0.0]), false, bottom, top);
         let labels = Labels { title: &self.title, x: &self.x_label, y: &self.y_label };
         frame(&mut svg, labels, None, &y, bottom);
+
+        // Columns, from the bottom up, and the labels for which there is space.
         let width = (right - left) / self.columns.len().max(1) as f64;
         let gap = if width > 8.0 { 0.16 * width } else { 0.0 };
         let every = (self.columns.len() as f64 * 34.0 / (right - left)).ceil().max(1.0) as usize;
@@ -63,6 +67,8 @@ impl StackedBars {
                 );
             }
         }
+
+        // A single kind of value needs no legend.
         if self.parts.len() > 1 {
             let entry =
                 |(name, color): &(String, usize)| LegendEntry { name: name.clone(), color: *color, dashed: None };

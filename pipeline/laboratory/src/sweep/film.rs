@@ -179,6 +179,8 @@ pub fn by_paths(
         (figures.tree_swaps_share, figures.threshold_mean_relative) = (0.0, 0.0);
         figures.seconds = Seconds::default();
         figures.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
+
+        // Picture and light go to files, as for other films.
         pictures.write(&YCbCr::from_radiance(&radiance, &settings.render.tone_map).picture)?;
         write_frame(&linear(folder.path(), report.index), &radiance, known?.known.as_ref())?;
         reports.push(report);

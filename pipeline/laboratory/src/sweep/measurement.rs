@@ -47,6 +47,8 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
     let uncounted = usize::from(count > 1);
     let lightcuts = film.stream.is_some();
     let (mut sums, mut clip, mut last) = (FrameSums::new(film, count - uncounted), Vec::new(), None);
+
+    // Film and reference are read in parallel, frame by frame.
     for (n, (frame, truth)) in film.frames()?.zip(reference.frames()?).enumerate() {
         let (frame, truth) = (frame?, truth?);
         let coded = coder.push(&frame)?;

@@ -22,6 +22,8 @@ const CLIP_FPS: f64 = 6.0;
 pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
     let outcome = &swept.outcome;
     let settings = &outcome.settings;
+
+    // Plots, and the rows of table 1, grouped by kind of method and quantiser.
     let drawn = |plot: &Plot| {
         let file = download(&format!("{}.svg", plot.name), "image/svg+xml", plot.svg.file().as_bytes());
         context! { svg => plot.svg.inline(), caption => plot.caption.clone(), file }
@@ -37,6 +39,8 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
             context! { cells => cells(run, outcome.lights).to_vec(), first, pays }
         })
         .collect();
+
+    // Key figures of the sweep.
     let cheapest = outcome.references.iter().map(|reference| reference.seconds.total).fold(f64::INFINITY, f64::min);
     let ended = if outcome.interrupted { ", ended early" } else { "" };
     let tiles = vec![
@@ -47,6 +51,8 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
         ("every light", format!("{cheapest:.1} CPU s per frame")),
         ("this sweep", format!("{:.0} s{ended}", outcome.wall_seconds)),
     ];
+
+    // Pictures.
     let choices = choices(swept);
     let clip = clip(swept);
     // The reference comes first; by default it is compared with the run of the clip.

@@ -204,6 +204,7 @@ fn histograms(outcome: &Outcome) -> Vec<Plot> {
     let middle = qscales.get(qscales.len() / 2).copied();
     let runs = outcome.runs.iter().filter(|run| run.kappa.is_some() && Some(run.qscale) == middle);
     runs.filter_map(|run| {
+        // Ratios within the threshold have another color than larger ones.
         let histogram = run.error_by_threshold.as_ref()?;
         let starts = (0..histogram.shares.len()).map(|i| histogram.bin * i as f64);
         let columns = starts.clone().zip(&histogram.shares).map(|(start, &share)| {

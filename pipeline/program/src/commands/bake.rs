@@ -132,6 +132,8 @@ impl BakeJob<'_> {
         })?;
         bar.finish_and_clear();
         let written = output.map(|path| Ok::<_, Error>((path, baked.write(self.scene, path)?))).transpose()?;
+
+        // Size, resolution and cost of the light.
         if !self.quiet {
             let seconds = begin.elapsed().as_secs_f64();
             match written {

@@ -37,6 +37,8 @@ pub fn run(arguments: &Compare) -> Result<ExitCode> {
     places.writes("--heatmap", heatmap.as_deref()).check()?;
     heatmap.iter().try_for_each(|path| overwrite.check(path))?;
     let output = heatmap.as_deref().map(Output::create).transpose()?;
+
+    // Print each picture as it is measured, and then the mean.
     let single = compare::is_single(picture);
     let mut map = HeatMap::default();
     let found =
@@ -51,6 +53,8 @@ pub fn run(arguments: &Compare) -> Result<ExitCode> {
         (true, false) => say!("{}", found.mean),
         (false, false) => say!("\nmean of {}\n{}", counted(found.frames.len(), "picture"), found.mean),
     }
+
+    // The heat map covers all pictures.
     if let Some(mut output) = output {
         output.write(&png_file::encode(&map.picture()))?;
         output.finish()?;

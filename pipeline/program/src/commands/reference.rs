@@ -92,11 +92,13 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         quiet,
         ..
     } = arguments;
+    // Check the request before the scene is loaded.
     let format = PictureFormat::of(&output)?;
     parts::need("still", format != PictureFormat::Linear)?;
     let scene = reading.load(&path)?;
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
     overwrite.check(&output)?;
+
     // Settings of films require at least one reflection; paths may have none.
     let film_bounces = bounces.filter(|&bounces| bounces > 0 || method == ReferenceMethod::AllLights);
     let antialiasing = center.then_some(Switch::Off);
@@ -107,6 +109,8 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     let settings = Settings::new(path, &scene, &options)?;
     // Report unwritable outputs before the work, not after it.
     drop(Output::create(&output)?);
+
+    // Render, by either method.
     let begin = std::time::Instant::now();
     let picture = match method {
         ReferenceMethod::AllLights => reference::by_all_lights(&scene, &settings.render, frame),
@@ -122,6 +126,8 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
             picture
         }
     };
+
+    // Pictures for display need the exposure of a film.
     match format {
         PictureFormat::Linear => picture.write(&output)?,
         PictureFormat::Shown(_) => {

@@ -96,6 +96,8 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
     pipeline::streams::make_folder(&folder)?;
     // Report an unwritable folder before the work, not after it.
     drop(pipeline::output::Output::create(&folder.join("sweep.json"))?);
+
+    // Options that were not given have the sweep's own defaults.
     let sweep = laboratory::sweep::Sweep {
         common: Options {
             frames: Some(frames.unwrap_or(DEFAULT_FRAMES)),
