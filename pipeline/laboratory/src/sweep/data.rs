@@ -85,7 +85,6 @@ pub(super) fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
         ];
         columns.extend(numbers.map(|(name, value)| (name, known(value))));
         columns.push(("equal_quality", beside.map_or(String::new(), |beside| beside.equal_quality.to_string())));
-
         if std::ptr::eq(run, &runs[0]) {
             writer.write_record(columns.iter().map(|(name, _)| name)).map_err(Error::other)?;
         }
