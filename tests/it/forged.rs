@@ -99,7 +99,7 @@ fn a_last_frame_beyond_the_film_is_refused() {
         let mut stored = film.stored.clone();
         stored.1 = last;
         let error = go_on(&film, &stored).unwrap_err();
-        let word = if last == 2 { "is invalid" } else { "more --frames" };
+        let word = if last == 2 { "is invalid" } else { "increase --frames" };
         assert!(error.contains("film.m2v.checkpoint") && error.contains(word), "{last}: {error}");
     }
 }
