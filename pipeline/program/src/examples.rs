@@ -6,7 +6,7 @@ pub const RENDER_SHORT: &str = "Examples:
   render2mpeg render scene.glb --preset final -o film.mp4       large, with smooth edges
   render2mpeg render scene.glb -o film.mpg --also film.mp4      H.264 too, with ffmpeg, for browsers
 
-Films are MPEG-2, also in .mp4 and .mkv. Players that support H.264 only need --also.
+Films are MPEG-2, also in .mp4 and .mkv. Players that support only H.264 need --also.
 --help lists all options: --from, --to, --camera, --set, --bitrate, --threads, --resume, --exr ...";
 
 pub const RENDER: &str = "Examples:
