@@ -20,6 +20,7 @@ pub struct Report {
     /// The rendered scene.
     pub scene: SceneReport,
     /// All settings of the run, with defaults filled in.
+    #[schemars(with = "BTreeMap<String, serde_json::Value>")]
     pub settings: Settings,
     /// Stages that ran, stages that were left out, and reasons.
     pub plan: Vec<Step>,
