@@ -6,7 +6,7 @@ use super::commands::compare::Compare;
 use super::commands::join::Join;
 use super::commands::plan::Plan;
 use super::commands::reference::Reference;
-use super::commands::render::Render;
+use super::commands::render::RenderArguments;
 use super::commands::still::StillArguments;
 use super::commands::sweep::Sweep;
 use super::examples;
@@ -45,7 +45,7 @@ pub struct Arguments {
 pub enum Command {
     /// Render a scene into a video
     #[command(args_override_self = true, after_help = examples::RENDER_SHORT, after_long_help = examples::RENDER)]
-    Render(Box<Render>),
+    Render(Box<RenderArguments>),
     /// Render single frames, as PNG or JPEG tone mapped for display, or as OpenEXR
     #[command(after_help = examples::STILL)]
     Still(Box<StillArguments>),

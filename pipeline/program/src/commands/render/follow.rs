@@ -1,7 +1,7 @@
 //! `render2mpeg render` on the ranks after rank 0: they share the work, write no files and print nothing that rank 0
 //! prints.
 
-use super::Render;
+use super::RenderArguments;
 use crate::print::single_line;
 use crate::ranks::Ranks;
 use anyhow::Result;
@@ -10,7 +10,7 @@ use pipeline::team::{Present, muster};
 use render_core::scene::Scene;
 use render2mpeg::job::job_of;
 use render2mpeg::settings::Settings;
-use render2mpeg::{Error, Render as Film};
+use render2mpeg::{Error, Render};
 use renderer::plan::Plan;
 use std::process::ExitCode;
 
@@ -18,7 +18,7 @@ use std::process::ExitCode;
 ///
 /// # Errors
 /// If the options are wrong on every rank; rank 0 prints these errors.
-pub(super) fn run(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
+pub(super) fn run(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode> {
     let film = film(arguments);
     let answer = match &film {
         Ok((.., job)) => Present::Ready(job.sum()),
@@ -28,7 +28,7 @@ pub(super) fn run(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
     let Some((scene, settings, _)) = film.ok().filter(|_| is_made) else { return Ok(ExitCode::SUCCESS) };
 
     let plan = Plan::new(&scene, &settings.render);
-    match Film::follow(&scene, &settings, &plan, ranks.team()) {
+    match Render::follow(&scene, &settings, &plan, ranks.team()) {
         Ok(()) => Ok(ExitCode::SUCCESS),
         Err(error @ Error::Loop(pipeline::Error::Ranks(_))) => Err(error.into()),
         // Other ranks cannot see this error, and would wait.
@@ -41,7 +41,7 @@ pub(super) fn run(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
 }
 
 /// Returns the film that the arguments describe, as on rank 0.
-fn film(mut arguments: Render) -> Result<(Scene, Settings, FilmJob)> {
+fn film(mut arguments: RenderArguments) -> Result<(Scene, Settings, FilmJob)> {
     let path = arguments.source.path();
     let scene = arguments.source.reading.load(&path)?;
     let settings = arguments.options.fill_in(path, &scene)?;

@@ -28,7 +28,7 @@ use render2mpeg::also::Companion;
 use render2mpeg::job::job_of;
 use render2mpeg::places::FilePlaces;
 use render2mpeg::settings::{CheckpointEvery, Settings};
-use render2mpeg::{Options, Render as Film};
+use render2mpeg::{Options, Render};
 use renderer::plan::Plan;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -38,7 +38,7 @@ use watching::{Watching, keep_for_page, write_page};
 
 /// Scene, settings of its film, and files to write.
 #[derive(Args)]
-pub(crate) struct Render {
+pub(crate) struct RenderArguments {
     /// Scene of the film.
     #[command(flatten)]
     source: SceneSource,
@@ -99,7 +99,7 @@ pub(crate) struct Render {
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Renders and reports on rank 0; follows rank 0 on other ranks.
-pub fn run_among(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
+pub fn run_among(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode> {
     if ranks.team().rank() > 0 {
         return follow::run(arguments, ranks);
     }
@@ -107,7 +107,7 @@ pub fn run_among(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
     run(arguments, &mut Answer::of(ranks.team()))
 }
 
-fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
+fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> {
     arguments.check_features()?;
     let path = arguments.source.path();
     if arguments.watch && answer.team.count() > 1 {
@@ -162,7 +162,7 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-impl Render {
+impl RenderArguments {
     /// Reports an option that needs a feature which was not built.
     fn check_features(&self) -> Result<()> {
         parts::need("html", self.html.is_some())?;
@@ -219,7 +219,7 @@ impl Render {
         checkpoints: Checkpoints,
     ) -> Result<Option<ExitCode>> {
         let plan = Plan::new(scene, &settings.render);
-        let mut film = Film::among(scene, settings, &plan, &checkpoints, team)?;
+        let mut film = Render::among(scene, settings, &plan, &checkpoints, team)?;
         film.write_to(&settings.output)?;
         files.try_out()?;
         let log = Log::start(self.verbose, files.trace.clone());
@@ -278,7 +278,7 @@ impl Render {
     }
 }
 
-impl Render {
+impl RenderArguments {
     /// Prints how to continue a film that ended early, and the files that were not made.
     fn tell_of_early_end(&self, settings: &Settings) {
         match self.checkpoint_every() {
@@ -321,7 +321,7 @@ impl Drop for Answer<'_> {
 }
 
 /// Reactions to signals: the first lets begun frames finish, the second ends at once.
-fn reactions(film: &Film, progress: &progress::ProgressLine, settings: &Settings) -> Reactions {
+fn reactions(film: &Render, progress: &progress::ProgressLine, settings: &Settings) -> Reactions {
     let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
     let tell_again = progress.teller();
     let first = move || tell("stopping after this frame; interrupt again to stop now");

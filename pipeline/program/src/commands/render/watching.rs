@@ -13,7 +13,7 @@ use plane::{Picture, Plane};
 use render_core::scene::Scene;
 use render2mpeg::Options;
 use render2mpeg::settings::Settings;
-use render2mpeg::{Render as Film, Report};
+use render2mpeg::{Render, Report};
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
@@ -54,7 +54,7 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
 }
 
 /// Returns an observer that records the data of the film's page.
-pub fn keep_for_page(film: &mut Film, settings: &Settings) -> FilmWatch {
+pub fn keep_for_page(film: &mut Render, settings: &Settings) -> FilmWatch {
     film.watch(&page::WATCHED);
     FilmWatch::new(settings)
 }
