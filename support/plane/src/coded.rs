@@ -1,18 +1,18 @@
-//! The coding of a picture: levels, modes, quantiser scales and decoded luma.
+//! A coded picture: coefficient levels, macroblock modes, quantiser scales and decoded luma.
 
 use crate::{Picture, Plane, SizeError};
 use std::sync::Arc;
 
-/// The coding of a picture: as much as a masking model needs to tell which errors come through.
+/// Result of encoding a picture, as a masking model needs it to find visible errors.
 ///
-/// A macroblock is 16×16 samples of luma, a block 8×8; those at the right and lower border may lie outside of the picture in
-/// part. Names are those of ISO/IEC 13818-2.
+/// A macroblock covers 16×16 luma samples, a block 8×8. Macroblocks and blocks at the right and lower border may
+/// extend beyond the picture. Names follow ISO/IEC 13818-2.
 ///
 /// ```
 /// use plane::{Coded, Picture, Plane};
 /// use std::sync::Arc;
 ///
-/// // A gray picture, coded intra with nothing but the DC of every block.
+/// // A gray picture, coded intra with only the DC coefficient of every block.
 /// let decoded = Arc::new(Picture::gray(Plane::filled(40, 24, 117)));
 /// let coded = Coded::new(decoded, Plane::filled(5, 3, 1), Plane::filled(3, 2, true), Plane::filled(3, 2, 8))?;
 /// assert_eq!(coded.luma().get(39, 23), 117);
@@ -28,12 +28,12 @@ pub struct Coded {
 }
 
 impl Coded {
-    /// A picture as it is `decoded`, with the `levels` of every block and, of every macroblock, whether it is `intra` and its
+    /// Combines a `decoded` picture with the `levels` of every block and, for every macroblock, its `intra` flag and
     /// quantiser_scale.
     ///
     /// # Errors
-    /// `levels` has neither a sample for each block that begins in the picture nor for each block of the macroblocks that do,
-    /// or one of the other planes has not a sample for each of these macroblocks.
+    /// If `levels` has a sample neither for each block that begins in the picture nor for each block of the
+    /// macroblocks. If another plane does not have one sample for each macroblock that begins in the picture.
     pub fn new(
         decoded: Arc<Picture>,
         levels: Plane<u64>,
@@ -50,32 +50,32 @@ impl Coded {
         Ok(Self { decoded, levels, intra, quantiser_scales })
     }
 
-    /// The picture as a decoder shows it.
+    /// Decoded picture, as displayed.
     #[must_use]
     pub fn decoded(&self) -> &Arc<Picture> {
         &self.decoded
     }
 
-    /// Luma as a decoder shows it: 16 is black, 235 white.
+    /// Decoded luma plane. Code value 16 is black, 235 white.
     #[must_use]
     pub fn luma(&self) -> &Plane<u8> {
         self.decoded.luma()
     }
 
-    /// For every block of luma: bit 8·v + u is set where the level of the coefficient of frequency u across and v down is not
-    /// zero, and for the DC of an intra block.
+    /// Nonzero coefficients of every luma block, as a bit set. Bit 8·v + u belongs to horizontal frequency u and
+    /// vertical frequency v. The DC bit of an intra block is always set.
     #[must_use]
     pub fn levels(&self) -> &Plane<u64> {
         &self.levels
     }
 
-    /// For every macroblock, whether it is coded without a prediction.
+    /// Intra flag of every macroblock: `true` if it is coded without a prediction.
     #[must_use]
     pub fn intra(&self) -> &Plane<bool> {
         &self.intra
     }
 
-    /// For every macroblock, quantiser_scale, 1 … 112.
+    /// quantiser_scale of every macroblock, 1 … 112.
     #[must_use]
     pub fn quantiser_scales(&self) -> &Plane<u8> {
         &self.quantiser_scales

@@ -1,25 +1,25 @@
-//! Where the surface points of a picture were in another one.
+//! Correspondence of the pixels of two pictures.
 
 use crate::{Plane, SizeError};
 
-/// In [`Correspondence::matches`]: the pixel shows nothing that the other picture shows.
+/// Entry of [`Correspondence::matches`] for a pixel that has no counterpart in the other picture.
 pub const NO_MATCH: u32 = u32::MAX;
 
-/// Where the surface points of a picture are in another picture, usually the one before.
+/// Position of each pixel's surface point in another picture, usually the previous one.
 ///
-/// Each pixel has the raster index of the pixel of the other picture that shows the same surface, or [`NO_MATCH`], and its
-/// motion: position in the other picture minus position in this one, in pixels, x to the right and y down. [`NO_MATCH`]
-/// alone tells that nothing corresponds; the motion of such a pixel has no meaning.
+/// Each pixel has the raster index of the pixel of the other picture that shows the same surface, or [`NO_MATCH`].
+/// Its motion is its position in the other picture minus its position in this one, in pixels, x to the right and y
+/// down. Pixels without correspondence are marked by [`NO_MATCH`] only. Their motion is undefined.
 ///
 /// ```
 /// use plane::{Correspondence, NO_MATCH, Plane};
 ///
-/// // The camera pans by 1.5 pixels to the right: all was farther right before.
+/// // The camera pans by 1.5 pixels to the right: all surfaces were farther right before.
 /// let pan = Correspondence::from_motion(Plane::filled(64, 48, [1.5, 0.0]));
 /// assert_eq!(pan.motion_of(10, 0), Some([1.5, 0.0]));
 /// assert_eq!(pan.match_of(10, 2), Some(2 * 64 + 12));
 ///
-/// // A picture of which nothing was seen before.
+/// // A shot change: no pixel has a match.
 /// let cut = Correspondence::from_matches(Plane::filled(64, 48, NO_MATCH));
 /// assert_eq!(cut.motion_of(10, 2), None);
 /// ```
@@ -30,7 +30,7 @@ pub struct Correspondence {
     matches: Plane<u32>,
 }
 
-/// The serialized form of a correspondence, whose sizes are not checked yet.
+/// Serialized form of a correspondence, before its sizes are checked.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
 struct StoredCorrespondence {
@@ -47,21 +47,24 @@ impl TryFrom<StoredCorrespondence> for Correspondence {
     }
 }
 
-/// Motion of a pixel without match, in what is made here.
+/// Motion stored here for pixels without a match.
 const NO_MOTION: [f32; 2] = [0.0; 2];
 
 impl Correspondence {
-    /// Takes over the motion of every pixel \[pixels\], and the raster index of its match or [`NO_MATCH`].
+    /// Builds a correspondence from the motion of every pixel \[pixels\] and the raster index of its match or
+    /// [`NO_MATCH`].
     ///
     /// # Errors
-    /// The two planes differ in size.
+    /// If the two planes differ in size.
     pub fn new(motion: Plane<[f32; 2]>, matches: Plane<u32>) -> Result<Self, SizeError> {
         SizeError::check("matches", &matches, (motion.width(), motion.height()))?;
         Ok(Self { motion, matches })
     }
 
-    /// Takes over motion \[pixels\] between pictures of one size. A motion that is not finite says that nothing
-    /// corresponds; any other matches the pixel nearest to where it points, or the nearest one of the border beyond that.
+    /// Builds a correspondence from motion \[pixels\] between pictures of equal size.
+    ///
+    /// Finite motion matches the pixel nearest to its end point, clamped to the border. Motion that is not finite
+    /// means [`NO_MATCH`].
     #[must_use]
     pub fn from_motion(mut motion: Plane<[f32; 2]>) -> Self {
         let (width, height) = (motion.width(), motion.height());
@@ -79,8 +82,9 @@ impl Correspondence {
         Self { motion, matches }
     }
 
-    /// Takes over matches between pictures of one size. Motion goes from pixel to pixel; an index outside of the picture
-    /// counts as [`NO_MATCH`].
+    /// Builds a correspondence from matches between pictures of equal size.
+    ///
+    /// Motion is measured between pixel centers. Indices outside the picture become [`NO_MATCH`].
     #[must_use]
     pub fn from_matches(mut matches: Plane<u32>) -> Self {
         let width = matches.width();
@@ -96,7 +100,7 @@ impl Correspondence {
         Self { motion, matches }
     }
 
-    /// Nothing moves in a picture of `width` × `height` pixels: every pixel is its own match.
+    /// Correspondence of a static picture of `width` × `height` pixels: every pixel is its own match.
     #[must_use]
     pub fn still(width: usize, height: usize) -> Self {
         Self {
@@ -105,26 +109,26 @@ impl Correspondence {
         }
     }
 
-    /// Pixels in a row.
+    /// Number of pixels per row.
     #[must_use]
     pub fn width(&self) -> usize {
         self.matches.width()
     }
 
-    /// Rows of pixels.
+    /// Number of rows.
     #[must_use]
     pub fn height(&self) -> usize {
         self.matches.height()
     }
 
-    /// Position in the other picture minus position in this one \[pixels\], without meaning where
-    /// [`matches`](Self::matches) has [`NO_MATCH`].
+    /// Position in the other picture minus position in this one \[pixels\]. Undefined where
+    /// [`matches`](Self::matches) contains [`NO_MATCH`].
     #[must_use]
     pub fn motion(&self) -> &Plane<[f32; 2]> {
         &self.motion
     }
 
-    /// Raster index of the pixel of the other picture that shows the same surface, or [`NO_MATCH`].
+    /// Raster index of the pixel in the other picture that shows the same surface, or [`NO_MATCH`].
     #[must_use]
     pub fn matches(&self) -> &Plane<u32> {
         &self.matches
@@ -133,7 +137,7 @@ impl Correspondence {
     /// Motion of the pixel in column `x` and row `y` \[pixels\], if it has a match.
     ///
     /// # Panics
-    /// Outside of the picture.
+    /// If the pixel is outside the picture.
     #[must_use]
     pub fn motion_of(&self, x: usize, y: usize) -> Option<[f32; 2]> {
         self.match_of(x, y).map(|_| self.motion.get(x, y))
@@ -142,14 +146,14 @@ impl Correspondence {
     /// Raster index of the match of the pixel in column `x` and row `y`, if it has one.
     ///
     /// # Panics
-    /// Outside of the picture.
+    /// If the pixel is outside the picture.
     #[must_use]
     pub fn match_of(&self, x: usize, y: usize) -> Option<u32> {
         Some(self.matches.get(x, y)).filter(|&index| index != NO_MATCH)
     }
 }
 
-/// Raster index of a pixel; one that 32 bits do not hold is no match.
+/// Raster index of a pixel, or [`NO_MATCH`] if the index exceeds 32 bits.
 fn raster_index(x: usize, y: usize, width: usize) -> u32 {
     u32::try_from(y * width + x).unwrap_or(NO_MATCH)
 }

@@ -1,29 +1,31 @@
-//! The orthonormal 8×8 DCT-II that a masking model and an MPEG-2 encoder share.
+//! Orthonormal 8×8 DCT-II, shared by a masking model and an MPEG-2 encoder.
 //!
 //! ```text
 //! c(u,v) = ¼ C(u) C(v) Σ_y Σ_x f(x,y) cos((2x+1)uπ/16) cos((2y+1)vπ/16)       C(0) = 1/√2, otherwise C = 1
 //! ```
 //!
-//! This is the transform of ISO/IEC 13818-2, Annex A: c(0,0) is 8 × the mean of the block, and a change of the coefficients
-//! has the same sum of squares as the change of the samples it causes. Blocks are in raster order: the sample at column x
-//! and row y stands at index `8 * y + x`, the coefficient of horizontal frequency u and vertical frequency v at `8 * v + u`.
+//! This is the transform of ISO/IEC 13818-2, Annex A. c(0,0) is 8 × the mean of the block. A change of the
+//! coefficients has the same sum of squares as the change of the samples that it causes. Blocks are in raster order:
+//! the sample in column x and row y has index `8 * y + x`. The coefficient of horizontal frequency u and vertical
+//! frequency v has index `8 * v + u`.
 //!
-//! [`dct`] and [`idct`] are the fast forms: butterflies down the columns, eight columns at a time, then one 8×8 matrix along
-//! the rows; both loops are eight lanes wide, which the compiler turns into vector instructions, and neither needs a
-//! transposition. [`dct_definition`] and [`idct_definition`] are the sums above, in `f64`; tests hold the fast ones to them.
+//! [`dct`] and [`idct`] are the fast transforms. They apply butterflies down the columns, eight columns at a time,
+//! then multiply the rows by one 8×8 matrix. Both loops are eight lanes wide, so that the compiler vectorizes them,
+//! and need no transposition. [`dct_definition`] and [`idct_definition`] evaluate the sums above in `f64`. Tests
+//! compare the fast transforms with them.
 
 use std::f64::consts::PI;
 
-/// Eight columns side by side.
+/// One value for each of eight columns.
 type Lanes = [f32; 8];
 
-/// `½ cos(kπ/16)` for k = 0 … 8: all that the basis consists of.
+/// `½ cos(kπ/16)` for k = 0 … 8. All entries of the basis are among these values and their negatives.
 const HALF_COSINE: [f32; 9] =
     [0.5, 0.490_392_64, 0.461_939_77, 0.415_734_8, 0.353_553_4, 0.277_785_12, 0.191_341_72, 0.097_545_16, 0.0];
 
 /// `BASIS[u][x] = ½ C(u) cos((2x+1)uπ/16)`.
 const BASIS: [Lanes; 8] = basis();
-/// `BASIS` with rows and columns exchanged.
+/// Transpose of `BASIS`.
 const BASIS_TRANSPOSED: [Lanes; 8] = transposed(BASIS);
 
 const fn basis() -> [Lanes; 8] {
@@ -32,7 +34,7 @@ const fn basis() -> [Lanes; 8] {
     while u < 8 {
         let mut x = 0;
         while x < 8 {
-            // The angle in units of π/16, folded into the first quadrant.
+            // Fold the angle, in units of π/16, into the first quadrant.
             let angle = ((2 * x + 1) * u) % 32;
             let half_turn = if angle > 16 { 32 - angle } else { angle };
             out[u][x] = if half_turn > 8 { -HALF_COSINE[16 - half_turn] } else { HALF_COSINE[half_turn] };
@@ -80,7 +82,7 @@ fn weighted<const N: usize>(weights: [f32; N], rows: [Lanes; N]) -> Lanes {
     })
 }
 
-/// Eight transforms of length 8 at once, down the columns.
+/// Applies eight DCTs of length 8 at once, down the columns.
 #[inline(always)]
 fn columns_forward(s: [Lanes; 8]) -> [Lanes; 8] {
     let [_, c1, c2, c3, c4, c5, c6, c7, _] = HALF_COSINE;
@@ -100,7 +102,7 @@ fn columns_forward(s: [Lanes; 8]) -> [Lanes; 8] {
     ]
 }
 
-/// The inverse of [`columns_forward`].
+/// Inverts [`columns_forward`].
 #[inline(always)]
 fn columns_inverse(c: [Lanes; 8]) -> [Lanes; 8] {
     let [_, c1, c2, c3, c4, c5, c6, c7, _] = HALF_COSINE;
@@ -122,7 +124,7 @@ fn columns_inverse(c: [Lanes; 8]) -> [Lanes; 8] {
     std::array::from_fn(|k| if k < 4 { sum(even[k], odd[k]) } else { difference(even[7 - k], odd[7 - k]) })
 }
 
-/// Each row times `matrix`: `out[y][j] = Σ_k rows[y][k] · matrix[k][j]`.
+/// Multiplies each row by `matrix`: `out[y][j] = Σ_k rows[y][k] · matrix[k][j]`.
 #[inline(always)]
 fn rows_times(rows: [Lanes; 8], matrix: &[Lanes; 8]) -> [Lanes; 8] {
     std::array::from_fn(|y| weighted(rows[y], *matrix))
@@ -138,7 +140,8 @@ fn join(rows: [Lanes; 8]) -> [f32; 64] {
     std::array::from_fn(|i| rows[i / 8][i % 8])
 }
 
-/// The coefficients of a block of samples: index `8 * v + u`, coefficient 0 is 8 × the mean.
+/// Returns the DCT coefficients of a block of samples. Coefficient (u, v) has index `8 * v + u`, and coefficient 0 is
+/// 8 × the mean.
 ///
 /// ```
 /// let coefficients = plane::dct(&[3.0; 64]);
@@ -150,21 +153,22 @@ pub fn dct(samples: &[f32; 64]) -> [f32; 64] {
     join(rows_times(columns_forward(split(samples)), &BASIS_TRANSPOSED))
 }
 
-/// The samples of a block of coefficients: the inverse of [`dct`].
+/// Returns the samples of a block of coefficients: the inverse of [`dct`].
 ///
-/// Not rounded and not clipped; an encoder that must reproduce what decoders show has to round as the standard says.
+/// Samples are neither rounded nor clipped. An encoder that must match decoders has to round as the standard
+/// specifies.
 #[must_use]
 pub fn idct(coefficients: &[f32; 64]) -> [f32; 64] {
     join(columns_inverse(rows_times(split(coefficients), &BASIS)))
 }
 
-/// One entry of the basis: `½ C(u) cos((2x+1)uπ/16)`.
+/// Entry of the basis: `½ C(u) cos((2x+1)uπ/16)`.
 fn basis_definition(u: usize, x: usize) -> f64 {
     let c = if u == 0 { 0.5f64.sqrt() } else { 1.0 };
     0.5 * c * (((2 * x + 1) * u) as f64 * PI / 16.0).cos()
 }
 
-/// [`dct`] as the double sum that defines it, in `f64`. Slow; it is what the fast form is measured against.
+/// Computes [`dct`] as its defining double sum, in `f64`. It is the slow reference for testing the fast transform.
 #[must_use]
 pub fn dct_definition(samples: &[f64; 64]) -> [f64; 64] {
     std::array::from_fn(|i| {
@@ -173,7 +177,7 @@ pub fn dct_definition(samples: &[f64; 64]) -> [f64; 64] {
     })
 }
 
-/// [`idct`] as the double sum that defines it, in `f64`.
+/// Computes [`idct`] as its defining double sum, in `f64`.
 #[must_use]
 pub fn idct_definition(coefficients: &[f64; 64]) -> [f64; 64] {
     std::array::from_fn(|k| {
@@ -225,7 +229,7 @@ mod tests {
     proptest! {
         #[test]
         fn fast_forms_agree_with_the_definition(samples in block()) {
-            // 256 · 8 is the largest coefficient; 1e-3 of code value is 2^-21 of it, a few roundings of f32.
+            // The largest coefficient is 256 · 8. A code value of 1e-3 is 2^-21 of it, a few `f32` roundings.
             let exact = dct_definition(&samples.map(f64::from));
             for (fast, exact) in dct(&samples).iter().zip(exact) {
                 prop_assert!((f64::from(*fast) - exact).abs() < 1e-3, "{fast} {exact}");

@@ -1,65 +1,69 @@
-//! A linear picture as it goes into a file: channels, and facts for the header.
+//! Linear picture for a file: channels and header metadata.
 
-/// Bits of a channel's samples.
+/// Storage format of a channel's samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleDepth {
-    /// 16 bits where they suffice: 11 of precision, values up to 65504.
+    /// 16 bits: a significand of 11 bits and values up to 65504. Channels that exceed this range use 32 bits.
     Half,
     /// 32 bits.
     #[default]
     Float,
 }
 
-/// A channel of a picture.
+/// One channel of a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameChannel {
-    /// Name of the layer with a dot, then that of the channel: `albedo.R`; without a layer, the channel's alone.
+    /// Name of the layer, a dot and the name of the channel, such as `albedo.R`. A channel without a layer has only
+    /// its own name.
     pub name: String,
     /// Samples in raster order.
     pub samples: Vec<f32>,
-    /// Bits that they are to have.
+    /// Requested sample format.
     pub depth: SampleDepth,
 }
 
-/// A camera as headers describe it. Matrices are stored column after column, and apply to columns.
+/// Camera in the form used by file headers. Matrices are stored in column-major order and multiply column vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameCamera {
-    /// Camera space from the world \[m\], left-handed: x to the right, y up, z along the view.
+    /// Transform from world to camera space \[m\]. Camera space is left-handed: x to the right, y up, z along the
+    /// view.
     pub camera_from_world: [f32; 16],
-    /// Picture space from the world: x and y are 0…1 from the upper left to the lower right corner, once divided by w.
+    /// Transform from world to picture space. After division by w, x and y are 0…1 from the upper left to the lower
+    /// right corner.
     pub picture_from_world: [f32; 16],
-    /// Width of what the picture shows at a distance of 1 m, in meters; `None` where it depends on no distance.
+    /// Width of the visible area at a distance of 1 m \[m\]. `None` if the width does not depend on distance.
     pub window_width: Option<f32>,
-    /// Width of a pixel as a share of its height.
+    /// Width of a pixel divided by its height.
     pub pixel_aspect: f32,
 }
 
-/// Place of a frame in its film.
+/// Position of a frame in its film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FramePlace {
-    /// Number of the frame, from 0.
+    /// Index of the frame, from 0.
     pub number: u32,
-    /// Numerator of the frame rate, of which [`seconds`](Self::seconds) is the denominator: 30000 for 29.97 frames a second.
+    /// Numerator of the frame rate, such as 30000 for 29.97 frames a second. [`seconds`](Self::seconds) is the
+    /// denominator.
     pub frames: u32,
-    /// Denominator of the frame rate, at least 1: 1001 for 29.97 frames a second.
+    /// Denominator of the frame rate, at least 1, such as 1001 for 29.97 frames a second.
     pub seconds: u32,
 }
 
-/// A text of a header, under a name of its own.
+/// Text attribute of a header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HeaderText {
     /// Name of the attribute, in ASCII.
     pub name: String,
-    /// The text, in ASCII: others have characters that a reader takes for others.
+    /// Value of the attribute, in ASCII. Readers disagree on the encoding of other characters.
     pub text: String,
 }
 
-/// Facts that the header of a linear picture tells.
+/// Metadata for the header of a linear picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameHeader {
-    /// The camera that the picture was seen by.
+    /// Camera of the picture.
     pub camera: Option<FrameCamera>,
-    /// Place of the frame in its film.
+    /// Position of the frame in its film.
     pub place: Option<FramePlace>,
     /// Further texts, such as the names of a Cryptomatte.
     pub texts: Vec<HeaderText>,

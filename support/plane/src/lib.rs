@@ -1,5 +1,5 @@
-//! Planes of samples, pictures, where their pixels were, and the one orthonormal 8×8 DCT: what a renderer, a masking model
-//! and an MPEG-2 encoder share.
+//! Planes of samples, coded pictures, pixel correspondences and the orthonormal 8×8 DCT, shared by a renderer, a
+//! masking model and an MPEG-2 encoder.
 //!
 //! ```
 //! use plane::Plane;

@@ -1,10 +1,10 @@
-//! Luminance of linear color.
+//! Luminance of linear RGB.
 
-/// Weights of linear red, green and blue in luminance, and of R′, G′ and B′ in luma (Rec. ITU-R BT.709). They sum to 1, so
-/// luminance keeps the unit of its components.
+/// Weights of linear red, green and blue in luminance, and of R′, G′ and B′ in luma (Rec. ITU-R BT.709). They sum to
+/// 1, so luminance has the unit of its components.
 pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Luminance of linear RGB with Rec. ITU-R BT.709 primaries, in the unit of its components.
+/// Returns the luminance of linear RGB with Rec. ITU-R BT.709 primaries, in the unit of its components.
 ///
 /// ```
 /// assert_eq!(plane::luminance([0.0, 2.0, 0.0]), 2.0 * 0.7152);

@@ -1,5 +1,5 @@
-//! Default weighting matrices of MPEG-2 (ISO/IEC 13818-2, 6.3.11), in raster order: the weight of the coefficient of
-//! frequency u across and v down stands at 8 · v + u.
+//! Default weighting matrices of MPEG-2 (ISO/IEC 13818-2, 6.3.11), in raster order. The weight of horizontal
+//! frequency u and vertical frequency v has index 8 · v + u.
 //!
 //! A quantiser step is weight · quantiser_scale / 16 code values of the orthonormal [`dct`](crate::dct()).
 //!

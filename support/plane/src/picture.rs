@@ -1,13 +1,14 @@
-//! Pictures of luma and chroma.
+//! Pictures with luma and chroma planes.
 
 use crate::{Plane, SizeError};
 
-/// A Y′C_BC_R 4:2:0 picture of 8-bit code values: Rec. ITU-R BT.709, limited range (luma 16 … 235, chroma 16 … 240).
+/// Y′C_BC_R 4:2:0 picture of 8-bit code values in Rec. ITU-R BT.709, limited range (luma 16 … 235, chroma 16 … 240).
 ///
-/// Chroma has half of the luma samples in each direction, rounded up. It lies midway between two luma rows on even columns,
-/// as ISO/IEC 13818-2, 6.1.1.8, draws it for progressive pictures. Code values outside of the limited range are allowed.
+/// Chroma has half as many samples as luma in each direction, rounded up. Chroma samples lie midway between two luma
+/// rows, on even columns. ISO/IEC 13818-2, 6.1.1.8 defines these positions for progressive pictures. Code values
+/// outside the limited range are allowed.
 ///
-/// Invariant: both chroma planes have the size that belongs to the luma plane.
+/// Invariant: both chroma planes have the size that the luma plane implies.
 ///
 /// ```
 /// use plane::{Picture, Plane};
@@ -26,7 +27,7 @@ pub struct Picture {
     cr: Plane<u8>,
 }
 
-/// The serialized form of a picture, whose sizes are not checked yet.
+/// Serialized form of a picture, before its sizes are checked.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
 struct StoredPicture {
@@ -44,16 +45,16 @@ impl TryFrom<StoredPicture> for Picture {
     }
 }
 
-/// Chroma code value of gray.
+/// Chroma code value of neutral gray.
 const NEUTRAL: u8 = 128;
 /// Luma code value of black.
 const BLACK: u8 = 16;
 
 impl Picture {
-    /// A picture of luma Y′, blue difference C_B and red difference C_R.
+    /// Combines planes of luma Y′, blue difference C_B and red difference C_R.
     ///
     /// # Errors
-    /// The size of a chroma plane is not half of luma's, rounded up.
+    /// If the size of a chroma plane is not half the luma size, rounded up.
     pub fn new(luma: Plane<u8>, cb: Plane<u8>, cr: Plane<u8>) -> Result<Self, SizeError> {
         let expected = (luma.width().div_ceil(2), luma.height().div_ceil(2));
         SizeError::check("cb", &cb, expected)?;
@@ -61,65 +62,65 @@ impl Picture {
         Ok(Self { luma, cb, cr })
     }
 
-    /// A picture without color.
+    /// Gray picture with the given `luma`.
     #[must_use]
     pub fn gray(luma: Plane<u8>) -> Self {
         let chroma = Plane::filled(luma.width().div_ceil(2), luma.height().div_ceil(2), NEUTRAL);
         Self { luma, cb: chroma.clone(), cr: chroma }
     }
 
-    /// A black picture of `width` × `height` luma samples.
+    /// Black picture of `width` × `height` luma samples.
     #[must_use]
     pub fn black(width: usize, height: usize) -> Self {
         Self::gray(Plane::filled(width, height, BLACK))
     }
 
-    /// Luma samples in a row.
+    /// Number of luma samples per row.
     #[must_use]
     pub fn width(&self) -> usize {
         self.luma.width()
     }
 
-    /// Luma rows.
+    /// Number of luma rows.
     #[must_use]
     pub fn height(&self) -> usize {
         self.luma.height()
     }
 
-    /// Luma, Y′.
+    /// Luma plane, Y′.
     #[inline]
     #[must_use]
     pub fn luma(&self) -> &Plane<u8> {
         &self.luma
     }
 
-    /// Blue difference, C_B.
+    /// Blue-difference plane, C_B.
     #[inline]
     #[must_use]
     pub fn cb(&self) -> &Plane<u8> {
         &self.cb
     }
 
-    /// Red difference, C_R.
+    /// Red-difference plane, C_R.
     #[inline]
     #[must_use]
     pub fn cr(&self) -> &Plane<u8> {
         &self.cr
     }
 
-    /// Luma, C_B and C_R, the order in which files of uncompressed pictures hold them.
+    /// Planes of luma, C_B and C_R, in the order of uncompressed picture files.
     #[must_use]
     pub fn planes(&self) -> [&Plane<u8>; 3] {
         [&self.luma, &self.cb, &self.cr]
     }
 
-    /// Samples of luma, C_B and C_R in raster order, to be changed; sizes stay.
+    /// Mutable samples of luma, C_B and C_R in raster order. The sizes cannot change.
     #[must_use]
     pub fn samples_mut(&mut self) -> [&mut [u8]; 3] {
         [self.luma.samples_mut(), self.cb.samples_mut(), self.cr.samples_mut()]
     }
 
-    /// Luma, C_B and C_R, without a copy.
+    /// Moves out the planes of luma, C_B and C_R without a copy.
     #[must_use]
     pub fn into_planes(self) -> [Plane<u8>; 3] {
         [self.luma, self.cb, self.cr]

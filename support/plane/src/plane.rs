@@ -1,8 +1,8 @@
-//! A rectangle of samples.
+//! Rectangular planes of samples.
 
-/// A rectangle of `width × height` samples in raster order.
+/// Rectangle of `width × height` samples in raster order.
 ///
-/// Invariant: `data.len() == width * height`; there is no hidden padding.
+/// Invariant: `data.len() == width * height`, without padding.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "StoredPlane<T>"))]
 pub struct Plane<T> {
@@ -11,7 +11,7 @@ pub struct Plane<T> {
     height: usize,
 }
 
-/// The serialized form of a plane, whose size is not checked yet.
+/// Serialized form of a plane, before its size is checked.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
 struct StoredPlane<T> {
@@ -33,13 +33,13 @@ impl<T> TryFrom<StoredPlane<T>> for Plane<T> {
 }
 
 impl<T: Copy> Plane<T> {
-    /// A plane with every sample equal to `value`.
+    /// Plane with every sample equal to `value`.
     #[must_use]
     pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self { data: vec![value; width * height], width, height }
     }
 
-    /// A plane whose sample at column `x` and row `y` is `f(x, y)`.
+    /// Plane with the value `f(x, y)` in column `x` and row `y`.
     #[must_use]
     pub fn from_fn(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> T) -> Self {
         let mut data = Vec::with_capacity(width * height);
@@ -49,7 +49,7 @@ impl<T: Copy> Plane<T> {
         Self { data, width, height }
     }
 
-    /// Takes over samples in raster order.
+    /// Wraps samples in raster order.
     ///
     /// # Panics
     /// If `data.len() != width * height`.
@@ -59,7 +59,7 @@ impl<T: Copy> Plane<T> {
         Self { data, width, height }
     }
 
-    /// Samples in a row.
+    /// Number of samples per row.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
@@ -71,17 +71,17 @@ impl<T: Copy> Plane<T> {
         self.height
     }
 
-    /// The sample at column `x`, row `y`.
+    /// Sample in column `x`, row `y`.
     ///
     /// # Panics
-    /// Outside of the plane.
+    /// If the position is outside the plane.
     #[inline]
     #[must_use]
     pub fn get(&self, x: usize, y: usize) -> T {
         self.row(y)[x]
     }
 
-    /// The sample nearest to column `x`, row `y`: outside of the plane the border repeats.
+    /// Sample nearest to column `x`, row `y`. Positions outside the plane are clamped to its border.
     #[inline]
     #[must_use]
     pub fn get_clamped(&self, x: isize, y: isize) -> T {
@@ -90,29 +90,29 @@ impl<T: Copy> Plane<T> {
         self.data[y * self.width + x]
     }
 
-    /// Replaces the sample at column `x`, row `y`.
+    /// Replaces the sample in column `x`, row `y`.
     ///
     /// # Panics
-    /// Outside of the plane.
+    /// If the position is outside the plane.
     #[inline]
     pub fn set(&mut self, x: usize, y: usize, value: T) {
         self.row_mut(y)[x] = value;
     }
 
-    /// Row `y`, `width` samples.
+    /// Samples of row `y`: a slice of length `width`.
     ///
     /// # Panics
-    /// Below the plane.
+    /// If the plane has no row `y`.
     #[inline]
     #[must_use]
     pub fn row(&self, y: usize) -> &[T] {
         &self.data[y * self.width..][..self.width]
     }
 
-    /// Row `y`, to be changed.
+    /// Mutable samples of row `y`.
     ///
     /// # Panics
-    /// Below the plane.
+    /// If the plane has no row `y`.
     #[inline]
     #[must_use]
     pub fn row_mut(&mut self, y: usize) -> &mut [T] {
@@ -130,19 +130,20 @@ impl<T: Copy> Plane<T> {
         &self.data
     }
 
-    /// All samples in raster order, to be changed: hand out `chunks_mut(width * rows)` to threads.
+    /// All samples in raster order, mutable. `chunks_mut(width * rows)` divides them among threads.
     #[must_use]
     pub fn samples_mut(&mut self) -> &mut [T] {
         &mut self.data
     }
 
-    /// A plane of the same size with `f` of every sample.
+    /// Plane of the same size with `f` applied to every sample.
     #[must_use]
     pub fn map<U: Copy>(&self, f: impl FnMut(T) -> U) -> Plane<U> {
         Plane { data: self.data.iter().copied().map(f).collect(), width: self.width, height: self.height }
     }
 
-    /// The 8×8 block whose upper left sample is `(8 * column, 8 * row)`; beyond the plane the last row and column repeat.
+    /// 8×8 block with its upper left sample at `(8 * column, 8 * row)`. Beyond the plane the last row and column
+    /// repeat.
     #[must_use]
     pub fn block(&self, column: usize, row: usize) -> [T; 64] {
         let (left, top) = (8 * column, 8 * row);
@@ -157,7 +158,7 @@ impl<T: Copy> Plane<T> {
         }
     }
 
-    /// Columns and rows of 8×8 blocks that cover the plane.
+    /// Number of columns and rows of 8×8 blocks that cover the plane.
     #[must_use]
     pub fn block_counts(&self) -> (usize, usize) {
         (self.width.div_ceil(8), self.height.div_ceil(8))

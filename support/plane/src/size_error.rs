@@ -1,26 +1,26 @@
-//! Planes whose sizes do not belong together.
+//! Error for planes of mismatched sizes.
 
 use crate::Plane;
 use std::fmt;
 
-/// A plane has another size than those that it stands with.
+/// A plane's size does not match its related planes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SizeError {
     /// Name of the plane.
     pub plane: &'static str,
-    /// Samples in its rows.
+    /// Number of samples per row.
     pub width: usize,
-    /// Its rows.
+    /// Number of rows.
     pub height: usize,
-    /// Samples that its rows should have.
+    /// Expected number of samples per row.
     pub expected_width: usize,
-    /// Rows that it should have.
+    /// Expected number of rows.
     pub expected_height: usize,
 }
 
 impl SizeError {
-    /// Compares the size of the plane called `name` with the width and height `expected`.
+    /// Checks that the plane called `name` has the `expected` width and height.
     pub(crate) fn check<T: Copy>(name: &'static str, plane: &Plane<T>, expected: (usize, usize)) -> Result<(), Self> {
         let (width, height) = (plane.width(), plane.height());
         if (width, height) == expected {
