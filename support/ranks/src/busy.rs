@@ -1,10 +1,10 @@
-//! How long threads really worked: CPU time, which waiting and other programs do not lengthen.
+//! CPU time of threads, which excludes waiting and other programs.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// CPU time of pieces of work, summed over the threads that did them.
+/// CPU time of tasks, summed over the threads that ran them.
 ///
-/// The work of one [`Busy::measure`] must stay on its thread: measure inside of a parallel loop, not around it.
+/// The work of one [`Busy::measure`] must stay on its thread. Measure inside a parallel loop, not around it.
 ///
 /// ```
 /// let busy = ranks::Busy::default();
@@ -17,7 +17,7 @@ pub struct Busy {
 }
 
 impl Busy {
-    /// Does `work` and adds the time it took.
+    /// Runs `work` and adds its CPU time.
     pub fn measure<T>(&self, work: impl FnOnce() -> T) -> T {
         let start = thread_nanoseconds();
         let result = work();
@@ -38,31 +38,31 @@ impl Busy {
     }
 }
 
-/// A result and the CPU time that it took.
+/// A result and its CPU time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
 pub struct Timed<T> {
     /// The result.
     pub value: T,
-    /// CPU time of all threads that worked on it \[s\].
+    /// CPU time of all threads that contributed to the result \[s\].
     pub seconds: f64,
 }
 
 impl<T> Timed<T> {
-    /// Does `work`, which measures its pieces.
+    /// Runs `work`, which measures its own sections, and returns its result and CPU time.
     pub fn of(work: impl FnOnce(&Busy) -> T) -> Self {
         let busy = Busy::default();
         let value = work(&busy);
         Self { value, seconds: busy.seconds() }
     }
 
-    /// Applies `change` to the result; the CPU time stays.
+    /// Applies `change` to the result and keeps the CPU time.
     pub fn map<U>(self, change: impl FnOnce(T) -> U) -> Timed<U> {
         Timed { value: change(self.value), seconds: self.seconds }
     }
 }
 
-/// CPU time of all threads since the process began \[s\]; where the system does not tell, time by the clock.
+/// Returns the CPU time of all threads since the process began \[s\]. Outside Unix it returns wall-clock time.
 #[must_use]
 pub fn process_seconds() -> f64 {
     #[cfg(unix)]
@@ -76,7 +76,7 @@ pub fn process_seconds() -> f64 {
     }
 }
 
-/// CPU time of this thread; where the system does not tell, time by the clock.
+/// Returns the CPU time of this thread \[ns\]. Outside Unix it returns wall-clock time.
 #[cfg(unix)]
 pub(crate) fn thread_nanoseconds() -> u64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);

@@ -1,15 +1,16 @@
-//! One picture, many processes: every rank keeps the same state, and the loops that cost most are shared among them.
+//! Distributed loops with bit-exact results: every rank keeps the same state, and the ranks share the most expensive
+//! loops.
 //!
 //! ```text
 //! items 0 … n−1 of a loop ──► one rank computes each, such as i mod R ──► results go to all ranks ──► all n, in order
 //! ```
-//! An item depends on nothing but the state that all ranks have, so the results are those of one rank, bit by bit, whatever the
-//! number of ranks is.
+//! Each item depends only on state that all ranks have. The results are therefore bit-identical to one rank's results
+//! for any number of ranks.
 //!
-//! [`Ranks`] is what that takes of a message-passing library: the collective operations of the same names in \[MPI\]. Here are
-//! those of a process [`Alone`], and of [`ThreadRanks`] in one process. [`LoggedAlone`] notes what its loops cost; from that,
-//! [`LoggedRun`] simulates what they cost on any number of ranks. [`Mail`] is messages between two ranks, for work that goes to
-//! whoever is idle.
+//! [`Ranks`] lists the required operations of a message-passing library: the collective operations of the same names
+//! in \[MPI\]. [`Alone`] implements them for a single process, [`ThreadRanks`] for several threads of one process.
+//! [`LoggedAlone`] logs the cost of its loops, from which [`LoggedRun`] simulates the cost on any number of ranks.
+//! [`Mail`] sends messages between two ranks, for work that is assigned to idle ranks.
 
 #![forbid(unsafe_code)]
 
@@ -32,33 +33,33 @@ pub use turn::{Turn, in_order};
 use rayon::prelude::*;
 use std::fmt::Debug;
 
-/// Processes that compute the same together. Each has a number, its rank.
+/// Processes that run the same computation. Each has a number, its rank.
 ///
-/// All ranks call the same operations in the same order, one at a time. An operation returns when it has what it gives, which
-/// may be long after the call: other ranks may be busy. Never call one inside of a rayon job.
+/// All ranks call the same operations in the same order, one at a time. An operation returns once its result is
+/// complete, which may be long after the call because other ranks may be busy. Never call one inside a rayon job.
 pub trait Ranks: Send + Sync + Debug {
-    /// The number of this process, from 0.
+    /// Number of this process, from 0.
     fn rank(&self) -> usize;
 
-    /// Processes in all, 1 at least.
+    /// Total number of processes, at least 1.
     fn count(&self) -> usize;
 
-    /// Gives every rank the bytes of all ranks, by rank.
+    /// Sends the bytes of all ranks, ordered by rank, to every rank.
     fn all_gather(&self, own: Vec<u8>) -> Vec<Vec<u8>>;
 
-    /// Gives rank 0 the bytes of all ranks, by rank, and nothing to the others.
+    /// Sends the bytes of all ranks, ordered by rank, to rank 0. Other ranks receive `None`.
     fn gather(&self, own: Vec<u8>) -> Option<Vec<Vec<u8>>>;
 
-    /// Gives every rank the bytes of rank 0; those of the others are not used.
+    /// Sends the bytes of rank 0 to every rank. The bytes of other ranks are ignored.
     fn broadcast(&self, own: Vec<u8>) -> Vec<u8>;
 
-    /// Costs of its shared loops, if it is the only rank and keeps them.
+    /// Log of the costs of shared loops, if this is the only rank and it keeps a log.
     fn log(&self) -> Option<&WorkLog> {
         None
     }
 }
 
-/// The only rank.
+/// The only rank of a single process.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Alone;
 
@@ -84,13 +85,13 @@ impl Ranks for Alone {
     }
 }
 
-/// Shares a loop of items with these `turns`, the same on every rank.
+/// Shares a loop among the ranks. `turns` assigns each item to a rank and is equal on every rank.
 ///
-/// `compute` is given the indices of this rank's own items, ascending, and returns a result for each. It tells the meter of every
-/// item that is done. Every rank gets the results of all items in order.
+/// `compute` receives the indices of this rank's own items in ascending order and returns one result per item. It
+/// reports every finished item to the meter. Every rank receives the results of all items in order.
 ///
 /// # Panics
-/// If `compute` does not give as many results as it has items, or ranks run different programs.
+/// If `compute` does not return one result per item, or if the ranks run different programs.
 pub fn share<T: Portable>(
     ranks: &dyn Ranks,
     turns: &[Turn],
@@ -110,8 +111,8 @@ pub fn share<T: Portable>(
         return computed;
     }
 
-    // Bits that are sent are those that come, so a rank takes its own results from there, too. Ranks that share other loops have
-    // come apart, which nothing can mend.
+    // Take the rank's own results from the transmitted bytes too, so that all ranks decode the same bits. Ranks that
+    // share different loops have diverged and cannot recover.
     let mut bytes = Vec::new();
     (turns.len() as u64).put(&mut bytes);
     for value in &computed {
@@ -128,11 +129,13 @@ pub fn share<T: Portable>(
     turns.iter().map(next).collect()
 }
 
-/// As [`share`], item by item: `compute` is given the index of one, and memory of its thread that `scratch` makes. A thread takes
-/// `at_once` items at a time, at least. The CPU time is that of this rank.
+/// Shares a loop like [`share`], item by item. `compute` receives one item's index and per-thread memory made by
+/// `scratch`.
+///
+/// A thread takes at least `at_once` items at a time. The CPU time covers this rank only.
 ///
 /// # Panics
-/// If ranks run different programs.
+/// If the ranks run different programs.
 pub fn share_each<T: Portable + Send, S>(
     ranks: &dyn Ranks,
     turns: &[Turn],
@@ -158,10 +161,11 @@ pub fn share_each<T: Portable + Send, S>(
     })
 }
 
-/// The sum of what each rank finds by `compute`, of some loop whose items it computes in turns. Every rank gets it. `plus` adds two
-/// of them, exactly: in any order it gives the same bits.
+/// Returns the sum of all ranks' results of `compute` to every rank. Each rank computes its own items of a loop.
 ///
-/// # Panics
+/// `plus` adds two results. It must be exact: the same bits in any order.
+///
+/// If the ranks run different programs.
 /// If ranks run different programs.
 pub fn sum_of_all<T: Portable>(ranks: &dyn Ranks, compute: impl FnOnce(&Meter) -> T, plus: impl Fn(T, T) -> T) -> T {
     let meter = Meter::of(ranks.log());
@@ -183,7 +187,7 @@ pub fn sum_of_all<T: Portable>(ranks: &dyn Ranks, compute: impl FnOnce(&Meter) -
 mod tests {
     use super::*;
 
-    /// Runs the same on `count` ranks, each a thread; what they return, by rank.
+    /// Runs the same function on `count` ranks, each a thread, and returns the results by rank.
     fn on_ranks<T: Send>(count: usize, run: impl Fn(&dyn Ranks) -> T + Sync) -> Vec<T> {
         let run = &run;
         std::thread::scope(|scope| {
@@ -193,7 +197,7 @@ mod tests {
         })
     }
 
-    /// A number whose bits follow from all bits of `k`, of any sign and size.
+    /// A number of any sign and magnitude that depends on all bits of `k`.
     fn odd_number(k: usize) -> f32 {
         f32::from_bits((k as u32).wrapping_mul(0x9e37_79b9) & 0xbfff_ffff)
     }
@@ -219,7 +223,7 @@ mod tests {
         }
     }
 
-    /// Each rank adds up the squares of its own numbers.
+    /// Each rank adds the squares of its own numbers.
     #[test]
     fn sums_are_those_of_all_ranks() {
         for count in [1, 2, 3, 5] {
@@ -251,7 +255,7 @@ mod tests {
         );
         assert_eq!(sum, [7.0; 6]);
 
-        // Lists come with their length. Items one after the other with the same turn are one.
+        // A list is preceded by its length. Consecutive items with the same turn are merged.
         let [items, sums] = &ranks.log().expect("it keeps one").loops()[..] else { panic!("two loops") };
         assert_eq!(items.results, [(turns[0], 8), (turns[1], 12), (turns[2], 16), (turns[3], 20)]);
         assert_eq!((items.items.bytes, items.sums), (56, Parcel::default()));
@@ -264,7 +268,7 @@ mod tests {
         assert!([items, sums].iter().all(|one| one.work.iter().all(|(_, seconds)| *seconds >= 0.0)));
     }
 
-    /// Also where owners follow no turns, and some own nothing.
+    /// Owners need not follow a pattern, and a rank may own no items.
     #[test]
     fn items_are_computed_by_their_owners_alone() {
         let owners = [2, 2, 0, 3, 2, 0];
@@ -298,7 +302,7 @@ mod tests {
         assert_eq!(Alone.gather(vec![1, 2]), Some(Alone.all_gather(vec![1, 2])));
     }
 
-    /// Ranks whose states differ end, and none goes on with what is not meant for it.
+    /// Ranks with different states panic instead of using each other's results.
     #[test]
     fn loops_of_different_length_are_not_shared() {
         let results: Vec<bool> = std::thread::scope(|scope| {
@@ -313,7 +317,7 @@ mod tests {
         assert_eq!(results, [true, true]);
     }
 
-    /// A rank that has ended cannot be waited for: the others end too.
+    /// A rank that waits for an ended rank panics.
     #[test]
     fn who_waits_for_a_rank_that_is_gone_fails() {
         let mut ranks = ThreadRanks::new(2);

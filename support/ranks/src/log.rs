@@ -1,10 +1,10 @@
-//! Costs of shared loops, as the only rank finds them: from these a simulation tells what any number of ranks would take.
+//! Costs of shared loops, measured on a single rank. A simulation predicts the cost on any number of ranks from them.
 
 use super::{Alone, Portable, Ranks, Turn};
 use crate::busy::thread_nanoseconds;
 use std::sync::{Mutex, PoisonError};
 
-/// The only rank, which keeps a log of its shared loops. Its results are those of [`Alone`].
+/// The only rank, with a log of its shared loops. Its results equal the results of [`Alone`].
 #[derive(Debug, Default)]
 pub struct LoggedAlone {
     log: WorkLog,
@@ -36,40 +36,41 @@ impl Ranks for LoggedAlone {
     }
 }
 
-/// Loops that the only rank has been through.
+/// Log of the shared loops of a single rank.
 #[derive(Debug, Default)]
 pub struct WorkLog {
     loops: Mutex<Vec<LoopLog>>,
 }
 
-/// A shared loop: the work on its items, and results on their way to other ranks. In another order than the items.
+/// Cost of one shared loop: the work on its items, and packing and unpacking of results. Entries are not in item
+/// order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoopLog {
-    /// CPU time of each item \[s\], with the turn that says whose it is.
+    /// CPU time of each item \[s\], with the turn that determines its owner.
     pub work: Vec<(Turn, f64)>,
-    /// Size of each item's result \[bytes\], likewise.
+    /// Size of each item's result \[bytes\], with the turn that determines its owner.
     pub results: Vec<(Turn, usize)>,
-    /// The results of all items together.
+    /// Combined results of all items.
     pub items: Parcel,
-    /// The sums that each rank sends, whatever items it has.
+    /// Sums that each rank sends, independent of its items.
     pub sums: Parcel,
-    /// CPU time that the log itself took \[s\].
+    /// CPU time of the log itself \[s\].
     pub logging: f64,
 }
 
-/// Something on its way from rank to rank.
+/// Data sent from rank to rank.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Parcel {
     /// Size \[bytes\].
     pub bytes: usize,
-    /// CPU time to make bytes of it \[s\].
+    /// CPU time of serialization \[s\].
     pub packing: f64,
-    /// CPU time to take it from bytes, and to add it where it is a sum \[s\].
+    /// CPU time of deserialization, including the addition of a sum \[s\].
     pub unpacking: f64,
 }
 
 impl WorkLog {
-    /// The loops so far, in order.
+    /// Loops so far, in order.
     #[must_use]
     pub fn loops(&self) -> Vec<LoopLog> {
         self.loops.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -79,12 +80,12 @@ impl WorkLog {
         self.loops.lock().unwrap_or_else(PoisonError::into_inner).push(done);
     }
 
-    /// Notes a loop whose items have these `turns` and `results`.
+    /// Logs a loop with items of the given `turns` and `results`.
     pub(super) fn add_results<T: Portable>(&self, meter: Meter, turns: &[Turn], results: &[T]) {
         let start = thread_nanoseconds();
         let mut done = LoopLog { work: meter.into_work(), ..LoopLog::default() };
 
-        // As they would go to other ranks and come there.
+        // Serialize and deserialize as for other ranks.
         let mut bytes = Vec::new();
         let mut sizes = Vec::with_capacity(turns.len());
         done.items.packing = seconds_of(|| {
@@ -102,7 +103,7 @@ impl WorkLog {
         self.add(done);
     }
 
-    /// Notes a loop in which each rank finds such a sum as `own`, and adds up those of all.
+    /// Logs a loop in which each rank computes a sum like `own` and adds the sums of all ranks.
     pub(super) fn add_sum<T: Portable>(&self, meter: Meter, own: &T, plus: impl Fn(T, T) -> T) {
         let start = thread_nanoseconds();
         let mut done = LoopLog { work: meter.into_work(), ..LoopLog::default() };
@@ -117,7 +118,7 @@ impl WorkLog {
     }
 }
 
-/// Times the items of a shared loop if there is a log, and does nothing otherwise.
+/// Times the items of a shared loop if a log exists, otherwise does nothing.
 #[derive(Debug)]
 pub struct Meter {
     work: Option<Mutex<Vec<(Turn, f64)>>>,
@@ -128,7 +129,7 @@ impl Meter {
         Self { work: log.map(|_| Mutex::default()) }
     }
 
-    /// Begins to time items that this thread computes one after the other.
+    /// Starts timing items that this thread computes one after the other.
     #[must_use]
     pub fn laps(&self) -> Laps<'_> {
         Laps { last: if self.work.is_some() { thread_nanoseconds() } else { 0 }, work: Vec::new(), meter: self }
@@ -139,22 +140,22 @@ impl Meter {
     }
 }
 
-/// CPU time of a thread from item to item.
+/// CPU time of a thread between consecutive items.
 #[derive(Debug)]
 pub struct Laps<'a> {
     meter: &'a Meter,
-    /// End of the item before.
+    /// End of the previous item \[ns\].
     last: u64,
     work: Vec<(Turn, f64)>,
 }
 
 impl Laps<'_> {
-    /// An item with this turn is done.
+    /// Records that an item with this turn is finished.
     pub fn note(&mut self, turn: Turn) {
         self.note_together(std::iter::once(turn));
     }
 
-    /// Items with these turns are done, of equal cost.
+    /// Records that items of equal cost with these turns are finished.
     pub fn note_together(&mut self, turns: impl ExactSizeIterator<Item = Turn>) {
         if self.meter.work.is_none() {
             return;
@@ -179,7 +180,7 @@ impl Drop for Laps<'_> {
     }
 }
 
-/// CPU time of `work` \[s\].
+/// Returns the CPU time of `work` \[s\].
 fn seconds_of(work: impl FnOnce()) -> f64 {
     let start = thread_nanoseconds();
     work();

@@ -1,60 +1,62 @@
-//! Messages from one rank to another, of which the others know nothing.
+//! Messages between two ranks.
 
 use std::collections::VecDeque;
 use std::fmt::Debug;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Bytes that a rank has sent.
+/// Message from a rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// The number of the rank.
+    /// Rank of the sender.
     pub from: usize,
-    /// As they were sent.
+    /// Bytes as sent.
     pub bytes: Vec<u8>,
 }
 
-/// One rank's messages to and from each of the ranks.
+/// Messages between one rank and each of the ranks.
 ///
-/// Unlike the operations of [`Ranks`](super::Ranks), a message concerns two ranks alone, and comes when it comes: work that goes
-/// to whoever is idle is handed out so \[Debattista05, 4.2\]. The order in which messages of different ranks arrive depends on time.
+/// A message concerns only two ranks and arrives at any time, unlike the operations of [`Ranks`](super::Ranks).
+/// Messages assign work to idle ranks \[Debattista05, 4.2\]. The order of messages from different ranks depends on
+/// timing.
 ///
-/// Any thread may send and receive, but none inside of a rayon job may wait.
+/// Any thread may send and receive, but no thread may wait inside a rayon job.
 pub trait Mail: Send + Sync + Debug {
-    /// The number of this process, from 0.
+    /// Number of this process, from 0.
     fn rank(&self) -> usize;
 
-    /// Processes in all, 1 at least.
+    /// Total number of processes, at least 1.
     fn count(&self) -> usize;
 
-    /// Sends `bytes` to the rank `to`, which may be this one, and returns at once. Messages of one rank to another arrive in order.
-    /// A message to a rank that has ended is lost.
+    /// Sends `bytes` to the rank `to`, which may be this one, and returns at once.
+    ///
+    /// Messages from one rank to another arrive in order. A message to a rank that has ended is lost.
     ///
     /// # Panics
-    /// If there is no such rank.
+    /// If the rank `to` does not exist.
     fn send(&self, to: usize, bytes: Vec<u8>);
 
-    /// The next message of any rank; waits until there is one.
+    /// Waits for the next message from any rank.
     ///
-    /// A process alone waits until another of its threads sends something.
+    /// In a single process it waits until another thread sends a message.
     ///
     /// # Panics
-    /// If no message is left, and all other ranks have ended.
+    /// If no message remains and all other ranks have ended.
     fn receive(&self) -> Message;
 
-    /// The next message if there is one.
+    /// Returns the next message, or `None` if no message has arrived.
     fn try_receive(&self) -> Option<Message>;
 }
 
-/// Messages that have arrived at a rank, for those who carry them there and those who wait for them.
+/// Messages that have arrived at a rank, shared by the threads that deliver and receive them.
 #[derive(Debug)]
 pub struct Inbox {
-    /// Ranks beside this one.
+    /// Number of other ranks.
     others: usize,
     arrived: Mutex<Arrived>,
     changed: Condvar,
 }
 
-/// Messages by the order in which they came, and how many of the other ranks have ended.
+/// Messages in order of arrival, and the number of other ranks that have ended.
 #[derive(Debug, Default)]
 struct Arrived {
     messages: VecDeque<Message>,
@@ -62,7 +64,7 @@ struct Arrived {
 }
 
 impl Inbox {
-    /// An empty inbox of a rank beside which there are `others` ranks.
+    /// Empty inbox of a rank in a group with `others` other ranks.
     #[must_use]
     pub fn new(others: usize) -> Self {
         Self { others, arrived: Mutex::default(), changed: Condvar::new() }
@@ -74,16 +76,16 @@ impl Inbox {
         self.changed.notify_one();
     }
 
-    /// Notes that one of the other ranks has ended, after its last message. To be called once for each of them.
+    /// Records that another rank has ended, after its last message. Call it once for each of the other ranks.
     pub fn note_end(&self) {
         self.arrived().ended += 1;
         self.changed.notify_all();
     }
 
-    /// Takes the first message, as [`Mail::receive`] does.
+    /// Takes the first message and waits for it, like [`Mail::receive`].
     ///
     /// # Panics
-    /// If no message is left, and all other ranks have ended.
+    /// If no message remains and all other ranks have ended.
     pub fn take(&self) -> Message {
         let mut arrived = self.arrived();
         loop {
@@ -95,7 +97,7 @@ impl Inbox {
         }
     }
 
-    /// Takes the first message if there is one.
+    /// Takes the first message, or returns `None` if no message has arrived.
     pub fn try_take(&self) -> Option<Message> {
         self.arrived().messages.pop_front()
     }
@@ -105,23 +107,23 @@ impl Inbox {
     }
 }
 
-/// Mail of a rank that is a thread, or of a process alone. It ends when it is dropped.
+/// Mail of a single process, or of a rank that is a thread. The rank ends when its mail is dropped.
 #[derive(Debug)]
 pub struct ThreadMail {
     rank: usize,
-    /// By rank.
+    /// Inboxes by rank.
     inboxes: Arc<[Inbox]>,
 }
 
 impl ThreadMail {
-    /// Mail of `count` ranks, in order: one for each thread.
+    /// Mail of `count` ranks in order, one per thread.
     #[must_use]
     pub fn new(count: usize) -> Vec<Self> {
         let inboxes: Arc<[Inbox]> = (0..count).map(|_| Inbox::new(count - 1)).collect();
         (0..count).map(|rank| Self { rank, inboxes: inboxes.clone() }).collect()
     }
 
-    /// Mail of a process alone.
+    /// Mail of a single process.
     #[must_use]
     pub fn alone() -> Self {
         Self { rank: 0, inboxes: Arc::new([Inbox::new(0)]) }
@@ -165,7 +167,7 @@ mod tests {
         Message { from, bytes: bytes.to_vec() }
     }
 
-    /// A process alone receives what it sends itself, also where a thread of it waits already.
+    /// A single process receives its own messages, even in a thread that is already waiting.
     #[test]
     fn a_process_alone_has_its_own_messages() {
         let mail = ThreadMail::alone();
@@ -181,7 +183,7 @@ mod tests {
         assert_eq!((last, mail.try_receive()), (message(0, &[2]), None));
     }
 
-    /// A rank takes what is left of the others, and fails once all of them have ended.
+    /// A rank receives the remaining messages of ended ranks and fails once all others have ended.
     #[test]
     fn who_waits_for_ranks_that_are_gone_fails() {
         let mut mail = ThreadMail::new(3);

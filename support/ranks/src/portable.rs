@@ -1,17 +1,17 @@
-//! Values on their way between ranks: bytes from which another process makes the same bits.
+//! Bit-exact serialization of values sent between ranks.
 
 use glam::{Mat3A, Vec3, Vec3A};
 
-/// A value that other ranks get bit by bit.
+/// A value that serializes without loss of bits.
 pub trait Portable: Sized {
     /// Appends the value to `bytes`.
     fn put(&self, bytes: &mut Vec<u8>);
 
-    /// Takes a value from the front of `bytes`; `None` if that is none.
+    /// Takes a value from the front of `bytes`, or returns `None` if they do not start with one.
     fn take(bytes: &mut &[u8]) -> Option<Self>;
 }
 
-/// Implements [`Portable`] for numbers, low byte first.
+/// Implements [`Portable`] for numbers, in little-endian byte order.
 macro_rules! portable_numbers {
     ($($number:ty),*) => {$(
         impl Portable for $number {
@@ -147,7 +147,7 @@ impl Portable for Mat3A {
 mod tests {
     use super::*;
 
-    /// Every kind of value, one after the other: the bits come back, and nothing is left.
+    /// Values of every kind in sequence: deserialization returns the same bits and leaves no bytes.
     #[test]
     fn bits_come_back() {
         #[derive(Debug, PartialEq)]

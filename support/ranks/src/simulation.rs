@@ -1,39 +1,39 @@
-//! Time of a run on any number of ranks, from the log of the same run on one: no machine has to have them.
+//! Simulated time of a run on any number of ranks, computed from the log of the same run on one rank.
 //!
 //! ```text
 //! C(R) = S + max_r Σ_l c_rl                        CPU time of the busiest rank
 //! T(R) = S + Σ_l ( max_r c_rl + t(b_1l … b_Rl) )   time of the run, if each rank has one processor
 //! t(b_1 … b_R) = 2 ⌈log₂ R⌉ α + (R − 1) (8 + max_r b_r) / β
 //!
-//! S     CPU time of all that is no item of a shared loop: every rank goes through it
-//! c_rl  CPU time of rank r for its own items of loop l, and for results on their way
+//! S     CPU time outside the items of shared loops, which every rank spends
+//! c_rl  CPU time of rank r for its own items of loop l and for packing and unpacking results
 //! b_rl  bytes that rank r sends after loop l
 //! α, β  latency and bandwidth between two ranks
 //! ```
-//! t is the time of an all-gather by recursive doubling \[Thakur05\]. There are two for each loop, as \[MPI\] wants to know
-//! lengths: these go first, then the bytes, filled up to those of the rank that has most.
+//! t is the time of an all-gather by recursive doubling \[Thakur05\]. Each loop has two of them because \[MPI\] needs
+//! the lengths first. The bytes follow, padded to the length of the longest rank.
 //!
-//! # Differs from a real run
-//! * Loops wait for each other, and work for nothing: in a real run a stage works while another waits.
-//! * Messages from rank 0 to the others, two numbers a pixel and frame, take no time.
-//! * All ranks are equally fast, and memory is as fast for many of them as for one.
+//! # Differences from a real run
+//! * Loops wait for each other and the waiting time is idle. In a real run, one stage works while another waits.
+//! * Messages from rank 0 to the other ranks, two numbers per pixel and frame, take no time.
+//! * All ranks are equally fast, and many ranks access memory as fast as one.
 
 use super::{LoopLog, Turn};
 
-/// Ways between ranks, each as good as any other.
+/// Connections between ranks, all of equal speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Network {
-    /// Time until the first byte comes \[s\].
+    /// Time until the first byte arrives \[s\].
     pub latency: f64,
-    /// \[bytes/s\]
+    /// Bandwidth of one connection \[bytes/s\].
     pub bandwidth: f64,
 }
 
-/// Bytes of a length.
+/// Size of a length \[bytes\].
 const LENGTH: usize = 8;
 
 impl Network {
-    /// Time until every rank has what all of them send: t of the module, by the `sizes` of what each rank sends \[s\].
+    /// Returns the time of an all-gather, t above, for the `sizes` that each rank sends \[s\].
     #[must_use]
     pub fn all_gather(&self, sizes: &[usize]) -> f64 {
         let longest = sizes.iter().copied().max().unwrap_or_default();
@@ -43,28 +43,28 @@ impl Network {
     }
 }
 
-/// A whole run on one rank of one thread.
+/// Log of a whole run on one rank with one thread.
 #[derive(Clone, Debug, Default)]
 pub struct LoggedRun {
-    /// The loops that it would share with others.
+    /// Loops that would be shared with other ranks.
     pub loops: Vec<LoopLog>,
     /// CPU time of the process \[s\].
     pub cpu: f64,
-    /// A part of it that no other rank has, such as coding \[s\].
+    /// CPU time that only rank 0 spends, for example on encoding \[s\]. Included in `cpu`.
     pub of_first_rank: f64,
 }
 
-/// A run on several ranks, as the simulation has it.
+/// Simulated cost of a run on several ranks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Simulated {
-    /// CPU time of the rank that has most of it \[s\].
+    /// CPU time of the busiest rank \[s\].
     pub busiest: f64,
-    /// Time of the whole \[s\].
+    /// Duration of the run \[s\].
     pub seconds: f64,
 }
 
 impl LoggedRun {
-    /// CPU time of all that is no item of a shared loop \[s\].
+    /// Returns the CPU time outside the items of shared loops \[s\].
     #[must_use]
     pub fn unshared(&self) -> f64 {
         let mut unshared = self.cpu;
@@ -74,10 +74,10 @@ impl LoggedRun {
         unshared
     }
 
-    /// The same run on `count` ranks, one at least.
+    /// Simulates the same run on `count` ranks, at least 1.
     #[must_use]
     pub fn on(&self, count: usize, network: &Network) -> Simulated {
-        // Rank 0 has its own part beside what all have.
+        // Only rank 0 spends `of_first_rank`.
         let unshared = self.unshared();
         let mut of_rank = vec![unshared - self.of_first_rank; count];
         of_rank[0] = unshared;
@@ -94,7 +94,7 @@ impl LoggedRun {
     }
 }
 
-/// CPU time of each of `count` ranks for a loop \[s\], and the bytes that it sends.
+/// Returns the CPU time of each of `count` ranks for a loop \[s\] and the number of bytes that it sends.
 fn of_each(one: &LoopLog, count: usize) -> (Vec<f64>, Vec<usize>) {
     let (mut own, mut sizes) = (vec![0.0; count], vec![0; count]);
     let of = |turn: &Turn| turn.owner(count);
@@ -105,7 +105,7 @@ fn of_each(one: &LoopLog, count: usize) -> (Vec<f64>, Vec<usize>) {
         return (own, sizes);
     }
 
-    // Each packs its own, and takes in those of all. With results comes how many items there are.
+    // Each rank packs its own results and unpacks all of them. The results start with the number of items.
     for (turn, bytes) in &one.results {
         sizes[of(turn)] += bytes;
     }
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use crate::Parcel;
 
-    /// Nothing takes time there.
+    /// Network without delay.
     const AT_ONCE: Network = Network { latency: 0.0, bandwidth: f64::INFINITY };
 
     fn run(loops: Vec<LoopLog>, cpu: f64) -> LoggedRun {
@@ -140,7 +140,7 @@ mod tests {
         LoopLog { work, ..LoopLog::default() }
     }
 
-    /// Sums in another order differ by rounding.
+    /// Compares with a tolerance, because sums in another order differ by rounding.
     fn assert_near(simulated: Simulated, busiest: f64, seconds: f64) {
         let is_near = |a: f64, b: f64| (a - b).abs() < 1e-9 * b.abs().max(1.0);
         assert!(
@@ -149,7 +149,7 @@ mod tests {
         );
     }
 
-    /// C = T = S + n/R c, wherever R divides n.
+    /// C = T = S + n/R c if R divides n.
     #[test]
     fn equal_items_are_divided_by_ranks() {
         let run = run(vec![items(&[0.25; 64]); 3], 50.0);
@@ -159,7 +159,7 @@ mod tests {
         }
     }
 
-    /// Loops of one large item each, of other ranks: none waits for itself alone, and time is that of one rank.
+    /// Each loop has one large item, owned by a different rank. The time equals the time of one rank.
     #[test]
     fn large_items_are_not_divided() {
         let large = |k: usize| {
@@ -177,12 +177,12 @@ mod tests {
         for count in [1, 7, 64] {
             assert_near(run(Vec::new(), 3.0).on(count, &AT_ONCE), 3.0, 3.0);
         }
-        // What rank 0 has alone is beside the others' work.
+        // Work of rank 0 alone runs in parallel with the other ranks' work.
         let run = LoggedRun { of_first_rank: 2.0, ..run(vec![items(&[0.0, 3.0])], 8.0) };
         assert_near(run.on(2, &AT_ONCE), 6.0, 8.0);
     }
 
-    /// Two all-gathers a loop, each of ⌈log₂ R⌉ steps.
+    /// Each loop has two all-gathers of ⌈log₂ R⌉ steps.
     #[test]
     fn latency_goes_by_steps() {
         let network = Network { latency: 0.5, ..AT_ONCE };
@@ -192,7 +192,7 @@ mod tests {
         }
     }
 
-    /// Rank 0 of two has three results of four bytes, and their number; rank 1 fills up what it has of two.
+    /// Rank 0 of two sends three results of four bytes and their count. Rank 1 pads its two results to that length.
     #[test]
     fn bytes_are_those_of_the_longest() {
         let network = Network { latency: 0.0, bandwidth: 100.0 };
@@ -205,8 +205,8 @@ mod tests {
         assert_near(run.on(11, &network), 0.0, 10.0 * (0.20 + 1.0));
     }
 
-    /// Results are packed once among all ranks and taken by each, sums packed by each and taken by each from all. The log's own
-    /// time is nobody's.
+    /// Results are packed once in total and unpacked by each rank. Each rank packs its sums and unpacks the sums of
+    /// all ranks. The log's own time is not counted.
     #[test]
     fn packing_takes_time_among_several() {
         let (results, half) = (vec![(Turn::InOrder(0), 3), (Turn::InOrder(1), 1)], 0.5);

@@ -4,17 +4,18 @@ use super::Ranks;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 
-/// A rank that is a thread, with a channel to and from each of the others. What is sent waits there, so no rank blocks another.
+/// A rank that is a thread, with one channel to and one from every rank. Channels buffer messages, so sending never
+/// blocks.
 #[derive(Debug)]
 pub struct ThreadRanks {
     rank: usize,
-    /// By rank.
+    /// Channels to the ranks, by rank.
     to: Vec<Sender<Vec<u8>>>,
     from: Vec<Mutex<Receiver<Vec<u8>>>>,
 }
 
 impl ThreadRanks {
-    /// `count` ranks, in order: one for each thread.
+    /// Creates `count` ranks in order, one per thread.
     #[must_use]
     pub fn new(count: usize) -> Vec<Self> {
         let mut ranks: Vec<Self> = (0..count).map(|rank| Self { rank, to: Vec::new(), from: Vec::new() }).collect();
@@ -28,12 +29,12 @@ impl ThreadRanks {
         ranks
     }
 
-    /// Sends `bytes` to a rank, if it is still there.
+    /// Sends `bytes` to a rank, unless that rank has ended.
     fn send(&self, to: usize, bytes: Vec<u8>) {
         let _ = self.to[to].send(bytes);
     }
 
-    /// The next bytes that a rank has sent to this one.
+    /// Receives the next bytes sent by rank `from`.
     ///
     /// # Panics
     /// If that rank has ended.

@@ -1,20 +1,20 @@
-//! Turns: the number of an item tells the rank that computes it, for any number of ranks.
+//! Assignment of the items of a shared loop to any number of ranks.
 
-/// 2³²/φ.
+/// 2³²/φ, φ being the golden ratio.
 const GOLDEN: u32 = 0x9e37_79b9;
 
-/// Turn of an item of a shared loop.
+/// Rule that assigns an item of a shared loop to a rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
-    /// Number k is of rank k mod R.
+    /// Item k belongs to rank k mod R.
     InOrder(u32),
-    /// Number k is of rank ⌊R frac(k/φ)⌋, φ being the golden ratio. That spreads numbers one after the other, and those a constant
-    /// number apart, too.
+    /// Item k belongs to rank ⌊R frac(k/φ)⌋, φ being the golden ratio. This spreads consecutive items, and items at a
+    /// constant distance, evenly over the ranks.
     Golden(u32),
 }
 
 impl Turn {
-    /// The rank, of `count` in all, that computes the item.
+    /// Returns the rank that computes the item, of `count` ranks.
     #[must_use]
     pub fn owner(self, count: usize) -> usize {
         match self {
@@ -27,7 +27,7 @@ impl Turn {
     }
 }
 
-/// Turns of `count` items in order: item k is that of rank k mod R.
+/// Assigns `count` items in order: item k belongs to rank k mod R.
 #[must_use]
 pub fn in_order(count: usize) -> Vec<Turn> {
     (0..count as u32).map(Turn::InOrder).collect()
@@ -37,7 +37,7 @@ pub fn in_order(count: usize) -> Vec<Turn> {
 mod tests {
     use super::*;
 
-    /// Multiples of 2³²/φ are as good as those of 1/φ in exact numbers, as long as these are not at a border.
+    /// Multiples of 2³²/φ give the owners of exact multiples of 1/φ, except near a border between ranks.
     #[test]
     fn owners_are_those_of_their_formulas() {
         let golden = (5f64.sqrt() - 1.0) / 2.0;
