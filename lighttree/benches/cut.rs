@@ -1,5 +1,5 @@
-//! Building, updating and cutting trees of several sizes, and every light; lights on the walls of a box, receivers
-//! on its floor. `cargo bench -p lighttree`
+//! Benchmarks of building, updating and cutting trees of several sizes, and of the exhaustive sum. The lights are on
+//! the walls of a box, the receivers on its floor. Run with `cargo bench -p lighttree`.
 
 #[path = "../examples/walls/mod.rs"]
 mod walls;
@@ -49,7 +49,7 @@ fn update(bencher: Bencher, count: usize) {
     bencher.bench_local(|| tree.update(black_box(&intensities)));
 }
 
-/// 256 cuts, everything visible: time divided by the counter is that of one visited node.
+/// Times 256 cuts with all lights visible. Time divided by the counter is the time of one node visit.
 fn cuts(bencher: Bencher, count: usize, stop: Stop) {
     let tree = LightTree::build(&walls(count), params(count));
     let receivers = floor();
@@ -72,7 +72,8 @@ fn cut_relative(bencher: Bencher, count: usize) {
     cuts(bencher, count, Stop::Relative { fraction: 0.02, known_luminance: 0.0 });
 }
 
-/// The 256 receivers as four bundles of 8×8 that lie close together; the counter as for cuts made alone.
+/// Times shared cuts of the 256 receivers in four bundles of 8×8 neighbors. The counter equals the counter of
+/// independent cuts.
 #[divan::bench(args = SIZES)]
 fn cut_shared(bencher: Bencher, count: usize) {
     let tree = LightTree::build(&walls(count), params(count));

@@ -1,7 +1,7 @@
-//! Draws how calibrated stopping answers to light that changes: `docs/controller.svg`.
+//! Plots the response of calibrated stopping to changing light: `docs/controller.svg`.
 //!
-//! Cuts that end at κ times the threshold are taken to be wrong by up to `scale · κ` thresholds, evenly distributed, so that
-//! the κ to come to is known: 0.9 / (0.95 scale). A frame audits 200 pixels.
+//! Model: a cut that ends at κ times the threshold has an error between 0 and `scale · κ` thresholds, uniformly
+//! distributed. The target κ is therefore known: 0.9 / (0.95 scale). Each frame audits 200 pixels.
 //!
 //! `cargo run --release -p lighttree --example controller`
 
@@ -11,16 +11,16 @@ use plot::{GRAY, Plot, RED};
 const CLASS: usize = 2;
 const AUDITS: u32 = 200;
 
-/// How wrong cuts are in a frame.
+/// Error scale of the cuts of a frame.
 fn scale(frame: usize) -> f32 {
     match frame {
-        // A light that is switched on and off every frame.
+        // A light switched on and off every frame.
         30..70 => [0.5, 2.0][frame % 2],
-        // After a cut, another scene; then back.
+        // A shot change to another scene, then back.
         100..130 => 5.0,
         // A flash.
         160 => 1e6,
-        // Another light every frame: evenly distributed octaves, from a half to twice.
+        // Different light in every frame: scales from a half to twice, uniform in octaves.
         190..230 => (((frame * 7919 % 97) as f32 / 96.0) * 2.0 - 1.0).exp2(),
         _ => 1.0,
     }

@@ -1,4 +1,4 @@
-//! Draws the figures of `docs/`, the same to the last bit every time.
+//! Draws the figures of `docs/`, bit-identical in every run.
 //!
 //! `cargo run --release -p lighttree --example figures`
 
@@ -12,7 +12,7 @@ use rivals::{Method, illuminate};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 20_000;
-/// Share of its luminance that a cluster of a pixel may be wrong by, as in figure 6b of \[Herzog08\].
+/// Allowed error of a cluster relative to the pixel's luminance, as in figure 6b of \[Herzog08\].
 const THRESHOLD: f32 = 0.03;
 
 fn main() {
@@ -33,7 +33,7 @@ fn main() {
     }
 }
 
-/// The clusters of the cut at a receiver.
+/// Returns the clusters of the cut at a receiver.
 fn cut(tree: &LightTree, receiver: &Lambert, threshold: f32) -> Vec<KeptCluster> {
     let mut scratch = Scratch::default();
     let visible = |light: &Light, _| unblocked(receiver.position, light.position);
@@ -46,7 +46,7 @@ fn truth(tree: &LightTree, receiver: &Lambert) -> f32 {
     luminance(tree.exhaustive(receiver, |light, _| unblocked(receiver.position, light.position)))
 }
 
-/// Twelve lamps above a floor and the clusters of a cut, nearer to the receiver smaller.
+/// Draws twelve lamps above a floor and the clusters of a cut, which are smaller near the receiver.
 fn explain() -> String {
     let lamp = |k: usize| Light {
         position: Vec3::new([0.3, 0.8, 1.4, 1.9, 3.0, 3.4, 4.2, 5.0, 6.3, 6.8, 7.9, 8.4][k], 0.0, 2.6),
@@ -92,7 +92,8 @@ fn explain() -> String {
     svg.finish()
 }
 
-/// One pixel's cut, largest bounds first: bounds, true errors, and their running sum (figure 6b of \[Herzog08\]).
+/// Plots one pixel's cut, largest bounds first: bounds, true errors and their running sum (figure 6b of
+/// \[Herzog08\]).
 fn bounds(tree: &LightTree) -> String {
     let receiver = floor(64)[64 * 20 + 44];
     let all = truth(tree, &receiver);
@@ -123,17 +124,19 @@ fn bounds(tree: &LightTree) -> String {
     plot.finish()
 }
 
-/// How far pixels are wrong, in thresholds, and the mean threshold of those that are wrong so far (figure 7 of
-/// \[Herzog08\]). Thresholds are between 1 and 40 % of a pixel's luminance, as masking makes them.
+/// Plots the histogram of pixel errors in thresholds, and the mean threshold at each error (figure 7 of
+/// \[Herzog08\]).
+///
+/// Thresholds are between 1 and 40 % of a pixel's luminance, like thresholds from visual masking.
 fn errors(tree: &LightTree) -> [String; 2] {
     const WIDTH: f32 = 0.1;
     let receivers = floor(48);
-    // Pixels and the sum of their thresholds, for each step of the error.
+    // Number of pixels and sum of their thresholds in each error bin.
     let mut found = vec![(0u32, 0.0f32); 60];
     let mut outside = 0;
     let mut scratch = Scratch::default();
     for (k, receiver) in receivers.iter().enumerate() {
-        // Multiples of the golden section: all thresholds everywhere.
+        // Multiples of the golden ratio spread all thresholds over the floor.
         let threshold = 0.01 * 40f32.powf((k as f32 * 0.618_034).fract());
         let all = truth(tree, receiver);
         let visible = |light: &Light, _| unblocked(receiver.position, light.position);
@@ -164,7 +167,7 @@ fn errors(tree: &LightTree) -> [String; 2] {
     })
 }
 
-/// Error against the number of shadow rays, for each method.
+/// Plots error against the number of shadow rays for each method.
 fn methods(tree: &LightTree) -> String {
     let receivers = floor(16);
     let all: Vec<f32> = receivers.iter().map(|receiver| truth(tree, receiver)).collect();

@@ -1,4 +1,4 @@
-//! Draws what `f32` loses at the singular ends of a light's contribution: `docs/limits.svg`.
+//! Plots the precision loss of `f32` near the singularities of a light's contribution: `docs/limits.svg`.
 //!
 //! `cargo run --release -p lighttree --example limits`
 
@@ -9,7 +9,8 @@ use std::f64::consts::PI;
 
 const GEOMETRY_TERM_BOUND: f32 = 0.01;
 
-/// Relative error of the light that arrives from one light at `position`, which faces the receiver, in roundings of `f32`; 0.1 at least.
+/// Relative error of the light from one source at `position` that faces the receiver, in `f32` roundings, at least
+/// 0.1.
 fn error(position: Vec3) -> f32 {
     let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::new(0.6, 0.0, 0.8), reflectance: Vec3::ONE };
     let light = Light { position, emission: Emission::Cosine(-position.normalize()), intensity: Vec3::ONE };
@@ -22,7 +23,7 @@ fn error(position: Vec3) -> f32 {
     ((found / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
 }
 
-/// The lobe of a rough metal that is seen from straight above, by its definition in `f64`.
+/// Evaluates the lobe of a rough metal seen from straight above in `f64`, by definition.
 fn lobe(alpha: f64, way: DVec3) -> f64 {
     let (alpha2, cos_i) = (alpha * alpha, way.z);
     let cos_h = (way + DVec3::Z).normalize().z;
@@ -30,7 +31,7 @@ fn lobe(alpha: f64, way: DVec3) -> f64 {
     density / (2.0 * ((cos_i * cos_i * (1.0 - alpha2) + alpha2).sqrt() + cos_i)) * cos_i
 }
 
-/// The largest relative error of the lobe within four of its half widths and 80°, as logarithms of α and error.
+/// Largest relative error of the lobe within four half widths and 80°, as (log₁₀ α, log₁₀ error).
 fn lobes(alpha: f32) -> (f32, f32) {
     let (position, normal, view) = (Vec3::ZERO, Vec3::Z, Vec3::Z);
     let receiver = Ggx { position, normal, view, diffuse: Vec3::ZERO, specular: Vec3::ONE, alpha };
@@ -45,7 +46,7 @@ fn lobes(alpha: f32) -> (f32, f32) {
     (alpha.log10(), errors.fold(0.0, f32::max).log10())
 }
 
-/// The largest error of a few dozen neighbors, as decimal logarithms of parameter and error.
+/// Largest error of 64 neighboring positions, as (log₁₀ parameter, log₁₀ error).
 fn worst(parameter: f32, place: impl Fn(f32) -> Vec3) -> (f32, f32) {
     let errors = (0..64).map(|k| error(place(k as f32 / 64.0)));
     (parameter.log10(), errors.fold(0.0, f32::max).log10())
@@ -63,7 +64,7 @@ fn main() {
         |distance: f32| move |k: f32| Vec3::new(k - 0.5, 0.3, 1.0).normalize() * distance * GEOMETRY_TERM_BOUND.sqrt();
     plot.line("contact to far away", BLUE, distances.map(|d| worst(d, at(d))).collect());
     let cosines = (0..=16).map(|k| 10f32.powf(-k as f32 / 4.0));
-    // Turned from the receiver's plane by the angle whose sine is this cosine.
+    // Direction at the angle from the receiver's plane with this sine.
     let grazing = |cosine: f32| {
         move |k: f32| {
             let (normal, along) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.8 * k.cos(), k.sin(), -0.6 * k.cos()));
@@ -71,7 +72,7 @@ fn main() {
         }
     };
     plot.line("grazing light, by cosine", RED, cosines.map(|c| worst(c, grazing(c))).collect());
-    // Nothing is narrower than 0.02.
+    // 0.02 is the smallest roughness.
     let alphas = (0..=6).map(|k| 10f32.powf(-k as f32 / 4.0)).chain([0.02]);
     plot.line("rough metal, by α", GREEN, alphas.map(lobes).collect());
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/limits.svg");

@@ -1,13 +1,14 @@
-//! Builds, cuts and shared cuts on the lights and pixels of a real scene, in seconds of this thread's processor time.
+//! Measures builds, cuts and shared cuts on the lights and pixels of a real scene, in processor time of this thread
+//! \[s\].
 //!
 //! ```sh
 //! cargo run --release -p tests --example many_lights -- SCENE 512x512 150000 out/conference.lights
 //! cargo run --release -p lighttree --features serde --example measure -- out/conference.lights
 //! ```
 //!
-//! Shadow rays all find their light, so that it is the tree which is measured. Thresholds are 2 % of each pixel's own
-//! luminance. `measure` alone takes lights in a room (`measure COUNT` as many) and a picture of its floor.
-//! The plain loop that cuts are held against has as many lights as a cut has visits to nodes.
+//! All shadow rays reach their lights, so that only the tree is measured. Thresholds are 2 % of each pixel's
+//! luminance. Without a file, `measure` uses lights in a room (`measure COUNT` sets their number) and a picture of
+//! its floor. The plain loop for comparison evaluates one light per visited node.
 
 mod walls;
 
@@ -15,7 +16,7 @@ use glam::Vec3;
 use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Receivers, Scratch, Stop, luminance};
 use walls::walls;
 
-/// Processor time of this thread \[s\].
+/// Returns the processor time of this thread \[s\].
 fn now() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
@@ -67,7 +68,7 @@ fn main() {
     println!("{} lights, {} pixels", lights.len(), pixels.len());
 
     let mut trees = Vec::new();
-    // One thread, so that its time is all there is.
+    // With one thread, thread time is total time.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool of one thread");
     for builder in [Builder::TopDown, Builder::BottomUp] {
         let (tree, time) = pool.install(|| seconds(|| LightTree::build_by(builder, &lights, params)));
@@ -79,10 +80,10 @@ fn main() {
     let time = (0..9).map(|_| update()).fold(f64::INFINITY, f64::min);
     println!("update: {:.2} ms", 1e3 * time);
     let tree = trees.pop().expect("bottom-up");
-    // No cut of these is as large.
+    // An upper limit of the cut size in these scenes.
     let mut scratch = Scratch::with_max_size(20_000);
 
-    // The whole picture in blocks of 8×8 pixels, thresholds of 2 %.
+    // Divide the picture into blocks of 8×8 pixels with thresholds of 2 %.
     let height = pixels.len() / width;
     let mut blocks = Vec::new();
     for (left, top) in (0..height).step_by(8).flat_map(|y| (0..width).step_by(8).map(move |x| (x, y))) {
@@ -97,7 +98,7 @@ fn main() {
         blocks.push((block, thresholds));
     }
 
-    // Interleaved, so that whatever else the machine does falls on all alike.
+    // Interleave the methods, so that other load on the machine affects them equally.
     let (mut alone, mut together, mut top_down, mut plain) = (Sum::default(), Sum::default(), Sum::default(), 0.0);
     let mut evaluated = 0;
     let rounds = 100_000usize.div_ceil(blocks.iter().map(|(block, _)| block.len()).sum::<usize>().max(1));
@@ -115,7 +116,7 @@ fn main() {
         together.add(&shared, time);
         let (cuts, time) = seconds(|| cut(&trees[0], &mut scratch));
         top_down.add(&cuts, time);
-        // As many lights as there were nodes visited, one after the other.
+        // Evaluate one light per visited node in a plain loop.
         if let Some(receiver) = block.first() {
             let count = cuts.iter().map(|cut| cut.nodes_visited as usize).sum::<usize>().min(lights.len());
             let (sum, time) = seconds(|| plain_loop(&lights[..count], params.geometry_term_bound, receiver));
@@ -139,14 +140,14 @@ fn main() {
     println!("top-down cuts against bottom-up: {:.3}", top_down.size / alone.size);
 }
 
-/// Most memory that this program has had at once \[MiB\]; 0 where the system does not tell.
+/// Returns the peak memory of this process \[MiB\], or 0 if the system does not report it.
 fn peak_memory() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap_or_default();
     line.split_whitespace().next().and_then(|number| number.parse::<u64>().ok()).unwrap_or(0) / 1024
 }
 
-/// The sum over all lights, as written without a tree.
+/// Sums over all lights without a tree.
 fn plain_loop(lights: &[Light], geometry_term_bound: f32, receiver: &Lambert) -> Vec3 {
     let mut radiance = Vec3::ZERO;
     for light in lights {
@@ -166,7 +167,7 @@ fn plain_loop(lights: &[Light], geometry_term_bound: f32, receiver: &Lambert) ->
     radiance * receiver.reflectance / std::f32::consts::PI
 }
 
-/// Figures of many cuts.
+/// Sums over many cuts.
 #[derive(Default)]
 struct Sum {
     cuts: usize,

@@ -1,5 +1,5 @@
-//! Lights a plane with 100 000 virtual lights, without any renderer: a room whose walls and ceiling glow unevenly, and
-//! a ball that throws shadows on the floor. Prints the cut size, time and error for several thresholds.
+//! Lights a plane with 100 000 virtual lights, without a renderer. The walls and ceiling of a room glow unevenly, and
+//! a ball casts shadows on the floor. Prints cut size, time and error for several thresholds.
 //!
 //! `cargo run --release -p lighttree --example plane [lights] [floor points along a side]`
 
@@ -25,7 +25,7 @@ fn main() {
     let stats = tree.update(&intensities);
     println!("updated in {:?}, {:.1} % of nodes swapped", start.elapsed(), 100.0 * stats.swapped_share);
 
-    // The truth at few points only: it takes long, which is the point.
+    // Compute the reference at few points only, because it is slow.
     let stride = (points.len() / 100).max(1);
     let start = Instant::now();
     let truth: Vec<Vec3> = points
@@ -54,12 +54,12 @@ fn main() {
     }
 }
 
-/// Sums over every light.
+/// Reference: sums over every light.
 struct Truth {
-    /// At every `stride`-th point.
+    /// Luminance at every `stride`-th point.
     luminance: Vec<f32>,
     stride: usize,
-    /// For one point.
+    /// Time per point.
     time: Duration,
 }
 

@@ -1,9 +1,10 @@
-//! Error against time, for each way to light a receiver from 100 000 lights: prints a table, and draws it if told where to.
+//! Prints error against time for several methods of lighting a receiver from 100 000 lights. With a path, plots it
+//! too.
 //!
 //! `cargo run --release -p lighttree --example sweep [out.svg]`
 //!
-//! Shadow rays meet a ball and cost next to nothing. Where they cost more, look at their number as well.
-//! (Figures with times differ from one run to the next; those of `docs/`, by `examples/figures.rs`, do not.)
+//! Shadow rays only test a ball and cost almost nothing. Where they are more expensive, compare their number too.
+//! Figures with times vary between runs. The figures of `docs/`, made by `examples/figures.rs`, do not.
 
 mod rivals;
 mod room;
@@ -15,20 +16,20 @@ use rivals::{Method, illuminate};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 100_000;
-/// Runs, of which the shortest time counts.
+/// Number of runs. The shortest time counts.
 const REPEATS: usize = 5;
 
-/// Name of a method, and the method for a stream of random numbers.
+/// Name of a setting, and the method for a stream of random numbers.
 type Setting = (String, Box<dyn Fn(u64) -> Method>);
 
-/// A method, and its color in the diagram.
+/// A method and its color in the plot.
 struct Rival {
     name: &'static str,
     color: &'static str,
     settings: Vec<Setting>,
 }
 
-/// Processor time of this thread \[s\].
+/// Returns the processor time of this thread \[s\].
 fn now() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
@@ -86,7 +87,7 @@ fn main() {
     }
 }
 
-/// All of them, for receivers of this mean luminance.
+/// All methods, for receivers of this mean luminance.
 fn rivals(mean: f32) -> [Rival; 4] {
     const SHARES: [f32; 6] = [0.2, 0.1, 0.05, 0.02, 0.01, 0.005];
     fn by<T: Copy + 'static>(

@@ -1,27 +1,28 @@
-//! Bounds of a cluster: a box of positions, a cone of axes, and the box as a receiver sees it.
+//! Bounds of a cluster: the box of its positions, the cone of its axes, and the box relative to a receiver.
 
 use glam::{DVec3, Vec3};
 
 use crate::lanes::{Real, Vector3};
 
-/// A cone of directions around a unit axis. Built in `f64`: thousands of unions in a row may not widen a flat wall's cone.
+/// Cone of directions around a unit axis. Uses `f64`, so that thousands of unions do not widen the cone of a flat
+/// wall.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
     pub axis: DVec3,
-    /// 0 … π.
+    /// Half-angle \[rad\], 0 … π.
     pub half_angle: f64,
 }
 
 impl Cone {
-    /// All directions.
+    /// Cone of all directions.
     pub const SPHERE: Self = Self { axis: DVec3::Z, half_angle: std::f64::consts::PI };
 
-    /// One direction.
+    /// Cone of a single direction.
     pub fn ray(axis: Vec3) -> Self {
         Self { axis: axis.as_dvec3().normalize(), half_angle: 0.0 }
     }
 
-    /// The smallest cone around two.
+    /// Smallest cone around two cones.
     pub fn union(self, other: Self) -> Self {
         let (wide, narrow) = if self.half_angle >= other.half_angle { (self, other) } else { (other, self) };
         let sine_axis = wide.axis.cross(narrow.axis);
@@ -33,7 +34,7 @@ impl Cone {
         if half_angle >= std::f64::consts::PI {
             return Self::SPHERE;
         }
-        // Turn the wide cone's axis towards the narrow one's; opposite axes may turn around any normal.
+        // Rotate the wide cone's axis towards the narrow one's. Opposite axes may rotate around any normal.
         let turn = half_angle - wide.half_angle;
         let across = sine_axis.cross(wide.axis).try_normalize().unwrap_or_else(|| wide.axis.any_orthonormal_vector());
         let axis = wide.axis * turn.cos() + across * turn.sin();
@@ -41,11 +42,11 @@ impl Cone {
     }
 }
 
-/// The box of a cluster seen from a receiver: what upper bounds over "all directions towards the cluster" are made of.
+/// Box of a cluster relative to a receiver: the basis of upper bounds over all directions to the cluster.
 ///
-/// All lengths in meters, relative to the receiver's position, axes those of world space. For directional lights it is
-/// a box of the unit directions towards them, which says the same about cosines.
-/// `F` is `f32` for one box, [`Vec4`](glam::Vec4) for four.
+/// Lengths are in meters, relative to the receiver's position, along the world axes. For directional lights the box
+/// contains the unit directions towards them, which gives the same cosine bounds. `F` is `f32` for one box,
+/// [`Vec4`](glam::Vec4) for four.
 #[derive(Clone, Copy, Debug)]
 pub struct Region<F = f32> {
     low: Vector3<F>,
@@ -55,7 +56,7 @@ pub struct Region<F = f32> {
 }
 
 impl<F: Real> Region<F> {
-    /// The box from `low` to `high`, given relative to the receiver.
+    /// Box from `low` to `high`, relative to the receiver \[m\].
     #[inline(always)]
     pub fn new(low: Vector3<F>, high: Vector3<F>) -> Self {
         let nearest = low.max(-high).max(Vector3::splat(Vec3::ZERO));
@@ -63,19 +64,19 @@ impl<F: Real> Region<F> {
         Self { low, high, nearest2, inverse_nearest: F::splat(1.0) / nearest2.sqrt() }
     }
 
-    /// Smallest corner, relative to the receiver.
+    /// Smallest corner, relative to the receiver \[m\].
     #[inline]
     pub fn low(&self) -> Vector3<F> {
         self.low
     }
 
-    /// Largest corner, relative to the receiver.
+    /// Largest corner, relative to the receiver \[m\].
     #[inline]
     pub fn high(&self) -> Vector3<F> {
         self.high
     }
 
-    /// Squared distance from the receiver to the box, zero inside \[m²\].
+    /// Squared distance from the receiver to the box \[m²\], zero inside the box.
     #[inline(always)]
     pub fn nearest_distance2(&self) -> F {
         self.nearest2
@@ -83,25 +84,26 @@ impl<F: Real> Region<F> {
 
     /// Largest `axis · d` over the points d of the box \[m for a unit axis\].
     ///
-    /// Summed from the corner's own products and not from center and half size: those cancel when a huge box
-    /// begins close to the receiver, and a bound that rounds downward there is none.
+    /// Computed from the products of the corners. Center and half size would cancel if a huge box begins close to the
+    /// receiver, and a rounded-down value would not be a bound.
     #[inline(always)]
     fn furthest_along(&self, axis: Vector3<F>) -> F {
         let corner = self.low.times(axis).max(self.high.times(axis));
         corner.x + corner.y + corner.z
     }
 
-    /// Upper bound of the cosine between a unit axis and the directions to the box: −1 … 1, 1 for a receiver inside.
+    /// Upper bound of the cosine between a unit axis and the directions to the box, −1 … 1. 1 if the receiver is
+    /// inside.
     #[inline(always)]
     pub fn max_cosine(&self, axis: Vector3<F>) -> F {
         let along = self.furthest_along(axis);
         let (_, inverse) = self.distance_to_divide_by(along);
-        // A point with along = 0 and nearest = 0 gives 0 · ∞, no number; `min` then returns 1, which is safe.
+        // `along` = 0 and `nearest` = 0 give 0 · ∞ = NaN. `min` then returns 1, a valid bound.
         let cosine = (along * inverse).min(F::splat(1.0));
         cosine.max(F::splat(-1.0))
     }
 
-    /// As [`Region::max_cosine`], but 0 where the whole box lies behind the plane of the axis.
+    /// Upper bound of the cosine like [`Region::max_cosine`], but 0 if the whole box is behind the plane of the axis.
     #[inline(always)]
     pub fn max_cosine_in_front(&self, axis: Vector3<F>) -> F {
         let along = self.furthest_along(axis);
@@ -109,7 +111,7 @@ impl<F: Real> Region<F> {
         F::select(F::splat(0.0).lt(along), cosine, F::splat(0.0))
     }
 
-    /// Upper bound of the cosine between any axis in a cone and the directions to the box, 0 where all are behind.
+    /// Upper bound of the cosine between any axis in a cone and the directions to the box, 0 if all are behind.
     ///
     /// ```text
     /// φ  smallest angle between the cone's axis and those directions
@@ -119,15 +121,15 @@ impl<F: Real> Region<F> {
     pub fn max_cosine_of_cone(&self, cone: &DirectionCone<F>) -> F {
         let along = self.furthest_along(cone.axis);
         let (distance2, inverse) = self.distance_to_divide_by(along);
-        // The sine times the distance; roots and quotient do not wait for each other.
+        // Sine times distance. The square roots and the quotient are independent of each other.
         let across = (distance2 - along * along).max(F::splat(0.0)).sqrt();
         let turned = ((along * cone.cosine + across * cone.sine) * inverse).max(F::splat(0.0));
-        // Inside the box 0 · ∞ may give no number, and no number is not less.
+        // Inside the box 0 · ∞ may give NaN. The comparison with NaN is false and selects 1.
         F::select((along * inverse).lt(cone.cosine), turned.min(F::splat(1.0)), F::splat(1.0))
     }
 
-    /// Squared distance, and one over it without the square, that make of a largest scalar product a largest cosine: the
-    /// nearest point's where that is positive, the furthest corner's where it is not.
+    /// Squared distance and inverse distance that turn the largest scalar product into the largest cosine. The
+    /// nearest point's distance if `along` is positive, otherwise the furthest corner's.
     #[inline(always)]
     fn distance_to_divide_by(&self, along: F) -> (F, F) {
         let furthest = self.high.max(-self.low);
@@ -138,7 +140,8 @@ impl<F: Real> Region<F> {
     }
 }
 
-/// A cone of directions as bounds read it: unit axis, cosine and sine of its half-angle. All directions: cosine −1.
+/// Cone of directions for bounds: unit axis, and cosine and sine of its half-angle. A cosine of −1 means all
+/// directions.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectionCone<F = f32> {
     /// Unit axis.
@@ -150,14 +153,14 @@ pub struct DirectionCone<F = f32> {
 }
 
 impl DirectionCone {
-    /// A cone that holds all the given unit directions; all directions if there is none.
+    /// Cone that contains all given unit directions, or all directions if `directions` is empty.
     pub fn around(directions: impl Iterator<Item = Vec3>) -> Self {
         let cone = directions.map(Cone::ray).reduce(Cone::union).unwrap_or(Cone::SPHERE);
         let (sine, cosine) = cone.half_angle.sin_cos();
         Self { axis: cone.axis.as_vec3().into(), cosine: cosine as f32, sine: sine.max(0.0) as f32 }
     }
 
-    /// The same cone everywhere.
+    /// Same cone in every lane.
     #[inline(always)]
     #[must_use]
     pub fn splat<F: Real>(&self) -> DirectionCone<F> {

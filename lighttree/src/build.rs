@@ -1,10 +1,10 @@
-//! Building trees: which lights form clusters, and what is known of each cluster.
+//! Building trees: the clusters and their properties.
 //!
-//! Two builders choose the clusters, [bottom-up](agglomerate) and [top-down](top_down); the rest is the same for both:
-//! the layout of the nodes, their bounds, their sums, and the draw of representatives.
+//! Two builders choose the clusters, [bottom-up](agglomerate) and [top-down](top_down). Both share the node layout,
+//! bounds, sums and the draw of representatives.
 //!
-//! Directional lights form a tree of their own, over their directions; where there are others too, a last node joins
-//! both.
+//! Directional lights form a tree of their own, over their directions. If other lights exist too, a last node joins
+//! both trees.
 
 mod agglomerate;
 mod cluster;
@@ -21,27 +21,27 @@ use crate::sites::Sites;
 use crate::tree::LightTree;
 use cluster::{Cluster, Metric};
 
-/// Ours: smallest weight of a light in the cost, in mean lights.
+/// Smallest weight of a light in the cost, in mean lights. Not in the papers.
 const LUMINANCE_FLOOR: f32 = 1e-3;
-/// Ours: smallest diagonal of a cluster in the cost, in scene diagonals.
+/// Smallest diagonal of a cluster in the cost, in scene diagonals. Not in the papers.
 const COINCIDENCE: f32 = 1e-6;
-/// Ours: smallest s² \[m²\], so that G stays in the range of `f32`.
+/// Smallest s² \[m²\], which keeps G in the range of `f32`. Not in the papers.
 pub(crate) const SMALLEST_BOUND: f32 = 1e-12;
 
 /// Parameters of a build.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct BuildParams {
-    /// s² in G = cos θ / (r² + s²) \[m²\], which bounds the geometry term by 1/s². It is the squared radius of the disc that
-    /// a light stands for. Values below 1e-12, and NaN, count as 1e-12.
+    /// s² in G = cos θ / (r² + s²) \[m²\], which bounds the geometry term by 1/s². It is the squared radius of the
+    /// disc that a light represents. NaN and values below 1e-12 count as 1e-12.
     pub geometry_term_bound: f32,
-    /// Seed of the draw of representatives; 0 by default.
+    /// Seed of the draw of representatives, 0 by default.
     pub seed: u64,
 }
 
 impl BuildParams {
-    /// Parameters for lights that stand for a surface of this area \[m²\] in equal shares: virtual lights, or samples of
-    /// an area light. Each light then counts as a disc of `area / lights`, so that s² = area / (π · lights).
+    /// Parameters for lights that represent equal fractions of a surface of this area \[m²\]: virtual lights, or
+    /// samples of an area light. Each light counts as a disc of `area / lights`, so that s² = area / (π · lights).
     ///
     /// ```
     /// use lighttree::BuildParams;
@@ -54,37 +54,37 @@ impl BuildParams {
         Self::bounded_by(area / (std::f32::consts::PI * lights.max(1) as f32))
     }
 
-    /// Parameters with this `geometry_term_bound` \[m²\], and seed 0.
+    /// Parameters with this `geometry_term_bound` \[m²\] and seed 0.
     #[must_use]
     pub const fn bounded_by(geometry_term_bound: f32) -> Self {
         Self { geometry_term_bound, seed: 0 }
     }
 
-    /// The same parameters with another seed.
+    /// Same parameters with another seed.
     #[must_use]
     pub const fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
     }
 }
 
-/// Strategy that finds the clusters.
+/// Algorithm that chooses the clusters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Builder {
-    /// The two clusters that cost least to join become one, until one is left: the smallest cuts.
+    /// Repeatedly joins the two clusters with the lowest cost until one is left.
     BottomUp,
-    /// The lights are split in two where that costs least, again and again: built many times faster.
+    /// Recursively splits the lights where the cost is lowest. Many times faster than `BottomUp`.
     TopDown,
 }
 
 impl LightTree {
-    /// Builds the tree over the lights, bottom-up; index k stays the name of light k in
-    /// [`update`](LightTree::update) and in visibility queries.
+    /// Builds the tree over the lights, bottom-up. Light k keeps its index in [`update`](LightTree::update) and in
+    /// visibility queries.
     ///
-    /// Lights with fields that are not finite, with negative intensity, without an axis, or beyond 10¹⁵ m or
-    /// 10²⁵ W·sr⁻¹ get no intensity; [`LightTree::rejected`] counts them.
+    /// A light gets no intensity if a field is not finite, its intensity is negative, or it has no axis. The limits
+    /// are 10¹⁵ m and 10²⁵ W·sr⁻¹. [`LightTree::rejected`] counts these lights.
     ///
-    /// The representative of a cluster is one of its lights, drawn with probability in proportion to luminance.
+    /// The representative of a cluster is one of its lights, drawn with probability proportional to luminance.
     ///
     /// # Panics
     ///
@@ -94,7 +94,8 @@ impl LightTree {
         Self::build_by(Builder::BottomUp, lights, params)
     }
 
-    /// As [`LightTree::build`], with the builder of choice. The tree is the same for any number of threads.
+    /// Builds the tree like [`LightTree::build`], with the given builder. The tree is the same for any number of
+    /// threads.
     ///
     /// # Panics
     ///
@@ -124,8 +125,8 @@ impl LightTree {
         tree
     }
 
-    /// Lays the clusters out: parents first, pairs of children side by side, subtrees close together.
-    /// Cluster k < n is light k, cluster n + k the k-th merge.
+    /// Orders the nodes: parents first, siblings next to each other, subtrees close together. Cluster k < n is light
+    /// k, cluster n + k is the k-th merge.
     fn assemble(&mut self, merges: &[[u32; 2]], metrics: &Metrics) {
         let leaf_count = self.lights.len();
         if leaf_count == 0 {
@@ -149,7 +150,7 @@ impl LightTree {
         self.fill(metrics);
     }
 
-    /// Bounds, sums and representatives of all nodes, children first.
+    /// Computes bounds, sums and representatives of all nodes, children first.
     pub(crate) fn fill(&mut self, metrics: &Metrics) {
         let count = self.nodes.len();
         let arrivals = arrivals(self.seed, &self.lights);
@@ -206,14 +207,14 @@ fn is_directional(light: &Light) -> bool {
     matches!(light.emission, Emission::Directional(_))
 }
 
-/// The constants of the costs of both trees.
+/// Constants of the cost functions of both trees.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Metrics {
-    /// Metric of lights that have a place.
+    /// Metric of lights with a position.
     pub points: Metric,
     /// Metric of directional lights, on the unit sphere.
     pub directions: Metric,
-    /// Square of the distance in the scene that a distance of 1 on the unit sphere counts as \[m²\].
+    /// Squared length in the scene that equals a distance of 1 on the unit sphere \[m²\].
     unit_length2: f32,
 }
 
@@ -222,7 +223,7 @@ impl Metrics {
         let placed = lights.iter().filter(|light| !is_directional(light));
         let scene2 = diagonal2(placed.clone());
         let points = Metric {
-            // A scene of one point has only orientation and luminance to go by.
+            // In a scene of one point, cost depends only on orientation and luminance.
             coincidence2: if scene2 > 0.0 { COINCIDENCE * COINCIDENCE * scene2 } else { 1.0 },
             orientation2: diagonal2(placed.filter(|light| light.emission != Emission::Omni)),
         };
@@ -237,7 +238,7 @@ fn diagonal2<'a>(lights: impl Iterator<Item = &'a Light>) -> f32 {
     if low.cmple(high).all() { (high - low).length_squared() } else { 0.0 }
 }
 
-/// The merges that make one tree: the k-th names cluster n + k.
+/// Returns the merges that form one tree. The k-th merge creates cluster n + k.
 fn merges(builder: Builder, lights: &[Light], metrics: &Metrics) -> Vec<[u32; 2]> {
     let (far, near): (Vec<_>, Vec<_>) =
         leaf_clusters(lights).into_iter().partition(|leaf| is_directional(&lights[leaf.id as usize]));
@@ -259,10 +260,10 @@ fn merges(builder: Builder, lights: &[Light], metrics: &Metrics) -> Vec<[u32; 2]
     merges
 }
 
-/// One cluster per light.
+/// Returns one cluster per light.
 fn leaf_clusters(lights: &[Light]) -> Vec<Cluster> {
     let brightest = lights.iter().map(|light| luminance(light.intensity)).fold(0.0, f32::max);
-    // Relative to the brightest, costs stay in the range of f32 whatever the unit of the scene.
+    // Relative to the brightest light, costs stay in the range of `f32` for any unit of the scene.
     let relative = |light: &Light| if brightest > 0.0 { luminance(light.intensity) / brightest } else { 1.0 };
     let mean = lights.iter().map(|light| f64::from(relative(light))).sum::<f64>() / lights.len().max(1) as f64;
     let floor = LUMINANCE_FLOOR * mean as f32;

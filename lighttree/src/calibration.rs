@@ -1,45 +1,47 @@
-//! Calibrated stopping: how far bounds may exceed thresholds, learned from measured errors. (Ours; no paper has it.)
+//! Calibrated stopping: the ratio of bounds to thresholds, learned from measured errors. Not from any paper.
 //!
-//! The bound of a cut holds for each of its clusters. What a pixel is wrong by is their sum, in which errors cancel where
-//! clusters are few and add up where they are many; the bound alone does not tell. So some pixels are *audited*: cut
-//! again, much finer, and
+//! The bound of a cut holds for each of its clusters. The error of a pixel is their sum. Errors of many clusters add
+//! up, while few clusters rarely reach their bounds, so the bound alone does not predict the error. Therefore some
+//! pixels are *audited*, which means cut again with a much finer threshold:
 //!
 //! ```text
-//! a cut ends where no cluster's bound exceeds κ ΔY
-//! r = |L − L_fine| / ΔY            of an audited pixel
-//! κ ← κ · (AIM / q)^DAMPING        q  that r which 95 % of the audits stay below, or another share; within a step and within bounds
+//! a cut ends when no cluster's bound exceeds κ ΔY
+//! r = |L − L_fine| / ΔY            error of an audited pixel
+//! κ ← κ · (AIM / q)^DAMPING        q  quantile of r, 95 % by default; step and κ are clamped
 //! ```
 //!
-//! κ is one for each octave of ΔY / Y: from 2 % to more than half of the luminance, cuts go from hundreds of clusters to a
-//! dozen, and their errors with them. The first audits of an octave take κ down at once as far as they say: what a film
-//! begins with is a guess. An octave without audits yet has at most the κ of the next finer one, for a film begins at 2 %.
+//! Each octave of ΔY / Y has its own κ, because cut size and error depend on it: at 2 % of the luminance cuts have
+//! hundreds of clusters, above one half a dozen. The first audits of an octave may lower κ by any factor, because its
+//! initial value is a guess. Until its first step, an octave's κ is at most the κ of the next finer octave, because a
+//! film begins at 2 %.
 //!
-//! Audits are counted in buckets, integers whose sum does not depend on the order: any number of threads learns the same.
+//! Audits are counted in integer buckets. Their sum is independent of the order, so any number of threads learns the
+//! same κ.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Octaves of ΔY / Y that are told apart; the first is about 2 %.
+/// Number of octaves of ΔY / Y.
 const CLASSES: usize = 6;
 const FIRST: f32 = 0.02;
-/// κ that a film begins with: cuts of `cornell` at 2 % leave one pixel in twenty outside of its threshold at 0.4.
+/// Initial κ. At 0.4, cuts of `cornell` at 2 % leave one pixel in twenty outside its threshold.
 const START: f32 = 0.4;
 const LEAST: f32 = 1.0 / 16.0;
 const MOST: f32 = 16.0;
-/// Quantile of the errors to aim at, in thresholds: a quantile of a few dozen numbers is uncertain by about a tenth.
+/// Target of the error quantile \[thresholds\]. A quantile of a few dozen numbers is uncertain by about a tenth.
 const AIM: f32 = 0.9;
-/// Below 1 a quantile that is wrong by chance is not followed all the way; a flash moves κ by no more than a step a frame.
+/// Exponent of a step. Below 1, an outlier of the quantile is followed only partially.
 const DAMPING: f32 = 0.7;
 const LARGEST_STEP: f32 = 1.6;
-/// Audits beyond the quantile that a step is taken on, in the mean: 48 audits for 95 %.
+/// Mean number of audits beyond the quantile that a step requires: 48 audits for 95 %.
 const ENOUGH_BEYOND: f64 = 2.4;
-/// Thresholds of an audit, of the pixel's own. Its cut is then wrong by less than the tenth that can be told.
+/// Threshold of an audit's cut, relative to the pixel's threshold. Its own error is then below the measurable tenth.
 const FINE: f32 = 0.1;
 
-/// r by eighths of an octave, from 2⁻⁸ to 2⁸ and what is beyond.
+/// Number of buckets of r: eighths of an octave from 2⁻⁸ to 2⁸. The end buckets include everything beyond.
 const BUCKETS: usize = 128;
 const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 
-/// κ of every class of thresholds, learned from frame to frame.
+/// κ of every class of thresholds, learned frame by frame.
 ///
 /// ```
 /// use lighttree::{Audits, Calibration};
@@ -49,7 +51,7 @@ const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 /// for _frame in 0..20 {
 ///     let audits = Audits::default();
 ///     for k in 0..100 {
-///         // Cuts that end at κ times the threshold are wrong by up to 3 κ of it: measure yours with `Calibration::fine`.
+/// // The error of a cut that ends at κ thresholds is 0 … 3 κ here. Measure yours with `Calibration::fine`.
 ///         audits.note(class, 3.0 * calibration.kappa(class) * k as f32 / 100.0);
 ///     }
 ///     calibration.learn(&audits);
@@ -61,13 +63,13 @@ const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 pub struct Calibration {
     share: f64,
     kappas: [f32; CLASSES],
-    /// Whether a step has been taken.
+    /// Whether the class has taken a step.
     learned: [bool; CLASSES],
     /// Audits since the last step.
     pending: [Counts; CLASSES],
 }
 
-/// How many audits found an error of about each size.
+/// Number of audits per bucket of the error.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(
     feature = "serde",
@@ -92,7 +94,7 @@ impl TryFrom<Vec<u32>> for Counts {
     }
 }
 
-/// Errors that the audits of a frame find, noted from many threads at once.
+/// Errors found by the audits of a frame. Threads may add errors concurrently.
 #[derive(Debug)]
 pub struct Audits([[AtomicU32; BUCKETS]; CLASSES]);
 
@@ -114,17 +116,17 @@ impl Default for Audits {
 pub struct Learned {
     /// 95 % quantile of the errors \[thresholds\].
     pub error_p95: f64,
-    /// Mean of κ over the audits.
+    /// Mean κ over the audits.
     pub kappa: f64,
 }
 
 impl Audits {
-    /// Notes the error of an audit \[thresholds\] of this class.
+    /// Records the error of an audit \[thresholds\] in this class.
     pub fn note(&self, class: usize, ratio: f32) {
         self.0[class][bucket(ratio)].fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Adds the audits of another part of the frame.
+    /// Adds the audits of another region of the frame.
     pub fn add(&self, other: &Self) {
         for (sums, counts) in self.0.iter().zip(&other.0) {
             for (sum, count) in sums.iter().zip(counts) {
@@ -133,7 +135,7 @@ impl Audits {
         }
     }
 
-    /// All counts as numbers, for another process.
+    /// Returns all counts, for transfer to another process.
     #[must_use]
     pub fn numbers(&self) -> Vec<u32> {
         self.0.iter().flatten().map(|count| count.load(Ordering::Relaxed)).collect()
@@ -152,15 +154,15 @@ impl Audits {
 }
 
 impl Calibration {
-    /// Clusters that cuts should be allowed. `atrium` at 2 % takes 800 on average to keep 95 % of the pixels within; the
-    /// paper's most is 1000.
+    /// Recommended maximum cut size \[clusters\]. `atrium` at 2 % needs 800 on average to keep 95 % of the pixels
+    /// within their thresholds. The paper's maximum is 1000.
     pub const LARGEST_CUT: u32 = 8000;
 
-    /// Share of pixels that are kept within their thresholds by default.
+    /// Default fraction of pixels within their thresholds.
     pub const DEFAULT_SHARE: f64 = 0.95;
 
-    /// Aims at this share of pixels within their thresholds, 0.5…0.999; NaN counts as [`Calibration::DEFAULT_SHARE`]. The
-    /// nearer to 1, the more audits it takes to learn.
+    /// Calibration that keeps this fraction of the pixels within their thresholds, 0.5…0.999. NaN means
+    /// [`Calibration::DEFAULT_SHARE`]. Fractions near 1 need more audits.
     #[must_use]
     pub fn keeping(share: f64) -> Self {
         let share = if share.is_nan() { Self::DEFAULT_SHARE } else { share.clamp(0.5, 0.999) };
@@ -168,37 +170,38 @@ impl Calibration {
         Self { share, kappas: [START; CLASSES], learned: [false; CLASSES], pending }
     }
 
-    /// Pixels to audit of each 16×16 in a frame: one for 95 %, and more where there are fewer of those that count.
+    /// Returns the number of pixels to audit in each 16×16 macroblock: one for 95 %, more for larger fractions, at
+    /// most 16.
     #[must_use]
     pub fn audits_per_macroblock(&self) -> usize {
         ((1.0 - Self::DEFAULT_SHARE) / (1.0 - self.share)).round().clamp(1.0, 16.0) as usize
     }
 
-    /// The class of a threshold by the luminance that it is a threshold for, below 6.
+    /// Returns the class of a threshold, below 6, from its ratio to the luminance.
     #[must_use]
     pub fn class(threshold: f32, luminance: f32) -> usize {
-        // NaN and what is dark beyond measure count as the first.
+        // NaN and black pixels belong to the first class.
         let octaves = (threshold / luminance / FIRST).log2() + 0.5;
         if octaves.is_finite() { (octaves.max(0.0) as usize).min(CLASSES - 1) } else { 0 }
     }
 
-    /// The threshold that an audit is cut with in place of `threshold`.
+    /// Returns the threshold of the audit's cut for a pixel with this `threshold`.
     #[must_use]
     pub fn fine(threshold: f32) -> f32 {
         FINE * threshold
     }
 
-    /// κ for the thresholds of a class.
+    /// Returns κ for the thresholds of a class.
     ///
     /// # Panics
     ///
-    /// If there is no such class.
+    /// If `class` is 6 or more.
     #[must_use]
     pub fn kappa(&self, class: usize) -> f32 {
         self.kappas[class]
     }
 
-    /// Takes in the audits of a frame, and tells what they found; nothing if there were none.
+    /// Learns from the audits of a frame and returns their summary, or `None` without audits.
     pub fn learn(&mut self, audits: &Audits) -> Option<Learned> {
         let counts = audits.counts();
         let mut all = Counts([0; BUCKETS]);
@@ -209,15 +212,17 @@ impl Calibration {
             all.add(found);
             kappas += f64::from(*kappa) * f64::from(found.total());
             pending.add(found);
+            // Step once enough audits are beyond the quantile.
             if f64::from(pending.total()) >= enough {
                 let wanted = AIM / pending.quantile(self.share);
                 let damped = wanted.powf(DAMPING).clamp(1.0 / LARGEST_STEP, LARGEST_STEP);
-                // Not up at once: a film that begins in the dark shows no errors.
+                // The first step must not raise κ: a film that begins in the dark shows no errors.
                 let step = if self.learned[class] { damped } else { damped.min(wanted) };
                 *kappa = (*kappa * step).clamp(LEAST, MOST);
                 *pending = Counts([0; BUCKETS]);
                 self.learned[class] = true;
             }
+            // A class without a step follows the next finer class.
             if class > 0 && !self.learned[class] {
                 self.kappas[class] = self.kappas[class].min(self.kappas[class - 1]);
             }
@@ -236,7 +241,7 @@ impl Counts {
         self.0.iter().sum()
     }
 
-    /// The error that this share of the audits stays below: the upper end of its bucket.
+    /// Returns the quantile of the errors: the upper end of its bucket.
     fn quantile(&self, share: f64) -> f32 {
         let wanted = (f64::from(self.total()) * share).ceil() as u32;
         let mut sum = 0;
@@ -249,7 +254,7 @@ impl Counts {
 }
 
 fn bucket(ratio: f32) -> usize {
-    // NaN, 0/0, is no error; infinity is the largest.
+    // 0/0 = NaN counts as no error, infinity as the largest.
     if ratio.is_nan() {
         return 0;
     }
@@ -265,14 +270,14 @@ fn upper_end(bucket: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// One frame in which `error(k, κ)` is what audit `k` of `count` finds at class 2.
+    /// Audits one frame. Audit `k` of `count` has the error `error(k, κ)` in class 2.
     fn frame(calibration: &mut Calibration, count: u32, error: impl Fn(u32, f32) -> f32) -> Option<Learned> {
         let audits = Audits::default();
         (0..count).for_each(|k| audits.note(2, error(k, calibration.kappa(2))));
         calibration.learn(&audits)
     }
 
-    /// Errors that are even between 0 and `scale` times κ: the quantile is 0.95 of that, and κ is known beforehand.
+    /// Errors uniform between 0 and `scale` times κ. Their 95 % quantile gives the expected κ.
     fn even(scale: f32) -> impl Fn(u32, f32) -> f32 {
         move |k, kappa| (k as f32 + 0.5) / 200.0 * scale * kappa
     }
@@ -295,8 +300,8 @@ mod tests {
         }
     }
 
-    /// The first κ of a film falls by one frame of audits, and rises step by step: errors of none may be those of
-    /// a film that begins in the dark.
+    /// The initial κ falls in one frame of audits but rises step by step, because a film that begins in the dark
+    /// shows no errors.
     #[test]
     fn the_first_audits_are_followed_down_at_once() {
         for scale in [5.0, 20.0] {
@@ -325,7 +330,7 @@ mod tests {
         }
     }
 
-    /// A light that is switched every frame, a flash of 10⁶, then the light as it was.
+    /// A light switched every frame, then a flash of 10⁶, then the original light.
     #[test]
     fn the_loop_stays_in_its_bounds_and_returns() {
         let mut calibration = Calibration::default();
@@ -361,9 +366,11 @@ mod tests {
         assert_eq!(calibration.kappa(2), LEAST);
     }
 
-    /// Errors that grow with κ^`power`: log κ moves by DAMPING · power of its distance a frame, and errors are told by eighths
-    /// of an octave. So what remains is a cycle of at most DAMPING/8 octaves, divided by what the loop takes off a distance.
-    /// That holds for powers up to 2/DAMPING = 2.86; beyond, the loop swings, a step a frame at most.
+    /// Errors grow with κ^`power`. In each frame log κ moves by DAMPING · power of its distance, and errors are
+    /// quantised to eighths of an octave. κ therefore ends in a cycle of at most DAMPING/8 octaves, divided by the
+    /// relative reduction per frame.
+    ///
+    /// This holds for powers up to 2/DAMPING = 2.86. Beyond, κ oscillates by at most a step per frame.
     #[test]
     fn ten_thousand_still_frames_end_in_a_small_cycle() {
         for (power, scale) in [(0.5, 1.0), (1.0, 0.3), (1.0, 1.0), (1.0, 4.0), (2.0, 1.0), (2.5, 1.0)] {
@@ -387,7 +394,7 @@ mod tests {
                 distance(least).max(distance(most)) <= 0.3,
                 "power {power}, scale {scale}: {least}…{most} for {aim}"
             );
-            // Each frame takes off all but `kept` of the distance, or a whole step where that is less.
+            // Each frame reduces the distance to the fraction `kept`, or by a whole step if that is less.
             let frames =
                 (distance(START) / LARGEST_STEP.log2() + (0.05f32.ln() / kept.max(0.01).ln())).ceil() as usize + 8;
             let settled = kappas.iter().position(|&kappa| distance(kappa) <= 0.3).unwrap();
@@ -397,7 +404,7 @@ mod tests {
             );
             println!("error ~ κ^{power} · {scale}: settled after {settled} frames, a cycle of {cycle:.3} octaves");
         }
-        // Beyond: no rest, but no more than a step a frame, and never out of bounds.
+        // For larger powers κ oscillates, but by at most a step per frame and within its limits.
         let mut calibration = Calibration::default();
         let mut before = calibration.kappa(2);
         for _ in 0..1000 {

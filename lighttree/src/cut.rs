@@ -1,16 +1,17 @@
-//! The lightcut: refine the worst cluster until all are below the threshold \[Walter05, section 4\].
+//! The lightcut: refines the worst cluster until all bounds are below the threshold \[Walter05, section 4\].
 //!
-//! # Differs from the paper
+//! # Differences from the paper
 //!
-//! * With an absolute threshold the order of refinement does not matter: a node is refined if its bound and those of
-//!   all its ancestors exceed the threshold. So no heap is needed; the tree is [walked](walk) depth first by bounds
-//!   alone, four nodes at a time, and only then are the chosen representatives evaluated, each once, four at a time.
-//!   Cuts that would exceed the largest size, and relative thresholds, go [best first](best_first) as in the paper.
-//! * A cluster whose bound is exactly zero contributes exactly nothing. It is dropped: no estimate, no shadow ray, no
-//!   place in the size of the cut. In [walked](walk) cuts that holds for single lights too.
-//! * A cluster is estimated by [both of its halves](halves), with one shadow ray. Clusters that are handed out to be
-//!   kept are those of the paper, with one representative.
-//! * Receivers close together can [share](bundle) most of their walk.
+//! * With an absolute threshold the order of refinement does not matter: a node is refined if its bound and the
+//!   bounds of all its ancestors exceed the threshold. The tree is therefore [walked](walk) by bounds only, four
+//!   nodes at a time, without a heap. The representatives of the cut are evaluated afterwards, once each and four at
+//!   a time. Cuts that would exceed the maximum size, and relative thresholds, are refined [best first](best_first)
+//!   as in the paper.
+//! * A cluster with a bound of exactly zero contributes nothing. It is dropped: no estimate, no shadow ray, not
+//!   counted in the size. In [walked](walk) cuts this applies to single lights too.
+//! * A cluster is estimated by [both of its halves](halves), with one shadow ray. Kept clusters use the paper's
+//!   estimate with one representative.
+//! * Neighboring receivers can [share](bundle) most of their walk.
 
 mod best_first;
 mod bundle;
@@ -31,26 +32,26 @@ use bundle::Shared;
 pub use evaluate::ShadowRay;
 pub use group::Receivers;
 
-/// Largest cut of \[Walter05\].
+/// Maximum cut size of \[Walter05\].
 const PAPER_MAX_SIZE: u32 = 1000;
 
-/// When a cut is fine enough. Either way it also ends at the largest size the [`Scratch`] allows.
+/// Stopping rule of a cut. Each cut also ends at the maximum size of its [`Scratch`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Stop {
-    /// No cluster may be wrong by more than this luminance \[W·m⁻²·sr⁻¹\]; with 0 the cut holds every light.
+    /// Absolute limit of each cluster's error, as luminance \[W·m⁻²·sr⁻¹\]. With 0 the cut contains every light.
     Absolute(f32),
-    /// No cluster may be wrong by more than a fraction of the pixel's luminance: the paper's rule, with 2 %.
+    /// Limit of each cluster's error as a fraction of the pixel's luminance: the paper's rule, with 2 %.
     Relative {
-        /// Share of the luminance that a cluster may be wrong by; 0.02 in the paper.
+        /// Maximum error of a cluster as a fraction of the luminance, 0.02 in the paper.
         fraction: f32,
-        /// Luminance already known to be at this pixel, to which the cut adds \[W·m⁻²·sr⁻¹\].
+        /// Luminance of the pixel from other sources, added to the cut's \[W·m⁻²·sr⁻¹\].
         known_luminance: f32,
     },
 }
 
 impl Stop {
-    /// The most that a cluster may be wrong by where the cut finds a `luminance` \[W·m⁻²·sr⁻¹\].
+    /// Returns the error limit of a cluster for a cut of this `luminance` \[W·m⁻²·sr⁻¹\].
     #[must_use]
     pub fn threshold_at(self, luminance: f32) -> f32 {
         match self {
@@ -59,7 +60,7 @@ impl Stop {
         }
     }
 
-    /// The same rule with `factor` times the threshold.
+    /// Same rule with the threshold multiplied by `factor`.
     #[must_use]
     pub fn scaled(self, factor: f32) -> Self {
         match self {
@@ -71,79 +72,81 @@ impl Stop {
     }
 }
 
-/// The result of a cut at one receiver.
+/// Result of a cut at one receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Cut {
     /// Reflected radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Vec3,
-    /// Clusters in the cut, single lights included; those that provably contribute nothing are not counted.
-    /// At most what the [`Scratch`] allows, and one more where a tree holds directional and other lights.
+    /// Number of clusters in the cut, including single lights and excluding clusters that provably contribute
+    /// nothing. At most the maximum of the [`Scratch`], plus one if the tree has both directional and other lights.
     pub size: u32,
-    /// Calls of `visible`, at most one per light. An absolute cut traces rays for its own clusters only. A relative one, and
-    /// one that reaches the largest size, also for clusters on its way that turn out dark and for halves it leaves again.
+    /// Number of calls of `visible`, at most one per light. An absolute cut traces rays only for its own clusters. A
+    /// relative cut, or a cut that reaches the maximum size, also traces rays for clusters that it later refines.
     pub shadow_rays: u32,
     /// Largest error bound of a cluster in the cut, as luminance \[W·m⁻²·sr⁻¹\].
     pub largest_bound: f32,
-    /// Sum of all error bounds: the luminance of `radiance` is at most this far from the sum over every light.
+    /// Sum of all error bounds \[W·m⁻²·sr⁻¹\]: maximum difference between the luminance of `radiance` and the sum
+    /// over every light.
     pub total_bound: f32,
-    /// Nodes that were visited, for a bound or an estimate.
+    /// Number of nodes visited, for a bound or an estimate.
     pub nodes_visited: u32,
 }
 
-/// A cluster of a cut. It outlives the cut: positions in a tree never change, intensities come with each update.
+/// Cluster of a cut. It outlives the cut, because positions in a tree never change and intensities are updated in
+/// place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cluster {
     pub(crate) node: u32,
-    /// Index of the light that stood for the cluster.
+    /// Index of the light that represented the cluster.
     pub light: u32,
 }
 
-/// A cluster of a cut that was kept, with the transport of light from it.
+/// Kept cluster of a cut, with its light transport.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct KeptCluster {
     /// The cluster.
     pub cluster: Cluster,
-    /// M · G · V of its representative: radiance per intensity \[m⁻²\], zero where the light is hidden. The cut's radiance
-    /// is the sum of this times [`LightTree::cluster_intensity`].
+    /// M · G · V of its representative: radiance per intensity \[m⁻²\], zero if the light is occluded. The cut's
+    /// radiance is the sum of `transport` times [`LightTree::cluster_intensity`].
     pub transport: Vec3,
 }
 
-/// Memory of a cut, kept by the caller from one to the next: one per thread.
+/// Reusable memory for cuts, one per thread.
 #[derive(Clone, Debug)]
 pub struct Scratch {
     max_size: u32,
-    /// First children of the nodes that were to be refined, in the order of refinement.
+    /// First children of the nodes to refine, in order of refinement.
     pending: Vec<u32>,
-    /// Nodes in the cut, `selected_count` of them, and room for the largest.
+    /// Nodes in the cut: `selected_count` entries, and room for the largest cut.
     selected: Vec<u32>,
     selected_count: usize,
-    /// How many of these are no single lights.
+    /// Number of selected nodes that are not single lights.
     inner_count: usize,
-    /// Shadow rays, `ray_count` of them, and room for those of the largest cut.
+    /// Shadow rays: `ray_count` entries, and room for the largest cut.
     rays: Vec<ShadowRay>,
     ray_count: usize,
-    /// Radiance that arrives by each of the `rays` if it is free; the fourth number is not zero.
+    /// Unoccluded radiance along each of the `rays`. The fourth component is nonzero.
     radiance: Vec<Vec4>,
-    /// M · G of the light of each of the `rays`, where clusters are kept, and its node; the fourth number does not matter.
+    /// M · G of the light of each of the `rays`, and its node, for kept clusters. The fourth component is unused.
     terms: Vec<(Vec4, u32)>,
-    /// Clusters of the last cut that kept them.
+    /// Clusters of the last kept cut.
     pub(crate) kept: Vec<KeptCluster>,
     refined: Refined,
     shared: Shared,
 }
 
 impl Default for Scratch {
-    /// Cuts of 1000 clusters at most, as in the paper.
+    /// Scratch memory for cuts of at most 1000 clusters, as in the paper.
     fn default() -> Self {
         Self::with_max_size(PAPER_MAX_SIZE)
     }
 }
 
 impl Scratch {
-    /// Cuts of this many clusters at most (at least one); takes memory for as many.
+    /// Allocates memory for cuts of at most `max_size` clusters, at least one.
     #[must_use]
     pub fn with_max_size(max_size: u32) -> Self {
         Self {
@@ -168,7 +171,7 @@ impl Scratch {
         &self.kept
     }
 
-    /// The largest cut \[clusters\].
+    /// Maximum cut size \[clusters\].
     #[must_use]
     pub fn max_size(&self) -> u32 {
         self.max_size
@@ -176,11 +179,11 @@ impl Scratch {
 }
 
 impl LightTree {
-    /// Light reflected at a receiver from all lights of the tree, to the accuracy that `stop` demands.
+    /// Returns the light reflected at a receiver from all lights of the tree, with the accuracy that `stop` demands.
     ///
-    /// `visible(light, index)` traces the shadow ray between the receiver's position and the light; it is called only for
-    /// lights that would contribute. The result depends on its arguments alone. Nothing is allocated once the scratch
-    /// has served a cut in this tree.
+    /// `visible(light, index)` traces the shadow ray between the receiver's position and the light. It is called only
+    /// for lights that contribute if visible. The result depends only on the arguments. Once the scratch has served a
+    /// cut of this tree, no memory is allocated.
     pub fn lightcut<R: Receiver>(
         &self,
         receiver: &R,
@@ -203,11 +206,11 @@ impl LightTree {
         self.best_first::<false, R>(receiver, threshold, &mut visible, scratch)
     }
 
-    /// [`LightTree::lightcut`] whose clusters are kept: [`Scratch::kept`] has them afterwards, so that they can be summed
-    /// again with other intensities.
+    /// Computes a [`LightTree::lightcut`] and keeps its clusters in [`Scratch::kept`], for summation with other
+    /// intensities.
     ///
-    /// The estimate is that of the paper, each cluster by its one representative. `lightcut` estimates by both halves of a
-    /// cluster and is nearer to the truth.
+    /// The estimate follows the paper, with one representative per cluster. `lightcut` uses both halves of a cluster
+    /// and has a lower error.
     pub fn lightcut_kept<R: Receiver>(
         &self,
         receiver: &R,
@@ -229,18 +232,19 @@ impl LightTree {
         }
     }
 
-    /// Whether a cluster may come from this tree: its node and its representative are there.
+    /// Returns whether the cluster's node and representative exist in this tree.
     #[must_use]
     pub fn may_hold(&self, cluster: Cluster) -> bool {
         (cluster.node as usize) < self.nodes.len() && (cluster.light as usize) < self.lights().len()
     }
 
-    /// The clusters that together hold all lights: none, one, or two where directional lights have a tree of their own.
+    /// Root clusters, which together contain all lights: none, one, or two if directional lights have a tree of their
+    /// own.
     pub fn root_clusters(&self) -> impl Iterator<Item = Cluster> {
         self.roots().map(|node| self.cluster(node))
     }
 
-    /// The two halves of a cluster; `None` for a single light.
+    /// Returns the two children of a cluster, or `None` for a single light.
     ///
     /// # Panics
     ///
@@ -251,13 +255,12 @@ impl LightTree {
         (!node.is_leaf()).then(|| [0, 1].map(|k| self.cluster(node.children() + k)))
     }
 
-    /// The cluster of a node, with its present representative.
+    /// Cluster of a node, with its current representative.
     fn cluster(&self, node: usize) -> Cluster {
         Cluster { node: node as u32, light: self.nodes[node].representative }
     }
 
-    /// Intensity that a cluster has now, after any [`update`](LightTree::update) since the cut that it comes from
-    /// \[W·sr⁻¹\].
+    /// Returns the current intensity of a cluster, including later [`update`](LightTree::update)s \[W·sr⁻¹\].
     ///
     /// # Panics
     ///
@@ -268,10 +271,11 @@ impl LightTree {
         self.nodes[cluster.node as usize].intensity
     }
 
-    /// The cluster by another draw of its representative, in proportion to luminance as every draw: a function of the tree,
-    /// the cluster and `seed`.
+    /// Returns the cluster with another representative, drawn in proportion to luminance. The draw depends only on
+    /// the tree, the cluster and `seed`.
     ///
-    /// Cuts of one tree share its draws, and with them their errors. Receivers that draw anew err apart.
+    /// Cuts of one tree share their representatives and therefore have correlated errors. Receivers with separate
+    /// draws have independent errors.
     ///
     /// # Panics
     ///
@@ -283,16 +287,16 @@ impl LightTree {
         while !self.nodes[index].is_leaf() {
             let first = self.nodes[index].children();
             let [a, b] = [first, first + 1].map(|child| f64::from(luminance(self.nodes[child].intensity)));
-            // Without light in either child, both have the same chance.
+            // If both children are dark, draw them with equal probability.
             let share = if a + b > 0.0 { a / (a + b) } else { 0.5 };
-            // The number is stretched again at each step.
+            // Rescale the random number at each step.
             (index, draw) =
                 if draw < share { (first, draw / share) } else { (first + 1, (draw - share) / (1.0 - share)) };
         }
         Cluster { light: self.nodes[index].representative, ..cluster }
     }
 
-    /// The lights of a cluster.
+    /// Returns the indices of the lights of a cluster.
     ///
     /// # Panics
     ///
@@ -311,8 +315,8 @@ impl LightTree {
         lights
     }
 
-    /// How wrong the estimate of a cluster can be at a receiver \[W·m⁻²·sr⁻¹, as luminance\]: its error bound, which
-    /// is zero for a single light.
+    /// Returns the error bound of a cluster's estimate at a receiver \[W·m⁻²·sr⁻¹, as luminance\]. It is zero for a
+    /// single light.
     ///
     /// # Panics
     ///
@@ -326,13 +330,13 @@ impl LightTree {
     }
 }
 
-/// Four of them, the last repeated.
+/// Fills up to four entries by repeating the last one.
 #[inline(always)]
 fn padded(four: &[u32]) -> [u32; 4] {
     std::array::from_fn(|k| four[k.min(four.len() - 1)])
 }
 
-/// Bits of the lanes of four that repeat another.
+/// Bit mask of the padding lanes of four.
 #[inline(always)]
 fn missing(four: &[u32]) -> u32 {
     0b1111 << four.len() & 0b1111

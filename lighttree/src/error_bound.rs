@@ -1,14 +1,16 @@
-//! How wrong a cluster can be: an upper bound of M·G·I over it, visibility at most 1.
+//! Error bound of a cluster: an upper bound of M·G·I over the cluster, with visibility at most 1.
 //!
-//! The estimate and the truth of a cluster both lie between 0 and this bound, so it also bounds their difference
-//! \[Walter05, section 4.1\].
+//! The estimate and the true value of a cluster both lie between 0 and this bound. It therefore also bounds their
+//! difference \[Walter05, section 4.1\].
 //!
-//! # Differs from the paper
+//! # Differences from the paper
 //!
-//! The cosine over a box is bounded by its furthest extent along the axis divided by the distance to its nearest
-//! point, not by a box in rotated axes: three multiplications, the distance shared with G and between the cosines of
-//! receiver and light. Measured with `examples/plane.rs`, 10 000 lights: cuts 5 % larger than with the paper's bound
-//! in half of its time; the largest M·G anywhere in box and cone, searched by brute force, would save 16 … 20 %.
+//! The paper bounds the cosine over a box with a box in rotated axes. Here the bound is the furthest extent along the
+//! axis, divided by the distance to the nearest point. This takes three multiplications. The distance is shared with G and between
+//! the cosines of receiver and light.
+//!
+//! Measured with `examples/plane.rs` and 10 000 lights, cuts are 5 % larger than with the paper's bound in half of
+//! its time. The exact maximum of M·G over box and cone, found by brute force, would make cuts 16 … 20 % smaller.
 
 use glam::{Vec3, Vec4};
 
@@ -18,7 +20,7 @@ use crate::light::{LUMINANCE_WEIGHTS, transpose};
 use crate::node::Node;
 use crate::receiver::{Receiver, ReflectBound};
 
-/// Bounds of a cluster, or of four: all that an error bound reads.
+/// Bounds of one cluster or of four: the input of an error bound.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClusterBounds<F> {
     pub low: Vector3<F>,
@@ -36,7 +38,7 @@ impl ClusterBounds<f32> {
 }
 
 impl ClusterBounds<Vec4> {
-    /// Four clusters side by side: four rows of each node, transposed.
+    /// Gathers the bounds of four clusters by transposing four rows of each node.
     #[inline(always)]
     pub fn four(nodes: [&Node; 4]) -> Self {
         let [lx, ly, lz, _] = transpose(nodes.map(|n| n.low.extend(f32::from_bits(n.representative_child))));
@@ -53,8 +55,8 @@ impl ClusterBounds<Vec4> {
     }
 }
 
-/// Error bound of a cluster \[W·m⁻²·sr⁻¹, as luminance\]; exactly zero if nothing in it can reach the receiver.
-/// For a single light it is the light's contribution, up to rounding.
+/// Returns the error bound of a cluster \[W·m⁻²·sr⁻¹, as luminance\]. It is exactly zero if no light of the cluster
+/// can reach the receiver. For a single light it is the light's contribution, up to rounding.
 #[inline(always)]
 pub(crate) fn error_bound<F: Real, R: Receiver>(
     receiver: &R,
@@ -65,7 +67,7 @@ pub(crate) fn error_bound<F: Real, R: Receiver>(
     bound_with(|region| receiver.reflect_bound(region), [position; 2], cluster, geometry_term_bound)
 }
 
-/// Error bound of a cluster for every receiver of a bundle whose positions lie in a box.
+/// Returns the error bound of a cluster for every receiver of a bundle with positions in a box.
 #[inline(always)]
 pub(crate) fn error_bound_of_bundle<F: Real, B: ReflectBound>(
     bundle: &B,
@@ -89,11 +91,11 @@ fn bound_with<F: Real>(
     let low = Vector3::select(far, nowhere, low);
     let high = Vector3::select(far, nowhere, high);
     let region = Region::new(cluster.low - high, cluster.high - low);
-    // Largest cosine between the axis of any light in the cone and the way from any point of the box to the receiver.
+    // Largest cosine between any axis in the cone and the direction from any point of the box to the receiver.
     let everywhere = cluster.cone.cosine.lt(F::splat(-1.0 + f32::EPSILON));
     let turned = DirectionCone { axis: -cluster.cone.axis, ..cluster.cone };
     let emission = F::select(everywhere, one, region.max_cosine_of_cone(&turned));
-    // Not emission / …, which would have to wait for the emission.
+    // Multiply by the reciprocal: a quotient of `emission` would have to wait for it.
     let g = emission * (one / F::select(far, one, region.nearest_distance2() + geometry_term_bound));
     let material = reflect_bound(&region);
     let luminance = material.times(cluster.intensity).dot(Vector3::splat(LUMINANCE_WEIGHTS));

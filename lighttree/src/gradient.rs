@@ -1,29 +1,28 @@
-//! How the irradiance from one light changes with the place and the normal of what it falls on.
+//! Gradients of the irradiance from one light over position and normal.
 //!
-//! For a cut the gradients of an irradiance cache need no sampling: they are sums over its lights
-//! \[Krivanek08\].
+//! Irradiance gradients of a cut need no sampling: they are sums over its lights \[Krivanek08\].
 
 use glam::Vec3;
 
 use crate::light::{Emission, Light, SMALLEST_DISTANCE2};
 
-/// Irradiance from a light per unit of its intensity, visibility left out, and its derivatives with visibility held fixed.
+/// Irradiance from a light per unit of its intensity, without visibility, and its derivatives at fixed visibility.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct IrradianceTerm {
-    /// cos θ · G \[m⁻²\]; zero where the light lies behind the normal or shines away.
+    /// cos θ · G \[m⁻²\]. Zero if the light is behind the surface or faces away.
     pub value: f32,
-    /// Derivative by the normal: for a turned normal n′ above whose horizon the light still stands, `value` is
-    /// n′ · `by_normal` \[m⁻²\].
+    /// Derivative by the normal \[m⁻²\]. For a rotated normal n′ with the light above its horizon, `value` is n′ ·
+    /// `by_normal`.
     pub by_normal: Vec3,
     /// Derivative by the position \[m⁻³\].
     pub by_position: Vec3,
 }
 
-/// The term of a cosine-weighted receiver at `position` with the unit `normal`.
+/// Returns the irradiance term of a light at `position` with the unit `normal`.
 ///
 /// ```text
-/// E / I = a b / (r² (r² + s²))        d  way to the light, r its length
-///   a = n · d     b = −axis · d for Cosine, r for Omni       a for Directional, d being the unit way against it
+/// E / I = a b / (r² (r² + s²))        d  vector to the light, r its length
+///   a = n · d     b = −axis · d for Cosine, r for Omni       E / I = a for Directional, d = unit vector to the light
 /// ```
 #[inline]
 #[must_use]
@@ -43,7 +42,7 @@ pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, geometry_ter
         return IrradianceTerm::default();
     }
     let soft = r2 + geometry_term_bound;
-    // 1/q and −∇q/q, where d itself loses what the position gains.
+    // b and its derivative by position. Moving the receiver by x changes d by −x.
     let (b, b_by_position) = match light.emission {
         Emission::Cosine(axis) => (-axis.dot(d), axis),
         Emission::Omni | Emission::Directional(_) => (r2.sqrt(), -d / r2.sqrt()),
@@ -70,7 +69,8 @@ mod tests {
     use crate::testing;
 
     proptest! {
-        /// The value is that of cuts; the derivatives are those that small steps find, in `f64`'s absence with a tolerance.
+        /// The value equals the value in cuts. The derivatives agree with finite differences in `f32`, within a
+        /// tolerance.
         #[test]
         fn derivatives_agree_with_differences(scene in testing::scene(1..2)) {
             let (light, s2) = (scene.lights[0].accepted().0, scene.geometry_term_bound);
@@ -78,7 +78,8 @@ mod tests {
             let term = irradiance_term(position, normal, &light, s2);
             let white = Lambert { position, normal, reflectance: Vec3::splat(std::f32::consts::PI) };
             let expected = unshadowed_by(&white, &light, s2).x;
-            // Near a horizon a cosine is all rounding: measured against what the light does face to face.
+            // Near a horizon the cosine is mostly rounding error, so the tolerance includes the light's face-to-face
+            // value.
             let far = matches!(light.emission, Emission::Directional(_));
             let face_to_face = if far { 1.0 } else { 1.0 / ((light.position - position).length_squared() + s2) };
             let rounding = 1e-5 * expected + 1e-6 * face_to_face;
@@ -87,11 +88,11 @@ mod tests {
 
             let way = light.position - position;
             let r = way.length();
-            // Away from horizons, where nothing has a derivative.
+            // Skip horizons, where the term is not differentiable.
             let shines = match light.emission {
                 Emission::Cosine(axis) => -axis.dot(way) > 0.05 * r,
                 Emission::Omni => true,
-                // The same everywhere.
+                // Directional light is independent of position.
                 Emission::Directional(_) => {
                     prop_assert_eq!(term.by_position, Vec3::ZERO);
                     false

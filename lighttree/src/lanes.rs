@@ -1,15 +1,15 @@
-//! One number, four or eight: bounds and estimates are written once and run for one cluster, or for several side by side.
+//! Generic code over one, four or eight lanes: bounds and estimates are written once for one or several clusters.
 //!
-//! All kinds perform the same IEEE operations in the same order, none of them fused, so a lane has the bits that the one
-//! number has. `f32` is the scalar twin; [`Vec4`] is a vector register where the processor has any; [`F8`] is eight at once
-//! by the crate `lanes`, for [`Kernel`]s whose operands lie side by side already.
+//! All types perform the same IEEE operations in the same order, without fusion, so each lane is bit-identical to the
+//! scalar result. `f32` is the scalar type. [`Vec4`] is a vector register where the processor has one. [`F8`] is
+//! eight lanes from the crate `lanes`, for [`Kernel`]s with contiguous operands.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use glam::{BVec4A, Mat4, Vec3, Vec4};
 use lanes::{Choice, Lanes};
 
-/// Real numbers: one `f32`, the four of a [`Vec4`], or eight, in a kind that has no name outside of this crate.
+/// Real numbers: one `f32`, four lanes of a [`Vec4`], or eight lanes of a type private to this crate.
 pub trait Real:
     Copy
     + std::fmt::Debug
@@ -19,24 +19,24 @@ pub trait Real:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// An answer for each number.
+    /// Comparison result, one flag per lane.
     type Mask: Copy;
 
-    /// The same number everywhere.
+    /// Same number in every lane.
     fn splat(x: f32) -> Self;
-    /// `self < other ? self : other`, which is `other` where either is no number.
+    /// `self < other ? self : other`, which is `other` if either is NaN.
     fn min(self, other: Self) -> Self;
-    /// `self > other ? self : other`, which is `other` where either is no number.
+    /// `self > other ? self : other`, which is `other` if either is NaN.
     fn max(self, other: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
     /// `self < other`
     fn lt(self, other: Self) -> Self::Mask;
-    /// `yes` where the mask holds, `no` elsewhere.
+    /// `yes` where the mask is set, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// Any function of one number, for each.
+    /// Applies a scalar function to each lane.
     fn map(self, f: impl Fn(f32) -> f32) -> Self;
-    /// A function of three numbers, for each: the way in for materials that are written for one direction.
+    /// Applies a function of three coordinates to each lane, for materials written for a single direction.
     fn map3(v: Vector3<Self>, f: impl Fn(Vec3) -> Vec3) -> Vector3<Self>;
 }
 
@@ -86,7 +86,7 @@ impl Real for Vec4 {
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        // Other processors' minimum of two zeros, or of what is not a number, is another one.
+        // On other processors, the minimum instruction treats signed zeros and NaN differently.
         if cfg!(target_arch = "x86_64") { Vec4::min(self, other) } else { Vec4::select(self.cmplt(other), self, other) }
     }
     #[inline(always)]
@@ -121,16 +121,16 @@ impl Real for Vec4 {
 #[repr(C, align(32))]
 pub(crate) struct Eight(pub [Vec4; 2]);
 
-/// A type of numbers to compute with [`Eight`]: all of them at once, or four by four.
+/// Number type that processes an [`Eight`], all at once or four at a time.
 pub(crate) trait PartOfEight: Real {
-    /// How many fours it holds.
+    /// Number of groups of four lanes.
     const FOURS: usize;
-    /// From the four at an index on.
+    /// Loads lanes from the group of four at index `at`.
     fn load(eight: &Eight, at: usize) -> Self;
-    /// To where [`load`](PartOfEight::load) would take it from.
+    /// Stores lanes at the position of [`load`](PartOfEight::load).
     fn store(self, eight: &mut Eight, at: usize);
 
-    /// [`load`](PartOfEight::load) of three coordinates.
+    /// Loads three coordinates like [`load`](PartOfEight::load).
     #[inline(always)]
     fn load3(v: &Vector3<Eight>, at: usize) -> Vector3<Self> {
         Vector3 { x: Self::load(&v.x, at), y: Self::load(&v.y, at), z: Self::load(&v.z, at) }
@@ -150,7 +150,7 @@ impl PartOfEight for Vec4 {
     }
 }
 
-/// Eight numbers in a register of the kind L.
+/// Eight numbers in a register of the lane type L.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct F8<L: Lanes>(L::F);
 
@@ -235,15 +235,15 @@ impl<L: Lanes> PartOfEight for F8<L> {
     }
 }
 
-/// Work on numbers that lie by eights.
+/// Computation on contiguous groups of eight numbers.
 ///
-/// `run` and all that it calls with such numbers are `#[inline(always)]`, as for [`lanes::Kernel`].
+/// `run` and all functions that it calls with these numbers are `#[inline(always)]`, as for [`lanes::Kernel`].
 pub(crate) trait Kernel {
     type Output;
     fn run<F: PartOfEight>(self) -> Self::Output;
 }
 
-/// A [`Kernel`] with eight numbers at once.
+/// A [`Kernel`] that processes eight numbers at once.
 struct ByEight<K>(K);
 
 impl<K: Kernel> lanes::Kernel for ByEight<K> {
@@ -255,7 +255,7 @@ impl<K: Kernel> lanes::Kernel for ByEight<K> {
     }
 }
 
-/// How many numbers to compute with at once.
+/// Number of lanes per operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Width {
     Four,
@@ -263,7 +263,7 @@ pub(crate) enum Width {
 }
 
 impl Width {
-    /// The most that this processor has instructions for.
+    /// Returns the largest width that this processor supports.
     #[inline]
     pub fn best() -> Self {
         let best = Choice::best();
@@ -279,7 +279,7 @@ impl Width {
     }
 }
 
-/// Three coordinates, or red, green and blue, of one thing or of several.
+/// Three coordinates, or red, green and blue, of one or several vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vector3<F> {
     /// First coordinate, or red.
@@ -291,19 +291,19 @@ pub struct Vector3<F> {
 }
 
 impl<F: Real> Vector3<F> {
-    /// The same vector everywhere.
+    /// Same vector in every lane.
     #[inline(always)]
     pub fn splat(v: Vec3) -> Self {
         Self { x: F::splat(v.x), y: F::splat(v.y), z: F::splat(v.z) }
     }
 
-    /// Scalar product.
+    /// Returns the scalar product.
     #[inline(always)]
     pub fn dot(self, other: Self) -> F {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
-    /// Product by coordinate.
+    /// Returns the componentwise product.
     #[inline(always)]
     pub fn times(self, other: Self) -> Self {
         Self { x: self.x * other.x, y: self.y * other.y, z: self.z * other.z }
@@ -321,14 +321,15 @@ impl<F: Real> Vector3<F> {
 }
 
 impl Vector3<Vec4> {
-    /// Four vectors side by side.
+    /// Gathers four vectors into lanes.
     #[inline(always)]
     pub(crate) fn gather(v: [Vec3; 4]) -> Self {
         let of = |f: fn(&Vec3) -> f32| Vec4::new(f(&v[0]), f(&v[1]), f(&v[2]), f(&v[3]));
         Self { x: of(|v| v.x), y: of(|v| v.y), z: of(|v| v.z) }
     }
 
-    /// The four vectors, each with the sum of its coordinates after it: zero only for zero where none is negative.
+    /// Returns the four vectors, each followed by the sum of its coordinates. Without negative coordinates the sum is
+    /// zero only for a zero vector.
     #[inline(always)]
     pub(crate) fn rows(self) -> [Vec4; 4] {
         let m = Mat4::from_cols(self.x, self.y, self.z, self.x + self.y + self.z).transpose();
@@ -395,7 +396,7 @@ mod tests {
 
     use super::*;
 
-    /// Every operation on eight pairs of numbers.
+    /// Applies every operation to eight pairs of numbers.
     struct Everything<'a>(&'a Eight, &'a Eight);
 
     impl Kernel for Everything<'_> {
@@ -436,7 +437,7 @@ mod tests {
         }
     }
 
-    /// Ordinary numbers, zeros of both signs, infinities and no numbers, each with each.
+    /// Finite numbers, zeros of both signs, infinities and NaN, in all pairs.
     #[test]
     fn eight_at_once_have_the_bits_of_four() {
         let numbers = [0.0, -0.0, 1.0, -2.5, 1e-40, -3e38, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 0.3, 7e20];
@@ -449,7 +450,7 @@ mod tests {
             let eight = |of: [f32; 8]| Eight([0, 4].map(|k| Vec4::from_slice(&of[k..])));
             let (a, b) = (eight(pairs.map(|pair| pair.0)), eight(pairs.map(|pair| pair.1)));
             let bits = |width: Width| -> Vec<u32> {
-                // Which of all that are no numbers comes out is not promised by anyone.
+                // The payload of a resulting NaN is unspecified.
                 let bits = width.run(Everything(&a, &b));
                 bits.into_iter()
                     .map(|bits| if f32::from_bits(bits).is_nan() { f32::NAN.to_bits() } else { bits })

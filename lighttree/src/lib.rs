@@ -2,11 +2,11 @@
 //!
 //! # Figures
 //!
-//! The above, where pictures beside the page are not shown. A cut:
+//! Figures of the text above, embedded for viewers that do not display linked pictures. A cut:
 //!
 #![doc = include_str!("../docs/cut.svg")]
 //!
-//! Bounds and errors of its clusters, errors and thresholds of pixels, and the rivals:
+//! Bounds and errors of its clusters, errors and thresholds of pixels, and the comparison of methods:
 //!
 #![doc = include_str!("../docs/bounds.svg")]
 #![doc = include_str!("../docs/errors.svg")]
@@ -14,21 +14,21 @@
 #![doc = include_str!("../docs/methods.svg")]
 #![forbid(unsafe_code)]
 
-mod bounds; // box and cone of a cluster
+mod bounds; // bounds of a cluster: box and cone
 mod build;
-mod calibration; // how far bounds may be exceeded
+mod calibration; // ratio of bounds to thresholds
 mod cut; // the lightcut
-mod error_bound; // how wrong a cluster can be
-mod exhaustive; // the sum over every light: the truth
-mod gradient; // how irradiance changes with place and normal
-mod lanes; // one number, four or eight
-mod light; // what is clustered
-mod node; // a cluster
-mod race; // who represents a cluster
-mod receiver; // where light arrives
-mod sites; // where the lights of clusters are
+mod error_bound; // error bound of a cluster
+mod exhaustive; // reference: the sum over every light
+mod gradient; // gradients of irradiance over position and normal
+mod lanes; // one, four or eight lanes
+mod light; // lights
+mod node; // clusters
+mod race; // draw of representatives
+mod receiver; // receivers of light
+mod sites; // positions of representative lights
 #[cfg(feature = "serde")]
-mod store; // trees as bytes
+mod store; // serialization of trees
 #[cfg(test)]
 mod testing; // random scenes
 mod tree; // nodes and their lights
@@ -50,5 +50,5 @@ pub use crate::tree::LightTree;
 pub use crate::update::UpdateStats;
 pub use crate::validate::InvalidTree;
 
-/// Vectors stand in signatures.
+/// Vector types of the public API.
 pub use glam;

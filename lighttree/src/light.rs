@@ -1,63 +1,65 @@
-//! The point light, element of all clusters: its geometry term and its unshadowed share of the light reflected at a receiver.
+//! Point lights, the elements of clusters: geometry term and unshadowed contribution at a receiver.
 
 use glam::{Vec3, Vec4};
 
 use crate::lanes::{Real, Vector3};
 use crate::receiver::Receiver;
 
-/// Weights of linear RGB (Rec. 709 primaries) in luminance; they sum to one, so luminance keeps the unit of its argument.
+/// Weights of linear RGB (Rec. 709 primaries) in luminance. They sum to one, so luminance has the unit of its
+/// components.
 pub const LUMINANCE_WEIGHTS: Vec3 = Vec3::from_array(plane::LUMINANCE_WEIGHTS);
 
-/// Luminance of a linear RGB quantity, in the quantity's own unit.
+/// Returns the luminance of a linear RGB quantity, in the unit of its components.
 #[inline]
 #[must_use]
 pub fn luminance(rgb: Vec3) -> f32 {
     rgb.dot(LUMINANCE_WEIGHTS)
 }
 
-/// Largest coordinate of a light \[m\] and largest intensity \[W·sr⁻¹\]; beyond, sums and squares may leave the range of `f32`.
+/// Largest coordinate of a light \[m\] and largest intensity \[W·sr⁻¹\]. Beyond them, sums and squares may overflow
+/// `f32`.
 const LARGEST_COORDINATE: f32 = 1e15;
 const LARGEST_INTENSITY: f32 = 1e25;
 
-/// Squared distance \[m²\] below which a direction to the light no longer exists in `f32`.
+/// Smallest squared distance \[m²\] with a defined direction to the light in `f32`.
 pub(crate) const SMALLEST_DISTANCE2: f32 = 1e-30;
 
-/// How the intensity of a light depends on the direction it leaves in.
+/// Directional distribution of a light's intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Emission {
-    /// The same in all directions.
+    /// Equal intensity in all directions.
     Omni,
-    /// `max(0, cos θ)` of the axis' intensity, θ being the angle to this unit axis: a virtual light on a surface.
+    /// Intensity times `max(0, cos θ)`, θ being the angle to this unit axis: a virtual light on a surface.
     Cosine(Vec3),
-    /// Parallel light that travels along this unit vector, as from a sun: the same everywhere, whatever the light's
-    /// position. Its `intensity` is the irradiance on a surface that faces it \[W·m⁻²\].
+    /// Parallel light that travels along this unit vector, like sunlight: uniform everywhere and independent of the
+    /// light's position. Its `intensity` is the irradiance on a surface that faces it \[W·m⁻²\].
     Directional(Vec3),
 }
 
-/// A point light, or one so far away that only its direction is left.
+/// A point light, or a directional light at infinite distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Light {
-    /// Where it is, in world space \[m\]; for [`Emission::Directional`] it does not matter, but has to be finite.
+    /// World-space position \[m\]. Unused for [`Emission::Directional`], but has to be finite.
     pub position: Vec3,
-    /// Where it shines.
+    /// Directional distribution.
     pub emission: Emission,
-    /// Radiant intensity, linear RGB \[W·sr⁻¹\], not negative; along the axis for [`Emission::Cosine`];
+    /// Radiant intensity, linear RGB \[W·sr⁻¹\], not negative. Intensity along the axis for [`Emission::Cosine`],
     /// irradiance \[W·m⁻²\] for [`Emission::Directional`].
     pub intensity: Vec3,
 }
 
 impl Light {
-    /// The light as it enters a tree: axis of unit length, and no intensity if any field is unusable.
+    /// Normalizes a light for a tree: unit axis, and zero intensity if any field is unusable.
     pub(crate) fn accepted(mut self) -> (Self, Fitness) {
         let mut placed = self.position.is_finite() && self.position.abs().max_element() <= LARGEST_COORDINATE;
         if !placed {
             self.position = Vec3::ZERO;
         }
         let mut unit = |axis: Vec3| {
-            // What is of unit length already stays as it is, to the last bit.
+            // Keep the bits of an axis that already has unit length.
             let unit = if (axis.length_squared() - 1.0).abs() < 1e-6 { Some(axis) } else { axis.try_normalize() };
             placed &= unit.is_some();
             unit.unwrap_or(Vec3::Z)
@@ -78,53 +80,53 @@ impl Light {
     }
 }
 
-/// Usability of a light that enters a tree.
+/// Usability of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fitness {
     Good,
-    /// Its intensity was unusable and is now zero.
+    /// The intensity was unusable and is now zero.
     Darkened,
-    /// Its position or axis was unusable: the intensity has to stay zero.
+    /// The position or axis was unusable. The intensity has to stay zero.
     Misplaced,
 }
 
-/// The intensity itself, or zero where it is not finite, negative or too large for sums; and whether it was usable.
+/// Returns the intensity and whether it is usable. If it is not finite, negative or too large for sums, returns zero.
 pub(crate) fn accepted_intensity(intensity: Vec3) -> (Vec3, bool) {
-    // Comparisons with NaN are false, so this covers all of it.
+    // Comparisons with NaN are false, so these also reject NaN.
     let usable =
         intensity.min_element() >= 0.0 && intensity.max_element() <= LARGEST_INTENSITY && intensity.is_finite();
     (if usable { intensity } else { Vec3::ZERO }, usable)
 }
 
-/// Value of [`Node::cone_cosine`](crate::node::Node) and of [`Site::kind`] that marks directional lights, below any cosine.
+/// Marks directional lights in [`Node::cone_cosine`](crate::node::Node) and [`Site::kind`]. Less than any cosine.
 pub(crate) const DIRECTIONAL: f32 = -2.0;
 
-/// Position and axis of a light, or of four: all that an estimate reads.
+/// Position and axis of one or four lights: the input of an estimate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Site<F> {
-    /// Position; the unit direction towards a directional light.
+    /// Position \[m\], or the unit direction towards a directional light.
     pub position: Vector3<F>,
     pub axis: Vector3<F>,
-    /// Cosine of the cone of axes, as nodes have it: 1 for an axis, −1 for omni lights, [`DIRECTIONAL`].
+    /// Cosine of the cone of axes, as in nodes: 1 for an axis, −1 for omni lights, [`DIRECTIONAL`] for directional
+    /// ones.
     pub kind: F,
-    /// See [`StoredSite::delay`].
+    /// Delay in the race of halves, see [`StoredSite::delay`].
     pub delay: F,
 }
 
-/// Site of one light as it lies in memory: half a cache line.
+/// Memory layout of one light's site: half a cache line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(32))]
 pub(crate) struct StoredSite {
     pub position: Vec3,
     pub kind: f32,
     pub axis: Vec3,
-    /// Time until its shadow ray is traced, at unit light: the light's number in the race of
-    /// [halves](crate::cut) \[W·m⁻²·sr⁻¹\]; 0 where there is none.
+    /// Delay of the light in the race of [halves](crate::cut) at unit radiance \[W·m⁻²·sr⁻¹\], 0 without a light.
     pub delay: f32,
 }
 
 impl StoredSite {
-    /// The site of no light.
+    /// Placeholder without a light.
     pub const NOWHERE: Self = Self { position: Vec3::ZERO, kind: -1.0, axis: Vec3::Z, delay: 0.0 };
 
     pub fn new(light: &Light) -> Self {
@@ -141,7 +143,7 @@ impl StoredSite {
         Site { position: self.position.into(), axis: self.axis.into(), kind: self.kind, delay: self.delay }
     }
 
-    /// Four of them side by side.
+    /// Gathers four sites into lanes.
     #[inline(always)]
     pub fn four(sites: [&Self; 4]) -> Site<Vec4> {
         let [px, py, pz, kind] = transpose(sites.map(|s| Vec4::new(s.position.x, s.position.y, s.position.z, s.kind)));
@@ -150,27 +152,27 @@ impl StoredSite {
     }
 }
 
-/// Rows to columns.
+/// Transposes rows and columns.
 #[inline(always)]
 pub(crate) fn transpose([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
     let m = glam::Mat4::from_cols(a, b, c, d).transpose();
     [m.x_axis, m.y_axis, m.z_axis, m.w_axis]
 }
 
-/// M·G of a light: radiance at the receiver per unit of the light's intensity, visibility left out
-/// \[m⁻²; 1 for directional lights\].
+/// Returns M·G of a light: radiance at the receiver per unit of the light's intensity, without visibility \[m⁻², 1
+/// for directional lights\].
 ///
 /// ```text
 /// L = M · G · V · I                        \[Walter05\], eq. 1
-///   M  material term, the receiver's cosine included
+/// M  material term, includes the receiver's cosine
 ///   G  cos θ_light / (r² + s²)             Cosine
 ///      1 / (r² + s²)                       Omni
 ///      1                                   Directional
 ///   V  visibility, 0 or 1
 ///   I  intensity
 /// ```
-/// `s²` (`geometry_term_bound`) is ours: it keeps G finite close to a light that stands for a disc.
-/// A receiver exactly on the light gets nothing from it, as no direction exists.
+/// `s²` (`geometry_term_bound`) is not in the paper. It keeps G finite close to a light that represents a disc. A
+/// receiver exactly at the light's position receives nothing, because the direction is undefined.
 #[inline(always)]
 pub(crate) fn unshadowed<F: Real, R: Receiver>(
     receiver: &R,
@@ -181,7 +183,7 @@ pub(crate) fn unshadowed<F: Real, R: Receiver>(
     unshadowed_of::<false, F, R>(receiver, position, site, geometry_term_bound)
 }
 
-/// [`unshadowed`], to the same bits, of lights that are known to be `Cosine` if `COSINE`: their kind is not read.
+/// Returns the same bits as [`unshadowed`]. With `COSINE`, all lights must be `Cosine` and their kind is not read.
 #[inline(always)]
 pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     receiver: &R,
@@ -204,7 +206,7 @@ pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     Vector3::select(zero.lt(lit), receiver.reflect(direction) * g, Vector3::splat(Vec3::ZERO))
 }
 
-/// [`unshadowed`] for one light.
+/// Returns [`unshadowed`] for one light.
 #[inline]
 pub(crate) fn unshadowed_by<R: Receiver>(receiver: &R, light: &Light, geometry_term_bound: f32) -> Vec3 {
     unshadowed(receiver, receiver.position().into(), &StoredSite::new(light).one(), geometry_term_bound).into()
@@ -235,7 +237,7 @@ mod tests {
         }
     }
 
-    /// Also at the light itself, behind it, in its plane and behind the receiver's.
+    /// Includes receivers at the light, behind it and in its plane, and lights behind the receiver.
     #[test]
     fn known_kinds_change_no_bit() {
         let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::new(0.7, 0.5, 0.3) };
@@ -255,7 +257,7 @@ mod tests {
         }
     }
 
-    /// A lamp of 1 W/sr two meters above a white diffuse floor: L = ρ/π · I/r² = 1/(4π); it shines down, or sideways.
+    /// A lamp of 1 W/sr two meters above a white diffuse floor: L = ρ/π · I/r² = 1/(4π). It shines down or sideways.
     #[test]
     fn closed_form_below_a_lamp() {
         let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::ONE };
@@ -266,7 +268,7 @@ mod tests {
         assert!((value(Emission::Cosine(-Vec3::Z)) - expected).abs() < 1e-7);
         assert_eq!(value(Emission::Cosine(Vec3::X)), 0.0);
         assert_eq!(value(Emission::Cosine(Vec3::Z)), 0.0);
-        // A sun of 1 W/m² that stands 60° from the zenith: L = ρ/π · E cos 60°, wherever the "lamp" is.
+        // Sunlight of 1 W/m² at 60° from the zenith: L = ρ/π · E cos 60°, independent of the light's position.
         let sun = Emission::Directional(Vec3::new(0.75f32.sqrt(), 0.0, -0.5));
         assert!((value(sun) - 0.5 / std::f32::consts::PI).abs() < 1e-7);
         assert_eq!(value(Emission::Directional(Vec3::Z)), 0.0);

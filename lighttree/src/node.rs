@@ -5,23 +5,23 @@ use glam::Vec3;
 use crate::bounds::Cone;
 use crate::light::{DIRECTIONAL, Light, StoredSite};
 
-/// A cluster of lights, one cache line.
+/// A cluster of lights in one cache line.
 ///
-/// Node 0 is the root; the two children of a node lie side by side, at an odd index and the even one after it,
-/// always after their parent. So a pass over the array from its end sees children before parents.
+/// Node 0 is the root. The two children of a node are adjacent, at an odd index and the following even index, and
+/// always follow their parent. A pass over the array from its end therefore visits children before parents.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(C, align(64))]
 pub(crate) struct Node {
-    /// Box of positions; of the unit directions to them for directional lights.
+    /// Smallest corner of the box of positions \[m\], or of unit directions to directional lights.
     pub low: Vec3,
-    /// Index of the child that hands its representative up; 0 marks a leaf.
+    /// Index of the child with the same representative. 0 marks a leaf.
     pub representative_child: u32,
     pub high: Vec3,
-    /// Index of the representative light; a leaf's only light.
+    /// Index of the representative light, in a leaf its only light.
     pub representative: u32,
-    /// Cone of emission axes: axis, cosine and sine of its half-angle; the whole sphere has cosine −1, directional
-    /// lights have [`DIRECTIONAL`].
+    /// Cone of emission axes: axis, cosine and sine of its half-angle. The cosine is −1 for all directions and
+    /// [`DIRECTIONAL`] for directional lights.
     pub axis: Vec3,
     pub cone_cosine: f32,
     /// Sum of the lights' intensities.
@@ -47,19 +47,19 @@ impl Node {
         self.representative_child == 0
     }
 
-    /// Index of the first child; the second follows it.
+    /// Index of the first child. The second follows it.
     #[inline]
     pub fn children(&self) -> usize {
         first_of_pair(self.representative_child as usize)
     }
 
-    /// Whether its lights are directional ones.
+    /// Returns whether its lights are directional.
     #[inline]
     pub fn is_directional(&self) -> bool {
         self.cone_cosine == DIRECTIONAL
     }
 
-    /// Bounds of a single light.
+    /// Sets the bounds of a single light.
     pub fn set_light(&mut self, light: &Light) {
         let site = StoredSite::new(light);
         (self.low, self.high, self.intensity) = (site.position, site.position, light.intensity);
@@ -74,13 +74,13 @@ impl Node {
     }
 }
 
-/// First index of the pair that holds this child.
+/// Index of the first child in the pair that contains `child`.
 #[inline]
 pub(crate) fn first_of_pair(child: usize) -> usize {
     (child - 1) | 1
 }
 
-/// The other child of the pair.
+/// Index of the other child of the pair.
 #[inline]
 pub(crate) fn sibling(child: usize) -> usize {
     ((child - 1) ^ 1) + 1

@@ -1,20 +1,21 @@
-//! How representatives are drawn: a race of the lights.
+//! Draw of representatives: a race of the lights.
 //!
-//! Light k arrives at the time e_k / Y_k, where e_k is exponentially distributed, a function of seed and k alone, and
-//! Y_k is the light's luminance. Of any set of lights each is the first with probability Y_k / ΣY, and which it is says
-//! nothing about when: these are the paper's draws. The first of a cluster is the first of one of its children.
+//! Light k arrives at the time e_k / Y_k. e_k is exponentially distributed and depends only on seed and k. Y_k is the
+//! light's luminance. In any set of lights, each arrives first with probability Y_k / ΣY, independent of the arrival
+//! time. These are the draws of the paper. The first light of a cluster is the first light of one of its children.
 //!
-//! Drawn like this, a representative depends on the lights of the cluster and not on the tree around it: it stays when
-//! a tree is built anew, and changes with intensities only as much as it has to.
+//! This way a representative depends only on the lights of the cluster, not on the rest of the tree. It stays when a
+//! tree is rebuilt, and changes with intensities only as often as necessary.
 
 use crate::light::{Light, luminance};
 
-/// Weight of dark lights \[W·sr⁻¹\]: among themselves they are drawn alike, and against any other they lose.
+/// Weight of dark lights \[W·sr⁻¹\]. They are drawn with equal probability among themselves and lose to any other
+/// light.
 const DARK: f64 = 1e-300;
-/// Keeps the numbers of the second race apart from those of the first.
+/// Separates the random numbers of the second race from the first.
 const SECOND_RACE: u64 = 0x6a09_e667_f3bc_c908;
 
-/// When each light arrives \[sr·W⁻¹\].
+/// Returns the arrival time of each light \[sr·W⁻¹\].
 pub(crate) fn arrivals(seed: u64, lights: &[Light]) -> Vec<f64> {
     (0u64..).zip(lights).map(|(k, light)| arrival(seed, k, luminance(light.intensity))).collect()
 }
@@ -23,13 +24,13 @@ fn arrival(seed: u64, light: u64, luminance: f32) -> f64 {
     -uniform(seed, light).ln() / f64::from(luminance).max(DARK)
 }
 
-/// A light's number in the [second race](crate::cut), of the halves of a cluster: the winner gets the shadow ray.
-/// Exponentially distributed, and independent of [`arrivals`].
+/// Returns a light's random number in the [second race](crate::cut), between the halves of a cluster. The winner gets
+/// the shadow ray. Exponentially distributed, and independent of [`arrivals`].
 pub(crate) fn delay(seed: u64, light: u64) -> f32 {
     -uniform(seed ^ SECOND_RACE, light).ln() as f32
 }
 
-/// A number between 0 and 1, both excluded, that depends on seed and counter alone (the finalizer of SplitMix64).
+/// Returns a number in the open interval (0, 1) that depends only on seed and counter (the finalizer of SplitMix64).
 pub(crate) fn uniform(seed: u64, counter: u64) -> f64 {
     let mut z = seed.wrapping_add(counter.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

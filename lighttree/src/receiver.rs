@@ -1,4 +1,4 @@
-//! The receiver: all that a cut needs to know of a surface.
+//! Receivers: surface properties required by a cut.
 
 mod ggx;
 
@@ -11,13 +11,14 @@ use crate::lanes::{Real, Vector3};
 
 pub use ggx::{Ggx, GgxBundle};
 
-/// A shading point: position, reflection, and an upper bound of the reflection. All in world space.
+/// A shading point: position, reflection, and an upper bound of the reflection, all in world space.
 ///
-/// The two reflection functions must agree: for every point of a region, `reflect` of the direction to it stays
-/// below `reflect_bound` of the region, in each channel. A cut's error bound rests on nothing else.
+/// The two reflection functions must be consistent. For every point of a region, `reflect` of the direction to it
+/// must not exceed `reflect_bound` of the region, in each channel. The error bound of a cut depends only on this
+/// condition.
 ///
-/// Both are written for [`Real`] numbers, one or four at a time. A material that exists for one direction only comes in
-/// by [`Real::map3`]:
+/// Both functions are generic over [`Real`] numbers, one or four at a time. A material with scalar code for one
+/// direction can use [`Real::map3`]:
 ///
 /// ```
 /// # use glam::Vec3;
@@ -37,35 +38,35 @@ pub use ggx::{Ggx, GgxBundle};
 /// }
 /// ```
 pub trait Receiver {
-    /// Where light is gathered \[m\].
+    /// Position of the receiver \[m\].
     fn position(&self) -> Vec3;
 
-    /// Material term M of \[Walter05\], linear RGB \[sr⁻¹\]: BRDF times the receiver's cosine, for light arriving from
-    /// `direction` (unit length, pointing away from the receiver). Not negative.
+    /// Material term M of \[Walter05\], linear RGB \[sr⁻¹\], not negative: BRDF times the receiver's cosine. Light
+    /// arrives from `direction` (unit length, pointing away from the receiver).
     fn reflect<F: Real>(&self, direction: Vector3<F>) -> Vector3<F>;
 
-    /// Upper bound M_max of [`Receiver::reflect`] over all directions to the region, each channel for itself \[sr⁻¹\].
-    /// Exactly zero says that nothing can be reflected: the cut then drops the whole cluster.
+    /// Upper bound M_max of [`Receiver::reflect`] over all directions to the region, per channel \[sr⁻¹\]. Exactly
+    /// zero means that nothing can be reflected, and the cut drops the whole cluster.
     fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F>;
 }
 
-/// Receivers that can be bounded together, for [`LightTree::lightcuts`](crate::LightTree::lightcuts).
+/// Receivers with common bounds, for [`LightTree::lightcuts`](crate::LightTree::lightcuts).
 pub trait Bundled: Receiver + Sized {
-    /// Bounds of all receivers together.
+    /// Common bounds of several receivers.
     type Bundle: ReflectBound;
 
-    /// Bounds that hold for each of these receivers, of which there is one at least.
+    /// Returns bounds that are valid for each of these receivers. There is at least one.
     fn bundle(receivers: &[Self]) -> Self::Bundle;
 }
 
 /// Upper bound of the reflection of every receiver of a bundle.
 pub trait ReflectBound {
-    /// [`Receiver::reflect_bound`] for all of them. The region holds the way from any receiver's position to any point
-    /// of the cluster's box.
+    /// Bounds [`Receiver::reflect_bound`] for all receivers. The region contains the vector from any receiver's
+    /// position to any point of the cluster's box.
     fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F>;
 }
 
-/// A diffuse surface seen from its front: M = reflectance/π · max(0, cos θ).
+/// Diffuse surface seen from its front: M = reflectance/π · max(0, cos θ).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lambert {
     /// Position \[m\].
@@ -95,7 +96,7 @@ impl Receiver for Lambert {
     }
 }
 
-/// [`Lambert`] receivers together.
+/// Common bounds of [`Lambert`] receivers.
 #[derive(Clone, Copy, Debug)]
 pub struct LambertBundle {
     normals: DirectionCone,

@@ -1,8 +1,8 @@
-//! Where the representatives of clusters are, in the order of the nodes.
+//! Positions and axes of the clusters' representatives, in node order.
 //!
-//! An estimate reads the representatives of a cluster's two children. By light they would lie anywhere, each in a cache
-//! line and a page of its own; here both are in one line, next to those of clusters nearby. (A cut over 150 000 lights
-//! takes a tenth less time than with the sites in the order of the lights.)
+//! An estimate reads the representatives of a cluster's two children. In light order they would be in separate cache
+//! lines and pages. In node order both share a line, next to the representatives of nearby clusters. A cut over 150
+//! 000 lights takes a tenth less time than with sites in light order.
 
 use glam::Vec4;
 
@@ -10,24 +10,24 @@ use crate::light::{Light, Site, StoredSite};
 use crate::node::Node;
 use crate::race::delay;
 
-/// The site of each node's representative.
+/// Site of each node's representative.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sites {
-    /// The first holds the root's alone, as its second.
+    /// Pairs of siblings. The first pair contains only the root's site, in its second slot.
     pairs: Vec<Pair>,
 }
 
-/// A cache line.
+/// Two sites in one cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Pair([StoredSite; 2]);
 
 impl Sites {
-    /// For nodes whose representatives are known. Nodes and lights may come from a file that is not checked yet:
-    /// what points nowhere has its site nowhere.
+    /// Collects the sites of nodes with known representatives. Nodes and lights may come from an unchecked file: an
+    /// invalid index gets the placeholder site.
     pub fn new(nodes: &[Node], lights: &[Light], seed: u64) -> Self {
         let mut sites = Self { pairs: vec![Pair([StoredSite::NOWHERE; 2]); nodes.len() / 2 + 1] };
-        // Children lie after their parents.
+        // Children follow their parents.
         for (index, node) in nodes.iter().enumerate().rev() {
             if node.is_leaf() {
                 *sites.slot(index) = Self::of_leaf(node, lights, seed);
@@ -38,14 +38,14 @@ impl Sites {
         sites
     }
 
-    /// The site of a leaf's light.
+    /// Returns the site of a leaf's light.
     pub fn of_leaf(leaf: &Node, lights: &[Light], seed: u64) -> StoredSite {
         let light = lights.get(leaf.representative as usize);
         let delay = delay(seed, leaf.representative.into());
         light.map_or(StoredSite::NOWHERE, |light| StoredSite { delay, ..StoredSite::new(light) })
     }
 
-    /// Gives a node its child's.
+    /// Copies the site of `child` to `node`.
     #[inline]
     pub fn inherit(&mut self, node: usize, child: usize) {
         *self.slot(node) = *self.of(child);
@@ -57,7 +57,7 @@ impl Sites {
         &self.pairs[pair].0[which]
     }
 
-    /// Sites of four nodes, side by side.
+    /// Gathers the sites of four nodes into lanes.
     #[inline(always)]
     pub fn four(&self, [a, b, c, d]: [usize; 4]) -> Site<Vec4> {
         StoredSite::four([self.of(a), self.of(b), self.of(c), self.of(d)])
@@ -69,7 +69,8 @@ impl Sites {
     }
 }
 
-/// Pair of a node, and which of the pair it is. The children of a node are an odd index and the even one after it.
+/// Returns the pair of a node and its slot in the pair. The children of a node have an odd index and the following
+/// even one.
 #[inline(always)]
 fn place(node: usize) -> (usize, usize) {
     let slot = node + 1;

@@ -1,4 +1,4 @@
-//! Trees as bytes, to be kept on disk or sent to another process.
+//! Serialization of trees, for files and other processes.
 //!
 //! ```text
 //! "LTRE"  version (u32)  length of the body (u64)  CRC-32 of the body (u32)  body (bincode)     all little-endian
@@ -15,17 +15,17 @@ const VERSION: u32 = 2;
 const HEADER: usize = 20;
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 
-/// Reason why bytes are no tree.
+/// Error of a failed deserialization.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// They do not begin like a tree.
+    /// The magic number is missing.
     NotATree,
     /// Written by another version of this crate.
     Version(u32),
-    /// Cut short or changed: length or check sum do not fit.
+    /// The bytes are truncated or changed: the length or the checksum does not match.
     Damaged,
-    /// The length and the checksum fit, but [`LightTree::validate`] finds a broken invariant.
+    /// Length and checksum match, but [`LightTree::validate`] finds a broken invariant.
     Invalid(InvalidTree),
 }
 
@@ -42,7 +42,7 @@ impl std::fmt::Display for StoreError {
 
 impl std::error::Error for StoreError {}
 
-/// A tree as it is stored: nothing is checked yet.
+/// Deserialized fields of a tree, before validation.
 #[derive(serde::Deserialize)]
 pub(crate) struct Stored {
     nodes: Vec<Node>,
@@ -81,7 +81,7 @@ impl TryFrom<Stored> for LightTree {
 }
 
 impl LightTree {
-    /// The tree as bytes, for [`LightTree::from_bytes`].
+    /// Serializes the tree for [`LightTree::from_bytes`].
     ///
     /// ```
     /// # use lighttree::{BuildParams, Emission, Light, LightTree, StoreError};
@@ -105,11 +105,12 @@ impl LightTree {
         bytes
     }
 
-    /// The tree that [`LightTree::to_bytes`] wrote, checked as a whole: bytes from elsewhere give an error, not a panic.
+    /// Deserializes a tree written by [`LightTree::to_bytes`] and validates it completely. Foreign bytes give an
+    /// error, not a panic.
     ///
     /// # Errors
     ///
-    /// See [`StoreError`].
+    /// If the bytes are not a valid tree: see the variants of [`StoreError`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StoreError> {
         let (header, body) = bytes.split_at_checked(HEADER).ok_or(StoreError::NotATree)?;
         if header[..4] != MAGIC {
@@ -164,7 +165,7 @@ mod tests {
         }
     }
 
-    /// Everything that reads or changes a tree: a tree that was accepted must go through it without a panic.
+    /// Calls every function that reads or changes a tree. An accepted tree must not cause a panic.
     fn use_it(mut tree: LightTree) {
         assert_eq!(tree.validate(), Ok(()));
         let receiver = Lambert { position: Vec3::new(7.0, 2.0, -1.0), normal: Vec3::Z, reflectance: Vec3::ONE };
@@ -179,8 +180,8 @@ mod tests {
         assert_eq!(tree.validate(), Ok(()));
     }
 
-    /// Each byte of the body in turn has another value. Through [`LightTree::from_bytes`] with a true checksum, and as any
-    /// other format of serde would read it.
+    /// Replaces each byte of the body in turn. Deserializes it both with [`LightTree::from_bytes`] and a correct
+    /// checksum, and directly with serde.
     #[test]
     fn a_forged_body_is_refused_or_harmless() {
         let bytes = tree().to_bytes();
@@ -197,14 +198,14 @@ mod tests {
                     assert!(by_serde.is_ok());
                 }
                 refused += usize::from(by_serde.is_err());
-                // Some changes are harmless, such as of a seed or an extent.
+                // Some changes are harmless, such as changes of a seed or an extent.
                 by_serde.into_iter().for_each(|(tree, _)| use_it(tree));
             }
         }
         assert!(refused > bytes.len(), "{refused} refused");
     }
 
-    /// Forgeries that fit the format and come through serde: each breaks one invariant.
+    /// Forgeries that serde accepts: each breaks one invariant.
     #[test]
     fn broken_invariants_are_named() {
         type Forgery = fn(&mut LightTree);
@@ -231,7 +232,7 @@ mod tests {
             let error = bincode::serde::decode_from_slice::<LightTree, _>(&body, CONFIG).unwrap_err();
             assert!(error.to_string().contains(expected), "{expected}: {error}");
         }
-        // Two subtrees that nothing leads to, one of which points out of the tree.
+        // Two unreachable subtrees. One of them points outside the tree.
         let mut tree = tree();
         let leaf = (0..tree.nodes.len()).rev().find(|&k| tree.nodes[k].is_leaf()).unwrap();
         tree.nodes[0] = tree.nodes[leaf];

@@ -1,13 +1,14 @@
-//! New intensities for an old tree.
+//! New intensities for an existing tree.
 //!
 //! `[Herzog08]` R. Herzog, S. Kinuwaki, K. Myszkowski, H.-P. Seidel: Render2MPEG: a perception-based framework towards
 //! integrating rendering and video compression. Eurographics 2008, section on the temporal light tree.
 //!
-//! # Differs from the paper
+//! # Differences from the paper
 //!
-//! Nothing in the rule of [`LightTree::update`]. As it compares only the two present intensities, the first update also
-//! turns those draws of [`LightTree::build`] round in which the much dimmer child had won.
-//! [`LightTree::update_drawn`] is ours: it keeps the draws (`race.rs`).
+//! [`LightTree::update`] follows the paper's rule. The rule compares only the two current intensities. The first
+//! update therefore also reverses draws of [`LightTree::build`] that the much dimmer child had won.
+//!
+//! [`LightTree::update_drawn`] is not in the paper. It keeps the draws (`race.rs`).
 
 use glam::Vec3;
 
@@ -16,35 +17,35 @@ use crate::node::{Node, sibling};
 use crate::race::arrivals;
 use crate::tree::LightTree;
 
-/// C_I of \[Herzog08\]: the representative child may be this much dimmer than its sibling.
+/// C_I of \[Herzog08\]: minimum intensity of the representative child relative to its sibling.
 const SWAP_RATIO: f32 = 0.7;
 
-/// Changes of an update, and how well the old clusters fit the new intensities.
+/// Changes of an update, and the fit of the old clusters to the new intensities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct UpdateStats {
-    /// Nodes that now take their representative from the other child.
+    /// Number of nodes with a representative from a different child than before.
     pub swapped: usize,
-    /// The same as a share of all nodes with children, 0 … 1.
+    /// Swapped nodes as a fraction of all nodes with children, 0 … 1.
     pub swapped_share: f64,
-    /// Nodes whose representative light changed, by a swap in them or below.
+    /// Number of nodes with a changed representative light, by a swap in the node or below.
     pub representatives_changed: usize,
-    /// Lights that went dark because their new intensity was negative, not finite or too large,
-    /// or because they have no usable position.
+    /// Number of lights made dark because their new intensity is negative, not finite or too large, or because they
+    /// have no usable position.
     pub rejected: usize,
-    /// Cost of the clusters below the root per total luminance, relative to the cost at the build: 1 is as good as new.
-    /// It grows where intensity moves into spread-out clusters. At a growth of 7, cuts are 2 to 7 % larger than in a new
-    /// tree, at 11 they are 7 to 10 % larger (`examples/drift.rs`).
+    /// Cost of the clusters below the root per total luminance, relative to the cost when built. At 1 the tree fits
+    /// like a new one. The value grows when intensity moves into spread-out clusters. At a growth of 7, cuts are 2 to
+    /// 7 % larger than in a new tree. At 11 they are 7 to 10 % larger (`examples/drift.rs`).
     pub cost_growth: f64,
 }
 
 impl LightTree {
-    /// Gives light k the intensity `intensities[k]` \[W·sr⁻¹\], sums upward, and lets a node take the representative of
-    /// its other child where the present one's intensity has fallen below 0.7 of the other's. Structure and bounds stay.
+    /// Gives light k the intensity `intensities[k]` \[W·sr⁻¹\] and updates the sums. A node takes its other child's
+    /// representative if the current child's intensity is below 0.7 times the other's. Structure and bounds stay.
     ///
     /// # Panics
     ///
-    /// If there is not one intensity per light.
+    /// If the number of intensities differs from the number of lights.
     pub fn update(&mut self, intensities: &[Vec3]) -> UpdateStats {
         let rejected = self.accept(intensities);
         let dimmer =
@@ -52,15 +53,16 @@ impl LightTree {
         UpdateStats { rejected, ..self.sum_upward(dimmer) }
     }
 
-    /// As [`LightTree::update`], but a node's representative stays the winner of its lights' race: a light keeps the
-    /// random number it was built with, and whoever wins in the present intensities represents.
+    /// Updates the tree like [`LightTree::update`], but each node's representative is the winner of its lights' race.
+    /// A light keeps its random number from the build and races with its current intensity.
     ///
-    /// So the representative stays drawn in proportion to intensity, where the paper's rule leans to the brighter child
-    /// and with it the errors of all clusters to one side; and a swap still happens only where the balance moved.
+    /// The representative therefore stays drawn in proportion to intensity. The paper's rule favors the brighter
+    /// child, which biases the errors of all clusters to one side. Swaps still happen only where the balance of
+    /// intensities changed.
     ///
     /// # Panics
     ///
-    /// If there is not one intensity per light.
+    /// If the number of intensities differs from the number of lights.
     pub fn update_drawn(&mut self, intensities: &[Vec3]) -> UpdateStats {
         let rejected = self.accept(intensities);
         let arrivals = arrivals(self.seed, &self.lights);
@@ -68,7 +70,7 @@ impl LightTree {
         UpdateStats { rejected, ..self.sum_upward(|chosen, other| arrival(other) < arrival(chosen)) }
     }
 
-    /// Takes over what is usable of the intensities and counts the rest.
+    /// Stores usable intensities, replaces others by zero, and returns the number of replaced ones.
     fn accept(&mut self, intensities: &[Vec3]) -> usize {
         assert_eq!(intensities.len(), self.lights.len(), "update needs one intensity per light");
         let mut rejected = 0;
@@ -85,10 +87,10 @@ impl LightTree {
         rejected
     }
 
-    /// New sums and representatives; `swap` decides from a node's chosen and its other child.
+    /// Recomputes sums and representatives. `swap` compares a node's chosen child with the other.
     fn sum_upward(&mut self, swap: impl Fn(&Node, &Node) -> bool) -> UpdateStats {
         let mut stats = UpdateStats::default();
-        // Children lie after their parents.
+        // Children follow their parents.
         for index in (0..self.nodes.len()).rev() {
             let mut node = self.nodes[index];
             if node.is_leaf() {
@@ -118,8 +120,10 @@ impl LightTree {
         stats
     }
 
-    /// Cost of all clusters below the root, as the build counts it, divided by the total luminance; zero for a dark tree.
-    /// The root's own share is the same for any intensities and larger than all else: it would hide what changes.
+    /// Returns the cost of all clusters below the root, as in the build, divided by the total luminance. Zero for a
+    /// dark tree.
+    ///
+    /// The root's cost per luminance is constant and larger than the rest. Including it would hide changes.
     pub(crate) fn relative_cost(&self) -> f64 {
         let cost = |(node, &extent): (&Node, &f32)| f64::from(luminance(node.intensity)) * f64::from(extent);
         let total: f64 = self.nodes.iter().zip(&self.extents).skip(1).map(cost).sum();
@@ -152,7 +156,8 @@ mod tests {
             let mut tree = build(&before, seed);
             let same: Vec<Vec3> = before.iter().map(|&i| Vec3::splat(i)).collect();
             assert_eq!(tree.update_drawn(&same).swapped, 0);
-            // Out and back again: the first representatives return, and the structure never changed.
+            // Reverse the intensities and restore them: the first representatives return, and the structure is
+            // unchanged.
             let representatives: Vec<u32> = tree.nodes.iter().map(|node| node.representative).collect();
             let reversed: Vec<Vec3> = same.iter().rev().copied().collect();
             assert!(tree.update_drawn(&reversed).swapped > 0);
@@ -164,7 +169,7 @@ mod tests {
 
     #[test]
     fn kept_draws_represent_in_proportion_to_the_new_intensity() {
-        // A light with a fifth of the new sum should stand for all in a fifth of the trees.
+        // A light with a fifth of the new sum represents the root in a fifth of the trees.
         let mut count = [0u32; 4];
         for seed in 0..4000 {
             let mut tree = build(&[1.0; 4], seed);
@@ -173,7 +178,7 @@ mod tests {
         }
         for (k, share) in [0.1, 0.4, 0.2, 0.3].iter().enumerate() {
             let found = f64::from(count[k]) / 4000.0;
-            // Four standard deviations of a share of 4000 draws.
+            // Tolerance: four standard deviations of a fraction of 4000 draws.
             assert!((found - share).abs() < 4.0 * (share * (1.0 - share) / 4000.0f64).sqrt(), "light {k}: {found}");
         }
     }

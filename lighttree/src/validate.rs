@@ -1,7 +1,7 @@
-//! Checks of a whole tree: each invariant that cuts and updates rely on.
+//! Validation of a whole tree: each invariant required by cuts and updates.
 //!
-//! Trees that are read from outside pass through [`LightTree::validate`] before anything else reads them. So a forged
-//! tree gives an error, never a panic or an endless loop.
+//! Deserialized trees pass [`LightTree::validate`] before any other code reads them. A forged tree gives an error,
+//! never a panic or an endless loop.
 
 use std::fmt;
 
@@ -11,12 +11,12 @@ use crate::node::Node;
 use crate::sites::Sites;
 use crate::tree::LightTree;
 
-/// Largest deviation of stored axes from unit length, and of sine and cosine from one angle: they are rounded to `f32`.
+/// Tolerance of unit axes, and of sine and cosine of one angle, which are rounded to `f32`.
 const ROUNDING: f32 = 1e-3;
-/// Largest angle by which a child's cone may leave its parent's \[rad\]: axes and angles are rounded to `f32`.
+/// Maximum angle by which a child's cone may exceed its parent's \[rad\]. Axes and angles are rounded to `f32`.
 const ANGLE_ROUNDING: f64 = 1e-3;
 
-/// A broken invariant of a [`LightTree`]. Its text names the first node or light that fails, and why.
+/// A broken invariant of a [`LightTree`]. The message names the first failing node or light and the reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InvalidTree {
     what: String,
@@ -36,18 +36,18 @@ impl fmt::Display for InvalidTree {
 
 impl std::error::Error for InvalidTree {}
 
-/// `Ok` if the condition holds, else the text as an error.
+/// Returns `Ok` if the condition is true, otherwise an error with the text.
 fn ensure(holds: bool, what: impl FnOnce() -> String) -> Result<(), InvalidTree> {
     if holds { Ok(()) } else { Err(InvalidTree::new(what())) }
 }
 
 impl LightTree {
-    /// Walks the whole tree and checks its invariants: each light in one leaf; boxes, cones and sums cover the children's;
-    /// the representative is the chosen child's. Deserialized trees have passed this check.
+    /// Checks the invariants of the whole tree. Each light is in one leaf. Boxes, cones and sums cover the
+    /// children's. The representative is the chosen child's. Deserialized trees have passed this check.
     ///
     /// # Errors
     ///
-    /// The first broken invariant.
+    /// If an invariant is broken. The error describes the first one.
     pub fn validate(&self) -> Result<(), InvalidTree> {
         self.validate_lengths()?;
         self.validate_lights()?;
@@ -72,7 +72,7 @@ impl LightTree {
         ensure(depth == self.depth, || format!("depth is {depth}, stored {}", self.depth))
     }
 
-    /// Numbers of nodes, costs, and what is stored once.
+    /// Checks array lengths, costs and global values.
     fn validate_lengths(&self) -> Result<(), InvalidTree> {
         let (lights, nodes) = (self.lights.len(), self.nodes.len());
         let expected = (2 * lights).saturating_sub(1);
@@ -90,7 +90,7 @@ impl LightTree {
         ensure(self.rejected <= lights, || format!("{} of {lights} lights were rejected", self.rejected))
     }
 
-    /// Each light on its own, and the list of those that stay dark.
+    /// Checks each light, and the list of misplaced lights.
     fn validate_lights(&self) -> Result<(), InvalidTree> {
         if let Some(k) = self.lights.iter().position(|&light| light.accepted() != (light, Fitness::Good)) {
             return Err(InvalidTree::new(format!("light {k} is unusable: {:?}", self.lights[k])));
@@ -128,7 +128,7 @@ impl LightTree {
         })
     }
 
-    /// A node with its two children, which have to exist.
+    /// Checks a node and its two children, which have to exist.
     fn validate_inner(&self, index: usize) -> Result<(), InvalidTree> {
         let node = &self.nodes[index];
         let (first, chosen) = (node.children(), node.representative_child as usize);
@@ -153,7 +153,7 @@ impl LightTree {
     }
 }
 
-/// Whether axis, cosine and sine are those of a cone, or of a directional cluster.
+/// Returns whether axis, cosine and sine form a cone or mark a directional cluster.
 fn has_cone(node: &Node) -> bool {
     let (cosine, sine) = (node.cone_cosine, node.cone_sine);
     let is_unit = |length2: f32| (length2 - 1.0).abs() < ROUNDING;
@@ -161,13 +161,13 @@ fn has_cone(node: &Node) -> bool {
     is_unit(node.axis.length_squared()) && (node.is_directional() || is_angle)
 }
 
-/// The child's box lies in the parent's.
+/// Checks that the child's box is inside the parent's.
 fn check_box(parent: &Node, child: &Node) -> Result<(), InvalidTree> {
     let inside = parent.low.cmple(child.low).all() && parent.high.cmpge(child.high).all();
     ensure(inside, || format!("box {}…{} in {}…{}", child.low, child.high, parent.low, parent.high))
 }
 
-/// The child's cone lies in the parent's.
+/// Checks that the child's cone is inside the parent's.
 fn check_cone(parent: &Node, child: &Node) -> Result<(), InvalidTree> {
     if parent.is_directional() || child.is_directional() {
         let both = parent.is_directional() && child.is_directional();

@@ -1,25 +1,26 @@
-//! The cut and its rivals, in one call: a cut whose representatives are drawn anew for each receiver, and
+//! The lightcut and two other methods behind one function: a cut with representatives drawn for each receiver, and
 //! plain importance sampling of the tree.
 //!
 //! `[Yuksel19]` C. Yuksel: Stochastic lightcuts. High-Performance Graphics 2019.
 //!
-//! A light of a cluster is drawn by going down from the cluster's node: at each step the child i is taken with
-//! probability w_i / (w_0 + w_1), and the light found counts I_light / p times, p being the product of them all.
+//! A light of a cluster is drawn by descending from the cluster's node. Each step takes child i with probability w_i
+//! / (w_0 + w_1). The drawn light contributes I_light / p, p being the product of these probabilities.
 //!
-//! # Differs from the paper
+//! # Differences from the paper
 //!
-//! * \[Yuksel19\] weighs children by intensity over squared distance, with the largest distance close by. Here w is
-//!   the sum of a child's error bound, as a share of both, and of its share of the intensity times a floor; the bound
-//!   of a single light is its light. A child is left out only where its bound is zero, so the estimate is unbiased.
-//! * Random numbers are a function of stream and counter alone.
+//! * \[Yuksel19\] weighs children by intensity over squared distance, and uses the largest distance at close range.
+//!   Here w has two terms: the child's fraction of both error bounds, and its fraction of the intensity times
+//!   [`FLOOR`]. The bound of a single light is its unshadowed contribution. Only children with a bound of zero are
+//!   excluded, so the estimate is unbiased.
+//! * Random numbers depend only on stream and counter.
 
 #![allow(dead_code, reason = "examples and tests use parts of it")]
 
 use glam::{DVec3, Vec3};
 use lighttree::{Cluster, Light, LightTree, Receiver, Scratch, Stop, exhaustive, luminance};
 
-/// How much of its share of the intensity a child is drawn by at least: bounds may be far too large, and a light that is
-/// drawn much too rarely is a bright spot.
+/// Minimum weight of a child, relative to its fraction of the intensity. Bounds may be far too large, and a light
+/// that is drawn far too rarely appears as a bright spot.
 const FLOOR: f32 = 0.05;
 
 /// Estimator of the light at a receiver.
@@ -27,33 +28,33 @@ const FLOOR: f32 = 0.05;
 pub enum Method {
     /// [`LightTree::lightcut`].
     Lightcut(Stop),
-    /// The clusters of a cut, each by a light drawn for this receiver alone \[Yuksel19\]: errors become noise that
-    /// differs between streams, where the cut's own representatives are wrong alike for all neighbors.
+    /// The clusters of a cut, each estimated by a light drawn for this receiver \[Yuksel19\]. Errors become noise
+    /// that differs between streams. The cut's own representatives cause equal errors in all neighbors.
     Stochastic {
-        /// Chooses the clusters. The thresholds bound errors of the clusters as they do for cuts.
+        /// Stopping rule of the cut. Thresholds bound the errors of clusters, as for cuts.
         stop: Stop,
         /// Number of the random sequence, such as the pixel's index.
         stream: u64,
     },
-    /// Independent lights drawn by importance from the root.
+    /// Independent lights, drawn by importance from the root.
     Sampled {
-        /// How many, at least one.
+        /// Number of samples, at least one.
         samples: u32,
         /// Number of the random sequence, such as the pixel's index.
         stream: u64,
     },
 }
 
-/// Light at a receiver, and what it took.
+/// Light at a receiver and its cost.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lit {
     /// Reflected radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Vec3,
-    /// Calls of `visible`.
+    /// Number of calls of `visible`.
     pub shadow_rays: u32,
 }
 
-/// Light reflected at a receiver, by the method of choice.
+/// Returns the light reflected at a receiver, computed by `method`.
 pub fn illuminate<R: Receiver>(
     tree: &LightTree,
     receiver: &R,
@@ -67,7 +68,7 @@ pub fn illuminate<R: Receiver>(
             Lit { radiance: cut.radiance, shadow_rays: cut.shadow_rays }
         }
         Method::Stochastic { stop, stream } => {
-            // The cut is chosen by bounds; where it follows the estimate, by the estimate without shadows.
+            // Choose the cut by bounds. A relative threshold uses the unshadowed estimate.
             tree.lightcut_kept(receiver, stop, |_, _| true, scratch);
             let mut sum = Sum::new(tree, receiver, visible);
             for (counter, kept) in (0..).zip(scratch.kept()) {
@@ -79,7 +80,7 @@ pub fn illuminate<R: Receiver>(
             let samples = samples.max(1);
             let mut sum = Sum::new(tree, receiver, visible);
             for sample in 0..samples {
-                // One random number in each of as many equal parts.
+                // Stratified samples: one random number per stratum.
                 let number = (f64::from(sample) + uniform(stream, u64::from(sample))) / f64::from(samples);
                 tree.root_clusters().for_each(|root| sum.add(root, number));
             }
@@ -88,7 +89,7 @@ pub fn illuminate<R: Receiver>(
     }
 }
 
-/// Draws of light for one receiver.
+/// Accumulated samples of light for one receiver.
 pub struct Sum<'a, R, V> {
     tree: &'a LightTree,
     receiver: &'a R,
@@ -109,10 +110,10 @@ impl<'a, R: Receiver, V: FnMut(&Light, usize) -> bool> Sum<'a, R, V> {
         self.radiance += radiance;
     }
 
-    /// Radiance that the light of a drawn leaf stands for; zero where the way ended in the dark.
+    /// Radiance that the light of a drawn leaf represents. Zero if the descent ended in a dark cluster.
     pub fn share(&mut self, drawn: &Drawn) -> DVec3 {
         let &Drawn { cluster, probability } = drawn;
-        // Rounding may lead to a dark child after all, with probability zero.
+        // Rounding may still select a dark child, with probability zero.
         if self.tree.children(cluster).is_some() || probability == 0.0 {
             return DVec3::ZERO;
         }
@@ -130,15 +131,15 @@ impl<'a, R: Receiver, V: FnMut(&Light, usize) -> bool> Sum<'a, R, V> {
     }
 }
 
-/// A cluster that was drawn by importance: a light, or a cluster in which all is dark.
+/// A cluster drawn by importance: a single light, or a completely dark cluster.
 #[derive(Clone, Copy, Debug)]
 pub struct Drawn {
     pub cluster: Cluster,
-    /// Probability of drawing it.
+    /// Probability of this draw.
     probability: f64,
 }
 
-/// Goes down from a cluster by the number `draw` in 0 … 1, which is stretched again at each step.
+/// Descends from a cluster by the number `draw` in 0 … 1, which is rescaled at each step.
 pub fn draw<R: Receiver>(tree: &LightTree, receiver: &R, from: Cluster, mut draw: f64) -> Drawn {
     let (mut cluster, mut probability) = (from, 1.0);
     while let Some(children) = tree.children(cluster) {
@@ -170,7 +171,7 @@ pub fn draw<R: Receiver>(tree: &LightTree, receiver: &R, from: Cluster, mut draw
     Drawn { cluster, probability }
 }
 
-/// Radiance reflected from one light \[W·m⁻²·sr⁻¹\].
+/// Returns the radiance reflected from one light \[W·m⁻²·sr⁻¹\].
 fn alone<R: Receiver>(
     tree: &LightTree,
     receiver: &R,
@@ -180,7 +181,8 @@ fn alone<R: Receiver>(
     exhaustive(&tree.lights()[index..=index], tree.geometry_term_bound(), receiver, visible)
 }
 
-/// A number between 0 and 1, both excluded, that depends on stream and counter alone (the finalizer of SplitMix64).
+/// Returns a number in the open interval (0, 1) that depends only on stream and counter (the finalizer of
+/// SplitMix64).
 fn uniform(stream: u64, counter: u64) -> f64 {
     let seed = stream.wrapping_mul(0xd134_2543_de82_ef95);
     let mut z = seed.wrapping_add(counter.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));

@@ -1,5 +1,5 @@
-//! A room whose walls and ceiling glow unevenly, and a ball that throws shadows on the floor: lights, receivers and
-//! visibility for the examples, without any renderer.
+//! Room for the examples, without a renderer: lights, receivers and visibility. Walls and ceiling glow unevenly, and
+//! a ball casts shadows on the floor.
 
 #![allow(dead_code, reason = "each example uses a part of it")]
 
@@ -8,8 +8,9 @@ use std::f32::consts::TAU;
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Lambert, Light};
 
-/// Half the room's width, and its height \[m\].
+/// Half the room's width \[m\].
 const HALF_WIDTH: f32 = 5.0;
+/// Height of the room \[m\].
 const HEIGHT: f32 = 4.0;
 const BALL: (Vec3, f32) = (Vec3::new(1.0, 0.5, 1.0), 0.8);
 
@@ -30,8 +31,8 @@ pub fn params(count: usize) -> BuildParams {
     BuildParams::for_area(4.0 * 2.0 * HALF_WIDTH * HEIGHT + 4.0 * HALF_WIDTH * HALF_WIDTH, count).with_seed(1)
 }
 
-/// Virtual lights on four walls and the ceiling, brighter near two lamps; the last hundredth hang free and shine
-/// everywhere.
+/// Virtual lights on four walls and the ceiling, brighter near two lamps. One percent of them are inside the room and
+/// shine in all directions.
 pub fn room(count: usize) -> Vec<Light> {
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     let lamps = [Vec3::new(-4.0, -4.0, 3.0), Vec3::new(4.5, 2.0, 2.0)];
@@ -57,7 +58,7 @@ pub fn room(count: usize) -> Vec<Light> {
         .collect()
 }
 
-/// Does the ball leave the segment free?
+/// Returns true if the ball does not block the segment.
 pub fn unblocked(from: Vec3, to: Vec3) -> bool {
     let (center, radius) = BALL;
     let along = to - from;

@@ -1,4 +1,4 @@
-//! Lights on three sides of a box, for what is measured.
+//! Lights on three sides of a box, for measurements.
 
 use glam::Vec3;
 use lighttree::{Emission, Light};

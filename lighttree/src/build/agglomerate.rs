@@ -1,4 +1,4 @@
-//! Bottom-up greedy clustering: the two clusters whose union costs least become one, until one is left.
+//! Bottom-up greedy clustering: repeatedly joins the two clusters with the cheapest union until one is left.
 //!
 //! `[Walter05]` B. Walter, S. Fernandez, A. Arbree, K. Bala, M. Donikian, D. P. Greenberg: Lightcuts: a scalable
 //! approach to illumination. SIGGRAPH 2005, section 5.
@@ -10,24 +10,27 @@
 //!   β  half-angle of its cone            c  diagonal of the scene
 //! ```
 //!
-//! The cost of a union never falls when a part grows. So two clusters that are each other's cheapest partner stay that
-//! until they are joined, whatever happens around them, and may be joined at once \[Walter08\]: the tree is that of the
-//! greedy order. And a cluster's cheapest partner, once found, stays so as long as it is there.
+//! The cost of a union never falls when one of its clusters grows. Two clusters that are each other's cheapest
+//! partners therefore stay so until they are joined, and may be joined at once \[Walter08\]. The tree equals the tree
+//! of the greedy order. A cluster's cheapest partner, once found, also stays so while it exists.
 //!
-//! # Differs from the papers
+//! # Differences from the papers
 //!
-//! * All pairs that are each other's cheapest partners are joined together, in rounds, over clusters in the order of the
-//!   search tree: neighbors search one after the other and find the tree in the cache, and a round's searches need not
-//!   know of each other. (With one heap for the exact order it took twice as long.) A cluster that lost its partner
-//!   searches again only when another one waits for it.
-//! * Omni and oriented lights share one tree (directional ones have their own). A cluster of both has a cone of all
-//!   directions (β = 180°), the largest cost there is, so that they meet near the root; c is zero for clusters of omni
-//!   lights alone.
-//! * c is the diagonal of the oriented lights' box: a far dome of omni lights must not make orientation dear.
-//! * I has a floor of [`LUMINANCE_FLOOR`](super::LUMINANCE_FLOOR) of the mean light, so that lights which are dark now
-//!   still find sensible neighbors; α² has one of [`COINCIDENCE`](super::COINCIDENCE)² of the scene's, so that coincident
-//!   lights merge dimmest first, into a balanced tree. Neither touches intensities or representatives.
-//! * The search uses a static median-split tree that is made anew each time the clusters have become fewer by a quarter.
+//! * All pairs that are each other's cheapest partners are joined together, in rounds. Rounds visit clusters in the
+//!   order of the search tree, so that consecutive searches share cached nodes. Searches of one round are
+//!   independent. (An exact order with one heap took twice as long.) A cluster that lost its partner searches again
+//!   only when another cluster waits for it.
+//! * Omni and oriented lights share one tree. Directional lights have a separate tree. A cluster of both kinds has a
+//!   cone of all directions (β = 180°), the largest possible cost, so the kinds meet near the root. c is zero for
+//!   clusters of omni lights only.
+//! * c is the diagonal of the oriented lights' box. A distant dome of omni lights must not raise the cost of
+//!   orientation.
+//! * I has a lower limit of [`LUMINANCE_FLOOR`](super::LUMINANCE_FLOOR) of the mean light, so that lights that are
+//!   dark at build time still get near neighbors. α² has a lower limit of [`COINCIDENCE`](super::COINCIDENCE)² of the
+//!   scene's, so that coincident lights merge dimmest first into a balanced tree. Neither limit affects intensities
+//!   or representatives.
+//! * The search uses a static median-split tree. It is rebuilt whenever a quarter of its clusters have been merged
+//!   away.
 
 use rayon::prelude::*;
 
@@ -35,11 +38,12 @@ use super::cluster::{Cluster, Metric};
 use super::nearest::{DEAD, Neighborhood, Partner};
 use crate::bounds::Cone;
 
-/// Fewer searches than these are done before another thread wakes.
+/// Minimum number of searches for parallel execution. Fewer searches finish before another thread wakes.
 const PARALLEL: usize = 4096;
 
-/// Merges until one cluster is left, and names the merges from `first_merge` on. The greedy tree, ties aside; the
-/// merges are not in the greedy order, but a cluster's parts come before it.
+/// Merges until one cluster is left and numbers the merges from `first_merge`.
+///
+/// Returns the greedy tree, except for ties. The merges are not in greedy order, but children precede their parents.
 pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) -> Vec<[u32; 2]> {
     let leaf_count = leaves.len();
     if leaf_count == 0 {
@@ -93,23 +97,23 @@ pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u3
 
 const NOBODY: Partner = Partner { cost: f32::INFINITY, id: DEAD };
 
-/// The clusters, by their numbers.
+/// Partner of each cluster, indexed by cluster number.
 struct Partners {
     of: Vec<Partner>,
-    /// The cluster that each has become part of.
+    /// Cluster that each cluster was merged into.
     heir: Vec<u32>,
-    /// Whether a cluster is among those that search next.
+    /// Whether a cluster is in the next round of searches.
     searches: Vec<bool>,
 }
 
 impl Partners {
-    /// Whether the cluster has to search before it can be joined.
+    /// Returns whether the cluster has to search before it can be joined.
     fn is_alone(&self, id: u32, neighborhood: &Neighborhood) -> bool {
         let partner = self.of[id as usize].id;
         partner == DEAD || !neighborhood.is_alive(partner)
     }
 
-    /// For a cluster whose partner has become part of another: that other, which is not far.
+    /// Returns the cluster that a merged partner is now in. It is usually close to `id`.
     fn hint(&self, id: u32, neighborhood: &Neighborhood) -> Option<u32> {
         let mut near = self.of[id as usize].id;
         while near != DEAD && !neighborhood.is_alive(near) {
@@ -118,9 +122,11 @@ impl Partners {
         (near != DEAD).then_some(near)
     }
 
-    /// Where one cluster has found a partner that it is cheaper for than the partner's own, both want each other: costs are
-    /// the same from both sides, but the searches may choose differently among equal ones, and rounding may make a union
-    /// cheaper than its part. So the cheapest pair of all always agrees. Partners that are alone go to `searching`, once.
+    /// Makes partners mutual: if a cluster's partner has a more expensive partner of its own, both choose each other.
+    ///
+    /// Costs are symmetric, but searches may break ties differently, and rounding may make a union cheaper than its
+    /// child. This way the cheapest pair always agrees. Clusters without a living partner are added to `searching`,
+    /// once each.
     fn agree(&mut self, neighborhood: &Neighborhood, searching: &mut Vec<u32>) {
         for id in neighborhood.alive() {
             let Partner { cost, id: other } = self.of[id as usize];
@@ -141,7 +147,7 @@ impl Partners {
         }
     }
 
-    /// Pairs of clusters that are each other's partners.
+    /// Appends the pairs of clusters that are each other's partners.
     fn pairs(&self, neighborhood: &Neighborhood, pairs: &mut Vec<[u32; 2]>) {
         pairs.extend(neighborhood.alive().filter_map(|id| {
             let other = self.of[id as usize].id;

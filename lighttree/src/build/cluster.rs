@@ -1,14 +1,14 @@
-//! A cluster while the tree is being built, and the cost of joining two.
+//! Clusters during a build, and the cost of joining two of them.
 
 use glam::Vec3A;
 
 use crate::bounds::Cone;
 use crate::light::{Emission, Light};
 
-/// The constants of the cost of one build.
+/// Constants of the cost of one build.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Metric {
-    /// Added to α² \[m²\].
+    /// Term added to α² \[m²\].
     pub coincidence2: f32,
     /// c² \[m²\].
     pub orientation2: f32,
@@ -22,17 +22,18 @@ pub(super) enum Kind {
     Mixed,
 }
 
-/// A cluster that still awaits its partner.
+/// A cluster that is not merged yet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cluster {
     pub low: Vec3A,
     pub high: Vec3A,
     /// Axis of the cone, for oriented clusters.
     pub axis: Vec3A,
-    /// Axis of any one light inside: while the cone turns with each merge, this one stays.
+    /// Axis of one light of the cluster. It stays fixed while each merge rotates the cone.
     pub member_axis: Vec3A,
     pub luminance: f32,
-    /// Cosine and sine of half the cone's half-angle: sums of such angles stay below 3π/4, where signs tell all.
+    /// Cosine and sine of half the cone's half-angle. Sums of these angles stay below 3π/4, where signs are
+    /// unambiguous.
     pub half_cosine: f32,
     pub half_sine: f32,
     pub id: u32,
@@ -64,7 +65,7 @@ impl Cluster {
         if self.kind == Kind::Oriented { Cone::ray(self.axis.into()) } else { Cone::SPHERE }
     }
 
-    /// The union; `cone` is that of both.
+    /// Returns the union. `cone` is the union of both cones.
     pub fn merged(&self, other: &Self, id: u32, cone: Cone) -> Self {
         let (half_sine, half_cosine) = (0.5 * cone.half_angle).sin_cos();
         Self {
@@ -80,14 +81,14 @@ impl Cluster {
         }
     }
 
-    /// Cost of the union of two clusters.
+    /// Returns the cost of the union of two clusters.
     #[inline]
     pub fn cost(&self, other: &Self, metric: &Metric) -> f32 {
         let diagonal2 = (self.high.max(other.high) - self.low.min(other.low)).length_squared();
         (self.luminance + other.luminance) * (metric.coincidence2 + diagonal2 + self.turn_cost(other, metric))
     }
 
-    /// The orientation's part: c² (1 − cos β)².
+    /// Returns the orientation term: c² (1 − cos β)².
     #[inline]
     fn turn_cost(&self, other: &Self, metric: &Metric) -> f32 {
         let spread = match (self.kind, other.kind) {
@@ -107,11 +108,12 @@ impl Cluster {
     }
 }
 
-/// Cosine of the half-angle of the cone around `a`'s cone and another one, whose axis has cosine `cos_between` to a's
-/// and whose half half-angle is given; at most the cosine of `a`'s own cone.
+/// Returns the cosine of the half-angle of the cone around `a`'s cone and another cone. `cos_between` is the cosine
+/// between their axes. The other cone has the given half half-angle. The result is at most the cosine of `a`'s own
+/// cone.
 ///
-/// β = max(β_a, (β_a + β_b + θ)/2), θ between the axes, by addition theorems: this runs for each pair that is compared.
-/// (The other half of the maximum, β_b, is the caller's.)
+/// β = max(β_a, (β_a + β_b + θ)/2), θ being the angle between the axes. Addition theorems make this fast, because it
+/// runs for every compared pair. The caller handles β_b, the other half of the maximum.
 #[inline]
 pub(super) fn union_cosine(a: &Cluster, cos_between: f32, half_cosine: f32, half_sine: f32) -> f32 {
     let cos_half_between = (0.5 + 0.5 * cos_between).max(0.0).sqrt();

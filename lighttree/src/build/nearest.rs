@@ -11,43 +11,43 @@ pub(super) struct Partner {
     pub id: u32,
 }
 
-/// Clusters per leaf of the search tree; 4 … 8 measured alike.
+/// Clusters per leaf of the search tree. 4 … 8 took the same time.
 const LEAF_SIZE: usize = 6;
-/// Share of the extent of axes (2 at most) that counts as a length when the search tree splits, in c.
-/// Lights at right angles cost as much as a distance of about 0.3 c (β = 45°).
+/// Scale from the extent of axes (at most 2) to a length when the search tree splits, in units of c. Lights at right
+/// angles cost as much as a distance of about 0.3 c (β = 45°).
 const AXIS_SCALE: f32 = 0.3;
-/// No cluster.
+/// Marks a missing cluster.
 pub(super) const DEAD: u32 = u32::MAX;
 
-/// A static tree over the clusters alive when it was made. A merged cluster takes the slot of one of its parts: it is
-/// larger than the part, so the bounds above stay lower bounds of costs.
+/// Static tree over the clusters that were alive when it was built. A merged cluster reuses the slot of one of its
+/// children. It contains that child, so the node bounds stay lower bounds of costs.
 pub(super) struct Neighborhood<'a> {
     metric: &'a Metric,
     slots: Vec<Cluster>,
-    /// Slot of each cluster by its number, or [`DEAD`].
+    /// Slot of each cluster, indexed by cluster number, or [`DEAD`].
     slot_of: Vec<u32>,
     nodes: Vec<SearchNode>,
     alive: usize,
 }
 
-/// Least extent of the union with any cluster below.
+/// Lower bound of the extent of a union with any cluster below.
 struct SearchNode {
-    /// Largest `low`, smallest `high` of the boxes.
+    /// Largest `low` and smallest `high` of the boxes.
     low: Vec3A,
     high: Vec3A,
-    /// Box of the member axes of oriented clusters; empty (low > high) without any.
+    /// Box of the member axes of oriented clusters. Empty (low > high) if there are none.
     axis_low: Vec3A,
     axis_high: Vec3A,
     luminance: f32,
     has_omni: bool,
     first: u32,
     last: u32,
-    /// Second child, the first follows its parent; 0 in leaves.
+    /// Index of the second child, 0 in leaves. The first child follows its parent.
     second: u32,
 }
 
 impl<'a> Neighborhood<'a> {
-    /// Room for cluster numbers below `capacity`.
+    /// Creates a search tree with room for cluster numbers below `capacity`.
     pub fn new(clusters: Vec<Cluster>, capacity: usize, metric: &'a Metric) -> Self {
         let mut this =
             Self { metric, alive: clusters.len(), slots: clusters, slot_of: vec![DEAD; capacity], nodes: Vec::new() };
@@ -58,7 +58,7 @@ impl<'a> Neighborhood<'a> {
         this
     }
 
-    /// Remaining clusters, neighbors next to each other.
+    /// Iterates over the living clusters, with neighbors next to each other.
     pub fn alive(&self) -> impl Iterator<Item = u32> {
         self.slots.iter().map(|cluster| cluster.id).filter(|&id| id != DEAD)
     }
@@ -67,7 +67,7 @@ impl<'a> Neighborhood<'a> {
         self.slot_of[id as usize] != DEAD
     }
 
-    /// Whether a quarter of the slots have died since the last rebuild.
+    /// Returns whether a quarter of the slots have died since the last rebuild.
     pub fn is_sparse(&self) -> bool {
         4 * self.alive < 3 * self.slots.len()
     }
@@ -84,7 +84,7 @@ impl<'a> Neighborhood<'a> {
         self.alive -= 1;
     }
 
-    /// Drops the dead slots and makes the tree anew.
+    /// Drops the dead slots and rebuilds the tree.
     pub fn rebuild(&mut self) {
         self.slots.retain(|cluster| cluster.id != DEAD);
         self.nodes.clear();
@@ -111,18 +111,18 @@ impl<'a> Neighborhood<'a> {
         self.split(right, first + middle);
     }
 
-    /// The living cluster with the cheapest union and that cost, no cluster if there is no other. `hint` is one that is
-    /// close.
+    /// Returns the living cluster with the cheapest union and the cost, or [`DEAD`] if no other cluster is alive.
+    /// `hint` is a nearby cluster.
     pub fn nearest(&self, id: u32, hint: Option<u32>) -> Partner {
         let own = *self.cluster(id);
         let mut best = hint.map_or((f32::INFINITY, DEAD), |hint| (own.cost(self.cluster(hint), self.metric), hint));
-        // Median splits: the depth is that of a balanced tree of fewer than 2³² slots.
+        // With median splits, the depth is the depth of a balanced tree of fewer than 2³² slots.
         let mut stack = [(0.0f32, 0u32); 40];
         let mut top = 1;
         while top > 0 {
             top -= 1;
             let (bound, index) = stack[top];
-            // A cost that overflowed is still a partner.
+            // A partner with an overflowed cost is still a partner.
             if bound >= best.0 && best.1 != DEAD {
                 continue;
             }
@@ -179,7 +179,7 @@ impl SearchNode {
         node
     }
 
-    /// No union of `cluster` with one below this node costs less (up to rounding).
+    /// Lower bound of the cost of a union of `cluster` with any cluster below this node, up to rounding.
     #[inline]
     fn lower_bound(&self, cluster: &Cluster, metric: &Metric) -> f32 {
         let diagonal2 = (cluster.high.max(self.high) - cluster.low.min(self.low)).length_squared();
@@ -196,7 +196,8 @@ impl SearchNode {
     }
 }
 
-/// The coordinate in which the clusters lie furthest apart: one of the position, or of the axis times a length.
+/// Returns the coordinate with the largest extent of the clusters: a position coordinate, or an axis coordinate times
+/// a length.
 fn widest_dimension(clusters: &[Cluster], axis_length: f32) -> impl Fn(&Cluster) -> f32 + use<> {
     let coordinates = move |c: &Cluster| {
         let axis = if c.kind == Kind::Oriented { c.member_axis } else { Vec3A::ZERO };

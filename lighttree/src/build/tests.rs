@@ -6,8 +6,9 @@ use super::*;
 use crate::bounds::Cone;
 use crate::testing;
 
-/// Follows the merges, those first that cost least, and holds each against the definition: no pair alive at that step is
-/// cheaper. Stepwise, because two pairs that tie up to rounding lead to different trees, both greedy.
+/// Replays the merges, cheapest first, and compares each with the definition: no pair alive at that step is cheaper.
+///
+/// Checks step by step, because pairs that tie up to rounding lead to different greedy trees.
 fn check_greedy(leaves: &[Cluster], merges: &[[u32; 2]], metric: &Metric) -> Result<(), TestCaseError> {
     let mut alive: Vec<(Cluster, Cone)> = leaves.iter().map(|leaf| (*leaf, leaf.leaf_cone())).collect();
     let mut waiting: Vec<usize> = (0..merges.len()).collect();
@@ -62,7 +63,7 @@ proptest! {
     }
 }
 
-/// Each light represents the root in proportion to its luminance; four standard deviations over 20 000 seeds.
+/// The root's representative is drawn in proportion to luminance, within four standard deviations over 20 000 seeds.
 #[test]
 fn representatives_are_drawn_in_proportion() {
     let weights = [1.0, 2.0, 0.0, 4.0, 8.0, 0.5];

@@ -1,4 +1,4 @@
-//! Top-down clustering: the lights are split in two where that costs least, and each half again.
+//! Top-down clustering: recursively splits the lights where the cost is lowest.
 //!
 //! `[Conty18]` A. Conty Estévez, C. Kulla: Importance sampling of many lights with adaptive tree splitting. HPG 2018.
 //!
@@ -6,35 +6,35 @@
 //! cost of a split = I_a (α_a² + c² (1 − cos β_a)²) + I_b (α_b² + c² (1 − cos β_b)²)
 //! ```
 //!
-//! with the letters of the [bottom-up](super::agglomerate) cost, whose metric this is. Candidates are the borders of
-//! [`BINS`] slabs along each coordinate of the position and of the axis.
+//! The letters and the metric are those defined in [bottom-up](super::agglomerate). Candidates are the borders of
+//! [`BINS`] slabs along each coordinate of position and axis.
 //!
-//! # Differs from the paper
+//! # Differences from the paper
 //!
-//! \[Conty18\] weighs surface area and solid angle, for sampling; here it is the metric of Lightcuts, and axes are split
-//! like positions, as a point in six dimensions. Cones of candidates are bounded by the box of their axes: it costs six
-//! comparisons, and the cones of the tree itself are made exactly afterwards.
+//! \[Conty18\] weighs surface area and solid angle, for sampling. This builder uses the metric of Lightcuts and
+//! splits axes like positions, as points in six dimensions. Cones of candidates are bounded by the box of their axes,
+//! at the cost of six comparisons. The cones of the final tree are exact.
 
 use glam::Vec3A;
 
 use super::cluster::{Cluster, Kind, Metric};
 
-/// Slabs along a coordinate.
+/// Number of slabs along a coordinate.
 const BINS: usize = 16;
-/// Larger subtrees are built beside each other \[lights\]; smaller ones are done before another thread wakes.
+/// Minimum size of subtrees built in parallel \[lights\]. Smaller subtrees finish before another thread wakes.
 const PARALLEL: usize = 4096;
 
-/// A light while it is being sorted.
+/// A light during partitioning.
 #[derive(Clone, Copy)]
 struct Item {
     position: Vec3A,
-    /// Zero for lights without.
+    /// Zero for lights without an axis.
     axis: Vec3A,
     luminance: f32,
     id: u32,
 }
 
-/// The merges of the tree, named from `first_merge` on, children before parents.
+/// Returns the merges of the tree, numbered from `first_merge`, children before parents.
 pub(super) fn divide(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) -> Vec<[u32; 2]> {
     let (mut omni, mut oriented): (Vec<Item>, Vec<Item>) = (Vec::new(), Vec::new());
     for leaf in &leaves {
@@ -50,7 +50,7 @@ pub(super) fn divide(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) ->
         split(items, &mut merges, first_merge, metric);
         return merges;
     }
-    // A cluster of both shines everywhere: the most a split can cost.
+    // A cluster of both kinds shines in all directions, the most expensive split.
     let (of_omni, rest) = merges.split_at_mut(omni.len() - 1);
     let (of_oriented, last) = rest.split_at_mut(oriented.len() - 1);
     let a = split(&mut omni, of_omni, first_merge, metric);
@@ -59,7 +59,8 @@ pub(super) fn divide(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) ->
     merges
 }
 
-/// Divides the items and gives the name of their root. Of the merges, as many as items less one, the last is the root.
+/// Splits the items and returns the number of their root. `merges` has one entry less than `items`. The last is the
+/// root.
 fn split(items: &mut [Item], merges: &mut [[u32; 2]], first_merge: u32, metric: &Metric) -> u32 {
     match items {
         [] => return u32::MAX,
@@ -82,7 +83,7 @@ fn split(items: &mut [Item], merges: &mut [[u32; 2]], first_merge: u32, metric: 
     root
 }
 
-/// Bounds and sum of some lights together.
+/// Bounds and total luminance of a group of lights.
 #[derive(Clone, Copy)]
 struct LightGroup {
     low: Vec3A,
@@ -124,15 +125,15 @@ impl LightGroup {
         }
     }
 
-    /// I (α² + c² (1 − cos β)²)
+    /// Returns the cost I (α² + c² (1 − cos β)²).
     fn cost(&self, metric: &Metric) -> f32 {
         let diagonal2 = (self.high - self.low).length_squared();
         let spread = 1.0 - self.cone_cosine();
         self.luminance * (metric.coincidence2 + diagonal2 + metric.orientation2 * spread * spread)
     }
 
-    /// A lower bound of cos β: unit axes a in a box of middle m and half diagonal h have |a − m| ≤ h, so
-    /// a · m ≥ (1 + m² − h²)/2. Without axes 1.
+    /// Lower bound of cos β, or 1 without axes. Unit axes a in a box with center m and half diagonal h satisfy |a −
+    /// m| ≤ h, so a · m ≥ (1 + m² − h²)/2.
     fn cone_cosine(&self) -> f32 {
         let middle = 0.5 * (self.axis_low + self.axis_high);
         let half2 = 0.25 * (self.axis_high - self.axis_low).length_squared();

@@ -1,4 +1,4 @@
-//! Refinement in the paper's order, for thresholds that move with the estimate and for cuts that reach their limit.
+//! Refinement in the paper's order, for thresholds relative to the estimate and for cuts that reach the maximum size.
 
 use glam::{DVec3, Vec3, Vec4};
 
@@ -11,25 +11,26 @@ use crate::node::sibling;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// The clusters of a growing cut, and a heap over those that can be refined.
+/// Clusters of a growing cut, and a heap of the refinable ones.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Refined {
     clusters: Vec<Evaluated>,
-    /// Slots in `clusters` to fill again.
+    /// Free slots in `clusters`.
     free: Vec<u32>,
-    /// Binary max-heap of (bound's bits, slot): bounds are not negative, so their bits sort as they do.
+    /// Binary max-heap of (bit pattern of the bound, slot). Bounds are not negative, so bit patterns sort like
+    /// bounds.
     heap: Vec<u64>,
 }
 
-/// A cluster with its estimate.
+/// Cluster with its estimate.
 #[derive(Clone, Copy, Debug)]
 struct Evaluated {
     node: u32,
-    /// The shadow ray that was traced; none in a slot that is free.
+    /// The traced shadow ray, or `None` in a free slot.
     ray: Option<ShadowRay>,
-    /// A shadow ray to the other half's light, traced for a cluster above.
+    /// A shadow ray to the other half's light, traced for an ancestor.
     spare: Option<ShadowRay>,
-    /// M · G · V of the representative \[m⁻²\], where clusters are to be kept.
+    /// M · G · V of the representative \[m⁻²\], for kept clusters.
     unit: Vec3,
     radiance: Vec3,
 }
@@ -121,9 +122,11 @@ fn bound_of(key: u64) -> f32 {
 }
 
 impl LightTree {
-    /// Refines the cluster of the largest bound until that is below `threshold` of the estimated luminance, or the
-    /// cut is as large as the scratch allows. If `KEPT`, clusters are estimated by their representatives, as in the paper,
-    /// and kept in the scratch; else by both [halves](super::halves).
+    /// Refines the cluster with the largest bound until that bound is below `threshold` of the estimated luminance,
+    /// or the cut has its maximum size.
+    ///
+    /// With `KEPT`, clusters are estimated by their representatives, as in the paper, and kept in the scratch.
+    /// Otherwise both [halves](super::halves) are used.
     pub(super) fn best_first<const KEPT: bool, R: Receiver>(
         &self,
         receiver: &R,
@@ -135,7 +138,7 @@ impl LightTree {
         let max_size = *max_size;
         refined.clear(max_size);
         let mut cut = Cut::default();
-        // In f64 the running estimate does not drift; it steers the threshold, the result is summed at the end.
+        // A running sum in `f64` does not drift. It only steers the threshold. The result is summed at the end.
         let mut estimate = 0.0f64;
         let mut place =
             |cluster: Unshadowed, bound: f32, known: Option<ShadowRay>, refined: &mut Refined, cut: &mut Cut| {
@@ -146,7 +149,7 @@ impl LightTree {
                 if !leaf && bound == 0.0 {
                     return 0.0;
                 }
-                // Of both lights only the representative can have been traced before: it is one of those of the cluster above.
+                // Reuse a ray of the ancestor if it goes to the same light, which is then the representative.
                 let visible = match known {
                     _ if radiance == Vec3::ZERO => false,
                     Some(ray) if ray.light == light => ray.visible,
@@ -171,6 +174,7 @@ impl LightTree {
                 self.by_halves(receiver, clusters.map(|cluster| cluster as u32))
             }
         };
+        // Start at the roots and refine the largest bound first.
         for root in self.roots() {
             let ([cluster, _], [bound, _]) = (estimates([root; 2]), self.bounds(receiver, [root; 2]));
             estimate += place(cluster, bound, None, refined, &mut cut);
@@ -188,6 +192,7 @@ impl LightTree {
                 estimate += place(child, bound, known, refined, &mut cut);
             }
         }
+        // Sum the final clusters.
         cut.radiance = refined.clusters.iter().map(|c| c.radiance.as_dvec3()).sum::<DVec3>().as_vec3();
         for (cluster, ray) in refined.clusters.iter().filter_map(|cluster| Some((cluster, cluster.ray?))) {
             if KEPT {
@@ -203,7 +208,7 @@ impl LightTree {
         cut
     }
 
-    /// Error bounds of two clusters, side by side.
+    /// Returns the error bounds of two clusters.
     fn bounds<R: Receiver>(&self, receiver: &R, clusters: [usize; 2]) -> [f32; 2] {
         let [a, b] = clusters.map(|cluster| &self.nodes[cluster]);
         let position = Vector3::splat(receiver.position());
@@ -231,7 +236,7 @@ impl LightTree {
     }
 }
 
-/// The light of a cluster, visibility left out.
+/// Light of a cluster without visibility.
 struct Unshadowed {
     node: u32,
     light: u32,

@@ -1,20 +1,20 @@
-//! Cuts for receivers that lie close together: one walk for what they have in common, and the rest for each.
+//! Cuts for neighboring receivers: one common walk, and a separate rest for each receiver.
 //!
 //! A cluster's bound for the whole bundle is its bound for the box of positions and the cone of normals of all
-//! receivers. With it, and with the bounds for a few receivers of the bundle, a node of the common walk is
+//! receivers. With this bound and the bounds for a few receivers, a node of the common walk is
 //!
-//! * *common*, if the bundle's bound is within every threshold (or it is a single light): part of every cut;
-//! * *refined*, if of four receivers at least three would refine it (cuts are 1 % larger than with all four, with a
-//!   quarter fewer visits; `examples/measure.rs`);
-//! * *undecided* otherwise: every receiver tests it with its own bound, and takes it or goes on from there alone;
+//! * *common*, if the bundle's bound is within every threshold or the node is a single light: it is in every cut.
+//! * *refined*, if at least three of four receivers would refine it. Compared with requiring all four, cuts are 1 %
+//!   larger and need a quarter fewer visits (`examples/measure.rs`).
+//! * *undecided* otherwise: every receiver tests it with its own bound, and takes it or continues below it.
 //! * *dark*, if the bundle's bound is zero.
 //!
-//! The walk goes on from the undecided clusters for each [group](super::group) of receivers, before it does for each alone.
-//! Shadow rays are traced by light: which receivers see it? Most lights are those of common clusters, to which half of the
-//! receivers trace a ray, and rays between a light and a small place are cheap together.
+//! The walk continues from the undecided clusters, first for each [group](super::group) of receivers, then for each
+//! receiver. Shadow rays are traced by light, for all receivers that need the light. Most lights belong to common
+//! clusters, to which half of the receivers trace a ray. Rays between a light and a small area are coherent and
+//! cheap.
 //!
-//! A few receivers do not speak for all. But refining is always right: no cluster of any cut is
-//! ever wrong by more than the threshold.
+//! Four receivers do not represent all. But refining is always safe: no cluster of any cut exceeds its threshold.
 
 use glam::{Vec3, Vec4};
 
@@ -27,17 +27,17 @@ use crate::light::Light;
 use crate::receiver::{Bundled, Receiver};
 use crate::tree::LightTree;
 
-/// Most receivers of a bundle.
+/// Maximum number of receivers of a bundle.
 const MOST: usize = 64;
-/// Receivers whose bounds decide whether a node is refined.
+/// Number of receivers that decide whether a node is refined.
 const PROBES: usize = 4;
 
-/// Memory of a bundle.
+/// Reusable memory of a bundle.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shared {
     of_all: Shares,
     of_group: Shares,
-    /// The part of its cut that each receiver of a group takes of the undecided clusters.
+    /// Cut of the undecided clusters that each receiver of a group takes.
     begun: Vec<Cut>,
     shadow_rays: ShadowRays,
 }
@@ -45,12 +45,13 @@ pub(super) struct Shared {
 /// Shadow rays of a bundle.
 #[derive(Clone, Debug, Default)]
 struct ShadowRays {
-    /// For one receiver after the other: the rays, the radiance that arrives by each if it is free, and where those of each
-    /// receiver end.
+    /// Rays of one receiver after the other, the unoccluded radiance along each ray, and the end of each receiver's
+    /// rays.
     rays: Vec<ShadowRay>,
     radiance: Vec<Vec4>,
     ends: Vec<usize>,
-    /// Receivers that trace a ray to each light, then those that see it; the lights that any ray goes to.
+    /// For each light, a bit set of the receivers that trace a ray to it, later of those that see it. Then the lights
+    /// with rays.
     receivers_of: Vec<u64>,
     lights: Vec<u32>,
 }
@@ -82,7 +83,7 @@ impl ShadowRays {
         }
     }
 
-    /// Adds the radiance that arrives to the cuts.
+    /// Adds the visible radiance to the cuts.
     fn add_to(&mut self, cuts: &mut [Cut]) {
         let mut begin = 0;
         for (receiver, (cut, &end)) in cuts.iter_mut().zip(&self.ends).enumerate() {
@@ -97,17 +98,18 @@ impl ShadowRays {
 }
 
 impl LightTree {
-    /// Cuts for receivers that lie close together, each to its own absolute threshold. They are those of
-    /// [`LightTree::lightcut`] for each receiver alone, with fewer nodes visited.
+    /// Computes cuts for neighboring receivers, each with its own absolute threshold. The cuts correspond to
+    /// [`LightTree::lightcut`] for each receiver, with fewer node visits.
     ///
-    /// `visible(light, index, rays)` traces shadow rays: of the receivers in `rays`, bit k for the k-th, it returns those that
-    /// see the light.
-    /// `cuts` is cleared and gets one cut for each receiver. A cut is never coarser than one made alone and may be a
-    /// little finer; [`Cut::nodes_visited`] of the first includes the walk for all.
+    /// `visible(light, index, rays)` traces shadow rays between a light and the receivers in the bit set `rays`. It
+    /// returns the bit set of the receivers that see the light.
+    ///
+    /// `cuts` is cleared and receives one cut per receiver. A cut is never coarser than an independent cut and may be
+    /// slightly finer. [`Cut::nodes_visited`] of the first cut includes the common walk.
     ///
     /// # Panics
     ///
-    /// If there are more than 64 receivers, or not one threshold for each.
+    /// If there are more than 64 receivers, or the number of thresholds differs from the number of receivers.
     pub fn lightcuts<R: Bundled>(
         &self,
         together: Receivers<R>,
@@ -123,7 +125,7 @@ impl LightTree {
             cuts.resize(receivers.len(), Cut::default());
             return;
         }
-        // Taken out while walks hold the rest of the scratch.
+        // Taken out because the walks borrow the rest of the scratch.
         let mut shared = std::mem::take(&mut scratch.shared);
         let Shared { of_all, of_group, begun, shadow_rays } = &mut shared;
         shadow_rays.clear(self.lights.len());
@@ -137,6 +139,8 @@ impl LightTree {
             of_all.undecided.extend(roots);
             Some(Cut::default())
         };
+        // Continue the walk for each group, then for each receiver. Cuts above the maximum size are made
+        // independently.
         for (receivers, thresholds) in receivers.chunks(GROUP).zip(thresholds.chunks(GROUP)) {
             let group = Receivers { receivers, thresholds };
             let mut common = all.and_then(|all| {
@@ -166,12 +170,13 @@ impl LightTree {
                 };
                 shadow_rays.ends.push(shadow_rays.rays.len());
                 cuts.push(cut);
-                // Counted with the first.
+                // Count the common walks once, with the first cut.
                 for walk in [&mut all, &mut common].into_iter().flatten() {
                     walk.nodes_visited = 0;
                 }
             }
         }
+        // Trace the shadow rays light by light.
         for &light in &shadow_rays.lights {
             let receivers = &mut shadow_rays.receivers_of[light as usize];
             *receivers = visible(&self.lights[light as usize], light as usize, *receivers);
@@ -180,7 +185,7 @@ impl LightTree {
         scratch.shared = shared;
     }
 
-    /// The common walk from some clusters on; `None` if that alone is more than `most`.
+    /// Runs the common walk from the nodes `from`. Returns `None` if it finds more than `most` common clusters.
     fn walk_together<R: Bundled>(
         &self,
         together: Receivers<R>,
@@ -190,6 +195,7 @@ impl LightTree {
     ) -> Option<Cut> {
         shares.clear();
         let Shares { common, undecided, pending, .. } = shares;
+        // Bound the whole bundle by its box of positions and its cone of normals.
         let positions = together.receivers.iter().map(|r| r.position());
         let corners = [positions.clone().reduce(Vec3::min)?, positions.reduce(Vec3::max)?].map(Vector3::splat);
         let bundle = R::bundle(together.receivers);
@@ -217,6 +223,7 @@ impl LightTree {
             }
             common.len() <= most
         };
+        // Visit the start nodes, then the children of two pending nodes at a time.
         let mut fits = true;
         for four in from.chunks(4) {
             fits = fits && visit(padded(four).map(|index| index as usize), four.len(), pending);
@@ -235,7 +242,7 @@ impl LightTree {
         Some(cut)
     }
 
-    /// Whether all of the probes but one at most would refine a cluster, for four clusters.
+    /// Returns whether at least all but one of the probes would refine a cluster, for four clusters.
     #[inline(always)]
     fn most_refine<R: Receiver>(&self, together: Receivers<R>, clusters: &ClusterBounds<Vec4>) -> [bool; 4] {
         let Receivers { receivers, thresholds } = together;
@@ -254,7 +261,7 @@ impl LightTree {
     }
 }
 
-/// Bounds and counts of both together.
+/// Combines the bounds and counts of two cuts.
 fn plus(a: Cut, b: Cut) -> Cut {
     Cut {
         largest_bound: a.largest_bound.max(b.largest_bound),

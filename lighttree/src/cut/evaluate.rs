@@ -1,5 +1,5 @@
-//! The paper's estimate of a cut whose clusters are known: M · G · V of each representative times its cluster's
-//! intensity. Its clusters can be kept, and summed again when intensities have changed.
+//! The paper's estimate of a cut: M · G · V of each representative times its cluster's intensity. The clusters can be
+//! kept and summed again with other intensities.
 
 use glam::{Vec3, Vec4};
 
@@ -9,17 +9,18 @@ use crate::light::{Light, unshadowed};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// A shadow ray between the receiver and a light.
+/// Shadow ray between the receiver and a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShadowRay {
     /// Index of the light.
     pub light: u32,
-    /// Whether the light is visible; false before the ray is traced.
+    /// Whether the light is visible. False before the ray is traced.
     pub visible: bool,
 }
 
 impl LightTree {
-    /// Sums the estimates of the nodes in `scratch.selected`, shadow rays together, and keeps the clusters.
+    /// Sums the estimates of the nodes in `scratch.selected`, traces all shadow rays together, and keeps the
+    /// clusters.
     #[inline(always)]
     pub(super) fn evaluate<R: Receiver>(
         &self,
@@ -44,8 +45,8 @@ impl LightTree {
         cut
     }
 
-    /// M · G of the representatives of the nodes in `scratch.selected`, four at a time: those that are not dark go to
-    /// the end of `rays` and to `terms`, the others to `kept` at once.
+    /// Computes M · G of the representatives of the nodes in `scratch.selected`, four at a time. Lit ones are
+    /// appended to `rays` and `terms`, dark ones go directly to `kept`.
     #[inline(always)]
     fn estimate_selected<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) {
         let Scratch { selected, selected_count, rays, ray_count, terms, kept, .. } = scratch;
@@ -72,7 +73,7 @@ impl LightTree {
 }
 
 impl Scratch {
-    /// Room for the largest cut, and nothing in it.
+    /// Clears the estimate and reserves room for the largest cut.
     pub(super) fn begin_estimate(&mut self) {
         let room = self.max_size as usize + 8;
         self.ray_count = 0;

@@ -1,13 +1,18 @@
-//! The part of each receiver of a bundle in the clusters that it shares.
+//! Shared clusters of a bundle, as used by each receiver.
 //!
-//! Shared clusters are gathered once, by fours, in the order in which every receiver reads them. Each receiver of a group
-//! bounds the undecided ones for itself. Those within its threshold it takes from there like the common ones; below the
-//! others it [walks](super::walk) on alone.
+//! Shared clusters are gathered once, four at a time, in the order in which every receiver reads them. Each receiver
+//! of a group bounds the undecided clusters itself. Those within its threshold are used like common clusters. Below
+//! the others it [walks](super::walk) on alone.
 //!
-//! Estimates of shared clusters are almost half of the work. Nothing has to be fetched for them from here and there, so
-//! they are computed [eight numbers](Width) at a time where the processor can, which takes a seventh off a shared cut.
-//! (`examples/measure.rs` on conference, 152 043 lights, blocks of 8×8 pixels: shared cuts take 0.32 … 0.33 of the time of
-//! cuts made alone; 0.41 … 0.42 with estimates two by two, and undecided clusters gathered by each receiver again.)
+//! Estimates of shared clusters are almost half of the work. Their operands are contiguous. They are computed
+//! [eight lanes](Width) at a time where the processor supports it. This saves a seventh of the time of a shared cut.
+//!
+//! Time relative to independent cuts (`examples/measure.rs` on conference, 152 043 lights, blocks of 8×8 pixels):
+//!
+//! | method | time |
+//! |---|---|
+//! | eight lanes, undecided clusters gathered once | 0.32 … 0.33 |
+//! | two clusters at a time, undecided clusters gathered per receiver | 0.41 … 0.42 |
 
 use glam::{BVec4A, Vec4};
 
@@ -19,19 +24,20 @@ use crate::lanes::{Kernel, PartOfEight, Vector3, Width};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// Receivers of a group: those that follow each other in a bundle.
+/// Number of consecutive receivers in a group.
 pub(super) const GROUP: usize = 16;
 
-/// Fours that are lit before halves are chosen of the first. From root and quotient to the place of a ray each step waits
-/// for the last one, and a processor looks ahead over shorter loops further (a shared cut takes a tenth less time).
+/// Number of fours evaluated before halves are chosen for the first. Each step from square root to ray position
+/// depends on the previous one, and the processor looks ahead further over short loops. This saves a tenth of the
+/// time of a shared cut.
 const AHEAD: usize = 8;
 
-/// Receivers that lie close together, such as the pixels of a block, and the threshold of each.
+/// Neighboring receivers, such as the pixels of a block, and the threshold of each.
 #[derive(Debug)]
 pub struct Receivers<'a, R> {
-    /// At most 64. Sharing saves most where those that follow each other are the closest.
+    /// Receivers, at most 64. Sharing saves most if consecutive receivers are close together.
     pub receivers: &'a [R],
-    /// Largest error bound of a cluster for each receiver, as luminance \[W·m⁻²·sr⁻¹\].
+    /// Largest allowed error bound of a cluster for each receiver, as luminance \[W·m⁻²·sr⁻¹\].
     pub thresholds: &'a [f32],
 }
 
@@ -47,7 +53,7 @@ impl<R> Copy for Receivers<'_, R> {}
 pub(super) struct Member<'a, R> {
     pub receiver: &'a R,
     pub threshold: f32,
-    /// Its place in the group.
+    /// Index in the group.
     pub k: usize,
 }
 
@@ -59,28 +65,28 @@ impl<R> Clone for Member<'_, R> {
 
 impl<R> Copy for Member<'_, R> {}
 
-/// Clusters that some receivers have in common.
+/// Clusters that several receivers share.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shares {
-    /// Nodes that are part of every cut.
+    /// Nodes that are in every cut.
     pub common: Vec<u32>,
-    /// Nodes that some refine and some do not.
+    /// Nodes that only some receivers refine.
     pub undecided: Vec<u32>,
-    /// The common ones, then the undecided ones.
+    /// Common clusters, then undecided clusters.
     fours: Vec<FourShared>,
     /// Nodes that the common walk still has to refine.
     pub pending: Vec<u32>,
 }
 
-/// Clusters that are estimated side by side; the last ones are repeated where there are fewer.
+/// Four clusters that are estimated together. A shorter group repeats its last cluster.
 #[derive(Clone, Copy, Debug)]
 struct FourShared {
     halves: Halves,
-    /// Bits of the clusters that each receiver of a group leaves out.
+    /// Bit set of the clusters that each receiver of a group does not use.
     left_out: [u8; GROUP],
 }
 
-/// Shadow rays of a receiver, and what arrives by each if it is free.
+/// Shadow rays of a receiver and the unoccluded radiance along each.
 pub(super) type Estimated<'a> = (&'a [ShadowRay], &'a [Vec4]);
 
 impl Shares {
@@ -90,7 +96,7 @@ impl Shares {
         fours.clear();
     }
 
-    /// The undecided clusters that the k-th receiver of the group refines.
+    /// Undecided clusters that the k-th receiver of the group refines.
     fn refined_by(&self, k: usize) -> impl Iterator<Item = u32> {
         let fours = &self.fours[self.common.len().div_ceil(4)..];
         self.undecided.chunks(4).zip(fours).flat_map(move |(nodes, four)| {
@@ -111,14 +117,15 @@ impl LightTree {
         );
     }
 
-    /// Every receiver of a group visits the undecided clusters; they are gathered after the common ones.
-    /// `begun` gets the part of its cut that each takes of them; their halves are counted with the first.
+    /// Tests the undecided clusters for every receiver of a group and gathers them after the common ones. `begun`
+    /// receives the cut of the undecided clusters for each receiver. Visits of their halves are counted with the
+    /// first.
     pub(super) fn decide<R: Receiver>(&self, group: Receivers<R>, shares: &mut Shares, begun: &mut Vec<Cut>) {
         let Shares { undecided, fours, .. } = shares;
         begun.clear();
         let looked_at = undecided.len() as u32;
         begun.resize(group.receivers.len(), Cut { nodes_visited: looked_at, ..Cut::default() });
-        // None of them is a single light.
+        // None of these clusters is a single light.
         begun[0].nodes_visited += 2 * looked_at;
         let geometry_term_bound = Vec4::splat(self.geometry_term_bound);
         for four in undecided.chunks(4) {
@@ -139,8 +146,8 @@ impl LightTree {
         }
     }
 
-    /// The walk of one receiver below the undecided clusters that it refines: fills `selected`; `None` if that is more than
-    /// `most`.
+    /// Walks below the undecided clusters that one receiver refines and fills `selected`. Returns `None` if it
+    /// selects more than `most` clusters.
     #[inline(always)]
     pub(super) fn walk_on<R: Receiver>(
         &self,
@@ -154,8 +161,8 @@ impl LightTree {
         (queued && walk.finish_walk(most)).then(|| walk.finish())
     }
 
-    /// Estimates of the shared clusters that a receiver takes, and of those that it selected alone. No shadow ray is traced
-    /// yet: the radiance of the cut is still zero.
+    /// Estimates the shared clusters and the own clusters of a receiver. No shadow ray is traced yet, so the radiance
+    /// of the cut is still zero.
     #[inline(always)]
     pub(super) fn estimate_shared<'a, R: Receiver>(
         &self,
@@ -176,7 +183,7 @@ impl LightTree {
     }
 }
 
-/// Appends the estimates of what a receiver takes of `fours`, and returns how many there are then.
+/// Appends the estimates of a receiver's clusters in `fours` and returns the new number of rays.
 struct EstimateShared<'a, R> {
     receiver: &'a R,
     fours: [&'a [FourShared]; 2],

@@ -1,21 +1,21 @@
 //! Estimates of clusters by their halves.
 //!
-//! The paper takes one light for a cluster, L = M · G · V · I. Its light without the shadow costs next to nothing beside
-//! a shadow ray, so two lights are evaluated, the representatives a and b of the cluster's children, and one
+//! The paper estimates a cluster by one light, L = M · G · V · I. Without the shadow ray a light's contribution costs
+//! almost nothing. Two lights are therefore evaluated, the representatives a and b of the cluster's children, and one
 //! shadow ray is traced:
 //!
 //! ```text
 //! L = V_k (M_a G_a I_a + M_b G_b I_b)        k is a with probability M_a G_a I_a / (M_a G_a I_a + M_b G_b I_b), else b
 //! ```
 //!
-//! The mean over k is M_a G_a V_a I_a + M_b G_b V_b I_b: right on average as one representative is, and both halves stay
-//! below their bounds. It is resampling \[Talbot05\] of two candidates that are strata.
+//! The mean over k is M_a G_a V_a I_a + M_b G_b V_b I_b: unbiased like one representative, and both halves stay below
+//! their bounds. This is resampling \[Talbot05\] of two stratified candidates.
 //!
-//! k is decided by a second race, in which each light keeps its exponentially distributed number and runs as fast as
-//! its light arrives at the receiver. So k is the same for neighbors, and stays in time.
+//! k is the winner of a second race. Each light keeps its exponentially distributed number, and its speed is its
+//! unoccluded contribution at the receiver. So k is equal for neighbors and stable over time.
 //!
-//! Measured on the lights, pixels and shadows of `scenes/`, 96×96 pixels, cuts of 20 % that are equal but for this; root
-//! mean square of the relative error over all pixels and 50 seeds:
+//! Measured on the lights, pixels and shadows of `scenes/`, 96×96 pixels, with identical cuts of 20 %. The table
+//! lists the root mean square of the relative error over all pixels and 50 seeds:
 //!
 //! ```text
 //!                            one representative   both, k drawn   both, k the cluster's representative
@@ -24,9 +24,11 @@
 //! atrium, cut size 155                  11.5 %          10.3 %          10.4 %, on average −1.7 %
 //! ```
 //!
-//! (Lights that are near are seen more often: hence the third column's lean. Candidates from all four grandchildren gave
-//! 5.7 %, 10.2 % and 10.3 %, for twice the work. Representatives near the middle of their clusters made nave 4 % too
-//! bright; children drawn against each other, from antithetic or scrambled radical inverse numbers, gained nothing.)
+//! The third column is biased because near lights are visible more often. Variants without benefit:
+//!
+//! * Candidates from all four grandchildren gave 5.7 %, 10.2 % and 10.3 %, for twice the work.
+//! * Representatives near the middle of their clusters made nave 4 % too bright.
+//! * Drawing children from antithetic or scrambled radical inverse numbers did not reduce the error.
 //!
 //! `[Talbot05]` J. F. Talbot, D. Cline, P. Egbert: Importance resampling for global illumination. EGSR 2005.
 
@@ -38,24 +40,24 @@ use crate::light::{Light, Site, transpose, unshadowed_of};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// The halves of four clusters: four first halves and then the second ones. A single light is its own first half, and
-/// the second is dark.
+/// Halves of four clusters: first all first halves, then all second halves. The first half of a single light is the
+/// light, and its second half is dark.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halves {
     sites: Site<Eight>,
     intensity: Vector3<Eight>,
-    /// Bits of the lights' indices.
+    /// Indices of the lights, as bit patterns.
     lights: Eight,
-    /// Whether all are `Cosine`, as most lights are.
+    /// Whether all lights are `Cosine`, the most common kind.
     cosine: bool,
 }
 
-/// For four clusters: the light of the shadow ray, and the radiance that arrives if it is seen.
+/// Light of the shadow ray and unoccluded radiance of four clusters.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimates {
     pub lights: [u32; 4],
     pub radiance: [Vec4; 4],
-    /// From which of them any does, as bits.
+    /// Bit set of the clusters with nonzero radiance.
     pub lit: u32,
 }
 
@@ -65,7 +67,7 @@ impl Halves {
         self.choose(&self.arriving::<F, R>(receiver, geometry_term_bound))
     }
 
-    /// Radiance from all eight halves if they are seen.
+    /// Returns the unoccluded radiance of all eight halves.
     #[inline(always)]
     pub fn arriving<F: PartOfEight, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Vector3<Eight> {
         let mut arriving = Vector3::ZERO;
@@ -86,7 +88,7 @@ impl Halves {
         arriving
     }
 
-    /// The estimates of four clusters by what arrives of their halves.
+    /// Chooses the light of each cluster's shadow ray from the radiance of its halves.
     #[inline(always)]
     pub fn choose(&self, arriving: &Vector3<Eight>) -> Estimates {
         let [x, y, z] = [arriving.x.0, arriving.y.0, arriving.z.0];
@@ -96,12 +98,12 @@ impl Halves {
 }
 
 impl Estimates {
-    /// From what arrives of each cluster's two halves.
+    /// Combines the radiance of each cluster's two halves.
     #[inline(always)]
     fn of_halves([a, b]: [Vector3<Vec4>; 2], delays: [Vec4; 2], lights: [Vec4; 2]) -> Self {
         let [light_a, light_b] = [a.x + a.y + a.z, b.x + b.y + b.z];
-        // Who arrives last, by delay divided by light; the first of both if it is dark.
-        // By numbers and not by branches, of which every other would be guessed wrong.
+        // The light with the larger delay divided by radiance loses. The first light loses if it is dark.
+        // Branch-free, because half of the branches would be mispredicted.
         let loses = light_a.cmple(Vec4::ZERO) | (delays[0] * light_b).cmpgt(delays[1] * light_a);
         let (both, light) = (a + b, light_a + light_b);
         Self {
@@ -112,7 +114,7 @@ impl Estimates {
     }
 }
 
-/// M · G · I of some sites.
+/// M · G · I of the given sites.
 #[inline(always)]
 fn unoccluded<F: Real, R: Receiver>(
     receiver: &R,
@@ -130,7 +132,7 @@ fn unoccluded<F: Real, R: Receiver>(
     unit.times(intensity)
 }
 
-/// Sites and intensities of four nodes: one half of each of four clusters, or both of two.
+/// Sites and intensities of four nodes: one half of four clusters each, or both halves of two clusters.
 struct FourNodes {
     sites: Site<Vec4>,
     intensity: Vector3<Vec4>,
@@ -138,7 +140,7 @@ struct FourNodes {
 }
 
 impl LightTree {
-    /// The halves of four clusters, for [`Halves::estimates`].
+    /// Gathers the halves of four clusters, for [`Halves::estimates`].
     #[inline(always)]
     pub(super) fn halves(&self, clusters: [u32; 4]) -> Halves {
         let [a, b, c, d] = clusters.map(|cluster| self.below(cluster as usize));
@@ -160,7 +162,7 @@ impl LightTree {
         }
     }
 
-    /// Estimates of two clusters, at the first two places.
+    /// Estimates two clusters, in the first two lanes.
     #[inline(always)]
     pub(super) fn estimates_of_two<R: Receiver>(&self, receiver: &R, clusters: [u32; 2]) -> Estimates {
         let [(a, lit_a), (b, lit_b)] = clusters.map(|cluster| self.below(cluster as usize));
@@ -172,11 +174,12 @@ impl LightTree {
         Estimates::of_halves([first, second], [sites.delay, sites.delay.zwxy()], [lights, lights.zwxy()])
     }
 
-    /// The halves of a cluster, and whether there is a second: 1, or 0 for a single light.
+    /// Returns the halves of a cluster, and 1 if the second half exists or 0 for a single light.
     #[inline(always)]
     fn below(&self, cluster: usize) -> ([usize; 2], f32) {
         let node = &self.nodes[cluster];
-        // A branch, for most clusters of a cut are no single lights: the processor fetches the halves while it decides.
+        // Most clusters of a cut are not single lights. With a branch, the processor fetches the halves
+        // speculatively.
         if node.is_leaf() { ([cluster; 2], 0.0) } else { ([node.children(), node.children() + 1], 1.0) }
     }
 
@@ -188,8 +191,8 @@ impl LightTree {
         FourNodes { sites: self.sites.four(indices), intensity: Vector3 { x, y, z }, lights }
     }
 
-    /// Estimates of the nodes in `scratch.selected`: those that are not dark go to the end of `rays` and to `radiance`.
-    /// Returns how many nodes it visited beyond those.
+    /// Estimates the nodes in `scratch.selected` and appends lit ones to `rays` and `radiance`. Returns the number of
+    /// additional nodes visited.
     #[inline(always)]
     pub(super) fn estimate_halves<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) -> u32 {
         let selected = &scratch.selected[..scratch.selected_count];
@@ -202,7 +205,7 @@ impl LightTree {
         2 * scratch.inner_count as u32
     }
 
-    /// Sums the estimates of the nodes in `scratch.selected` by their halves, shadow rays together.
+    /// Sums the estimates of the nodes in `scratch.selected` by their halves and traces all shadow rays together.
     #[inline(always)]
     pub(super) fn evaluate_halves<R: Receiver>(
         &self,
@@ -223,7 +226,7 @@ impl LightTree {
     }
 }
 
-/// Estimates that are not dark, one after the other.
+/// Buffer of estimates that are not dark.
 pub(super) struct Arriving<'a> {
     rays: &'a mut [ShadowRay],
     radiance: &'a mut [Vec4],
@@ -231,16 +234,17 @@ pub(super) struct Arriving<'a> {
 }
 
 impl<'a> Arriving<'a> {
-    /// Appends after the first `count`.
+    /// Appends after the first `count` entries.
     #[inline(always)]
     pub fn after(count: usize, rays: &'a mut [ShadowRay], radiance: &'a mut [Vec4]) -> Self {
         Self { rays, radiance, count }
     }
 
-    /// Appends those of four whose bits are set in `wanted`: by numbers, for branches would be predicted wrong too often.
+    /// Appends the estimates with bits set in `wanted`. Branch-free, because branches would be mispredicted too
+    /// often.
     #[inline(always)]
     pub fn push(&mut self, estimates: &Estimates, wanted: u32) {
-        // Room for all four is checked once.
+        // Check the bounds for all four once.
         let rays = &mut self.rays[self.count..self.count + 4];
         let radiance = &mut self.radiance[self.count..self.count + 4];
         let wanted = (wanted & estimates.lit) as usize;
@@ -254,7 +258,7 @@ impl<'a> Arriving<'a> {
     }
 }
 
-/// Sum of what arrives by the rays that are free.
+/// Sums the radiance along the unoccluded rays.
 #[inline(always)]
 pub(super) fn sum_of_seen(rays: &[ShadowRay], radiance: &[Vec4]) -> Vec4 {
     rays.iter().zip(radiance).fold(Vec4::ZERO, |sum, (ray, &value)| sum + value * f32::from(ray.visible))

@@ -16,7 +16,7 @@ fn ceiling(side: u32) -> LightTree {
     LightTree::build(&lights, BuildParams::bounded_by(0.3).with_seed(3))
 }
 
-/// Both ways through the tree give the same cut where both can be taken.
+/// Both refinement orders give the same cut if both are applicable.
 #[test]
 fn order_of_refinement_does_not_matter() {
     let tree = ceiling(40);
@@ -36,8 +36,8 @@ fn order_of_refinement_does_not_matter() {
     }
 }
 
-/// The kept clusters are the cut: their number, and their sum to the last bit but rounding; and they take new
-/// intensities as the tree does.
+/// The kept clusters equal the cut in number and, up to rounding, in sum. They respond to new intensities like the
+/// tree.
 #[test]
 fn clusters_sum_to_the_cut() {
     let mut tree = ceiling(30);
@@ -58,7 +58,7 @@ fn clusters_sum_to_the_cut() {
     }
 }
 
-/// A cluster that is drawn anew is stood for by each of its lights in proportion to its luminance; dark ones never are.
+/// A redrawn cluster is represented by each of its lights in proportion to luminance, and never by dark lights.
 #[test]
 fn lights_are_drawn_anew_in_proportion_to_luminance() {
     let light = |k: u32| Light {
@@ -102,8 +102,8 @@ fn lights_are_drawn_anew_in_proportion_to_luminance() {
     assert!((chi2 - freedom).abs() < 4.0 * (2.0 * freedom).sqrt(), "{chi2} of {freedom}");
 }
 
-/// Over many draws the estimate is the sum over every light, shadows included, and nearer to it than that by one
-/// representative for each cluster, for the same clusters and as many rays.
+/// Over many draws the mean estimate equals the sum over every light, including shadows. Its error is lower than with
+/// one representative per cluster, for the same clusters and number of rays.
 #[test]
 fn halves_are_right_on_average_and_nearer() {
     let lights: Vec<Light> = (0..400)
@@ -114,7 +114,7 @@ fn halves_are_right_on_average_and_nearer() {
         })
         .collect();
     let receiver = Lambert { position: Vec3::new(7.0, 9.0, 0.0), normal: Vec3::Z, reflectance: Vec3::ONE };
-    // The half of the lights that is nearer hides behind a board with holes: seen light and strong light go together.
+    // The nearer half of the lights is behind a board with holes, so that visibility and intensity correlate.
     let visible = |light: &Light, k: usize| light.position.distance(receiver.position) > 7.0 || k.is_multiple_of(4);
     let mut scratch = Scratch::default();
     let truth = f64::from(luminance(crate::exhaustive(&lights, 0.3, &receiver, visible)));
@@ -136,7 +136,7 @@ fn halves_are_right_on_average_and_nearer() {
     assert!(rays[0] <= rays[1], "{rays:?}");
 }
 
-/// After the first cut in a tree no buffer grows, whatever the threshold.
+/// After the first cut in a tree no buffer grows, at any threshold.
 #[test]
 fn scratch_is_reused() {
     let tree = ceiling(50);
@@ -154,10 +154,10 @@ fn scratch_is_reused() {
     }
 }
 
-/// Share of the light that would arrive if all lights and the receiver faced each other: rounding of cosines near 90°.
+/// Rounding of cosines near 90°, relative to the light if all lights and the receiver faced each other.
 const ROUNDING: f32 = 1e-4;
 
-/// Luminance at a receiver of the given largest M that faces all lights while they all face it.
+/// Luminance at a receiver with the given largest M if all lights and the receiver face each other.
 fn face_to_face(tree: &LightTree, position: Vec3, strongest: Vec3) -> f32 {
     let arrives = |light: &Light| {
         let reflected = luminance(light.intensity * strongest);
@@ -177,7 +177,7 @@ fn build(scene: &TestScene, builder: Builder) -> LightTree {
     )
 }
 
-/// 10⁵ cuts of all scales, at random thresholds and largest sizes, with random shadows.
+/// 10⁵ cuts of all scales, with random thresholds, maximum sizes and shadows.
 #[test]
 fn cuts_keep_their_promises() {
     let mut random = Random(7);
@@ -213,7 +213,7 @@ fn cuts_keep_their_promises() {
     assert!(refined > 50_000, "{refined} cuts of more than one cluster");
 }
 
-/// Bundles of neighbors and of strangers, by shared cuts: the promises of cuts made alone.
+/// Shared cuts of near and distant receivers satisfy the same conditions as independent cuts.
 #[test]
 fn shared_cuts_keep_the_promises_of_each() {
     let mut random = Random(8);
@@ -223,7 +223,7 @@ fn shared_cuts_keep_the_promises_of_each() {
         let tree = build(&scene, Builder::BottomUp);
         let length = scene.geometry_term_bound.sqrt() * 10f32.powf(random.within(-2.0, 1.0));
         let tilt = random.within(0.0, 1.0);
-        // Some are more than one group.
+        // Some bundles exceed one group.
         let count = if random.once_in(4) { 17 + random.bits() % 32 } else { 1 + random.bits() % 12 };
         let receivers: Vec<Ggx> = (0..count)
             .map(|_| Ggx {
@@ -281,7 +281,7 @@ impl<R: Receiver> Kernel for Arriving<'_, R> {
     }
 }
 
-/// Lights of all kinds at all scales, before every given material: eight at once, four by four, and clusters by twos.
+/// Lights of all kinds and scales, with every material: eight lanes, four lanes and pairs of clusters agree.
 #[test]
 fn estimates_have_the_same_bits_however_many_at_once() {
     let mut random = Random(9);
@@ -313,7 +313,7 @@ fn estimates_have_the_same_bits_however_many_at_once() {
     assert!(lit > 2600, "{lit}");
 }
 
-/// A cluster whose node or light is beyond the tree is not one of its own.
+/// A cluster with a node or light index beyond the tree is rejected.
 #[test]
 fn clusters_from_elsewhere_are_told() {
     let tree = ceiling(6);

@@ -1,8 +1,8 @@
-//! The clusters of a cut with an absolute threshold, by their bounds alone, four nodes at a time.
+//! Clusters of a cut with an absolute threshold, found by bounds only, four nodes at a time.
 //!
-//! Two nodes that have to be refined leave the queue together and their four children are bounded side by side.
-//! The queue is first in, first out: what comes next was decided long before, so that the processor works on several
-//! fours at once without having to guess (a stack, on which the next four depend on the last, took half as long again).
+//! Two nodes to refine leave the queue together, and their four children are bounded together. The queue is first in,
+//! first out. The next nodes are known long before they are needed, so the processor works on several fours at once
+//! without speculation. With a stack, the next four depend on the last, which took half as long again.
 
 use glam::Vec4;
 
@@ -12,12 +12,12 @@ use crate::lanes::Vector3;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// Room in the queue: refined nodes per cluster of the largest cut. A cut without dark clusters refines one
-/// node less than it has clusters; where this is not enough, refinement best first takes over.
+/// Queue size: refined nodes per cluster of the largest cut. A cut without dark clusters refines one node less than
+/// its number of clusters. If the queue is too small, best-first refinement takes over.
 const QUEUE_PER_CLUSTER: usize = 4;
 
 impl LightTree {
-    /// Collects the nodes of the cut into `scratch.selected`; `None` if they are too many.
+    /// Collects the nodes of the cut into `scratch.selected`. Returns `None` if they exceed the maximum size.
     pub(super) fn walk<R: Receiver>(&self, receiver: &R, threshold: f32, scratch: &mut Scratch) -> Option<Cut> {
         let most = scratch.max_size as usize;
         let mut walk = Walk::new(self, receiver, threshold, scratch);
@@ -26,16 +26,18 @@ impl LightTree {
     }
 }
 
-/// A walk under way: what is left to refine, and the cut so far. (Where a node goes is decided by branches. Writing it
-/// to queue and selection alike and moving their ends without a branch took a third more time.)
+/// A walk in progress: nodes to refine, and the cut so far.
+///
+/// Nodes are sorted with branches. A branch-free version that writes each node to both queue and selection took a
+/// third more time.
 pub(super) struct Walk<'a, R> {
     tree: &'a LightTree,
     receiver: &'a R,
     position: Vector3<Vec4>,
     threshold: f32,
-    /// First children.
+    /// First children of the nodes to refine.
     queue: &'a mut [u32],
-    /// Next to leave the queue, and end of the queue.
+    /// Next position to leave the queue, and end of the queue.
     head: usize,
     tail: usize,
     selected: &'a mut [u32],
@@ -67,14 +69,14 @@ impl<'a, R: Receiver> Walk<'a, R> {
         }
     }
 
-    /// Visits one node or two.
+    /// Visits one or two nodes.
     #[inline(always)]
     pub fn start_at(&mut self, nodes: std::ops::Range<usize>) {
         let (first, last) = (nodes.start, nodes.end - 1);
         self.visit([first, last, first, first], nodes.len());
     }
 
-    /// Begins with a node that is known to be refined; false if there is no room for more.
+    /// Starts with a node that must be refined. Returns false if the queue is full.
     #[inline(always)]
     pub fn refine(&mut self, node: u32) -> bool {
         let room = self.tail < self.queue.len();
@@ -95,7 +97,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
         self.place(indices, bounds, count);
     }
 
-    /// Each of the first `count` nodes is part of the cut, to be refined, or dark.
+    /// Selects, queues or drops each of the first `count` nodes.
     #[inline(always)]
     fn place(&mut self, indices: [usize; 4], bounds: Vec4, count: usize) {
         for (k, bound) in bounds.to_array().into_iter().enumerate().take(count) {
@@ -116,13 +118,13 @@ impl<'a, R: Receiver> Walk<'a, R> {
         }
     }
 
-    /// Whether there is room for what four more nodes can bring.
+    /// Returns whether four more nodes fit.
     #[inline(always)]
     fn has_room(&self, most: usize) -> bool {
         *self.selected_count <= most && self.tail + 4 < self.queue.len()
     }
 
-    /// Refines what is in the queue; false when the cut has more than `most` clusters, or the queue is full.
+    /// Refines all nodes in the queue. Returns false if the cut has more than `most` clusters or the queue is full.
     #[inline(always)]
     pub fn finish_walk(&mut self, most: usize) -> bool {
         while self.head < self.tail {
@@ -142,7 +144,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
         *self.selected_count <= most
     }
 
-    /// The cut's figures; its nodes are what `scratch.selected` then holds.
+    /// Returns the size and bounds of the cut. Its nodes are in `scratch.selected`.
     #[inline(always)]
     pub fn finish(self) -> Cut {
         Cut { size: *self.selected_count as u32, ..self.cut }

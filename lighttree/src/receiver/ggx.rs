@@ -1,4 +1,4 @@
-//! Rough metals and coats: the microfacet model with the distribution that is called GGX, or Trowbridge and Reitz'.
+//! Rough metals and coats: the microfacet model with the GGX (Trowbridge-Reitz) distribution.
 //!
 //! `[Walter07]` B. Walter, S. R. Marschner, H. Li, K. E. Torrance: Microfacet models for refraction through rough
 //! surfaces. EGSR 2007.
@@ -13,19 +13,21 @@
 //!   θ_h, θ_d  angles of the half vector to normal and view
 //! ```
 //!
-//! # The bound (ours)
+//! # The bound
 //!
-//! *D.* Reflection at a half vector h is a turn by π around h, so the light direction l is the view's mirror direction
-//! turned first by π around the normal and then by π around h: together a turn by 2 θ_h. It moves no direction by more,
-//! so with δ the angle between l and the mirror direction, θ_h ≥ δ/2 and cos² θ_h ≤ (1 + cos δ)/2.
-//! D grows with that cosine.
+//! The bound is not from the papers.
+//!
+//! *D.* Reflection at a half vector h is a rotation by π around h. The light direction l is therefore the view's
+//! mirror direction, rotated first by π around the normal and then by π around h. Together this is a rotation by 2
+//! θ_h. It moves no direction by a larger angle, so the angle δ between l and the mirror direction is at most 2 θ_h.
+//! Therefore cos² θ_h ≤ (1 + cos δ)/2. D grows with that cosine.
 //!
 //! *V cos θ_i* is 1 / (2 (cos θ_o √(1 − α² + α²/cos² θ_i) + s(θ_o))), and grows with cos θ_i.
 //!
 //! *F* falls with cos θ_d = √((1 + l · view)/2), whose smallest value follows from the largest cosine to −view.
 //!
-//! So three largest cosines over the region bound all of it. They need not come from one direction; the bound is close
-//! where the lobe is not seen at grazing angles.
+//! Three maximum cosines over the region therefore bound M. They need not belong to one direction. The bound is tight
+//! if the lobe is not seen at grazing angles.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -35,10 +37,10 @@ use super::{Bundled, Receiver, ReflectBound};
 use crate::bounds::{DirectionCone, Region};
 use crate::lanes::{Real, Vector3};
 
-/// Narrower lobes would lose their peak in the rounding of `f32`, and their light belongs to mirror rays.
+/// Smallest α. Narrower lobes would lose their peak to `f32` rounding and are better traced with mirror rays.
 const SMALLEST_ALPHA: f32 = 0.02;
 
-/// A diffuse surface with a rough reflecting one: the metallic-roughness materials of glTF, and others.
+/// Diffuse surface with a rough specular lobe, as in the metallic-roughness materials of glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ggx {
     /// Position \[m\].
@@ -47,33 +49,33 @@ pub struct Ggx {
     pub normal: Vec3,
     /// Unit direction to the viewer.
     pub view: Vec3,
-    /// Reflectance of the diffuse part, linear RGB, 0 … 1, with what the reflecting part leaves of it.
+    /// Diffuse reflectance, linear RGB, 0 … 1, reduced by the fraction that the specular lobe reflects.
     pub diffuse: Vec3,
-    /// Reflectance F₀ of the reflecting part seen straight on, linear RGB, 0 … 1.
+    /// Specular reflectance F₀ at normal incidence, linear RGB, 0 … 1.
     pub specular: Vec3,
-    /// α, the square of glTF's roughness, 0 … 1; below 0.02 it counts as 0.02.
+    /// α, the square of glTF's roughness, 0 … 1. Values below 0.02 count as 0.02.
     pub alpha: f32,
 }
 
-/// M from its three cosines, or a bound of it from their bounds.
+/// Computes M from three cosines, or a bound of M from their bounds.
 struct Lobe {
     diffuse: Vec3,
     specular: Vec3,
     /// Smallest and largest α².
     alpha2: [f32; 2],
-    /// Cosine of the view to the normal; the smallest there is.
+    /// Cosine between view and normal, or the smallest of several.
     cos_view: f32,
 }
 
 impl Lobe {
-    /// M for cos θ_i, cos² θ_h and cos² θ_d.
+    /// Returns M for cos θ_i, cos² θ_h and cos² θ_d.
     #[inline(always)]
     fn material<F: Real>(&self, cos_light: F, cos2_half: F, cos2_view_half: F) -> Vector3<F> {
         let (zero, one) = (F::splat(0.0), F::splat(1.0));
         let [narrow, wide] = self.alpha2;
         let spread = one - F::splat(1.0 - narrow) * cos2_half.min(one);
         let d = F::splat(wide * FRAC_1_PI) / (spread * spread);
-        // V cos θ_i. Both roots grow with α² where cosines are at most one.
+        // V cos θ_i. Both square roots grow with α² if the cosines are at most one.
         let cos_light = cos_light.max(zero);
         let smith_light = (cos_light * cos_light * F::splat(1.0 - narrow) + F::splat(narrow)).sqrt();
         let smith_view = F::splat((self.cos_view * self.cos_view * (1.0 - narrow) + narrow).sqrt());
@@ -85,7 +87,7 @@ impl Lobe {
         Vector3::select(zero.lt(cos_light), both, Vector3::splat(Vec3::ZERO))
     }
 
-    /// Bound of M from the largest cosines to normal, mirror direction and −view.
+    /// Returns a bound of M from the largest cosines to normal, mirror direction and −view.
     #[inline(always)]
     fn bound<F: Real>(&self, cos_normal: F, cos_mirror: F, cos_away: F) -> Vector3<F> {
         let half = |cosine: F| (F::splat(1.0) + cosine) * F::splat(0.5);
@@ -94,7 +96,7 @@ impl Lobe {
 }
 
 impl Ggx {
-    /// A viewer behind the shading normal sees the lobe as at the horizon.
+    /// A viewer behind the shading normal is treated like a viewer at the horizon.
     #[inline(always)]
     fn lobe(&self) -> Lobe {
         let alpha = self.alpha.clamp(SMALLEST_ALPHA, 1.0);
@@ -125,7 +127,8 @@ impl Receiver for Ggx {
         // |l + v|² = 2 + 2 l·v
         let sum2 = (F::splat(2.0) + F::splat(2.0) * cos_between).max(F::splat(1e-12));
         let along = (cos_light + F::splat(self.normal.dot(self.view))).max(F::splat(0.0));
-        // Against the light the half vector is all rounding; what bounds it below is not.
+        // If light and view are opposite, the half vector is mostly rounding error, but the bound by the mirror
+        // direction is exact.
         let cos_mirror = Vector3::splat(self.mirror()).dot(direction);
         let cos2_half = (along * along / sum2).min((F::splat(1.0) + cos_mirror) * F::splat(0.5));
         lobe.material(cos_light, cos2_half, sum2 * F::splat(0.25))
@@ -140,7 +143,7 @@ impl Receiver for Ggx {
     }
 }
 
-/// [`Ggx`] receivers together.
+/// Common bounds of [`Ggx`] receivers.
 #[derive(Clone, Copy, Debug)]
 pub struct GgxBundle {
     normals: DirectionCone,

@@ -1,4 +1,4 @@
-//! Promises of a cut, against the sum over every light.
+//! Guarantees of a cut, compared with the sum over every light.
 
 use glam::Vec3;
 use lighttree::{
@@ -6,7 +6,7 @@ use lighttree::{
 };
 use proptest::prelude::*;
 
-/// Share of the light that would arrive if all lights and the receiver faced each other: rounding of cosines near 90°.
+/// Rounding of cosines near 90°, relative to the light if all lights and the receiver faced each other.
 const ROUNDING: f32 = 2e-5;
 
 fn vector(range: f32) -> impl Strategy<Value = Vec3> {
@@ -27,7 +27,7 @@ fn light() -> impl Strategy<Value = Light> {
     (position, emission, intensity).prop_map(|(position, emission, intensity)| Light { position, emission, intensity })
 }
 
-/// Lights, and a receiver that some of them are hidden from.
+/// Lights, and a receiver with some of them occluded.
 #[derive(Clone, Debug)]
 pub struct Scene {
     lights: Vec<Light>,
@@ -53,7 +53,7 @@ impl Scene {
         tree.exhaustive(&self.receiver, |_, k| self.visible(k))
     }
 
-    /// Luminance at a receiver that faces all lights while they all face it.
+    /// Luminance at a receiver if it and all lights face each other.
     fn face_to_face(&self) -> f32 {
         let arrives = |light: &Light| {
             let r2 = light.position.distance_squared(self.receiver.position);
@@ -62,7 +62,7 @@ impl Scene {
         self.lights.iter().map(arrives).sum::<f32>() / std::f32::consts::PI
     }
 
-    /// A typical threshold: `share` of what arrives face to face.
+    /// A typical threshold: `share` times the face-to-face luminance.
     fn threshold(&self, share: f32) -> Stop {
         Stop::Absolute(share * self.face_to_face())
     }
@@ -92,7 +92,7 @@ pub fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scene> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(500))]
 
-    /// The promise of the whole method.
+    /// The central guarantee: the error is within the total bound.
     #[test]
     fn cut_is_within_its_bound(scene in scene(0..200), seed: u64, share in -5.0..0.0f32, max_size in 1..300u32) {
         let tree = scene.build(seed);
@@ -121,7 +121,7 @@ proptest! {
         }
     }
 
-    /// Lengths ×2, intensities ×4: powers of two, so the same bits.
+    /// Lengths ×2 and intensities ×4 are powers of two, so all bits agree.
     #[test]
     fn scale_changes_nothing(scene in scene(0..200), seed: u64, share in 0.001..0.1f32) {
         let mut larger = scene.clone();
@@ -158,7 +158,7 @@ proptest! {
         let cut = later.cut(&tree, later.threshold(0.01), 1000);
         let error = luminance(cut.radiance - later.truth(&rebuilt)).abs();
         prop_assert!(error <= cut.total_bound * 1.0001 + ROUNDING * later.face_to_face());
-        // A second update with the same light has nothing left to swap.
+        // A second update with the same light swaps nothing.
         prop_assert_eq!(tree.update(&intensities).swapped, 0);
     }
 
@@ -222,14 +222,14 @@ fn nothing_is_cheap() {
     assert_eq!(cut(&tree, FLOOR), nothing);
 }
 
-/// A child takes the value of a representative that it shares with its parent, shadow ray included.
+/// A child reuses the value and the shadow ray of a representative that it has in common with its parent.
 #[test]
 fn no_light_gets_two_shadow_rays() {
     let lights: Vec<Light> = (0..500).map(|k| lamp((k % 25) as f32 - 12.0, 1.0 + (k / 25) as f32)).collect();
     let tree = LightTree::build(&lights, PARAMS);
     let truth = luminance(tree.exhaustive(&FLOOR, |_, _| true));
     let mut scratch = Scratch::with_max_size(100);
-    // The last one runs into the largest size.
+    // The last one reaches the maximum size.
     for stop in [
         Stop::Absolute(0.02 * truth),
         Stop::Relative { fraction: 0.02, known_luminance: 0.0 },
@@ -248,7 +248,7 @@ fn no_light_gets_two_shadow_rays() {
             };
             assert!(rays.iter().all(|&count| count <= 1), "{stop:?}");
             assert_eq!(rays.iter().sum::<u32>(), cut.shadow_rays);
-            // Where the next ray depends on the one before, rays go to halves that are not chosen in the end.
+            // If rays depend on previous rays, some go to halves that are not used in the end.
             let allowed = if kept || stop == Stop::Absolute(0.02 * truth) { 0 } else { cut.size / 2 };
             assert!((cut.size..=cut.size + allowed).contains(&cut.shadow_rays), "{stop:?}: {cut:?}");
             assert!(cut.size > 10, "{cut:?}");
@@ -256,7 +256,7 @@ fn no_light_gets_two_shadow_rays() {
     }
 }
 
-/// A receiver that checks its argument: every direction handed to it is a unit vector.
+/// A receiver that checks that every direction is a unit vector.
 struct Probe;
 
 impl Receiver for Probe {
@@ -265,7 +265,7 @@ impl Receiver for Probe {
     }
     fn reflect<F: Real>(&self, direction: Vector3<F>) -> Vector3<F> {
         F::map3(direction, |direction| {
-            // Towards a light where the receiver is there is no direction, and the value counts for nothing.
+            // Towards a light at the receiver's position the direction is undefined and the value is ignored.
             assert!((direction.length() - 1.0).abs() < 1e-5 || direction == Vec3::ZERO, "{direction}");
             Vec3::ONE
         })
@@ -284,7 +284,7 @@ fn receiver_on_a_light_sees_the_others() {
     assert!((cut.radiance.x - expected).abs() < 1e-5, "{cut:?}");
 }
 
-/// A lamp that fades hands its place to another at 0.7 of the other's intensity.
+/// A fading lamp loses its role as representative at 0.7 of the other's intensity.
 #[test]
 fn faded_representative_is_swapped() {
     let mut tree = LightTree::build(&[lamp(0.0, 1.0), lamp(1.0, 1.0)], PARAMS);
@@ -309,7 +309,7 @@ fn faded_representative_is_swapped() {
     let stats = tree.update(&intensities(0.69));
     assert_eq!((stats.swapped, stats.swapped_share, stats.representatives_changed), (1, 1.0, 1));
     assert_eq!(representatives(&tree), [1 - first]);
-    // Back again: the other one is not dim enough to lose it.
+    // At equal intensity the new representative stays.
     assert_eq!(tree.update(&intensities(1.0)).swapped, 0);
 }
 

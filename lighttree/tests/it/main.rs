@@ -1,4 +1,4 @@
-//! Tests of light trees and cuts as their users see them, in one program: a module for each subject.
+//! Tests of the public API of light trees and cuts, in one program with a module per subject.
 
 mod cut;
 mod precision;

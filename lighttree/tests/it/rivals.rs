@@ -1,4 +1,4 @@
-//! Drawn lights are right on average.
+//! Tests that drawn lights give unbiased estimates.
 
 #[path = "../../examples/rivals/mod.rs"]
 mod methods;
@@ -9,8 +9,8 @@ use lighttree::{BuildParams, Cluster, Emission, Lambert, Light, LightTree, Scrat
 use methods::{Drawn, Method, Sum, draw, illuminate};
 use proptest::prelude::*;
 
-/// The mean of [`Sum::share`] over all numbers that [`draw`] may be given, without chance: the drawn light is the same
-/// within intervals of the number, whose ends are found by bisection.
+/// Exact mean of [`Sum::share`] over all numbers passed to [`draw`]. The drawn light is constant on intervals of the
+/// number. Bisection finds their ends.
 fn mean_of_draws(tree: &LightTree, scene: &Scene, root: Cluster) -> DVec3 {
     let draw = |number| draw(tree, &scene.receiver, root, number);
     let is_same = |a: &Drawn, b: &Drawn| a.cluster == b.cluster;
@@ -29,7 +29,7 @@ fn mean_of_draws(tree: &LightTree, scene: &Scene, root: Cluster) -> DVec3 {
     sum
 }
 
-/// Rows of eight lights above a floor, which differ by a factor of three at most.
+/// Rows of eight lights above a floor, with intensities within a factor of three.
 fn ceiling(rows: usize) -> LightTree {
     let lights: Vec<Light> = (0..8 * rows)
         .map(|k| Light {
@@ -46,7 +46,7 @@ const RECEIVER: Lambert = Lambert { position: Vec3::new(3.0, 1.0, 0.0), normal: 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Light drawn from the roots is on average the sum over every light, however rarely one of them is drawn.
+    /// The mean light drawn from the roots equals the sum over every light, even if some lights are rarely drawn.
     #[test]
     fn drawn_lights_are_right_on_average(scene in scene(1..40)) {
         let tree = scene.build(1);
@@ -56,8 +56,8 @@ proptest! {
     }
 }
 
-/// The mean over many streams is the sum over every light, within five standard errors. The lights differ little, so
-/// that no rare one hides from the estimate of the standard error.
+/// The mean over many streams equals the sum over every light within five standard errors. Intensities differ little,
+/// so that no rarely drawn light distorts the estimated standard error.
 #[test]
 fn streams_are_right_on_average() {
     let tree = ceiling(5);
@@ -83,7 +83,7 @@ fn streams_are_right_on_average() {
     }
 }
 
-/// The same stream gives the same bits, and another one another choice.
+/// Equal streams give identical bits, different streams different draws.
 #[test]
 fn streams_are_stable_and_differ() {
     let tree = ceiling(25);
