@@ -164,7 +164,7 @@ pub(crate) fn transpose([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
 ///
 /// ```text
 /// L = M · G · V · I                        \[Walter05\], eq. 1
-/// M  material term, includes the receiver's cosine
+///   M  material term, includes the receiver's cosine
 ///   G  cos θ_light / (r² + s²)             Cosine
 ///      1 / (r² + s²)                       Omni
 ///      1                                   Directional

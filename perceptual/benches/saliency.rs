@@ -1,4 +1,5 @@
-//! Saliency of a 512×512 picture, on one thread: `cargo bench -p render2mpeg-perceptual --bench saliency`.
+//! Benchmarks of saliency for a 512×512 picture on one thread: `cargo bench -p render2mpeg-perceptual --bench
+//! saliency`.
 
 use divan::Bencher;
 use perceptual::{saliency, steady_saliency};
@@ -23,7 +24,7 @@ fn picture() -> Plane<[f32; 3]> {
     })
 }
 
-/// Motion of a turning camera, with a strip that moves by itself.
+/// Motion of a rotating camera, with an independently moving strip.
 fn motion() -> Plane<[f32; 2]> {
     Plane::from_fn(SIZE, SIZE, |x, y| {
         let pan = [1.5 + 0.002 * x as f32, 0.001 * y as f32];

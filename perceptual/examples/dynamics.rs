@@ -1,4 +1,4 @@
-//! Draws how thresholds follow what they are derived from: `docs/dynamics.svg`.
+//! Plots the response of thresholds to changing input: `docs/dynamics.svg`.
 //!
 //! `cargo run --release -p render2mpeg-perceptual --example dynamics`
 
@@ -8,11 +8,11 @@ use plot::{BLUE, GRAY, GREEN, Plot, RED};
 
 const SIDE: usize = 16;
 const FRAMES: usize = 80;
-/// Where something happens.
+/// Frame of the event.
 const EVENT: usize = 10;
 
-/// Mean of ΔY by its value at the beginning, over frames whose brightness and quantiser_scale `input` gives. `taken` is the
-/// share of the thresholds that the renderer is wrong by, the other way in each frame.
+/// Mean of ΔY relative to its first value, over frames of the brightness and quantiser_scale of `input`. `taken` is
+/// the renderer's error as a fraction of the threshold. Its sign alternates between frames.
 fn response(weight: f32, kappa: f32, taken: f32, input: impl Fn(usize) -> (f32, f32)) -> Vec<(f32, f32)> {
     let still = Correspondence::still(SIDE, SIDE);
     let tone_map = ToneMap::default();

@@ -1,14 +1,14 @@
-//! Writes the saliency of a picture: `bench/saliency.py` compares it with a second program.
+//! Writes the saliency map of a picture. `bench/saliency.py` compares it with an independent program.
 //!
 //! `cargo run --release -p render2mpeg-perceptual --example saliency -- PICTURE.ppm MAP.pfm [MOTION.pfm]`
 //!
-//! PICTURE is a binary PPM (P6) of eight bits. MOTION is a color PFM (PF, little-endian) whose red and green are u_x and u_y in
+//! PICTURE is a binary 8-bit PPM (P6). MOTION is a color PFM (PF, little-endian) with u_x in red and u_y in green, in
 //! pixels per frame. MAP is a gray PFM.
 
 use plane::Plane;
 use std::{env, fs, process::ExitCode};
 
-/// Magic number, width, height and the fourth number of a PPM or PFM, and the samples that follow.
+/// Size and samples of a PPM or PFM file.
 struct Portable {
     width: usize,
     height: usize,
@@ -31,14 +31,14 @@ fn read(path: &str, magic: &str, bytes: usize) -> Result<Portable, String> {
     Ok(Portable { width, height, samples })
 }
 
-/// Display values of a PPM.
+/// Reads display values from a PPM.
 fn read_picture(path: &str) -> Result<Plane<[f32; 3]>, String> {
     let Portable { width, height, samples } = read(path, "P6", 1)?;
     let value = |at: usize| f32::from(samples[at]) / 255.0;
     Ok(Plane::from_fn(width, height, |x, y| [0, 1, 2].map(|i| value(3 * (y * width + x) + i))))
 }
 
-/// Motion from a PFM, whose rows run from the bottom to the top.
+/// Reads motion from a PFM. Its rows are stored from bottom to top.
 fn read_motion(path: &str) -> Result<Plane<[f32; 2]>, String> {
     let Portable { width, height, samples } = read(path, "PF", 4)?;
     let value = |at: usize| f32::from_le_bytes([0, 1, 2, 3].map(|byte| samples[4 * at + byte]));

@@ -1,73 +1,85 @@
-//! Tolerable errors from the real coding of a picture, instead of that of any codec: from the steps, modes and
-//! losses of one encoder.
+//! Tolerable errors from the actual coding of a picture: the steps, modes and losses of one encoder.
 //!
-//! An error of the renderer goes through the same quantiser as the picture does. Where a coefficient is written, its error
-//! is seen in full; where its level is zero, an error that does not lift it over the dead zone is not seen at all. And
-//! whatever is seen adds to the error that coding leaves anyway. So
+//! An error of the renderer passes through the same quantiser as the picture. Where a level is written, the error of
+//! the coefficient is fully visible. Where the level is zero, an error is invisible unless it lifts the coefficient
+//! over the dead zone. Visible errors add to the coding error. Therefore
 //!
 //! ```text
-//! (6)  D = d_ij² summed over the block / 64                       mean square error that coding leaves, code values²
-//! (7)  P = Σ p_ij a_ij      a_ij = 1 where a level is written, min(1, (d_ij / Z_ij)²) where none is
-//! (8)  e' = min( √(√(D D̄) / (P N)),  M_ij / (12 √p_ij) of all ij without level )
-//!      N = 1 + (n − 1)(1 − P')            of an intra picture, 1 of others
+//! (6)  D = d_ij² summed over the block / 64                       mean square coding error, code values²
+//! (7)  P = Σ p_ij a_ij      a_ij = 1 where a level is written, min(1, (d_ij / Z_ij)²) elsewhere
+//! (8)  e' = min( √(√(D D̄) / (P N)),  M_ij / (12 √p_ij) over all ij without level )
+//!      N = 1 + (n − 1)(1 − P')            for an intra picture, otherwise 1
 //!      M_ij = max(Z_ij − |d_ij|, Z_ij / 8)
 //!
-//!   d_ij  DCT of source − decoded; where no level is written, the coefficient itself, or of a predicted block its residual
-//!   Z_ij  dead zone: ½ Δ_ij in intra blocks, Δ_ij in others       Δ_ij  quantiser step: w_ij · quantiser_scale / 16,
-//!   p_ij  share of the renderer's error in coefficient ij               8, 4, 2 or 1 for the DC of intra blocks
-//!   D̄     mean of D over the picture                              w_ij  matrix in force
-//!   n     pictures of the group                                   P'    P of the block where it is predicted
+//!   d_ij  DCT of source − decoded: without a level the coefficient, or in a predicted block its residual
+//!   Z_ij  dead zone: ½ Δ_ij in intra blocks, otherwise Δ_ij       Δ_ij  quantiser step: w_ij · quantiser_scale / 16,
+//!   p_ij  fraction of the renderer's error in coefficient ij             8, 4, 2 or 1 for the DC of intra blocks
+//!   D̄     mean of D over the picture                              w_ij  matrix in use
+//!   n     number of pictures in the group                         P'    P of the block if predicted
 //! ```
-//! (7) is the share of an error that comes through; (8) lets what comes through be as large as what coding leaves, and keeps
-//! one and a half times the standard deviation of what does not come through within what is left of the dead zone. Decoded PSNR counts all errors of the
-//! picture alike, the eye those of the block: D is taken half from the one and half from the other. An error in an intra
-//! picture is seen again in every picture that is predicted from it, as far as these do not send the block anew: N times in
-//! all. (With I pictures alone rendered coarser, of `cornell`, 1.05 times the error that they bring arrives over the film at
-//! quantiser 2, ten times at 48; of P pictures 0.93 times and none.)
+//! P of (7) is the visible fraction of an error. (8) allows visible errors as large as the coding error. It also
+//! keeps 1.5 standard deviations of the invisible error within the remaining dead zone. Decoded PSNR weighs all
+//! errors of the picture equally, while the eye judges the block. D is therefore the geometric mean of both.
 //!
-//! The next picture may be coded in another way than this one. [`NextPicture`] says what is known: what an intra picture
-//! does to a block follows from its coefficients; what a predicted picture does after an intra one is to leave what is there.
+//! An error in an intra picture stays visible in every picture predicted from it until these replace the block: N
+//! times in total. Measurement on `cornell`, with only one picture type rendered coarser:
+//!
+//! | coarser pictures | quantiser | error arriving over the film, relative to their own |
+//! |---|---|---|
+//! | I | 2 | 1.05 |
+//! | I | 48 | 10 |
+//! | P | 2 | 0.93 |
+//! | P | 48 | 0 |
+//!
+//! The next picture may be coded in another mode. [`NextPicture`] specifies the mode. The effect of an intra picture
+//! on a block follows from its coefficients. A predicted picture after an intra picture leaves the block unchanged.
 
 use crate::bounded;
 use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 use plane::{Coded, Plane, dct};
 use rayon::prelude::*;
 
-/// Steps that an encoder quantises with.
+/// Quantiser steps of an encoder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuantiserSteps {
     /// w_ij of intra blocks in raster order.
     pub intra_matrix: [u8; 64],
-    /// w_ij of predicted blocks.
+    /// w_ij of predicted blocks in raster order.
     pub non_intra_matrix: [u8; 64],
-    /// Step of the DC of intra blocks: 8, 4, 2 or 1 for intra_dc_precision 8 to 11 (ISO/IEC 13818-2, 7.4.1).
+    /// Step of the DC of intra blocks: 8, 4, 2 or 1 for intra_dc_precision 8 to 11 bits (ISO/IEC 13818-2, 7.4.1).
     pub intra_dc_step: f32,
 }
 
 impl Default for QuantiserSteps {
-    /// MPEG-2's default matrices and 8 bits for the DC.
+    /// MPEG-2's default matrices and 8-bit DC precision.
     fn default() -> Self {
         Self { intra_matrix: DEFAULT_INTRA_MATRIX, non_intra_matrix: DEFAULT_NON_INTRA_MATRIX, intra_dc_step: 8.0 }
     }
 }
 
-/// How the next picture will be coded.
+/// Coding mode of the next picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NextPicture {
-    /// By itself, as the first of a group.
+    /// Intra coded, as the first picture of a group.
     Intra {
-        /// n: pictures of the group, 1 or more.
+        /// Number n of pictures in the group, at least 1.
         group: u32,
     },
-    /// Predicted from this one.
+    /// Predicted from this picture.
     Predicted,
 }
 
-/// p_ij in raster order, sum 1: neighbors take nearly the same clusters, so that their errors are nearly the same.
+/// Returns p_ij in raster order, with a sum of 1. Neighboring pixels use nearly the same clusters, so their errors
+/// are nearly equal and low frequencies dominate.
 ///
-/// For lightcuts on `cornell` at quantisers 2 to 48, 65 to 67 % of the energy is in the DC, 7 to 8 % in each of the two next,
-/// 1.3 % in the next on the diagonal; on `nave`, 46 to 58 %, 4 to 9 % and 1.5 to 2 %. This has 66, 9 and 1.4 %.
+/// Energy of lightcut errors, measured at quantisers 2 to 48, and of this model:
+///
+/// | | DC | each of the two next | next on the diagonal |
+/// |---|---|---|---|
+/// | `cornell` | 65 to 67 % | 7 to 8 % | 1.3 % |
+/// | `nave` | 46 to 58 % | 4 to 9 % | 1.5 to 2 % |
+/// | model | 66 % | 9 % | 1.4 % |
 fn error_spectrum() -> [f32; 64] {
     let along = |u: usize| 1.0 / (1.0 + 6.0 * (u * u) as f32);
     let p: [f32; 64] = std::array::from_fn(|k| along(k / 8) * along(k % 8));
@@ -75,15 +87,15 @@ fn error_spectrum() -> [f32; 64] {
     p.map(|p| p / sum)
 }
 
-/// Least share of a dead zone that is left: without it, a block that is about to be sent would have to be exact, and its
-/// residual is not known better than by a part of the zone.
+/// Minimum remaining fraction of a dead zone. Without it, a block close to being sent would have to be exact,
+/// although its residual is known only to a fraction of the zone.
 const LEAST_MARGIN: f32 = 0.125;
 
-/// Share of its step from which a coefficient of an intra block is worth the bits of a level, with an encoder that weighs
-/// them: fits `mpeg2enc`.
+/// Fraction of its step from which a coefficient of an intra block gets a level. Fitted to the rate-distortion
+/// decisions of `mpeg2enc`.
 const WORTH_A_LEVEL: f32 = 0.6;
 
-/// Eqs. (6) to (8), with what does not change between pictures.
+/// Eqs. (6) to (8) with their precomputed constants.
 pub(crate) struct CodedMasking {
     steps: QuantiserSteps,
     p: [f32; 64],
@@ -93,7 +105,7 @@ pub(crate) struct CodedMasking {
 
 /// Effect of the coding on a block.
 struct BlockLoss {
-    /// Mean square error.
+    /// Mean square error \[code values²\].
     d2: f32,
     /// P, or P N.
     passes: f32,
@@ -107,9 +119,10 @@ impl CodedMasking {
         Self { steps, p, per_margin: p.map(|p| 1.0 / (12.0 * p.sqrt())) }
     }
 
-    /// e′ of every 8×8 block: the root mean square error of luma that it may have, in code values, finite and not negative.
+    /// Returns e′ of every 8×8 block: its tolerable root-mean-square luma error in code values, finite and not
+    /// negative.
     ///
-    /// `luma` in code values above black, as it went to the encoder but before rounding.
+    /// `luma` is in code values above black, as sent to the encoder but before rounding.
     pub fn tolerable_luma(&self, luma: &Plane<f32>, coded: &Coded, next: NextPicture) -> Plane<f32> {
         let (columns, rows) = luma.block_counts();
         let losses: Vec<BlockLoss> = (0..columns * rows)
@@ -117,7 +130,7 @@ impl CodedMasking {
             .with_min_len(64)
             .map(|k| self.block_loss(luma, coded, next, k))
             .collect();
-        // In order, so that the number of threads does not change the sum.
+        // Sum in order, so that the result does not depend on the number of threads.
         let mean = losses.iter().map(|loss| f64::from(loss.d2)).sum::<f64>() / losses.len().max(1) as f64;
         let e = losses.iter().map(|loss| {
             let d2 = (loss.d2 * mean as f32).sqrt();
@@ -126,7 +139,7 @@ impl CodedMasking {
         Plane::from_vec(columns, rows, e.collect())
     }
 
-    /// The effect on the k-th block in raster order.
+    /// Returns the effect on the k-th block in raster order.
     fn block_loss(&self, luma: &Plane<f32>, coded: &Coded, next: NextPicture, k: usize) -> BlockLoss {
         let columns = luma.block_counts().0;
         let (column, row) = (k % columns, k / columns);
@@ -154,12 +167,12 @@ impl CodedMasking {
         self.loss(d, levels, &steps, 1.0)
     }
 
-    /// Predicted loss of a block with coefficients `c` in an intra picture.
+    /// Predicts the loss of a block with coefficients `c` in an intra picture.
     fn predicted_intra_loss(&self, c: &[f32; 64], scale: f32) -> BlockLoss {
         let steps = self.intra_steps(scale);
         let is_written = |i: usize| i == 0 || c[i].abs() >= WORTH_A_LEVEL * steps[i];
         let levels = (0..64).filter(|&i| is_written(i)).fold(0, |levels, i| levels | 1 << i);
-        // What is written is rounded to the nearest level.
+        // Written coefficients are rounded to the nearest level.
         let d = std::array::from_fn(|i| if is_written(i) { steps[i] / 12f32.sqrt() } else { c[i] });
         self.loss(&d, levels, &steps, 0.5)
     }
@@ -170,7 +183,8 @@ impl CodedMasking {
         steps
     }
 
-    /// Eqs. (6) and (7); `dead_zone` in steps. Eight coefficients at a time, of which the sums and minima meet at the end.
+    /// Computes eqs. (6) and (7), with `dead_zone` in steps. Eight lanes accumulate separate sums and minima,
+    /// combined at the end.
     fn loss(&self, d: &[f32; 64], levels: u64, steps: &[f32; 64], dead_zone: f32) -> BlockLoss {
         let (mut d2, mut passes, mut within) = ([0.0; 8], [0.0; 8], [f32::INFINITY; 8]);
         for row in 0..8 {
@@ -204,7 +218,7 @@ mod tests {
     use plane::{Picture, dct_definition, idct};
     use std::sync::Arc;
 
-    /// A picture of this decoded luma, with one mode and one quantiser_scale everywhere.
+    /// A picture with this decoded luma, one mode and one quantiser_scale.
     fn coded_as(decoded: &Plane<u8>, levels: &Plane<u64>, intra: bool, quantiser_scale: u8) -> Coded {
         let (columns, rows) = (decoded.width().div_ceil(16), decoded.height().div_ceil(16));
         let scales = Plane::filled(columns, rows, quantiser_scale);
@@ -212,13 +226,13 @@ mod tests {
         Coded::new(decoded, levels.clone(), Plane::filled(columns, rows, intra), scales).unwrap()
     }
 
-    /// Numbers from −½ to ½.
+    /// Random numbers in −½ … ½.
     fn random(state: &mut u32) -> f32 {
         *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (*state >> 8) as f32 / (1 << 24) as f32 - 0.5
     }
 
-    /// A picture of blocks whose coefficients fall off as those of photographs do.
+    /// A picture of blocks with coefficients that decay as in photographs.
     fn photograph(blocks: usize) -> Plane<f32> {
         let mut state = 5;
         let all: Vec<[f32; 64]> = (0..blocks * blocks)
@@ -226,7 +240,7 @@ mod tests {
                 let busy = 60.0 * (random(&mut state) + 0.5).powi(3);
                 let mut c: [f32; 64] = std::array::from_fn(|k| {
                     let r = ((k / 8).pow(2) + (k % 8).pow(2)) as f32;
-                    // Three of them together: more small ones than large ones, and a few that are very large.
+                    // The product of three has many small, fewer large and a few very large values.
                     busy * 8.0 * random(&mut state) * random(&mut state) * random(&mut state) / (1.0 + 0.2 * r)
                 });
                 c[0] = 800.0 + 600.0 * random(&mut state);
@@ -236,16 +250,16 @@ mod tests {
         Plane::from_fn(8 * blocks, 8 * blocks, |x, y| all[y / 8 * blocks + x / 8][y % 8 * 8 + x % 8])
     }
 
-    /// Each coefficient to the nearest level (intra) or towards zero (others): the value that (7.4) reconstructs, and whether it
-    /// is not zero.
+    /// Quantises a coefficient to the nearest level (intra) or towards zero (others). Returns the value that (7.4)
+    /// reconstructs and whether it is nonzero.
     fn quantised(c: f32, step: f32, dead_zone: f32, is_dc: bool) -> (f32, bool) {
         let level = if is_dc { (c / step).round() } else { (c.abs() / step + 1.0 - dead_zone).floor() * c.signum() };
-        // Levels that were cut off towards zero stand for the middle of what they came from.
+        // Levels truncated towards zero are reconstructed in the middle of their interval.
         let middle = if dead_zone == 1.0 { 0.5 * level.signum() } else { 0.0 };
         ((level + middle * f32::from(level != 0.0)) * step, level != 0.0 || is_dc)
     }
 
-    /// `source` coded block by block, `predicted` from something that is off by the same `residual` everywhere.
+    /// Codes `source` block by block, intra or predicted from `base`.
     fn coded(source: &Plane<f32>, base: &Plane<f32>, scale: f32, intra: bool) -> (Plane<u8>, Plane<u64>) {
         let model = CodedMasking::new(QuantiserSteps::default());
         let (columns, rows) = source.block_counts();
@@ -276,8 +290,8 @@ mod tests {
         a.samples().iter().zip(b.samples()).map(of).sum::<f64>() / a.samples().len() as f64
     }
 
-    /// Errors with the spectrum of the model, of a share of e' in every block, go through a quantiser: the decoded picture
-    /// is worse by that share of what coding leaves, as eqs. (7) and (8) say, and not by more.
+    /// Sends errors with the model's spectrum and a fraction of e′ per block through a quantiser. The decoded
+    /// picture's error grows by at most that fraction of the coding error, as eqs. (7) and (8) predict.
     #[test]
     fn what_comes_through_is_what_was_allowed() {
         let model = CodedMasking::new(QuantiserSteps::default());
@@ -287,7 +301,7 @@ mod tests {
         for (intra, quantiser_scale) in
             [(true, 4.0), (true, 16.0), (true, 48.0), (false, 4.0), (false, 16.0), (false, 48.0)]
         {
-            // A predicted picture: light has changed by up to a tenth, in every block by another share.
+            // A predicted picture: the light of every block has changed by a random factor of up to a tenth.
             let changed: Vec<f32> = (0..24 * 24).map(|_| 0.95 + 0.1 * random(&mut state)).collect();
             let before = |x: usize, y: usize| source.get(x, y) * changed[y / 8 * 24 + x / 8];
             let base = Plane::from_fn(192, 192, |x, y| if intra { 0.0 } else { before(x, y) });
@@ -299,7 +313,7 @@ mod tests {
             let mut wrong = source.clone();
             for (column, row) in (0..24).flat_map(|row| (0..24).map(move |column| (column, row))) {
                 let sigma = kappa * tolerable.get(column, row);
-                // Evenly distributed, variance 1/12 before.
+                // Uniformly distributed with a variance of 1/12.
                 let e = idct(&p.map(|p| sigma * 8.0 * (12.0 * p).sqrt() * random(&mut state)));
                 for (i, e) in e.iter().enumerate() {
                     let (x, y) = (8 * column + i % 8, 8 * row + i / 8);
@@ -310,12 +324,12 @@ mod tests {
             let (before, after) = (mean_square(&source, &decoded), mean_square(&source, &other));
             let share = (after - before) / before / f64::from(kappa * kappa);
             println!("intra {intra}, quantiser_scale {quantiser_scale}: κ² D allowed, {share:.2} of it came through");
-            // The README's figures, to two decimals.
+            // Figures of the README, to two decimals.
             assert!((0.245..0.955).contains(&share), "intra {intra}, quantiser_scale {quantiser_scale}: {share}");
         }
     }
 
-    /// Eqs. (6) to (8) by their definition.
+    /// Compares eqs. (6) to (8) with their definition.
     #[test]
     fn blocks_follow_the_equations() {
         let model = CodedMasking::new(QuantiserSteps::default());
@@ -347,11 +361,11 @@ mod tests {
         }
     }
 
-    /// Where a predicted picture sends nothing, an error in an intra picture is seen in all pictures of its group.
+    /// If predicted pictures send nothing, an error in an intra picture is visible in all pictures of its group.
     #[test]
     fn what_stays_counts_as_often_as_it_is_seen() {
         let model = CodedMasking::new(QuantiserSteps::default());
-        // Even gray: nothing but the DC is ever written.
+        // Uniform gray: only the DC is ever written.
         let (luma, decoded) = (Plane::filled(16, 16, 84.4f32), Plane::filled(16, 16, 100));
         let picture = coded_as(&decoded, &Plane::filled(2, 2, 1), true, 112);
         let of = |group| model.tolerable_luma(&luma, &picture, NextPicture::Intra { group }).get(0, 0);

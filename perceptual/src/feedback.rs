@@ -1,4 +1,4 @@
-//! The loop over frames: frame t decides how exact frame t+1 has to be.
+//! The loop over frames: frame t sets the thresholds of frame t+1.
 
 use crate::coded::{CodedMasking, NextPicture, QuantiserSteps};
 use crate::predicted::PredictedCoding;
@@ -12,39 +12,47 @@ use std::sync::Arc;
 /// Weight of the past in eq. (5), \[Herzog08, §5.2\].
 pub const DEFAULT_WEIGHT: f32 = 0.5;
 
-/// Weight of the past where e′ is what the encoder did: that changes from picture to picture with every level that is written
-/// or not, and a cut that changes with it flickers. On `cornell` at quantiser 48 (128×128, 12 frames) the decoded film flickers
-/// 7.6 % more than with cuts at 2 % for a weight of 0.5, 2.7 % more for 0.8, 3.2 % more for 0.95.
+/// Weight of the past if e′ follows from the encoder's coding. This e′ changes from picture to picture with every
+/// written level, and a lightcut that follows the changes flickers. Excess flicker on `cornell` at quantiser 48
+/// (128×128, 12 frames), compared with cuts at 2 %:
+///
+/// | weight | excess flicker |
+/// |---|---|
+/// | 0.5 | 7.6 % |
+/// | 0.8 | 2.7 % |
+/// | 0.95 | 3.2 % |
 const CODED_WEIGHT: f32 = 0.8;
 
-/// ΔY(t−1) counts as no more than this multiple of e there. After a flash, what its light allowed is soon of no use, and the
-/// weight alone would let it fade for dozens of frames. On `cornell`, `nave` and `atrium` (160×160, quantisers 8 and 48) cuts are as large
-/// as without this bound, and 2 % larger on `atrium` at 48, where bits and flicker fall by as much.
+/// Upper limit of ΔY(t−1), as a multiple of the current e. After a flash, thresholds of its light are soon useless,
+/// and with the weight alone they would fade over dozens of frames.
+///
+/// On `cornell`, `nave` and `atrium` (160×160, quantisers 8 and 48) cuts are as large as without this limit. The
+/// exception is `atrium` at 48, where cuts are 2 % larger and bits and flicker 2 % smaller.
 const CODED_PAST_MAX: f32 = 4.0;
 
-/// A frame whose thresholds are wanted.
+/// A frame whose thresholds are to be computed.
 #[derive(Clone, Copy, Debug)]
 pub struct ObservedFrame<'a> {
     /// Luma in code values above black, before rounding: see [`YCbCr::luma`](crate::YCbCr::luma).
     pub luma: &'a Plane<f32>,
     /// Linear luminance of the same size.
     pub luminance: &'a Plane<f32>,
-    /// Where each pixel was in the frame observed before; `None` where nothing is known of that frame, as after a cut.
+    /// Correspondence to the previously observed frame. `None` if unknown, such as after a shot change.
     pub known: Option<&'a Correspondence>,
 }
 
-/// Expected coding of a frame that the encoder has not coded yet.
+/// Expected coding of a frame that is not encoded yet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectedCoding {
-    /// MPEG-2's quantiser_scale in force, 1…112.
+    /// Expected MPEG-2 quantiser_scale, 1…112.
     pub quantiser_scale: f32,
     /// Whether the frame will be an intra picture, the first of its group.
     pub begins_group: bool,
 }
 
-/// Holds ΔY(t) from frame to frame.
+/// Threshold state ΔY(t) of the loop over frames.
 ///
-/// Frames are observed in display order. Equal inputs give equal thresholds, bit by bit, whatever the number of threads.
+/// Frames are observed in display order. Equal inputs give bit-identical thresholds for any number of threads.
 ///
 /// ```
 /// use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, ToneMap, YCbCr, luminance_plane};
@@ -73,7 +81,7 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// No frame seen yet. `weight` is w of eq. (5), 0…1: how much of the past is kept.
+    /// Creates the state before the first frame. `weight` is w of eq. (5), the weight of the past, 0…1.
     #[must_use]
     pub fn new(model: MaskingModel, tone_map: ToneMap, weight: f32) -> Self {
         let scale = LuminanceScale::new(&tone_map);
@@ -88,19 +96,19 @@ impl Feedback {
         }
     }
 
-    /// Multiplies what masking allows by κ, 0…1 and more: `e = max(0.02 · Y, κ · |Ŷ − Y|)` in place of eq. (4), which has
-    /// κ = 1. NaN and negative values count as 0.
+    /// Multiplies the masked error by κ ≥ 0: `e = max(0.02 · Y, κ · |Ŷ − Y|)` instead of eq. (4), where κ is 1. NaN
+    /// and negative values count as 0.
     ///
-    /// A renderer that holds each of many contributions to the threshold, as a lightcut does each of its clusters, is wrong
-    /// by more than the threshold in their sum: κ makes room for that.
+    /// A lightcut bounds the error of each cluster by the threshold, so the sum of its errors may exceed it. A
+    /// smaller κ compensates.
     #[must_use]
     pub fn with_kappa(self, kappa: f32) -> Self {
         Self { kappa: kappa.max(0.0), ..self }
     }
 
-    /// Takes in frame t and returns ΔY(t), by eqs. (1) to (5).
+    /// Observes frame t and returns ΔY(t), by eqs. (1) to (5).
     ///
-    /// `quantiser_scale` is that of MPEG-2, 1…112. A change of picture size starts afresh.
+    /// `quantiser_scale` is MPEG-2's, 1…112. A change of picture size resets the state.
     ///
     /// # Panics
     /// If the planes of `frame` differ in size.
@@ -111,10 +119,12 @@ impl Feedback {
         self.take_in(e, known, self.weight, f32::INFINITY)
     }
 
-    /// Takes in frame t and returns ΔY(t), from how the encoder coded the frame and will code the next: eqs. (6) to (8).
+    /// Observes frame t and returns ΔY(t), by eqs. (6) to (8), from the coding of this frame and the mode of the
+    /// next.
     ///
-    /// κ multiplies e′ of eq. (8), and w is 0.8 whatever [`Feedback::new`] was given. The past counts as no more than 4 e′.
-    /// Before an intra picture nothing is blended with the past: its pictures were predicted and might be wrong by more.
+    /// κ multiplies e′ of eq. (8). w is 0.8, independent of [`Feedback::new`]. The past counts as at most 4 e′.
+    /// Before an intra picture the past is not blended in, because its thresholds are for predicted pictures and
+    /// would be too large.
     ///
     /// # Panics
     /// If the planes of `frame` differ in size.
@@ -129,8 +139,8 @@ impl Feedback {
         self.take_in_tolerable(frame, &tolerable, next)
     }
 
-    /// [`Feedback::observe_coded`] for a frame that the encoder has not coded yet: its coding is predicted from the frame,
-    /// its matches, and what is `expected` of the encoder.
+    /// Observes a frame that is not encoded yet, like [`Feedback::observe_coded`]. Its coding is predicted from the
+    /// frame, its matches and the `expected` coding parameters.
     ///
     /// # Panics
     /// If the planes of `frame` differ in size.
@@ -165,46 +175,47 @@ impl Feedback {
         &self.thresholds
     }
 
-    /// ΔY(t) fetched along the motion of frame t+1: `known` says where each of its pixels was in the last observed frame.
+    /// Returns ΔY(t) reprojected to frame t+1. `known` is the correspondence of its pixels to the last observed
+    /// frame.
     ///
-    /// Before the first frame, 2 % of luminance everywhere.
+    /// Before the first frame, thresholds are 2 % of luminance everywhere.
     #[must_use]
     pub fn thresholds_for_next(&self, known: &Correspondence) -> ThresholdMap {
         reproject(&self.thresholds, known)
     }
 
-    /// ΔY of the last observed frame; an empty plane before the first.
+    /// ΔY of the last observed frame, or an empty plane before the first frame.
     #[must_use]
     pub fn thresholds(&self) -> &Arc<Plane<f32>> {
         &self.thresholds
     }
 
-    /// Pixels of the last observed frame whose luma or luminance was not finite.
+    /// Number of pixels of the last observed frame with luma or luminance that is not finite.
     #[must_use]
     pub fn non_finite(&self) -> usize {
         self.non_finite
     }
 
-    /// Luma that [`Feedback::observe_predicted`] predicts for the last frame when decoded, 16 for black; an empty plane where
-    /// no coding was predicted.
+    /// Decoded luma of the last frame as predicted by [`Feedback::observe_predicted`], 16 for black. Empty if no
+    /// coding was predicted.
     #[must_use]
     pub fn predicted(&self) -> &Plane<u8> {
         self.predicted.decoded()
     }
 
-    /// Forgets all frames.
+    /// Resets the state to before the first frame.
     pub fn reset(&mut self) {
         self.thresholds = Arc::default();
         self.predicted = PredictedCoding::default();
         self.non_finite = 0;
     }
 
-    /// Puts back ΔY of the last observed frame, as [`Feedback::thresholds`] gave it: for continuing an interrupted film.
+    /// Restores ΔY of the last observed frame from [`Feedback::thresholds`], to continue an interrupted film.
     pub fn restore(&mut self, thresholds: impl Into<Arc<Plane<f32>>>) {
         self.thresholds = thresholds.into();
     }
 
-    /// Puts back what [`Feedback::predicted`] gave: for continuing an interrupted film whose coding is predicted.
+    /// Restores the plane from [`Feedback::predicted`], to continue an interrupted film with predicted coding.
     pub fn restore_predicted(&mut self, decoded: Plane<u8>) {
         self.predicted = PredictedCoding::after(decoded);
     }

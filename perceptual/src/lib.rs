@@ -1,10 +1,19 @@
-//! How exact a picture has to be when it will be watched as an MPEG-2 video.
+//! Perceptual error thresholds for pictures that will be watched as MPEG-2 video.
 //!
-//! A picture and the codec's quantiser scale go in; out comes, pixel by pixel, how wrong its luminance may be without anybody seeing
-//! it after compression: [`tolerable_error`], after \[Herzog08\] with Watson's masking model \[Watson93\]; of an sRGB picture in one call,
-//! [`thresholds_of_srgb`]. [`Feedback`] carries
-//! that from frame to frame along the motion. Around it: [`ToneMap`], curves that can be undone; [`YCbCr`], the picture that an
-//! MPEG-2 encoder takes; [`saliency()`], where a viewer looks first, and [`task_map()`], where one looks who watches something; and metrics ([`psnr`], [`ssim`], …) for reports. The README lists the references and what is known of extremes.
+//! Input is a picture and the codec's quantiser scale. Output is the luminance error of each pixel that stays
+//! invisible after compression. [`tolerable_error`] follows \[Herzog08\] with Watson's masking model \[Watson93\].
+//! [`thresholds_of_srgb`] handles an sRGB picture in one call. [`Feedback`] reprojects thresholds from frame to frame
+//! along the motion.
+//!
+//! Related tools:
+//!
+//! * [`ToneMap`]: invertible tone curves
+//! * [`YCbCr`]: input pictures for MPEG-2 encoders
+//! * [`saliency()`]: importance for a viewer without a task
+//! * [`task_map()`]: importance for a viewer with a task
+//! * [`psnr`], [`ssim`] and other metrics for reports
+//!
+//! The README lists the references and the behavior at extreme input.
 //!
 //! ```
 //! use perceptual::{MaskingModel, Plane, ToneMap, YCbCr, luminance_plane, tolerable_error};
@@ -49,13 +58,13 @@ pub use crate::ycbcr::{ColorMatrix, YCbCr, luminance_plane, to_rgb8, to_rgb8_by}
 pub use plane::matrices::DEFAULT_INTRA_MATRIX;
 pub use plane::{LUMINANCE_WEIGHTS, luminance};
 
-/// Input and output: planes, pictures, where their pixels were, and what an encoder did to them.
+/// Planes, pictures, correspondences and codings, which are input and output of this crate.
 pub use plane::{Coded, Correspondence, NO_MATCH, Picture, Plane};
 
 /// Luma of white in code values above black.
 pub const WHITE_LUMA: f32 = 219.0;
 
-/// `value` taken into `low…high`; NaN becomes `low`.
+/// Clamps `value` to `low…high`. NaN becomes `low`.
 #[inline]
 fn bounded(value: f32, low: f32, high: f32) -> f32 {
     if value > low { value.min(high) } else { low }

@@ -1,6 +1,6 @@
 //! Luminance and contrast masking in the DCT domain: the invisible changes of a block.
 //!
-//! Watson's model \[Watson93\] with the intra matrix of MPEG-2 as base thresholds, as \[Herzog08, §5.1 and §5.2\] use it:
+//! Watson's model \[Watson93\] with the intra matrix of MPEG-2 as base thresholds, as in \[Herzog08, §5.1 and §5.2\]:
 //!
 //! ```text
 //! (1)  t_ij = q_ij (c_00 / c̄_00)^(0.649 γ)
@@ -14,40 +14,42 @@
 //!   q_min  smallest q_ij other than q_00; 16 by default
 //! ```
 //!
-//! # What the sources leave open, and what is done here
-//! - sign(0) = +. Coefficients that vanish are replaced by a wave in the direction of their sign; in a block that is exactly
-//!   flat all signs are positive, and the 63 waves meet in the block's upper left sample: it gets nearly seven times the tolerance
-//!   of the block, whose root mean square is ½ s q_min code values whatever the signs (the transform is orthonormal).
-//! - The first case of (3) replaces a coefficient; it does not add to it. The DC goes through the same cases: in a block
-//!   darker than ½ q_00 s (mean luma ¹⁄₁₆ q_00 s; black in practice) it is replaced by ½ s q_min.
-//! - `c_00 / c̄_00` is kept within 1/16…16 ([`MaskingModel::max_luminance_ratio`]), so that a lone white block in a
-//!   black picture stays finite and a black block keeps a threshold above zero. A black picture (c̄_00 = 0) has ratio 1 everywhere.
+//! # Choices where the sources are ambiguous
+//! - sign(0) = +. Coefficients that vanish are replaced by a wave with their sign. In a completely flat block all
+//!   signs are positive, and the 63 waves add up in the upper left sample. It gets nearly seven times the tolerance
+//!   of the block. The block's root mean square is ½ s q_min code values for any signs, because the transform is
+//!   orthonormal.
+//! - The first case of (3) replaces a coefficient instead of adding to it. The DC uses the same cases. In a block
+//!   darker than ½ q_00 s (mean luma ¹⁄₁₆ q_00 s, black in practice) the DC is replaced by ½ s q_min.
+//! - `c_00 / c̄_00` is clamped to 1/16…16 ([`MaskingModel::max_luminance_ratio`]). A single white block in a black
+//!   picture then stays finite, and a black block keeps a positive threshold. In a black picture (c̄_00 = 0) the
+//!   ratio is 1 everywhere.
 
 use crate::bounded;
 use plane::matrices::DEFAULT_INTRA_MATRIX;
 use plane::{Plane, dct, idct};
 use rayon::prelude::*;
 
-/// Exponent of luminance masking in linear luminance \[Watson93\]; the display gamma multiplies it in eq. (1).
+/// Exponent of luminance masking in linear luminance \[Watson93\]. Eq. (1) multiplies it by the display gamma.
 pub const LUMINANCE_MASKING_EXPONENT: f32 = 0.649;
-/// Exponent of contrast masking, the same for all AC frequencies \[Watson93\].
+/// Exponent of contrast masking, equal for all AC frequencies \[Watson93\].
 pub const CONTRAST_MASKING_EXPONENT: f32 = 0.7;
-/// The divisor in s = quantiser_scale / 16: MPEG-2's step for coefficient ij is q_ij · quantiser_scale / 16.
+/// Divisor in s = quantiser_scale / 16. MPEG-2's step of coefficient ij is q_ij · quantiser_scale / 16.
 const QUANTISER_SCALE_UNIT: f32 = 16.0;
-/// c̄_00 below this is a black picture: less than 2·10⁻⁴ code values on average.
+/// Largest c̄_00 of a black picture: less than 2·10⁻⁴ code values on average.
 const BLACK_MEAN_DC: f32 = 1e-3;
 
-/// The numbers of the masking model.
+/// Parameters of the masking model.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct MaskingModel {
-    /// q_ij in raster order, 1…255 each (0 counts as 1). Default: [`DEFAULT_INTRA_MATRIX`].
+    /// q_ij in raster order, 1…255 (0 counts as 1). Default: [`DEFAULT_INTRA_MATRIX`].
     #[cfg_attr(feature = "serde", serde(with = "matrix"))]
     pub intra_matrix: [u8; 64],
     /// γ of the display in eq. (1). Default 2.0 \[Herzog08, §5.1\].
     pub display_gamma: f32,
-    /// Bound r on c_00 / c̄_00, kept within 1/r…r; at least 1. Default 16, ours: above the ratio of white to the mean of a
-    /// picture whose mean luma is 14, so that only pictures that are nearly black reach it.
+    /// Limit r of c_00 / c̄_00, which is clamped to 1/r…r. At least 1, default 16. Only nearly black pictures reach
+    /// the default: 16 is above the ratio of white to the mean of a picture with a mean luma of 14.
     pub max_luminance_ratio: f32,
 }
 
@@ -57,20 +59,21 @@ impl Default for MaskingModel {
     }
 }
 
-/// `s = quantiser_scale / 16`, for a scale taken into 1…112 (ISO/IEC 13818-2, Table 7-6).
+/// Returns `s = quantiser_scale / 16`, with the scale clamped to 1…112 (ISO/IEC 13818-2, Table 7-6).
 fn step_multiplier(quantiser_scale: f32) -> f32 {
     bounded(quantiser_scale, 1.0, 112.0) / QUANTISER_SCALE_UNIT
 }
 
 impl MaskingModel {
-    /// Eq. (1): thresholds of a block with DC coefficient `dc` in a picture with the mean `mean_dc`, before contrast masking.
+    /// Computes eq. (1): thresholds of a block with DC coefficient `dc` in a picture with mean `mean_dc`, before
+    /// contrast masking.
     #[must_use]
     pub fn luminance_thresholds(&self, dc: f32, mean_dc: f32) -> [f32; 64] {
         let factor = self.luminance_factor(dc, mean_dc);
         self.intra_matrix.map(|q| f32::from(q.max(1)) * factor)
     }
 
-    /// Eq. (2): thresholds `t` raised by the block's own contrast `c`.
+    /// Computes eq. (2): thresholds `t` raised by the block's own contrast `c`.
     #[must_use]
     pub fn contrast_thresholds(t: &[f32; 64], c: &[f32; 64]) -> [f32; 64] {
         std::array::from_fn(|i| match i {
@@ -79,7 +82,8 @@ impl MaskingModel {
         })
     }
 
-    /// Eq. (3): the coefficients `c` of a block, distorted as far as quantisation and masking `m` allow.
+    /// Computes eq. (3): the coefficients `c` of a block with the largest distortion that quantisation and masking
+    /// `m` hide.
     #[must_use]
     pub fn worst_case(&self, c: &[f32; 64], m: &[f32; 64], quantiser_scale: f32) -> [f32; 64] {
         let (s, q_min) = (step_multiplier(quantiser_scale), self.smallest_ac());
@@ -90,10 +94,11 @@ impl MaskingModel {
         })
     }
 
-    /// Eqs. (1) to (3) for all blocks of a picture: the luma ŷ′ that a viewer could not tell from `luma`.
+    /// Computes eqs. (1) to (3) for all blocks of a picture: the distorted luma ŷ′ that is visually equal to `luma`.
     ///
-    /// `luma` in code values above black, before rounding; values that are not finite count as black, others are taken into
-    /// −16…239, what eight bits hold. The result is neither rounded nor clipped. `quantiser_scale` is taken into 1…112.
+    /// `luma` is in code values above black, before rounding. Values that are not finite count as black, others are
+    /// clamped to −16…239, the range of eight bits. The result is neither rounded nor clipped. `quantiser_scale` is
+    /// clamped to 1…112.
     #[must_use]
     pub fn worst_case_luma(&self, luma: &Plane<f32>, quantiser_scale: f32) -> Plane<f32> {
         let (width, height) = (luma.width(), luma.height());
@@ -116,7 +121,7 @@ impl MaskingModel {
         out
     }
 
-    /// `(c_00 / c̄_00)^(0.649 γ)`, within the bounds of the model.
+    /// Returns `(c_00 / c̄_00)^(0.649 γ)`, within the limits of the model.
     fn luminance_factor(&self, dc: f32, mean_dc: f32) -> f32 {
         if mean_dc.is_nan() || mean_dc < BLACK_MEAN_DC {
             return 1.0;
@@ -126,13 +131,13 @@ impl MaskingModel {
         bounded(dc / mean_dc, 1.0 / bound, bound).powf(LUMINANCE_MASKING_EXPONENT * gamma)
     }
 
-    /// q_min.
+    /// Returns q_min.
     fn smallest_ac(&self) -> f32 {
         f32::from(self.intra_matrix[1..].iter().copied().fold(u8::MAX, u8::min).max(1))
     }
 }
 
-/// c̄_00: the mean of the DC coefficients over all blocks of a plane of luma. 0 for a plane without samples.
+/// Returns c̄_00: the mean of the DC coefficients over all blocks of a luma plane. 0 for a plane without samples.
 #[must_use]
 pub fn mean_dc(luma: &Plane<f32>) -> f32 {
     let (columns, rows) = luma.block_counts();
@@ -140,7 +145,7 @@ pub fn mean_dc(luma: &Plane<f32>) -> f32 {
         return 0.0;
     }
     let dc = |column, row| {
-        // Eight sums side by side: one after the other, each addition would wait for the last.
+        // Eight independent sums, because sequential additions would wait for each other.
         let mut sums = [0.0f32; 8];
         for line in finite_block(luma, column, row).chunks_exact(8) {
             for (sum, value) in sums.iter_mut().zip(line) {
@@ -150,19 +155,20 @@ pub fn mean_dc(luma: &Plane<f32>) -> f32 {
         sums.iter().sum::<f32>() / 8.0
     };
     let of_row = |row| (0..columns).map(|column| f64::from(dc(column, row))).sum::<f64>();
-    // Rows are collected and then added up in order, so that the number of threads does not change the sum.
+    // Collect the sums of rows and add them in order, so that the result does not depend on the number of threads.
     let sums: Vec<f64> = (0..rows).into_par_iter().map(of_row).collect();
     (sums.iter().sum::<f64>() / (columns * rows) as f64) as f32
 }
 
-/// A block of luma with everything brought into the range of eight bits.
+/// Returns a block of luma clamped to the range of eight bits.
 fn finite_block(luma: &Plane<f32>, column: usize, row: usize) -> [f32; 64] {
     luma.block(column, row).map(|v| if v.is_finite() { v.clamp(-16.0, 239.0) } else { 0.0 })
 }
 
-/// Eqs. (1) to (3) in one pass over a block, without branches or calls, so that it becomes vector code.
+/// Eqs. (1) to (3) in one pass over a block, without branches or calls, so that the compiler vectorizes it.
 ///
-/// Eq. (2) rearranged: t max(1, |c| / t)^0.7 = max(t, t^0.3 |c|^0.7), and t^0.3 = q^0.3 · factor^0.3, where q^0.3 is known.
+/// Eq. (2) rearranged: t max(1, |c| / t)^0.7 = max(t, t^0.3 |c|^0.7), and t^0.3 = q^0.3 · factor^0.3 with a
+/// precomputed q^0.3.
 struct FastMasking<'a> {
     model: &'a MaskingModel,
     mean_dc: f32,
@@ -201,29 +207,30 @@ impl<'a> FastMasking<'a> {
     }
 }
 
-/// `|c|^0.7` of all coefficients.
+/// Returns `|c|^0.7` of all coefficients.
 ///
-/// Not inlined: the compiler would move each power into the branch that needs it, and then compute them one by one.
+/// Not inlined: the compiler would move each power into the branch that needs it and compute them one by one.
 #[inline(never)]
 fn contrast_powers(c: &[f32; 64]) -> [f32; 64] {
     c.map(|c| contrast_power(c.abs()))
 }
 
-/// `x^0.7` for x from 0 to 1e6, within a relative 1e-5; ordinary arithmetic only. (0 gives less than 1e-20.)
+/// Returns `x^0.7` for x in 0…1e6, with a relative error below 1e-5, from basic arithmetic only. 0 gives less than
+/// 1e-20.
 #[inline(always)]
 fn contrast_power(x: f32) -> f32 {
     const SQRT_HALF: u32 = std::f32::consts::FRAC_1_SQRT_2.to_bits();
     const TWO_OVER_LN_2: f32 = 2.0 / std::f32::consts::LN_2;
-    /// 1.5 · 2²³: adding it rounds to a whole number in the low bits.
+    /// 1.5 · 2²³. Adding it rounds to an integer in the low bits.
     const ROUNDER: f32 = 12_582_912.0;
-    // log2(x) = exponent + log2(mantissa), the mantissa from √½ to √2, by the series of the area hyperbolic tangent.
+    // log2(x) = exponent + log2(mantissa), the mantissa in √½ … √2, by the series of the inverse hyperbolic tangent.
     let bits = x.max(1e-30).to_bits();
     let exponent = (bits.wrapping_sub(SQRT_HALF) as i32) >> 23;
     let mantissa = f32::from_bits(bits.wrapping_sub((exponent << 23) as u32));
     let z = (mantissa - 1.0) / (mantissa + 1.0);
     let zz = z * z;
     let log2 = exponent as f32 + TWO_OVER_LN_2 * z * (1.0 + zz * (1.0 / 3.0 + zz * (0.2 + zz * (1.0 / 7.0))));
-    // 2^y = 2^whole · 2^rest, rest from −½ to ½, by the exponential series up to the fifth power.
+    // 2^y = 2^whole · 2^rest, rest in −½ … ½, by the exponential series up to the fifth power.
     let y = CONTRAST_MASKING_EXPONENT * log2;
     let shifted = y + ROUNDER;
     let rest = (y - (shifted - ROUNDER)) * std::f32::consts::LN_2;
@@ -231,7 +238,7 @@ fn contrast_power(x: f32) -> f32 {
     f32::from_bits(series.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// 64 numbers in a settings file: serde derives arrays of up to 32.
+/// Serialization of 64 numbers, because serde derives arrays only up to 32.
 #[cfg(feature = "serde")]
 mod matrix {
     use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};

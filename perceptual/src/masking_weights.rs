@@ -1,23 +1,32 @@
-//! Quantisers that follow masking: coarser where detail hides what coding loses, finer where nothing does.
+//! Quantisers that follow masking: coarser where detail hides coding errors, finer in smooth areas.
 //!
 //! ```text
 //! weight = 2^(s (a − ā))        a = log₂(1 + mean of the variances of the four 8×8 blocks of luma)      ā  mean of a
 //! ```
 //!
-//! Contrast masking raises the threshold of a coefficient with a power of its size \[Watson93\]. A weight of one macroblock stands for
-//! all of its coefficients, and its power s is far smaller than Watson's 0.7: a quantiser is coarser for faint coefficients as well.
+//! Contrast masking raises the threshold of a coefficient with a power of its magnitude \[Watson93\]. A weight
+//! applies to all coefficients of a macroblock. Its power s is far below Watson's 0.7, because a coarser quantiser also
+//! affects faint coefficients.
 
 use plane::Plane;
 
-/// s. Ours: at equal bits, by interpolation of quantisers from 12 to 20, scores of SSIMULACRA 2 rise by 1.1 to 2.5 on `nave`, 1.4 to
-/// 4.0 on `conference` and 2.0 to 4.1 on Sponza (192×192, 4 frames). With 0.12 it is 0.8 to 1.9, 1.2 to 3.1 and 2.3 to 2.7; with
-/// −0.12 scores fall.
+/// s, chosen by SSIMULACRA 2 scores at equal bits. Increase of the score, interpolated from quantisers 12 to 20
+/// (192×192, 4 frames):
+///
+/// | s | `nave` | `conference` | Sponza |
+/// |---|---|---|---|
+/// | 0.2 | 1.1 to 2.5 | 1.4 to 4.0 | 2.0 to 4.1 |
+/// | 0.12 | 0.8 to 1.9 | 1.2 to 3.1 | 2.3 to 2.7 |
+///
+/// Scores fall at s = −0.12.
 const STRENGTH: f32 = 0.2;
-/// Side of a macroblock, and of its blocks.
+/// Side of a macroblock \[samples\].
 const MACROBLOCK: usize = 16;
+/// Side of a luma block \[samples\].
 const BLOCK: usize = 8;
 
-/// Factor of quantiser_scale for each macroblock of a picture with this luma, in code values; their geometric mean is 1.
+/// Returns a factor of quantiser_scale for each macroblock of a picture with this luma \[code values\]. The geometric
+/// mean of the factors is 1.
 ///
 /// Beyond the border the outermost samples repeat.
 #[must_use]
@@ -34,7 +43,7 @@ pub fn masking_weights(luma: &Plane<f32>) -> Plane<f32> {
     activity.map(|activity| (STRENGTH * (activity - mean)).exp2())
 }
 
-/// Variance of the block at this corner.
+/// Variance of the block with this upper left corner.
 fn variance(luma: &Plane<f32>, left: usize, top: usize) -> f32 {
     let (mut sum, mut squares) = (0.0, 0.0);
     for y in top..top + BLOCK {
@@ -54,7 +63,8 @@ mod tests {
 
     #[test]
     fn detail_is_coded_coarser_than_what_is_even() {
-        // Even, a step at the border of blocks, and checks of ±16 and ±32; the last macroblock is cut off.
+        // Macroblocks: uniform, a step at a block border, checkerboards of ±16 and ±32. The last macroblock is
+        // truncated.
         let luma = Plane::from_fn(60, 12, |x, y| {
             let check = if (x + y) % 2 == 0 { 1.0 } else { -1.0 };
             match x / 16 {
@@ -68,10 +78,10 @@ mod tests {
         let weights = masking_weights(&luma);
         assert_eq!((weights.width(), weights.height()), (4, 1));
         let [even, step, faint, strong] = [0, 1, 2, 3].map(|column| weights.get(column, 0));
-        // A step between blocks masks nothing within them.
+        // A step between blocks masks nothing inside them.
         assert!(even == step && step < faint && faint < strong, "{weights:?}");
         assert!((even * step * faint * strong - 1.0).abs() < 1e-5, "{weights:?}");
-        // Where all is checks, their ratio is that of 1 + variance to the power s.
+        // For pure checkerboards the ratio of weights is the ratio of 1 + variance to the power s.
         assert!((faint / even - 257f32.powf(STRENGTH)).abs() < 0.02, "{weights:?}");
         assert!(masking_weights(&Plane::filled(33, 17, 7.0)).samples().iter().all(|&weight| weight == 1.0));
     }

@@ -1,13 +1,13 @@
-//! How far a picture is from another, for reports: squared errors, PSNR, and structural similarity \[Wang04\].
+//! Picture metrics for reports: squared errors, PSNR, and structural similarity \[Wang04\].
 //!
-//! All functions take the picture to be judged first and the reference second, and panic if they differ in size.
-//! Sums run in `f64`, in raster order. Errors of planes without samples are 0.
+//! All functions take the picture first and the reference second, and panic if they differ in size. Sums use `f64` in
+//! raster order. Errors of planes without samples are 0.
 
 use plane::{Correspondence, Plane};
 
-/// A sample that consists of numbers: a single one, or the components of a color.
+/// A sample with one or several numeric components.
 pub trait Components: Copy {
-    /// The numbers.
+    /// Components of the sample.
     fn components(&self) -> &[f32];
 }
 
@@ -23,7 +23,7 @@ impl Components for [f32; 3] {
     }
 }
 
-/// Added to the squared reference in [`relative_mse`], so that black pixels do not decide it; ours, the customary value of
+/// Term added to the squared reference in [`relative_mse`], so that black pixels do not dominate. The usual value of
 /// denoising papers for pictures exposed to about 1.
 const RELATIVE_MSE_EPSILON: f64 = 0.01;
 
@@ -45,7 +45,7 @@ fn mean<T: Components>(picture: &Plane<T>, reference: &Plane<T>, term: impl Fn(f
     sum / count.max(1) as f64
 }
 
-/// Mean squared error of 8-bit planes, in squared code values.
+/// Mean squared error of 8-bit planes \[code values²\].
 #[must_use]
 pub fn mse(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     assert_same_size(picture, reference);
@@ -54,7 +54,7 @@ pub fn mse(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     sum as f64 / picture.samples().len().max(1) as f64
 }
 
-/// Peak signal-to-noise ratio of 8-bit planes in dB, peak 255; infinite for equal pictures.
+/// Peak signal-to-noise ratio of 8-bit planes \[dB\], with a peak of 255. Infinite for equal pictures.
 ///
 /// ```
 /// use plane::Plane;
@@ -66,13 +66,13 @@ pub fn psnr(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     10.0 * (255.0 * 255.0 / mse(picture, reference)).log10()
 }
 
-/// Mean square of how much more a film changes from one frame to the next than its reference does, in squared code values:
+/// Flicker: mean squared difference between the temporal changes of a film and its reference \[code values²\].
 ///
 /// ```text
-/// (a_t(x) − a_{t−1}(x')) − (b_t(x) − b_{t−1}(x'))        over the pixels x that were at x' in the frame before
+/// (a_t(x) − a_{t−1}(x')) − (b_t(x) − b_{t−1}(x'))        over the pixels x with a match x' in the previous frame
 /// ```
-/// `pictures` and `references` hold the frame and the one before; `known` the match x' of every pixel of the
-/// frame. An error that stands still, or moves with what it is on, does not flicker. 0 without matches.
+/// `pictures` and `references` contain the current and the previous frame. `known` has the match x' of every pixel of
+/// the current frame. A constant error, or one that moves with its surface, does not flicker. 0 without matches.
 ///
 /// # Panics
 /// If the planes differ in size.
@@ -95,31 +95,31 @@ pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], known: &C
     sum / count.max(1) as f64
 }
 
-/// Root of the mean squared error, in the unit of the samples; colors: over all components.
+/// Root mean squared error, in the unit of the samples. Colors use all components.
 #[must_use]
 pub fn rmse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
     mean(picture, reference, |a, b| (a - b).powi(2)).sqrt()
 }
 
-/// Mean of (a − b)² / (b² + 0.01): squared errors relative to the reference b.
+/// Mean of (a − b)² / (b² + 0.01): squared error relative to the reference b.
 #[must_use]
 pub fn relative_mse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
     mean(picture, reference, |a, b| (a - b).powi(2) / (b * b + RELATIVE_MSE_EPSILON))
 }
 
-/// Samples on each side of the center of the window of [`ssim`].
+/// Radius of the window of [`ssim`] \[samples\].
 const RADIUS: usize = 5;
-/// Width of its Gaussian in samples \[Wang04, §III-C\].
+/// Standard deviation of its Gaussian \[samples\] \[Wang04, §III-C\].
 const SIGMA: f64 = 1.5;
 
-/// Structural similarity of 8-bit planes \[Wang04\]: 1 for equal pictures, less for all others.
+/// Structural similarity of 8-bit planes \[Wang04\]: 1 for equal pictures, otherwise less.
 ///
 /// ```text
 /// SSIM = (2 μ_a μ_b + C1) (2 σ_ab + C2) / ((μ_a² + μ_b² + C1) (σ_a² + σ_b² + C2))      C1 = (0.01·255)², C2 = (0.03·255)²
 /// ```
 ///
-/// Means and variances under an 11×11 Gaussian window of σ = 1.5 samples; the mean over all places where the window lies within
-/// the picture. Pictures smaller than the window: over all places, with the border repeated.
+/// Means and variances use an 11×11 Gaussian window of σ = 1.5 samples. The result is the mean over all window
+/// positions inside the picture. For pictures smaller than the window, it covers all pixels with the border repeated.
 #[must_use]
 pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     assert_same_size(picture, reference);
@@ -139,6 +139,7 @@ pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     let places = |length: usize| if length > 2 * RADIUS { RADIUS..length - RADIUS } else { 0..length };
     let mut sum = 0.0;
     for y in places(height) {
+        // Local means, variances and covariance under the window.
         for x in places(width) {
             let (a, b) = (mean_a.get(x, y), mean_b.get(x, y));
             let (variance_a, variance_b) = (aa.get(x, y) - a * a, bb.get(x, y) - b * b);
@@ -150,14 +151,14 @@ pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     sum / (places(height).len() * places(width).len()) as f64
 }
 
-/// Weights of the window along one axis; they sum to 1.
+/// Returns the window weights along one axis, with a sum of 1.
 fn window() -> [f64; 2 * RADIUS + 1] {
     let bell = |i: usize| (-(i as f64 - RADIUS as f64).powi(2) / (2.0 * SIGMA * SIGMA)).exp();
     let total: f64 = (0..=2 * RADIUS).map(bell).sum();
     std::array::from_fn(|i| bell(i) / total)
 }
 
-/// The plane under the window, border repeated.
+/// Convolves the plane with the window, with the border repeated.
 fn windowed(plane: &Plane<f64>) -> Plane<f64> {
     let weights = window();
     let offset = |i: usize, k: usize| (i + k) as isize - RADIUS as isize;

@@ -1,11 +1,13 @@
-//! The coding of a picture, predicted: an encoder that looks ahead has not coded it yet when its thresholds are wanted.
+//! Predicted coding of a picture, for encoders with lookahead: these have not coded a picture when its thresholds are
+//! needed.
 //!
-//! A plain coder of luma stands in for it: I at the beginning of a group, else P, predicted from the picture before as the
-//! renderer knows that pixels have moved, at one quantiser_scale. Each coefficient is rounded to the nearest level in intra
-//! blocks and towards zero in predicted ones, as in ISO/IEC 13818-2, 7.4, with no more wit than that. Its result is a
-//! [`Coded`]; the next picture is predicted from its decoded luma.
+//! A simple luma coder takes the encoder's place. The first picture of a group is an I picture, all others are P
+//! pictures. P pictures are predicted from the previous picture by the renderer's motion, with one quantiser_scale.
+//! Coefficients are rounded to the nearest level in intra blocks and towards zero in predicted blocks, as in ISO/IEC
+//! 13818-2, 7.4, without rate-distortion decisions. The result is a [`Coded`]. The next picture is predicted from its
+//! decoded luma.
 //!
-//! B pictures are taken for P: they may be coarser than those, so this errs on the careful side.
+//! B pictures are treated as P pictures. They may be coarser, so this is conservative.
 
 use crate::bounded;
 use crate::coded::QuantiserSteps;
@@ -13,29 +15,29 @@ use plane::{Coded, Correspondence, NO_MATCH, Picture, Plane, dct, idct};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// The stand-in, from picture to picture.
+/// The simple coder's state from picture to picture.
 #[derive(Debug, Default)]
 pub(crate) struct PredictedCoding {
-    /// The last picture, without color; empty before the first.
+    /// Last decoded picture, without color. Empty before the first picture.
     decoded: Arc<Picture>,
 }
 
-/// A block as it is decoded, and where it has levels.
+/// Decoded samples of a block, and the bit set of its levels.
 type CodedBlock = ([u8; 64], u64);
 
 impl PredictedCoding {
-    /// Continues after a picture that was decoded so.
+    /// Continues after this decoded picture.
     pub fn after(decoded: Plane<u8>) -> Self {
         Self { decoded: Arc::new(Picture::gray(decoded)) }
     }
 
-    /// Luma of the last picture, 16 for black; empty before the first.
+    /// Luma of the last picture, 16 for black. Empty before the first picture.
     pub fn decoded(&self) -> &Plane<u8> {
         self.decoded.luma()
     }
 
-    /// Codes a picture: `luma` in code values above black; `known`, where each pixel was in the picture before, or none for one
-    /// that is coded by itself.
+    /// Codes a picture. `luma` is in code values above black. `known` is the correspondence to the previous picture,
+    /// or `None` for an intra picture.
     pub fn code(
         &mut self,
         luma: &Plane<f32>,
@@ -48,8 +50,9 @@ impl PredictedCoding {
         let (across, down) = (width.div_ceil(16), height.div_ceil(16));
         let scale = bounded(quantiser_scale, 1.0, 112.0);
         let matches = known.map(Correspondence::matches);
-        // As a decoder holds it.
+        // Previous picture, as decoded.
         let past = self.decoded.luma().samples();
+        // Code a macroblock intra if fewer than half of its pixels have a match.
         let is_intra = |column: usize, row: usize| {
             let Some(matches) = matches else { return true };
             let (left, right) = (16 * column, width.min(16 * column + 16));
@@ -71,7 +74,7 @@ impl PredictedCoding {
                 if intra[row / 2 * across + column / 2] {
                     return coder.code(&source, None);
                 }
-                // What nothing is known of has no residual.
+                // Pixels without a match have no residual.
                 let from = matches.map_or([NO_MATCH; 64], |matches| matches.block(column, row));
                 let prediction =
                     std::array::from_fn(|i| past.get(from[i] as usize).map_or(source[i], |&sample| f32::from(sample)));
@@ -81,7 +84,7 @@ impl PredictedCoding {
         if (self.decoded.width(), self.decoded.height()) != (width, height) {
             self.decoded = Arc::new(Picture::black(width, height));
         }
-        // In place, unless someone still holds the last picture.
+        // Update in place, unless the last picture is still in use elsewhere.
         let [decoded, ..] = Arc::make_mut(&mut self.decoded).samples_mut();
         for (y, row) in decoded.chunks_mut(width.max(1)).enumerate() {
             for (samples, block) in row.chunks_mut(8).zip(&blocks[y / 8 * columns..]) {
@@ -95,8 +98,8 @@ impl PredictedCoding {
     }
 }
 
-/// The nearest whole number, below 2²²: the sum with 3·2²² has no bits left for a fraction. Without instructions for it, rounding
-/// is a call.
+/// Rounds to the nearest integer below 2²². The sum with 3·2²² has no bits for a fraction. Without rounding
+/// instructions, `round` would be a function call.
 fn nearest(x: f32) -> f32 {
     const ROUNDING: f32 = 12_582_912.0;
     x + ROUNDING - ROUNDING
@@ -126,7 +129,7 @@ impl BlockCoder<'_> {
                 for i in 0..64 {
                     let step = f32::from(self.steps.non_intra_matrix[i].max(1)) * self.scale;
                     let level = (c[i].abs() / step) as i32 as f32;
-                    // A level stands for the middle of what it was cut off from.
+                    // A truncated level is reconstructed in the middle of its interval.
                     let magnitude = if level == 0.0 { 0.0 } else { (level + 0.5) * step };
                     quantised[i] = magnitude.copysign(c[i]);
                 }
@@ -149,7 +152,7 @@ mod tests {
         ((h * 2_654_435_761) % 1000) as f32 / 1000.0 - 0.5
     }
 
-    /// Whatever is coded, the decoded picture is off by less than half a step in every intra coefficient and a step in others.
+    /// The decoded error is below half a step in every intra coefficient, and below one step in others.
     #[test]
     fn coefficients_are_off_by_less_than_the_dead_zone() {
         let steps = QuantiserSteps::default();
@@ -170,7 +173,7 @@ mod tests {
                             (true, 0) => 4.0,
                             _ => dead_zone * f32::from(matrix[i]) * quantiser_scale / 16.0,
                         };
-                        // And the rounding of 64 samples: at most ½ each.
+                        // Plus the rounding of 64 samples, at most ½ each.
                         assert!(d.abs() <= zone + 4.0, "quantiser_scale {quantiser_scale}, coefficient {i}: {d}");
                     }
                 }
@@ -178,7 +181,7 @@ mod tests {
         }
     }
 
-    /// Pixels that stay as they were are not sent again, and those that come into view are coded by themselves.
+    /// Unchanged pixels are not sent again, and disoccluded areas are coded intra.
     #[test]
     fn still_parts_are_skipped_and_new_ones_are_intra() {
         let steps = QuantiserSteps::default();
@@ -189,7 +192,7 @@ mod tests {
         }
         let mut coding = PredictedCoding::default();
         coding.code(&picture, None, 16.0, &steps);
-        // What intra pictures round by half of a large step is worth a level of a smaller one.
+        // The intra rounding error of half a large step may exceed a smaller step and get a level.
         let before = coding.code(&picture, Some(&Correspondence::still(48, 16)), 16.0, &steps).luma().clone();
         let coded = coding.code(&picture, Some(&Correspondence::from_matches(matches)), 16.0, &steps);
         assert_eq!(coded.intra().samples(), [false, false, true]);

@@ -2,19 +2,19 @@
 
 use crate::ToneMap;
 
-/// Segments per factor of two of the argument: relative error of a power 1/2.2 below 1e-5.
+/// Number of segments per octave of the argument. The relative error of a power 1/2.2 is below 1e-5.
 const SEGMENTS_PER_OCTAVE: u32 = 64;
-/// Bits of an `f32` below the segment number.
+/// Number of `f32` bits below the segment number.
 const SHIFT: u32 = 23 - SEGMENTS_PER_OCTAVE.ilog2();
-/// Smallest argument with a segment of its own, 2⁻⁴⁰; below it the table runs straight to 0.
+/// Smallest argument with its own segment, 2⁻⁴⁰. Below it the table is linear to 0.
 const SMALLEST: f32 = 1.0 / (1u64 << 40) as f32;
-/// Largest argument, 2²⁴; above it the curve counts as flat.
+/// Largest argument, 2²⁴. Above it the curve is constant.
 const LARGEST: f32 = (1 << 24) as f32;
 
-/// [`ToneMap::encode`] in segments that are straight lines: 64 for each factor of two, from 2⁻⁴⁰ to 2²⁴ times the radiance that
-/// saturates. That radiance, where the slope jumps to 0, is the end of a segment.
+/// [`ToneMap::encode`] in linear segments: 64 per octave, from 2⁻⁴⁰ to 2²⁴ times the saturating radiance. At that
+/// radiance, where the slope jumps to 0, a segment ends.
 ///
-/// Within 1e-5 of the curve (0.002 code values of 219) for display gammas up to 2.4, and monotone.
+/// The error is below 1e-5 (0.002 code values of 219) for display gammas up to 2.4. The table is monotonic.
 pub(crate) struct EncodeTable {
     scale: f32,
     nodes: Vec<f32>,
@@ -29,7 +29,7 @@ impl EncodeTable {
         Self { scale: 1.0 / saturation, nodes: (first..=last + 1).map(node).collect() }
     }
 
-    /// Display value of finite radiance.
+    /// Returns the display value of finite radiance.
     #[inline]
     pub fn get(&self, linear: f32) -> f32 {
         let x = (linear * self.scale).clamp(0.0, LARGEST);
@@ -44,19 +44,20 @@ impl EncodeTable {
     }
 }
 
-/// Segments of [`LumaDecodeTable`]: more than 18 for each code value. A power of two, so that a mask keeps any number within.
+/// Number of segments of [`LumaDecodeTable`]: more than 18 per code value. A power of two, so that a mask limits the
+/// index.
 const LUMA_SEGMENTS: usize = 4096;
 
-/// Luminance of a gray pixel as a function of luma in code values above black, in straight segments.
+/// Luminance of a gray pixel as a function of luma in code values above black, in linear segments.
 ///
-/// [`ToneMap::decode`] of `luma / 219`. Exact at the nodes; within 0.1 % from 1 to 218, within 0.6 % in the last code value below white,
-/// where the inverse of Reinhard's global curve is steep.
+/// Approximates [`ToneMap::decode`] of `luma / 219`. It is exact at the nodes. The error is below 0.1 % from 1 to
+/// 218. It is below 0.6 % in the last code value below white, where the inverse of Reinhard's global curve is steep.
 pub(crate) struct LumaDecodeTable {
-    /// For each segment, where it begins and how far it rises: one load for both.
+    /// Start value and rise of each segment, read together.
     segments: Box<[[f32; 2]; LUMA_SEGMENTS]>,
 }
 
-/// Without the segments, which follow from the tone map.
+/// Omits the segments, which follow from the tone map.
 impl std::fmt::Debug for LumaDecodeTable {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("LumaDecodeTable").finish_non_exhaustive()
@@ -71,11 +72,11 @@ impl LumaDecodeTable {
         Self { segments: segments.try_into().expect("as many as there are") }
     }
 
-    /// Luminance of gray of each luma; luma is taken into 0…219, NaN must not occur.
+    /// Returns the luminance of gray for each luma, clamped to 0…219. NaN is not allowed.
     ///
-    /// Eight at a time, so that all but the look-up itself becomes vector code. The segment is the whole number nearest to half a
-    /// segment below: of two that meet in a node either will do. The sum with 2²³ has no bits left for a fraction, and the number
-    /// in its lowest.
+    /// Eight lanes at a time, so that everything except the table access is vectorized. The segment is the nearest
+    /// integer to half a segment below; at a node, both adjacent segments are correct. Adding 2²³ removes the
+    /// fraction and leaves the integer in the lowest bits.
     #[inline]
     pub fn get(&self, luma: [f32; 8]) -> [f32; 8] {
         const WHOLE: f32 = (1 << 23) as f32;

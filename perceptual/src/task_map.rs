@@ -1,22 +1,24 @@
-//! The task map: where viewers look who have something to watch.
+//! Task map: the importance of each pixel for a viewer with a task.
 //!
 //! ```text
 //! T(e) = 1                                e ≤ 2°
-//!        cos²(π/2 · (e − 2°) / 6°)        2° < e < 8°          e  angle to the nearest pixel that shows what is watched
+//!        cos²(π/2 · (e − 2°) / 6°)        2° < e < 8°          e  angle to the nearest watched pixel
 //!        0                                e ≥ 8°
 //! ```
 //!
-//! The fovea sees sharply within about 2° of what is looked at. A map that falls off from there leaves no edge between pixels
-//! with many and with few rays \[Debattista05, 4.1\]. Angles are those of the middle of the screen.
+//! The fovea sees sharply within about 2° of the fixation point. A smooth decay from there avoids a visible edge
+//! between pixels with many and with few rays \[Debattista05, 4.1\]. Angles are valid in the middle of the screen.
 
 use plane::Plane;
 use std::f32::consts::FRAC_PI_2;
 
-/// Up to this angle all is seen sharply, and from this angle on nothing is \[°\].
+/// Largest angle of full acuity \[°\].
 const FOVEA: f32 = 2.0;
+/// Angle from which importance is zero \[°\].
 const PERIPHERY: f32 = 8.0;
 
-/// T of every pixel, 0…1: 1 within 2° of the pixels that are `watched`, 0 from 8° on, and everywhere where none is.
+/// Returns T of every pixel: 1 within 2° of the `watched` pixels, 0 from 8° on, and 0 everywhere without watched
+/// pixels.
 ///
 /// # Panics
 /// If `pixels_per_degree` is not positive.
@@ -30,14 +32,15 @@ pub fn task_map(watched: &Plane<bool>, pixels_per_degree: f32) -> Plane<f32> {
     })
 }
 
-/// Square of the distance from each pixel to the nearest one that is set \[pixels²\]; infinite where none is.
+/// Returns the squared distance from each pixel to the nearest set pixel \[pixels²\], infinite without set pixels.
 ///
-/// By columns, then by rows: D(x, y) = min_u ((x − u)² + C(u, y)) is the lower envelope of parabolas \[Felzenszwalb12\].
+/// Columns first, then rows: D(x, y) = min_u ((x − u)² + C(u, y)) is the lower envelope of parabolas
+/// \[Felzenszwalb12\].
 fn squared_distances(set: &Plane<bool>) -> Plane<f32> {
     let (width, height) = (set.width(), set.height());
     let mut distances = Plane::filled(width, height, f32::INFINITY);
 
-    // C(x, y), the square of the distance within the column: downwards, then upwards.
+    // C(x, y), the squared distance within the column: downwards, then upwards.
     for x in 0..width {
         let mut away = f32::INFINITY;
         for y in (0..height).chain((0..height).rev()) {
@@ -52,9 +55,10 @@ fn squared_distances(set: &Plane<bool>) -> Plane<f32> {
     distances
 }
 
-/// min_u ((x − u)² + C(u)) in place of C(x).
+/// Replaces C(x) by min_u ((x − u)² + C(u)).
 fn lower_envelope(row: &mut [f32]) {
-    // The parabolas of the envelope from left to right: where each stands, how high, and from where on it is the lowest.
+    // Parabolas of the envelope from left to right: position, height, and start of the interval where each is the
+    // lowest.
     let mut envelope: Vec<(f32, f32, f32)> = Vec::new();
     for (u, &height) in row.iter().enumerate().filter(|(_, height)| height.is_finite()) {
         let u = u as f32;
@@ -69,6 +73,7 @@ fn lower_envelope(row: &mut [f32]) {
         envelope.push((u, height, from));
     }
 
+    // Evaluate the lowest parabola at each pixel.
     let mut lowest = 0;
     for (x, value) in row.iter_mut().enumerate() {
         let x = x as f32;
@@ -85,7 +90,7 @@ fn lower_envelope(row: &mut [f32]) {
 mod tests {
     use super::*;
 
-    /// Distances by looking at every pixel.
+    /// Compares distances with an exhaustive search.
     #[test]
     fn distances_are_those_of_an_exhaustive_search() {
         let (width, height) = (37, 23);
@@ -113,7 +118,7 @@ mod tests {
         let watched = Plane::from_fn(120, 9, |x, y| (x, y) == (10, 4));
         let map = task_map(&watched, 10.0);
         assert_eq!((map.get(10, 4), map.get(30, 4), map.get(90, 4)), (1.0, 1.0, 0.0));
-        // cos² is ½ midway, at 5°, and symmetric about there.
+        // cos² is ½ midway, at 5°, and point-symmetric there.
         assert!((map.get(60, 4) - 0.5).abs() < 1e-6);
         assert!((map.get(45, 4) + map.get(75, 4) - 1.0).abs() < 1e-6);
         let nothing = task_map(&Plane::filled(8, 8, false), 10.0);

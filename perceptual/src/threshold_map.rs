@@ -1,44 +1,46 @@
-//! From invisible changes of luma to tolerable errors of luminance, pixel by pixel.
+//! Tolerable luminance errors per pixel, from invisible changes of luma.
 //!
 //! ```text
 //! (4)  e_xy = max(0.02 Y_xy, |Ŷ_xy − Y_xy|)
-//! (5)  ΔY_xy(t) = e_xy                                   where pixel (x, y) has no feasible match at t−1
+//! (5)  ΔY_xy(t) = e_xy                                   if pixel (x, y) has no feasible match at t−1
 //!      ΔY_xy(t) = (1−w) e_xy + w ΔY_x′y′(t−1)            otherwise
 //!
 //!   Y    undistorted luminance, linear                    Ŷ   inverse tone map of the distorted luma ŷ′ of eq. (3)
-//!   w    weight of the past, 0.5 in \[Herzog08\]            (x′, y′)   where the pixel was in the frame before
+//!   w    weight of the past, 0.5 in \[Herzog08\]            (x′, y′)   position of the pixel in the previous frame
 //! ```
 //!
-//! [`tolerable_error`] is eq. (4), [`blend`] is eq. (5); [`reproject`] fetches ΔY(t) along the motion into frame t+1.
+//! [`tolerable_error`] is eq. (4) and [`blend`] is eq. (5). [`reproject`] moves ΔY(t) along the motion to frame t+1.
 //!
-//! # Differs from the paper
-//! - **Color.** Luma alone does not tell the luminance of a color: the luma of a saturated color decodes, as a gray, to
-//!   less than its luminance (never to more, for concave curves). With g(y′) the luminance of gray of luma y′, eq. (4) is
-//!   evaluated as `f · |g(ŷ′) − g(y′)|` with `f = Y / g(y′)`, kept within 1…1/0.0722. For a curve that is a power, where relative
-//!   changes of luma are relative changes of luminance, that is the right relative error; for gray it is eq. (4)
-//!   as it stands. The upper bound is what pure blue at a display gamma of 2 needs: luma 0.0722, g = 0.0722², Y = 0.0722.
-//! - **Black.** e is at least the luminance of half a code value above black, so that a pixel with Y = 0 has a threshold above zero.
-//! - Pixels whose luma or luminance is not finite count as black and are counted.
+//! # Differences from the paper
+//! - **Color.** The luminance of a color does not follow from its luma: for concave curves, the luma of a saturated
+//!   color, decoded as gray, gives too low a luminance. Let g(y′) be the luminance of gray with luma y′. Eq. (4) is
+//!   then evaluated as `f · |g(ŷ′) − g(y′)|` with `f = Y / g(y′)`, clamped to 1…1/0.0722. For a power curve, where
+//!   relative changes of luma are relative changes of luminance, this gives the correct relative error. For gray it
+//!   equals eq. (4). The upper limit is the value for pure blue at a display gamma of 2: luma 0.0722, g = 0.0722²,
+//!   Y = 0.0722.
+//! - **Black.** e is at least the luminance of half a code value above black. A pixel with Y = 0 therefore has a
+//!   positive threshold.
+//! - Pixels with luma or luminance that is not finite count as black and are counted.
 
 use crate::{MaskingModel, ToneMap, WHITE_LUMA, bounded, table::LumaDecodeTable};
 use plane::{Correspondence, LUMINANCE_WEIGHTS, Plane};
 use rayon::prelude::*;
 
-/// The error that is tolerable everywhere, as a part of luminance: Weber's law at the visibility threshold, 2 % \[Herzog08, eq. 4\].
+/// Minimum tolerable error relative to luminance: Weber's law at the visibility threshold, 2 % \[Herzog08, eq. 4\].
 pub const RELATIVE_FLOOR: f32 = 0.02;
-/// Largest luminance of a pixel relative to the gray of its luma: pure blue at a display gamma of 2.
+/// Largest luminance of a pixel relative to gray with the same luma: pure blue at a display gamma of 2.
 const LARGEST_COLOR_FACTOR: f32 = 1.0 / LUMINANCE_WEIGHTS[2];
 
-/// Eq. (4) for a picture.
+/// Result of eq. (4) for a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TolerableError {
-    /// e_xy in the unit of luminance: finite and above zero everywhere.
+    /// e_xy in the unit of luminance, finite and positive.
     pub error: Plane<f32>,
-    /// Pixels whose luma or luminance was not finite.
+    /// Number of pixels with luma or luminance that was not finite.
     pub non_finite: usize,
 }
 
-/// The curve's way back from luma to luminance, made once per tone map.
+/// Inverse tone curve from luma to luminance, built once per tone map.
 #[derive(Debug)]
 pub(crate) struct LuminanceScale {
     decode: LumaDecodeTable,
@@ -52,10 +54,10 @@ impl LuminanceScale {
     }
 }
 
-/// Eq. (4): how wrong the luminance of each pixel may be and still stay invisible after compression.
+/// Computes eq. (4): the luminance error of each pixel that stays invisible after compression.
 ///
-/// `luma` in code values above black (0…219, see [`crate::YCbCr::luma`]), `luminance` linear, of the same picture;
-/// `quantiser_scale` 1…112 as MPEG-2 applies it. The result is finite and above zero everywhere.
+/// `luma` is in code values above black (0…219, see [`crate::YCbCr::luma`]). `luminance` is linear and from the same
+/// picture. `quantiser_scale` is MPEG-2's, 1…112. The result is finite and positive.
 ///
 /// # Panics
 /// If the two planes differ in size.
@@ -70,7 +72,7 @@ pub fn tolerable_error(
     tolerable_error_counted(luma, luminance, quantiser_scale, tone_map, model).error
 }
 
-/// [`tolerable_error`], together with the number of pixels that had to be replaced.
+/// Computes [`tolerable_error`] and the number of replaced pixels.
 ///
 /// # Panics
 /// If the two planes differ in size.
@@ -87,7 +89,7 @@ pub fn tolerable_error_counted(
     pixelwise_error(luma, luminance, &distorted, 1.0, &LuminanceScale::new(tone_map))
 }
 
-/// Eq. (4) where the luma of each pixel may become that of `distorted`.
+/// Computes eq. (4) for pixels with luma distorted to `distorted`.
 pub(crate) fn pixelwise_error(
     luma: &Plane<f32>,
     luminance: &Plane<f32>,
@@ -100,7 +102,7 @@ pub(crate) fn pixelwise_error(
     pixelwise(of_group, luma, luminance, kappa, scale)
 }
 
-/// Eq. (4) where each 8×8 block of luma may be wrong by `tolerable` code values.
+/// Computes eq. (4) for a luma error of `tolerable` code values in each 8×8 block.
 pub(crate) fn blockwise_error(
     luma: &Plane<f32>,
     luminance: &Plane<f32>,
@@ -116,7 +118,7 @@ pub(crate) fn blockwise_error(
     pixelwise(of_group, luma, luminance, kappa, scale)
 }
 
-/// Eq. (4) with ŷ′ of the eight pixels of a row from 8 · group on by `distorted`, given their place and luma.
+/// Computes eq. (4) in groups of eight pixels. `distorted` returns their ŷ′ from position and luma.
 fn pixelwise(
     distorted: impl Fn((usize, usize), [f32; 8]) -> [f32; 8] + Sync,
     luma: &Plane<f32>,
@@ -141,7 +143,7 @@ fn pixelwise(
     TolerableError { error, non_finite }
 }
 
-/// The first eight values where they are finite; 0 stands for what is not finite and for what is not there.
+/// Returns the first eight values, with 0 for missing and for not finite values.
 #[inline(always)]
 fn eight(values: &[f32]) -> [f32; 8] {
     let finite = |value: f32| if value.is_finite() { value } else { 0.0 };
@@ -151,7 +153,7 @@ fn eight(values: &[f32]) -> [f32; 8] {
     }
 }
 
-/// Eq. (4) for eight pixels, with `kappa` on what masking allows beyond the floor of 2 %.
+/// Computes eq. (4) for eight pixels. `kappa` multiplies the masked error beyond the 2 % minimum.
 #[inline(always)]
 fn pixel_errors(
     distorted_luma: [f32; 8],
@@ -168,10 +170,10 @@ fn pixel_errors(
     })
 }
 
-/// Eq. (5): this frame's errors `e` blended with ΔY(t−1).
+/// Computes eq. (5): this frame's errors `e` blended with ΔY(t−1).
 ///
-/// `known` holds, for each pixel of frame t, its match in frame t−1; indices outside of `previous` count as no match. `w`, the
-/// weight of the past, is taken into 0…1.
+/// `known` contains the match in frame t−1 of each pixel of frame t. Indices outside `previous` count as no match.
+/// `w`, the weight of the past, is clamped to 0…1.
 ///
 /// # Panics
 /// If `e` and `known` differ in size.
@@ -180,7 +182,7 @@ pub fn blend(e: &Plane<f32>, previous: &Plane<f32>, known: &Correspondence, w: f
     blend_within(e, previous, known, w, f32::INFINITY)
 }
 
-/// [`blend`], where ΔY(t−1) counts as no more than `most` times e.
+/// Computes [`blend`] with ΔY(t−1) limited to `most` times e.
 pub(crate) fn blend_within(
     e: &Plane<f32>,
     previous: &Plane<f32>,
@@ -200,9 +202,9 @@ pub(crate) fn blend_within(
     Plane::from_vec(e.width(), e.height(), data)
 }
 
-/// Thresholds of frame t+1: ΔY(t) reprojected along the motion.
+/// Reprojects ΔY(t) along the motion to thresholds of frame t+1.
 ///
-/// `known` holds, for each pixel of frame t+1, its match in frame t; pixels without match get 2 % of their luminance.
+/// `known` contains the match in frame t of each pixel of frame t+1. Pixels without match get 2 % of their luminance.
 #[must_use]
 pub fn reproject(previous: &Plane<f32>, known: &Correspondence) -> ThresholdMap {
     let (past, matches) = (previous.samples(), known.matches());
@@ -216,36 +218,37 @@ fn assert_same_size<A: Copy, B: Copy>(a: &Plane<A>, b: &Plane<B>) {
     assert_eq!(size, (b.width(), b.height()), "the two planes must have the same size");
 }
 
-/// Stands for "2 % of luminance" in a plane of absolute thresholds, which are above zero.
+/// Represents "2 % of luminance" in a plane of absolute thresholds, which are positive.
 const RELATIVE: f32 = 0.0;
 
-/// A threshold as it is stored.
+/// Returns the stored value of a threshold.
 fn stored(threshold: f32) -> f32 {
     if threshold > 0.0 && threshold.is_finite() { threshold } else { RELATIVE }
 }
 
-/// Thresholds for the pixels of a frame yet to be rendered: an absolute error of luminance, or 2 % where nothing is known.
+/// Thresholds for the pixels of a frame to render: absolute luminance errors, or 2 % of luminance where no threshold
+/// is known.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct ThresholdMap {
     absolute: Plane<f32>,
 }
 
 impl ThresholdMap {
-    /// 2 % of luminance everywhere: the first frame, and the one after a cut.
+    /// Map with 2 % of luminance everywhere, for the first frame and for frames after a shot change.
     #[must_use]
     pub fn relative(width: usize, height: usize) -> Self {
         Self { absolute: Plane::filled(width, height, RELATIVE) }
     }
 
-    /// Takes absolute thresholds; values that are not finite and above zero become "2 % of luminance".
+    /// Map of absolute thresholds. Values that are not finite and positive become "2 % of luminance".
     pub fn from_plane(absolute: &Plane<f32>) -> Self {
         Self { absolute: absolute.map(stored) }
     }
 
-    /// The absolute threshold of a pixel, or `None` where it is 2 % of luminance.
+    /// Absolute threshold of a pixel, or `None` if it is 2 % of luminance.
     ///
     /// # Panics
-    /// Outside of the map.
+    /// If the pixel is outside the map.
     #[inline]
     #[must_use]
     pub fn get(&self, x: usize, y: usize) -> Option<f32> {
@@ -253,29 +256,30 @@ impl ThresholdMap {
         (threshold > 0.0).then_some(threshold)
     }
 
-    /// The threshold of a pixel whose luminance is `luminance`.
+    /// Threshold of a pixel with the given `luminance`.
     ///
     /// # Panics
-    /// Outside of the map.
+    /// If the pixel is outside the map.
     #[inline]
     #[must_use]
     pub fn resolve(&self, x: usize, y: usize, luminance: f32) -> f32 {
         self.get(x, y).unwrap_or(RELATIVE_FLOOR * luminance)
     }
 
-    /// Columns.
+    /// Number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.absolute.width()
     }
 
-    /// Rows.
+    /// Number of rows.
     #[must_use]
     pub fn height(&self) -> usize {
         self.absolute.height()
     }
 
-    /// Absolute thresholds, 0 where 2 % of luminance holds: for writing a map away; [`ThresholdMap::from_plane`] reads it back.
+    /// Absolute thresholds, with 0 representing 2 % of luminance, for storage. [`ThresholdMap::from_plane`] is the
+    /// inverse.
     #[must_use]
     pub fn plane(&self) -> &Plane<f32> {
         &self.absolute

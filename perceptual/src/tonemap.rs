@@ -1,21 +1,22 @@
-//! Tone mapping that can be undone: linear radiance to a display value in 0…1, and back along the same curve.
+//! Invertible tone mapping between linear radiance and display values in 0…1.
 //!
-//! A value travels through three steps, each per channel, each with an exact inverse in closed form:
+//! A value passes three steps per channel, each with an exact inverse in closed form:
 //!
 //! ```text
 //! x = exposure · radiance            v = curve(x), 0…1, linear display light            display = transfer(v), 0…1
 //! ```
 //!
-//! The way back is needed by eq. (4) of \[Herzog08\]: a change of luma by the codec is needed as one of luminance.
-//! Sources: \[Reinhard02\] for the two Reinhard curves (eqs. 3 and 4 there, without local adaptation), \[Hable10\] for the filmic
-//! curve, IEC 61966-2-1 for sRGB.
+//! Eq. (4) of \[Herzog08\] needs the inverse, which converts a luma change by the codec to a luminance change.
+//! Sources: \[Reinhard02\] for the two Reinhard curves (eqs. 3 and 4 there, without local adaptation), \[Hable10\]
+//! for the filmic curve, IEC 61966-2-1 for sRGB.
 //!
-//! # Differs from the sources
-//! - Every curve works per channel; \[Reinhard02\] scales luminance.
-//! - The filmic curve has a slightly stronger toe than printed, and a fixed gain so that 18 % gray stays 18 %: it can take the place
-//!   of sRGB without a change of brightness.
-//! - [`ToneMap::decode`] of display white is finite for Reinhard's global curve too, which never reaches white: it stops at
-//!   a curve value of 255/256. The last half code value of 8-bit luma begins below that, so no picture can tell the difference.
+//! # Differences from the sources
+//! - Every curve works per channel. \[Reinhard02\] scales luminance.
+//! - The filmic curve has a slightly stronger toe than published, and a fixed gain that keeps 18 % gray. It can
+//!   replace sRGB without a change of brightness.
+//! - [`ToneMap::decode`] of display white is finite for Reinhard's global curve too, which never reaches white. It
+//!   stops at a curve value of 255/256, where the last half code value of 8-bit luma begins. Pictures are therefore
+//!   unaffected.
 
 mod blend;
 
@@ -24,35 +25,35 @@ use std::{fmt, str::FromStr};
 
 pub use blend::PixelPart;
 
-/// Curve value at which the inverse of Reinhard's global curve stops, so that decoding white stays finite (x = 255).
+/// Curve value at which the inverse of Reinhard's global curve stops, so that decoded white stays finite (x = 255).
 const REINHARD_LIMIT: f64 = 1.0 - 1.0 / 256.0;
-/// Smallest exposed value at which [`ToneMap::derivative`] is taken: a pure power has an infinite slope at 0.
+/// Smallest exposed value for [`ToneMap::derivative`]. A pure power has an infinite slope at 0.
 const SMALLEST_SLOPE_ARGUMENT: f64 = 1e-9;
 
-/// How linear light becomes display light.
+/// Tone curve from linear light to display light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Operator {
-    /// Clip at 1, then the power `1 / gamma`. [`ToneMap::display`] is not consulted.
+    /// Clips at 1, then applies the power `1 / gamma`. Ignores [`ToneMap::display`].
     Gamma,
-    /// Clip at 1, then the sRGB transfer curve. [`ToneMap::display`] is not consulted.
+    /// Clips at 1, then applies the sRGB transfer curve. Ignores [`ToneMap::display`].
     Srgb,
     /// `x / (1 + x)` \[Reinhard02, eq. 3\], then the display's transfer curve. Never clips.
     Reinhard,
-    /// `x (1 + x / white²) / (1 + x)` \[Reinhard02, eq. 4\], then the display's transfer curve. `white` becomes 1.
+    /// `x (1 + x / white²) / (1 + x)` \[Reinhard02, eq. 4\], then the display's transfer curve. `white` maps to 1.
     ExtendedReinhard,
-    /// A filmic curve with a slight toe and a soft shoulder \[Hable10\], then the display's transfer curve.
-    /// Gray of 0.18 keeps its value; 3.54 becomes 1.
+    /// A filmic curve with a slight toe and a soft shoulder \[Hable10\], then the display's transfer curve. Gray of
+    /// 0.18 keeps its value, and 3.54 maps to 1.
     #[default]
     Filmic,
 }
 
 impl Operator {
-    /// All operators, in the order in which help texts name them.
+    /// All operators, in the order of help texts.
     pub const ALL: [Self; 5] = [Self::Gamma, Self::Srgb, Self::Reinhard, Self::ExtendedReinhard, Self::Filmic];
 
-    /// The name used in settings files.
+    /// Name in settings files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -71,7 +72,7 @@ impl fmt::Display for Operator {
     }
 }
 
-/// A name that is not one of [`Operator::ALL`].
+/// Error for a name that is not in [`Operator::ALL`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownOperator(pub String);
 
@@ -87,34 +88,34 @@ impl std::error::Error for UnknownOperator {}
 impl FromStr for Operator {
     type Err = UnknownOperator;
 
-    /// Accepts `-` for `_`.
+    /// Parses an operator's name. Accepts `-` instead of `_`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let wanted = text.replace('-', "_");
         Self::ALL.into_iter().find(|operator| operator.name() == wanted).ok_or_else(|| UnknownOperator(text.to_owned()))
     }
 }
 
-/// How display light becomes the display value, for the operators that leave it open.
+/// Transfer curve from display light to the display value, for operators that do not define one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Display {
-    /// The piecewise curve of IEC 61966-2-1.
+    /// Piecewise curve of IEC 61966-2-1.
     #[default]
     Srgb,
-    /// The power `1 / gamma`.
+    /// Power `1 / gamma`.
     Gamma,
 }
 
-/// A tone mapping: which operator, and its numbers.
+/// Tone mapping: an operator and its parameters.
 ///
-/// Settings outside of their ranges are brought into them, so that no setting makes a picture non-finite;
-/// [`ToneMap::check`] tells about them.
+/// Values outside their ranges are clamped, so that no setting makes a picture non-finite. [`ToneMap::check`] reports
+/// them.
 ///
-/// In a settings file, every field may be left out:
+/// In a settings file, every field is optional:
 ///
 /// ```toml
-/// [tone_map]
+/// [tone_mapping]
 /// operator = "extended_reinhard"
 /// exposure = 1.5
 /// white = 6.0
@@ -122,9 +123,9 @@ pub enum Display {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct ToneMap {
-    /// The curve.
+    /// Tone curve.
     pub operator: Operator,
-    /// Factor on radiance before the curve, 1e-20…1e20; two stops brighter is 4. Default 1.
+    /// Factor on radiance before the curve, 1e-20…1e20. A factor of 4 is two stops. Default 1.
     pub exposure: f32,
     /// Exponent of the display, 1…4, for [`Operator::Gamma`] and [`Display::Gamma`]. Default 2.2.
     pub gamma: f32,
@@ -140,21 +141,21 @@ impl Default for ToneMap {
     }
 }
 
-/// A setting of [`ToneMap`] outside of its range.
+/// A field of [`ToneMap`] outside its range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutOfRange {
     /// Name of the field.
     pub field: &'static str,
-    /// Its value.
+    /// Value of the field.
     pub value: f32,
-    /// Smallest and largest useful value.
+    /// Smallest and largest allowed value.
     pub range: (f32, f32),
 }
 
 impl fmt::Display for OutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (least, most) = self.range;
-        // Exponents are shorter than twenty zeros.
+        // For large ranges an exponent is shorter.
         let range = if most > 1e6 { format!("{least:e} to {most:e}") } else { format!("{least} to {most}") };
         let range = if self.value <= 0.0 { format!("be above 0 ({range})") } else { format!("lie in {range}") };
         write!(f, "{} is {}; it must {range}", self.field, self.value)
@@ -167,46 +168,46 @@ const EXPOSURE_RANGE: (f32, f32) = (1e-20, 1e20);
 const GAMMA_RANGE: (f32, f32) = (1.0, 4.0);
 const WHITE_RANGE: (f32, f32) = (0.01, 1000.0);
 
-/// `value` within `range`, `otherwise` for NaN.
+/// Clamps `value` to `range`. NaN becomes `otherwise`.
 fn within(value: f32, range: (f32, f32), otherwise: f32) -> f64 {
     f64::from(if value.is_nan() { otherwise } else { value.clamp(range.0, range.1) })
 }
 
 impl ToneMap {
-    /// Clip and power `1 / gamma`, exposure 1.
+    /// Tone mapping by clipping and the power `1 / gamma`, with exposure 1.
     #[must_use]
     pub fn gamma(gamma: f32) -> Self {
         Self { operator: Operator::Gamma, gamma, ..Self::default() }
     }
 
-    /// Clip and sRGB, exposure 1.
+    /// Tone mapping by clipping and sRGB, with exposure 1.
     #[must_use]
     pub fn srgb() -> Self {
         Self::of(Operator::Srgb)
     }
 
-    /// The operator with default numbers.
+    /// Tone mapping by `operator` with default parameters.
     #[must_use]
     pub fn of(operator: Operator) -> Self {
         Self { operator, ..Self::default() }
     }
 
-    /// Extended Reinhard with sRGB, exposure 1.
+    /// Tone mapping by extended Reinhard and sRGB, with exposure 1.
     #[must_use]
     pub fn extended_reinhard(white: f32) -> Self {
         Self { operator: Operator::ExtendedReinhard, white, ..Self::default() }
     }
 
-    /// The same curve with another exposure.
+    /// Same curve with another exposure.
     #[must_use]
     pub fn with_exposure(self, exposure: f32) -> Self {
         Self { exposure, ..self }
     }
 
-    /// Checks that each setting is a number within its range.
+    /// Checks that each field is a number within its range.
     ///
     /// # Errors
-    /// The first setting that is not.
+    /// If a field is not within its range. The error describes the first one.
     pub fn check(&self) -> Result<(), OutOfRange> {
         let fields = [
             ("exposure", self.exposure, EXPOSURE_RANGE),
@@ -219,9 +220,9 @@ impl ToneMap {
         }
     }
 
-    /// Display value, 0…1, of linear radiance.
+    /// Returns the display value of linear radiance, 0…1.
     ///
-    /// Never falls with `linear`; 0 for negative values and NaN; saturates at 1.
+    /// Monotonic in `linear` and saturates at 1. 0 for negative values and NaN.
     #[must_use]
     pub fn encode(&self, linear: f32) -> f32 {
         // `max` turns NaN into 0.
@@ -229,19 +230,19 @@ impl ToneMap {
         self.transfer().forward(self.curve().forward(x)) as f32
     }
 
-    /// Linear radiance of a display value: the inverse of [`ToneMap::encode`] up to saturation.
+    /// Returns the linear radiance of a display value: the inverse of [`ToneMap::encode`] below saturation.
     ///
-    /// Values below 0 and NaN count as 0, values above 1 as 1. Display white decodes to the least radiance that saturates;
-    /// with [`Operator::Reinhard`], which never saturates, to 255 / exposure.
+    /// Values below 0 and NaN count as 0, values above 1 as 1. Display white decodes to the smallest saturating
+    /// radiance. [`Operator::Reinhard`] never saturates, and its white decodes to 255 / exposure.
     #[must_use]
     pub fn decode(&self, display: f32) -> f32 {
         let v = self.transfer().inverse(f64::from(bounded(display, 0.0, 1.0)));
         ((self.curve().inverse(v) / self.exposure()).min(f64::from(f32::MAX))) as f32
     }
 
-    /// Slope of [`ToneMap::encode`]: display value per unit of radiance. 0 once saturated.
+    /// Returns the slope of [`ToneMap::encode`]: display value per unit of radiance. 0 beyond saturation.
     ///
-    /// A pure power has an infinite slope at 0; there, the slope at an exposed radiance of 1e-9 is given.
+    /// A pure power has an infinite slope at 0. There the slope at an exposed radiance of 1e-9 is returned.
     #[must_use]
     pub fn derivative(&self, linear: f32) -> f32 {
         let x = (self.exposure() * f64::from(linear.max(0.0))).max(SMALLEST_SLOPE_ARGUMENT);
@@ -250,7 +251,7 @@ impl ToneMap {
         slope.min(f64::from(f32::MAX)) as f32
     }
 
-    /// Least radiance at which [`ToneMap::decode`] stops: what display white stands for.
+    /// Smallest radiance that is displayed as white, the upper limit of [`ToneMap::decode`].
     #[must_use]
     pub fn saturation(&self) -> f32 {
         self.decode(1.0)
@@ -278,7 +279,7 @@ impl ToneMap {
     }
 }
 
-/// Exposed radiance x ≥ 0 to display light v in 0…1.
+/// Maps exposed radiance x ≥ 0 to display light v in 0…1.
 #[derive(Clone, Copy)]
 enum Curve {
     Clip,
@@ -291,7 +292,7 @@ impl Curve {
     fn forward(self, x: f64) -> f64 {
         match self {
             Self::Clip => x.min(1.0),
-            // Written so that an infinite x gives 1.
+            // In this form an infinite x gives 1.
             Self::Reinhard => 1.0 - 1.0 / (1.0 + x),
             Self::ExtendedReinhard { white } if x < white => x * (1.0 + x / (white * white)) / (1.0 + x),
             Self::Filmic if x < filmic::WHITE => filmic::forward(x),
@@ -306,7 +307,7 @@ impl Curve {
                 let v = v.min(REINHARD_LIMIT);
                 v / (1.0 - v)
             }
-            // The positive root of x²/white² + (1 − v) x − v = 0, in the form that does not cancel.
+            // The positive root of x²/white² + (1 − v) x − v = 0, in a form without cancellation.
             Self::ExtendedReinhard { white } => {
                 let rest = 1.0 - v;
                 2.0 * v / (rest + (rest * rest + 4.0 * v / (white * white)).sqrt())
@@ -328,33 +329,34 @@ impl Curve {
     }
 }
 
-/// The filmic curve of \[Hable10\], divided by its value at white.
+/// Filmic curve of \[Hable10\], divided by its value at white.
 ///
 /// ```text
 /// h(x) = (x (A x + C B) + D E) / (x (A x + B) + D F) − E / F          v = h(GAIN x) / h(W)
 /// ```
 ///
-/// A quotient of quadratics: its inverse is the root of a quadratic.
+/// The curve is a quotient of quadratics, so its inverse is the root of a quadratic.
 mod filmic {
-    /// Shoulder strength, linear strength, linear angle, toe strength, toe numerator, toe denominator: as printed in \[Hable10\],
-    /// but for the toe numerator.
+    /// Shoulder strength, linear strength, linear angle, toe strength, toe numerator, toe denominator. All except the
+    /// toe numerator are the published values of \[Hable10\].
     const A: f64 = 0.15;
     const B: f64 = 0.50;
     const C: f64 = 0.10;
     const D: f64 = 0.20;
-    /// Ours; 0.02 in the source, which in front of an sRGB display leaves no toe at all. With 0.024 the curve is up to a tenth steeper
-    /// than proportional between 1 % and 5 % gray: shadows keep depth, and nothing is crushed to black.
+    /// Published as 0.02, which leaves no toe on an sRGB display. With 0.024 the curve is up to a tenth steeper than
+    /// proportional between 1 % and 5 % gray. Shadows keep depth and are not crushed to black.
     const E: f64 = 0.024;
     const F: f64 = 0.30;
-    /// Linear white, as printed there.
+    /// Linear white, as published.
     const W: f64 = 11.2;
-    /// Ours: solves h(0.18 · GAIN) = 0.18 · h(W), so that 18 % gray is kept. The tests check it.
+    /// Solves h(0.18 · GAIN) = 0.18 · h(W), so that 18 % gray is kept. Not from the source. A test checks it.
     const GAIN: f64 = 3.160_697_751_730_8;
-    /// Exposed radiance that becomes 1.
+    /// Exposed radiance that maps to 1.
     pub const WHITE: f64 = W / GAIN;
 
     fn unscaled(x: f64) -> f64 {
-        // h(x) with E/F taken off before the division: x (A (1 − E/F) x + B (C − E/F)) / denominator, no cancellation near 0.
+        // h(x) with E/F subtracted before the division: x (A (1 − E/F) x + B (C − E/F)) / denominator, without
+        // cancellation near 0.
         let ratio = E / F;
         x * (A * (1.0 - ratio) * x + B * (C - ratio)) / (x * (A * x + B) + D * F)
     }
@@ -383,7 +385,7 @@ mod filmic {
     }
 }
 
-/// Display light v to display value, both 0…1.
+/// Maps display light v to the display value, both 0…1.
 #[derive(Clone, Copy)]
 enum Transfer {
     Srgb,

@@ -1,4 +1,4 @@
-//! Linear RGB pictures to what an MPEG-2 encoder takes: 8-bit Y′C_BC_R 4:2:0, limited range, Rec. ITU-R BT.709 or BT.601.
+//! Conversion of linear RGB to pictures for MPEG-2: 8-bit Y′C_BC_R 4:2:0, limited range, Rec. ITU-R BT.709 or BT.601.
 //!
 //! ```text
 //! Y′  = 16 + 219 Y′₁                      Y′₁ = w_R R′ + w_G G′ + w_B B′
@@ -6,8 +6,8 @@
 //! C_R = 128 + 112 (R′ − Y′₁) / (1 − w_R)      0.299, 0.587, 0.114 in BT.601
 //! ```
 //!
-//! Chroma samples lie where MPEG-2 puts them (ISO/IEC 13818-2, 6.1.1.8): in line with every second luma column, half-way
-//! between two luma rows. They are filtered to that place with [1 2 1]/4 along the rows and [1 1]/2 across them.
+//! Chroma samples are sited as in MPEG-2 (ISO/IEC 13818-2, 6.1.1.8): on every second luma column, midway between two
+//! luma rows. They are filtered with [1 2 1]/4 along the rows and [1 1]/2 across them.
 
 use crate::{ToneMap, WHITE_LUMA, table::EncodeTable};
 use plane::{LUMINANCE_WEIGHTS, Picture, Plane, luminance};
@@ -16,21 +16,21 @@ use std::sync::Arc;
 
 /// Code value of black.
 const BLACK: f32 = 16.0;
-/// Weights of red, green and blue in the luma of BT.601.
+/// Weights of red, green and blue in BT.601 luma.
 const BT601_WEIGHTS: [f32; 3] = [0.299, 0.587, 0.114];
 
-/// The weights of red, green and blue in luma, and the scales of chroma that follow from them.
+/// Weights of red, green and blue in luma, and the resulting chroma scales.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMatrix {
     /// Rec. ITU-R BT.709: high definition.
     #[default]
     Bt709,
-    /// Rec. ITU-R BT.601: MPEG-1, and files that state no matrix.
+    /// Rec. ITU-R BT.601: MPEG-1, and files without a specified matrix.
     Bt601,
 }
 
 impl ColorMatrix {
-    /// Luma of R′G′B′, 0…1.
+    /// Returns the luma of R′G′B′, 0…1.
     fn luma(self, [r, g, b]: [f32; 3]) -> f32 {
         match self {
             Self::Bt709 => luminance([r, g, b]),
@@ -45,7 +45,7 @@ impl ColorMatrix {
         }
     }
 
-    /// Code values per unit of B′ − Y′ and of R′ − Y′.
+    /// Returns the code values per unit of B′ − Y′ and R′ − Y′.
     fn chroma_scales(self) -> [f32; 2] {
         match self {
             Self::Bt709 => [224.0 / 1.8556, 224.0 / 1.5748],
@@ -54,7 +54,8 @@ impl ColorMatrix {
     }
 }
 
-/// Luminance of every pixel. Negative components count as 0, as in the tone map; a pixel that is not finite has luminance 0.
+/// Returns the luminance of every pixel. Negative components count as 0, as in the tone map. Pixels that are not
+/// finite have luminance 0.
 pub fn luminance_plane(radiance: &Plane<[f32; 3]>) -> Plane<f32> {
     radiance.map(|rgb| {
         let luminance = luminance(rgb.map(|c| c.max(0.0)));
@@ -67,10 +68,10 @@ pub fn luminance_plane(radiance: &Plane<[f32; 3]>) -> Plane<f32> {
 pub struct YCbCr {
     /// The picture for the encoder: luma 16…235, chroma 16…240.
     pub picture: Arc<Picture>,
-    /// Luma before rounding, in code values above black: 0 is black, 219 white, so that the steps of the codec's quantiser
-    /// have their size here. This is what masking works on.
+    /// Luma before rounding, in code values above black: 0 is black, 219 white. The codec's quantiser steps apply
+    /// without scaling. This is the input of masking.
     pub luma: Plane<f32>,
-    /// Pixels with a component that was NaN or infinite; they were replaced by black.
+    /// Number of pixels with a NaN or infinite component, which were replaced by black.
     pub non_finite: usize,
 }
 
@@ -82,7 +83,7 @@ struct Row {
 }
 
 impl Row {
-    /// Fills the row; returns how many pixels were not finite.
+    /// Fills the row and returns the number of pixels that are not finite.
     fn fill(&mut self, radiance: &[[f32; 3]], table: &EncodeTable, matrix: ColorMatrix) -> usize {
         let mut non_finite = 0;
         self.rgb.clear();
@@ -121,9 +122,9 @@ impl Strip<'_> {
                 *y = (BLACK + *luma).round() as u8;
             }
         }
-        // The last row of an odd height stands for the missing one.
+        // At an odd height the last row also replaces the missing one.
         let [upper, lower] = [&rows[0], &rows[luma_rows - 1]];
-        // Twice B′ − Y′ and R′ − Y′ in column x, both rows together.
+        // Sums of B′ − Y′ and R′ − Y′ over both rows in column x.
         let differences = |x: usize| {
             let of = |row: &Row| (row.rgb[x][2] - row.luma[x], row.rgb[x][0] - row.luma[x]);
             let ((b0, r0), (b1, r1)) = (of(upper), of(lower));
@@ -144,12 +145,12 @@ impl Strip<'_> {
 }
 
 impl YCbCr {
-    /// Tone maps linear RGB radiance and converts it by BT.709, each value rounded to the nearest code. Any size.
+    /// Tone maps linear RGB radiance and converts it by BT.709, rounded to the nearest code. Accepts any size.
     pub fn from_radiance(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Self {
         Self::with_matrix(radiance, tone_map, ColorMatrix::Bt709)
     }
 
-    /// Tone maps linear RGB radiance and converts it by `matrix`, each value rounded to the nearest code. Any size.
+    /// Tone maps linear RGB radiance and converts it by `matrix`, rounded to the nearest code. Accepts any size.
     pub fn with_matrix(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap, matrix: ColorMatrix) -> Self {
         let (width, height) = (radiance.width(), radiance.height());
         let chroma_width = width.div_ceil(2);
@@ -175,24 +176,24 @@ impl YCbCr {
     }
 }
 
-/// A picture of BT.709 as 8-bit R′G′B′, for previews.
+/// Converts a BT.709 picture to 8-bit R′G′B′, for previews.
 ///
-/// Chroma is interpolated linearly from where MPEG-2 sites it.
+/// Chroma is interpolated linearly from its MPEG-2 sites.
 #[must_use]
 pub fn to_rgb8(picture: &Picture) -> Plane<[u8; 3]> {
     to_rgb8_by(picture, ColorMatrix::Bt709)
 }
 
-/// A picture of `matrix` as 8-bit R′G′B′, for previews.
+/// Converts a picture of `matrix` to 8-bit R′G′B′, for previews.
 ///
-/// Chroma is interpolated linearly from where MPEG-2 sites it.
+/// Chroma is interpolated linearly from its MPEG-2 sites.
 #[must_use]
 pub fn to_rgb8_by(picture: &Picture, matrix: ColorMatrix) -> Plane<[u8; 3]> {
     let [cb_scale, cr_scale] = matrix.chroma_scales();
     let chroma = |plane: &Plane<u8>, x: usize, y: usize| {
         let (column, row) = ((x / 2) as isize, (y / 2) as isize);
         let next_column = column + (x % 2) as isize;
-        // Luma row 2j lies a quarter of a chroma row above chroma row j, luma row 2j + 1 as far below.
+        // Luma row 2j is a quarter of a chroma row above chroma row j, and luma row 2j + 1 a quarter below.
         let next_row = if y.is_multiple_of(2) { row - 1 } else { row + 1 };
         let along =
             |row| 0.5 * (f32::from(plane.get_clamped(column, row)) + f32::from(plane.get_clamped(next_column, row)));

@@ -132,8 +132,10 @@ impl LightGroup {
         self.luminance * (metric.coincidence2 + diagonal2 + metric.orientation2 * spread * spread)
     }
 
-    /// Lower bound of cos β, or 1 without axes. Unit axes a in a box with center m and half diagonal h satisfy |a −
-    /// m| ≤ h, so a · m ≥ (1 + m² − h²)/2.
+    /// Lower bound of cos β, or 1 without axes.
+    ///
+    /// Let the box have center m and half diagonal h. A unit axis a in it satisfies |a − m| ≤ h, therefore a · m ≥ (1
+    /// + m² − h²)/2.
     fn cone_cosine(&self) -> f32 {
         let middle = 0.5 * (self.axis_low + self.axis_high);
         let half2 = 0.25 * (self.axis_high - self.axis_low).length_squared();
@@ -148,13 +150,14 @@ impl LightGroup {
     }
 }
 
-/// Sorts the items into the two halves of the cheapest split and gives the length of the first, at least 1 and less
-/// than all.
+/// Sorts the items into the two halves of the cheapest split. Returns the length of the first half, between 1 and
+/// `items.len() - 1`.
 fn partition(items: &mut [Item], metric: &Metric) -> usize {
     let mut all = LightGroup::EMPTY;
     items.iter().for_each(|item| all.add(item));
     let mut best = (f32::INFINITY, 0, 0);
     let bins_in_use = BINS.min(2 * items.len());
+    // Find the cheapest border between slabs over all six coordinates.
     for dimension in 0..6 {
         let (low, high) =
             (coordinate_of(all.low, all.axis_low, dimension), coordinate_of(all.high, all.axis_high, dimension));
@@ -185,14 +188,14 @@ fn partition(items: &mut [Item], metric: &Metric) -> usize {
         }
     }
     let (cost, dimension, border) = best;
-    // All in one place, or costs beyond the range of f32: any halves do.
+    // All items coincide, or costs overflow `f32`: any split is equally good.
     if cost == f32::INFINITY {
         return items.len() / 2;
     }
     let (low, high) =
         (coordinate_of(all.low, all.axis_low, dimension), coordinate_of(all.high, all.axis_high, dimension));
     let bin_of = binning(low, high, dimension, bins_in_use);
-    // Keeps the order of the first half only; the same for any number of threads.
+    // Partition in place. The result is the same for any number of threads.
     let mut middle = 0;
     for k in 0..items.len() {
         if bin_of(&items[k]) < border {
@@ -208,12 +211,12 @@ fn coordinate_of(position: Vec3A, axis: Vec3A, dimension: usize) -> f32 {
     if dimension < 3 { position[dimension] } else { axis[dimension - 3] }
 }
 
-/// Function from an item to the number of its slab.
+/// Returns the function from an item to the index of its slab.
 fn binning(low: f32, high: f32, dimension: usize, bins: usize) -> impl Fn(&Item) -> usize {
     let scale = bins as f32 / (high - low);
     move |item| {
         let x = coordinate_of(item.position, item.axis, dimension);
-        // A scale that overflowed gives no number, which `as` makes 0; the border of the last bin belongs to it.
+        // An overflowed scale may give NaN, which `as` converts to 0. The upper border belongs to the last bin.
         (((x - low) * scale) as usize).min(bins - 1)
     }
 }

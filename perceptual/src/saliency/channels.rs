@@ -1,19 +1,19 @@
-//! (S3), (S5) and (S6): differences of center and surround, and their sums at one level.
+//! (S3), (S5) and (S6): center-surround differences, and their sums at one level.
 
 use super::gabor::orientations;
 use super::normalize::promote;
 use super::pyramid::{CENTERS, DELTAS, Pyramid, enlarged, halved};
 use plane::Plane;
 
-/// Smallest M_max by which a channel is divided: that of one map in which one place alone stands out. Ours: a channel whose
-/// maps have been suppressed stays suppressed.
+/// Smallest divisor M_max of a channel: the maximum of a single map with one outstanding location. A channel of
+/// suppressed maps therefore stays suppressed. Not in the paper.
 const CHANNEL_FLOOR: f32 = 1.0;
 
-/// Σ_F of a feature, with the floor f of its maps: (S3) to (S5).
+/// Computes Σ_F of a feature, with the floor f of its maps: (S3) to (S5).
 fn feature_map(feature: &Pyramid, f: f32) -> Plane<f32> {
     let mut sum = Plane::default();
     for c in CENTERS {
-        // The sum over finer centers, taken to this level.
+        // Start from the sum over finer centers, reduced to this level.
         let Some(center) = feature.level(c) else { break };
         sum = if c == CENTERS[0] { Plane::filled(center.width(), center.height(), 0.0) } else { halved(&sum) };
         for delta in DELTAS {
@@ -26,14 +26,14 @@ fn feature_map(feature: &Pyramid, f: f32) -> Plane<f32> {
     sum
 }
 
-/// N(Ī), N(C̄) or N(Ū) of (S6): the sum over `features`, with the floor f of their maps, promoted.
+/// Computes N(Ī), N(C̄) or N(Ū) of (S6): the promoted sum over `features`, with the floor f of their maps.
 pub fn channel(features: &[Pyramid], f: f32) -> Plane<f32> {
     let mut sum = sum_of(features.iter().map(|feature| feature_map(feature, f)));
     promote(&mut sum, CHANNEL_FLOOR);
     sum
 }
 
-/// N(Ō) of (S6), with the floor f of its maps: each direction is promoted by itself before.
+/// Computes N(Ō) of (S6), with the floor f of its maps. Each direction is promoted separately first.
 pub fn orientation_channel(intensity: &Pyramid, f: f32) -> Plane<f32> {
     let directions = intensity.map(orientations);
     let mut sum = sum_of(directions.iter().map(|o| channel(std::slice::from_ref(o), f)));
@@ -41,7 +41,7 @@ pub fn orientation_channel(intensity: &Pyramid, f: f32) -> Plane<f32> {
     sum
 }
 
-/// Sample by sample, for maps of one size.
+/// Adds maps of equal size sample by sample.
 pub fn sum_of(maps: impl Iterator<Item = Plane<f32>>) -> Plane<f32> {
     let add_to = |mut sum, map| {
         add(&mut sum, &map);
@@ -50,7 +50,7 @@ pub fn sum_of(maps: impl Iterator<Item = Plane<f32>>) -> Plane<f32> {
     maps.reduce(add_to).unwrap_or_default()
 }
 
-/// |F_c − F_s|: (S3).
+/// Computes |F_c − F_s|: (S3).
 fn difference(center: &Plane<f32>, surround: &Plane<f32>, levels: usize) -> Plane<f32> {
     let mut map = enlarged(surround, levels, center.width(), center.height());
     for (map, &center) in map.samples_mut().iter_mut().zip(center.samples()) {
@@ -59,7 +59,7 @@ fn difference(center: &Plane<f32>, surround: &Plane<f32>, levels: usize) -> Plan
     map
 }
 
-/// `sum += map`.
+/// Adds `map` to `sum`.
 fn add(sum: &mut Plane<f32>, map: &Plane<f32>) {
     for (sum, &value) in sum.samples_mut().iter_mut().zip(map.samples()) {
         *sum += value;

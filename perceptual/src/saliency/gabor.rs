@@ -6,29 +6,29 @@
 //!   w = exp(−(x² + y²) / 2σ²)         φ = 2π (x cos θ + y sin θ) / λ         sums over x, y = −7 … 7
 //! ```
 //!
-//! F is a level of intensity around a sample, and a wave of amplitude a and wavelength λ along θ has O = a. The even part has
-//! no mean, by m: brightness alone has no orientation.
+//! F is the intensity level around a sample. A wave of amplitude a and wavelength λ along θ has O = a. Subtracting m
+//! removes the mean of the even filter, so that uniform brightness has no orientation.
 //!
-//! w, cos and sin are products of a function of x and one of y, or sums of two. So all filters together are 14 passes over rows
-//! or columns.
+//! w, cos and sin separate into products of functions of x and y, or sums of two products. All filters together take
+//! 14 passes over rows or columns.
 
 use super::pyramid::{reflect_borders, reflected};
 use plane::Plane;
 use std::f32::consts::{SQRT_2, TAU};
 
-/// λ in samples of a level, of the SaliencyToolbox \[Walther06\].
+/// λ in samples of a level, from the SaliencyToolbox \[Walther06\].
 const WAVELENGTH: f32 = 7.0;
-/// σ in samples, from there.
+/// σ in samples, from the SaliencyToolbox \[Walther06\].
 const SIGMA: f32 = 7.0 / 3.0;
-/// Samples on each side: 3 σ.
+/// Filter radius \[samples\]: 3 σ.
 const REACH: usize = 7;
-/// Samples under a filter.
+/// Filter length \[samples\].
 const TAPS: usize = 2 * REACH + 1;
 
-/// Weights along a row or column.
+/// Filter weights along a row or column.
 type Taps = [f32; TAPS];
 
-/// Taps of `exp(−x² / 2σ²) f(2π x / wavelength)`.
+/// Returns the taps of `exp(−x² / 2σ²) f(2π x / wavelength)`.
 fn taps(f: fn(f32) -> f32, wavelength: f32) -> Taps {
     std::array::from_fn(|i| {
         let x = i as f32 - REACH as f32;
@@ -36,7 +36,7 @@ fn taps(f: fn(f32) -> f32, wavelength: f32) -> Taps {
     })
 }
 
-/// The plane under a filter along the rows.
+/// Filters the plane along the rows.
 fn along_rows(plane: &Plane<f32>, taps: &Taps) -> Plane<f32> {
     let width = plane.width();
     let mut out = Plane::filled(width, plane.height(), 0.0);
@@ -51,7 +51,7 @@ fn along_rows(plane: &Plane<f32>, taps: &Taps) -> Plane<f32> {
     out
 }
 
-/// The plane under a filter along the columns.
+/// Filters the plane along the columns.
 fn along_columns(plane: &Plane<f32>, taps: &Taps) -> Plane<f32> {
     let (width, height) = (plane.width(), plane.height());
     let mut out = Plane::filled(width, height, 0.0);
@@ -64,21 +64,21 @@ fn along_columns(plane: &Plane<f32>, taps: &Taps) -> Plane<f32> {
     out
 }
 
-/// `sum += weight · row`.
+/// Adds `weight · row` to `sum`.
 fn add(sum: &mut [f32], weight: f32, row: &[f32]) {
     for (sum, &value) in sum.iter_mut().zip(row) {
         *sum += weight * value;
     }
 }
 
-/// O(θ) of a level of intensity, for θ = 0°, 45°, 90° and 135°.
+/// Returns O(θ) of an intensity level, for θ = 0°, 45°, 90° and 135°.
 pub fn orientations(level: &Plane<f32>) -> [Plane<f32>; 4] {
     // Along a diagonal, waves have 1/√2 of their frequency in x and in y.
     let bell = taps(|_| 1.0, WAVELENGTH);
     let [cos, sin] = [f32::cos, f32::sin].map(|f| taps(f, WAVELENGTH));
     let [diagonal_cos, diagonal_sin] = [f32::cos, f32::sin].map(|f| taps(f, SQRT_2 * WAVELENGTH));
 
-    // Along the rows, then down the columns; names tell the function of x first.
+    // Filter along the rows, then down the columns. Names list the function of x first.
     let rows = [&bell, &diagonal_cos, &diagonal_sin].map(|taps| along_rows(level, taps));
     let [bell_row, cos_row, sin_row] = &rows;
     let mean = along_columns(bell_row, &bell);
@@ -87,7 +87,7 @@ pub fn orientations(level: &Plane<f32>) -> [Plane<f32>; 4] {
     let [cos_cos, cos_sin] = [&diagonal_cos, &diagonal_sin].map(|taps| along_columns(cos_row, taps));
     let [sin_cos, sin_sin] = [&diagonal_cos, &diagonal_sin].map(|taps| along_columns(sin_row, taps));
 
-    // m; the mean of sin φ is 0.
+    // m. The mean of sin φ is 0.
     let sum = |taps: &Taps| taps.iter().sum::<f32>();
     let m = sum(&cos) / sum(&bell);
     let diagonal_m = (sum(&diagonal_cos) / sum(&bell)).powi(2);

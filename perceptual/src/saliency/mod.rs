@@ -1,4 +1,4 @@
-//! Saliency: where a viewer without a task looks first, after \[Itti98\].
+//! Saliency: a model of the first glance of a viewer without a task, after \[Itti98\].
 //!
 //! ```text
 //! (S1)  I = (r + g + b) / 3                    r, g, b ← r/I, g/I, b/I  where I > max(I) / 10,  0 elsewhere
@@ -7,28 +7,29 @@
 //! (S4)  N(M) = M / max(M_max, f) · (1 − m̄ / M_max)²
 //! (S5)  Σ_F = ⊕_c ⊕_s N(M(c, s))               ⊕ adds at level 4
 //! (S6)  Ī = Σ_I    C̄ = Σ_(R−G) + Σ_(B−Y)    Ō = Σ_θ N(Σ_O(θ))    Ū = Σ_(u_x) + Σ_(u_y)
-//! (S7)  S = (N(Ī) + N(C̄) + N(Ō) + N(Ū)) / 4    or the mean of the first three where the motion is not known
+//! (S7)  S = (N(Ī) + N(C̄) + N(Ō) + N(Ū)) / 4    or the mean of the first three without motion
 //!
 //!   r, g, b  display values, 0…1                F_k   a feature at level k of its pyramid: I, R−G, B−Y, O(θ), u_x or u_y
 //!   [x]⁺     max(x, 0)                          O(θ)  magnitude of a pair of Gabor filters, θ = 0°, 45°, 90°, 135°
 //!   M_max    largest value of a map             u     motion in pixels per frame, x to the right and y down
-//!   m̄        mean of its other local maxima     f     the smallest M_max by which a map is divided
+//!   m̄        mean of its other local maxima     f     smallest divisor M_max of a map
 //! ```
 //!
-//! # Differs from the paper
-//! - **Surround.** The paper prints |(R−G)_c − (G−R)_s|. That sign hides a red item among green ones, because its center and its
-//!   surround cancel. Center and surround have the same sign here.
-//! - **Noise.** N has a floor f. Without it, a map that holds only noise is stretched to the range of all others. Channels have
-//!   the floor 1, so that a channel stays small whose maps are all suppressed.
-//! - **Local maxima** are sought in windows of an eighth of the map. Equal values in a window count once.
-//! - **Quadrature.** O is the magnitude of an even and an odd filter, so an edge does not count by its phase.
-//! - **Motion** is a fourth channel. Its axes have a map each, as the two pairs of colors have: an item that moves in a direction
-//!   of its own then stands alone in one of the maps.
-//! - Borders are reflected. Small pictures have fewer levels, and pairs (c, s) that need more are left out.
+//! # Differences from the paper
+//! - **Surround.** The paper prints |(R−G)_c − (G−R)_s|. That sign hides a red item among green ones, because its
+//!   center and surround cancel. Here center and surround have the same sign.
+//! - **Noise.** N has a floor f. Without it, a map of pure noise would be stretched to the range of the other maps.
+//!   Channels have the floor 1, so that a channel of suppressed maps stays small.
+//! - **Local maxima** are searched in windows of an eighth of the map. Equal values in a window count as one.
+//! - **Quadrature.** O is the magnitude of an even and an odd filter, so it does not depend on the phase of an edge.
+//! - **Motion** is a fourth channel with one map per axis, like the two color pairs. An item with its own direction
+//!   of motion is then alone in one of the maps.
+//! - Borders are reflected. Small pictures have fewer levels. Pairs (c, s) beyond them are skipped.
 //!
-//! S lies in 0…1 and is not stretched: an item that is odd in one of three channels has about ⅓, and frames of `cornell`, `nave`
-//! and `sponza` peak at 0.18 to 0.35. Noise of a standard deviation of 0.01 stays below 0.01.
+//! S is in 0…1 and is not stretched. An item that is odd in one of three channels has about ⅓. Frames of `cornell`,
+//! `nave` and `sponza` peak at 0.18 to 0.35. Noise of a standard deviation of 0.01 stays below 0.01.
 //!
+//! `bench/saliency.py` of the project `render2mpeg` is an independent implementation of these formulas.
 //! `bench/saliency.py` of the project `render2mpeg` is a second program by these formulas.
 
 mod channels;
@@ -45,29 +46,31 @@ use pyramid::{MAP_LEVEL, Pyramid, enlarged};
 
 pub use steady::steady_saliency;
 
-// Floors f: the smallest M_max by which maps are divided. White noise of a standard deviation of 0.01, 2.6 codes of eight bits,
-// reaches half of them or less, on 512×512 pixels of 0.5: 0.005 in I, 0.013 in R−G and B−Y, 0.002 in O.
+// Floors f: smallest divisor M_max of maps. White noise with a standard deviation of 0.01, 2.6 code values of eight
+// bits, reaches at most half of each floor. On 512×512 pixels of 0.5 it is 0.005 in I, 0.013 in R−G and B−Y, and
+// 0.002 in O.
 
-/// Floor of maps of I: 1 % of its range. Ours, tried on noise.
+/// Floor of I maps: 1 % of the range. Chosen by experiments with noise.
 const INTENSITY_FLOOR: f32 = 0.01;
-/// Floor of maps of R−G and B−Y: 2 % of 3, the largest value of R, G and B. Ours, tried on noise; hues of dark pixels are noisier.
+/// Floor of R−G and B−Y maps: 2 % of 3, the largest value of R, G and B. Chosen by experiments with noise. Hues of
+/// dark pixels are noisier.
 const COLOR_FLOOR: f32 = 0.02 * 3.0;
-/// Floor of maps of O: 0.5 %, where a wave from black to white has ½. Ours, tried on noise.
+/// Floor of O maps: 0.5 %. A wave from black to white has ½. Chosen by experiments with noise.
 const ORIENTATION_FLOOR: f32 = 0.005;
-/// Floor of maps of motion \[pixels per frame\]. Ours: at 25 frames a second and 30 pixels a degree it is 0.08° a second, about
-/// the slowest relative motion that is seen.
+/// Floor of motion maps \[pixels per frame\]. At 25 frames per second and 30 pixels per degree it is 0.08° per
+/// second, about the slowest visible relative motion.
 const MOTION_FLOOR: f32 = 0.1;
 
-/// Saliency S of every pixel, 0…1.
+/// Returns the saliency S of every pixel, 0…1.
 ///
-/// `rgb` holds display values, 0…1; others are taken into that range, and a pixel with a component that is NaN or infinite
-/// counts as black. `motion` is in pixels per frame; its sign does not matter, and a motion that is not finite counts as 0.
-/// Pictures of up to 16 pixels on the longer side have no pair of levels and are flat: 0 everywhere.
+/// `rgb` contains display values, clamped to 0…1. A pixel with a NaN or infinite component counts as black. `motion`
+/// is in pixels per frame. Its sign does not matter, and motion that is not finite counts as 0. Pictures with a
+/// longer side of at most 16 pixels have no pair of levels, and their saliency is 0.
 ///
 /// ```
 /// use plane::Plane;
 ///
-/// // A red square on gray.
+/// // // A red square on gray.
 /// let inside = |x, y| (90..106).contains(&x) && (30..46).contains(&y);
 /// let rgb = Plane::from_fn(128, 128, |x, y| if inside(x, y) { [0.8, 0.4, 0.4] } else { [0.5; 3] });
 /// let saliency = perceptual::saliency(&rgb, None);

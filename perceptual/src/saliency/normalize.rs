@@ -1,16 +1,16 @@
-//! (S4): maps in which one place stands out count, and maps with many alike do not.
+//! (S4): promotes maps with one outstanding location and suppresses maps with many similar ones.
 
 use plane::Plane;
 
-/// Windows of local maxima are an eighth of a map's width and height. Ours: windows of 3×3 samples find every ripple, which lowers
-/// m̄. A red item among 24 green ones then ranks as low as 21st on 512×512 pixels.
+/// Number of local-maximum windows across a map. With windows of 3×3 samples every ripple would count and lower m̄. A
+/// red item among 24 green ones would then rank as low as 21st on 512×512 pixels. Not in the paper.
 const WINDOWS: usize = 8;
-/// Local maxima below this share of M_max do not count: rounding makes them where a map is flat. Ours.
+/// Smallest local maximum relative to M_max. It excludes rounding noise in flat areas. Not in the paper.
 const LEAST_MAXIMUM: f32 = 0.01;
 
-/// The largest value; 0 if none is larger.
+/// Returns the largest value, at least 0.
 pub fn largest_of(values: &[f32]) -> f32 {
-    // Eight side by side: one after the other, each comparison would wait for the last.
+    // Eight independent maxima, because sequential comparisons would wait for each other.
     let (groups, rest) = values.as_chunks::<8>();
     let mut largest = [0.0f32; 8];
     for group in groups {
@@ -21,7 +21,7 @@ pub fn largest_of(values: &[f32]) -> f32 {
     largest.iter().chain(rest).copied().fold(0.0, f32::max)
 }
 
-/// N(M), in place: `M / max(M_max, f) · (1 − m̄ / M_max)²`, for a map without negative values.
+/// Computes N(M) in place: `M / max(M_max, f) · (1 − m̄ / M_max)²`, for a map without negative values.
 pub fn promote(map: &mut Plane<f32>, f: f32) {
     let highest = largest_of(map.samples());
     if highest <= 0.0 {
@@ -32,7 +32,7 @@ pub fn promote(map: &mut Plane<f32>, f: f32) {
     map.samples_mut().iter_mut().for_each(|value| *value *= factor);
 }
 
-/// m̄: the mean of `maxima` without one that is the `highest`; 0 if there is no other.
+/// Returns m̄: the mean of `maxima` without one `highest` maximum, or 0 if no other exists.
 fn mean_of_others(maxima: &[f32], highest: f32) -> f32 {
     let sum: f64 = maxima.iter().copied().map(f64::from).sum();
     match maxima.len() {
@@ -41,11 +41,11 @@ fn mean_of_others(maxima: &[f32], highest: f32) -> f32 {
     }
 }
 
-/// Local maxima above `least`: samples that are the largest of the window around them, which the border of the map cuts. Of
-/// equal ones the first in raster order counts.
+/// Returns the local maxima above `least`: samples that are the largest in the window around them, clipped to the
+/// map. The first of equal samples in raster order counts.
 ///
-/// A tile of half a window fits into the window of each of its samples. So no tile has two local maxima, and its largest
-/// sample alone needs a look at its window.
+/// A tile of half a window fits into the window of each of its samples. Each tile therefore has at most one local
+/// maximum, and only its largest sample needs a window test.
 fn local_maxima(map: &Plane<f32>, least: f32) -> Vec<f32> {
     let reach = [map.width(), map.height()].map(|side| (side / (2 * WINDOWS)).max(1));
     let tile = reach.map(|reach| reach + 1);
@@ -61,14 +61,14 @@ fn local_maxima(map: &Plane<f32>, least: f32) -> Vec<f32> {
     maxima
 }
 
-/// A sample and its place.
+/// A sample and its position.
 struct Candidate {
     x: usize,
     y: usize,
     value: f32,
 }
 
-/// The largest sample of a tile; of equal ones the first in raster order.
+/// Returns the largest sample of a tile, the first in raster order of equal ones.
 fn largest(map: &Plane<f32>, [left, top]: [usize; 2], [width, height]: [usize; 2]) -> Candidate {
     let mut found = Candidate { x: left, y: top, value: f32::NEG_INFINITY };
     for y in top..(top + height).min(map.height()) {
@@ -81,13 +81,13 @@ fn largest(map: &Plane<f32>, [left, top]: [usize; 2], [width, height]: [usize; 2
     found
 }
 
-/// Whether no sample of the window is larger, and none before it in raster order is equal.
+/// Returns whether no sample of the window is larger and no earlier sample in raster order is equal.
 fn is_largest(map: &Plane<f32>, candidate: &Candidate, [across, down]: [usize; 2]) -> bool {
     let &Candidate { x, y, value } = candidate;
     let columns = x.saturating_sub(across)..(x + across + 1).min(map.width());
     let rows = y.saturating_sub(down)..(y + down + 1).min(map.height());
     rows.into_iter().all(|row| {
-        // Samples of this row that come before the candidate.
+        // Number of samples in this row before the candidate.
         let before = match row.cmp(&y) {
             std::cmp::Ordering::Less => columns.len(),
             std::cmp::Ordering::Equal => x - columns.start,
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Every sample against every sample of its window.
+    /// Compares every sample with every sample of its window.
     fn by_definition(map: &Plane<f32>) -> Vec<f32> {
         let (width, height) = (map.width(), map.height());
         let reach = |side: usize| (side / 16).max(1);
@@ -132,7 +132,7 @@ mod tests {
         }
     }
 
-    /// A map with values at places of their own.
+    /// A map with the given peaks on zero.
     fn map(peaks: &[(usize, usize, f32)]) -> Plane<f32> {
         let mut map = Plane::filled(64, 64, 0.0);
         peaks.iter().for_each(|&(x, y, value)| map.set(x, y, value));

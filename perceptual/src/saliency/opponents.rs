@@ -3,7 +3,7 @@
 use super::normalize::largest_of;
 use plane::Plane;
 
-/// Share of the largest intensity below which a pixel has no hue \[Itti98\].
+/// Intensity below which a pixel has no hue, relative to the largest intensity \[Itti98\].
 const DARKEST_HUE: f32 = 0.1;
 
 /// (S1) and (S2) of a picture.
@@ -17,9 +17,9 @@ pub struct Opponents {
 }
 
 impl Opponents {
-    /// Features of display values; pixels that are not finite count as black.
+    /// Computes the features of display values. Pixels that are not finite count as black.
     pub fn new(rgb: &Plane<[f32; 3]>) -> Self {
-        // I, whose maximum decides which pixels have hues.
+        // I. Its maximum decides which pixels have hues.
         let intensity = rgb.map(|rgb| shown(rgb).iter().sum::<f32>() / 3.0);
         let darkest = DARKEST_HUE * largest_of(intensity.samples());
 
@@ -37,14 +37,14 @@ impl Opponents {
     }
 }
 
-/// Display values within 0…1; black where one is not finite.
+/// Clamps display values to 0…1. Returns black if one is not finite.
 #[inline(always)]
 fn shown(rgb: [f32; 3]) -> [f32; 3] {
     let finite = rgb.iter().all(|c| c.is_finite());
     rgb.map(|c| if finite { c.clamp(0.0, 1.0) } else { 0.0 })
 }
 
-/// R − G and B − Y of r/I, g/I and b/I: (S2).
+/// Returns R − G and B − Y of r/I, g/I and b/I: (S2).
 #[inline(always)]
 fn opponents_of([r, g, b]: [f32; 3]) -> [f32; 2] {
     let red = (r - 0.5 * (g + b)).max(0.0);
@@ -54,7 +54,8 @@ fn opponents_of([r, g, b]: [f32; 3]) -> [f32; 2] {
     [red - green, blue - yellow]
 }
 
-/// u_x and u_y. A motion that is not finite counts as 0, a longer one as the longer side of the picture.
+/// Returns u_x and u_y. Motion that is not finite counts as 0. Longer motion is clamped to the longer side of the
+/// picture.
 pub fn motion_axes(motion: &Plane<[f32; 2]>) -> [Plane<f32>; 2] {
     let longest = motion.width().max(motion.height()) as f32;
     [0, 1].map(|axis| {

@@ -1,12 +1,12 @@
-//! Dyadic Gaussian pyramids, and the way back to finer levels.
+//! Dyadic Gaussian pyramids, and interpolation back to finer levels.
 //!
 //! ```text
 //! F_(k+1)(x, y) = Σ_ij b_i b_j F_k(2x − 2 + i, 2y − 2 + j)         b = [1 5 10 10 5 1] / 32,  i, j = 0 … 5
 //! ```
 //!
-//! The kernel is that of the SaliencyToolbox \[Walther06\]. It is even, so a sample lies in the middle of the 2×2 samples that it
-//! stands for, and a picture and its mirror image have mirrored pyramids. At level 8 a kernel of five samples would center
-//! the one sample of a 256×256 picture on the picture's corner.
+//! The kernel is from the SaliencyToolbox \[Walther06\]. It has even length, so each sample is in the middle of the
+//! 2×2 samples that it represents. Mirrored pictures therefore have mirrored pyramids. With a kernel of five samples,
+//! the single level-8 sample of a 256×256 picture would be centered on the picture's corner.
 //!
 //! Borders are reflected: … 1 0 | 0 1 … .
 
@@ -14,30 +14,30 @@ use plane::Plane;
 
 /// Coarsest level \[Itti98\].
 const DEEPEST: usize = 8;
-/// Level of the smallest center c \[Itti98\]; pyramids keep no finer one.
+/// Level of the smallest center c \[Itti98\], the finest stored level.
 const FINEST: usize = 2;
 /// Levels c of centers \[Itti98\].
 pub const CENTERS: [usize; 3] = [FINEST, 3, 4];
-/// Levels s − c from centers to surrounds \[Itti98\].
+/// Level differences s − c from centers to surrounds \[Itti98\].
 pub const DELTAS: [usize; 2] = [3, 4];
-/// Level at which maps are added \[Itti98\]: that of the largest center.
+/// Level at which maps are added \[Itti98\]: the level of the largest center.
 pub const MAP_LEVEL: usize = CENTERS[2];
 
-/// b_2 = b_3, b_1 = b_4 and b_0 = b_5.
+/// Half of the symmetric kernel: b_2 = b_3, b_1 = b_4 and b_0 = b_5.
 const KERNEL: [f32; 3] = [10.0 / 32.0, 5.0 / 32.0, 1.0 / 32.0];
 
-/// Levels of a feature from the smallest center on.
+/// Levels of a feature, starting at the smallest center.
 pub struct Pyramid {
     levels: Vec<Plane<f32>>,
 }
 
 impl Pyramid {
-    /// Whether pyramids of pictures of this size have a center and a surround.
+    /// Returns whether pyramids of pictures of this size have a center and a surround.
     pub fn has_pairs(width: usize, height: usize) -> bool {
         width > 0 && height > 0 && deepest(width, height) >= CENTERS[0] + DELTAS[0]
     }
 
-    /// Levels of the feature that has the values of `finest` at level 0.
+    /// Builds the levels of a feature with the values `finest` at level 0.
     pub fn new(finest: Plane<f32>) -> Self {
         let deepest = deepest(finest.width(), finest.height());
         let mut levels = vec![halved(&halved(&finest))];
@@ -47,12 +47,12 @@ impl Pyramid {
         Self { levels }
     }
 
-    /// Level `k` ≥ 2, if the pyramid is so deep.
+    /// Returns level `k` ≥ 2, or `None` beyond the coarsest level.
     pub fn level(&self, k: usize) -> Option<&Plane<f32>> {
         self.levels.get(k - FINEST)
     }
 
-    /// Features of the same levels, `N` of each.
+    /// Computes `N` features from each level.
     pub fn map<const N: usize>(&self, feature: impl Fn(&Plane<f32>) -> [Plane<f32>; N]) -> [Self; N] {
         let mut pyramids = std::array::from_fn(|_| Self { levels: Vec::new() });
         for level in &self.levels {
@@ -64,18 +64,18 @@ impl Pyramid {
     }
 }
 
-/// The coarsest level of a picture of this size: 8, or the first of one sample.
+/// Returns the coarsest level of a picture of this size: 8, or the first level with a single sample.
 fn deepest(width: usize, height: usize) -> usize {
     (0..DEEPEST).find(|&k| width.max(height) <= 1 << k).unwrap_or(DEEPEST)
 }
 
-/// The next coarser level.
+/// Returns the next coarser level.
 pub fn halved(plane: &Plane<f32>) -> Plane<f32> {
     let (width, height) = (plane.width(), plane.height());
     let mut out = Plane::filled(width.div_ceil(2), height.div_ceil(2), 0.0);
     let mut padded = vec![0.0; width + 6];
     for y in 0..out.height() {
-        // Down the columns. Two samples beyond the left border come first.
+        // Down the columns, after two samples of padding for the left border.
         let row = |j: usize| &plane.row(reflected((2 * y + j) as isize - 2, height))[..width];
         let [b0, b1, b2, b3, b4, b5] = std::array::from_fn(row);
         for (x, sum) in padded[2..2 + width].iter_mut().enumerate() {
@@ -92,21 +92,21 @@ pub fn halved(plane: &Plane<f32>) -> Plane<f32> {
     out
 }
 
-/// The index within 0 … `count` − 1 that stands for `i` beyond the borders.
+/// Reflects an index `i` beyond the borders into 0 … `count` − 1.
 pub fn reflected(i: isize, count: usize) -> usize {
     let period = 2 * count;
     let i = i.rem_euclid(period as isize) as usize;
     i.min(period - 1 - i)
 }
 
-/// Fills a row of `count` samples up on both sides; the first stands at `before`.
+/// Pads a row of `count` samples on both sides by reflection. The first sample is at index `before`.
 pub fn reflect_borders(padded: &mut [f32], before: usize, count: usize) {
     for i in (0..before).chain(before + count..padded.len()) {
         padded[i] = padded[before + reflected(i as isize - before as isize, count)];
     }
 }
 
-/// A place between two samples of a row or column.
+/// A position between two samples of a row or column.
 #[derive(Clone, Copy)]
 struct Between {
     low: usize,
@@ -115,7 +115,7 @@ struct Between {
     fraction: f32,
 }
 
-/// Places of `wanted` samples among `count` samples that are coarser by `levels` levels.
+/// Returns the positions of `wanted` samples among `count` samples, which are coarser by `levels` levels.
 fn places(count: usize, wanted: usize, levels: usize) -> Vec<Between> {
     let step = 0.5f32.powi(levels as i32);
     let place = |i: usize| {
@@ -126,12 +126,13 @@ fn places(count: usize, wanted: usize, levels: usize) -> Vec<Between> {
     (0..wanted).map(place).collect()
 }
 
-/// `plane` at `width` × `height` samples, finer by `levels` levels: linear between the centers of its samples.
+/// Enlarges `plane` by `levels` levels to `width` × `height` samples, with linear interpolation between sample
+/// centers.
 pub fn enlarged(plane: &Plane<f32>, levels: usize, width: usize, height: usize) -> Plane<f32> {
     let (columns, rows) = (places(plane.width(), width, levels), places(plane.height(), height, levels));
     let between = |low: f32, high: f32, fraction: f32| low + fraction * (high - low);
 
-    // Along the rows, as long as there are few of them.
+    // Along the rows first, while the plane still has few of them.
     let mut wide = Plane::filled(width, plane.height(), 0.0);
     for (wide, row) in wide.samples_mut().chunks_exact_mut(width).zip(plane.rows()) {
         for (wide, at) in wide.iter_mut().zip(&columns) {
@@ -184,7 +185,7 @@ mod tests {
 
     #[test]
     fn saliency_enlarges_ramps_to_ramps() {
-        // Sample i of a level stands for the samples 4i … 4i + 3 two levels below: its center is at 4i + 1.5.
+        // Sample i of a level represents the samples 4i … 4i + 3 two levels below. Its center is at 4i + 1.5.
         let coarse = Plane::from_fn(8, 6, |x, y| (4 * x + 8 * y) as f32 + 4.5);
         let fine = enlarged(&coarse, 2, 32, 24);
         let exact = |x: usize, y: usize| x as f32 + 2.0 * y as f32;

@@ -1,23 +1,23 @@
-//! Saliency that does not flicker: blended from frame to frame along the motion.
+//! Temporally stable saliency, blended from frame to frame along the motion.
 
 use crate::bounded;
 use plane::{Correspondence, Plane};
 
-/// w, the weight of the past: that of thresholds in \[Herzog08, §5.2\].
+/// w, the weight of the past, equal to the weight of thresholds in \[Herzog08, §5.2\].
 const WEIGHT: f32 = 0.5;
-/// Saliency of what was not seen before: new things attract the eye, and nothing is known of them yet.
+/// Saliency of disoccluded areas: new objects attract the eye, and no previous saliency exists.
 const UNCOVERED: f32 = 1.0;
 
-/// Saliency of this frame, blended with that of the frame before:
+/// Blends the saliency of this frame with the previous frame:
 ///
 /// ```text
 /// (S8)  S'_t(x) = (1 − w) S_t(x) + w S'_(t−1)(x')        w = ½
-///       S'_t(x) = 1        where neither x nor any of the 8 pixels around it has a match
-///       S'_t(x) = S_t(x)   where x has none, but one of them has
+///       S'_t(x) = 1        if neither x nor any of the 8 pixels around it has a match
+///       S'_t(x) = S_t(x)   if only x has no match
 /// ```
 ///
-/// `now` is S_t, 0…1; `before` is S'_(t−1), as this function returned it, or S itself for the first frame. `known` holds
-/// the match x' of every pixel; indices outside of `before` count as no match. Values are taken into 0…1, and NaN counts as 0.
+/// `now` is S_t, 0…1. `before` is S'_(t−1) from this function, or S for the first frame. `known` contains the match
+/// x' of every pixel. Indices outside `before` count as no match. Values are clamped to 0…1, and NaN counts as 0.
 ///
 /// # Panics
 /// If `now` and `known` differ in size.
@@ -36,7 +36,8 @@ pub fn steady_saliency(now: &Plane<f32>, before: &Plane<f32>, known: &Correspond
     })
 }
 
-/// Whether no pixel around has a match: on the rim of a thing, one may be missing because the surface is thinner than a pixel.
+/// Returns whether no pixel around has a match. On the rim of an object a single match may be missing, because the
+/// surface is thinner than a pixel.
 fn is_new(then: &Plane<Option<f32>>, x: usize, y: usize) -> bool {
     let is_missing = |u: usize, v: usize| u >= then.width() || v >= then.height() || then.get(u, v).is_none();
     let beside = |at: usize| [at.wrapping_sub(1), at, at + 1];

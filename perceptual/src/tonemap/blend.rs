@@ -1,24 +1,26 @@
-//! Means of what a display shows: several surfaces in one pixel.
+//! Blending of several surfaces in one pixel, in display light.
 
 use super::ToneMap;
 
-/// A part of a pixel.
+/// Region of a pixel that shows one surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelPart {
-    /// Its share of the pixel's area; those of a pixel sum to 1.
+    /// Fraction of the pixel's area. The fractions of a pixel sum to 1.
     pub share: f32,
-    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    /// Linear RGB radiance \[W·m⁻²·sr⁻¹\].
     pub radiance: [f32; 3],
 }
 
 impl ToneMap {
-    /// Radiance that a display shows as the mean of what it shows of the `parts`, as a finer display is seen from afar:
+    /// Returns the radiance that is displayed as the mean of the displayed `parts`, like a finer display seen from a
+    /// distance:
     ///
     /// ```text
-    /// L = C⁻¹(Σ s C(Lₛ))      C  display light of radiance, before the transfer curve      s  share
+    /// L = C⁻¹(Σ s C(Lₛ))      C  display light of radiance, before the transfer curve      s  area fraction
     /// ```
     ///
-    /// No part adds more than display white. A mean of radiance would let a light far above white cover what is thin before it.
+    /// No part contributes more than display white. With a mean of radiance, a light far above white would hide thin
+    /// objects in front of it.
     #[must_use]
     pub fn mean_shown(&self, parts: impl IntoIterator<Item = PixelPart>) -> [f32; 3] {
         let (curve, exposure) = (self.curve(), self.exposure());
@@ -38,12 +40,13 @@ mod tests {
     use super::*;
     use crate::{Display, Operator};
 
-    /// Display light of a display value, by IEC 61966-2-1.
+    /// Returns the display light of a display value, by IEC 61966-2-1.
     fn light(value: f32) -> f32 {
         if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
     }
 
-    /// Half of a pixel is dark, half far above white: the display gives the mean of both lights, whatever the curve.
+    /// If half of a pixel is dark and half far above white, the result displays the mean of both lights, for any
+    /// curve.
     #[test]
     fn the_mean_is_that_of_the_display() {
         for operator in Operator::ALL {
@@ -64,7 +67,7 @@ mod tests {
         }
     }
 
-    /// The blend of equal parts is the part itself, up to white.
+    /// The blend of equal parts is the part, up to white.
     #[test]
     fn equal_parts_stay() {
         let part = |share| PixelPart { share, radiance: [0.01, 0.4, 2.0] };

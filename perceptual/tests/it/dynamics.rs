@@ -1,19 +1,19 @@
-//! The loop over frames as a dynamical system: equation (5) against its closed form under every kind of change, and the
-//! closed loop with a renderer that takes what it is allowed to.
+//! The loop over frames as a dynamical system: equation (5) compared with its closed form for several kinds of input,
+//! and the closed loop with a renderer that uses its whole error budget.
 //!
 //! ```text
-//! (5)  T(n) = (1 − w) e(n) + w T(n−1)        e(n) given: T(n) − e* = wⁿ (T(0) − e*) where e(n) = e* stays
+//! (5)  T(n) = (1 − w) e(n) + w T(n−1)        for constant e(n) = e*: T(n) − e* = wⁿ (T(0) − e*)
 //! ```
-//! `docs/limits.md` has the analysis that these tests hold the code to.
+//! `docs/limits.md` contains the analysis behind these tests.
 
 use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA, tolerable_error};
 use plane::{Correspondence, NO_MATCH, Plane};
 
-/// A single block, in a single thread: ten thousand frames take no time.
+/// A single block in a single thread, so that ten thousand frames are fast.
 const SIDE: usize = 8;
 const LONG: usize = 10_000;
 const WEIGHTS: [f32; 6] = [0.0, 0.25, 0.5, 0.75, 0.9, 0.99];
-/// A place inside of the picture; all others do alike.
+/// A pixel inside the picture. All others behave alike.
 const PLACE: (usize, usize) = (5, 6);
 
 struct Frame {
@@ -33,7 +33,7 @@ fn frame_of(luminance: impl Fn(usize, usize) -> f32) -> Frame {
     Frame { luma: luminance.map(|y| WHITE_LUMA * tone_map.encode(y)), luminance }
 }
 
-/// Luminance of a picture with detail, lit so brightly.
+/// Luminance of a detailed picture with brightness 1.
 fn detail(x: usize, y: usize) -> f32 {
     0.2 + 0.1 * ((x * 7 + y * 3) % 5) as f32
 }
@@ -46,12 +46,12 @@ fn feedback(weight: f32) -> Feedback {
     Feedback::new(MaskingModel::default(), ToneMap::default(), weight)
 }
 
-/// Runs in one thread of its own.
+/// Runs in a separate single thread.
 fn alone<T: Send>(run: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(run)
 }
 
-/// e of a frame, which knows no past.
+/// Returns e of a frame, without a past.
 fn e_of(frame: &Frame, quantiser_scale: f32) -> Plane<f32> {
     tolerable_error(&frame.luma, &frame.luminance, quantiser_scale, &ToneMap::default(), &MaskingModel::default())
 }
@@ -60,12 +60,12 @@ fn at(plane: &Plane<f32>) -> f64 {
     f64::from(plane.get(PLACE.0, PLACE.1))
 }
 
-/// Largest error of rounding: each frame rounds three times, and w carries it on.
+/// Maximum rounding error: each frame rounds three times, and w propagates it.
 fn rounding(weight: f32) -> f64 {
     3.0 * f64::from(f32::EPSILON) / (1.0 - f64::from(weight))
 }
 
-/// T under a sequence of (frame, quantiser_scale), one value for each.
+/// T under a sequence of (frame, quantiser_scale), one value per frame.
 fn response(weight: f32, start: f32, inputs: impl Iterator<Item = (usize, f32)> + Send, frames: &[Frame]) -> Vec<f64> {
     alone(move || {
         let (mut feedback, still) = (feedback(weight), Correspondence::still(SIDE, SIDE));
@@ -75,7 +75,7 @@ fn response(weight: f32, start: f32, inputs: impl Iterator<Item = (usize, f32)> 
     })
 }
 
-/// A step: the distance from the new steady state falls by w a frame, and is below 1 % when it should be.
+/// A step: the distance from the new steady state falls by w per frame, and is below 1 % at the predicted frame.
 #[test]
 fn a_step_decays_by_the_weight() {
     let frames = [lit(0.5)];
@@ -98,7 +98,7 @@ fn a_step_decays_by_the_weight() {
     }
 }
 
-/// Static for ten thousand frames: no drift, and no two frames differ once rounding has come to rest.
+/// A static scene for ten thousand frames: no drift, and no two frames differ once the rounding has converged.
 #[test]
 fn nothing_drifts_in_ten_thousand_frames() {
     let frames = [lit(0.5)];
@@ -125,7 +125,7 @@ fn an_impulse_is_forgotten() {
     }
 }
 
-/// Two values in turn, each held for some frames: T swings between limits that a geometric series gives, and no farther.
+/// Two alternating inputs, each held for some frames: T oscillates exactly between the limits of a geometric series.
 fn check_square_wave(frames: &[Frame], inputs: [(usize, f32); 2], e: [f64; 2], held: usize) {
     for weight in WEIGHTS {
         let w = f64::from(weight);
@@ -133,7 +133,7 @@ fn check_square_wave(frames: &[Frame], inputs: [(usize, f32); 2], e: [f64; 2], h
         let tail = &found[LONG - 4 * held..];
         let swing =
             tail.iter().fold(0.0f64, |most, t| most.max(*t)) - tail.iter().fold(f64::MAX, |least, t| least.min(*t));
-        // Across a half period the distance shrinks by w^held; at its ends the two distances are mirror images.
+        // Over a half period the distance shrinks by w^held. The distances at both ends are symmetric.
         let decay = w.powi(held as i32);
         let exact = (1.0 - decay) / (1.0 + decay) * (e[1] - e[0]).abs();
         let tolerance = 4.0 * rounding(weight) * e[0].max(e[1]);
@@ -152,7 +152,7 @@ fn a_square_wave_swings_as_its_series_says() {
     }
 }
 
-/// The coarsest quantiser and the finest in turn, every frame.
+/// Alternates between the coarsest and the finest quantiser every frame.
 #[test]
 fn jumping_quantisers_swing_as_their_series_says() {
     let frames = [lit(0.5)];
@@ -161,10 +161,10 @@ fn jumping_quantisers_swing_as_their_series_says() {
     check_square_wave(&frames, [(0, 1.0), (0, 112.0)], e, 1);
 }
 
-/// Noise in the light, even and without memory: its variance comes down to (1 − w) / (1 + w) of what it was.
+/// Uniform, uncorrelated noise in the light: its variance falls to (1 − w) / (1 + w) of the input variance.
 #[test]
 fn noise_is_smoothed_as_a_filter_of_one_pole_does() {
-    // Brightnesses that are drawn from; what counts is the variance of e over them.
+    // The brightnesses to draw from. Only the variance of e over them matters.
     let frames: Vec<Frame> = (0..64).map(|k| lit(0.5 + k as f32 / 64.0)).collect();
     let e: Vec<f64> = frames.iter().map(|frame| at(&e_of(frame, 8.0))).collect();
     let variance = |list: &[f64]| {
@@ -178,13 +178,14 @@ fn noise_is_smoothed_as_a_filter_of_one_pole_does() {
         let found = response(weight, e[32] as f32, drawn.iter().copied(), &frames);
         let ratio = variance(&found[LONG..]) / variance(&e);
         let exact = (1.0 - w) / (1.0 + w);
-        // 20 000 numbers, of which (1 − w) / (1 + w) are independent: a variance of them is certain to √(2/n).
+        // 20 000 values with a fraction (1 − w) / (1 + w) independent: their variance has a relative deviation of
+        // √(2/n).
         let deviation = (2.0 / (2.0 * LONG as f64 * exact)).sqrt();
         assert!((ratio / exact - 1.0).abs() < 4.0 * deviation, "w = {w}: {ratio}, {exact} by theory");
     }
 }
 
-/// Another scene in every frame: no threshold knows of the one before.
+/// A different scene in every frame: no threshold depends on the previous one.
 #[test]
 fn cuts_in_every_frame_leave_no_memory() {
     let frames = [lit(0.5), lit(3.0), lit(1e-6), lit(1e6)];
@@ -202,15 +203,15 @@ fn cuts_in_every_frame_leave_no_memory() {
     });
 }
 
-/// How a renderer uses up what it is allowed to be wrong by.
+/// Error behavior of a renderer within its threshold.
 #[derive(Clone, Copy, Debug)]
 enum Renderer {
-    /// Off by all of its threshold, the other way in each frame: the worst that can happen.
+    /// Error equal to the threshold, with alternating sign: the worst case.
     Flickers,
-    /// Off by all of its threshold, by each pixel's own sign in each frame.
+    /// Error equal to the threshold, with a random sign per pixel and frame.
     Noise,
-    /// The nearest of values that lie two thresholds apart, as a cut does that has few values to take: the same threshold gives
-    /// the same picture.
+    /// Rounds to values two thresholds apart, like a lightcut with few possible values. Equal thresholds give equal
+    /// pictures.
     Coarse,
 }
 
@@ -226,7 +227,8 @@ fn rendered(kind: Renderer, truth: f32, threshold: f32, pixel: usize, n: usize) 
     (truth + off).max(0.0)
 }
 
-/// The closed loop over `frames`, from one threshold everywhere: lowest, mean and highest of the last thousand.
+/// The closed loop over `frames`, from a uniform threshold. Returns the lowest, mean and highest threshold of the
+/// last thousand frames.
 fn band(kind: Renderer, (weight, kappa, scale): (f32, f32, f32), start: f32, frames: usize) -> [f64; 3] {
     let still = Correspondence::still(SIDE, SIDE);
     let mut feedback = feedback(weight).with_kappa(kappa);
@@ -248,10 +250,12 @@ fn band(kind: Renderer, (weight, kappa, scale): (f32, f32, f32), start: f32, fra
     [low, sum / 1000.0, high]
 }
 
-/// Thresholds → picture → thresholds, thousands of times. What there is no closed form for is bounded: T is a mean of values
-/// of e, and e is bounded whatever the picture shows. With the weight that is used, thresholds that begin at 10⁻⁴ and at 10⁴
-/// come to the same band. Without any past the loop is chaotic, and with nearly all of it a thousand frames are few: there the
-/// two means are of the same size, and no more is promised.
+/// Repeats thresholds → picture → thresholds thousands of times. No closed form exists, but T is bounded: it is a
+/// mean of values of e, which is bounded for any picture.
+///
+/// With the default weight, thresholds that start at 10⁻⁴ and at 10⁴ converge to the same band. Without any past the
+/// loop is chaotic. With a weight near 1 a thousand frames are few. In these two cases only the order of magnitude of
+/// the means must agree.
 #[test]
 fn the_closed_loop_stays_in_a_band_wherever_it_starts() {
     let largest = f64::from(ToneMap::default().saturation());
@@ -265,7 +269,7 @@ fn the_closed_loop_stays_in_a_band_wherever_it_starts() {
             let open = e.samples().iter().zip(truth.luminance.samples());
             let open = open.map(|(e, y)| f64::from((settings.1 * e).max(0.02 * y))).sum::<f64>() / (SIDE * SIDE) as f64;
             println!("{kind:?}, (w, κ, quantiser) = {settings:?}: open {open:.4}, closed {bands:.4?}");
-            // Nothing a picture shows lets e exceed the luminance that saturates, but for what is brighter still.
+            // e cannot exceed the saturating luminance, unless the picture is brighter than that.
             for [low, mean, high] in bands {
                 assert!(low > 0.0 && high <= largest && low <= mean && mean <= high, "{kind:?}: {bands:?}");
             }

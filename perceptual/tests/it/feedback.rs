@@ -1,4 +1,4 @@
-//! The loop over frames: steady state, no drift, cuts, flashes, broken frames, threads.
+//! The loop over frames: steady state, no drift, shot changes, flashes, invalid frames, threads.
 
 use perceptual::{
     DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, ToneMap, YCbCr, luminance_plane, tolerable_error,
@@ -87,7 +87,7 @@ fn a_cut_forgets() {
     assert_eq!(feedback.observe(dim.observed(Some(&nothing_matches)), 8.0), &alone(&dim, 8.0));
     let map = feedback.thresholds_for_next(&nothing_matches);
     assert!((0..WIDTH).all(|x| map.get(x, 3).is_none()));
-    // A picture of another size starts afresh.
+    // A picture of another size resets the state.
     let small = frame_of(&Plane::filled(8, 8, [0.5; 3]));
     assert_eq!(feedback.observe(small.observed(Some(&Correspondence::still(8, 8))), 8.0), &alone(&small, 8.0));
 }
@@ -129,7 +129,7 @@ fn thresholds_travel_with_the_picture() {
     let first = frame(1.0);
     let mut feedback = feedback(0.5);
     feedback.observe(first.observed(None), 8.0);
-    // Everything moves by two pixels to the right; what comes in at the left was not seen before.
+    // Everything moves two pixels to the right. The left columns are disoccluded.
     let two_to_the_left = |x: usize, y: usize| if x < 2 { NO_MATCH } else { (y * WIDTH + x - 2) as u32 };
     let moved = Correspondence::from_matches(Plane::from_fn(WIDTH, HEIGHT, two_to_the_left));
     let map = feedback.thresholds_for_next(&moved);

@@ -1,4 +1,4 @@
-//! Tests of masking, tone curves and metrics as their users see them, in one program: a module for each subject.
+//! Tests of the public API of masking, tone curves and metrics, in one program with a module per subject.
 
 mod dynamics;
 mod feedback;

@@ -1,35 +1,35 @@
-//! Saliency: what stands out is found, what is flat stays flat, and nothing panics.
+//! Saliency: odd items are found, flat pictures stay flat, and no input panics.
 
 use perceptual::{saliency, steady_saliency};
 use plane::{Correspondence, NO_MATCH, Plane};
 
-/// Items on a side of the grid.
+/// Number of items per side of the grid.
 const GRID: usize = 5;
-/// Display value of the field around the items.
+/// Display value of the background.
 const FIELD: f32 = 0.5;
 
-/// In what the odd item differs from the others, by its contrast k.
+/// Property in which the odd item differs from the others, by contrast k.
 #[derive(Clone, Copy, Debug)]
 enum Oddity {
-    /// Its difference from the field is larger by k.
+    /// Its difference from the background is larger by k.
     Brightness,
-    /// It has a tint, the others are gray: a share k of the way to red.
+    /// It is tinted by a fraction k towards red, and the others are gray.
     Tint,
-    /// Its hue is turned by k · 180°, at equal intensity and chroma.
+    /// Its hue is rotated by k · 180°, at equal intensity and chroma.
     Hue,
     /// Its radius is larger by k.
     Size,
-    /// Bars; it is turned by k · 90°.
+    /// Bars. The odd bar is rotated by k · 90°.
     Orientation,
-    /// Items and field move alike; it is faster by k.
+    /// Items and background move equally. The odd item is faster by k.
     Speed,
-    /// Items move over a field at rest; it is faster by k.
+    /// Items move over a static background. The odd item is faster by k.
     Overtaking,
-    /// Items move over a field at rest; its direction is turned by k · 180°.
+    /// Items move over a static background. Its direction is rotated by k · 180°.
     Direction,
 }
 
-/// Share of a pixel that lies within a border, `inside` pixels away.
+/// Fraction of a pixel within a border at a distance of `inside` pixels.
 fn coverage(inside: f32) -> f32 {
     (inside + 0.5).clamp(0.0, 1.0)
 }
@@ -41,7 +41,7 @@ fn color(oddity: Oddity, k: f32) -> [f32; 3] {
         Oddity::Tint => [1.0 + 0.5 * k, 1.0 - 0.25 * k, 1.0 - 0.25 * k].map(|c| 0.6 * c),
         Oddity::Hue => {
             let (sin, cos) = (std::f32::consts::PI * k).sin_cos();
-            // From green to red, and to blue from what is between them: at equal I.
+            // From green to red, and from their mean to blue: at equal I.
             let axes: [[f32; 2]; 3] = [[-0.5, -1.0 / 3.0], [0.5, -1.0 / 3.0], [0.0, 2.0 / 3.0]];
             axes.map(|[green, blue]| 0.55 + 0.25 * (green * cos + blue * sin))
         }
@@ -49,7 +49,7 @@ fn color(oddity: Oddity, k: f32) -> [f32; 3] {
     }
 }
 
-/// Motion of an item, and that of the field.
+/// Motion of an item and of the background.
 fn motion(oddity: Oddity, k: f32) -> Option<[[f32; 2]; 2]> {
     let (sin, cos) = (std::f32::consts::PI * k).sin_cos();
     match oddity {
@@ -60,7 +60,7 @@ fn motion(oddity: Oddity, k: f32) -> Option<[[f32; 2]; 2]> {
     }
 }
 
-/// Share of the pixel that an item around the origin covers, in a cell of `cell` pixels.
+/// Fraction of the pixel covered by an item around the origin, in a cell of `cell` pixels.
 fn shape(oddity: Oddity, k: f32, cell: f32, [x, y]: [f32; 2]) -> f32 {
     match oddity {
         Oddity::Orientation => {
@@ -73,7 +73,7 @@ fn shape(oddity: Oddity, k: f32, cell: f32, [x, y]: [f32; 2]) -> f32 {
     }
 }
 
-/// A picture of `size` × `size` pixels with items in a grid, and their motion.
+/// A picture of `size` × `size` pixels with a grid of items, and their motion.
 fn search(oddity: Oddity, k: f32, odd: usize, size: usize) -> (Plane<[f32; 3]>, Option<Plane<[f32; 2]>>) {
     let cell = size as f32 / GRID as f32;
     let place = |x: usize, y: usize| {
@@ -97,7 +97,7 @@ fn search(oddity: Oddity, k: f32, odd: usize, size: usize) -> (Plane<[f32; 3]>, 
     (rgb, motion)
 }
 
-/// Rank of the odd item by its largest saliency; the last one of equals.
+/// Rank of the odd item by its largest saliency. Ties rank last.
 fn rank(map: &Plane<f32>, odd: usize) -> usize {
     let cell = map.width() as f32 / GRID as f32;
     let mut maxima = [0.0f32; GRID * GRID];
@@ -111,7 +111,7 @@ fn rank(map: &Plane<f32>, odd: usize) -> usize {
     maxima.iter().filter(|&&maximum| maximum >= maxima[odd]).count()
 }
 
-/// Ranks of the odd item at six of the places.
+/// Ranks of the odd item at six positions.
 fn ranks(oddity: Oddity, k: f32, size: usize) -> [usize; 6] {
     [0, 3, 7, 12, 22, 24].map(|odd| {
         let (rgb, motion) = search(oddity, k, odd, size);
@@ -121,7 +121,7 @@ fn ranks(oddity: Oddity, k: f32, size: usize) -> [usize; 6] {
 
 #[test]
 fn saliency_of_the_odd_item_ranks_first() {
-    // With the least contrast that is found everywhere.
+    // Each oddity with the smallest contrast that is found in all cases.
     let oddities = [
         (Oddity::Brightness, 0.25),
         (Oddity::Tint, 0.25),
@@ -141,7 +141,7 @@ fn saliency_of_the_odd_item_ranks_first() {
     }
 }
 
-/// Numbers of a fixed seed, −1…1, with the variance of ⅓.
+/// Random numbers from a fixed seed, −1…1, with a variance of ⅓.
 fn noise() -> impl FnMut() -> f32 {
     let mut state = 7u32;
     move || {
@@ -231,7 +231,7 @@ fn saliency_takes_what_is_not_finite_as_black_and_at_rest() {
     let map = saliency(&rgb, Some(&motion));
     assert_eq!(map, saliency(&black, Some(&at_rest)));
     assert!(map.samples().iter().all(|s| (0.0..=1.0).contains(s)));
-    // Finite, and beyond all sense.
+    // Finite, but far outside any plausible range.
     let wild = saliency(&rgb.map(|rgb| rgb.map(|c| 1e30 * c)), Some(&motion.map(|u| u.map(|c| -1e38 * c))));
     assert!(wild.samples().iter().all(|s| (0.0..=1.0).contains(s)));
 }
@@ -240,7 +240,7 @@ fn saliency_takes_what_is_not_finite_as_black_and_at_rest() {
 fn saliency_of_a_pan_is_that_of_the_picture() {
     let rgb = busy(200, 200);
     let (still, pan) = (saliency(&rgb, None), saliency(&rgb, Some(&Plane::filled(200, 200, [-7.0, 2.5]))));
-    // The channel of motion is empty, so three of four are left.
+    // The motion channel is empty, so three of four channels remain.
     assert!(still.samples().iter().zip(pan.samples()).all(|(a, b)| (0.75 * a - b).abs() < 1e-4));
 }
 
@@ -250,7 +250,7 @@ fn saliency_needs_the_motion_of_every_pixel() {
     let _ = saliency(&busy(30, 20), Some(&Plane::filled(20, 30, [0.0; 2])));
 }
 
-/// A new thing is an area without matches; along the rim of an old one some are missing, too.
+/// A new object is an area without matches. Along the rim of an old object some matches are missing too.
 #[test]
 fn saliency_of_new_things_is_full_and_that_of_rims_is_not() {
     let new = |x: usize, y: usize| (2..6).contains(&x) && (2..6).contains(&y);
@@ -275,13 +275,13 @@ fn saliency_is_steadied_along_the_motion() {
     let (now, before) = (Plane::filled(4, 1, 0.5), Plane::from_vec(4, 1, vec![0.1, 0.3, f32::NAN, 0.9]));
     let known = Correspondence::from_matches(Plane::from_vec(4, 1, vec![1, 3, NO_MATCH, 2]));
     let steady = steady_saliency(&now, &before, &known);
-    // The third pixel is no new thing: those beside it were seen.
+    // The third pixel is not a new object, because its neighbors have matches.
     let expected = [0.4, 0.7, 0.5, 0.25];
     assert!(steady.samples().iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{steady:?}");
-    // Nothing was seen before: all is new.
+    // Without previous saliency, everything is new.
     let first = steady_saliency(&now, &Plane::default(), &known);
     assert_eq!(first.samples(), [1.0; 4]);
-    // The uncovered settles within a few frames.
+    // The disoccluded pixels converge within a few frames.
     let still = Correspondence::still(4, 1);
     let settled = (0..8).fold(first, |before, _| steady_saliency(&now, &before, &still));
     assert!(settled.samples().iter().all(|s| (s - 0.5).abs() < 0.01));

@@ -1,4 +1,4 @@
-//! Equations (4) and (5) against a transcription in `f64`, and what thresholds promise.
+//! Equations (4) and (5) compared with a transcription in `f64`, and guarantees of thresholds.
 
 use perceptual::{
     DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, Operator, ThresholdMap, ToneMap, YCbCr, blend,
@@ -44,7 +44,7 @@ proptest! {
             let (before, after) = (gray(picture.luma.samples()[i]), gray(distorted.samples()[i]));
             let f = (luminance / before).clamp(1.0, 1.0 / 0.0722);
             let exact = (0.02 * luminance).max(f * (after - before).abs());
-            // The way back to luminance goes through a table that is good to 0.1 % of a luminance, 0.6 % in the last code value.
+            // The inverse uses a table with an error of 0.1 % of luminance, or 0.6 % in the last code value.
             let table = |luma: f32, gray: f64| if luma > 218.0 { 6e-3 * gray } else { 1e-3 * gray };
             let slack = 1e-6 + f * (table(picture.luma.samples()[i], before) + table(distorted.samples()[i], after));
             prop_assert!((f64::from(e.samples()[i]) - exact).abs() < slack, "{} {exact}", e.samples()[i]);
@@ -79,7 +79,7 @@ proptest! {
         let radiance = Plane::from_vec(10, 10, pixels.clone());
         let e = thresholds(&radiance, quantiser_scale, &ToneMap::of(operator));
         prop_assert!(e.samples().iter().all(|e| e.is_finite() && *e > 0.0));
-        // Not a picture at all: luma and luminance straight from the bits.
+        // Not a valid picture: random bits as luma and luminance.
         let (luma, luminance) = (radiance.map(|p| p[0]), radiance.map(|p| p[1]));
         let (tone_map, model) = (ToneMap::of(operator), MaskingModel::default());
         let e = tolerable_error_counted(&luma, &luminance, quantiser_scale, &tone_map, &model);
@@ -136,7 +136,7 @@ fn a_white_block_in_black_leaves_the_rest_alone() {
     let e = thresholds(&lone, 16.0, &tone_map);
     let black = thresholds(&Plane::filled(256, 256, [0.0; 3]), 16.0, &tone_map);
     assert!(e.samples().iter().all(|e| *e <= 1.0));
-    // A black block's DC vanishes, so that only q_min stands in its coefficients: masking has no say in it.
+    // A black block's DC vanishes, so all its coefficients are q_min, independent of masking.
     assert_eq!(e.get(200, 200), black.get(200, 200));
 }
 
@@ -147,7 +147,7 @@ fn twelve_decades_in_a_frame() {
         for quantiser_scale in [1.0, 112.0] {
             let e = thresholds(&radiance, quantiser_scale, &ToneMap::of(operator));
             for (e, pixel) in e.samples().iter().zip(radiance.samples()) {
-                // 255 is the most that a display value decodes to.
+                // 255 is the largest decoded display value.
                 let most = (0.0201 * pixel[0]).max(255.0 / 0.0722);
                 assert!(*e >= 0.0199 * pixel[0] && *e <= most, "{operator}: {e} at {}", pixel[0]);
             }
@@ -155,8 +155,8 @@ fn twelve_decades_in_a_frame() {
     }
 }
 
-/// A pure color of luminance Y at a display gamma of 2 has luma weight · √(Y / weight); the same relative change of
-/// luma must give the same relative change of luminance as for gray.
+/// A pure color of luminance Y at a display gamma of 2 has luma weight · √(Y / weight). Equal relative changes of
+/// luma must give equal relative changes of luminance as for gray.
 #[test]
 fn pure_colors_get_their_relative_error() {
     let (tone_map, model) = (ToneMap::gamma(2.0), MaskingModel::default());
@@ -191,7 +191,8 @@ fn maps_keep_what_is_known() {
     assert!((0..6).all(|i| still.get(i % 3, i / 3) == Some(0.25)));
 }
 
-/// One call gives what its steps give by hand, here through the loop over frames, and errors relative to white.
+/// One call gives the same result as its separate steps, here through the loop over frames, as errors relative to
+/// white.
 #[test]
 fn a_picture_in_one_call_is_the_steps_by_hand() {
     let picture = Plane::from_fn(21, 13, |x, y| [(x * 12) as u8, (y * 19) as u8, ((x * y) % 256) as u8]);

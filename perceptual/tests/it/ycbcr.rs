@@ -1,4 +1,4 @@
-//! Conversion to what the encoder takes: colors of Rec. 709, where chroma lies, odd sizes, broken pixels.
+//! Conversion to pictures for the encoder: Rec. 709 colors, chroma siting, odd sizes, invalid pixels.
 
 use perceptual::{Operator, ToneMap, YCbCr, luminance, luminance_plane, to_rgb8};
 use plane::Plane;
@@ -7,7 +7,7 @@ fn flat(rgb: [f32; 3]) -> YCbCr {
     YCbCr::from_radiance(&Plane::filled(6, 4, rgb), &ToneMap::srgb())
 }
 
-/// Eight-bit limited-range code values of Rec. 709 for the colors of full saturation.
+/// Eight-bit limited-range code values of Rec. 709 for fully saturated colors.
 #[test]
 fn known_colors() {
     for (name, rgb, codes) in [
@@ -43,7 +43,7 @@ fn luma_before_rounding_starts_at_black() {
     assert!(flat([1e6; 3]).luma.samples().iter().all(|&luma| luma == 219.0));
 }
 
-/// A single red column weighs ½ where a chroma sample is in line with it, and ¼ in the samples on both sides otherwise.
+/// A single red column weighs ½ in a chroma sample on that column, otherwise ¼ in the samples on both sides.
 #[test]
 fn chroma_lies_in_line_with_even_columns() {
     let red_at = |column: usize| {
