@@ -1,39 +1,39 @@
-//! Movement: smooth paths through given points, and turning views.
+//! Animation: smooth paths through given points, and rotations.
 
 use glam::{Mat3, Quat, Vec3};
 
-/// How a glTF sampler interpolates.
+/// Interpolation mode of a glTF sampler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
-    /// Straight between keys.
+    /// Linear interpolation between keys.
     Linear,
-    /// Hermite between keys; each key holds in-tangent, value, out-tangent.
+    /// Cubic Hermite interpolation between keys. Each key has in-tangent, value and out-tangent.
     CubicSpline,
 }
 
-/// The property that a channel moves.
+/// Animated property of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Property {
-    /// The node's translation.
+    /// Translation of the node.
     Translation,
-    /// The node's rotation.
+    /// Rotation of the node.
     Rotation,
 }
 
 /// Keys of one property of one node.
 #[derive(Clone, Debug)]
 pub struct Keys {
-    /// The property that is moved.
+    /// Animated property.
     pub property: Property,
-    /// How values between the keys follow.
+    /// Interpolation between the keys.
     pub interpolation: Interpolation,
-    /// Seconds, rising.
+    /// Ascending times \[s\].
     pub times: Vec<f32>,
-    /// Three or four numbers for each value, flat.
+    /// Values as a flat list, three or four numbers each.
     pub values: Vec<f32>,
 }
 
-/// A path through points at given times, smooth (cubic Hermite with finite-difference tangents).
+/// A smooth path through points at given times (cubic Hermite with finite-difference tangents).
 #[derive(Clone, Debug)]
 pub struct Path {
     keys: Vec<(f32, Vec3)>,
@@ -41,13 +41,13 @@ pub struct Path {
 }
 
 impl Path {
-    /// A path through the keys; it starts and ends with the speed of its first and last stretch.
+    /// Path through the keys. Its end speeds are the mean speeds of the first and last segments.
     #[must_use]
     pub fn new(keys: &[(f32, Vec3)]) -> Self {
         Self::with_ends(keys, false)
     }
 
-    /// A closed path: the last key equals the first, and the speed is continuous there.
+    /// Closed path. The last key equals the first, and the speed is continuous there.
     #[must_use]
     pub fn closed(keys: &[(f32, Vec3)]) -> Self {
         Self::with_ends(keys, true)
@@ -65,7 +65,7 @@ impl Path {
         Self { keys: keys.to_vec(), tangents }
     }
 
-    /// The position at a time, held before the first and after the last key.
+    /// Returns the position at a time \[s\], clamped to the first and last key.
     #[must_use]
     pub fn at(&self, time: f32) -> Vec3 {
         let last = self.keys.len() - 1;
@@ -87,7 +87,7 @@ impl Path {
             + self.tangents[i + 1] * (d * (s3 - s2))
     }
 
-    /// The path as translation keys.
+    /// Converts the path to translation keys.
     #[must_use]
     pub fn translation(&self) -> Keys {
         let mut values = Vec::new();
@@ -105,7 +105,7 @@ impl Path {
     }
 }
 
-/// Rotation keys from a function of time, `rate` keys a second over `duration` seconds.
+/// Builds rotation keys from a function of time, `rate` keys per second over `duration` seconds.
 pub fn rotation(duration: f32, rate: f32, f: impl Fn(f32) -> Quat) -> Keys {
     let n = (duration * rate).round() as usize;
     let mut values = Vec::new();
@@ -114,7 +114,7 @@ pub fn rotation(duration: f32, rate: f32, f: impl Fn(f32) -> Quat) -> Keys {
     for k in 0..=n {
         let time = duration * k as f32 / n as f32;
         let mut q = f(time).normalize();
-        // Neighboring keys on one side of the sphere, or slerp takes the long way round.
+        // Keep consecutive quaternions in one hemisphere, so that slerp takes the short arc.
         if q.dot(previous) < 0.0 {
             q = -q;
         }
@@ -125,7 +125,7 @@ pub fn rotation(duration: f32, rate: f32, f: impl Fn(f32) -> Quat) -> Keys {
     Keys { property: Property::Rotation, interpolation: Interpolation::Linear, times, values }
 }
 
-/// The rotation of a glTF camera (looking along -z) that looks from `eye` at `target`.
+/// Returns the rotation of a glTF camera (which looks along -z) at `eye` that looks at `target`.
 #[must_use]
 pub fn look_at(eye: Vec3, target: Vec3) -> Quat {
     let back = (eye - target).normalize();

@@ -1,14 +1,14 @@
-//! Arches, the walls they open, and the vaults that they carry.
+//! Arches, walls with openings, and vaults.
 
 use glam::{Vec2, Vec3, vec2};
 
 use crate::mesh::{Mesh, Vertex};
 use crate::shapes::{Frame, close_ends, sweep};
 
-/// Half of an arch, unit span and unit rise: the point and the derivative at an angle share.
+/// Half of an arch of unit span and rise: the point and the derivative at a fraction of its angle.
 ///
-/// `point` is how far beyond the middle the arc's center lies: 0 is a round arch, 1 an equilateral
-/// pointed one.
+/// `point` is the distance of the arc's center beyond the middle: 0 for a round arch, 1 for an equilateral pointed
+/// one.
 fn half_arch(point: f32, share: f32) -> (Vec2, Vec2) {
     let radius = 1.0 + point;
     let top = (point / radius).acos();
@@ -20,8 +20,8 @@ fn half_arch(point: f32, share: f32) -> (Vec2, Vec2) {
     )
 }
 
-/// Points of an arch from its left foot over the crown to its right foot, `steps` on each side, with
-/// the normals that point into the opening. A pointed crown comes twice, once for each side.
+/// Points of an arch from its left foot over the crown to its right foot, `steps` on each side, with normals into the
+/// opening. A pointed crown appears twice, once per side.
 #[must_use]
 pub fn arch_points(half: f32, rise: f32, point: f32, steps: usize) -> Vec<(Vec2, Vec2)> {
     let side = |sign: f32, k: usize| {
@@ -35,51 +35,51 @@ pub fn arch_points(half: f32, rise: f32, point: f32, steps: usize) -> Vec<(Vec2,
     out
 }
 
-/// The rise of an arch of true circular arcs.
+/// Rise of an arch of true circular arcs.
 #[must_use]
 pub fn natural_rise(half: f32, point: f32) -> f32 {
     half * (1.0 + 2.0 * point).sqrt()
 }
 
-/// The plane of a wall: `along` to the right seen from the visible side, which is `out`.
+/// Plane of a wall. Seen from the visible side, `along` points to the right.
 #[derive(Clone, Copy, Debug)]
 pub struct Plane {
-    /// Where position 0 of the wall at height 0 lies.
+    /// Point of the wall at position 0 and height 0 \[m\].
     pub origin: Vec3,
-    /// The level direction along the wall.
+    /// Horizontal unit direction along the wall.
     pub along: Vec3,
-    /// The visible side.
+    /// Unit normal on the visible side.
     pub out: Vec3,
 }
 
 impl Plane {
-    /// The point at a position along the wall, a height, and a distance before it.
+    /// Point at a position along the wall, a height, and a distance in front of it \[m\].
     #[must_use]
     pub fn at(&self, s: f32, y: f32, out: f32) -> Vec3 {
         self.origin + self.along * s + Vec3::Y * y + self.out * out
     }
 
-    /// The other face of a wall that is this thick.
+    /// Back face of a wall of this thickness \[m\].
     #[must_use]
     pub fn behind(&self, thickness: f32) -> Plane {
         Plane { origin: self.origin - self.out * thickness, along: self.along, out: -self.out }
     }
 
-    /// A rectangle of the wall, `out` before it.
+    /// Adds a rectangle of the wall at distance `out` in front of it.
     pub fn rectangle(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: f32) {
         let p = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])];
         mesh.quad_facing(p.map(|(s, y)| self.at(s, y, out)), self.out);
     }
 
-    /// A picture on the wall: the whole texture once, upright.
+    /// Adds a picture on the wall, with the whole texture once and upright.
     pub fn picture(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: f32) {
         let p = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])];
         let uv = [vec2(0.0, 1.0), vec2(1.0, 1.0), vec2(1.0, 0.0), vec2(0.0, 0.0)];
         mesh.quad_uv(p.map(|(s, y)| self.at(s, y, out)), uv);
     }
 
-    /// A raised field with slanted edges over positions `s` and heights `y`: `inset` wide, from `low` to `high` before the
-    /// wall.
+    /// Adds a raised panel with beveled edges over positions `s` and heights `y`. The bevel is `inset` wide and rises
+    /// from `low` to `high` in front of the wall.
     pub fn field(&self, mesh: &mut Mesh, [s, y]: [[f32; 2]; 2], inset: f32, [low, high]: [f32; 2]) {
         let outer = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])].map(|(s, y)| self.at(s, y, low));
         let (a, b) = ([s[0] + inset, s[1] - inset], [y[0] + inset, y[1] - inset]);
@@ -91,7 +91,7 @@ impl Plane {
         self.rectangle(mesh, a, b, high);
     }
 
-    /// A box before the wall: positions, heights and distances before it.
+    /// Adds a box in front of the wall, given its positions, heights and distances.
     pub fn block(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: [f32; 2]) {
         let a = self.at(s[0], y[0], out[0]);
         let b = self.at(s[1], y[1], out[1]);
@@ -99,23 +99,23 @@ impl Plane {
     }
 }
 
-/// An arched opening of a wall.
+/// Arched opening of a wall.
 #[derive(Clone, Copy, Debug)]
 pub struct Opening {
-    /// Position of its middle along the wall.
+    /// Position of its middle along the wall \[m\].
     pub center: f32,
-    /// Half its width.
+    /// Half its width \[m\].
     pub half: f32,
-    /// Height of its lower edge.
+    /// Height of its lower edge \[m\].
     pub sill: f32,
-    /// Height where the arch begins.
+    /// Height of the springing, where the arch begins \[m\].
     pub spring: f32,
-    /// How pointed the arch is; 0 is round.
+    /// Pointedness of the arch, 0 for a round arch.
     pub point: f32,
 }
 
 impl Opening {
-    /// The height of the crown.
+    /// Height of the crown \[m\].
     #[must_use]
     pub fn crown(&self) -> f32 {
         self.spring + natural_rise(self.half, self.point)
@@ -129,7 +129,7 @@ impl Opening {
         points
     }
 
-    /// The inner faces of the opening, from the plane `depth` backwards.
+    /// Adds the inner faces of the opening, from the plane `depth` backwards.
     pub fn reveal(&self, mesh: &mut Mesh, plane: &Plane, depth: f32, steps: usize) {
         let mut points = vec![(vec2(self.center - self.half, self.sill), Vec2::X)];
         if self.spring > self.sill {
@@ -160,15 +160,15 @@ impl Opening {
         }
     }
 
-    /// A band round the arch. The profile is (distance from the opening's edge, distance before the wall), from the outer
-    /// edge inwards.
+    /// Adds a band around the arch. The profile lists (distance from the opening's edge, distance in front of the
+    /// wall), from the outer edge inwards.
     pub fn archivolt(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize) {
         let frames: Vec<Frame> = self.curve(steps).into_iter().map(|(p, n)| edge_frame(plane, p, n)).collect();
         sweep(mesh, &frames, profile);
         close_ends(mesh, &frames, profile);
     }
 
-    /// An [`archivolt`](Self::archivolt) with jambs: the band goes down to the sill.
+    /// Adds an [`archivolt`](Self::archivolt) with jambs: the band extends down to the sill.
     pub fn archivolt_with_jambs(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize) {
         let mut points = self.curve(steps);
         points.insert(0, (vec2(self.center - self.half, self.sill), Vec2::X));
@@ -178,8 +178,8 @@ impl Opening {
         close_ends(mesh, &frames, profile);
     }
 
-    /// Fills the opening with a pane; `uv` gives the texture coordinate of a point of the pane whose width is -1..1 and
-    /// height 0..1.
+    /// Fills the opening with a pane. `uv` returns the texture coordinate of a point with a horizontal position in
+    /// -1..1 and a vertical position in 0..1.
     pub fn pane(&self, mesh: &mut Mesh, plane: &Plane, pane: Pane, uv: impl Fn(f32, f32) -> Vec2) {
         let Pane { depth, steps } = pane;
         let height = self.crown() - self.sill;
@@ -199,21 +199,21 @@ impl Opening {
     }
 }
 
-/// A pane of an [`Opening`].
+/// Pane of an [`Opening`].
 #[derive(Clone, Copy, Debug)]
 pub struct Pane {
-    /// Distance behind the plane of the wall.
+    /// Distance behind the plane of the wall \[m\].
     pub depth: f32,
-    /// Pieces of each side of its arch.
+    /// Number of segments on each side of its arch.
     pub steps: usize,
 }
 
-/// Frame of a profile at a point of an opening's edge, with the normal there into the opening.
+/// Frame of a profile at a point of an opening's edge, given the normal into the opening.
 fn edge_frame(plane: &Plane, p: Vec2, n: Vec2) -> Frame {
     Frame { origin: plane.at(p.x, p.y, 0.0), x: -(plane.along * n.x + Vec3::Y * n.y), y: plane.out }
 }
 
-/// One face of a wall with openings (sorted along it): positions `s`, heights `y`.
+/// Adds one face of a wall with openings, which are sorted along it: positions `s`, heights `y`.
 pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[Opening], steps: usize) {
     let mut face = |p: [Vec2; 4]| {
         mesh.quad_facing(p.map(|p| plane.at(p.x, p.y, 0.0)), plane.out);
@@ -240,8 +240,8 @@ pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[O
     }
 }
 
-/// Half a web of a groin vault, seen from below: level lines run outwards from the groin between
-/// `center` and `corner` to the wall, whose middle is `middle` (x and z each).
+/// Adds half a web of a groin vault, visible from below. Level lines run from the groin between `center` and `corner`
+/// outwards to the wall with its middle at `middle` (x and z each).
 pub fn half_web(mesh: &mut Mesh, [center, middle, corner]: [Vec2; 3], spring: f32, arch: (f32, f32), steps: usize) {
     let (rise, point) = arch;
     let (out, side) = (middle - center, corner - middle);
@@ -261,7 +261,7 @@ pub fn half_web(mesh: &mut Mesh, [center, middle, corner]: [Vec2; 3], spring: f3
     });
 }
 
-/// A groin vault over the rectangle from `min` to `max` (x and z), seen from below.
+/// Adds a groin vault over the rectangle from `min` to `max` (x and z), visible from below.
 pub fn groin_vault(mesh: &mut Mesh, [min, max]: [Vec2; 2], spring: f32, arch: (f32, f32), steps: usize) {
     let center = (min + max) / 2.0;
     let half = (max - min) / 2.0;
@@ -273,18 +273,18 @@ pub fn groin_vault(mesh: &mut Mesh, [min, max]: [Vec2; 2], spring: f32, arch: (f
     }
 }
 
-/// The section of a rib: its width and how far it hangs below the vault.
+/// Section of a rib.
 #[derive(Clone, Copy, Debug)]
 pub struct RibSection {
-    /// Across.
+    /// Width \[m\].
     pub width: f32,
-    /// Downwards.
+    /// Depth below the vault \[m\].
     pub depth: f32,
-    /// Only from the first foot to the crown.
+    /// Whether the rib ends at the crown, instead of the second foot.
     pub half: bool,
 }
 
-/// A rib along the arch from `a` over the crown to `b`, both at the height of the springing.
+/// Adds a rib along the arch from `a` over the crown to `b`, both at springing height.
 pub fn rib(mesh: &mut Mesh, [a, b]: [Vec3; 2], arch: (f32, f32), section: RibSection, steps: usize) {
     let axis = (b - a).normalize();
     let side = axis.cross(Vec3::Y);

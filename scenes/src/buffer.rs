@@ -1,4 +1,4 @@
-//! The binary half of a glTF file.
+//! Binary chunk of a glTF file.
 
 use serde_json::{Map, Value, json};
 
@@ -11,7 +11,7 @@ pub(crate) struct Writer {
 }
 
 impl Writer {
-    /// Appends bytes as a view of their own and returns its index.
+    /// Appends bytes as a separate view and returns its index.
     pub(crate) fn view(&mut self, data: &[u8], target: Option<u32>) -> usize {
         let mut view = json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": data.len()});
         if let Some(target) = target {
@@ -48,7 +48,7 @@ impl Writer {
         self.accessors.len() - 1
     }
 
-    /// Appends an accessor of indices, two bytes each where they fit.
+    /// Appends an accessor of indices, two bytes each if they fit.
     pub(crate) fn indices(&mut self, data: &[u32]) -> usize {
         let small = data.iter().all(|&i| i < 65_535);
         let bytes: Vec<u8> = if small {
@@ -64,7 +64,7 @@ impl Writer {
         self.accessors.len() - 1
     }
 
-    /// The whole file, from the rest of its description.
+    /// Assembles the whole file from the remaining description.
     pub(crate) fn finish(mut self, mut root: Map<String, Value>) -> Vec<u8> {
         root.insert("bufferViews".into(), self.views.into());
         root.insert("accessors".into(), self.accessors.into());

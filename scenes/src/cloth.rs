@@ -1,4 +1,4 @@
-//! Cloth: its pattern and the way it hangs.
+//! Cloth: patterns, curtains and banners.
 
 use std::f32::consts::TAU;
 
@@ -8,7 +8,7 @@ use crate::mesh::Mesh;
 use crate::noise::{fractal, mix, smoothstep, value};
 use crate::texture::Texture;
 
-/// A dyed cloth with a woven diaper of a lighter thread.
+/// Texture of a dyed cloth with a woven diaper pattern of lighter thread.
 #[must_use]
 pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
@@ -28,26 +28,26 @@ pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
     })
 }
 
-/// A curtain hanging from `a` to `b`, `drop` meters long, in folds. `gather` is how much narrower it
-/// becomes towards the tie at three quarters of its drop; 0 hangs straight.
+/// A curtain in folds that hangs from `a` to `b`. `gather` is its narrowing at the tie, at three quarters of its
+/// drop. 0 hangs straight.
 #[derive(Clone, Copy, Debug)]
 pub struct Curtain {
-    /// One end of the rod.
+    /// One end of the rod \[m\].
     pub a: Vec3,
-    /// The other end.
+    /// The other end of the rod \[m\].
     pub b: Vec3,
-    /// Length of the cloth.
+    /// Length of the cloth \[m\].
     pub drop: f32,
     /// Number of folds.
     pub folds: f32,
-    /// Depth of the folds.
+    /// Depth of the folds \[m\].
     pub depth: f32,
-    /// Narrowing towards `a` at the tie, as a share of the width.
+    /// Narrowing towards `a` at the tie, as a fraction of the width.
     pub gather: f32,
 }
 
 impl Curtain {
-    /// Adds the curtain, `nu` × `nv` quads.
+    /// Adds the curtain as `nu` × `nv` quads.
     pub fn add(&self, mesh: &mut Mesh, nu: usize, nv: usize, seed: u32) {
         let along = self.b - self.a;
         let out = along.normalize().cross(Vec3::Y);
@@ -66,7 +66,7 @@ impl Curtain {
     }
 }
 
-/// A banner that hangs free: gentle waves, longer in the middle, where it ends in a point.
+/// Adds a free-hanging banner with gentle waves, longer in the middle, where it ends in a point.
 pub fn banner(mesh: &mut Mesh, a: Vec3, b: Vec3, drop: f32, seed: u32) {
     let along = b - a;
     let out = along.normalize().cross(Vec3::Y);

@@ -1,4 +1,4 @@
-//! The classical vocabulary: columns, balusters, urns, cornices.
+//! Classical elements: columns, balusters, urns, cornices.
 
 use std::f32::consts::{PI, TAU};
 
@@ -8,9 +8,10 @@ use crate::glb::{MaterialId, Model};
 use crate::mesh::{Mesh, Side};
 use crate::shapes::{arc, chain, lathe};
 
-/// A round column with attic base and leafy capital, its foot at the origin.
-/// `radius` is that of the shaft's foot, `height` reaches the top of the abacus. A slender one, of fewer
-/// than 20 `segments`, gets a plain cushion for a capital instead.
+/// A round column with attic base and leafy capital and its foot at the origin.
+///
+/// `radius` is the radius at the foot of the shaft, `height` the height of the abacus's top \[m\]. With fewer than 20
+/// `segments`, a plain cushion replaces the capital.
 #[must_use]
 pub fn column(trim: MaterialId, shaft: MaterialId, radius: f32, height: f32, segments: usize) -> Model {
     let r = radius;
@@ -34,7 +35,7 @@ pub fn column(trim: MaterialId, shaft: MaterialId, radius: f32, height: f32, seg
     let foot = plinth + 1.02 * r;
     let capital = 2.2 * r;
     let neck = height - capital;
-    // The shaft swells a little before it narrows.
+    // The shaft swells slightly before it narrows.
     let entasis: Vec<Vec2> = (0..=4)
         .map(|i| {
             let t = i as f32 / 4.0;
@@ -65,7 +66,7 @@ pub fn column(trim: MaterialId, shaft: MaterialId, radius: f32, height: f32, seg
     model
 }
 
-/// The bell of a capital with two rows of eight leaves that curl outwards at their tips.
+/// Adds the bell of a capital with two rows of eight leaves that curl outwards at their tips.
 fn bell(mesh: &mut Mesh, radius: f32, low: f32, high: f32, top: f32) {
     let height = high - low;
     mesh.surface(32, 10, vec2(2.0, height), |u, v| {
@@ -74,17 +75,17 @@ fn bell(mesh: &mut Mesh, radius: f32, low: f32, high: f32, top: f32) {
         let leaf = |phase: f32, from: f32, to: f32| {
             let t = ((v - from) / (to - from)).clamp(0.0, 1.0);
             let lobe = (8.0 * angle + phase).cos().max(0.0).powf(0.6);
-            // Thick at the curl, gone above it.
+            // Thick at the curl, zero above it.
             let fall = if v > to { (1.0 - (v - to) * 14.0).max(0.0) } else { 1.0 };
             lobe * (0.10 + 0.32 * t.powi(3)) * fall * radius
         };
         let r = bell + leaf(0.0, 0.0, 0.42).max(leaf(PI, 0.1, 0.78));
-        // Clockwise as the angle rises, so that the cross product points outwards.
+        // Clockwise with rising angle, so that the cross product points outwards.
         vec3(r * angle.cos(), low + height * v, -r * angle.sin())
     });
 }
 
-/// A baluster of this height, its foot at the origin.
+/// Adds a baluster of this height with its foot at the origin.
 pub fn baluster(mesh: &mut Mesh, height: f32, segments: usize) {
     let h = height;
     let w = 0.105 * h;
@@ -107,7 +108,7 @@ pub fn baluster(mesh: &mut Mesh, height: f32, segments: usize) {
     lathe(mesh, Vec3::ZERO, &profile, segments, 0.6);
 }
 
-/// The profile of an urn of unit height, open at the top.
+/// Profile of an urn of unit height, open at the top.
 #[must_use]
 pub fn urn() -> Vec<Vec2> {
     chain(&[
@@ -118,7 +119,7 @@ pub fn urn() -> Vec<Vec2> {
     ])
 }
 
-/// The profile of a crowning cornice: how far it stands out and how high it is, from its foot.
+/// Profile of a crowning cornice, from its foot, with projection `out` and `height` \[m\].
 #[must_use]
 pub fn cornice(out: f32, height: f32) -> Vec<Vec2> {
     let (o, h) = (out, height);
@@ -137,7 +138,7 @@ pub fn cornice(out: f32, height: f32) -> Vec<Vec2> {
     ])
 }
 
-/// The profile of a flat band with a small molding above and below.
+/// Profile of a flat band with a small molding above and below.
 #[must_use]
 pub fn band(out: f32, height: f32) -> Vec<Vec2> {
     let (o, h) = (out, height);
@@ -152,7 +153,7 @@ pub fn band(out: f32, height: f32) -> Vec<Vec2> {
     ]
 }
 
-/// The profile of an archivolt `width` broad, for [`crate::arches::Opening::archivolt`].
+/// Profile of an archivolt of this `width`, for [`crate::arches::Opening::archivolt`].
 #[must_use]
 pub fn archivolt(width: f32, out: f32) -> Vec<Vec2> {
     let (w, o) = (width, out);

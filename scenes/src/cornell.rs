@@ -1,8 +1,8 @@
-//! The Cornell box: the measured room, papered and floored, with its two blocks in motion; and as it was published.
+//! The Cornell box in two versions: with wallpaper, parquet and two moving blocks, and as published.
 //!
-//! The measurements and reflectances are those that Cornell's Program of Computer Graphics
-//! published for its box. Here they are in meters and turned about the vertical, so that the
-//! camera looks along -z as glTF's does; the red wall stays on the left.
+//! Measurements and reflectances are as published by Cornell's Program of Computer Graphics. They are converted to
+//! meters and rotated about the vertical, so that the camera looks along -z as in glTF. The red wall stays on the
+//! left.
 
 use std::f32::consts::TAU;
 
@@ -14,33 +14,33 @@ use crate::mesh::{Mesh, Vertex};
 use crate::patterns::{damask, linen, marble, plaster};
 use crate::wood::herringbone;
 
-/// Seconds of animation.
+/// Duration of the animation \[s\].
 pub const DURATION: f32 = 4.0;
 
 const WHITE: Vec3 = vec3(0.725, 0.71, 0.68);
 const RED: Vec3 = vec3(0.63, 0.065, 0.05);
 const GREEN: Vec3 = vec3(0.14, 0.45, 0.091);
-/// The published emission, scaled so that white surfaces come out near a radiance of 0.4.
+/// The published emission, scaled so that white surfaces have a radiance of about 0.4 \[W·m⁻²·sr⁻¹\].
 const EMISSION: Vec3 = vec3(17.0 * 3.0, 12.0 * 3.0, 4.0 * 3.0);
 
-/// Corners of the room, in millimeters, from the viewer's left in front around to the left at the back.
+/// Corners of the room \[mm\], from the viewer's left in front around to the left at the back.
 const FLOOR: [[f32; 3]; 4] = [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]];
 const CEILING: [[f32; 3]; 4] = [[556.0, 548.8, 0.0], [0.0, 548.8, 0.0], [0.0, 548.8, 559.2], [556.0, 548.8, 559.2]];
-/// Corners of the blocks' tops, x and z.
+/// Corners of the blocks' tops, x and z \[mm\].
 const SHORT_BLOCK: [[f32; 2]; 4] = [[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]];
 const TALL_BLOCK: [[f32; 2]; 4] = [[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]];
 
-/// A published point, in millimeters, in the scene's axes.
+/// Converts a published point \[mm\] to the scene's axes \[m\].
 fn point([x, y, z]: [f32; 3]) -> Vec3 {
     at(x, y, z)
 }
 
-/// The same from its coordinates.
+/// Converts published coordinates \[mm\] to the scene's axes \[m\].
 fn at(x: f32, y: f32, z: f32) -> Vec3 {
     vec3(278.0 - x, y, -z) / 1000.0
 }
 
-/// A block without its bottom about its own axis: the published corners of its top.
+/// A block without its bottom, centered on its axis, from the published corners of its top.
 fn block(corners: [[f32; 2]; 4], height: f32) -> (Mesh, Vec3) {
     let mut top = corners.map(|[x, z]| at(x, height, z));
     let center = top.iter().sum::<Vec3>() / 4.0;
@@ -56,7 +56,7 @@ fn block(corners: [[f32; 2]; 4], height: f32) -> (Mesh, Vec3) {
     (mesh, center)
 }
 
-/// A wall whose four corners need not lie in one plane exactly, divided so that the bend is even.
+/// Adds a wall, subdivided so that it bends evenly if its four corners are not exactly in one plane.
 fn wall(mesh: &mut Mesh, [a, b, c, d]: [Vec3; 4], towards: Vec3) {
     let normal = (c - a).cross(d - b).normalize();
     let normal = normal * normal.dot(towards).signum();
@@ -67,9 +67,9 @@ fn wall(mesh: &mut Mesh, [a, b, c, d]: [Vec3; 4], towards: Vec3) {
     });
 }
 
-/// The box as it was published, all surfaces plain and nothing moving: for comparison with other renderers.
+/// Builds the box as published, with plain static surfaces, for comparison with other renderers.
 ///
-/// Its lamp lies half a millimeter under the ceiling, which the data put into the same plane.
+/// Its lamp is half a millimeter below the ceiling. In the published data both are in the same plane.
 pub fn published() -> Scene {
     let mut scene = Scene::new("cornell-box");
     let white = scene.plain("white", WHITE);
@@ -95,7 +95,7 @@ pub fn published() -> Scene {
         let mesh = scene.mesh(name, model);
         scene.node(name, Some(mesh), home, Quat::IDENTITY);
     }
-    // Focal length 0.035, film 0.025 wide.
+    // Focal length 0.035 m, film width 0.025 m.
     let yfov = 2.0 * (0.0125f32 / 0.035).atan();
     let eye = at(278.0, 273.0, -800.0);
     scene.camera(yfov, eye, look_at(eye, at(278.0, 273.0, 0.0)));
@@ -113,7 +113,7 @@ struct Room {
     lamp: MaterialId,
 }
 
-/// The scene.
+/// Builds the scene.
 pub fn build() -> Scene {
     let mut scene = Scene::new("cornell");
     let red = scene.textured("red damask", 0.14, &damask(768, RED, 0.42));
@@ -129,8 +129,8 @@ pub fn build() -> Scene {
     add_room(&mut scene, &Room { red, green, plaster, oak, frame, skirting, lamp });
     add_blocks(&mut scene, linen, stone);
 
-    // From the published viewpoint, a little nearer so that the walls' edges stay outside the
-    // picture, gently in and to the side.
+    // From the published viewpoint, slightly nearer so that the walls' edges stay outside the picture, slowly forward
+    // and to the side.
     let walk = Path::new(&[
         (0.0, at(278.0, 273.0, -755.0)),
         (DURATION / 3.0, at(290.0, 279.0, -735.0)),
@@ -144,7 +144,7 @@ pub fn build() -> Scene {
     scene
 }
 
-/// Walls, floor and ceiling, and the lamp in its frame.
+/// Adds walls, floor and ceiling, and the lamp in its frame.
 fn add_room(scene: &mut Scene, materials: &Room) {
     let &Room { red, green, plaster, oak, frame, skirting, lamp } = materials;
     let mut room = Model::new();
@@ -156,7 +156,7 @@ fn add_room(scene: &mut Scene, materials: &Room) {
     wall(room.of(plaster), [bl, br, ctr, ctl], Vec3::Z);
     wall(room.of(red), [fl, bl, ctl, cl], Vec3::X);
     wall(room.of(green), [fr, br, ctr, cr], Vec3::NEG_X);
-    // A skirting board along the three walls, standing 4 mm off them.
+    // A skirting board along the three walls, 4 mm in front of them.
     let board = |model: &mut Model, a: Vec3, b: Vec3, inward: Vec3| {
         let (height, depth) = (Vec3::Y * 0.016, inward * 0.004);
         let (a, b) = (a + depth, b + depth);
@@ -167,7 +167,7 @@ fn add_room(scene: &mut Scene, materials: &Room) {
     board(&mut room, fl, bl, Vec3::X);
     board(&mut room, fr, br, Vec3::NEG_X);
     board(&mut room, bl, br, Vec3::Z);
-    // The lamp hangs 3 mm under the ceiling in a frame that reaches 3 mm lower.
+    // The lamp hangs 3 mm below the ceiling in a frame that reaches 3 mm lower.
     let (x0, x1) = (at(343.0, 0.0, 0.0).x, at(213.0, 0.0, 0.0).x);
     let (z0, z1) = (at(0.0, 0.0, 332.0).z, at(0.0, 0.0, 227.0).z);
     let (top, bottom, rim) = (0.5488, 0.5428, 0.006);
@@ -186,14 +186,14 @@ fn add_room(scene: &mut Scene, materials: &Room) {
     scene.show("lamp", panel);
 }
 
-/// Both blocks, in motion.
+/// Adds both blocks with their animations.
 fn add_blocks(scene: &mut Scene, linen: MaterialId, stone: MaterialId) {
     let (mesh, home) = block(SHORT_BLOCK, 165.0);
     let mut model = Model::new();
     *model.of(linen) = mesh;
     let short = scene.mesh("short block", model);
     let short = scene.node("short block", Some(short), home, Quat::IDENTITY);
-    // A loop in the free corner of the floor; the blocks never touch.
+    // A loop in the free corner of the floor. The blocks never touch.
     let step = |x: f32, z: f32| home + vec3(-x, 0.0, -z) / 1000.0;
     let slide = Path::closed(&[
         (0.0, step(0.0, 0.0)),
@@ -209,6 +209,6 @@ fn add_blocks(scene: &mut Scene, linen: MaterialId, stone: MaterialId) {
     *model.of(stone) = mesh;
     let tall = scene.mesh("tall block", model);
     let tall = scene.node("tall block", Some(tall), home, Quat::IDENTITY);
-    // A quarter turn a second: what a display stand does.
+    // A quarter rotation per second, like a display stand.
     scene.animate(tall, rotation(DURATION, 8.0, |t| Quat::from_rotation_y(TAU * t / DURATION)));
 }

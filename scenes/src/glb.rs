@@ -1,4 +1,4 @@
-//! Scenes in memory and their writing as binary glTF.
+//! Scenes in memory and their output as binary glTF.
 
 use std::collections::BTreeMap;
 
@@ -10,59 +10,60 @@ use crate::buffer::Writer;
 use crate::mesh::Mesh;
 use crate::texture::Texture;
 
-/// A material of a [`Scene`].
+/// Index of a material in a [`Scene`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MaterialId(usize);
-/// A picture of a [`Scene`].
+/// Index of a picture in a [`Scene`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextureId(usize);
-/// A mesh of a [`Scene`].
+/// Index of a mesh in a [`Scene`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeshId(usize);
-/// A node of a [`Scene`].
+/// Index of a node in a [`Scene`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NodeId(usize);
 
-/// A diffuse, possibly glowing material.
+/// A diffuse material, optionally emissive.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Shown in viewers.
+    /// Name, displayed in viewers.
     pub name: &'static str,
-    /// Reflectance, or what the texture is multiplied by.
+    /// Reflectance, or the factor of the texture, linear RGB.
     pub color: Vec3,
-    /// Reflectance picture.
+    /// Picture of the reflectance.
     pub texture: Option<TextureId>,
-    /// Meters that one repeat of the pictures covers.
+    /// Size of one repetition of the pictures \[m\].
     pub tile: Vec2,
-    /// Radiance in W/(m² sr).
+    /// Emitted radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub emission: Vec3,
-    /// Picture that the emission is multiplied by.
+    /// Picture that multiplies the emission.
     pub emission_texture: Option<TextureId>,
-    /// A thin layer that reflects on both sides, such as cloth; everything else has its front alone.
+    /// Whether it is a thin layer that reflects on both sides, such as cloth. Other materials reflect only on the
+    /// front.
     pub sheet: bool,
 }
 
 impl Material {
-    /// A plain color.
+    /// Material of a plain color.
     #[must_use]
     pub fn plain(name: &'static str, color: Vec3) -> Self {
         Self { name, color, texture: None, tile: Vec2::ONE, emission: Vec3::ZERO, emission_texture: None, sheet: false }
     }
 
-    /// A picture that repeats every `tile` meters.
+    /// Material with a picture that repeats every `tile` meters.
     #[must_use]
     pub fn textured(name: &'static str, texture: TextureId, tile: f32) -> Self {
         Self { texture: Some(texture), tile: Vec2::splat(tile), ..Self::plain(name, Vec3::ONE) }
     }
 
-    /// A light source with a dark surface.
+    /// Light source with a dark surface.
     #[must_use]
     pub fn glowing(name: &'static str, emission: Vec3) -> Self {
         Self { emission, ..Self::plain(name, Vec3::splat(0.2)) }
     }
 }
 
-/// A shape of several materials.
+/// A shape with one mesh per material.
 #[derive(Clone, Debug, Default)]
 pub struct Model(BTreeMap<MaterialId, Mesh>);
 
@@ -73,12 +74,12 @@ impl Model {
         Self::default()
     }
 
-    /// The part of one material.
+    /// Mesh of one material, created if missing.
     pub fn of(&mut self, material: MaterialId) -> &mut Mesh {
         self.0.entry(material).or_default()
     }
 
-    /// Adds another model, moved by a transform.
+    /// Adds another model with a transform.
     pub fn append(&mut self, other: &Model, transform: glam::Mat4) {
         for (material, mesh) in &other.0 {
             self.of(*material).append(mesh, transform);
@@ -89,11 +90,11 @@ impl Model {
 /// A punctual light.
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// `directional` or `point`.
+    /// Kind of light: `directional` or `point`.
     pub kind: &'static str,
-    /// Color.
+    /// Color, linear RGB.
     pub color: Vec3,
-    /// W/m² at normal incidence for a directional light, W/sr for a point.
+    /// Irradiance at normal incidence \[W·m⁻²\] of a directional light, or intensity \[W·sr⁻¹\] of a point light.
     pub intensity: f32,
 }
 
@@ -150,7 +151,7 @@ impl Scene {
         MaterialId(self.materials.len() - 1)
     }
 
-    /// Adds a picture and the material that repeats it every `tile` meters.
+    /// Adds a picture and a material that repeats it every `tile` meters.
     pub fn textured(&mut self, name: &'static str, tile: f32, texture: &Texture) -> MaterialId {
         let texture = self.texture(name, texture);
         self.material(Material::textured(name, texture, tile))
@@ -173,7 +174,7 @@ impl Scene {
         MeshId(self.meshes.len() - 1)
     }
 
-    /// Adds a node that shows a mesh, or only carries others.
+    /// Adds a node with a mesh, or without one as a parent of other nodes.
     pub fn node(&mut self, name: &str, mesh: Option<MeshId>, translation: Vec3, rotation: Quat) -> NodeId {
         self.nodes.push(GlbNode {
             name: name.to_owned(),
@@ -188,19 +189,19 @@ impl Scene {
         NodeId(self.nodes.len() - 1)
     }
 
-    /// Adds a mesh and the one node that shows it where it was modeled.
+    /// Adds a mesh and a node that shows it without a transform.
     pub fn show(&mut self, name: &str, model: Model) -> NodeId {
         let mesh = self.mesh(name, model);
         self.node(name, Some(mesh), Vec3::ZERO, Quat::IDENTITY)
     }
 
-    /// Hangs a node under another.
+    /// Makes one node the child of another.
     pub fn attach(&mut self, child: NodeId, parent: NodeId) {
         self.nodes[parent.0].children.push(child.0);
         self.nodes[child.0].is_child = true;
     }
 
-    /// Adds a punctual light shining along `direction`.
+    /// Adds a punctual light that shines along `direction`.
     pub fn light(&mut self, name: &str, light: Light, position: Vec3, direction: Vec3) -> NodeId {
         let rotation = Quat::from_rotation_arc(Vec3::NEG_Z, direction.normalize());
         let node = self.node(name, None, position, rotation);
@@ -209,7 +210,7 @@ impl Scene {
         node
     }
 
-    /// Adds the camera, with its vertical field of view in radians.
+    /// Adds the camera, with its vertical field of view \[rad\].
     pub fn camera(&mut self, yfov: f32, translation: Vec3, rotation: Quat) -> NodeId {
         let node = self.node("camera", None, translation, rotation);
         self.nodes[node.0].camera = true;
@@ -217,19 +218,19 @@ impl Scene {
         node
     }
 
-    /// Moves a node.
+    /// Adds animation keys to a node.
     pub fn animate(&mut self, node: NodeId, keys: Keys) {
         self.channels.push((node.0, keys));
     }
 
-    /// The number of triangles shown, each as often as a node shows it.
+    /// Number of visible triangles. A mesh counts once per node that shows it.
     #[must_use]
     pub fn triangles(&self) -> usize {
         let of = |m: usize| self.meshes[m].1.0.values().map(Mesh::triangles).sum::<usize>();
         self.nodes.iter().filter_map(|n| n.mesh).map(of).sum()
     }
 
-    /// The scene as binary glTF.
+    /// Serializes the scene as binary glTF.
     pub fn to_glb(&self) -> Vec<u8> {
         let mut w = Writer::default();
         let mut root = Map::new();
@@ -260,7 +261,7 @@ impl Scene {
                 .map(|(name, bytes)| json!({"name": name, "mimeType": "image/jpeg", "bufferView": w.view(bytes, None)}))
                 .collect();
             root.insert("images".into(), images.into());
-            // Linear filtering with mipmaps, repeating both ways.
+            // Linear filtering with mipmaps, repeated in both directions.
             root.insert(
                 "samplers".into(),
                 json!([
@@ -374,7 +375,7 @@ fn material_json(material: &Material) -> Value {
     let mut m = json!({"name": material.name, "pbrMetallicRoughness": pbr, "doubleSided": material.sheet});
     let e = material.emission;
     if e != Vec3::ZERO {
-        // The factor itself may not exceed 1, so the strength carries the size.
+        // The factor must not exceed 1, so the strength contains the magnitude.
         let strength = e.max_element().max(1.0);
         m["emissiveFactor"] = json!((e / strength).to_array());
         if strength > 1.0 {

@@ -27,15 +27,15 @@ use toml::Settings;
 /// A scene that ships with the project.
 #[derive(Clone, Copy, Debug)]
 pub struct Shipped {
-    /// The name of its folder and files.
+    /// Name of its folder and files.
     pub name: &'static str,
-    /// Makes the scene.
+    /// Function that builds the scene.
     pub build: fn() -> Scene,
-    /// Text of the settings file beside it.
+    /// Content of its settings file.
     pub settings: Settings,
 }
 
-/// Frames of an animation at 25 a second.
+/// Number of frames of an animation at 25 frames per second.
 const fn frames(duration: f32) -> u32 {
     (duration * 25.0) as u32
 }

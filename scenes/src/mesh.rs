@@ -1,32 +1,32 @@
-//! Triangle meshes and the few primitives everything is built from.
+//! Triangle meshes and their primitives.
 //!
-//! Texture coordinates are kept in meters here; the writer divides them by the size of the
-//! material's texture, so that one shape can carry any material at the right scale.
+//! Texture coordinates are in meters. The writer divides them by the size of the material's texture, so that any
+//! material has the correct scale on any shape.
 
 use glam::{Mat3, Mat4, Vec2, Vec3, vec2};
 
-/// A corner of a triangle: position, unit normal, texture coordinate in meters.
+/// A corner of a triangle: position, unit normal, texture coordinate.
 #[derive(Clone, Copy, Debug)]
 pub struct Vertex {
-    /// Position in meters.
+    /// Position \[m\].
     pub position: Vec3,
     /// Unit normal towards the visible side.
     pub normal: Vec3,
-    /// Texture coordinate in meters.
+    /// Texture coordinate \[m\].
     pub uv: Vec2,
 }
 
 /// An indexed triangle mesh.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// The corners.
+    /// Corners of the triangles.
     pub vertices: Vec<Vertex>,
-    /// Three indices for each triangle, counter-clockwise seen from the visible side.
+    /// Three indices per triangle, counterclockwise seen from the visible side.
     pub indices: Vec<u32>,
 }
 
-/// Texture coordinates of a flat face: meters along the horizontal and down the slope, so that
-/// courses of stone stay level and neighboring faces of one plane continue each other.
+/// Returns the texture coordinates of a flat face \[m\], along the horizontal and down the slope. Courses of stone
+/// stay level, and neighboring faces of one plane continue each other.
 #[must_use]
 pub fn planar_uv(position: Vec3, normal: Vec3) -> Vec2 {
     if normal.y.abs() > 0.75 {
@@ -37,20 +37,20 @@ pub fn planar_uv(position: Vec3, normal: Vec3) -> Vec2 {
     vec2(position.dot(right), -position.dot(up))
 }
 
-/// The sides of a box, to name those that are left out.
+/// Sides of a box, for a list of omitted sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Towards +x.
+    /// Side towards +x.
     Right,
-    /// Towards -x.
+    /// Side towards -x.
     Left,
-    /// Towards +y.
+    /// Side towards +y.
     Top,
-    /// Towards -y.
+    /// Side towards -y.
     Bottom,
-    /// Towards +z.
+    /// Side towards +z.
     Front,
-    /// Towards -z.
+    /// Side towards -z.
     Back,
 }
 
@@ -61,14 +61,13 @@ impl Mesh {
         Self::default()
     }
 
-    /// The number of triangles.
+    /// Number of triangles.
     #[must_use]
     pub fn triangles(&self) -> usize {
         self.indices.len() / 3
     }
 
-    /// Adds a triangle of existing corners, turned so that it agrees with their normals;
-    /// a triangle without area is dropped.
+    /// Adds a triangle of existing corners, oriented to match their normals. Triangles without area are dropped.
     pub fn face(&mut self, a: u32, b: u32, c: u32) {
         let [p, q, r] = [a, b, c].map(|i| self.vertices[i as usize]);
         let cross = (q.position - p.position).cross(r.position - p.position);
@@ -89,13 +88,13 @@ impl Mesh {
         self.vertices.len() as u32 - 1
     }
 
-    /// A flat quad, counter-clockwise seen from its visible side, with world-scale texture.
+    /// Adds a flat quad, counterclockwise seen from its visible side, with world-scale texture coordinates.
     pub fn quad(&mut self, corners: [Vec3; 4]) {
         let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize();
         self.quad_uv(corners, corners.map(|p| planar_uv(p, normal)));
     }
 
-    /// A quad with texture coordinates of its own.
+    /// Adds a quad with the given texture coordinates.
     pub fn quad_uv(&mut self, corners: [Vec3; 4], uv: [Vec2; 4]) {
         let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize();
         let i = [0, 1, 2, 3].map(|k| self.vertex(corners[k], normal, uv[k]));
@@ -103,7 +102,7 @@ impl Mesh {
         self.face(i[0], i[2], i[3]);
     }
 
-    /// A flat quad seen from the side `towards`, whatever the order of its corners.
+    /// Adds a flat quad that is visible from the side `towards`, for any order of its corners.
     pub fn quad_facing(&mut self, corners: [Vec3; 4], towards: Vec3) {
         let [a, b, c, d] = corners;
         if (c - a).cross(d - b).dot(towards) >= 0.0 {
@@ -113,12 +112,12 @@ impl Mesh {
         }
     }
 
-    /// An axis-aligned box.
+    /// Adds an axis-aligned box.
     pub fn cuboid(&mut self, min: Vec3, max: Vec3) {
         self.cuboid_without(min, max, &[]);
     }
 
-    /// An axis-aligned box without some of its sides.
+    /// Adds an axis-aligned box without some of its sides.
     pub fn cuboid_without(&mut self, min: Vec3, max: Vec3, without: &[Side]) {
         let corner = |x: bool, y: bool, z: bool| {
             Vec3::new(if x { max.x } else { min.x }, if y { max.y } else { min.y }, if z { max.z } else { min.z })
@@ -139,7 +138,7 @@ impl Mesh {
         }
     }
 
-    /// A grid of `nu` × `nv` quads whose corners `f(i, j)` gives; the normals decide the winding.
+    /// Adds a grid of `nu` × `nv` quads with corners `f(i, j)`. The normals determine the winding.
     pub fn grid(&mut self, nu: usize, nv: usize, f: impl Fn(usize, usize) -> Vertex) {
         let first = self.vertices.len() as u32;
         for i in 0..=nu {
@@ -157,8 +156,8 @@ impl Mesh {
         }
     }
 
-    /// A smooth surface over the unit square, `size` meters of texture each way. The visible side
-    /// is that of the cross product of the derivatives along u and v.
+    /// Adds a smooth surface over the unit square, with a texture of `size` meters in each direction. The cross
+    /// product of the derivatives along u and v points to the visible side.
     pub fn surface(&mut self, nu: usize, nv: usize, size: Vec2, f: impl Fn(f32, f32) -> Vec3) {
         const H: f32 = 2e-3;
         self.grid(nu, nv, |i, j| {
@@ -170,7 +169,7 @@ impl Mesh {
         });
     }
 
-    /// Adds another mesh, moved by a transform.
+    /// Adds another mesh with a transform.
     pub fn append(&mut self, other: &Mesh, transform: Mat4) {
         let first = self.vertices.len() as u32;
         let normals = Mat3::from_mat4(transform).inverse().transpose();

@@ -1,4 +1,4 @@
-//! Pictures that hang on walls, and carpets.
+//! Wall pictures, a whiteboard and carpets.
 
 use std::f32::consts::TAU;
 
@@ -65,7 +65,7 @@ pub fn abstract_picture(size: usize, seed: u32) -> Texture {
     })
 }
 
-/// A whiteboard after a meeting: axes, a falling curve and a rising one, boxes and lines of writing.
+/// A whiteboard after a meeting: axes, a falling and a rising curve, boxes and lines of writing.
 #[must_use]
 pub fn whiteboard(size: usize) -> Texture {
     Texture::new(size, |u, v| {
@@ -96,7 +96,7 @@ pub fn whiteboard(size: usize) -> Texture {
         };
         draw(curve(&|s| 0.76 - 0.52 * (-3.2 * s).exp()), red);
         draw(curve(&|s| 0.74 - 0.30 * s * s - 0.03 * (9.0 * s).sin()), blue);
-        // Three boxes joined by arrows.
+        // Three boxes connected by arrows.
         for k in 0..3 {
             let y = 0.17 + 0.22 * k as f32;
             let corners = [vec2(1.15, y), vec2(1.42, y), vec2(1.42, y + 0.12), vec2(1.15, y + 0.12)];
@@ -125,7 +125,7 @@ pub fn whiteboard(size: usize) -> Texture {
 pub fn carpet(size: usize, base: Vec3, accent: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let (x, y) = ((u * 2.0).floor() as i32, (v * 2.0).floor() as i32);
-        // Every second tile lies turned by a quarter.
+        // Every second tile is rotated by 90°.
         let (s, t) = if (x + y) % 2 == 0 { (u, v) } else { (v, u) };
         let line = (s * 64.0).floor() as i32;
         let run = smoothstep(0.52, 0.60, value(t + hash(line, 1, seed), 0.5, 14, 2, seed + line as u32));

@@ -1,7 +1,7 @@
-//! Shapes swept from a profile: turned on a lathe, drawn along a path, mitred round corners.
+//! Shapes swept from a profile: turned on a lathe, extruded along a path, mitered around corners.
 //!
-//! A profile is a chain of points in its own plane; the visible side is to the right of the
-//! direction of travel, so a profile that rises along +y shows its face towards +x.
+//! A profile is a chain of points in its own plane. The visible side is to the right of its direction, so a profile
+//! that rises along +y is visible from +x.
 
 use std::f32::consts::{PI, TAU};
 
@@ -9,10 +9,10 @@ use glam::{Vec2, Vec3, vec2, vec3};
 
 use crate::mesh::{Mesh, Vertex};
 
-/// Neighboring stretches of a profile that bend less than this (cosine) are shaded as one curve.
+/// Minimum cosine between neighboring segments of a profile that are shaded as one curve.
 const SMOOTH: f32 = 0.75;
 
-/// The normals at both ends of every stretch of a profile.
+/// Returns the normals at both ends of every segment of a profile.
 fn profile_normals(profile: &[Vec2]) -> Vec<[Vec2; 2]> {
     let flat: Vec<Vec2> = profile
         .windows(2)
@@ -31,7 +31,7 @@ fn profile_normals(profile: &[Vec2]) -> Vec<[Vec2; 2]> {
         .collect()
 }
 
-/// Points of an arc in a profile, both ends included; angles in degrees.
+/// Points of an arc in a profile, including both ends. Angles are in degrees.
 #[must_use]
 pub fn arc(center: Vec2, radius: f32, from: f32, to: f32, steps: usize) -> Vec<Vec2> {
     (0..=steps)
@@ -42,7 +42,7 @@ pub fn arc(center: Vec2, radius: f32, from: f32, to: f32, steps: usize) -> Vec<V
         .collect()
 }
 
-/// A profile put together from pieces, without doubled points.
+/// Joins pieces to a profile without duplicate points.
 #[must_use]
 pub fn chain(pieces: &[&[Vec2]]) -> Vec<Vec2> {
     let mut out: Vec<Vec2> = Vec::new();
@@ -54,8 +54,8 @@ pub fn chain(pieces: &[&[Vec2]]) -> Vec<Vec2> {
     out
 }
 
-/// A body turned about the vertical through `center`; the profile is (radius, height), upwards.
-/// The texture goes round in `around` meters, best a whole number of repeats.
+/// Adds a body of revolution about the vertical through `center`. The profile lists (radius, height), upwards. The
+/// texture circumference is `around` meters, best a whole number of repeats.
 pub fn lathe(mesh: &mut Mesh, center: Vec3, profile: &[Vec2], segments: usize, around: f32) {
     let normals = profile_normals(profile);
     let mut length = 0.0;
@@ -74,14 +74,14 @@ pub fn lathe(mesh: &mut Mesh, center: Vec3, profile: &[Vec2], segments: usize, a
     }
 }
 
-/// A place on a path: the profile's origin and the directions of its axes.
+/// A position on a path: the profile's origin and the directions of its axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
-    /// Where the profile's origin lies.
+    /// Position of the profile's origin \[m\].
     pub origin: Vec3,
-    /// The profile's x axis.
+    /// Direction of the profile's x axis.
     pub x: Vec3,
-    /// The profile's y axis.
+    /// Direction of the profile's y axis.
     pub y: Vec3,
 }
 
@@ -91,7 +91,7 @@ impl Frame {
     }
 }
 
-/// Draws a profile along a curve, shaded smoothly along it.
+/// Sweeps a profile along a curve, with smooth shading along it.
 pub fn sweep(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     let normals = profile_normals(profile);
     let mut lengths = vec![0.0];
@@ -110,7 +110,7 @@ pub fn sweep(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     }
 }
 
-/// Closes both ends of a swept profile down to the surface it stands on, where the profile's y is 0.
+/// Closes both ends of a swept profile down to the surface below it, where the profile's y is 0.
 pub fn close_ends(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     let [first, second, .., before, last] = frames else { return };
     for (end, inner) in [(first, second), (last, before)] {
@@ -122,8 +122,8 @@ pub fn close_ends(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     }
 }
 
-/// Draws a molding along level straight stretches with mitred corners. The profile's x axis points
-/// to the right of the way from corner to corner, its y axis up.
+/// Adds a molding along horizontal straight segments with mitered corners. The profile's x axis points to the right
+/// of the direction from corner to corner, its y axis up.
 pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]) {
     let n = corners.len();
     let right = |i: usize| (corners[(i + 1) % n] - corners[i % n]).normalize().cross(Vec3::Y);
@@ -166,8 +166,8 @@ pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]
     }
 }
 
-/// A body of horizontal outline whose size follows a profile of (scale, height), upwards: bases,
-/// shafts and capitals of compound piers. The outline may run either way round the axis.
+/// Adds a body with a horizontal outline scaled by a profile of (scale, height), upwards: bases, shafts and capitals
+/// of compound piers. The outline may have either orientation.
 pub fn loft(mesh: &mut Mesh, center: Vec3, outline: &[Vec2], profile: &[Vec2]) {
     let n = outline.len();
     let edges: Vec<Vec2> = (0..n)
@@ -203,7 +203,7 @@ pub fn loft(mesh: &mut Mesh, center: Vec3, outline: &[Vec2], profile: &[Vec2]) {
     }
 }
 
-/// A ball.
+/// Adds a ball.
 pub fn ball(mesh: &mut Mesh, center: Vec3, radius: f32, segments: usize) {
     let profile: Vec<Vec2> = (0..=segments / 2)
         .map(|i| {
@@ -214,7 +214,7 @@ pub fn ball(mesh: &mut Mesh, center: Vec3, radius: f32, segments: usize) {
     lathe(mesh, center, &profile, segments, TAU * radius);
 }
 
-/// A round bar from point to point, without its ends.
+/// Adds a round bar from point to point, without end caps.
 pub fn bar(mesh: &mut Mesh, a: Vec3, b: Vec3, radius: f32, segments: usize) {
     let axis = (b - a).normalize();
     let x = axis.any_orthonormal_vector();
@@ -223,7 +223,7 @@ pub fn bar(mesh: &mut Mesh, a: Vec3, b: Vec3, radius: f32, segments: usize) {
     sweep(mesh, &[Frame { origin: a, x, y }, Frame { origin: b, x, y }], &circle);
 }
 
-/// A ring about `axis` of round section.
+/// Adds a ring about `axis` with a round section.
 pub fn ring(mesh: &mut Mesh, center: Vec3, axis: Vec3, [radius, thickness]: [f32; 2], segments: usize) {
     let x = axis.normalize().any_orthonormal_vector();
     let y = axis.normalize().cross(x);

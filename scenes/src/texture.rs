@@ -1,20 +1,20 @@
-//! Procedural pictures: linear reflectances in, JPEG bytes out.
+//! Procedural pictures: linear reflectances as input, JPEG bytes as output.
 
 use glam::Vec3;
 use image::codecs::jpeg::JpegEncoder;
 
-/// A picture of linear Rec.709 reflectances (or, for emissive panes, relative radiances).
+/// A picture of linear Rec. 709 reflectances, or of relative radiances for emissive panes.
 #[derive(Clone, Debug)]
 pub struct Texture {
-    /// Pixels each way.
+    /// Width and height \[pixels\].
     pub size: usize,
-    /// Rows from the top.
+    /// Pixels in rows from the top.
     pub pixels: Vec<Vec3>,
 }
 
 impl Texture {
-    /// A square picture; `f(u, v)` gives the value at a point of the unit square, v downwards.
-    /// Four samples are averaged for each pixel.
+    /// Builds a square picture from `f(u, v)`, the value at a point of the unit square with v downwards. Each pixel
+    /// is the mean of four samples.
     pub fn new(size: usize, f: impl Fn(f32, f32) -> Vec3) -> Self {
         let mut pixels = Vec::with_capacity(size * size);
         for y in 0..size {
@@ -29,10 +29,10 @@ impl Texture {
         Self { size, pixels }
     }
 
-    /// The mean over all pixels.
+    /// Mean over all pixels.
     #[must_use]
     pub fn mean(&self) -> Vec3 {
-        // Summed in double precision: a million terms lose digits otherwise.
+        // Summed in double precision, because a million terms lose digits otherwise.
         let mut sum = glam::DVec3::ZERO;
         for p in &self.pixels {
             sum += p.as_dvec3();
@@ -40,7 +40,7 @@ impl Texture {
         (sum / self.pixels.len() as f64).as_vec3()
     }
 
-    /// The same pattern scaled so that its mean is the given reflectance.
+    /// Scales the picture to the given mean reflectance.
     #[must_use]
     pub fn with_mean(mut self, mean: Vec3) -> Self {
         let scale = mean / self.mean();
@@ -50,10 +50,10 @@ impl Texture {
         self
     }
 
-    /// The picture as a JPEG in sRGB.
+    /// Encodes the picture as a JPEG in sRGB.
     ///
     /// # Panics
-    /// If the picture has no pixel, or more than 65 535 on a side.
+    /// If the picture has no pixels, or more than 65 535 per side.
     #[must_use]
     pub fn jpeg(&self, quality: u8) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
@@ -74,7 +74,7 @@ pub fn srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// A linear color from the encoded one that picture editors show.
+/// Returns a linear color from its sRGB code values.
 #[must_use]
 pub fn from_srgb(r: u8, g: u8, b: u8) -> Vec3 {
     Vec3::new(r as f32, g as f32, b as f32).map(|c| {

@@ -1,17 +1,17 @@
-//! The settings file beside each scene.
+//! Settings file of each scene.
 
 use glam::Vec3;
 
 /// The sky and the sun's size, for scenes under the open sky.
 #[derive(Clone, Copy, Debug)]
 pub struct Sky {
-    /// Radiance overhead.
+    /// Radiance at the zenith \[W·m⁻²·sr⁻¹\].
     pub zenith: Vec3,
-    /// Radiance at the horizon.
+    /// Radiance at the horizon \[W·m⁻²·sr⁻¹\].
     pub horizon: Vec3,
-    /// Radiance below the horizon.
+    /// Radiance below the horizon \[W·m⁻²·sr⁻¹\].
     pub ground: Vec3,
-    /// Degrees across.
+    /// Angular diameter of the sun \[°\].
     pub sun_diameter: f32,
 }
 
@@ -20,16 +20,16 @@ pub struct Sky {
 pub struct Settings {
     /// Factor on radiance before the tone curve.
     pub exposure: f32,
-    /// None where there is no sky.
+    /// The sky, or `None` without one.
     pub sky: Option<Sky>,
-    /// Names of the nodes that viewers watch, if any.
+    /// Names of the nodes that viewers watch. May be empty.
     pub watched: &'static [&'static str],
-    /// Frames of the whole animation at 25 a second.
+    /// Number of frames of the whole animation at 25 frames per second.
     pub frames: u32,
 }
 
 impl Settings {
-    /// The text of the file.
+    /// Returns the text of the file.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut s = format!("[tone_mapping]\noperator = \"filmic\"\nexposure = {:?}\n", self.exposure);

@@ -1,4 +1,4 @@
-//! Checks of every shipped scene: a well-formed file that holds what its description promises.
+//! Checks of every shipped scene: a well-formed file with the described content.
 
 use std::collections::HashSet;
 use std::sync::LazyLock;
@@ -39,7 +39,7 @@ impl Glb {
         &self.json["accessors"][size(index)]
     }
 
-    /// The bytes of an accessor, after checking that it lies inside its view and that the binary chunk.
+    /// Returns the bytes of an accessor. Checks that it is inside its view and the view inside the binary chunk.
     fn bytes(&self, accessor: &Value) -> &[u8] {
         let components = match accessor["type"].as_str().unwrap() {
             "SCALAR" => 1,
@@ -89,10 +89,10 @@ impl Glb {
     }
 }
 
-/// The files, made once for all tests.
+/// The files, built once for all tests.
 static FILES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(build_all);
 
-/// The file of each scene, each made on a thread of its own.
+/// Builds the file of each scene in a separate thread.
 fn build_all() -> Vec<Vec<u8>> {
     std::thread::scope(|scope| {
         let threads: Vec<_> = SCENES.iter().map(|shipped| scope.spawn(|| (shipped.build)().to_glb())).collect();
@@ -193,7 +193,7 @@ fn one_camera_walks_for_the_length_of_the_video() {
         assert!(moved.contains(&(cameras[0], "translation".into())));
         assert!(moved.contains(&(cameras[0], "rotation".into())));
         let others = moved.iter().filter(|(node, _)| *node != cameras[0]).count();
-        // In the church only the camera moves; everywhere else something moves with it.
+        // In the church only the camera moves. All other animated scenes have moving objects too.
         assert_eq!(others == 0, shipped.name == "nave", "{}", shipped.name);
     });
 }
@@ -281,7 +281,7 @@ fn the_blocks_of_the_cornell_box_never_meet() {
 
 #[test]
 fn everything_stands_in_its_room() {
-    // Half sizes of the whole scene, found by moving every mesh to where its nodes put it.
+    // Half sizes of each scene, from its meshes transformed by their nodes.
     let limits = [("cornell", 0.7), ("cornell-box", 0.85), ("atrium", 16.0), ("conference", 7.5), ("nave", 40.0)];
     for (name, limit) in limits {
         let glb = named(name);

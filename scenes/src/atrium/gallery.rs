@@ -8,13 +8,13 @@ use crate::columns::{archivolt, baluster, column, cornice, urn};
 use crate::glb::{Model, Scene};
 use crate::shapes::{lathe, molding};
 
-/// Top of the balustrade, on which the small columns stand.
+/// Top of the balustrade and foot of the small columns \[m\].
 const RAIL: f32 = UPPER + 1.0;
-/// Where the small arches spring.
+/// Height of the springing of the small arches \[m\].
 const SPRING: f32 = UPPER + 2.95;
-/// Thickness of the gallery's wall.
+/// Thickness of the gallery's wall \[m\].
 const THIN: f32 = 0.36;
-/// Top of the parapet.
+/// Top of the parapet \[m\].
 const PARAPET: f32 = 11.6;
 
 /// Adds the gallery.
@@ -50,7 +50,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     }
 }
 
-/// The gallery's floor and the roof above it, both as rings round the court.
+/// Adds the gallery's floor and the roof above it, both as rings around the court.
 fn slabs(model: &mut Model, stones: &Stones) {
     let mut ring = |material, inner: [f32; 2], y: f32, facing: Vec3| {
         let ([ix, iz], [ox, oz]) = (inner, OUTER);
@@ -84,7 +84,7 @@ fn arches(model: &mut Model, stones: &Stones, side: &CourtSide) {
         o.reveal(model.of(stones.trim), plane, THIN, 6);
         o.archivolt(model.of(stones.trim), plane, &archivolt(0.15, 0.05), 6);
     }
-    // Pedestals under the small columns, plinth and rail of the balustrade between them.
+    // Pedestals under the small columns, with plinth and rail of the balustrade between them.
     let trim = model.of(stones.trim);
     for i in 1..2 * side.bays {
         let s = -side.half + bay * i as f32;
@@ -132,7 +132,7 @@ fn beams(model: &mut Model, stones: &Stones, side: &CourtSide) {
     }
 }
 
-/// The main cornice with its brackets, the parapet, and urns upon it.
+/// Adds the main cornice with its brackets, the parapet and its urns.
 fn crown(model: &mut Model, stones: &Stones) {
     let foot = EAVES - 0.42;
     molding(model.of(stones.trim), &round(COURT, foot), true, &cornice(0.55, 0.62));
@@ -143,7 +143,7 @@ fn crown(model: &mut Model, stones: &Stones) {
             side.plane.block(model.of(stones.trim), [s - 0.07, s + 0.07], [foot + 0.10, foot + 0.245], [-0.01, 0.37]);
         }
     }
-    // The parapet stands back from the cornice.
+    // The parapet is set back from the cornice.
     let set = [COURT[0] + 0.1, COURT[1] + 0.1];
     let low = EAVES + 0.2;
     let mut line = |y: f32, profile: &[glam::Vec2]| {

@@ -1,4 +1,4 @@
-//! The ground floor: paving, the columns and arches round the court, the vaults behind them.
+//! The ground floor: paving, the columns and arches around the court, and the vaults behind them.
 
 use glam::{Quat, Vec2, Vec3, vec2, vec3};
 
@@ -9,14 +9,14 @@ use crate::glb::{Model, Scene};
 use crate::mesh::Side;
 use crate::shapes::molding;
 
-/// Height of the capitals' upper edge, where the arches spring.
+/// Height of the capitals' upper edge, the springing of the arches \[m\].
 const SPRING: f32 = 3.3;
-/// Depth of the court below the arcade's floor.
+/// Depth of the court below the arcade's floor \[m\].
 const STEP: f32 = 0.16;
-/// Rise of the vaults.
+/// Rise of the vaults \[m\].
 const RISE: f32 = 1.55;
 
-/// The middle of each bay's arch, and half its clear width.
+/// The arches of each bay.
 pub(super) fn arches(side: &CourtSide) -> Vec<Opening> {
     let bay = 2.0 * side.half / side.bays as f32;
     (0..side.bays)
@@ -40,7 +40,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     }
     corner_piers(&mut model, stones);
     vaults(&mut model, stones);
-    // The string course between the storeys runs round the whole court.
+    // The string course between the storeys runs around the whole court.
     let ring = round(COURT, UPPER - 0.34);
     molding(model.of(stones.trim), &ring, true, &cornice(0.30, 0.36));
     scene.show("ground floor", model);
@@ -87,7 +87,7 @@ fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
     for o in &openings {
         o.reveal(model.of(stones.trim), &side.plane, THICK, 10);
         o.archivolt(model.of(stones.trim), &side.plane, &archivolt(0.26, 0.07), 10);
-        // A keystone that carries the string course.
+        // A keystone that supports the string course.
         let key = [[o.center - 0.11, o.center + 0.11], [o.crown() - 0.03, o.crown() + 0.42]];
         side.plane.block(model.of(stones.trim), key[0], key[1], [0.0, 0.10]);
         side.plane.block(
@@ -97,7 +97,7 @@ fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
             [0.0, 0.125],
         );
     }
-    // A plain disc in each spandrel, high enough to stay clear of the capitals.
+    // A plain disc in each spandrel, high enough to clear the capitals.
     let bay = 2.0 * side.half / side.bays as f32;
     for i in 1..side.bays {
         let at = side.plane.at(-side.half + bay * i as f32, SPRING + 1.08, 0.0);
@@ -105,7 +105,7 @@ fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
     }
 }
 
-/// A molded disc of stone on a wall.
+/// Adds a molded stone disc on a wall.
 fn disc(model: &mut Model, stones: &Stones, at: Vec3, out: Vec3) {
     let mut mesh = crate::mesh::Mesh::new();
     let profile = [
@@ -127,7 +127,7 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let plane = &side.outer;
     let s = [-side.outer_half, side.outer_half];
     let bay = 2.0 * side.half / side.bays as f32;
-    // A door in every third bay of the long sides, in the middle of the short ones.
+    // One door in every third bay.
     let doors: Vec<Opening> = (0..side.bays)
         .filter(|i| i % 3 == 1)
         .map(|i| Opening {
@@ -145,7 +145,7 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
         o.pane(model.of(stones.door), plane, Pane { depth: 0.2, steps: 12 }, |x, y| vec2(0.62 * x, -2.6 * y));
         door_leaves(model, stones, side, o);
     }
-    // Pilasters carry the vaults where columns stand opposite.
+    // Pilasters support the vaults opposite the columns.
     for i in 0..=side.bays {
         let edge = i == 0 || i == side.bays;
         let at = -side.half + bay * i as f32 + if edge { 0.25 * if i == 0 { -1.0 } else { 1.0 } } else { 0.0 };
@@ -162,7 +162,7 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
     }
 }
 
-/// The stretches of a wall between doors, clear of their frames.
+/// Returns the sections of a wall between doors, without the door frames.
 fn spans(doors: &[Opening], half: f32) -> Vec<[f32; 2]> {
     let mut out = Vec::new();
     let mut from = -half;
@@ -174,7 +174,7 @@ fn spans(doors: &[Opening], half: f32) -> Vec<[f32; 2]> {
     out
 }
 
-/// Panels, rails and studs of a double door.
+/// Adds panels, rails and studs of a double door.
 fn door_leaves(model: &mut Model, stones: &Stones, side: &CourtSide, o: &Opening) {
     let mesh = model.of(stones.door);
     for sign in [-1.0, 1.0] {
@@ -209,7 +209,7 @@ fn corner_piers(model: &mut Model, stones: &Stones) {
 }
 
 fn vaults(model: &mut Model, stones: &Stones) {
-    // The vaults stand on the middle of the arcade walls, so that their edges hide in them.
+    // The vaults end in the middle of the arcade walls, which hide their edges.
     let inner = [COURT[0] + THICK / 2.0, COURT[1] + THICK / 2.0];
     let mut xs: Vec<f32> = (0..=8).map(|i| -COURT[0] + 3.0 * i as f32).collect();
     (xs[0], xs[8]) = (-inner[0], inner[0]);

@@ -1,7 +1,7 @@
 //! A two-storey colonnaded courtyard under the open sky.
 //!
-//! The court is 24 m by 10 m inside its columns and 30.8 m by 16.8 m inside its outer walls; the
-//! arcade is vaulted, the gallery above it has a beamed ceiling, a parapet closes it at 11.6 m.
+//! The court is 24 m by 10 m inside its columns and 30.8 m by 16.8 m inside its outer walls. The arcade is vaulted,
+//! the gallery above it has a beamed ceiling, and a parapet ends at 11.6 m.
 
 mod gallery;
 mod ground;
@@ -19,10 +19,10 @@ use crate::texture::from_srgb;
 use crate::toml::Sky;
 use crate::wood::veneer;
 
-/// Seconds of animation.
+/// Duration of the animation \[s\].
 pub const DURATION: f32 = 9.0;
 
-/// The sky above: a clear forenoon.
+/// The sky on a clear morning.
 pub const SKY: Sky = Sky {
     zenith: vec3(0.30, 0.52, 1.05),
     horizon: vec3(1.0, 1.15, 1.35),
@@ -30,18 +30,18 @@ pub const SKY: Sky = Sky {
     sun_diameter: 0.53,
 };
 
-/// Half the court between its long and short colonnades.
+/// Half the distances between the short and between the long colonnades \[m\].
 const COURT: [f32; 2] = [12.0, 5.0];
-/// Thickness of the arcade walls.
+/// Thickness of the arcade walls \[m\].
 const THICK: f32 = 0.5;
-/// Half the outer walls' rectangle.
+/// Half the outer walls' rectangle \[m\].
 const OUTER: [f32; 2] = [15.4, 8.4];
-/// Floor of the gallery.
+/// Height of the gallery floor \[m\].
 const UPPER: f32 = 5.6;
-/// Where the gallery's walls end.
+/// Top of the gallery's walls \[m\].
 const EAVES: f32 = 10.4;
 
-/// The materials of the building.
+/// Materials of the building.
 struct Stones {
     ashlar: MaterialId,
     trim: MaterialId,
@@ -54,12 +54,12 @@ struct Stones {
     door: MaterialId,
 }
 
-/// One side of the court: its plane, half its length, and how many bays of the arcade it has.
+/// One side of the court: its plane, half its length, and its number of arcade bays.
 struct CourtSide {
     plane: Plane,
     half: f32,
     bays: usize,
-    /// The outer wall opposite, and half its length.
+    /// Opposite outer wall, and half its length.
     outer: Plane,
     outer_half: f32,
 }
@@ -80,13 +80,13 @@ fn sides() -> [CourtSide; 4] {
     ]
 }
 
-/// The corners of a rectangle so that its inside is on the right of the way round.
+/// Corners of a rectangle, ordered so that its inside is on the right.
 fn round(half: [f32; 2], y: f32) -> [Vec3; 4] {
     let [x, z] = half;
     [vec3(-x, y, -z), vec3(x, y, -z), vec3(x, y, z), vec3(-x, y, z)]
 }
 
-/// The scene.
+/// Builds the scene.
 #[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("atrium");

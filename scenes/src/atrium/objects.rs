@@ -1,4 +1,4 @@
-//! Objects that stand, hang and turn in the courtyard.
+//! Objects in the courtyard, some of them animated.
 
 use std::f32::consts::TAU;
 
@@ -11,11 +11,11 @@ use crate::columns::urn;
 use crate::glb::{MaterialId, Model, Scene};
 use crate::shapes::{arc, ball, bar, chain, lathe, ring};
 
-/// Curtains in some of the arches, banners from the gallery's rail.
+/// Adds curtains in some of the arches, and banners on the gallery's rail.
 pub(super) fn drapes(scene: &mut Scene, cloths: &[MaterialId; 3], brass: MaterialId) {
     let mut model = Model::new();
     let all = sides();
-    // Side, bay, which half of the arch: (gathered towards its left or right column).
+    // Side, bay, and half of the arch: 0 is gathered towards the left column, 1 towards the right.
     let hung = [
         (0, 1, 0),
         (0, 1, 1),
@@ -65,7 +65,7 @@ pub(super) fn drapes(scene: &mut Scene, cloths: &[MaterialId; 3], brass: Materia
     scene.show("drapes", model);
 }
 
-/// An eight-sided basin with a raised bowl; above it an armillary sphere turns.
+/// Adds an octagonal basin with a raised bowl, and a rotating armillary sphere above it.
 pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, bronze: MaterialId, brass: MaterialId) {
     let mut model = Model::new();
     let foot = vec3(3.0, -0.16, 0.0);
@@ -119,13 +119,13 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     ball(inner.of(brass), Vec3::ZERO, 0.17, 24);
     let inner = scene.mesh("armillary rings", inner);
     let inner = scene.node("armillary rings", Some(inner), Vec3::ZERO, Quat::IDENTITY);
-    // The inner rings hang in the outer ones and turn against them about a slant axis.
+    // The inner rings hang in the outer ones and counterrotate about a slanted axis.
     let axis = vec3(0.2, 1.0, 0.35).normalize();
     scene.animate(inner, rotation(DURATION, 6.0, |t| Quat::from_axis_angle(axis, -2.0 * TAU * t / DURATION)));
     scene.attach(inner, outer);
 }
 
-/// Clipped box trees in terracotta, urns on pedestals.
+/// Adds clipped box trees in terracotta, and urns on pedestals.
 pub(super) fn pots(scene: &mut Scene, terracotta: MaterialId, hedge: MaterialId, stone: MaterialId) {
     let mut pot = Model::new();
     let profile = [
@@ -163,7 +163,7 @@ pub(super) fn pots(scene: &mut Scene, terracotta: MaterialId, hedge: MaterialId,
     scene.show("urns", urns);
 }
 
-/// A ball of leaves, not quite even.
+/// Adds a slightly uneven ball of leaves.
 fn bush(model: &mut Model, hedge: MaterialId, center: Vec3, radius: f32, seed: u32) {
     let p = seed as f32 * 1.9;
     model.of(hedge).surface(18, 10, vec2(TAU * radius, 3.1 * radius), |u, v| {
@@ -176,7 +176,7 @@ fn bush(model: &mut Model, hedge: MaterialId, center: Vec3, radius: f32, seed: u
     });
 }
 
-/// Bronze lamps on chains in the arches of the long sides; two of them swing.
+/// Adds bronze lamps on chains in the arches of the long sides. Two of them swing.
 pub(super) fn lamps(scene: &mut Scene, bronze: MaterialId, brass: MaterialId) {
     let mut lamp = Model::new();
     let body = chain(&[
@@ -194,7 +194,7 @@ pub(super) fn lamps(scene: &mut Scene, bronze: MaterialId, brass: MaterialId) {
         let hook = all[s].plane.at(o.center, o.crown(), -0.25);
         let node = scene.node("lamp", Some(lamp), hook, Quat::IDENTITY);
         if k < 2 {
-            // A pendulum of about a meter: two seconds there and back.
+            // A pendulum of about a meter: a period of about two seconds.
             let period = DURATION / 4.0;
             scene.animate(
                 node,

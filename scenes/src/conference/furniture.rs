@@ -1,4 +1,4 @@
-//! The table and what lies on it, the chairs, the plants.
+//! The table and the objects on it, the chairs, the plants.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -10,17 +10,17 @@ use crate::mesh::{Mesh, Vertex};
 use crate::noise::hash;
 use crate::shapes::{Frame, arc, ball, bar, chain, lathe, sweep};
 
-/// Half the table's length.
+/// Half the table's length \[m\].
 const LENGTH: f32 = 3.5;
-/// Height of the table's top.
+/// Height of the table's top \[m\].
 const TOP: f32 = 0.75;
 
-/// Half the table's width at a place along it: fuller in the middle.
+/// Half the table's width at position `x`, widest in the middle \[m\].
 fn half_width(x: f32) -> f32 {
     1.02 - 0.24 * (x / LENGTH).powi(2)
 }
 
-/// The table's outline, drawn in by `inset`.
+/// Outline of the table, reduced by `inset`.
 fn outline(inset: f32) -> Vec<Vec2> {
     let n = 20;
     let round = 0.22 - inset.min(0.2);
@@ -40,10 +40,10 @@ fn outline(inset: f32) -> Vec<Vec2> {
     all
 }
 
-/// Adds the table, papers, cups, and a bowl.
+/// Adds the table, papers, cups and a bowl.
 pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     let mut model = Model::new();
-    // The edge goes round the outline: under side, nosing, top rim.
+    // The edge follows the outline: underside, nosing, top rim.
     let profile = [(0.08, -0.045), (0.01, -0.040), (0.0, -0.030), (0.0, -0.012), (0.008, 0.0), (0.03, 0.0)];
     for w in profile.windows(2) {
         let (a, b) = (outline(w[0].0), outline(w[1].0));
@@ -65,7 +65,7 @@ pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     for (inset, y, normal) in [(0.03, 0.0, Vec3::Y), (0.08, -0.045, Vec3::NEG_Y)] {
         fan(model.of(f.table), &outline(inset), TOP + y, normal);
     }
-    // A darker inlay strip of leather down the middle, with power sockets.
+    // A darker inlay strip of leather down the middle.
     model.of(f.dark).cuboid(vec3(-2.4, TOP + 0.001, -0.14), vec3(2.4, TOP + 0.005, 0.14));
     for x in [-1.9, 0.0, 1.9] {
         let body = model.of(f.walnut);
@@ -81,13 +81,13 @@ pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     scene.show("table", model);
 }
 
-/// A flat plate of this outline, built of strips between its two long sides.
+/// Adds a flat plate with this outline, built of strips between its two long sides.
 fn fan(mesh: &mut Mesh, outline: &[Vec2], y: f32, normal: Vec3) {
     let n = outline.len();
     for i in 0..n {
         let (a, b) = (outline[i], outline[(i + 1) % n]);
         let corner = |p: Vec2, mesh: &mut Mesh| mesh.vertex(vec3(p.x, y, p.y), normal, vec2(p.y, p.x));
-        // Towards the middle line, so that no sliver reaches across the whole table.
+        // Towards the middle line, which avoids slivers across the whole table.
         let line = |p: Vec2| vec2(p.x.clamp(-LENGTH + 0.6, LENGTH - 0.6), 0.0);
         let v = [corner(a, mesh), corner(b, mesh), corner(line(b), mesh), corner(line(a), mesh)];
         mesh.face(v[0], v[1], v[2]);
@@ -95,7 +95,7 @@ fn fan(mesh: &mut Mesh, outline: &[Vec2], y: f32, normal: Vec3) {
     }
 }
 
-/// Paper, a pencil and a cup before a seat.
+/// Adds paper, a pencil and a cup in front of a seat.
 fn setting(model: &mut Model, f: &RoomMaterials, at: Vec3, angle: f32, seed: i32) {
     let turn = angle + 0.5 * (hash(seed, 1, 3) - 0.5);
     let (sin, cos) = turn.sin_cos();
@@ -136,7 +136,7 @@ fn setting(model: &mut Model, f: &RoomMaterials, at: Vec3, angle: f32, seed: i32
     }
 }
 
-/// A wide bowl with green apples in the middle of the table, and two carafes.
+/// Adds a wide bowl with green apples in the middle of the table, and two carafes.
 fn bowl(model: &mut Model, f: &RoomMaterials) {
     let at = vec3(0.0, TOP + 0.006, 0.0);
     let profile = [
@@ -163,7 +163,7 @@ fn bowl(model: &mut Model, f: &RoomMaterials) {
     }
 }
 
-/// Where the chairs stand and which way they look (angle about y from -z).
+/// Positions of the chairs, and their direction as an angle about y from -z \[rad\].
 pub(super) fn seats() -> Vec<(Vec3, f32)> {
     let mut out = Vec::new();
     for i in 0..7 {
@@ -178,7 +178,7 @@ pub(super) fn seats() -> Vec<(Vec3, f32)> {
     out
 }
 
-/// A cushion: a box with rounded edges, `size` from end to end.
+/// Adds a cushion: a box with rounded edges and extents `size`.
 fn cushion(mesh: &mut Mesh, center: Vec3, size: Vec3, bend: impl Fn(Vec3) -> Vec3) {
     let (nu, nv) = (20, 10);
     // A superellipsoid: rounder than a box, flatter than a ball.
@@ -194,11 +194,11 @@ fn cushion(mesh: &mut Mesh, center: Vec3, size: Vec3, bend: impl Fn(Vec3) -> Vec
     });
 }
 
-/// An office chair that looks along -z, its foot at the origin.
+/// An office chair that looks along -z, with its foot at the origin.
 pub(super) fn chair(f: &RoomMaterials) -> Model {
     let mut model = Model::new();
     cushion(model.of(f.cloth), vec3(0.0, 0.47, 0.0), vec3(0.50, 0.09, 0.50), |p| p - Vec3::Y * 0.25 * p.x * p.x);
-    // The back curves round the sitter and leans away from the seat.
+    // The back curves around the sitter and leans away from the seat.
     cushion(model.of(f.cloth), vec3(0.0, 0.80, 0.26), vec3(0.46, 0.52, 0.065), |p| {
         p + Vec3::Z * (0.14 * p.y - 0.55 * p.x * p.x - 0.12 * p.y * p.y)
     });
@@ -236,7 +236,7 @@ pub(super) fn chair(f: &RoomMaterials) -> Model {
     model
 }
 
-/// Two tall plants in the corners.
+/// Adds two tall plants in the corners.
 pub(super) fn plants(scene: &mut Scene, f: &RoomMaterials) {
     let mut model = Model::new();
     let pot =

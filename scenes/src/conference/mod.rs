@@ -1,7 +1,7 @@
 //! A meeting room lit by more than a hundred small lamps.
 //!
-//! 14.4 m by 10.8 m and 3.4 m high. Each of the 12 by 9 coffers of the ceiling has its own panel; a
-//! pendant over the table and sconces on the walls add their own.
+//! The room measures 14.4 m by 10.8 m and is 3.4 m high. Each of the 12 by 9 coffers of the ceiling has its own
+//! panel. A pendant over the table and sconces on the walls add further lamps.
 
 mod furniture;
 mod room;
@@ -17,15 +17,15 @@ use crate::pictures::{abstract_picture, carpet, landscape, whiteboard};
 use crate::stone::leaves;
 use crate::wood::veneer;
 
-/// Seconds of animation.
+/// Duration of the animation \[s\].
 pub const DURATION: f32 = 8.0;
 
-/// Half the room, x and z.
+/// Half the room's extents in x and z \[m\].
 const HALF: [f32; 2] = [7.2, 5.4];
-/// Underside of the beams between the coffers.
+/// Height of the underside of the beams between the coffers \[m\].
 const CEILING: f32 = 3.2;
 
-/// The materials of the room.
+/// Materials of the room.
 struct RoomMaterials {
     carpet: MaterialId,
     walnut: MaterialId,
@@ -49,7 +49,7 @@ struct RoomMaterials {
     dusk: MaterialId,
 }
 
-/// The scene.
+/// Builds the scene.
 #[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("conference");
@@ -95,7 +95,7 @@ pub fn build() -> Scene {
     for (i, (at, angle)) in furniture::seats().into_iter().enumerate() {
         let node = scene.node("chair", Some(chair), at, Quat::from_rotation_y(angle));
         if i == 9 {
-            // Somebody has just got up: the chair swings to and fro and comes to rest.
+            // Someone has just stood up: the chair swings back and forth and comes to a stop.
             let swing = move |t: f32| 1.1 * (TAU * t / 4.0).sin() * (-0.18 * t).exp();
             scene.animate(node, rotation(DURATION, 10.0, move |t| Quat::from_rotation_y(angle + swing(t))));
         }

@@ -1,4 +1,4 @@
-//! The room itself: coffered ceiling, panelled walls, windows, pictures and lamps.
+//! The room: coffered ceiling, panelled walls, windows, pictures and lamps.
 
 use glam::{Vec2, Vec3, vec2, vec3};
 
@@ -7,11 +7,11 @@ use crate::arches::Plane;
 use crate::glb::{Model, Scene};
 use crate::shapes::{Frame, arc, bar, molding, sweep};
 
-/// Top of the panelling.
+/// Top of the panelling \[m\].
 const DADO: f32 = 1.05;
-/// Columns and rows of coffers.
+/// Number of coffer columns and rows.
 const COFFERS: [usize; 2] = [12, 9];
-/// Side of a coffer's module.
+/// Side of a coffer's module \[m\].
 const MODULE: f32 = 1.2;
 
 fn wall(out: Vec3, distance: f32) -> Plane {
@@ -33,7 +33,7 @@ pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     panelling(&mut room, f, &back, [-hx, hx], 12);
     panelling(&mut room, f, &windows, [-hx, hx], 12);
     panelling(&mut room, f, &left, [-hz, hz], 9);
-    // The door takes the place of two panels.
+    // The door replaces two panels.
     let door = [2.4, 3.5];
     panelling(&mut room, f, &right, [-hz, door[0] - 0.1], 6);
     panelling(&mut room, f, &right, [door[1] + 0.1, hz], 2);
@@ -46,7 +46,7 @@ pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     door_with_frame(&mut room, f, &right, door);
     window_wall(&mut room, &mut lamps, f, &windows);
 
-    // Dado rail, skirting and cornice; the first two stop at the door.
+    // Dado rail, skirting and cornice. The first two stop at the door.
     let rail = [vec2(0.0, 0.0), vec2(0.03, 0.0), vec2(0.045, 0.02), vec2(0.045, 0.045), vec2(0.0, 0.06)];
     let skirting = [vec2(0.028, 0.0), vec2(0.028, 0.11), vec2(0.018, 0.13), vec2(0.0, 0.135)];
     let corner = |x: f32, z: f32, y: f32| vec3(x, y, z);
@@ -62,7 +62,7 @@ pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     };
     molding(room.of(f.walnut), &line(DADO), false, &rail);
     molding(room.of(f.walnut), &line(0.0), false, &skirting);
-    // A hollow quarter round, a little below the beams.
+    // A concave quarter round, slightly below the beams.
     let crown: Vec<Vec2> =
         arc(vec2(0.10, -0.10), 0.10, 180.0, 90.0, 4).iter().map(|p| vec2(p.x, p.y - 0.003)).collect();
     let ring = [corner(-hx, -hz, CEILING), corner(hx, -hz, CEILING), corner(hx, hz, CEILING), corner(-hx, hz, CEILING)];
@@ -107,7 +107,7 @@ fn ceiling(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
                 mesh.quad_facing([ledge[a], ledge[b], top[b], top[a]], inward);
             }
             mesh.quad_facing(top, Vec3::NEG_Y);
-            // The panel's housing, two centimeters deep, and the pane a little inside it.
+            // The panel's housing, two centimeters deep, and the pane slightly inside it.
             let low = CEILING + depth - 0.03;
             room.of(f.metal).cuboid_without(
                 vec3(x - panel, low, z - panel),
@@ -133,7 +133,7 @@ fn ceiling(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
     }
 }
 
-/// Wainscot of raised fields between flat frames.
+/// Adds a wainscot of raised panels between flat frames.
 fn panelling(room: &mut Model, f: &RoomMaterials, plane: &Plane, s: [f32; 2], count: usize) {
     plane.rectangle(room.of(f.walnut), s, [0.0, DADO], 0.0);
     let width = (s[1] - s[0]) / count as f32;
@@ -159,7 +159,7 @@ fn door_with_frame(room: &mut Model, f: &RoomMaterials, plane: &Plane, s: [f32; 
     bar(room.of(f.metal), knob - plane.out * 0.03, knob + plane.out * 0.03, 0.01, 8);
 }
 
-/// Four windows with blinds half let down before the evening outside.
+/// Adds four windows with half-lowered blinds and the evening sky outside.
 fn window_wall(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &Plane) {
     let (sill, head, half) = (DADO + 0.1, 2.75, 1.2);
     let centers = [-5.15, -1.72, 1.72, 5.15];
@@ -180,7 +180,7 @@ fn window_wall(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &P
         plane.block(wood, [c - half, c - 0.03], [2.2, 2.25], [deep - 0.01, deep + 0.05]);
         plane.block(wood, [c + 0.03, c + half], [2.2, 2.25], [deep - 0.01, deep + 0.05]);
         plane.rectangle(lamps.of(f.dusk), [c - half, c + half], [sill, head], deep);
-        // Slats, tilted, each a shallow trough.
+        // Tilted slats, each a shallow trough.
         let (count, pitch) = (if c.abs() > 3.0 { 30 } else { 20 }, 0.05);
         for k in 0..count {
             let y = head - 0.07 - pitch * k as f32;
@@ -195,7 +195,7 @@ fn window_wall(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &P
     plane.rectangle(room.of(f.wall), [from, HALF[0]], [DADO, CEILING], 0.0);
 }
 
-/// Pictures on the long wall, the whiteboard on the short one.
+/// Adds pictures on the long wall and the whiteboard on the short wall.
 fn hangings(room: &mut Model, f: &RoomMaterials, back: &Plane, left: &Plane) {
     let mut framed = |plane: &Plane, s: [f32; 2], y: [f32; 2], rim: f32, frame, picture| {
         let mesh = room.of(frame);
@@ -212,7 +212,7 @@ fn hangings(room: &mut Model, f: &RoomMaterials, back: &Plane, left: &Plane) {
     left.block(room.of(f.metal), [-1.5, 1.5], [1.19, 1.214], [0.045, 0.11]);
 }
 
-/// A half-round shade that shines up and down the wall.
+/// Adds a half-round shade that shines up and down the wall.
 fn sconce(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &Plane, s: f32) {
     let (y, half, radius) = (2.05, 0.13, 0.10);
     let curve: Vec<Frame> = (0..=8)
@@ -229,7 +229,7 @@ fn sconce(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &Plane,
     lamps.of(f.sconce).quad_facing(pane(y - 0.04), Vec3::NEG_Y);
 }
 
-/// A slim bar over the table with eight lamps in it.
+/// Adds a slim bar with eight lamps over the table.
 fn pendant(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
     let (y, half) = (2.20, 2.6);
     room.of(f.dark).cuboid(vec3(-half, y, -0.06), vec3(half, y + 0.05, 0.06));

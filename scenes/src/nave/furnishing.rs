@@ -9,7 +9,7 @@ use crate::glb::{Model, Scene};
 use crate::mesh::Mesh;
 use crate::shapes::{bar, lathe, ring};
 
-/// Adds what stands and hangs in the church.
+/// Adds the furniture and the chandeliers of the church.
 pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut pew = Model::new();
     one_pew(pew.of(stones.oak));
@@ -35,7 +35,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     }
 }
 
-/// A bench 2.9 m long that looks along -z, with carved ends.
+/// Adds a bench 2.9 m long that faces -z, with carved ends.
 fn one_pew(mesh: &mut Mesh) {
     let half = 1.45;
     let block = |mesh: &mut Mesh, x: [f32; 2], y: [f32; 2], z: [f32; 2]| {
@@ -84,7 +84,7 @@ fn one_pew(mesh: &mut Mesh) {
 fn altar(model: &mut Model, stones: &Stones) {
     let z = APSE.y - 0.6;
     let floor = CHANCEL;
-    // A step all round, the table, its cloth, and a gilt cross between candlesticks.
+    // A step on all sides, the table, its cloth, and a gilded cross between candlesticks.
     model.of(stones.steps).cuboid(vec3(-2.2, floor - 0.05, z - 1.1), vec3(2.2, floor + 0.14, z + 1.2));
     let top = floor + 0.14;
     model.of(stones.trim).cuboid(vec3(-1.3, top - 0.01, z - 0.45), vec3(1.3, top + 0.95, z + 0.45));
@@ -118,7 +118,7 @@ fn altar(model: &mut Model, stones: &Stones) {
     }
 }
 
-/// The carpet of the middle aisle, up to the steps.
+/// Adds the carpet of the central aisle, up to the steps.
 fn runner(model: &mut Model, stones: &Stones) {
     let end = -BAY * BAYS as f32 + 0.82;
     let p = |w: f32, y: f32| [(-w, -1.5), (w, -1.5), (w, end), (-w, end)].map(|(x, z)| vec3(x, y, z));
@@ -130,7 +130,7 @@ fn runner(model: &mut Model, stones: &Stones) {
     }
 }
 
-/// An iron wheel of twelve candles on four chains.
+/// Adds an iron wheel with twelve candles on four chains.
 fn chandelier(model: &mut Model, stones: &Stones) {
     for (r, y) in [(1.05, 0.0), (1.05, 0.12), (0.35, 0.55)] {
         ring(model.of(stones.iron), vec3(0.0, y, 0.0), Vec3::Y, [r, 0.022], 36);

@@ -1,7 +1,7 @@
-//! A vaulted church lit through its windows only.
+//! A vaulted church lit only through its windows.
 //!
-//! Six bays of 5 m with aisles, a chancel bay, and an apse of three sides; the nave is 8.4 m wide
-//! between its walls and 14.4 m high. It stretches from the west wall at z = 0 along -z.
+//! Six bays of 5 m with aisles, a chancel bay, and an apse of three sides. The nave is 8.4 m wide between its walls
+//! and 14.4 m high. It extends from the west wall at z = 0 along -z.
 
 mod furnishing;
 mod shell;
@@ -18,33 +18,33 @@ use crate::stone::{ashlar, checker, plain_stone};
 use crate::texture::Texture;
 use crate::wood::veneer;
 
-/// Seconds of animation.
+/// Duration of the animation \[s\].
 pub const DURATION: f32 = 10.0;
 
-/// Length of a bay.
+/// Length of a bay \[m\].
 const BAY: f32 = 5.0;
-/// Bays with aisles; one more is the chancel.
+/// Number of bays with aisles. The chancel is one more bay.
 const BAYS: usize = 6;
-/// Half the width between the nave's walls.
+/// Half the width between the nave's walls \[m\].
 const NAVE: f32 = 4.2;
-/// Thickness of the nave's walls.
+/// Thickness of the nave's walls \[m\].
 const THICK: f32 = 0.6;
-/// The aisles' outer walls.
+/// Distance of the aisles' outer walls from the axis \[m\].
 const AISLE: f32 = 9.0;
-/// Where the arcade and the aisle vaults spring.
+/// Height of the springing of the arcade and the aisle vaults \[m\].
 const LOW_SPRING: f32 = 3.6;
-/// Where the high vault springs.
+/// Height of the springing of the high vault \[m\].
 const HIGH_SPRING: f32 = 9.6;
-/// Rise and point of the high vault's arches.
+/// Rise \[m\] and pointedness of the high vault's arches.
 const HIGH: (f32, f32) = (4.8, 0.5);
-/// Rise and point of the aisle vaults' arches.
+/// Rise \[m\] and pointedness of the aisle vaults' arches.
 const LOW: (f32, f32) = (3.1, 0.5);
-/// Height of the chancel's floor.
+/// Height of the chancel's floor \[m\].
 const CHANCEL: f32 = 0.48;
-/// The middle of the apse's chord.
+/// Middle of the apse's chord, x and z \[m\].
 const APSE: Vec2 = Vec2::new(0.0, -(BAY * (BAYS as f32 + 1.0)));
 
-/// The materials of the church.
+/// Materials of the church.
 struct Stones {
     ashlar: MaterialId,
     trim: MaterialId,
@@ -63,7 +63,7 @@ struct Stones {
     rose_glass: MaterialId,
 }
 
-/// The corners of the apse, from the left end of its chord round to the right.
+/// Corners of the apse, from the left end of its chord around to the right.
 fn apse_corners() -> [Vec2; 4] {
     let side = NAVE * 3f32.sqrt() / 2.0;
     [
@@ -74,7 +74,7 @@ fn apse_corners() -> [Vec2; 4] {
     ]
 }
 
-/// The scene.
+/// Builds the scene.
 #[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("nave");

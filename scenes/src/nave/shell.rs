@@ -14,11 +14,11 @@ use crate::glb::{Model, Scene};
 use crate::mesh::Mesh;
 use crate::shapes::{lathe, loft, molding};
 
-/// Lower and upper edge of the blind arcade between the nave's arches and its windows.
+/// Lower and upper edge of the blind arcade between the nave's arches and its windows \[m\].
 const TRIFORIUM: [f32; 2] = [6.9, 8.5];
-/// Height up to which the nave's walls are built, behind the vault's edge.
+/// Top of the nave's walls, hidden behind the vault's edge \[m\].
 const TOP: f32 = 14.6;
-/// The same for the aisles.
+/// Top of the aisles' walls \[m\].
 const AISLE_TOP: f32 = 6.9;
 
 fn arcade(plane: &Plane) -> Vec<Opening> {
@@ -122,13 +122,13 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     }
 }
 
-/// A round core with four shafts.
+/// Outline of a pier: a round core with four shafts.
 fn pier_outline() -> Vec<Vec2> {
     (0..48)
         .map(|i| {
             let a = TAU * i as f32 / 48.0;
             let near = ((a + TAU / 8.0).rem_euclid(TAU / 4.0) - TAU / 8.0).abs();
-            // The distance along the ray to a circle of 0.155 whose middle is 0.395 out.
+            // Distance along the ray to a circle of radius 0.155 with its center at 0.395.
             let (c, r) = (0.395f32, 0.155f32);
             let reach = r * r - (c * near.sin()).powi(2);
             let shaft = if reach > 0.0 { c * near.cos() + reach.sqrt() } else { 0.0 };
@@ -137,8 +137,8 @@ fn pier_outline() -> Vec<Vec2> {
         .collect()
 }
 
-/// Three shafts against the nave's wall (which lies at x = 0, the nave towards +x), from the pier's
-/// capital or a corbel to the springing of the high vault.
+/// Adds three shafts on the nave's wall, from the pier's capital or a corbel to the springing of the high vault. The
+/// wall is at x = 0, with the nave towards +x.
 fn vault_shaft(mesh: &mut Mesh) {
     for (x, z, r) in [(0.03, 0.0, 0.13), (0.0, 0.17, 0.08), (0.0, -0.17, 0.08)] {
         let low = LOW_SPRING - 0.12;
@@ -180,7 +180,7 @@ fn floors(model: &mut Model, stones: &Stones) {
         let riser = [(-NAVE, y), (NAVE, y), (NAVE, y + CHANCEL / 3.0), (-NAVE, y + CHANCEL / 3.0)];
         model.of(stones.steps).quad_facing(riser.map(|(x, y)| vec3(x, y, z)), Vec3::Z);
     }
-    // The steps end at the piers; beyond the last pair the chancel's walls stand on its floor.
+    // The steps end at the piers. Beyond the last pair the chancel's walls start at its floor.
     let [a, b, c, d] = apse_corners();
     model.of(stones.floor).quad_facing([a, b, c, d].map(|p| vec3(p.x, CHANCEL, p.y)), Vec3::Y);
 }
@@ -224,7 +224,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
         );
         o.pane(model.of(stones.web), &plane, Pane { depth: 0.22, steps: 5 }, |x, y| vec2(0.4 * x, -1.2 * y));
     }
-    // Little shafts between the blind arches.
+    // Small shafts between the blind arches.
     let shaft =
         [vec2(0.085, 7.12), vec2(0.05, 7.18), vec2(0.045, 7.60), vec2(0.08, 7.70), vec2(0.08, 7.75), vec2(0.0, 7.75)];
     for w in blind.windows(2) {

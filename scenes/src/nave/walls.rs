@@ -1,45 +1,45 @@
-//! The planes of the walls, and the windows in them.
+//! Planes of the walls, and the windows in them.
 
 use super::{AISLE, BAY, BAYS, NAVE, apse_corners};
 use crate::arches::{Opening, Plane};
 use glam::{Vec3, vec3};
 
-/// The wall of the nave on one side, seen from the nave; positions along it grow from the left.
+/// Wall of the nave on one side, seen from the nave. Positions along it increase from the left.
 pub(super) fn nave_wall(side: f32) -> Plane {
     let out = vec3(-side, 0.0, 0.0);
     Plane { origin: vec3(side * NAVE, 0.0, 0.0), along: Vec3::Y.cross(out), out }
 }
 
-/// The outer wall of one aisle.
+/// Outer wall of one aisle.
 pub(super) fn aisle_wall(side: f32) -> Plane {
     Plane { origin: vec3(side * AISLE, 0.0, 0.0), ..nave_wall(side) }
 }
 
-/// One wall of the apse; positions run from 0 to NAVE.
+/// One wall of the apse, with positions from 0 to `NAVE`.
 pub(super) fn apse_wall(i: usize) -> Plane {
     let (a, b) = (apse_corners()[i], apse_corners()[i + 1]);
     let along = vec3(b.x - a.x, 0.0, b.y - a.y).normalize();
     Plane { origin: vec3(a.x, 0.0, a.y), along, out: along.cross(Vec3::Y) }
 }
 
-/// The position along a wall of the distance `d` from the west end: the two sides run contrary ways.
+/// Position along a wall at the distance `d` from the west end. The two sides have opposite directions.
 pub(super) fn along(plane: &Plane, d: f32) -> f32 {
     -d * plane.along.z
 }
 
-/// The interval between two distances from the west end, in rising order along the wall.
+/// Interval between two distances from the west end, in ascending order along the wall.
 pub(super) fn stretch(plane: &Plane, a: f32, b: f32) -> [f32; 2] {
     let (a, b) = (along(plane, a), along(plane, b));
     [a.min(b), a.max(b)]
 }
 
-/// Sorts openings along their wall, as [`wall`] wants them.
+/// Sorts openings along their wall, as [`wall`] requires.
 pub(super) fn sorted(mut openings: Vec<Opening>) -> Vec<Opening> {
     openings.sort_by(|a, b| a.center.total_cmp(&b.center));
     openings
 }
 
-/// The high windows of one side, the chancel's among them.
+/// Clerestory windows of one side, including the chancel's.
 pub(super) fn clerestory_windows(plane: &Plane) -> Vec<Opening> {
     let one = |i: usize| Opening {
         center: along(plane, BAY * (i as f32 + 0.5)),
@@ -51,7 +51,7 @@ pub(super) fn clerestory_windows(plane: &Plane) -> Vec<Opening> {
     sorted((0..=BAYS).map(one).collect())
 }
 
-/// The windows of one aisle.
+/// Windows of one aisle.
 pub(super) fn aisle_windows(plane: &Plane) -> Vec<Opening> {
     let one = |i: usize| Opening {
         center: along(plane, BAY * (i as f32 + 0.5)),
@@ -63,7 +63,7 @@ pub(super) fn aisle_windows(plane: &Plane) -> Vec<Opening> {
     sorted((0..BAYS).map(one).collect())
 }
 
-/// The window of each wall of the apse.
+/// Window of each apse wall.
 pub(super) fn apse_window() -> Opening {
     Opening { center: NAVE / 2.0, half: 1.25, sill: 3.2, spring: 9.3, point: 0.8 }
 }

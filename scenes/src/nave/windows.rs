@@ -1,4 +1,4 @@
-//! The windows: glowing leaded panes in splayed openings behind stone tracery.
+//! Windows: emissive leaded panes in splayed openings behind stone tracery.
 
 use std::f32::consts::TAU;
 
@@ -12,7 +12,7 @@ use crate::glb::{Model, Scene};
 use crate::mesh::Mesh;
 use crate::shapes::{Frame, arc, ring, sweep};
 
-/// How far the glass lies behind the wall's face.
+/// Distance of the glass behind the wall's face \[m\].
 const DEPTH: f32 = 0.42;
 
 /// Adds all windows.
@@ -41,7 +41,7 @@ fn window(glass: &mut Mesh, tracery: &mut Model, stones: &Stones, plane: &Plane,
     o.reveal(tracery.of(stones.trim), plane, DEPTH, 10);
     o.archivolt_with_jambs(tracery.of(stones.trim), plane, &archivolt(0.20, 0.06), 10);
     o.pane(glass, plane, Pane { depth: DEPTH - 0.01, steps: 10 }, |x, y| vec2(0.5 + 0.5 * x, 1.0 - y));
-    // Two lights under pointed heads, a ring above them, all 12 cm before the glass.
+    // Two lights with pointed heads and a ring above them, all 12 cm in front of the glass.
     let face = Plane { origin: plane.origin - plane.out * (DEPTH - 0.10), ..*plane };
     let stone = tracery.of(stones.trim);
     let (w, d) = (0.055, 0.07);
@@ -58,7 +58,7 @@ fn window(glass: &mut Mesh, tracery: &mut Model, stones: &Stones, plane: &Plane,
     ring(stone, head, face.out, [0.36 * o.half, 0.05], 18);
 }
 
-/// The round window above the west door, set on the wall in a heavy ring.
+/// Adds the round window above the west door, mounted on the wall in a heavy ring.
 fn rose_window(glass: &mut Model, tracery: &mut Model, stones: &Stones) {
     let (center, radius) = (vec3(0.0, 10.9, -0.03), 2.3);
     let rim = |i: usize| {
