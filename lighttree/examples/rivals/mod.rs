@@ -10,7 +10,7 @@
 //!
 //! * \[Yuksel19\] weighs children by intensity over squared distance, and uses the largest distance at close range.
 //!   Here w has two terms: the child's fraction of both error bounds, and its fraction of the intensity times
-//!   [`FLOOR`]. The bound of a single light is its unshadowed contribution. Only children with a bound of zero are
+//!   `FLOOR`. The bound of a single light is its unshadowed contribution. Only children with a bound of zero are
 //!   excluded, so the estimate is unbiased.
 //! * Random numbers depend only on stream and counter.
 

@@ -1,8 +1,13 @@
-//! Lanes by the 256-bit instructions of x86-64.
+//! Lanes with 256-bit instructions of x86-64.
 //!
-//! Gain over the scalar twin, in million rays a second on one thread (Sponza, 66 thousand triangles, AMD EPYC, by
-//! `cargo bench -p render2mpeg-render-core --bench rays`, which runs both): primary rays in packets 19.4 instead of 11.1, alone
-//! 3.3 instead of 2.6; diffuse rays 2.3 instead of 1.9.
+//! Speed compared with the scalar implementation, in million rays per second on one thread (Sponza, 66 thousand
+//! triangles, AMD EPYC). `cargo bench -p render2mpeg-render-core --bench rays` runs both.
+//!
+//! | rays | AVX2 | scalar |
+//! |---|---|---|
+//! | primary, in packets | 19.4 | 11.1 |
+//! | primary, single | 3.3 | 2.6 |
+//! | diffuse | 2.3 | 1.9 |
 #![allow(unsafe_code, reason = "vector instructions may only run where the processor has them")]
 
 mod samples;
@@ -13,12 +18,12 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Proof that this processor has AVX2 and the bit instructions of its generation.
 ///
-/// Code outside of this crate gets one only from [`Choice::best`](crate::Choice::best), and has no name for the type.
+/// Code outside this crate obtains a value only from [`Choice::best`](crate::Choice::best), and cannot name the type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Avx2(());
 
 impl Avx2 {
-    /// Queries the processor at the first call.
+    /// Queries the processor on the first call.
     #[inline(always)]
     pub(crate) fn detect() -> Option<Self> {
         const UNKNOWN: u8 = 0;
@@ -43,7 +48,7 @@ impl Avx2 {
         present.then_some(Self(()))
     }
 
-    /// Runs `kernel` as part of a function that may use the vector instructions.
+    /// Runs `kernel` inside a function that may use the vector instructions.
     #[inline]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
@@ -55,11 +60,11 @@ impl Avx2 {
     }
 }
 
-/// One instruction, which needs no more than the processor's support.
+/// Runs one instruction that requires only the processor's support.
 macro_rules! instruction {
     ($call:expr) => {
-        // SAFETY: a value of `Avx2`, and with it a type parameter of that kind, reaches running code only where the
-        // processor has these instructions. None of them touches memory other than through the references it is given.
+        // SAFETY: a value of `Avx2`, or of a type parameter of this kind, exists in running code only where the
+        // processor has these instructions. They access memory only through the references that they are given.
         unsafe { $call }
     };
 }
@@ -188,7 +193,7 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn transposed(self, [a, b, c, d, e, f, g, h]: [__m256; LANES]) -> [__m256; LANES] {
         instruction!({
-            // Pairs of rows, then fours, then halves.
+            // Interleave pairs of rows, then groups of four, then halves.
             let pairs = [
                 [
                     _mm256_unpacklo_ps(a, b),
@@ -304,7 +309,7 @@ impl Lanes for Avx2 {
     fn to_u8(self, [a, b, c, d]: [__m256i; 4]) -> [u8; 4 * LANES] {
         let mut out = [0; 4 * LANES];
         instruction!({
-            // Packing takes each half by itself: four numbers of every row, then the four others.
+            // Packing works on each half separately: four numbers of every row, then the other four.
             let order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
             let packed = _mm256_packus_epi16(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
             _mm256_storeu_si256(out.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(packed, order));

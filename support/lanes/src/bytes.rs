@@ -1,10 +1,10 @@
-//! Sixteen samples at a time, and differences of theirs.
+//! Groups of sixteen samples, and their differences.
 //!
-//! On x86-64 these are the instructions that every such processor has, elsewhere plain loops. No processor has to be queried
-//! first, so all of this is inlined where it is used.
+//! On x86-64 these use instructions that every x86-64 processor has, elsewhere plain loops. No run-time detection is
+//! needed, so all functions are inlined.
 //!
-//! A compiler finds neither sums of differences of bytes nor transpositions in loops: with them, plain differences at half
-//! positions take a third of the time, transformed ones half.
+//! Compilers do not recognize sums of byte differences or transpositions in loops. With these functions, plain
+//! differences at half positions take a third of the time, transformed ones half.
 
 #[cfg(any(test, not(all(target_arch = "x86_64", target_feature = "sse2"))))]
 mod plain;
@@ -24,7 +24,7 @@ macro_rules! memory {
         impl Memory for $Bytes {
             #[inline(always)]
             unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self {
-                // SAFETY: the caller's.
+                // SAFETY: guaranteed by the caller.
                 unsafe {
                     if N == 16 {
                         Self::load(&*first.cast())
@@ -37,7 +37,7 @@ macro_rules! memory {
             #[inline(always)]
             unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize) {
                 let [low, high] = self.halves();
-                // SAFETY: the caller's.
+                // SAFETY: guaranteed by the caller.
                 unsafe {
                     *first.cast() = low;
                     *first.add(if N == 16 { 8 } else { stride }).cast() = high;
@@ -56,7 +56,8 @@ mod tests {
     use super::{plain, sse2};
     use crate::samples::{Differences, Samples, Sum};
 
-    /// Every function of a module on the same sixteen bytes; words are told apart by products with others.
+    /// Calls every function of a module on the same sixteen bytes. Products with other words reveal the content of
+    /// words.
     macro_rules! results {
         ($lanes:ident, $bytes:expr) => {{
             let [a, b, c, d] = $bytes.map(|[low, high]: [[u8; 8]; 2]| $lanes::Bytes::new(low, high));

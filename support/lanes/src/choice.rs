@@ -1,4 +1,4 @@
-//! Choice of the instructions that the processor has.
+//! Selection of the instructions that the processor supports.
 
 use crate::Kernel;
 #[cfg(target_arch = "x86_64")]
@@ -17,10 +17,11 @@ enum ChoiceKind {
 }
 
 impl Choice {
-    /// One number after the other, on any processor.
+    /// Scalar instructions, on any processor.
     pub const SCALAR: Self = Self(ChoiceKind::Scalar);
 
-    /// The fastest instructions of this processor. The answer is kept: a call costs one load and one branch.
+    /// Returns the fastest instructions of this processor. The result is cached: a call costs one load and one
+    /// branch.
     #[inline(always)]
     #[must_use]
     pub fn best() -> Self {
@@ -31,7 +32,7 @@ impl Choice {
         Self::SCALAR
     }
 
-    /// Whether vector instructions are used.
+    /// Returns whether vector instructions are used.
     #[inline(always)]
     #[must_use]
     pub fn is_vector(self) -> bool {

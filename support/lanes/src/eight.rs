@@ -1,42 +1,42 @@
-//! Eight numbers at a time.
+//! Operations on eight lanes.
 
 use crate::{Bytes, Differences, Samples};
 use std::fmt::Debug;
 
-/// How many numbers stand side by side.
+/// Number of lanes.
 pub const LANES: usize = 8;
 
 /// Operations on [`LANES`] numbers of 32 bits.
 ///
-/// The value that implements it is the proof that the processor has the instructions. So is the type: it has no name
-/// outside of this crate, and reaches code only as the parameter of [`Kernel::run`](crate::Kernel::run).
+/// A value of an implementing type proves that the processor has the instructions. So does the type: it cannot be
+/// named outside this crate, and reaches code only as the parameter of [`Kernel::run`](crate::Kernel::run).
 ///
-/// All kinds perform the same IEEE operations in the same order, none of them fused, so that results do not depend on the
-/// processor. Only the bits of a result that is not a number may differ.
+/// All implementations perform the same IEEE operations in the same order, without fusion, so results do not depend
+/// on the processor. Only the bits of NaN results may differ.
 pub trait Lanes: Copy + Debug {
-    /// The one value of this type, for operators that have no value at hand.
+    /// The only value of this type, for operators without a value at hand.
     const PROOF: Self;
 
     /// Eight `f32`.
     type F: Copy + Debug;
-    /// Eight `i32`. Sums and products keep the low 32 bits.
+    /// Eight `i32`. Sums and products wrap to the low 32 bits.
     type I: Copy + Debug;
-    /// Eight answers, yes or no.
+    /// Eight flags.
     type Mask: Copy + Debug;
-    /// As many samples of pictures as fit into a register.
+    /// A register of picture samples.
     type Samples: Samples;
-    /// Rows of differences of two blocks beside each other.
+    /// Difference rows of two adjacent blocks.
     type Words: Differences;
 
-    /// The same number in all lanes.
+    /// Returns the same number in all lanes.
     fn splat(self, x: f32) -> Self::F;
-    /// Lane i from place i.
+    /// Loads lane i from element i.
     fn load(self, x: &[f32; LANES]) -> Self::F;
-    /// Lanes 0…3 and lanes 4…7 from two places.
+    /// Loads lanes 0…3 from `low` and lanes 4…7 from `high`.
     fn load_halves(self, low: &[f32; LANES / 2], high: &[f32; LANES / 2]) -> Self::F;
-    /// Lane i to place i.
+    /// Stores lane i to element i.
     fn store(self, x: Self::F) -> [f32; LANES];
-    /// Lanes 0…3 and lanes 4…7 to two places.
+    /// Stores lanes 0…3 to `low` and lanes 4…7 to `high`.
     fn store_halves(self, x: Self::F, low: &mut [f32; LANES / 2], high: &mut [f32; LANES / 2]);
     /// `a + b`
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
@@ -46,15 +46,15 @@ pub trait Lanes: Copy + Debug {
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
     /// `a / b`
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
-    /// `-a`: the other sign, of zeros too.
+    /// `-a`: changes the sign, also of zeros.
     fn neg(self, a: Self::F) -> Self::F;
-    /// The magnitude.
+    /// Absolute value.
     fn abs(self, a: Self::F) -> Self::F;
     /// Square root, correctly rounded.
     fn sqrt(self, a: Self::F) -> Self::F;
-    /// `a < b ? a : b`, which is `b` where either is not a number, and where both are zeros.
+    /// `a < b ? a : b`, which is `b` if either is NaN or both are zeros.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
-    /// `a > b ? a : b`, which is `b` where either is not a number, and where both are zeros.
+    /// `a > b ? a : b`, which is `b` if either is NaN or both are zeros.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// `a < b`
     fn lt(self, a: Self::F, b: Self::F) -> Self::Mask;
@@ -62,30 +62,30 @@ pub trait Lanes: Copy + Debug {
     fn le(self, a: Self::F, b: Self::F) -> Self::Mask;
     /// `a == b`
     fn eq(self, a: Self::F, b: Self::F) -> Self::Mask;
-    /// `a < b` where the lanes hold the bits of signed integers.
+    /// `a < b`, with the lanes interpreted as signed integers.
     fn lt_bits(self, a: Self::F, b: Self::F) -> Self::Mask;
-    /// Both answers.
+    /// Logical and of two masks.
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Either answer.
+    /// Logical or of two masks.
     fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// `yes` where the mask holds, `no` elsewhere.
+    /// `yes` where the mask is set, `no` elsewhere.
     fn select(self, mask: Self::Mask, yes: Self::F, no: Self::F) -> Self::F;
-    /// Lane i as bit i.
+    /// Returns the mask of lane i as bit i.
     fn bits(self, mask: Self::Mask) -> u32;
-    /// Lane j of element i becomes lane i of element j.
+    /// Transposes: lane j of element i becomes lane i of element j.
     fn transposed(self, rows: [Self::F; LANES]) -> [Self::F; LANES];
 
-    /// The same integer in all lanes.
+    /// Returns the same integer in all lanes.
     fn splat_i(self, x: i32) -> Self::I;
-    /// Lane i from place i.
+    /// Loads lane i from element i.
     fn load_i(self, x: &[i32; LANES]) -> Self::I;
-    /// Lane i from place i, the bits as they are.
+    /// Loads lane i from element i, with unchanged bits.
     fn load_u32(self, x: &[u32; LANES]) -> Self::I;
-    /// Lane i from place i, without sign.
+    /// Loads lane i from element i, zero-extended.
     fn load_u8(self, x: &[u8; LANES]) -> Self::I;
-    /// Lane i to place i.
+    /// Stores lane i to element i.
     fn store_i(self, x: Self::I) -> [i32; LANES];
-    /// Lane i to place i, the bits as they are.
+    /// Stores lane i to element i, with unchanged bits.
     fn store_u32(self, x: Self::I) -> [u32; LANES];
     /// `a + b`
     fn add_i(self, a: Self::I, b: Self::I) -> Self::I;
@@ -93,67 +93,67 @@ pub trait Lanes: Copy + Debug {
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I;
     /// `a * b`
     fn mul_i(self, a: Self::I, b: Self::I) -> Self::I;
-    /// The magnitude, as a number without sign.
+    /// Absolute value, as an unsigned number.
     fn abs_i(self, a: Self::I) -> Self::I;
-    /// Zeros are shifted in from above; `by` is 0…31.
+    /// Logical shift right by `by` bits, 0…31.
     fn shift_right_i(self, a: Self::I, by: u32) -> Self::I;
     /// `a == b`
     fn eq_i(self, a: Self::I, b: Self::I) -> Self::Mask;
-    /// The sum of all lanes.
+    /// Returns the sum of all lanes.
     fn sum_i(self, a: Self::I) -> i32;
-    /// The nearest `f32`; of two, the even one.
+    /// Converts to the nearest `f32`, ties to even.
     fn to_f(self, a: Self::I) -> Self::F;
-    /// The bits of floats as integers.
+    /// Reinterprets the bits of floats as integers.
     fn to_bits(self, a: Self::F) -> Self::I;
-    /// Lane j of element i as byte 8·i + j, held to 0…255.
+    /// Returns lane j of element i as byte 8·i + j, clamped to 0…255.
     fn to_u8(self, rows: [Self::I; 4]) -> [u8; 4 * LANES];
 
-    /// Sixteen samples less sixteen others.
+    /// Subtracts sixteen samples from sixteen others.
     fn differences(self, samples: Bytes, minus: Bytes) -> Self::Words;
 
-    /// [`splat`](Lanes::splat) of three coordinates.
+    /// Calls [`splat`](Lanes::splat) for three coordinates.
     #[inline(always)]
     fn splat3(self, [x, y, z]: [f32; 3]) -> [Self::F; 3] {
         [self.splat(x), self.splat(y), self.splat(z)]
     }
 
-    /// [`load`](Lanes::load) of three coordinates.
+    /// Calls [`load`](Lanes::load) for three coordinates.
     #[inline(always)]
     fn load3(self, [x, y, z]: [&[f32; LANES]; 3]) -> [Self::F; 3] {
         [self.load(x), self.load(y), self.load(z)]
     }
 
-    /// [`sub`](Lanes::sub) of three coordinates.
+    /// Calls [`sub`](Lanes::sub) for three coordinates.
     #[inline(always)]
     fn sub3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
         [self.sub(a[0], b[0]), self.sub(a[1], b[1]), self.sub(a[2], b[2])]
     }
 
-    /// [`mul`](Lanes::mul) of three coordinates.
+    /// Calls [`mul`](Lanes::mul) for three coordinates.
     #[inline(always)]
     fn mul3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
         [self.mul(a[0], b[0]), self.mul(a[1], b[1]), self.mul(a[2], b[2])]
     }
 
-    /// [`min`](Lanes::min) of three coordinates.
+    /// Calls [`min`](Lanes::min) for three coordinates.
     #[inline(always)]
     fn min3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
         [self.min(a[0], b[0]), self.min(a[1], b[1]), self.min(a[2], b[2])]
     }
 
-    /// [`max`](Lanes::max) of three coordinates.
+    /// Calls [`max`](Lanes::max) for three coordinates.
     #[inline(always)]
     fn max3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
         [self.max(a[0], b[0]), self.max(a[1], b[1]), self.max(a[2], b[2])]
     }
 
-    /// The greatest of three and a fourth.
+    /// Returns the maximum of three numbers and a fourth.
     #[inline(always)]
     fn greatest(self, [x, y, z]: [Self::F; 3], least: Self::F) -> Self::F {
         self.max(self.max(x, y), self.max(z, least))
     }
 
-    /// The least of three and a fourth.
+    /// Returns the minimum of three numbers and a fourth.
     #[inline(always)]
     fn least(self, [x, y, z]: [Self::F; 3], greatest: Self::F) -> Self::F {
         self.min(self.min(x, y), self.min(z, greatest))
@@ -166,7 +166,7 @@ mod tests {
     use crate::{Choice, Kernel};
     use fastrand::Rng;
 
-    /// Every operation on two sets of numbers.
+    /// Applies every operation to two sets of numbers.
     struct Everything<'a>(&'a [f32; LANES], &'a [f32; LANES]);
 
     impl Kernel for Everything<'_> {
@@ -202,7 +202,7 @@ mod tests {
         }
     }
 
-    /// Every operation on two sets of integers.
+    /// Applies every operation to two sets of integers.
     struct Integers<'a>(&'a [i32; LANES], &'a [i32; LANES]);
 
     impl Kernel for Integers<'_> {
@@ -261,7 +261,7 @@ mod tests {
         }
     }
 
-    /// Minimum and maximum follow C's `a < b ? a : b` for ±0 and NaN, whatever the processor's own instructions do.
+    /// Minimum and maximum follow C's `a < b ? a : b` for ±0 and NaN, independent of the processor's instructions.
     #[test]
     fn least_and_greatest_of_zeros_and_of_what_is_not_a_number() {
         struct Extremes(f32, f32);

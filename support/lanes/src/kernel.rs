@@ -1,16 +1,16 @@
-//! Work that is compiled for every kind of instructions.
+//! Code that is compiled for every instruction set.
 
 use crate::Lanes;
 
-/// Work that is written once for all kinds of [`Lanes`].
+/// Computation that is written once for all implementations of [`Lanes`].
 ///
-/// `run` and all that it calls with lanes are `#[inline(always)]`: they become part of a function that is compiled for
-/// the vector instructions, and are compiled for them with it. Closures cannot be marked so, and an instruction within
-/// one that is not inlined becomes a call. Hot kernels therefore take traits as visitors, and never map over lanes.
+/// `run` and all functions that it calls with lanes are `#[inline(always)]`. They become part of a function that is
+/// compiled for the vector instructions. Closures cannot be marked so, and a vector instruction inside a closure that
+/// is not inlined becomes a call. Hot kernels therefore take traits as visitors and never map over lanes.
 pub trait Kernel {
-    /// Result of the work.
+    /// Result of the computation.
     type Output;
 
-    /// Does the work with lanes of one kind.
+    /// Runs the computation with one implementation of lanes.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }

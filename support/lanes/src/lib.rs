@@ -2,13 +2,13 @@
 #![deny(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
-mod avx2; // by vector instructions
+mod avx2; // vector instructions
 mod bytes; // sixteen samples, on any processor
-mod choice; // which instructions there are
-mod eight; // the operations
-mod kernel; // work made of them
-mod samples; // of pictures: blocks in a plane
-mod scalar; // the twin
+mod choice; // supported instructions
+mod eight; // operations on eight lanes
+mod kernel; // code over lanes
+mod samples; // picture samples: blocks in a plane
+mod scalar; // scalar implementation
 
 pub use crate::bytes::{Bytes, Words};
 pub use crate::choice::Choice;

@@ -1,62 +1,63 @@
-//! Samples of pictures: blocks in a plane, their predictions at half positions, and the sums over differences.
+//! Picture samples: blocks in a plane, their half-sample predictions, and sums over differences.
 //!
-//! Blocks are checked once. With a check for each row, plain differences take one and a half times as many instructions.
+//! Bounds are checked once per block. Checking each row would take one and a half times as many instructions for
+//! plain differences.
 
 use std::fmt::Debug;
 
 pub(crate) use memory::Memory;
 
-/// Samples that go through the instructions together: a row of a block, or several.
+/// Samples that are processed together: one or several rows of a block.
 pub trait Samples: Memory + Copy + Debug {
-    /// How many.
+    /// Number of samples.
     const COUNT: usize;
 
-    /// Sums of absolute differences. Those of 256 samples together do not overflow.
+    /// Sums of absolute differences. Sums over 256 samples do not overflow.
     type Absolute: Sum;
     /// Sums of squared differences.
     type Squared: Sum;
 
-    /// (a + b + 1) / 2 of every pair.
+    /// Returns (a + b + 1) / 2 for every pair.
     fn mean(self, other: Self) -> Self;
-    /// (a + b + c + d + 2) / 4.
+    /// Returns (a + b + c + d + 2) / 4.
     fn mean_of_four(groups: [Self; 4]) -> Self;
-    /// Absolute differences.
+    /// Returns sums of absolute differences.
     fn absolute(self, other: Self) -> Self::Absolute;
-    /// Squared differences: of the first eight samples of each sixteen, and of the last.
+    /// Returns squared differences of the first and of the last eight samples in each group of sixteen.
     fn squared(self, other: Self) -> [Self::Squared; 2];
 }
 
-/// Several sums beside each other.
+/// Several sums in parallel lanes.
 pub trait Sum: Copy + Debug {
-    /// All zero.
+    /// Returns zero sums.
     fn zero() -> Self;
-    /// Each sum and its counterpart together.
+    /// Adds each sum to its counterpart.
     fn plus(self, other: Self) -> Self;
-    /// All sums together.
+    /// Returns the sum over all lanes.
     fn total(self) -> u32;
 
-    /// All sums together, of each.
+    /// Returns the sum over all lanes of each argument.
     #[inline(always)]
     fn totals([a, b, c, d]: [Self; 4]) -> [u32; 4] {
         [a.total(), b.total(), c.total(), d.total()]
     }
 }
 
-/// Rows of differences of 16 bits: of one block of 8×8, or of two beside each other.
+/// Rows of 16-bit differences of one 8×8 block, or of two adjacent blocks.
 pub trait Differences: Copy + Debug {
-    /// All zero.
+    /// Returns zero differences.
     fn zero() -> Self;
-    /// Sum, which wraps around.
+    /// Wrapping sum.
     fn plus(self, other: Self) -> Self;
-    /// Difference, which wraps around.
+    /// Wrapping difference.
     fn minus(self, other: Self) -> Self;
-    /// The magnitude, −32768 excepted.
+    /// Absolute value, except for −32768.
     fn abs(self) -> Self;
-    /// The greater one, with sign.
+    /// Signed maximum.
     fn max(self, other: Self) -> Self;
-    /// The sum of each block's row; 0 for a block that is not there.
+    /// Returns the sum of each block's row, 0 for a missing second block.
     fn sums(self) -> [i32; 2];
-    /// Rows become columns, in each block.
+    /// Transposes the rows of each block.
     fn transposed(rows: [Self; 8]) -> [Self; 8];
 }
 
@@ -99,11 +100,12 @@ impl<D: Differences> Differences for [D; 2] {
     }
 }
 
-/// Strides are below this: no place in a window overflows.
+/// Upper limit of strides, so that no offset in a window overflows.
 const STRIDE_LIMIT: usize = usize::MAX >> 8;
 
-/// R rows of N samples that begin `stride` apart in a plane, at half positions to the right (`H`) and below (`V`): the
-/// mean of the two or four samples around, rounded up (ISO/IEC 13818-2, 7.6.4). N and R are 8 or 16.
+/// A window of R rows of N samples with the given `stride` in a plane. `H` and `V` select half-sample positions to
+/// the right and below: the mean of the two or four surrounding samples, rounded up (ISO/IEC 13818-2, 7.6.4). N and R
+/// are 8 or 16.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a, const N: usize, const R: usize, const H: bool, const V: bool> {
     samples: &'a [u8],
@@ -111,24 +113,24 @@ pub struct Window<'a, const N: usize, const R: usize, const H: bool, const V: bo
 }
 
 impl<'a, const N: usize, const R: usize, const H: bool, const V: bool> Window<'a, N, R, H, V> {
-    /// From the upper left whole sample on.
+    /// Creates a window. `samples` start at its upper left full sample.
     ///
     /// # Panics
-    /// If `samples` end before the window does.
+    /// If `samples` end before the window, or `stride` is too large.
     #[inline(always)]
     #[must_use]
     pub fn new(samples: &'a [u8], stride: usize) -> Self {
         const { assert!((N == 8 || N == 16) && (R == 8 || R == 16)) };
         assert!(stride < STRIDE_LIMIT, "rows that lie {stride} apart");
-        // R rows, or one more, of which the last needs no more than N samples, or one more.
+        // R rows, or one more for `V`. The last row needs only N samples, or one more for `H`.
         let samples = &samples[..(R - 1 + usize::from(V)) * stride + N + usize::from(H)];
         Self { samples, stride }
     }
 
-    /// Group number `i`, from the upper left on, of [`R * N / S::COUNT`](Samples::COUNT).
+    /// Returns group `i` of [`R * N / S::COUNT`](Samples::COUNT) groups, from the upper left.
     ///
     /// # Panics
-    /// If there is no such group.
+    /// If the group does not exist.
     #[inline(always)]
     #[must_use]
     pub fn group<S: Samples>(&self, i: usize) -> S {
@@ -144,18 +146,19 @@ impl<'a, const N: usize, const R: usize, const H: bool, const V: bool> Window<'a
         }
     }
 
-    /// The whole samples from a row on. The last row of a group is row R - 1 at most, or R if `V`; `x` is 0, or 1 if `H`.
+    /// Loads full samples from a row. The last row of a group is at most R - 1, or R with `V`. `x` is 0, or at most 1
+    /// with `H`.
     #[inline(always)]
     #[allow(unsafe_code, reason = "samples are read without a check for each")]
     fn load<S: Samples>(&self, row: usize, x: usize) -> S {
         let first = row * self.stride + x;
         debug_assert!(first + (S::COUNT / N - 1) * self.stride + N <= self.samples.len());
-        // SAFETY: the last of these samples is the last of `samples` at most, as `new` has sliced them.
+        // SAFETY: the last of these samples is at most the last of `samples`, as sliced by `new`.
         unsafe { S::load::<N>(self.samples.as_ptr().add(first), self.stride) }
     }
 }
 
-/// R rows of N samples to be written, `stride` apart. N and R are 8 or 16.
+/// A writable window of R rows of N samples with the given `stride`. N and R are 8 or 16.
 #[derive(Debug)]
 pub struct WindowMut<'a, const N: usize, const R: usize> {
     samples: &'a mut [u8],
@@ -163,10 +166,10 @@ pub struct WindowMut<'a, const N: usize, const R: usize> {
 }
 
 impl<'a, const N: usize, const R: usize> WindowMut<'a, N, R> {
-    /// From the upper left sample on.
+    /// Creates a window. `samples` start at its upper left sample.
     ///
     /// # Panics
-    /// If `samples` end before the window does.
+    /// If `samples` end before the window, or `stride` is too large.
     #[inline(always)]
     #[must_use]
     pub fn new(samples: &'a mut [u8], stride: usize) -> Self {
@@ -175,10 +178,10 @@ impl<'a, const N: usize, const R: usize> WindowMut<'a, N, R> {
         Self { samples: &mut samples[..(R - 1) * stride + N], stride }
     }
 
-    /// Writes group number `i`, from the upper left on, of [`R * N / S::COUNT`](Samples::COUNT).
+    /// Writes group `i` of [`R * N / S::COUNT`](Samples::COUNT) groups, from the upper left.
     ///
     /// # Panics
-    /// If there is no such group.
+    /// If the group does not exist.
     #[inline(always)]
     #[allow(unsafe_code, reason = "samples are written without a check for each")]
     pub fn set_group<S: Samples>(&mut self, i: usize, group: S) {
@@ -186,26 +189,26 @@ impl<'a, const N: usize, const R: usize> WindowMut<'a, N, R> {
         assert!(i < R * N / S::COUNT, "a group of a window");
         let first = i * S::COUNT / N * self.stride;
         debug_assert!(first + (S::COUNT / N - 1) * self.stride + N <= self.samples.len());
-        // SAFETY: the last of these samples is the last of `samples` at most, as `new` has sliced them.
+        // SAFETY: the last of these samples is at most the last of `samples`, as sliced by `new`.
         unsafe { group.store::<N>(self.samples.as_mut_ptr().add(first), self.stride) };
     }
 }
 
 mod memory {
-    /// Samples from and to memory. Not for other crates: [`Samples`](super::Samples) of theirs could break what the two
-    /// kinds of windows rely on.
+    /// Loads and stores of samples. Private, because [`Samples`](super::Samples) implementations of other crates
+    /// could break assumptions of the windows.
     #[allow(unsafe_code, reason = "samples are read and written without a check for each")]
     pub trait Memory: Sized {
-        /// Rows of N samples that begin `stride` apart, as many as make a group; N is 8 or 16.
+        /// Loads the rows of one group, with N samples each and the given `stride`. N is 8 or 16.
         ///
         /// # Safety
-        /// They are there.
+        /// The samples must be readable.
         unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self;
 
-        /// Puts them where they would be loaded from.
+        /// Stores the rows of one group, with the layout of [`load`](Self::load).
         ///
         /// # Safety
-        /// There is room for them.
+        /// The samples must be writable.
         unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize);
     }
 }
@@ -218,7 +221,7 @@ mod tests {
 
     const STRIDE: usize = 21;
 
-    /// The definition: the mean of the two or four samples around, rounded up.
+    /// Reference: the mean of the two or four surrounding samples, rounded up.
     fn expected<const N: usize, const R: usize>(samples: &[u8], right: usize, below: usize) -> Vec<u8> {
         let at = |x: usize, y: usize| u32::from(samples[y * STRIDE + x]);
         let mean =
@@ -256,7 +259,7 @@ mod tests {
         macro_rules! check {
             ($h:literal, $v:literal) => {
                 let (right, below) = (usize::from($h), usize::from($v));
-                // Not a sample more than is needed.
+                // Exactly as many samples as required.
                 let samples = &samples[..size(right, below)];
                 let expected =
                     expected::<N, R>(&samples.iter().copied().chain([0; 40]).collect::<Vec<_>>(), right, below);
@@ -292,7 +295,7 @@ mod tests {
         assert!(refused(usize::MAX / 7 + 1) && refused(usize::MAX) && refused(1 << 60) && !refused(8));
     }
 
-    /// Sums and transposed differences of two rows of sixteen.
+    /// Sums and transposed differences of two rows of sixteen samples.
     struct Compared<'a>(&'a [[u8; 16]; 8], &'a [[u8; 16]; 8]);
 
     impl Kernel for Compared<'_> {

@@ -1,9 +1,9 @@
-//! Lanes one by one: the definition that the vector instructions are tested against, and what runs where there are none.
+//! Scalar implementation of lanes: the reference for tests, and the fallback without vector instructions.
 
 use crate::{Bytes, LANES, Lanes, Words};
 use std::array::from_fn;
 
-/// Proof of nothing: every processor can do this.
+/// Empty proof: every processor supports scalar code.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scalar;
 

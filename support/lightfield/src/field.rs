@@ -1,26 +1,26 @@
-//! Samples as they are, for each texel and direction.
+//! Raw samples per texel and direction.
 
 use crate::error::{FieldError, MOST_DIRECTIONS, MOST_TILES};
 use crate::look_up::LookUp;
 use crate::scale::LogScale;
 use crate::tiles::TexelTiles;
 
-/// Samples of a field, by rank of the texel, then direction, then channel.
+/// Samples of a field, ordered by rank of the texel, then direction, then channel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
-    /// Codes of displays, 0 to 255.
+    /// Display codes, 0 to 255.
     Bytes(Vec<u8>),
-    /// Codes of light by a logarithmic scale.
+    /// Light as codes of a logarithmic scale.
     Logarithmic {
-        /// The scale.
+        /// Scale of the codes.
         scale: LogScale,
-        /// The codes.
+        /// Codes of the light.
         codes: Vec<u16>,
     },
 }
 
 impl Samples {
-    /// The number of samples.
+    /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -29,13 +29,13 @@ impl Samples {
         }
     }
 
-    /// Whether there are no samples.
+    /// Returns whether there are no samples.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Three codes from the place `at` on.
+    /// Returns three codes from index `at` on.
     #[inline]
     pub(crate) fn three(&self, at: usize) -> [f32; 3] {
         match self {
@@ -44,7 +44,7 @@ impl Samples {
         }
     }
 
-    /// The scale of logarithmic codes.
+    /// Scale of logarithmic codes, or `None` for 8-bit codes.
     #[must_use]
     pub fn scale(&self) -> Option<LogScale> {
         match self {
@@ -54,7 +54,7 @@ impl Samples {
     }
 }
 
-/// Outgoing light: three samples for each texel and direction.
+/// Outgoing light: three samples per texel and direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
     tiles: TexelTiles,
@@ -63,12 +63,13 @@ pub struct Field {
 }
 
 impl Field {
-    /// A field of samples.
+    /// Creates a field from samples.
     ///
     /// # Errors
     ///
-    /// [`FieldError::Directions`] unless `directions` is 1 to 4096, [`FieldError::Tiles`] where there are more than 2²⁴, and
-    /// [`FieldError::Length`] unless there are three samples for each texel and direction.
+    /// * [`FieldError::Directions`] if `directions` is not in 1 to 4096.
+    /// * [`FieldError::Tiles`] if there are more than 2²⁴ tiles.
+    /// * [`FieldError::Length`] if there are not three samples per texel and direction.
     pub fn new(tiles: TexelTiles, directions: usize, samples: Samples) -> Result<Self, FieldError> {
         if !(1..=MOST_DIRECTIONS).contains(&directions) {
             return Err(FieldError::Directions(directions));
@@ -83,11 +84,11 @@ impl Field {
         Ok(Self { tiles, directions, samples })
     }
 
-    /// A field of light on a logarithmic scale. `light` goes by rank of the texel, then direction.
+    /// Creates a field of light on a logarithmic scale. `light` is ordered by rank of the texel, then direction.
     ///
     /// # Errors
     ///
-    /// As [`Field::new`], and [`FieldError::Light`] with the texel whose light is negative, infinite or no number.
+    /// The errors of [`Field::new`], and [`FieldError::Light`] with the texel if light is negative, infinite or NaN.
     pub fn of_light(
         tiles: TexelTiles,
         directions: usize,
@@ -95,7 +96,7 @@ impl Field {
         light: &[[f32; 3]],
     ) -> Result<Self, FieldError> {
         let mut codes = Vec::with_capacity(light.len() * 3);
-        // Lengths are checked first, so that each light has a texel.
+        // Check lengths first, so that each light has a texel.
         if !(1..=MOST_DIRECTIONS).contains(&directions) {
             return Err(FieldError::Directions(directions));
         }
@@ -111,19 +112,19 @@ impl Field {
         Self::new(tiles, directions, Samples::Logarithmic { scale, codes })
     }
 
-    /// The texels.
+    /// Texels of the field.
     #[must_use]
     pub fn tiles(&self) -> &TexelTiles {
         &self.tiles
     }
 
-    /// Directions of each texel.
+    /// Number of directions per texel.
     #[must_use]
     pub fn directions(&self) -> usize {
         self.directions
     }
 
-    /// The samples, by rank of the texel, then direction, then channel.
+    /// Samples ordered by rank of the texel, then direction, then channel.
     #[must_use]
     pub fn samples(&self) -> &Samples {
         &self.samples
@@ -153,7 +154,7 @@ mod tests {
         assert!(Field::of_light(tiles(), 2, scale, &[[0.0; 3]; 67]).is_err());
         for value in [-1.0, f32::NAN, f32::INFINITY] {
             let mut light = vec![[1.0; 3]; 68];
-            // Texels of the first tile come first: rank 33 is the last of the second one.
+            // Texels of the first tile come first: rank 33 is the last texel of the second tile.
             light[67][2] = value;
             let message = Field::of_light(tiles(), 2, scale, &light).unwrap_err().to_string();
             let place = "light of tile 1, texel (0, 1), direction 1 is ";

@@ -1,8 +1,8 @@
-//! Outgoing light of surfaces, for each texel and direction: how to hold it, and how to store it in a fraction of its bytes.
+//! Outgoing light of surfaces per texel and direction: representation, and storage in a fraction of the raw bytes.
 //!
-//! A [`Field`] is the raw samples: texels in tiles of 16×16 ([`TexelTiles`]), directions by number, three channels.
-//! [`NearLossless`] stores them with an error that never exceeds a limit. Both are [`LookUp`]s. [`OctahedralMap`] numbers
-//! directions.
+//! A [`Field`] contains raw samples: texels in tiles of 16×16 ([`TexelTiles`]), directions by index, three channels.
+//! [`NearLossless`] stores them with a bounded error. Both implement [`LookUp`]. [`OctahedralMap`] maps directions to
+//! indices.
 //!
 //! ```
 //! use lightfield::{Field, LookUp, NearLossless, Samples, TexelTiles};

@@ -1,9 +1,9 @@
-//! One way to ask every kind of stored field.
+//! Common interface for reading light fields.
 
-/// Stored light that can be looked up by texel and direction.
+/// Light that can be read by texel and direction.
 pub trait LookUp {
-    /// The three codes of the texel in a slot, as [`TexelTiles`](crate::TexelTiles) counts them, in a direction.
+    /// Returns the three codes of the texel in a slot of [`TexelTiles`](crate::TexelTiles), in a direction.
     ///
-    /// Codes of this crate's fields are whole numbers. `None` where there is no such texel or direction.
+    /// Codes of this crate's fields are integers. Returns `None` if the texel or the direction does not exist.
     fn codes(&self, slot: usize, direction: usize) -> Option<[f32; 3]>;
 }

@@ -1,4 +1,4 @@
-//! Fields stored with an error that never exceeds a limit: prediction and quantization, then Zstandard, tile by tile.
+//! Near-lossless coding of fields with a bounded error: prediction and quantization, then Zstandard, tile by tile.
 
 mod file;
 mod residuals;
@@ -13,12 +13,12 @@ use crate::tiles::{TILE_SLOTS, TexelTiles, count, rank_in};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Level of Zstandard: the highest below those that ask decoders for larger windows.
+/// Zstandard level: the highest below the levels that require larger decoder windows.
 const LEVEL: i32 = 19;
 
-/// A field whose codes are wrong by at most δ, stored by tiles of 16×16 texels.
+/// A field stored in tiles of 16×16 texels, with an error of at most δ per code.
 ///
-/// A tile is decoded when one of its texels is looked up first, and kept. Any number of threads may look up at once.
+/// A tile is decoded on first access and then cached. Any number of threads may read concurrently.
 #[derive(Clone, Debug)]
 pub struct NearLossless {
     bytes: Vec<u8>,
@@ -27,12 +27,12 @@ pub struct NearLossless {
 }
 
 impl NearLossless {
-    /// Stores a field with errors of at most `delta` codes; 0 loses nothing. The bytes do not depend on the number of
+    /// Encodes a field with errors of at most `delta` codes. 0 is lossless. The bytes do not depend on the number of
     /// threads.
     ///
     /// # Errors
     ///
-    /// [`FieldError::Delta`] where `delta` is above 4095.
+    /// [`FieldError::Delta`] if `delta` is above 4095.
     pub fn encode(field: &Field, delta: u16) -> Result<Self, FieldError> {
         if delta > LARGEST_DELTA {
             return Err(FieldError::Delta(delta));
@@ -49,56 +49,56 @@ impl NearLossless {
         Self::from_bytes(file::write(&head, &stored))
     }
 
-    /// Reads what [`NearLossless::as_bytes`] gave. Everything is checked: look-ups cannot fail later.
+    /// Reads the bytes of [`NearLossless::as_bytes`] and validates them completely, so that later reads cannot fail.
     ///
     /// # Errors
     ///
-    /// Each kind of damage is told in one line. That of a tile names the tile.
+    /// If the bytes are damaged. The error describes the damage in one line and names a damaged tile.
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Self, FieldError> {
         let head = file::read(&bytes)?;
         let decoded = (0..head.tiles.len()).map(|_| OnceLock::new()).collect();
         let field = Self { bytes, head, decoded };
-        // Sums are right, but whoever forges a file makes them so: each tile must decompress to its length.
+        // Checksums are correct, but a forger can compute them: each tile must also decompress to its length.
         let unfit = (0..field.head.tiles.len()).into_par_iter().find_first(|&tile| field.residuals(tile).is_none());
         unfit.map_or(Ok(field), |tile| Err(FieldError::Tile(tile)))
     }
 
-    /// The stored bytes.
+    /// Stored bytes.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// The texels.
+    /// Texels of the field.
     #[must_use]
     pub fn tiles(&self) -> &TexelTiles {
         &self.head.tiles
     }
 
-    /// Directions of each texel.
+    /// Number of directions per texel.
     #[must_use]
     pub fn directions(&self) -> usize {
         self.head.directions
     }
 
-    /// The scale of logarithmic codes; `None` of 8-bit ones.
+    /// Scale of logarithmic codes, or `None` for 8-bit codes.
     #[must_use]
     pub fn scale(&self) -> Option<LogScale> {
         self.head.scale
     }
 
-    /// The largest error of a code.
+    /// Largest error of a code, δ.
     #[must_use]
     pub fn delta(&self) -> u16 {
         self.head.delta
     }
 
-    /// Gives back the memory of all tiles that were decoded.
+    /// Frees the memory of all decoded tiles.
     pub fn forget_decoded(&mut self) {
         self.decoded.iter_mut().for_each(|tile| drop(tile.take()));
     }
 
-    /// The decompressed bytes of a tile; `None` unless they are as many as its texels take.
+    /// Decompresses a tile. Returns `None` if the length does not match its texels.
     fn residuals(&self, tile: usize) -> Option<Vec<u8>> {
         let bytes_of_code = if self.head.scale.is_some() { u16::BYTES } else { u8::BYTES };
         let length = count(&self.head.tiles.masks()[tile]) * self.head.directions * 3 * bytes_of_code;
@@ -107,7 +107,7 @@ impl NearLossless {
         (residuals.len() == length).then_some(residuals)
     }
 
-    /// The codes of a tile.
+    /// Decodes a tile.
     fn decode(&self, tile: usize) -> Samples {
         let Head { directions, scale, delta, ref tiles, .. } = self.head;
         let residuals = self.residuals(tile).expect("tiles are checked when they are read");
@@ -133,7 +133,7 @@ impl LookUp for NearLossless {
     }
 }
 
-/// The stored bytes of one tile.
+/// Compresses one tile.
 fn compressed(field: &Field, tile: usize, delta: u16) -> Vec<u8> {
     let (tiles, directions) = (field.tiles(), field.directions());
     let (ranks, mask) = (tiles.ranks(tile), &tiles.masks()[tile]);

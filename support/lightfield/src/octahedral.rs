@@ -2,73 +2,73 @@
 //!
 //! ```text
 //! p = ω / (|ω_x| + |ω_y| + |ω_z|)                       onto the octahedron
-//! (u, v) = (p_x, p_y)                                    where ω_z ≥ 0
-//! (u, v) = ((1 − |p_y|) sign(p_x), (1 − |p_x|) sign(p_y))  else: the lower faces are folded out
+//! (u, v) = (p_x, p_y)                                    if ω_z ≥ 0
+//! (u, v) = ((1 − |p_y|) sign(p_x), (1 − |p_x|) sign(p_y))  otherwise: the lower faces are unfolded
 //! ```
 //!
-//! Cell (i, j) of n × n has its direction at u = (2 i + 1) / n − 1, v = (2 j + 1) / n − 1. Across an edge of the square lies
-//! the cell that is mirrored at the middle of that edge.
+//! Cell (i, j) of n × n has its direction at `u = (2 i + 1) / n − 1`, `v = (2 j + 1) / n − 1`. The neighbor across an edge
+//! of the square is the cell mirrored at the middle of that edge.
 //!
-//! # Differs from the papers
+//! # Differences from the papers
 //!
-//! They store normals in few bits. Here the square is a map, so what lies across its edges matters.
+//! The papers store normals in few bits. Here the square is a map, so the neighbors across its edges matter.
 
 use glam::{Vec2, Vec3};
 
-/// A map of n × n directions over the whole sphere. Direction (i, j) has the number i + n · j.
+/// A map of n × n directions over the whole sphere. Direction (i, j) has the index i + n · j.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OctahedralMap {
-    /// n, cells along a side: at least 1.
+    /// Number n of cells per side, at least 1.
     pub side: usize,
 }
 
-/// The four cells around a direction, by number, and their weights.
+/// Indices of the four cells around a direction, and their weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionCells {
-    /// Numbers of the cells. One may be there twice, at the edges of tiny maps.
+    /// Indices of the cells. At the edges of tiny maps an index may appear twice.
     pub cells: [usize; 4],
-    /// Weights, which sum to 1.
+    /// Weights with a sum of 1.
     pub weights: [f32; 4],
 }
 
-/// Cells along a side for a surface of a roughness r: about 4 / r², from 4 to 24.
+/// Returns the number of cells per side for a surface of roughness r: about 4 / r², from 4 to 24.
 ///
-/// The lobe of a rough surface is about α = r² wide, in radians, and a cell about 2 / n: half as wide. With cells as wide as the lobe,
-/// metal of roughness 0.4 in a Cornell box has four times the error of half as wide ones.
+/// The lobe of a rough surface is about α = r² wide, in radians. A cell is about 2 / n wide, half the lobe. With
+/// cells as wide as the lobe, the error of metal of roughness 0.4 in a Cornell box is four times as large.
 ///
 /// ```
 /// assert_eq!([1.0, 0.8, 0.5, 0.4, 0.0].map(lightfield::map_side), [4, 6, 16, 24, 24]);
 /// ```
 #[must_use]
 pub fn map_side(roughness: f32) -> usize {
-    // No number counts as smooth: it is not the smaller one.
+    // NaN counts as smooth, because `min` returns 24.
     let cells = (4.0 / (roughness * roughness)).min(24.0).round();
     cells.max(4.0) as usize
 }
 
 impl OctahedralMap {
-    /// The number of directions, n².
+    /// Number of directions, n².
     #[must_use]
     pub fn len(self) -> usize {
         self.side * self.side
     }
 
-    /// Whether the map has no directions.
+    /// Returns whether the map has no directions.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.side == 0
     }
 
-    /// The direction of cell (i, j), of length 1.
+    /// Returns the unit direction of cell (i, j).
     #[must_use]
     pub fn direction(self, i: usize, j: usize) -> Vec3 {
         let center = Vec2::new((2 * i + 1) as f32, (2 * j + 1) as f32) / self.side as f32 - 1.0;
         from_square(center)
     }
 
-    /// The cells whose samples, weighted, are those of `direction`, which needs no particular length.
+    /// Returns the cells and weights that interpolate samples at `direction`, which may have any length.
     ///
-    /// Weights are continuous over the whole sphere. No direction (zero, infinite, no number) counts as +z.
+    /// Weights are continuous over the whole sphere. An undefined direction (zero, infinite or NaN) counts as +z.
     #[must_use]
     pub fn bilinear(self, direction: Vec3) -> DirectionCells {
         let n = self.side as isize;
@@ -85,7 +85,7 @@ impl OctahedralMap {
     }
 }
 
-/// The number of cell (i, j), each from −1 to n: cells outside are mirrored at the middle of the edge.
+/// Returns the index of cell (i, j), each from −1 to n. Cells outside are mirrored at the middle of the edge.
 fn across(mut i: isize, mut j: isize, n: isize) -> usize {
     if i < 0 || i >= n {
         (i, j) = (i.clamp(0, n - 1), n - 1 - j);
@@ -96,9 +96,9 @@ fn across(mut i: isize, mut j: isize, n: isize) -> usize {
     (i + n * j) as usize
 }
 
-/// The place in [−1, 1]² of a direction.
+/// Maps a direction to a point in [−1, 1]².
 fn to_square(direction: Vec3) -> Vec2 {
-    // Scaled first, so that no sum overflows or vanishes.
+    // Scale first, so that no sum overflows or underflows.
     let scaled = direction / direction.abs().max_element();
     let p = scaled / scaled.abs().element_sum();
     if !p.is_finite() {
@@ -110,14 +110,14 @@ fn to_square(direction: Vec3) -> Vec2 {
     }
 }
 
-/// The direction, of length 1, at a place in [−1, 1]².
+/// Maps a point in [−1, 1]² to a unit direction.
 fn from_square(place: Vec2) -> Vec3 {
     let z = 1.0 - place.x.abs() - place.y.abs();
     let xy = if z >= 0.0 { place } else { folded(place) };
     xy.extend(z).normalize()
 }
 
-/// Mirrors a place at the diagonal of its quadrant: folds lower faces out, and back.
+/// Mirrors a point at the diagonal of its quadrant. This unfolds lower faces, and folds them back.
 fn folded(place: Vec2) -> Vec2 {
     Vec2::new((1.0 - place.y.abs()).copysign(place.x), (1.0 - place.x.abs()).copysign(place.y))
 }
@@ -126,7 +126,7 @@ fn folded(place: Vec2) -> Vec2 {
 mod tests {
     use super::*;
 
-    /// Directions spread over the sphere, with axes and diagonals among them.
+    /// Directions spread over the sphere, including axes and diagonals.
     fn sphere(rings: usize) -> Vec<Vec3> {
         let mut directions = vec![Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
         for ring in 0..=rings {
@@ -146,7 +146,7 @@ mod tests {
             let place = to_square(direction);
             assert!(place.abs().max_element() <= 1.0 + 1e-6);
             assert!((from_square(place) - direction).length() < 1e-6, "{direction}");
-            // No length matters.
+            // The length does not matter.
             for length in [1e-30, 1e30] {
                 assert!((to_square(direction * length) - place).length() < 1e-6);
             }
@@ -180,8 +180,8 @@ mod tests {
 
     #[test]
     fn weights_are_continuous_over_edges_and_sum_to_one() {
-        // Great circles through all faces. A step of 1e-3 moves a place by at most √6 e-3 in the octahedron's plane, and a
-        // weight by at most n / 2 times that for each of the two axes.
+        // Great circles through all faces. A step of 1e-3 moves a point by at most √6 e-3 in the octahedron's plane.
+        // A weight changes by at most n / 2 times that for each of the two axes.
         let step = 1e-3f32;
         for side in [1, 2, 3, 4, 7, 24] {
             let map = OctahedralMap { side };
@@ -203,8 +203,8 @@ mod tests {
         }
     }
 
-    /// The largest length of the difference between a direction and the weighted sum of the directions of its cells: the
-    /// error of the worst linear function of slope 1.
+    /// Largest distance between a direction and the weighted sum of the directions of its cells. This is the error of
+    /// the worst linear function of slope 1.
     fn largest_error(side: usize) -> f32 {
         let map = OctahedralMap { side };
         let mut largest = 0f32;
@@ -218,16 +218,17 @@ mod tests {
 
     #[test]
     fn linear_functions_are_interpolated() {
-        // Bound: a step (Δu, Δv) moves a point of the octahedron by at most √2 (|Δu| + |Δv|), and its direction by √3 times
-        // that, for no point is nearer than 1/√3 to the center. Weights w and 1 − w leave 2 w (1 − w) h ≤ h / 2 of a cell's
-        // width h = 2 / n in each axis: together √6 · 2 / n. Across the creases of the octahedron errors are of this order.
+        // Bound: a step (Δu, Δv) moves a point of the octahedron by at most √2 (|Δu| + |Δv|). Its direction moves by
+        // √3 times that, because no point is nearer than 1/√3 to the center. Weights w and 1 − w leave
+        // `2 w (1 − w) h ≤ h / 2` of a cell's width h = 2 / n in each axis: together √6 · 2 / n. Errors across the creases of the
+        // octahedron are of this order.
         for side in [4, 5, 8, 15, 16, 24] {
             let (found, bound) = (largest_error(side), 6f32.sqrt() * 2.0 / side as f32);
             assert!(found <= bound, "{side}: {found} > {bound}");
-            // Dense evaluation finds less than a half of it.
+            // Dense evaluation finds less than half of it.
             assert!(found * side as f32 <= 2.0, "{side}: {}", found * side as f32);
         }
-        // Twice as fine, half of the error: no cell is mistaken for another.
+        // Twice as fine gives half the error: no cells are confused.
         let (coarse, fine) = (largest_error(12), largest_error(24));
         assert!(fine < 0.6 * coarse, "{coarse}, {fine}");
     }

@@ -2,28 +2,28 @@
 
 use crate::error::FieldError;
 
-/// Codes to a factor of two.
+/// Number of codes per octave.
 const STEPS: f64 = 256.0;
 
-/// A logarithmic scale with the unit L₀:
+/// Logarithmic scale with the unit L₀:
 ///
 /// ```text
 /// x = round(256 · log2(1 + L / L₀))        L = L₀ · (2^(x / 256) − 1)
 /// ```
 ///
-/// A code that is wrong by δ, its rounding aside, is light that is wrong by at most (2^((δ + ½) / 256) − 1) · (L + L₀). At
-/// δ = 0 that is 0.14 % where L ≫ L₀, and 0.0014 L₀ in the dark. Every finite `f32` of at least 0 has a code.
+/// A code with an error of δ, plus its rounding, gives light with an error of at most
+/// `(2^((δ + ½) / 256) − 1) · (L + L₀)`. At δ = 0 this is 0.14 % for L ≫ L₀, and 0.0014 L₀ in the dark. Every finite nonnegative `f32` has a code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogScale {
     unit: f32,
 }
 
 impl LogScale {
-    /// A scale with the unit L₀, in the unit of the light. L₀ is the light below which steps are even.
+    /// Creates a scale with the unit L₀, in the unit of the light. Far below L₀ the steps are uniform.
     ///
     /// # Errors
     ///
-    /// [`FieldError::Unit`] unless L₀ is a positive normal number.
+    /// [`FieldError::Unit`] if L₀ is not a positive normal number.
     pub fn new(unit: f32) -> Result<Self, FieldError> {
         if unit.is_normal() && unit > 0.0 { Ok(Self { unit }) } else { Err(FieldError::Unit(unit)) }
     }
@@ -34,18 +34,18 @@ impl LogScale {
         self.unit
     }
 
-    /// The code of a light; `None` where it is negative, infinite or no number.
+    /// Returns the code of a light value, or `None` if it is negative, infinite or NaN.
     #[must_use]
     pub fn code(self, light: f32) -> Option<u16> {
         if !(light >= 0.0 && light.is_finite()) {
             return None;
         }
         let x = (f64::from(light) / f64::from(self.unit)).ln_1p() * (STEPS / std::f64::consts::LN_2);
-        // The largest ratio of two normal numbers is 2^254, whose code is 65 024.
+        // The largest ratio of two normal numbers is 2^254, with the code 65 024.
         Some(x.round() as u16)
     }
 
-    /// The light of a code, which may lie between whole ones; `f32::MAX` at most.
+    /// Returns the light of a code, which may be fractional. At most `f32::MAX`.
     #[must_use]
     pub fn light(self, code: f32) -> f32 {
         let ratio = (f64::from(code) * (std::f64::consts::LN_2 / STEPS)).exp_m1();
@@ -67,7 +67,7 @@ mod tests {
             while light.is_finite() {
                 let found = f64::from(scale.light(f32::from(scale.code(light).unwrap())));
                 let (light64, unit) = (f64::from(light), f64::from(unit));
-                // One rounding to `f32` comes on top.
+                // Plus one rounding to `f32`.
                 let bound = half * (light64 + unit) + light64 * f64::from(f32::EPSILON);
                 assert!((found - light64).abs() <= bound * (1.0 + 1e-9), "{light} of {unit}: {found}");
                 light *= 1.37;

@@ -1,26 +1,26 @@
-//! Texels in tiles of 16×16, with masks of those that are there.
+//! Texels in tiles of 16×16, with masks of the present texels.
 
-/// Texels along a side of a tile.
+/// Number of texels per side of a tile.
 pub const TILE_SIDE: usize = 16;
-/// Places for texels in a tile.
+/// Number of texel slots per tile.
 pub const TILE_SLOTS: usize = TILE_SIDE * TILE_SIDE;
 
-/// Bits of a tile: texel (x, y) is bit x + 16 y, 64 bits to a word.
+/// Bit set of the present texels: texel (x, y) is bit x + 16 y, 64 bits per word.
 pub(crate) type Mask = [u64; 4];
 
-/// Texels of an atlas, in tiles of 16×16 of which some texels are absent.
+/// Texels of an atlas, in tiles of 16×16 with some texels absent.
 ///
-/// A texel is named by its slot, 256 × tile + 16 y + x. Texels that are there are ranked by slot; the sample of rank r comes
-/// r-th in a [`Field`](crate::Field).
+/// The slot of a texel is 256 × tile + 16 y + x. Present texels are ranked by slot. A [`Field`](crate::Field) stores
+/// samples in order of rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TexelTiles {
     masks: Vec<Mask>,
-    /// Texels in the tiles before each, and in all of them.
+    /// Number of texels in the tiles before each tile, and in all tiles.
     before: Vec<usize>,
 }
 
 impl TexelTiles {
-    /// Tiles with the given texels: texel (x, y) of a tile is bit x + 16 y, 64 bits to a word, lowest first.
+    /// Creates tiles with the given texels. Texel (x, y) of a tile is bit x + 16 y, 64 bits per word, lowest first.
     #[must_use]
     pub fn new(masks: Vec<[u64; 4]>) -> Self {
         let mut before = Vec::with_capacity(masks.len() + 1);
@@ -33,7 +33,7 @@ impl TexelTiles {
         Self { masks, before }
     }
 
-    /// All texels of a picture of `width` × `height`, in tiles by rows from the top left one.
+    /// Creates tiles with all texels of a picture of `width` × `height`, in rows from the top left.
     #[must_use]
     pub fn of_picture(width: usize, height: usize) -> Self {
         let (columns, rows) = (width.div_ceil(TILE_SIDE), height.div_ceil(TILE_SIDE));
@@ -54,25 +54,25 @@ impl TexelTiles {
         self.masks.len()
     }
 
-    /// Whether there is no tile.
+    /// Returns whether there are no tiles.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.masks.is_empty()
     }
 
-    /// Number of texels that are there.
+    /// Number of present texels.
     #[must_use]
     pub fn texels(&self) -> usize {
         self.before[self.len()]
     }
 
-    /// The masks, as [`TexelTiles::new`] takes them.
+    /// Masks in the format of [`TexelTiles::new`].
     #[must_use]
     pub fn masks(&self) -> &[[u64; 4]] {
         &self.masks
     }
 
-    /// The rank of the texel in a slot; `None` where no texel is.
+    /// Returns the rank of the texel in a slot, or `None` if the slot has no texel.
     #[must_use]
     #[inline]
     pub fn rank(&self, slot: usize) -> Option<usize> {
@@ -81,16 +81,16 @@ impl TexelTiles {
         Some(self.before[slot / TILE_SLOTS] + in_tile)
     }
 
-    /// The slots of all texels, by rank.
+    /// Iterates over the slots of all texels, by rank.
     pub fn slots(&self) -> impl Iterator<Item = usize> {
         (0..self.len() * TILE_SLOTS).filter(|slot| is_set(&self.masks[slot / TILE_SLOTS], slot % TILE_SLOTS))
     }
 
-    /// The slot of the texel of a rank.
+    /// Returns the slot of the texel with a rank.
     ///
     /// # Panics
     ///
-    /// If there are not that many texels.
+    /// If `rank` is not less than the number of texels.
     pub(crate) fn slot(&self, rank: usize) -> usize {
         assert!(rank < self.texels(), "rank {rank} of {} texels", self.texels());
         let tile = self.before.partition_point(|&before| before <= rank) - 1;
@@ -106,24 +106,24 @@ impl TexelTiles {
         unreachable!("tile {tile} has more texels than its mask")
     }
 
-    /// The ranks of the texels of a tile.
+    /// Returns the ranks of the texels of a tile.
     pub(crate) fn ranks(&self, tile: usize) -> std::ops::Range<usize> {
         self.before[tile]..self.before[tile + 1]
     }
 }
 
-/// Texels that a mask has.
+/// Returns the number of texels in a mask.
 pub(crate) fn count(mask: &Mask) -> usize {
     mask.iter().map(|word| word.count_ones() as usize).sum()
 }
 
-/// Whether a mask has the texel at `bit`.
+/// Returns whether a mask contains the texel at `bit`.
 #[inline]
 pub(crate) fn is_set(mask: &Mask, bit: usize) -> bool {
     mask[bit / 64] >> (bit % 64) & 1 == 1
 }
 
-/// The rank, within its tile, of the texel at `bit`.
+/// Returns the rank, within its tile, of the texel at `bit`.
 #[inline]
 pub(crate) fn rank_in(mask: &Mask, bit: usize) -> Option<usize> {
     let word = bit / 64;
@@ -146,7 +146,7 @@ mod tests {
         let tiles = TexelTiles::of_picture(21, 19);
         assert_eq!((tiles.len(), tiles.texels()), (4, 21 * 19));
         let slots: Vec<usize> = tiles.slots().collect();
-        // A count by hand: tiles of 16×16, 5×16, 16×3 and 5×3 texels.
+        // Counted by hand: tiles of 16×16, 5×16, 16×3 and 5×3 texels.
         assert_eq!([slots[255], slots[256], slots[256 + 5], slots[256 + 80]], [255, 256, 256 + 16, 512]);
         for (rank, &slot) in slots.iter().enumerate() {
             assert_eq!((tiles.rank(slot), tiles.slot(rank)), (Some(rank), slot));

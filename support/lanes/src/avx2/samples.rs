@@ -1,32 +1,33 @@
-//! Two rows of samples or four shorter ones, and rows of differences of two blocks beside each other, by instructions of AVX2.
+//! Two rows of sixteen samples or four of eight, and difference rows of two adjacent blocks, with AVX2 instructions.
 #![allow(unsafe_code, reason = "vector instructions may only run where the processor has them")]
 
 use crate::bytes::Bytes;
 use crate::samples::{Differences, Memory, Samples, Sum};
 use std::arch::x86_64::*;
 
-/// All instructions of this module go through here.
+/// Wraps all instructions of this module.
 macro_rules! avx2 {
     ($($body:tt)*) => {
-        // SAFETY: these types have no name outside of this crate. They reach running code as parts of the type `Avx2`, which
-        // does so only where the processor has AVX2. No instruction here touches memory but what it is given.
+        // SAFETY: these types cannot be named outside this crate. Running code has them only as parts of the type
+        // `Avx2`, which exists only where the processor has AVX2. These instructions access only the memory that they
+        // are given.
         unsafe { $($body)* }
     };
 }
 
-/// Sixteen numbers of 16 bits, with sign: eight of each block.
+/// Sixteen signed 16-bit numbers: eight of each block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Words(__m256i);
 
 impl Words {
-    /// Sixteen samples less sixteen others.
+    /// Subtracts sixteen samples from sixteen others.
     #[inline(always)]
     pub(super) fn between(samples: Bytes, minus: Bytes) -> Self {
         avx2! { Self(_mm256_sub_epi16(_mm256_cvtepu8_epi16(samples.0), _mm256_cvtepu8_epi16(minus.0))) }
     }
 }
 
-/// Sums of absolute differences: four numbers of 64 bits, of which no more than 16 are used.
+/// Sums of absolute differences: four 64-bit numbers, each below 2¹⁶.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Absolute(__m256i);
 
@@ -50,7 +51,7 @@ impl Sum for Absolute {
     }
 }
 
-/// Eight sums of 32 bits.
+/// Eight 32-bit sums.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Squared(__m256i);
 
@@ -93,7 +94,7 @@ impl Memory for Rows {
     #[inline(always)]
     unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self {
         const { assert!(N == 8 || N == 16) };
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         unsafe {
             if N == 16 {
                 return Self(_mm256_loadu2_m128i(first.add(stride).cast(), first.cast()));
@@ -106,7 +107,7 @@ impl Memory for Rows {
     #[inline(always)]
     unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize) {
         const { assert!(N == 8 || N == 16) };
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         unsafe {
             if N == 16 {
                 return _mm256_storeu2_m128i(first.add(stride).cast(), first.cast(), self.0);
@@ -133,7 +134,7 @@ impl Samples for Rows {
 
     #[inline(always)]
     fn mean_of_four([a, b, c, d]: [Self; 4]) -> Self {
-        // As of sixteen.
+        // Like the mean of sixteen samples.
         let (upper, lower) = (a.mean(b), c.mean(d));
         avx2! {
             let rounded = _mm256_or_si256(_mm256_xor_si256(a.0, b.0), _mm256_xor_si256(c.0, d.0));
@@ -150,7 +151,7 @@ impl Samples for Rows {
     #[inline(always)]
     fn squared(self, other: Self) -> [Squared; 2] {
         avx2! {
-            // Each sample times 1 beside the other's times −1.
+            // Each sample times 1, next to the other's times −1.
             let signs = _mm256_set1_epi16(i16::from_le_bytes([1, 255]));
             [_mm256_unpacklo_epi8(self.0, other.0), _mm256_unpackhi_epi8(self.0, other.0)].map(|pairs| {
                 let differences = _mm256_maddubs_epi16(pairs, signs);
@@ -198,7 +199,7 @@ impl Differences for Words {
 
     #[inline(always)]
     fn transposed(mut rows: [Self; 8]) -> [Self; 8] {
-        // As in one block: both halves of the lanes are woven together alike.
+        // Like one block: both halves of the lanes are interleaved in the same way.
         for _ in 0..3 {
             let before = rows;
             for i in 0..4 {

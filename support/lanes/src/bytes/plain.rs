@@ -1,4 +1,4 @@
-//! Sixteen samples one by one: for other processors, and the definition that SSE2 is tested against.
+//! Scalar operations on sixteen samples: for other processors, and as the reference for tests of SSE2.
 
 use crate::samples::{Differences, Samples, Sum};
 
@@ -7,28 +7,28 @@ use crate::samples::{Differences, Samples, Sum};
 pub struct Bytes([u8; 16]);
 
 impl Bytes {
-    /// Sixteen samples from memory.
+    /// Loads sixteen samples from memory.
     #[inline(always)]
     #[must_use]
     pub fn load(samples: &[u8; 16]) -> Self {
         Self(*samples)
     }
 
-    /// Eight samples, and eight more.
+    /// Joins two groups of eight samples.
     #[inline(always)]
     #[must_use]
     pub fn new(low: [u8; 8], high: [u8; 8]) -> Self {
         Self(std::array::from_fn(|i| if i < 8 { low[i] } else { high[i - 8] }))
     }
 
-    /// The first eight samples, and the last.
+    /// Splits into the first and the last eight samples.
     #[inline(always)]
     #[must_use]
     pub fn halves(self) -> [[u8; 8]; 2] {
         std::array::from_fn(|half| std::array::from_fn(|i| self.0[8 * half + i]))
     }
 
-    /// Differences of the first eight samples, and of the last.
+    /// Differences of the first eight and of the last eight samples.
     #[inline(always)]
     #[must_use]
     pub fn minus(self, other: Self) -> [Words; 2] {
@@ -66,26 +66,26 @@ impl Samples for Bytes {
     }
 }
 
-/// Eight numbers of 16 bits, with sign.
+/// Eight signed 16-bit numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Words([i16; 8]);
 
 impl Words {
-    /// Σ a·b over all lanes.
+    /// Returns Σ a·b over all lanes.
     #[inline(always)]
     #[must_use]
     pub fn dot(self, other: Self) -> i32 {
         self.0.iter().zip(other.0).map(|(&a, b)| i32::from(a) * i32::from(b)).sum()
     }
 
-    /// The same number eight times.
+    /// Same number in all eight lanes.
     #[inline(always)]
     #[must_use]
     pub fn splat(value: i16) -> Self {
         Self([value; 8])
     }
 
-    /// Σ a², spread over the lanes in some way.
+    /// Returns Σ a² as partial sums in unspecified lanes.
     #[inline(always)]
     #[must_use]
     pub fn squares(self) -> Squared {
@@ -93,7 +93,7 @@ impl Words {
     }
 }
 
-/// Sums of 32 bits.
+/// One 32-bit sum.
 #[derive(Clone, Copy, Debug)]
 pub struct Squared(u32);
 
@@ -114,7 +114,7 @@ impl Sum for Squared {
     }
 }
 
-/// Sums of absolute differences in words without sign.
+/// Sums of absolute differences in unsigned words.
 #[derive(Clone, Copy, Debug)]
 pub struct Absolute(Words);
 

@@ -1,13 +1,14 @@
-//! Sixteen samples by the instructions that every x86-64 processor has.
+//! Operations on sixteen samples with instructions of every x86-64 processor.
 #![allow(unsafe_code, reason = "vector instructions that every processor of this kind has")]
 
 use crate::samples::{Differences, Samples, Sum};
 use std::arch::x86_64::*;
 
-/// All instructions of this module go through here.
+/// Wraps all instructions of this module.
 macro_rules! sse2 {
     ($($body:tt)*) => {
-        // SAFETY: the functions want SSE2, which belongs to x86-64, and touch no memory but what they are given.
+        // SAFETY: the instructions require SSE2, which every x86-64 processor has, and access only the memory that
+        // they are given.
         unsafe { $($body)* }
     };
 }
@@ -17,7 +18,7 @@ macro_rules! sse2 {
 pub struct Bytes(pub(crate) __m128i);
 
 impl Bytes {
-    /// Sixteen samples from memory.
+    /// Loads sixteen samples from memory.
     #[inline(always)]
     #[must_use]
     pub fn load(samples: &[u8; 16]) -> Self {
@@ -26,7 +27,7 @@ impl Bytes {
         }
     }
 
-    /// Eight samples, and eight more.
+    /// Joins two groups of eight samples.
     #[inline(always)]
     #[must_use]
     pub fn new(low: [u8; 8], high: [u8; 8]) -> Self {
@@ -35,7 +36,7 @@ impl Bytes {
         }
     }
 
-    /// The first eight samples, and the last.
+    /// Splits into the first and the last eight samples.
     #[inline(always)]
     #[must_use]
     pub fn halves(self) -> [[u8; 8]; 2] {
@@ -44,7 +45,7 @@ impl Bytes {
         }
     }
 
-    /// Differences of the first eight samples, and of the last.
+    /// Differences of the first eight and of the last eight samples.
     #[inline(always)]
     #[must_use]
     pub fn minus(self, other: Self) -> [Words; 2] {
@@ -92,12 +93,12 @@ impl Samples for Bytes {
     }
 }
 
-/// Eight numbers of 16 bits, with sign.
+/// Eight signed 16-bit numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Words(__m128i);
 
 impl Words {
-    /// Σ a·b over all lanes.
+    /// Returns Σ a·b over all lanes.
     #[inline(always)]
     #[must_use]
     pub fn dot(self, other: Self) -> i32 {
@@ -108,7 +109,7 @@ impl Words {
         }
     }
 
-    /// The same number eight times.
+    /// Same number in all eight lanes.
     #[inline(always)]
     #[must_use]
     pub fn splat(value: i16) -> Self {
@@ -117,7 +118,7 @@ impl Words {
         }
     }
 
-    /// Σ a², spread over the lanes in some way.
+    /// Returns Σ a² as partial sums in unspecified lanes.
     #[inline(always)]
     #[must_use]
     pub fn squares(self) -> Squared {
@@ -127,7 +128,7 @@ impl Words {
     }
 }
 
-/// Four sums of 32 bits.
+/// Four 32-bit sums.
 #[derive(Clone, Copy, Debug)]
 pub struct Squared(__m128i);
 
@@ -155,7 +156,7 @@ impl Sum for Squared {
     }
 }
 
-/// Sums of absolute differences in words without sign.
+/// Sums of absolute differences in unsigned words.
 #[derive(Clone, Copy, Debug)]
 pub struct Absolute(Words);
 
@@ -217,7 +218,7 @@ impl Differences for Words {
 
     #[inline(always)]
     fn transposed(rows: [Self; 8]) -> [Self; 8] {
-        // Rows that lie four apart are woven together three times over. Closures here are not always inlined.
+        // Rows at a distance of four are interleaved three times. Closures here are not always inlined.
         let mut out = rows;
         for _ in 0..3 {
             let rows = out;

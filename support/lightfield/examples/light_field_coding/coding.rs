@@ -1,4 +1,4 @@
-//! One object, or all of a scene, in all ways of storing: sizes and errors.
+//! Sizes and errors of one object, or of all objects of a scene, with all codings.
 
 use crate::light::DIRECTIONS;
 use crate::scene::Object;
@@ -6,21 +6,22 @@ use crate::segments::{SegmentRule, Segmented};
 use lightfield::{Field, FieldError, LookUp, NearLossless, Samples};
 use rayon::prelude::*;
 
-/// The codings of the tables, in their order.
+/// Names of the codings, in table order.
 const NAMES: [&str; 9] =
     ["T=0", "T=6", "T=9", "T=6, line", "T=9, line", "`zstd -19`", "ours δ=0", "ours δ=2", "ours δ=3"];
 
-/// Errors in codes.
+/// Errors \[codes\].
 #[derive(Clone, Copy, Default)]
 struct Errors {
-    /// Sum of the means of three channels.
+    /// Sum of the mean errors of three channels.
     sum: f64,
-    /// Largest of one channel, and of the mean of three.
+    /// Largest error of one channel.
     channel: f32,
+    /// Largest mean error of three channels.
     mean: f32,
 }
 
-/// One coding of one object.
+/// Size and errors of one coding of one object.
 #[derive(Clone, Copy, Default)]
 struct Coded {
     bytes: usize,
@@ -35,12 +36,12 @@ pub struct Row {
 }
 
 impl Errors {
-    /// Both together.
+    /// Combines two sets of errors.
     fn and(self, other: Self) -> Self {
         Self { sum: self.sum + other.sum, channel: self.channel.max(other.channel), mean: self.mean.max(other.mean) }
     }
 
-    /// Differences of all codes of a texel.
+    /// Errors of all codes of a texel.
     fn of_texel(field: &Field, stored: &impl LookUp, slot: usize) -> Self {
         let mut errors = Self::default();
         for direction in 0..DIRECTIONS {
@@ -55,7 +56,7 @@ impl Errors {
         errors
     }
 
-    /// Differences of all codes of a field. Sums of texels are added in order.
+    /// Errors of all codes of a field. Sums of texels are added in order.
     fn of_field(field: &Field, stored: &(impl LookUp + Sync)) -> Self {
         let slots: Vec<usize> = field.tiles().slots().collect();
         let texels: Vec<Self> = slots.par_iter().map(|&slot| Self::of_texel(field, stored, slot)).collect();
@@ -63,19 +64,19 @@ impl Errors {
     }
 }
 
-/// The thesis's coding.
+/// Coding of the thesis.
 fn segments(field: &Field, threshold: u16, rule: SegmentRule) -> Coded {
     let stored = Segmented::encode(field, threshold, rule);
     Coded { bytes: stored.size(), errors: Errors::of_field(field, &stored.bisection()) }
 }
 
-/// Our coding.
+/// Coding of this crate.
 fn near_lossless(field: &Field, delta: u16) -> Result<Coded, FieldError> {
     let stored = NearLossless::encode(field, delta)?;
     Ok(Coded { bytes: stored.as_bytes().len(), errors: Errors::of_field(field, &stored) })
 }
 
-/// The raw bytes as one frame of Zstandard.
+/// Raw bytes as one Zstandard frame.
 fn zstandard(field: &Field) -> Coded {
     let Samples::Bytes(codes) = field.samples() else { unreachable!("the example makes bytes") };
     let frame = zstd::bulk::compress(codes, 19).expect("memory for a frame");
@@ -83,7 +84,7 @@ fn zstandard(field: &Field) -> Coded {
 }
 
 impl Row {
-    /// Stores a field in all ways. Zstandard, which has one thread, runs beside the others.
+    /// Encodes a field with all codings. Zstandard, which is single-threaded, runs in parallel with the others.
     pub fn of(name: &'static str, field: &Field) -> Result<Self, FieldError> {
         let others = || {
             Ok([
@@ -102,7 +103,7 @@ impl Row {
         Ok(Self { name, raw: field.samples().len(), coded: [a, b, c, d, e, plain, f, g, h] })
     }
 
-    /// The sum over objects.
+    /// Sums the codings of all objects.
     pub fn total(rows: &[Self]) -> Self {
         let mut total = Self { name: "all", raw: 0, coded: [Coded::default(); 9] };
         for row in rows {
@@ -115,7 +116,7 @@ impl Row {
     }
 }
 
-/// Bytes in millions, with three digits that count.
+/// Formats bytes in millions, with three significant digits.
 fn megabytes(bytes: usize) -> String {
     let megabytes = bytes as f64 / 1e6;
     let decimals = if megabytes < 1.0 {
@@ -128,7 +129,7 @@ fn megabytes(bytes: usize) -> String {
     format!("{megabytes:.decimals$}")
 }
 
-/// Prints sizes, and below those of all objects how many times smaller than the raw bytes they are.
+/// Prints sizes, and for all objects together the ratio of raw to stored bytes.
 pub fn print_sizes(rows: &[Row], objects: &[Object]) {
     println!("| MB | raw | {} | thesis printed, T=0 / 6 / 9 at scale 1 |", NAMES.join(" | "));
     println!("|---{}|", "|---".repeat(NAMES.len() + 2));

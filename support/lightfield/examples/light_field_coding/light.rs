@@ -5,18 +5,19 @@ use glam::Vec3;
 use lightfield::{Field, FieldError, Samples, TILE_SIDE, TILE_SLOTS, TexelTiles};
 use rayon::prelude::*;
 
-/// Directions by angle to the normal and about it. Direction (θ-place, φ-place) has the number θ-place + φ-place · 20.
+/// Number of directions per angle: to the normal (θ) and about it (φ). Direction (i_θ, i_φ) has the index i_θ + 20 ·
+/// i_φ.
 pub const PLACES: usize = 20;
-/// All of them.
+/// Total number of directions.
 pub const DIRECTIONS: usize = PLACES * PLACES;
-/// Points of each light along a side of its square of samples.
+/// Number of points per side of each light's grid.
 const POINTS: usize = 8;
-/// Picks of light points for each direction where light is noisy.
+/// Number of random light points per direction with noisy light.
 const PICKS: usize = 16;
-/// Radiance of the lights, so that the brightest lobes just saturate.
+/// Radiance of the lights, chosen so that the brightest lobes just saturate.
 const EMITTED: f32 = 9.0;
 
-/// Mirrored light of one texel: the directions it leaves in, in the frame of the surface, and the irradiance of each.
+/// Mirrored light of one texel: its directions in the frame of the surface, and the irradiance from each.
 #[derive(Default)]
 struct Mirrored {
     x: Vec<f32>,
@@ -25,7 +26,7 @@ struct Mirrored {
     irradiance: Vec<f32>,
 }
 
-/// The directions over the hemisphere about +z.
+/// Returns the directions over the hemisphere about +z.
 fn directions() -> Vec<Vec3> {
     let direction = |k: usize| {
         let (theta, phi) = ((k % PLACES) as f32 + 0.5, (k / PLACES) as f32);
@@ -36,7 +37,7 @@ fn directions() -> Vec<Vec3> {
     (0..DIRECTIONS).map(direction).collect()
 }
 
-/// Fixed points of a triangle, each for an equal part of its area.
+/// Returns fixed points of a triangle. Each represents an equal fraction of its area.
 fn points([a, b, c]: [Vec3; 3]) -> Vec<Vec3> {
     let at = |k: usize| {
         let (u, v) = ((k % POINTS) as f32 + 0.5, (k / POINTS) as f32 + 0.5);
@@ -46,7 +47,7 @@ fn points([a, b, c]: [Vec3; 3]) -> Vec<Vec3> {
     (0..POINTS * POINTS).map(at).collect()
 }
 
-/// The light that a point gets from each light point that it sees, mirrored. Hidden ones have no irradiance.
+/// Returns the mirrored light from each light point at a surface point. Hidden light points have zero irradiance.
 fn mirrored(scene: &Scene, point: Point) -> Mirrored {
     let mut found = Mirrored::default();
     let bitangent = point.normal.cross(point.tangent);
@@ -68,7 +69,7 @@ fn mirrored(scene: &Scene, point: Point) -> Mirrored {
     found
 }
 
-/// Irradiance and light of the lobe in a direction, over all light points.
+/// Sums irradiance and lobe light in a direction over all light points.
 fn sums(mirrored: &Mirrored, direction: Vec3, surface: Surface) -> [f32; 2] {
     let (mut irradiance, mut lobe) = (0.0, 0.0);
     for k in 0..mirrored.irradiance.len() {
@@ -83,7 +84,7 @@ fn sums(mirrored: &Mirrored, direction: Vec3, surface: Surface) -> [f32; 2] {
     [irradiance, lobe]
 }
 
-/// The same sums, estimated from random picks among the light points.
+/// Estimates the same sums from random light points.
 fn noisy_sums(mirrored: &Mirrored, direction: Vec3, surface: Surface, seed: u64) -> [f32; 2] {
     let count = mirrored.irradiance.len();
     let (mut picked, mut state) = (Mirrored::default(), seed);
@@ -101,7 +102,7 @@ fn noisy_sums(mirrored: &Mirrored, direction: Vec3, surface: Surface, seed: u64)
     sums(&picked, direction, surface)
 }
 
-/// The codes of one texel in all directions: square roots of light, for displays of gamma 2.
+/// Computes the codes of one texel in all directions: square roots of light, for displays of gamma 2.
 fn shade(scene: &Scene, object: &Object, [x, y]: [usize; 2], noisy: bool, codes: &mut [u8]) {
     let mirrored = mirrored(scene, object.point(x, y));
     let surface = object.surface;
@@ -123,19 +124,19 @@ fn shade(scene: &Scene, object: &Object, [x, y]: [usize; 2], noisy: bool, codes:
     }
 }
 
-/// The texel (x, y) of a slot in the picture of an object.
+/// Returns the texel (x, y) of a slot in the picture of an object.
 fn texel(object: &Object, slot: usize) -> [usize; 2] {
     let (columns, tile, bit) = (object.width.div_ceil(TILE_SIDE), slot / TILE_SLOTS, slot % TILE_SLOTS);
     [tile % columns * TILE_SIDE + bit % TILE_SIDE, tile / columns * TILE_SIDE + bit / TILE_SIDE]
 }
 
-/// The slot of a texel (x, y) of an object.
+/// Returns the slot of a texel (x, y) of an object.
 pub fn slot(object: &Object, [x, y]: [usize; 2]) -> usize {
     let tile = y / TILE_SIDE * object.width.div_ceil(TILE_SIDE) + x / TILE_SIDE;
     tile * TILE_SLOTS + y % TILE_SIDE * TILE_SIDE + x % TILE_SIDE
 }
 
-/// The light field of an object.
+/// Computes the light field of an object.
 pub fn field(scene: &Scene, object: &Object, noisy: bool) -> Result<Field, FieldError> {
     let tiles = TexelTiles::of_picture(object.width, object.height);
     let slots: Vec<usize> = tiles.slots().collect();

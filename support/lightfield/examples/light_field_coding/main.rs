@@ -1,8 +1,9 @@
-//! Sizes, errors and look-up times of light fields, stored in several ways: scenes of the make of the thesis's chapter 8.
+//! Sizes, errors and read times of light fields with several codings, for scenes like those in chapter 8 of the
+//! thesis.
 //!
 //! `cargo run --release -p render2mpeg-lightfield --example light_field_coding -- [--scale F] [--scene N] [--sheet FILE.png]`
 //!
-//! `--scale` multiplies the numbers of texels, which are the thesis's at 1; `--scene` is 1, 2, or 3 for noisy light.
+//! `--scale` multiplies the number of texels, 1 being the thesis's number. `--scene` is 1, 2, or 3 for noisy light.
 
 mod coding;
 mod light;
@@ -15,19 +16,19 @@ use coding::Row;
 use scene::Scene;
 use std::time::Instant;
 
-/// Texels by those of the thesis, so that all takes less than four minutes on two cores.
+/// Number of texels relative to the thesis. All scenes then take less than four minutes on two cores.
 const SCALE: f32 = 0.1;
-/// Noisy light is stored badly by all, and slowly: fewer texels of it.
+/// Fraction of texels for noisy light, because all codings store it slowly and poorly.
 const NOISY_SHARE: f32 = 0.25;
 
-/// The choices on the command line.
+/// Command-line options.
 struct Choices {
     scale: f32,
     scene: Option<usize>,
     sheet: Option<String>,
 }
 
-/// Reads the arguments.
+/// Parses the arguments.
 fn choices() -> Result<Choices, String> {
     let mut choices = Choices { scale: SCALE, scene: None, sheet: None };
     let mut arguments = std::env::args().skip(1);
@@ -49,7 +50,7 @@ fn choices() -> Result<Choices, String> {
     Ok(choices)
 }
 
-/// Stores each object of a scene in all ways and prints the tables.
+/// Encodes each object of a scene with all codings and prints the tables.
 fn report(scene: &Scene, noisy: bool, thesis: &[&str]) -> Result<(), lightfield::FieldError> {
     let start = Instant::now();
     let mut rows = Vec::new();
@@ -69,7 +70,7 @@ fn report(scene: &Scene, noisy: bool, thesis: &[&str]) -> Result<(), lightfield:
     Ok(())
 }
 
-/// Runs the chosen parts.
+/// Runs the selected scenes.
 fn run(choices: &Choices) -> Result<(), Box<dyn std::error::Error>> {
     let Choices { scale, scene, sheet } = choices;
     println!("texels: {scale} of the thesis's; 1 MB = 10^6 bytes");
@@ -96,7 +97,7 @@ fn run(choices: &Choices) -> Result<(), Box<dyn std::error::Error>> {
         report(&fewer, true, &[])?;
     }
     if let Some(path) = sheet {
-        // At full size, whatever the scale.
+        // At full size, independent of the scale.
         let simple = scene::simple(1.0);
         sheet::write(path, &simple, &simple.objects[2])?;
     }

@@ -1,8 +1,8 @@
-//! Scenes of the make of the thesis's chapter 8: shapes laid out in pictures of texels, and what stands between them.
+//! Scenes like those in chapter 8 of the thesis: surfaces laid out in pictures of texels, and occluders.
 
 use glam::{Vec2, Vec3};
 
-/// A point of a surface. Directions are about `normal`, from `tangent` on.
+/// A point of a surface. Directions are measured from `normal` and about it from `tangent`.
 #[derive(Clone, Copy)]
 pub struct Point {
     pub position: Vec3,
@@ -10,7 +10,7 @@ pub struct Point {
     pub tangent: Vec3,
 }
 
-/// Diffuse reflectance, and a Phong lobe of a reflectance and an exponent of 2 to the power `shine`.
+/// Diffuse reflectance, and a Phong lobe with a reflectance and an exponent of 2 to the power `shine`.
 #[derive(Clone, Copy)]
 pub struct Surface {
     pub diffuse: Vec3,
@@ -18,7 +18,7 @@ pub struct Surface {
     pub shine: u32,
 }
 
-/// A parallelogram, or a triangle where `tip` is 0: its far side is `tip` times as long as its near side.
+/// A parallelogram, or a triangle if `tip` is 0: its far side is `tip` times as long as its near side.
 #[derive(Clone, Copy)]
 struct Face {
     origin: Vec3,
@@ -27,26 +27,26 @@ struct Face {
     tip: f32,
 }
 
-/// A surface whose texels fill a picture.
+/// Shape of a surface with a picture of texels.
 enum Shape {
     /// Faces in a row, each as high as the picture.
     Faces(Vec<Face>),
-    /// A sphere, by longitude and latitude.
+    /// A sphere, mapped by longitude and latitude.
     Sphere { center: Vec3, radius: f32 },
 }
 
-/// A thing in a scene.
+/// An object of a scene.
 pub struct Object {
     pub name: &'static str,
     pub width: usize,
     pub height: usize,
     pub surface: Surface,
     shape: Shape,
-    /// Bytes that the thesis prints for T = 0, 6, 9, in units of 1024.
+    /// Sizes printed in the thesis for T = 0, 6, 9 \[1024 bytes\].
     pub printed: Option<[u32; 3]>,
 }
 
-/// A thing that can stand between two points.
+/// An object that can block light.
 pub enum Occluder {
     /// Points x with n · x ≤ d for all (n, d).
     Convex(Vec<(Vec3, f32)>),
@@ -54,7 +54,7 @@ pub enum Occluder {
     Ball { center: Vec3, radius: f32 },
 }
 
-/// Objects, what hides light, and the triangles that shine, by their corners. Normals of these are −y.
+/// Objects, occluders, and emissive triangles given by their corners. The normals of the triangles are −y.
 pub struct Scene {
     pub name: &'static str,
     pub objects: Vec<Object>,
@@ -63,7 +63,7 @@ pub struct Scene {
 }
 
 impl Object {
-    /// The point of the texel (x, y).
+    /// Returns the surface point of the texel (x, y).
     pub fn point(&self, x: usize, y: usize) -> Point {
         let place = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / Vec2::new(self.width as f32, self.height as f32);
         match &self.shape {
@@ -85,12 +85,12 @@ impl Object {
 }
 
 impl Occluder {
-    /// Whether the segment from `from` to `to` goes through.
+    /// Returns whether the occluder blocks the segment from `from` to `to`.
     pub fn hides(&self, from: Vec3, to: Vec3) -> bool {
         let way = to - from;
         match self {
             Self::Convex(planes) => {
-                // The part of the segment, by its share, that is inside of all planes.
+                // Parameter interval of the segment that is inside all planes.
                 let (mut enter, mut leave) = (1e-4f32, 1.0f32);
                 for (normal, offset) in planes {
                     let (slope, height) = (normal.dot(way), offset - normal.dot(from));
@@ -112,13 +112,13 @@ impl Occluder {
     }
 }
 
-/// The rectangle with the corner `origin` and the sides `across` and `up`; its normal is across × up.
+/// Returns the rectangle with the corner `origin` and the sides `across` and `up`. Its normal is across × up.
 fn rectangle(origin: Vec3, across: Vec3, up: Vec3) -> Face {
     Face { origin, across, up, tip: 1.0 }
 }
 
-/// The faces of a solid over the polygon `base`, counterclockwise seen from above, from y = 0 to `height`: sides, and the top
-/// as a triangle or, of four corners, a rectangle, and the bottom, which stands on the floor and is dark.
+/// Returns the faces of a prism over the polygon `base`, counterclockwise seen from above, from y = 0 to `height`.
+/// These are the sides, the top as a triangle or, with four corners, a rectangle, and the dark bottom on the floor.
 fn solid(base: &[Vec3], height: f32) -> (Vec<Face>, Occluder) {
     let up = Vec3::Y * height;
     let mut faces = Vec::new();
@@ -143,7 +143,7 @@ fn solid(base: &[Vec3], height: f32) -> (Vec<Face>, Occluder) {
     (faces, Occluder::Convex(planes))
 }
 
-/// The corners of a polygon about `center`, counterclockwise seen from above.
+/// Returns the corners of a polygon about `center`, counterclockwise seen from above.
 fn polygon(center: Vec3, radius: f32, corners: usize, turn: f32) -> Vec<Vec3> {
     let corner = |k: usize| {
         let (sin, cos) = (turn - k as f32 / corners as f32 * std::f32::consts::TAU).sin_cos();
@@ -152,7 +152,7 @@ fn polygon(center: Vec3, radius: f32, corners: usize, turn: f32) -> Vec<Vec3> {
     (0..corners).map(corner).collect()
 }
 
-/// A picture's side at a scale of texels.
+/// Returns the side of a picture at a scale of the number of texels.
 fn scaled(side: usize, scale: f32) -> usize {
     (side as f32 * scale.sqrt()).round().max(1.0) as usize
 }
@@ -164,7 +164,7 @@ fn room() -> [Shape; 3] {
     faces.map(|face| Shape::Faces(vec![face]))
 }
 
-/// The first scene: two walls and a floor with lobes, two boxes, a prism, a triangle that shines.
+/// The first scene: two walls and a floor with lobes, two boxes, a prism, and an emissive triangle.
 pub fn simple(scale: f32) -> Scene {
     let [wall_side, wall_front, floor] = room();
     let (front, hides_front) = solid(&polygon(Vec3::new(2.7, 0.0, 2.6), 0.6, 4, 0.5), 0.8);
@@ -195,8 +195,8 @@ pub fn simple(scale: f32) -> Scene {
     }
 }
 
-/// The second scene: a room, and a ball that stands for 900 triangles (30 around, 16 from pole to pole); two lights. All
-/// objects have lobes.
+/// The second scene: a room, two lights, and a ball that represents 900 triangles (30 around, 16 from pole to pole).
+/// All objects have lobes.
 pub fn complex(scale: f32) -> Scene {
     let (center, radius) = (Vec3::new(2.0, 1.0, 2.0), 0.8);
     let [wall_side, wall_front, floor] = room();

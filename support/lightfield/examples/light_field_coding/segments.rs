@@ -1,49 +1,55 @@
-//! The rival: piecewise linear segments along the direction's number, with indexed colors [LinkopingThesis, 5.2 and 7.2.4].
+//! Coding of the thesis: piecewise linear segments over the direction index, with indexed colors [LinkopingThesis,
+//! 5.2 and 7.2.4].
 //!
-//! Some of the codes v(0), v(1), … of a texel in all directions are kept as keys. Between keys s and e,
+//! Some of the codes v(0), v(1), … of a texel in all directions are stored as keys. Between keys s and e,
 //!
 //! ```text
 //! v'(j) = v(s) + (v(e) − v(s)) (j − s) / (e − s)       err_c(j) = v_c(j) − v'_c(j), for the channels c
 //! ```
 //!
-//! A segment that begins at s goes on to e while [`SegmentRule`] lets it, by a threshold T. With T = 0 nothing is lost.
-//! A key is the direction's number and a color's, 16 bits each. Objects with more than 65 536 colors are split.
+//! A segment that starts at s extends to e while [`SegmentRule`] allows it, given a threshold T. With T = 0 the
+//! coding is lossless. A key contains a direction index and a color index, 16 bits each. Objects with more than 65
+//! 536 colors are split.
 //!
-//! # Differs from the thesis
+//! # Differences from the thesis
 //!
-//! Its pseudocode compares a difference with the difference before, which bounds no error; its printed largest errors are
-//! those of [`SegmentRule::Checked`]. Its tables hold all colors of an object, ours those of keys.
+//! The pseudocode of the thesis compares each difference with the previous one, which does not bound the error. The
+//! largest errors that it prints match [`SegmentRule::Checked`]. Its tables contain all colors of an object, here
+//! only the colors of keys.
 
 use lightfield::{Field, LookUp, Samples, TexelTiles};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-/// Colors that 16 bits can number.
+/// Number of colors with a 16-bit index.
 const MOST_COLORS: usize = 1 << 16;
 
-/// The codes of a color.
+/// Codes of a color.
 type Color = [u8; 3];
 
-/// The length of a segment. In both rules no first difference v(j + 1) − v(j) has the opposite sign of the segment's first.
+/// Rule for the length of a segment. In both rules, no first difference v(j + 1) − v(j) has the opposite sign of the
+/// segment's first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SegmentRule {
-    /// While Σ_c |err_c(j)| < T and |err_c(j)| < T/2 for all j between s and e: the mean error of channels is below T/3.
+    /// Continues while Σ_c |err_c(j)| < T and |err_c(j)| < T/2 for all j between s and e. The mean error of the
+    /// channels is below T/3.
     Checked,
-    /// While the same holds for v(e) − v(s) − (e − s) d_s, the deviation from the line that the segment begins with, with
-    /// d_s = v(s + 1) − v(s). Errors may exceed T/3.
+    /// Continues while the same conditions hold for `v(e) − v(s) − (e − s) d_s`, the deviation from the segment's
+    /// initial line, with `d_s = v(s + 1) − v(s)`. Errors may exceed T/3.
     FirstDifference,
 }
 
-/// A field of 8-bit codes as segments.
+/// A field of 8-bit codes, stored as segments.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Segmented {
     tiles: TexelTiles,
     directions: usize,
-    /// The first key of each texel, by rank, and the number of all keys.
+    /// Index of the first key of each texel, by rank, and the total number of keys.
     starts: Vec<usize>,
-    /// Direction and color of each key.
+    /// Direction index of each key.
     positions: Vec<u16>,
+    /// Color index of each key.
     colors: Vec<u16>,
     objects: Vec<Object>,
 }
@@ -51,12 +57,12 @@ pub struct Segmented {
 /// Texels that share a table of colors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Object {
-    /// The rank of the first one.
+    /// Rank of the first texel.
     first: usize,
     table: Vec<Color>,
 }
 
-/// A direction's number and its color.
+/// Direction index and color of a key.
 #[derive(Clone, Copy)]
 struct Key {
     position: u16,
@@ -64,11 +70,11 @@ struct Key {
 }
 
 impl Segmented {
-    /// Stores a field as segments with the threshold T.
+    /// Encodes a field as segments with the threshold T.
     ///
     /// # Panics
     ///
-    /// If codes are not 8-bit ones.
+    /// If codes are not 8-bit codes.
     pub fn encode(field: &Field, threshold: u16, rule: SegmentRule) -> Self {
         let Samples::Bytes(codes) = field.samples() else { panic!("segments hold 8-bit codes alone") };
         let directions = field.directions();
@@ -81,7 +87,7 @@ impl Segmented {
             objects: Vec::new(),
         };
 
-        // A batch of texels bounds the memory for keys whose colors have no numbers yet.
+        // Batches bound the memory for keys without color indices.
         let mut numbers = HashMap::new();
         for batch in codes.chunks(4096 * directions * 3) {
             let texels: Vec<Vec<Key>> =
@@ -93,9 +99,9 @@ impl Segmented {
         stored
     }
 
-    /// Adds the keys of the next texel. `numbers` has the numbers of the colors of the last object.
+    /// Adds the keys of the next texel. `numbers` contains the color indices of the last object.
     fn push(&mut self, texel: &[Key], numbers: &mut HashMap<Color, u16>) {
-        // A texel whose colors might not find room begins an object.
+        // A texel with too many colors for the table starts a new object.
         if self.objects.is_empty() || numbers.len() + texel.len() > MOST_COLORS {
             numbers.clear();
             self.objects.push(Object { first: self.starts.len() - 1, table: Vec::new() });
@@ -116,34 +122,34 @@ impl Segmented {
         self.starts.push(self.positions.len());
     }
 
-    /// The number of keys.
+    /// Number of keys.
     #[must_use]
     pub fn keys(&self) -> usize {
         self.positions.len()
     }
 
-    /// Bytes as the thesis counts them: 4 for each texel (where its keys begin), 2 + 2 for each key (direction and color), 3
-    /// for each color of a table.
+    /// Size in bytes by the thesis's count: 4 per texel (its first key), 2 + 2 per key (direction and color), 3 per
+    /// color of a table.
     #[must_use]
     pub fn size(&self) -> usize {
         let colors: usize = self.objects.iter().map(|object| object.table.len()).sum();
         4 * self.tiles.texels() + 4 * self.keys() + 3 * colors
     }
 
-    /// Look-up as in the thesis: along the keys of a texel, one after the other.
+    /// Reader with a linear search over the keys of a texel, as in the thesis.
     #[must_use]
     pub fn linear(&self) -> LinearSearch<'_> {
         LinearSearch(self)
     }
 
-    /// Look-up by bisection of the keys of a texel.
+    /// Reader with a binary search over the keys of a texel.
     #[must_use]
     pub fn bisection(&self) -> Bisection<'_> {
         Bisection(self)
     }
 
-    /// The codes of a texel in a direction. `find` has the directions of keys, of which the first is 0, and gives the place
-    /// of the first one that is not before the direction.
+    /// Returns the codes of a texel in a direction. `find` receives the directions of the keys, of which the first is
+    /// 0, and returns the index of the first key not before the direction.
     #[inline]
     fn codes(&self, slot: usize, direction: usize, find: impl Fn(&[u16]) -> usize) -> Option<[f32; 3]> {
         let rank = self.tiles.rank(slot).filter(|_| direction < self.directions)?;
@@ -164,7 +170,7 @@ impl Segmented {
     }
 }
 
-/// [`Segmented`], looked up along the keys.
+/// A [`Segmented`] read by linear search.
 #[derive(Clone, Copy, Debug)]
 pub struct LinearSearch<'a>(&'a Segmented);
 
@@ -181,7 +187,7 @@ impl LookUp for LinearSearch<'_> {
     }
 }
 
-/// [`Segmented`], looked up by bisection.
+/// A [`Segmented`] read by binary search.
 #[derive(Clone, Copy, Debug)]
 pub struct Bisection<'a>(&'a Segmented);
 
@@ -194,7 +200,7 @@ impl LookUp for Bisection<'_> {
     }
 }
 
-/// The keys of a texel: the first and the last direction, and those where segments meet.
+/// Returns the keys of a texel: the first and the last direction, and the ends of segments between them.
 fn keys(codes: &[u8], threshold: i64, rule: SegmentRule) -> Vec<Key> {
     let (colors, _) = codes.as_chunks::<3>();
     let last = colors.len() - 1;
@@ -210,30 +216,30 @@ fn keys(codes: &[u8], threshold: i64, rule: SegmentRule) -> Vec<Key> {
     keys
 }
 
-/// a − b, by channel.
+/// Returns a − b per channel.
 #[inline]
 fn difference(a: Color, b: Color) -> [i64; 3] {
     [0, 1, 2].map(|c| i64::from(a[c]) - i64::from(b[c]))
 }
 
-/// Whether an error of `n`-ths stays within the threshold. None at all always does.
+/// Returns whether an error of `n`-ths is within the threshold. A zero error always is.
 #[inline]
 fn within(error: [i64; 3], n: i64, threshold: i64) -> bool {
     let [a, b, c] = error.map(i64::abs);
     a + b + c == 0 || a + b + c < threshold * n && 2 * a.max(b).max(c) < threshold * n
 }
 
-/// Whether the step to direction `end` goes against the first difference of the segment.
+/// Returns whether the step to direction `end` has the opposite sign of the segment's first difference.
 #[inline]
 fn turns(colors: &[Color], end: usize, first: [i64; 3]) -> bool {
     let step = difference(colors[end], colors[end - 1]);
     (0..3).any(|c| step[c] * first[c] < 0)
 }
 
-/// The end of the segment that begins at `start`, by [`SegmentRule::Checked`].
+/// Returns the end of the segment that starts at `start`, by [`SegmentRule::Checked`].
 fn checked_end(colors: &[Color], start: usize, threshold: i64) -> usize {
     let first = difference(colors[start + 1], colors[start]);
-    // As long as codes go along the line exactly, there is nothing between to be checked.
+    // While codes follow the line exactly, intermediate codes need no check.
     let mut straight = true;
     let mut end = start + 1;
     while end + 1 < colors.len() && !turns(colors, end + 1, first) {
@@ -248,14 +254,14 @@ fn checked_end(colors: &[Color], start: usize, threshold: i64) -> usize {
     end
 }
 
-/// n-ths of the error at direction j of a segment from s on that rises by `chord` in n directions.
+/// Returns n-ths of the error at direction j of a segment that starts at s and rises by `chord` over n directions.
 #[inline]
 fn error(colors: &[Color], [s, j]: [usize; 2], chord: [i64; 3], n: i64) -> [i64; 3] {
     let rise = difference(colors[j], colors[s]);
     [0, 1, 2].map(|c| rise[c] * n - chord[c] * (j - s) as i64)
 }
 
-/// The end of the segment that begins at `start`, by [`SegmentRule::FirstDifference`].
+/// Returns the end of the segment that starts at `start`, by [`SegmentRule::FirstDifference`].
 fn first_difference_end(colors: &[Color], start: usize, threshold: i64) -> usize {
     let first = difference(colors[start + 1], colors[start]);
     let mut end = start + 1;

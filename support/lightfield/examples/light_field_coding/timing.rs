@@ -1,16 +1,16 @@
-//! Times of look-ups at random, on one thread.
+//! Times of random reads on one thread.
 
 use crate::light::DIRECTIONS;
 use crate::segments::{SegmentRule, Segmented};
 use lightfield::{Field, FieldError, LookUp, NearLossless};
 use std::time::Instant;
 
-/// Look-ups of a run.
+/// Number of reads per run.
 const LOOK_UPS: usize = 1 << 21;
-/// Runs, of which the fastest counts.
+/// Number of runs. The fastest counts.
 const RUNS: usize = 5;
 
-/// Random pairs of slot and direction of a field: Weyl sequences of the golden ratio and its square.
+/// Returns random pairs of slot and direction of a field: Weyl sequences of the golden ratio and its square.
 fn pairs(field: &Field) -> Vec<[u32; 2]> {
     let slots: Vec<usize> = field.tiles().slots().collect();
     let pair = |k: usize| {
@@ -22,7 +22,7 @@ fn pairs(field: &Field) -> Vec<[u32; 2]> {
     (1..=LOOK_UPS).map(pair).collect()
 }
 
-/// Nanoseconds of a look-up, and the mean code, which keeps the work from being left out.
+/// Returns the time of a read \[ns\] and the mean code, which prevents the compiler from removing the work.
 fn nanoseconds(stored: &impl LookUp, pairs: &[[u32; 2]]) -> [f64; 2] {
     let (mut fastest, mut sum) = (f64::INFINITY, 0.0);
     for _ in 0..RUNS {
@@ -37,7 +37,7 @@ fn nanoseconds(stored: &impl LookUp, pairs: &[[u32; 2]]) -> [f64; 2] {
     [fastest * 1e9, sum / 3.0].map(|value| value / pairs.len() as f64)
 }
 
-/// Prints the times of all ways to look up codes of a field.
+/// Prints the times of all readers of a field's codes.
 pub fn print(field: &Field) -> Result<(), FieldError> {
     let pairs = pairs(field);
     let segmented = Segmented::encode(field, 6, SegmentRule::Checked);

@@ -11,24 +11,24 @@ use crate::scale::LogScale;
 use crate::tiles::{Mask, TexelTiles};
 
 const MAGIC: [u8; 4] = *b"R2LF";
-/// Bytes before the list of tiles.
+/// Number of bytes before the list of tiles.
 const START: usize = 24;
-/// Bytes of a tile in that list.
+/// Number of bytes per tile in the list.
 const ENTRY: usize = 40;
 
-/// All that stands before the tiles.
+/// File header: everything before the tile data.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Head {
     pub directions: usize,
-    /// The scale of logarithmic codes; `None` of 8-bit ones.
+    /// Scale of logarithmic codes, or `None` for 8-bit codes.
     pub scale: Option<LogScale>,
     pub delta: u16,
     pub tiles: TexelTiles,
-    /// Beginnings of the bytes of each tile, and the end of the last ones.
+    /// Offsets of the bytes of each tile, and the end of the last tile.
     pub places: Vec<usize>,
 }
 
-/// Numbers of four bytes, taken from the front.
+/// Reader of little-endian fields from the front.
 struct NumberReader<'a>(&'a [u8]);
 
 impl NumberReader<'_> {
@@ -55,7 +55,7 @@ impl NumberReader<'_> {
     }
 }
 
-/// The whole file: `head`, whose places are left out of account, and the bytes of the tiles.
+/// Assembles the whole file from `head`, without its `places`, and the bytes of the tiles.
 pub(crate) fn write(head: &Head, tiles: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend(VERSION.to_le_bytes());
@@ -75,7 +75,7 @@ pub(crate) fn write(head: &Head, tiles: &[Vec<u8>]) -> Vec<u8> {
     bytes
 }
 
-/// The head of a file, checked against all of its bytes. No more memory is taken than the bytes themselves take.
+/// Reads the header and checks it against all bytes of the file. Allocates no more memory than the bytes take.
 pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
     let mut reader = NumberReader(bytes);
     if reader.take() != Ok(MAGIC) {
@@ -88,7 +88,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
     let (directions, kind, delta) = (reader.u32()? as usize, reader.u16()?, reader.u16()?);
     let (unit, tiles) = (f32::from_le_bytes(reader.take()?), reader.u32()? as usize);
 
-    // The list is as long as its number says, and has the sum that it should have.
+    // Check the length of the list and its checksum.
     let list = reader.0.get(..tiles.min(MOST_TILES + 1) * ENTRY).ok_or(FieldError::Head)?;
     let end = START + list.len();
     let mut sum = NumberReader(&bytes[end..]);
@@ -98,7 +98,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
         return Err(FieldError::Head);
     }
 
-    // Tiles fill the rest of the bytes.
+    // Check that the tiles fill the rest of the bytes.
     let (mut masks, mut lengths, mut sums) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..tiles {
         masks.push(reader.mask()?);

@@ -1,33 +1,34 @@
-//! Codes of one tile as residuals of a prediction, within an error of δ.
+//! Codes of one tile as residuals of a prediction, with an error of at most δ.
 //!
 //! ```text
-//! x̂ = MED(W, N, NW)                        prediction from decoded neighbors, same direction and channel [Weinberger00]
-//! MED = min(W, N) where NW ≥ max(W, N);  max(W, N) where NW ≤ min(W, N);  W + N − NW else
+//! x̂ = MED(W, N, NW)                        prediction from decoded neighbors, same direction and channel
+//! [Weinberger00]
+//! MED = min(W, N) if NW ≥ max(W, N);  max(W, N) if NW ≤ min(W, N);  otherwise W + N − NW
 //! e = x − x̂,   k = sign(e) ⌊(|e| + δ) / (2δ + 1)⌋
 //! y = clamp(x̂ + k (2δ + 1))                 decoded
 //! ```
 //!
-//! |x − y| ≤ δ: before clamping, k is the nearest multiple; clamping moves y towards the range, in which x lies. With δ = 0,
-//! k counts modulo the number of codes, and y = x.
+//! |x − y| ≤ δ: before clamping, k is the nearest multiple. Clamping moves y towards the range that contains x. With δ = 0, k counts modulo the number of codes, and y = x.
 //!
-//! The first row is predicted by W, the first column by N, and the first texel by its own decoded value in the direction
-//! before, or 0. An absent texel counts as one that has its prediction.
+//! W predicts the first row and N the first column. The first texel is predicted by its own decoded value in the
+//! previous direction, or 0. An absent texel takes the value of its prediction.
 //!
-//! # Differs from the paper
+//! # Differences from the paper
 //!
-//! No contexts, bias correction or Golomb codes: residuals go to a general coder. There is no run mode.
+//! The coder has no contexts, bias correction, Golomb codes or run mode. Residuals go to a general-purpose
+//! compressor.
 
 use crate::tiles::{Mask, TILE_SIDE, TILE_SLOTS, is_set};
 
-/// Codes of a kind of sample: all from 0 to [`Code::MOST`].
+/// Type of sample code, with values from 0 to [`Code::MOST`].
 pub(crate) trait Code: Copy + Default + Into<i32> {
     /// The largest code.
     const MOST: i32;
-    /// Bytes of a residual.
+    /// Number of bytes of a residual.
     const BYTES: usize;
-    /// A code from 0 to [`Code::MOST`].
+    /// Converts a value from 0 to [`Code::MOST`].
     fn of(value: i32) -> Self;
-    /// A number modulo the number of codes, around 0.
+    /// Wraps a number to the centered residues modulo the number of codes.
     fn around_zero(k: i32) -> i32;
 }
 
@@ -57,7 +58,7 @@ impl Code for u16 {
     }
 }
 
-/// The median edge detector [Weinberger00].
+/// Median edge detector [Weinberger00].
 #[inline]
 fn median_edge(west: i32, north: i32, northwest: i32) -> i32 {
     let (low, high) = (west.min(north), west.max(north));
@@ -70,8 +71,8 @@ fn median_edge(west: i32, north: i32, northwest: i32) -> i32 {
     }
 }
 
-/// Walks through the codes of a tile as they are stored: by direction, then channel, then texel. `decoded` takes the place of
-/// a code among those of the tile (by rank, direction, channel) and its prediction, and gives the decoded code.
+/// Visits the codes of a tile in storage order: by direction, then channel, then texel. `decoded` receives the index
+/// of a code in the tile (by rank, direction, channel) and its prediction, and returns the decoded code.
 fn walk(mask: &Mask, directions: usize, mut decoded: impl FnMut(usize, i32) -> i32) {
     let present: [bool; TILE_SLOTS] = std::array::from_fn(|bit| is_set(mask, bit));
     let mut first = [0; 3];
@@ -80,7 +81,7 @@ fn walk(mask: &Mask, directions: usize, mut decoded: impl FnMut(usize, i32) -> i
             let mut plane = [0; TILE_SLOTS];
             let mut place = direction * 3 + channel;
             for slot in 0..TILE_SLOTS {
-                // Neighbors that the tile does not have are replaced by those it has.
+                // Missing neighbors are replaced by existing ones.
                 let predicted = match (slot % TILE_SIDE, slot / TILE_SIDE) {
                     (0, 0) => *first,
                     (_, 0) => plane[slot - 1],
@@ -98,16 +99,16 @@ fn walk(mask: &Mask, directions: usize, mut decoded: impl FnMut(usize, i32) -> i
     }
 }
 
-/// The decoded code for a prediction and a quantized residual: within the range for any `k` of 16 bits.
+/// Returns the decoded code for a prediction and a quantized residual, within the valid range for any 16-bit `k`.
 #[inline]
 fn reconstruct<C: Code>(predicted: i32, k: i32, delta: i32) -> i32 {
     if delta == 0 { (predicted + k) & C::MOST } else { (predicted + k * (2 * delta + 1)).clamp(0, C::MOST) }
 }
 
-/// The residuals of the codes of a tile, which go by rank of the texel, direction, channel.
+/// Returns the residuals of the codes of a tile, which are ordered by rank of the texel, direction, channel.
 ///
-/// Signs go into the lowest bit, so that small residuals are small numbers. Of 16-bit codes, all low bytes come before all
-/// high ones.
+/// The sign is stored in the lowest bit, so that small residuals are small numbers. For 16-bit codes, all low bytes
+/// precede all high bytes.
 pub(crate) fn encode<C: Code>(codes: &[C], mask: &Mask, directions: usize, delta: u16) -> Vec<u8> {
     let delta = i32::from(delta);
     let step = 2 * delta + 1;
@@ -127,7 +128,7 @@ pub(crate) fn encode<C: Code>(codes: &[C], mask: &Mask, directions: usize, delta
     residuals
 }
 
-/// The codes of residuals that [`encode`] made, or of any others of the right length.
+/// Returns the codes of residuals from [`encode`]. Accepts any bytes of the right length.
 pub(crate) fn decode<C: Code>(residuals: &[u8], mask: &Mask, directions: usize, delta: u16) -> Vec<C> {
     let delta = i32::from(delta);
     let codes = residuals.len() / C::BYTES;
@@ -151,7 +152,7 @@ pub(crate) fn decode<C: Code>(residuals: &[u8], mask: &Mask, directions: usize, 
 mod tests {
     use super::*;
 
-    /// The median by its definition: the middle one of W, N and W + N − NW.
+    /// Compares with the definition of the median: the middle one of W, N and W + N − NW.
     #[test]
     fn the_edge_detector_is_a_median() {
         for (west, north, northwest) in (0..12 * 12 * 12).map(|k| (k % 12, k / 12 % 12, k / 144)) {
@@ -161,7 +162,7 @@ mod tests {
         }
     }
 
-    /// Every code, prediction and limit of 8 bits.
+    /// Tests every code, prediction and limit of 8 bits.
     #[test]
     fn every_code_is_decoded_within_delta() {
         for delta in 0..=255 {

@@ -1,4 +1,4 @@
-//! Damaged, cut and forged bytes are told in one line.
+//! Damaged, truncated and forged bytes give a one-line error.
 
 use lightfield::{Field, FieldError, LookUp, NearLossless, Samples, TexelTiles};
 
@@ -43,7 +43,8 @@ fn a_damaged_tile_is_named() {
     assert_eq!(message(b"PNG and more of it".to_vec()), "these bytes are not a stored light field");
 }
 
-/// Every field of the head and every byte of the tiles with other values, and right sums over them: refused, or harmless.
+/// Changes every field of the header and every byte of the tiles, with correct checksums: the file is rejected or
+/// harmless.
 #[test]
 fn forged_bytes_are_refused_or_harmless() {
     let whole = bytes();

@@ -1,4 +1,4 @@
-//! The promises of the crate, on any samples.
+//! Guarantees of the crate for any samples.
 
 mod damage;
 mod near_lossless;
@@ -9,16 +9,16 @@ mod thesis;
 use lightfield::{Field, LogScale, LookUp, Samples, TexelTiles};
 use proptest::prelude::*;
 
-/// Largest differences of codes between two fields: of one channel, and of the mean of three.
+/// Largest code differences between two fields: of one channel, and of the mean of three.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Largest {
-    /// One channel.
+    /// Largest difference of one channel.
     pub channel: f32,
-    /// The mean of three channels.
+    /// Largest mean difference of three channels.
     pub mean: f32,
 }
 
-/// The largest differences over all slots and directions; both must have the same texels.
+/// Returns the largest differences over all slots and directions. Both must have the same texels.
 pub fn largest(field: &Field, stored: &impl LookUp) -> Largest {
     let mut largest = Largest::default();
     for slot in 0..field.tiles().len() * 256 + 1 {
@@ -34,7 +34,7 @@ pub fn largest(field: &Field, stored: &impl LookUp) -> Largest {
     largest
 }
 
-/// Samples of any kind: flat, smooth, at the ends of the range, without any order.
+/// Samples of any kind: flat, smooth, at the ends of the range, random.
 fn samples(count: usize) -> impl Strategy<Value = Vec<u16>> {
     let smooth = (any::<u16>(), -400..400i32).prop_map(move |(start, slope)| {
         (0..count).map(|k| (i32::from(start) + slope * (k as i32 / 3)).rem_euclid(65_536) as u16).collect()
@@ -47,7 +47,7 @@ fn samples(count: usize) -> impl Strategy<Value = Vec<u16>> {
     ]
 }
 
-/// Fields of 8-bit or of logarithmic codes in up to three tiles, some of whose texels are absent.
+/// Fields of 8-bit or logarithmic codes in up to three tiles, with some texels absent.
 pub fn fields() -> impl Strategy<Value = Field> {
     let mask = prop_oneof![
         Just([u64::MAX; 4]),

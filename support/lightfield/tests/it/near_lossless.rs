@@ -12,7 +12,7 @@ proptest! {
         let stored = NearLossless::encode(&field, delta).unwrap();
         prop_assert!(largest(&field, &stored).channel <= f32::from(delta));
 
-        // The bytes are the whole of it.
+        // The bytes are sufficient to restore the field.
         let mut read = NearLossless::from_bytes(stored.as_bytes().to_vec()).unwrap();
         prop_assert_eq!(read.tiles(), field.tiles());
         prop_assert_eq!((read.directions(), read.delta()), (field.directions(), delta));
@@ -23,7 +23,7 @@ proptest! {
     }
 }
 
-/// Any field of several tiles.
+/// A field of several tiles.
 fn field() -> Field {
     let tiles = TexelTiles::of_picture(70, 50);
     let codes = (0..tiles.texels() * 5 * 3).map(|k| (k * k / 977 % 256) as u8).collect();
@@ -56,7 +56,7 @@ fn many_readers_find_the_same() {
     });
 }
 
-/// The error of light follows from that of codes.
+/// The error of light follows from the error of its code.
 #[test]
 fn light_is_wrong_by_what_the_scale_says() {
     let (unit, delta) = (0.02f32, 3);

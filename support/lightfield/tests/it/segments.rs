@@ -1,11 +1,11 @@
-//! Segments keep the errors that their rule promises.
+//! Segments satisfy the error bounds of their rule.
 
 use crate::thesis::{SegmentRule, Segmented};
 use crate::{fields, largest};
 use lightfield::{Field, LookUp, Samples, TexelTiles};
 use proptest::prelude::*;
 
-/// One texel with 8-bit codes of any number of directions: steps of a walk, so that segments have some length.
+/// One texel with 8-bit codes of any number of directions: steps of a random walk, so that segments have some length.
 fn walks() -> impl Strategy<Value = Field> {
     let step = prop_oneof![
         Just([0i16; 3]),
@@ -24,7 +24,7 @@ fn walks() -> impl Strategy<Value = Field> {
     })
 }
 
-/// Both ways of looking up must find the same.
+/// Both readers must return the same codes.
 fn agree(field: &Field, stored: &Segmented) {
     for slot in 0..field.tiles().len() * 256 {
         for direction in 0..field.directions() {
@@ -33,7 +33,7 @@ fn agree(field: &Field, stored: &Segmented) {
     }
 }
 
-/// Whether a segment from s to e is allowed, by the definition in floating point.
+/// Returns whether a segment from s to e is allowed, by the definition in floating point.
 fn is_allowed(colors: &[[u8; 3]], s: usize, e: usize, threshold: u16) -> bool {
     let value = |j: usize, c: usize| f64::from(colors[j][c]);
     let turned =
@@ -47,7 +47,7 @@ fn is_allowed(colors: &[[u8; 3]], s: usize, e: usize, threshold: u16) -> bool {
     fits && !turned
 }
 
-/// The number of keys by the definition: each segment goes on while it is allowed.
+/// Returns the number of keys by the definition: each segment extends while it is allowed.
 fn keys_by_definition(codes: &[u8], threshold: u16) -> usize {
     let colors: Vec<[u8; 3]> = codes.chunks(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
     let (mut keys, mut start) = (1, 0);
@@ -91,7 +91,7 @@ proptest! {
     }
 }
 
-/// More than 65 536 colors: the object is split, and its colors are still right.
+/// More than 65 536 colors: the object is split, and its colors stay exact.
 #[test]
 fn objects_of_many_colors_are_split() {
     let tiles = TexelTiles::of_picture(160, 160);
