@@ -34,6 +34,7 @@ fn main() {
         light.intensity = intensity;
     }
     let params = params(LIGHTS);
+    // Build a tree for the first frame. It is only updated afterwards.
     let mut tree = LightTree::build(&lights, params);
     let receivers = floor(16);
     let mut scratch = Scratch::with_max_size(u32::from(u16::MAX));
@@ -43,6 +44,7 @@ fn main() {
     };
     let mut spent = 0.0;
     println!("frame | cost growth | cut size | with a new tree | ratio");
+    // Compare with a new tree every 50 frames.
     for frame in 1..=FRAMES {
         let intensities = lit(&bare, frame);
         let start = now();

@@ -62,6 +62,7 @@ fn explain() -> String {
     tree.lightcut_kept(&receiver, stop, |_, _| true, &mut scratch);
     let clusters: Vec<Cluster> = scratch.kept().iter().map(|kept| kept.cluster).collect();
 
+    // Draw the floor, then a box, a shadow ray and a bound for each cluster.
     let mut svg = Svg::new(720.0, 330.0);
     let place = |p: Vec3| (40.0 + p.x * 73.0, 280.0 - p.z * 80.0);
     let (x, y) = place(receiver.position);
@@ -77,6 +78,7 @@ fn explain() -> String {
         let text = if bound > 0.0 { format!("≤ {:.0} %", 100.0 * bound / all) } else { "exact".into() };
         svg.text(((left + right) / 2.0, top - 30.0), 12.0, "middle", &text);
     }
+    // Brighter lamps are larger. Representatives are red.
     for (k, lamp) in lamps.iter().enumerate() {
         let represents = clusters.iter().any(|cluster| cluster.light as usize == k);
         let radius = 3.0 + 3.0 * luminance(lamp.intensity).sqrt();
@@ -107,6 +109,7 @@ fn bounds(tree: &LightTree) -> String {
             (tree.cluster_bound(&receiver, cluster) / all, (estimate - true_value) / all)
         })
         .collect();
+    // Positive and negative errors cancel in the running sum.
     clusters.sort_by(|a, b| b.0.total_cmp(&a.0));
     let points = |f: &mut dyn FnMut(&(f32, f32)) -> f32| -> Vec<(f32, f32)> {
         clusters.iter().enumerate().map(|(k, cluster)| (k as f32 + 1.0, 100.0 * f(cluster))).collect()
@@ -146,6 +149,7 @@ fn errors(tree: &LightTree) -> [String; 2] {
         let (count, sum) = &mut found[((ratio / WIDTH + 30.0) as usize).min(59)];
         (*count, *sum) = (*count + 1, *sum + threshold);
     }
+    // Bars within the threshold and beyond it have different colors.
     let center = |k: usize| (k as f32 - 29.5) * WIDTH;
     let bars = |value: &dyn Fn(u32, f32) -> f32| {
         [true, false].map(|inside| -> Vec<(f32, f32)> {
@@ -173,6 +177,7 @@ fn methods(tree: &LightTree) -> String {
     let all: Vec<f32> = receivers.iter().map(|receiver| truth(tree, receiver)).collect();
     let mean = all.iter().sum::<f32>() / all.len() as f32;
     let mut scratch = Scratch::default();
+    // Logarithms of the mean number of rays and the relative error in percent.
     let mut measure = |method: &dyn Fn(u64) -> Method| {
         let (mut squares, mut rays) = (0.0, 0);
         for ((stream, receiver), all) in (0..).zip(&receivers).zip(&all) {

@@ -39,6 +39,7 @@ fn main() {
     println!("every light: {exhaustive_time:?} per point, mean luminance {mean:.4} W/(m²·sr)\n");
 
     println!("threshold     | cut size | shadow rays | visited | µs/point | ns/node | × faster | error rms, worst");
+    // Each threshold gives one line of the table.
     let mut scratch = Scratch::default();
     let absolute =
         [0.05, 0.02, 0.01, 0.005, 0.002].map(|share| (format!("{share:.3} of mean"), Stop::Absolute(share * mean)));

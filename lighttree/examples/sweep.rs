@@ -39,6 +39,7 @@ fn main() {
     let tree = LightTree::build(&room(LIGHTS), params(LIGHTS));
     let receivers = floor(16);
     let visible = |receiver: &Lambert, light: &Light| unblocked(receiver.position, light.position);
+    // The exhaustive sum is the reference for time and error.
     let start = now();
     let truth: Vec<f32> =
         receivers.iter().map(|r| luminance(tree.exhaustive(r, |light, _| visible(r, light)))).collect();
@@ -65,6 +66,7 @@ fn main() {
                 })
                 .collect()
             };
+            // The first run gives the error, the repetitions the time.
             let found = light_all();
             let mut least = f64::INFINITY;
             for _ in 0..REPEATS {

@@ -128,7 +128,7 @@ impl<F: Real> Region<F> {
         F::select((along * inverse).lt(cone.cosine), turned.min(F::splat(1.0)), F::splat(1.0))
     }
 
-    /// Squared distance and inverse distance that turn the largest scalar product into the largest cosine. The
+    /// Squared distance and inverse distance that convert the largest scalar product to the largest cosine. The
     /// nearest point's distance if `along` is positive, otherwise the furthest corner's.
     #[inline(always)]
     fn distance_to_divide_by(&self, along: F) -> (F, F) {

@@ -158,6 +158,7 @@ impl LightTree {
         let mut cones = vec![Cone::SPHERE; count];
         let mut oriented = vec![false; count];
         self.extents = vec![0.0; count];
+        // Children follow their parents, so the reverse order visits them first.
         for index in (0..count).rev() {
             let mut node = self.nodes[index];
             if node.is_leaf() {
@@ -173,6 +174,7 @@ impl LightTree {
                 node.low = a.low.min(b.low);
                 node.high = a.high.max(b.high);
                 node.intensity = a.intensity + b.intensity;
+                // The child with the earlier arrival wins the race.
                 let chosen = if arrivals[b.representative as usize] < arrivals[a.representative as usize] {
                     first + 1
                 } else {
@@ -180,6 +182,7 @@ impl LightTree {
                 };
                 node.representative_child = chosen as u32;
                 node.representative = self.nodes[chosen].representative;
+                // Directional clusters have no cone. The joint of both trees is not directional.
                 let diagonal2 = (node.high - node.low).length_squared();
                 if a.is_directional() && !(joint && index == 0) {
                     (node.axis, node.cone_cosine, node.cone_sine) = (a.axis, a.cone_cosine, a.cone_sine);

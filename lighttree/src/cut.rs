@@ -107,7 +107,7 @@ pub struct Cluster {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct KeptCluster {
-    /// The cluster.
+    /// Cluster of the cut.
     pub cluster: Cluster,
     /// M · G · V of its representative: radiance per intensity \[m⁻²\], zero if the light is occluded. The cut's
     /// radiance is the sum of `transport` times [`LightTree::cluster_intensity`].

@@ -27,6 +27,7 @@ pub struct IrradianceTerm {
 #[inline]
 #[must_use]
 pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, geometry_term_bound: f32) -> IrradianceTerm {
+    // Directional light does not depend on position.
     if let Emission::Directional(travel) = light.emission {
         let value = -normal.dot(travel);
         return if value > 0.0 {

@@ -22,17 +22,17 @@ pub trait Real:
     /// Comparison result, one flag per lane.
     type Mask: Copy;
 
-    /// Same number in every lane.
+    /// Returns the same number in every lane.
     fn splat(x: f32) -> Self;
-    /// `self < other ? self : other`, which is `other` if either is NaN.
+    /// Returns `self < other ? self : other`, which is `other` if either is NaN.
     fn min(self, other: Self) -> Self;
-    /// `self > other ? self : other`, which is `other` if either is NaN.
+    /// Returns `self > other ? self : other`, which is `other` if either is NaN.
     fn max(self, other: Self) -> Self;
-    /// Square root.
+    /// Returns the square root.
     fn sqrt(self) -> Self;
-    /// `self < other`
+    /// Returns `self < other` for each lane.
     fn lt(self, other: Self) -> Self::Mask;
-    /// `yes` where the mask is set, `no` elsewhere.
+    /// Returns `yes` where the mask is set, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     /// Applies a scalar function to each lane.
     fn map(self, f: impl Fn(f32) -> f32) -> Self;
@@ -282,16 +282,16 @@ impl Width {
 /// Three coordinates, or red, green and blue, of one or several vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vector3<F> {
-    /// First coordinate, or red.
+    /// First coordinate, or red component.
     pub x: F,
-    /// Second coordinate, or green.
+    /// Second coordinate, or green component.
     pub y: F,
-    /// Third coordinate, or blue.
+    /// Third coordinate, or blue component.
     pub z: F,
 }
 
 impl<F: Real> Vector3<F> {
-    /// Same vector in every lane.
+    /// Returns the same vector in every lane.
     #[inline(always)]
     pub fn splat(v: Vec3) -> Self {
         Self { x: F::splat(v.x), y: F::splat(v.y), z: F::splat(v.z) }

@@ -180,7 +180,7 @@ mod tests {
         assert_eq!(tree.validate(), Ok(()));
     }
 
-    /// Replaces each byte of the body in turn. Deserializes it both with [`LightTree::from_bytes`] and a correct
+    /// Replaces one byte of the body at a time. Deserializes it both with [`LightTree::from_bytes`] and a correct
     /// checksum, and directly with serde.
     #[test]
     fn a_forged_body_is_refused_or_harmless() {

@@ -143,6 +143,7 @@ impl Random {
                 Light { position: self.place() * length, emission, intensity: intensity * power }
             })
             .collect();
+        // A fifth of the receivers are at the position of a light.
         let position = if self.once_in(5) { lights[0].position } else { self.place() * length };
         let receiver = Lambert { position, normal: self.unit(), reflectance: Vec3::new(0.9, 0.5, 0.1) };
         TestScene { lights, receiver, direction: self.unit(), geometry_term_bound, seed: self.bits() }

@@ -113,6 +113,7 @@ impl LightTree {
             }
             self.nodes[index] = node;
         }
+        // A tree of n lights has n − 1 inner nodes.
         let inner = self.lights.len().saturating_sub(1).max(1);
         stats.swapped_share = stats.swapped as f64 / inner as f64;
         let cost = self.relative_cost();

@@ -99,7 +99,7 @@ const WORTH_A_LEVEL: f32 = 0.6;
 pub(crate) struct CodedMasking {
     steps: QuantiserSteps,
     p: [f32; 64],
-    /// 1 / (12 √p_ij).
+    /// Factor of a margin: 1 / (12 √p_ij).
     per_margin: [f32; 64],
 }
 
@@ -107,9 +107,9 @@ pub(crate) struct CodedMasking {
 struct BlockLoss {
     /// Mean square error \[code values²\].
     d2: f32,
-    /// P, or P N.
+    /// Visible fraction P, or P N before an intra picture.
     passes: f32,
-    /// Smallest M_ij / (12 √p_ij) of the coefficients without level.
+    /// Smallest M_ij / (12 √p_ij) of the coefficients without a level.
     within_dead_zone: f32,
 }
 

@@ -198,7 +198,7 @@ impl<'a> FastMasking<'a> {
             let distorted = if size < half * self.q[i] { self.vanishing } else { size + half * m };
             out[i] = if c[i] < 0.0 { -distorted } else { distorted };
         }
-        // m_00 = t_00.
+        // The DC has no contrast masking: m_00 = t_00.
         if c[0].abs() >= half * self.q[0] {
             let m = self.q[0] * factor;
             out[0] = c[0] + if c[0] < 0.0 { -half * m } else { half * m };

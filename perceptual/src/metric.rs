@@ -138,8 +138,8 @@ pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     let (aa, bb, ab) = (moment(|a, _| a * a), moment(|_, b| b * b), moment(|a, b| a * b));
     let places = |length: usize| if length > 2 * RADIUS { RADIUS..length - RADIUS } else { 0..length };
     let mut sum = 0.0;
+    // Variances and covariance follow from the windowed moments.
     for y in places(height) {
-        // Local means, variances and covariance under the window.
         for x in places(width) {
             let (a, b) = (mean_a.get(x, y), mean_b.get(x, y));
             let (variance_a, variance_b) = (aa.get(x, y) - a * a, bb.get(x, y) - b * b);

@@ -107,7 +107,7 @@ fn nearest(x: f32) -> f32 {
 
 struct BlockCoder<'a> {
     steps: &'a QuantiserSteps,
-    /// quantiser_scale / 16.
+    /// Step multiplier: quantiser_scale / 16.
     scale: f32,
 }
 
@@ -135,6 +135,7 @@ impl BlockCoder<'_> {
                 }
             }
         }
+        // The DC of an intra block counts as written even if it is zero.
         for (i, &value) in quantised.iter().enumerate() {
             levels |= u64::from(value != 0.0) << i;
         }

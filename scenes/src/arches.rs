@@ -131,6 +131,7 @@ impl Opening {
 
     /// Adds the inner faces of the opening, from the plane `depth` backwards.
     pub fn reveal(&self, mesh: &mut Mesh, plane: &Plane, depth: f32, steps: usize) {
+        // Sweep the depth along jambs and arch.
         let mut points = vec![(vec2(self.center - self.half, self.sill), Vec2::X)];
         if self.spring > self.sill {
             points.push((vec2(self.center - self.half, self.spring), Vec2::X));
@@ -146,6 +147,7 @@ impl Opening {
         frames.extend(curve.iter().skip(if points.len() > 1 { 1 } else { 0 }).map(frame));
         frames.push(frame(&(vec2(self.center + self.half, self.sill), Vec2::NEG_X)));
         sweep(mesh, &frames, &[vec2(0.0, -depth), vec2(0.0, 0.0)]);
+        // The sill is a horizontal quad.
         if self.sill > 0.0 && self.spring > self.sill {
             let (l, r) = (self.center - self.half, self.center + self.half);
             mesh.quad_facing(
@@ -300,6 +302,7 @@ pub fn rib(mesh: &mut Mesh, [a, b]: [Vec3; 2], arch: (f32, f32), section: RibSec
             y: axis * n.x + Vec3::Y * n.y,
         })
         .collect();
+    // The profile starts inside the vault, so that no gap is visible.
     let (w, d) = (section.width / 2.0, section.depth);
     let profile = [
         vec2(w, -0.3 * d),

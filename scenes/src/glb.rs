@@ -249,6 +249,7 @@ impl Scene {
         root.insert("meshes".into(), meshes.into());
         root.insert("nodes".into(), self.nodes.iter().map(node_json).collect());
         self.animation_json(&mut root, &mut w);
+        // Extensions are listed only if the scene uses them.
         let mut used: Vec<&str> = Vec::new();
         root.insert("materials".into(), self.materials.iter().map(material_json).collect());
         if self.materials.iter().any(|m| m.emission.max_element() > 1.0) {
@@ -329,6 +330,7 @@ impl Scene {
                 "interpolation": interpolation,
             }));
         }
+        // glTF does not allow an empty animation.
         if !channels.is_empty() {
             root.insert(
                 "animations".into(),

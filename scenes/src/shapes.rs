@@ -129,6 +129,7 @@ pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]
     let right = |i: usize| (corners[(i + 1) % n] - corners[i % n]).normalize().cross(Vec3::Y);
     let normals = profile_normals(profile);
     let stretches = if closed { n } else { n - 1 };
+    // Offset directions at the corners. Open ends are not mitered.
     let miter = |i: usize| {
         let after = right(i.min(stretches - 1));
         let before = if i > 0 {
@@ -170,6 +171,7 @@ pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]
 /// of compound piers. The outline may have either orientation.
 pub fn loft(mesh: &mut Mesh, center: Vec3, outline: &[Vec2], profile: &[Vec2]) {
     let n = outline.len();
+    // Outward edge normals, for either orientation of the outline.
     let edges: Vec<Vec2> = (0..n)
         .map(|i| {
             let d = outline[(i + 1) % n] - outline[i];

@@ -68,7 +68,7 @@ impl Texture {
     }
 }
 
-/// The sRGB transfer curve, linear to encoded.
+/// Returns the sRGB code value of a linear value, both 0..1.
 #[must_use]
 pub fn srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }

@@ -26,7 +26,7 @@ const FLOOR: f32 = 0.05;
 /// Estimator of the light at a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// [`LightTree::lightcut`].
+    /// A deterministic cut by [`LightTree::lightcut`].
     Lightcut(Stop),
     /// The clusters of a cut, each estimated by a light drawn for this receiver \[Yuksel19\]. Errors become noise
     /// that differs between streams. The cut's own representatives cause equal errors in all neighbors.
@@ -143,6 +143,7 @@ pub struct Drawn {
 pub fn draw<R: Receiver>(tree: &LightTree, receiver: &R, from: Cluster, mut draw: f64) -> Drawn {
     let (mut cluster, mut probability) = (from, 1.0);
     while let Some(children) = tree.children(cluster) {
+        // The bound of a single light is its unshadowed contribution.
         let [a, b] = children.map(|child| {
             let bound = match tree.children(child) {
                 Some(_) => tree.cluster_bound(receiver, child),
@@ -157,6 +158,7 @@ pub fn draw<R: Receiver>(tree: &LightTree, receiver: &R, from: Cluster, mut draw
         let weight = |child: (f64, f64)| {
             if child.0 > 0.0 { child.0 / bounds + f64::from(FLOOR) * child.1 / intensities } else { 0.0 }
         };
+        // Choose a child, and rescale the number for the next step.
         let share = weight(a) / (weight(a) + weight(b));
         if draw < share {
             draw /= share;

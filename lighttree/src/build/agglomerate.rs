@@ -61,6 +61,7 @@ pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u3
     let mut merges = Vec::with_capacity(leaf_count - 1);
     let mut pairs = Vec::new();
     while merges.len() + 1 < leaf_count {
+        // Find partners, in parallel if there are many searches.
         let search = |&id: &u32| neighborhood.nearest(id, partners.hint(id, &neighborhood));
         let found: Vec<Partner> = if searching.len() < PARALLEL {
             searching.iter().map(search).collect()
@@ -71,6 +72,7 @@ pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u3
             partners.of[id as usize] = found;
             partners.searches[id as usize] = false;
         }
+        // Merge all mutual pairs of this round.
         searching.clear();
         pairs.clear();
         partners.agree(&neighborhood, &mut searching);
@@ -85,6 +87,7 @@ pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u3
             partners.heir[b as usize] = merged;
             searching.push(merged);
         }
+        // Prepare the next round. Without new clusters, those that lost their partner search again.
         if neighborhood.is_sparse() {
             neighborhood.rebuild();
         }

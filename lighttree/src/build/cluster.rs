@@ -10,7 +10,7 @@ use crate::light::{Emission, Light};
 pub(crate) struct Metric {
     /// Term added to α² \[m²\].
     pub coincidence2: f32,
-    /// c² \[m²\].
+    /// Factor of the orientation term, c² \[m²\].
     pub orientation2: f32,
 }
 

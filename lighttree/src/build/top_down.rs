@@ -134,8 +134,8 @@ impl LightGroup {
 
     /// Lower bound of cos β, or 1 without axes.
     ///
-    /// Let the box have center m and half diagonal h. A unit axis a in it satisfies |a − m| ≤ h, therefore a · m ≥ (1
-    /// + m² − h²)/2.
+    /// Let the box have center m and half diagonal h. A unit axis a in it satisfies |a − m| ≤ h,
+    /// therefore a · m ≥ (1 + m² − h²)/2.
     fn cone_cosine(&self) -> f32 {
         let middle = 0.5 * (self.axis_low + self.axis_high);
         let half2 = 0.25 * (self.axis_high - self.axis_low).length_squared();

@@ -130,6 +130,7 @@ impl LightTree {
         let Shared { of_all, of_group, begun, shadow_rays } = &mut shared;
         shadow_rays.clear(self.lights.len());
         let most = scratch.max_size as usize;
+        // A bundle of one group needs no walk for all receivers.
         let roots = [self.roots().start as u32, self.roots().end as u32 - 1];
         let roots = &roots[..self.roots().len()];
         let mut all = if receivers.len() > GROUP {

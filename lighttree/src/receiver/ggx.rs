@@ -24,7 +24,7 @@
 //!
 //! *V cos θ_i* is 1 / (2 (cos θ_o √(1 − α² + α²/cos² θ_i) + s(θ_o))), and grows with cos θ_i.
 //!
-//! *F* falls with cos θ_d = √((1 + l · view)/2), whose smallest value follows from the largest cosine to −view.
+//! *F* falls with cos θ_d = √((1 + l · view)/2). The smallest cos θ_d follows from the largest cosine to −view.
 //!
 //! Three maximum cosines over the region therefore bound M. They need not belong to one direction. The bound is tight
 //! if the lobe is not seen at grazing angles.

@@ -30,7 +30,6 @@
 //! `nave` and `sponza` peak at 0.18 to 0.35. Noise of a standard deviation of 0.01 stays below 0.01.
 //!
 //! `bench/saliency.py` of the project `render2mpeg` is an independent implementation of these formulas.
-//! `bench/saliency.py` of the project `render2mpeg` is a second program by these formulas.
 
 mod channels;
 mod gabor;
@@ -88,7 +87,7 @@ pub fn saliency(rgb: &Plane<[f32; 3]>, motion: Option<&Plane<[f32; 2]>>) -> Plan
     if !Pyramid::has_pairs(width, height) {
         return Plane::filled(width, height, 0.0);
     }
-    // (S1) to (S6).
+    // Feature channels: (S1) to (S6).
     let Opponents { intensity, red_green, blue_yellow } = Opponents::new(rgb);
     let intensity = Pyramid::new(intensity);
     let colors = [red_green, blue_yellow].map(Pyramid::new);
@@ -98,7 +97,7 @@ pub fn saliency(rgb: &Plane<[f32; 3]>, motion: Option<&Plane<[f32; 2]>>) -> Plan
         channels.push(channel(&motion_axes(motion).map(Pyramid::new), MOTION_FLOOR));
     }
 
-    // (S7).
+    // Mean of the channels: (S7).
     let count = channels.len() as f32;
     let mean = sum_of(channels.into_iter()).map(|sum| sum / count);
     enlarged(&mean, MAP_LEVEL, width, height)

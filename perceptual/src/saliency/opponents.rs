@@ -6,13 +6,13 @@ use plane::Plane;
 /// Intensity below which a pixel has no hue, relative to the largest intensity \[Itti98\].
 const DARKEST_HUE: f32 = 0.1;
 
-/// (S1) and (S2) of a picture.
+/// Intensity and opponent colors of a picture: (S1) and (S2).
 pub struct Opponents {
-    /// I, 0…1.
+    /// Intensity I, 0…1.
     pub intensity: Plane<f32>,
-    /// R − G, −3…3.
+    /// Opponent color R − G, −3…3.
     pub red_green: Plane<f32>,
-    /// B − Y, −1.5…3.
+    /// Opponent color B − Y, −1.5…3.
     pub blue_yellow: Plane<f32>,
 }
 

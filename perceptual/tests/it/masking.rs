@@ -4,17 +4,17 @@ use perceptual::{DEFAULT_INTRA_MATRIX, MaskingModel, mean_dc};
 use plane::{Plane, dct_definition, idct_definition};
 use proptest::prelude::*;
 
-/// Eq. (1).
+/// Evaluates eq. (1) in `f64`.
 fn equation_1(q: f64, c_00: f64, mean: f64) -> f64 {
     q * (c_00 / mean).powf(0.649 * 2.0)
 }
 
-/// Eq. (2).
+/// Evaluates eq. (2) in `f64`.
 fn equation_2(t: f64, c: f64, ij: usize) -> f64 {
     if ij == 0 { t } else { t * (c.abs() / t).max(1.0).powf(0.7) }
 }
 
-/// Eq. (3).
+/// Evaluates eq. (3) in `f64`.
 fn equation_3(c: f64, m: f64, q: f64, s: f64) -> f64 {
     let sign = if c < 0.0 { -1.0 } else { 1.0 };
     if c.abs() < 0.5 * q * s { 0.5 * sign * s * 16.0 } else { c + 0.5 * sign * s * m }

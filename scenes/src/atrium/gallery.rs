@@ -21,6 +21,7 @@ const PARAPET: f32 = 11.6;
 pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut model = Model::new();
     slabs(&mut model, stones);
+    // One baluster mesh serves all nodes.
     let mut one = Model::new();
     baluster(one.of(stones.trim), RAIL - UPPER - 0.26, 6);
     let one = scene.mesh("baluster", one);
@@ -40,6 +41,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     crown(&mut model, stones);
     scene.show("gallery", model);
 
+    // Small columns between the bays carry the arches.
     let mesh = scene.mesh("small column", column(stones.trim, stones.shaft, 0.125, SPRING - RAIL, 12));
     for side in sides() {
         let bay = side.half / side.bays as f32;

@@ -229,6 +229,7 @@ fn vaults(model: &mut Model, stones: &Stones) {
             bays.push([vec2(x[0], z[0]), vec2(x[1], z[1])]);
         }
     }
+    // Each bay gets a groin vault, and each border between bays a rib.
     for [min, max] in bays {
         groin_vault(model.of(stones.plaster), [min, max], SPRING, (RISE, 0.0), 10);
     }

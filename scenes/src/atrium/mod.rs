@@ -120,6 +120,7 @@ pub fn build() -> Scene {
 
     ground::add(&mut scene, &stones);
     gallery::add(&mut scene, &stones);
+    // Cloths reflect on both sides.
     let cloths = cloths.map(|cloth| scene.sheet(cloth));
     objects::drapes(&mut scene, &cloths, brass);
     objects::fountain(&mut scene, stones.trim, water, bronze, brass);
@@ -129,6 +130,7 @@ pub fn build() -> Scene {
     let sun = Light { kind: "directional", color: vec3(1.0, 0.90, 0.74), intensity: 6.5 };
     scene.light("sun", sun, vec3(0.0, 30.0, 0.0), vec3(0.42, -0.86, -0.40));
 
+    // The camera walks along the court. `aim` is the point that it looks at.
     let walk = Path::new(&[
         (0.0, vec3(-11.2, 1.60, 1.6)),
         (2.0, vec3(-8.6, 1.64, 2.1)),

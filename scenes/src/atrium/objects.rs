@@ -45,6 +45,7 @@ pub(super) fn drapes(scene: &mut Scene, cloths: &[MaterialId; 3], brass: Materia
             bar(model.of(brass), l, r, 0.016, 8);
         }
     }
+    // Banners hang in front of the gallery's rail, each from a bar with two brackets.
     for (k, &(s, bay)) in [(0, 2), (0, 4), (0, 6), (1, 1), (1, 3), (1, 5), (3, 1)].iter().enumerate() {
         let side = &all[s];
         let width = 2.0 * side.half / side.bays as f32;
@@ -104,6 +105,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     lathe(model.of(stone), foot, &post, 16, 1.0);
     scene.show("fountain", model);
 
+    // The outer rings of the sphere rotate about the vertical.
     let center = foot + vec3(0.0, 2.55, 0.0);
     let mut outer = Model::new();
     bar(outer.of(bronze), vec3(0.0, -0.68, 0.0), vec3(0.0, 0.72, 0.0), 0.022, 8);
@@ -127,6 +129,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
 
 /// Adds clipped box trees in terracotta, and urns on pedestals.
 pub(super) fn pots(scene: &mut Scene, terracotta: MaterialId, hedge: MaterialId, stone: MaterialId) {
+    // One mesh serves all box trees.
     let mut pot = Model::new();
     let profile = [
         vec2(0.24, 0.0),
@@ -150,6 +153,7 @@ pub(super) fn pots(scene: &mut Scene, terracotta: MaterialId, hedge: MaterialId,
     {
         scene.node("box tree", Some(pot), vec3(x, -0.16, z), Quat::from_rotation_y(i as f32 * 1.3));
     }
+    // Urns on pedestals surround the fountain.
     let mut urns = Model::new();
     let high: Vec<Vec2> = urn().iter().map(|p| *p * 1.1).collect();
     for (x, z) in [(0.1, -3.4), (5.9, -3.4), (0.1, 3.4), (5.9, 3.4)] {

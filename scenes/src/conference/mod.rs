@@ -101,6 +101,7 @@ pub fn build() -> Scene {
         }
     }
 
+    // The camera walks along the windows and looks across the table.
     let walk = Path::new(&[
         (0.0, vec3(-6.0, 1.62, 3.7)),
         (2.5, vec3(-3.2, 1.60, 4.1)),

@@ -109,6 +109,7 @@ pub fn build() -> Scene {
     windows::add(&mut scene, &stones);
     furnishing::add(&mut scene, &stones);
 
+    // The camera walks along the central aisle and looks up.
     let walk = Path::new(&[
         (0.0, vec3(0.10, 1.68, -2.2)),
         (2.5, vec3(-0.05, 1.72, -5.6)),

@@ -59,6 +59,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     low_vaults(&mut vaults, stones);
     scene.show("vaults", vaults);
 
+    // Piers, vault shafts and responds are one mesh each, positioned by nodes.
     let mut pier = Model::new();
     let outline = pier_outline();
     let profile: Vec<Vec2> = [
@@ -88,6 +89,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut shaft = Model::new();
     vault_shaft(shaft.of(stones.trim));
     let shaft = scene.mesh("vault shaft", shaft);
+    // Responds carry the aisle vaults on the outer walls.
     let mut respond = Model::new();
     let profile = [
         vec2(0.30, 0.0),
@@ -104,6 +106,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     ];
     lathe(respond.of(stones.trim), Vec3::ZERO, &profile, 16, 1.0);
     let respond = scene.mesh("respond", respond);
+    // Every bay border gets supports on both sides. The chancel has no aisles.
     for i in 0..=BAYS + 1 {
         let z = -BAY * i as f32;
         for side in [-1.0, 1.0] {
@@ -115,6 +118,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
             scene.node("vault shaft", Some(shaft), vec3(side * NAVE, 0.0, z), turn);
         }
     }
+    // The inner corners of the apse have shafts too.
     for p in &apse_corners()[1..3] {
         let inward = vec3(APSE.x - p.x, 0.0, APSE.y - p.y).normalize();
         let turn = Quat::from_rotation_arc(Vec3::X, inward);
@@ -305,6 +309,7 @@ fn high_vault(model: &mut Model, stones: &Stones) {
         let wide = RibSection { width: 0.46, depth: 0.27, half: false };
         rib(model.of(stones.trim), [vec3(-NAVE, HIGH_SPRING, z), vec3(NAVE, HIGH_SPRING, z)], HIGH, wide, 14);
     }
+    // The webs and ribs of the apse meet at the middle of its chord.
     let corners = apse_corners();
     for i in 0..3 {
         let (p, q) = (corners[i], corners[i + 1]);

@@ -38,37 +38,37 @@ pub trait Lanes: Copy + Debug {
     fn store(self, x: Self::F) -> [f32; LANES];
     /// Stores lanes 0…3 to `low` and lanes 4…7 to `high`.
     fn store_halves(self, x: Self::F, low: &mut [f32; LANES / 2], high: &mut [f32; LANES / 2]);
-    /// `a + b`
+    /// Returns `a + b` for each lane.
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
-    /// `a - b`
+    /// Returns `a - b` for each lane.
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
-    /// `a * b`
+    /// Returns `a * b` for each lane.
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
-    /// `a / b`
+    /// Returns `a / b` for each lane.
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
-    /// `-a`: changes the sign, also of zeros.
+    /// Returns `-a`, with the other sign also for zeros.
     fn neg(self, a: Self::F) -> Self::F;
-    /// Absolute value.
+    /// Returns the absolute value.
     fn abs(self, a: Self::F) -> Self::F;
-    /// Square root, correctly rounded.
+    /// Returns the square root, correctly rounded.
     fn sqrt(self, a: Self::F) -> Self::F;
-    /// `a < b ? a : b`, which is `b` if either is NaN or both are zeros.
+    /// Returns `a < b ? a : b`, which is `b` if either is NaN or both are zeros.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
-    /// `a > b ? a : b`, which is `b` if either is NaN or both are zeros.
+    /// Returns `a > b ? a : b`, which is `b` if either is NaN or both are zeros.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
-    /// `a < b`
+    /// Returns `a < b` for each lane.
     fn lt(self, a: Self::F, b: Self::F) -> Self::Mask;
-    /// `a <= b`
+    /// Returns `a <= b` for each lane.
     fn le(self, a: Self::F, b: Self::F) -> Self::Mask;
-    /// `a == b`
+    /// Returns `a == b` for each lane.
     fn eq(self, a: Self::F, b: Self::F) -> Self::Mask;
-    /// `a < b`, with the lanes interpreted as signed integers.
+    /// Returns `a < b`, with the lanes interpreted as signed integers.
     fn lt_bits(self, a: Self::F, b: Self::F) -> Self::Mask;
-    /// Logical and of two masks.
+    /// Returns the logical and of two masks.
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Logical or of two masks.
+    /// Returns the logical or of two masks.
     fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// `yes` where the mask is set, `no` elsewhere.
+    /// Returns `yes` where the mask is set, `no` elsewhere.
     fn select(self, mask: Self::Mask, yes: Self::F, no: Self::F) -> Self::F;
     /// Returns the mask of lane i as bit i.
     fn bits(self, mask: Self::Mask) -> u32;
@@ -87,17 +87,17 @@ pub trait Lanes: Copy + Debug {
     fn store_i(self, x: Self::I) -> [i32; LANES];
     /// Stores lane i to element i, with unchanged bits.
     fn store_u32(self, x: Self::I) -> [u32; LANES];
-    /// `a + b`
+    /// Returns `a + b` for each lane.
     fn add_i(self, a: Self::I, b: Self::I) -> Self::I;
-    /// `a - b`
+    /// Returns `a - b` for each lane.
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I;
-    /// `a * b`
+    /// Returns `a * b` for each lane.
     fn mul_i(self, a: Self::I, b: Self::I) -> Self::I;
-    /// Absolute value, as an unsigned number.
+    /// Returns the absolute value, as an unsigned number.
     fn abs_i(self, a: Self::I) -> Self::I;
-    /// Logical shift right by `by` bits, 0…31.
+    /// Shifts right by `by` bits, 0…31, and fills with zeros.
     fn shift_right_i(self, a: Self::I, by: u32) -> Self::I;
-    /// `a == b`
+    /// Returns `a == b` for each lane.
     fn eq_i(self, a: Self::I, b: Self::I) -> Self::Mask;
     /// Returns the sum of all lanes.
     fn sum_i(self, a: Self::I) -> i32;

@@ -28,7 +28,7 @@ impl LogScale {
         if unit.is_normal() && unit > 0.0 { Ok(Self { unit }) } else { Err(FieldError::Unit(unit)) }
     }
 
-    /// The unit L₀.
+    /// Unit L₀, in the unit of the light.
     #[must_use]
     pub fn unit(self) -> f32 {
         self.unit

@@ -5,7 +5,7 @@
 pub enum SampleDepth {
     /// 16 bits: a significand of 11 bits and values up to 65504. Channels that exceed this range use 32 bits.
     Half,
-    /// 32 bits.
+    /// 32 bits: single precision.
     #[default]
     Float,
 }

@@ -31,7 +31,7 @@ impl Busy {
         timed.value
     }
 
-    /// Sum so far \[s\].
+    /// Returns the CPU time measured so far \[s\].
     #[must_use]
     pub fn seconds(&self) -> f64 {
         self.nanoseconds.load(Ordering::Relaxed) as f64 * 1e-9
@@ -42,7 +42,7 @@ impl Busy {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
 pub struct Timed<T> {
-    /// The result.
+    /// Result of the work.
     pub value: T,
     /// CPU time of all threads that contributed to the result \[s\].
     pub seconds: f64,

@@ -165,8 +165,8 @@ pub fn share_each<T: Portable + Send, S>(
 ///
 /// `plus` adds two results. It must be exact: the same bits in any order.
 ///
+/// # Panics
 /// If the ranks run different programs.
-/// If ranks run different programs.
 pub fn sum_of_all<T: Portable>(ranks: &dyn Ranks, compute: impl FnOnce(&Meter) -> T, plus: impl Fn(T, T) -> T) -> T {
     let meter = Meter::of(ranks.log());
     let own = compute(&meter);

@@ -46,9 +46,9 @@ pub struct WorkLog {
 /// order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoopLog {
-    /// CPU time of each item \[s\], with the turn that determines its owner.
+    /// CPU time of each item \[s\], with the [`Turn`] that determines its owner.
     pub work: Vec<(Turn, f64)>,
-    /// Size of each item's result \[bytes\], with the turn that determines its owner.
+    /// Size of each item's result \[bytes\], with the [`Turn`] that determines its owner.
     pub results: Vec<(Turn, usize)>,
     /// Combined results of all items.
     pub items: Parcel,
@@ -150,12 +150,12 @@ pub struct Laps<'a> {
 }
 
 impl Laps<'_> {
-    /// Records that an item with this turn is finished.
+    /// Records that an item with this `turn` is finished.
     pub fn note(&mut self, turn: Turn) {
         self.note_together(std::iter::once(turn));
     }
 
-    /// Records that items of equal cost with these turns are finished.
+    /// Records that items of equal cost with these `turns` are finished.
     pub fn note_together(&mut self, turns: impl ExactSizeIterator<Item = Turn>) {
         if self.meter.work.is_none() {
             return;

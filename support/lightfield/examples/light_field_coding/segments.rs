@@ -148,8 +148,8 @@ impl Segmented {
         Bisection(self)
     }
 
-    /// Returns the codes of a texel in a direction. `find` receives the directions of the keys, of which the first is
-    /// 0, and returns the index of the first key not before the direction.
+    /// Returns the codes of a texel in a direction. `find` receives the ascending directions of the keys, which start
+    /// at 0. It returns the index of the first key that is not before the direction.
     #[inline]
     fn codes(&self, slot: usize, direction: usize, find: impl Fn(&[u16]) -> usize) -> Option<[f32; 3]> {
         let rank = self.tiles.rank(slot).filter(|_| direction < self.directions)?;

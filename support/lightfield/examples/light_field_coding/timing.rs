@@ -44,6 +44,7 @@ pub fn print(field: &Field) -> Result<(), FieldError> {
     let start = Instant::now();
     let near = NearLossless::encode(field, 2)?;
     let encoded = start.elapsed();
+    // Decode every tile once, from an empty cache.
     let mut read = NearLossless::from_bytes(near.as_bytes().to_vec())?;
     let start = Instant::now();
     read.forget_decoded();
