@@ -1,4 +1,4 @@
-//! Building trees: the clusters and their properties.
+//! Tree construction: the clusters and their properties.
 //!
 //! Two builders choose the clusters, [bottom-up](agglomerate) and [top-down](top_down). Both share the node layout,
 //! bounds, sums and the draw of representatives.
@@ -81,8 +81,8 @@ impl LightTree {
     /// Builds the tree over the lights, bottom-up. Light k keeps its index in [`update`](LightTree::update) and in
     /// visibility queries.
     ///
-    /// A light gets no intensity if a field is not finite, its intensity is negative, or it has no axis. The limits
-    /// are 10¹⁵ m and 10²⁵ W·sr⁻¹. [`LightTree::rejected`] counts these lights.
+    /// A light gets no intensity if a field is not finite, its intensity is negative, or it has no axis. The same
+    /// applies beyond 10¹⁵ m or 10²⁵ W·sr⁻¹. [`LightTree::rejected`] counts these lights.
     ///
     /// The representative of a cluster is one of its lights, drawn with probability proportional to luminance.
     ///

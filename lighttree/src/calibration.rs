@@ -1,8 +1,8 @@
 //! Calibrated stopping: the ratio of bounds to thresholds, learned from measured errors. Not from any paper.
 //!
-//! The bound of a cut holds for each of its clusters. The error of a pixel is their sum. Errors of many clusters add
-//! up, while few clusters rarely reach their bounds, so the bound alone does not predict the error. Therefore some
-//! pixels are *audited*, which means cut again with a much finer threshold:
+//! The bound of a cut holds for each of its clusters. The error of a pixel is their sum. Errors add up where clusters
+//! are many and cancel where they are few. The bound alone does not predict the error. Therefore some pixels are
+//! *audited*, which means cut again with a much finer threshold:
 //!
 //! ```text
 //! a cut ends when no cluster's bound exceeds κ ΔY

@@ -4,7 +4,7 @@
 //! light's luminance. In any set of lights, each arrives first with probability Y_k / ΣY, independent of the arrival
 //! time. These are the draws of the paper. The first light of a cluster is the first light of one of its children.
 //!
-//! This way a representative depends only on the lights of the cluster, not on the rest of the tree. It stays when a
+//! A representative therefore depends only on the lights of the cluster, not on the rest of the tree. It stays when a
 //! tree is rebuilt, and changes with intensities only as often as necessary.
 
 use crate::light::{Light, luminance};

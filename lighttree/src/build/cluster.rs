@@ -109,8 +109,8 @@ impl Cluster {
 }
 
 /// Returns the cosine of the half-angle of the cone around `a`'s cone and another cone. `cos_between` is the cosine
-/// between their axes. The other cone has the given half half-angle. The result is at most the cosine of `a`'s own
-/// cone.
+/// between their axes. `half_cosine` and `half_sine` belong to half of the other cone's half-angle. The result is at
+/// most the cosine of `a`'s own cone.
 ///
 /// β = max(β_a, (β_a + β_b + θ)/2), θ being the angle between the axes. Addition theorems make this fast, because it
 /// runs for every compared pair. The caller handles β_b, the other half of the maximum.

@@ -116,7 +116,7 @@ impl<'a> Neighborhood<'a> {
     pub fn nearest(&self, id: u32, hint: Option<u32>) -> Partner {
         let own = *self.cluster(id);
         let mut best = hint.map_or((f32::INFINITY, DEAD), |hint| (own.cost(self.cluster(hint), self.metric), hint));
-        // With median splits, the depth is the depth of a balanced tree of fewer than 2³² slots.
+        // Median splits keep the tree balanced, so 40 entries suffice for fewer than 2³² slots.
         let mut stack = [(0.0f32, 0u32); 40];
         let mut top = 1;
         while top > 0 {

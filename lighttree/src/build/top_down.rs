@@ -6,8 +6,8 @@
 //! cost of a split = I_a (α_a² + c² (1 − cos β_a)²) + I_b (α_b² + c² (1 − cos β_b)²)
 //! ```
 //!
-//! The letters and the metric are those defined in [bottom-up](super::agglomerate). Candidates are the borders of
-//! [`BINS`] slabs along each coordinate of position and axis.
+//! Symbols and metric are defined in [bottom-up](super::agglomerate). Candidates are the borders of [`BINS`] slabs
+//! along each coordinate of position and axis.
 //!
 //! # Differences from the paper
 //!

@@ -1,4 +1,4 @@
-//! Cuts for neighboring receivers: one common walk, and a separate rest for each receiver.
+//! Cuts for neighboring receivers: one common walk, then a walk for each receiver.
 //!
 //! A cluster's bound for the whole bundle is its bound for the box of positions and the cone of normals of all
 //! receivers. With this bound and the bounds for a few receivers, a node of the common walk is
@@ -45,14 +45,15 @@ pub(super) struct Shared {
 /// Shadow rays of a bundle.
 #[derive(Clone, Debug, Default)]
 struct ShadowRays {
-    /// Rays of one receiver after the other, the unoccluded radiance along each ray, and the end of each receiver's
-    /// rays.
+    /// Rays of one receiver after the other.
     rays: Vec<ShadowRay>,
+    /// Unoccluded radiance along each ray.
     radiance: Vec<Vec4>,
+    /// End of each receiver's rays.
     ends: Vec<usize>,
-    /// For each light, a bit set of the receivers that trace a ray to it, later of those that see it. Then the lights
-    /// with rays.
+    /// Bit set for each light: the receivers with a ray to it, after tracing the receivers that see it.
     receivers_of: Vec<u64>,
+    /// Lights with rays.
     lights: Vec<u32>,
 }
 

@@ -1,8 +1,8 @@
-//! Shared clusters of a bundle, as used by each receiver.
+//! Clusters that the receivers of a bundle share.
 //!
 //! Shared clusters are gathered once, four at a time, in the order in which every receiver reads them. Each receiver
 //! of a group bounds the undecided clusters itself. Those within its threshold are used like common clusters. Below
-//! the others it [walks](super::walk) on alone.
+//! the others it continues with its own [walk](super::walk).
 //!
 //! Estimates of shared clusters are almost half of the work. Their operands are contiguous. They are computed
 //! [eight lanes](Width) at a time where the processor supports it. This saves a seventh of the time of a shared cut.

@@ -2,7 +2,7 @@
 //!
 //! Two nodes to refine leave the queue together, and their four children are bounded together. The queue is first in,
 //! first out. The next nodes are known long before they are needed, so the processor works on several fours at once
-//! without speculation. With a stack, the next four depend on the last, which took half as long again.
+//! without speculation. A stack, on which the next four depend on the last four, took half as long again.
 
 use glam::Vec4;
 
