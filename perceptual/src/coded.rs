@@ -21,8 +21,8 @@
 //! keeps 1.5 standard deviations of the invisible error within the remaining dead zone. Decoded PSNR weighs all
 //! errors of the picture equally, while the eye judges the block. D is therefore the geometric mean of both.
 //!
-//! An error in an intra picture stays visible in every picture predicted from it until these replace the block: N
-//! times in total. Measurement on `cornell`, with only one picture type rendered coarser:
+//! An error in an intra picture stays visible in the pictures predicted from it until one of them replaces the block.
+//! It is shown N times in total. Measurement on `cornell`, with only one picture type rendered coarser:
 //!
 //! | coarser pictures | quantiser | error arriving over the film, relative to their own |
 //! |---|---|---|

@@ -23,8 +23,8 @@ pub const DEFAULT_WEIGHT: f32 = 0.5;
 /// | 0.95 | 3.2 % |
 const CODED_WEIGHT: f32 = 0.8;
 
-/// Upper limit of ΔY(t−1), as a multiple of the current e. After a flash, thresholds of its light are soon useless,
-/// and with the weight alone they would fade over dozens of frames.
+/// Upper limit of ΔY(t−1), as a multiple of the current e. After a flash, the thresholds derived from its light are
+/// soon obsolete. With the weight alone they would fade over dozens of frames.
 ///
 /// On `cornell`, `nave` and `atrium` (160×160, quantisers 8 and 48) cuts are as large as without this limit. The
 /// exception is `atrium` at 48, where cuts are 2 % larger and bits and flicker 2 % smaller.

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Contrast masking raises the threshold of a coefficient with a power of its magnitude \[Watson93\]. A weight
-//! applies to all coefficients of a macroblock. Its power s is far below Watson's 0.7, because a coarser quantiser also
-//! affects faint coefficients.
+//! applies to all coefficients of a macroblock. Its exponent s is far below Watson's 0.7, because a coarser quantiser
+//! also affects faint coefficients.
 
 use plane::Plane;
 

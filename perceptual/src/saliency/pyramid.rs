@@ -111,7 +111,7 @@ pub fn reflect_borders(padded: &mut [f32], before: usize, count: usize) {
 struct Between {
     low: usize,
     high: usize,
-    /// 0 at `low`, 1 at `high`.
+    /// Interpolation weight of `high`, 0 … 1.
     fraction: f32,
 }
 

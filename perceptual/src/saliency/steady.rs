@@ -8,7 +8,7 @@ const WEIGHT: f32 = 0.5;
 /// Saliency of disoccluded areas: new objects attract the eye, and no previous saliency exists.
 const UNCOVERED: f32 = 1.0;
 
-/// Blends the saliency of this frame with the previous frame:
+/// Blends the saliency of this frame with the previous frame's:
 ///
 /// ```text
 /// (S8)  S'_t(x) = (1 − w) S_t(x) + w S'_(t−1)(x')        w = ½
@@ -36,8 +36,8 @@ pub fn steady_saliency(now: &Plane<f32>, before: &Plane<f32>, known: &Correspond
     })
 }
 
-/// Returns whether no pixel around has a match. On the rim of an object a single match may be missing, because the
-/// surface is thinner than a pixel.
+/// Returns whether no pixel in the 3×3 neighborhood has a match. On the rim of an object a single match may be
+/// missing, because the surface is thinner than a pixel.
 fn is_new(then: &Plane<Option<f32>>, x: usize, y: usize) -> bool {
     let is_missing = |u: usize, v: usize| u >= then.width() || v >= then.height() || then.get(u, v).is_none();
     let beside = |at: usize| [at.wrapping_sub(1), at, at + 1];

@@ -47,13 +47,13 @@ pub trait Sum: Copy + Debug {
 pub trait Differences: Copy + Debug {
     /// Returns zero differences.
     fn zero() -> Self;
-    /// Wrapping sum.
+    /// Returns the wrapping sum.
     fn plus(self, other: Self) -> Self;
-    /// Wrapping difference.
+    /// Returns the wrapping difference.
     fn minus(self, other: Self) -> Self;
-    /// Absolute value, except for −32768.
+    /// Returns the absolute value, except for −32768.
     fn abs(self) -> Self;
-    /// Signed maximum.
+    /// Returns the signed maximum.
     fn max(self, other: Self) -> Self;
     /// Returns the sum of each block's row, 0 for a missing second block.
     fn sums(self) -> [i32; 2];

@@ -3,7 +3,7 @@
 use crate::{Picture, Plane, SizeError};
 use std::sync::Arc;
 
-/// Result of encoding a picture, as a masking model needs it to find visible errors.
+/// Result of encoding a picture: the input of a masking model.
 ///
 /// A macroblock covers 16×16 luma samples, a block 8×8. Macroblocks and blocks at the right and lower border may
 /// extend beyond the picture. Names follow ISO/IEC 13818-2.
@@ -32,8 +32,8 @@ impl Coded {
     /// quantiser_scale.
     ///
     /// # Errors
-    /// If `levels` has a sample neither for each block that begins in the picture nor for each block of the
-    /// macroblocks. If another plane does not have one sample for each macroblock that begins in the picture.
+    /// If `levels` covers neither the blocks that begin in the picture nor all blocks of its macroblocks. If another
+    /// plane does not have one sample per macroblock.
     pub fn new(
         decoded: Arc<Picture>,
         levels: Plane<u64>,

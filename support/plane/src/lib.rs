@@ -1,4 +1,4 @@
-//! Planes of samples, coded pictures, pixel correspondences and the orthonormal 8×8 DCT, shared by a renderer, a
+//! Planes of samples, 4:2:0 pictures, pixel correspondences and the orthonormal 8×8 DCT, shared by a renderer, a
 //! masking model and an MPEG-2 encoder.
 //!
 //! ```

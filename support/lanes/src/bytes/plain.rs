@@ -2,7 +2,7 @@
 
 use crate::samples::{Differences, Samples, Sum};
 
-/// Sixteen samples.
+/// A group of sixteen samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Bytes([u8; 16]);
 
@@ -28,7 +28,7 @@ impl Bytes {
         std::array::from_fn(|half| std::array::from_fn(|i| self.0[8 * half + i]))
     }
 
-    /// Differences of the first eight and of the last eight samples.
+    /// Returns the differences of the first eight and of the last eight samples.
     #[inline(always)]
     #[must_use]
     pub fn minus(self, other: Self) -> [Words; 2] {
@@ -78,7 +78,7 @@ impl Words {
         self.0.iter().zip(other.0).map(|(&a, b)| i32::from(a) * i32::from(b)).sum()
     }
 
-    /// Same number in all eight lanes.
+    /// Returns the same number in all eight lanes.
     #[inline(always)]
     #[must_use]
     pub fn splat(value: i16) -> Self {

@@ -13,7 +13,7 @@ macro_rules! sse2 {
     };
 }
 
-/// Sixteen samples.
+/// A group of sixteen samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Bytes(pub(crate) __m128i);
 
@@ -45,7 +45,7 @@ impl Bytes {
         }
     }
 
-    /// Differences of the first eight and of the last eight samples.
+    /// Returns the differences of the first eight and of the last eight samples.
     #[inline(always)]
     #[must_use]
     pub fn minus(self, other: Self) -> [Words; 2] {
@@ -109,7 +109,7 @@ impl Words {
         }
     }
 
-    /// Same number in all eight lanes.
+    /// Returns the same number in all eight lanes.
     #[inline(always)]
     #[must_use]
     pub fn splat(value: i16) -> Self {
