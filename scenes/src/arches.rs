@@ -102,11 +102,11 @@ impl Plane {
 /// Arched opening of a wall.
 #[derive(Clone, Copy, Debug)]
 pub struct Opening {
-    /// Position of its middle along the wall \[m\].
+    /// Position of the middle along the wall \[m\].
     pub center: f32,
-    /// Half its width \[m\].
+    /// Half the width \[m\].
     pub half: f32,
-    /// Height of its lower edge \[m\].
+    /// Height of the lower edge \[m\].
     pub sill: f32,
     /// Height of the springing, where the arch begins \[m\].
     pub spring: f32,

@@ -95,7 +95,7 @@ pub fn published() -> Scene {
         let mesh = scene.mesh(name, model);
         scene.node(name, Some(mesh), home, Quat::IDENTITY);
     }
-    // Focal length 0.035 m, film width 0.025 m.
+    // Published focal length 0.035 and film width 0.025.
     let yfov = 2.0 * (0.0125f32 / 0.035).atan();
     let eye = at(278.0, 273.0, -800.0);
     scene.camera(yfov, eye, look_at(eye, at(278.0, 273.0, 0.0)));
@@ -113,7 +113,7 @@ struct Room {
     lamp: MaterialId,
 }
 
-/// Builds the scene.
+/// Builds the scene `cornell`, with textures and moving blocks.
 pub fn build() -> Scene {
     let mut scene = Scene::new("cornell");
     let red = scene.textured("red damask", 0.14, &damask(768, RED, 0.42));

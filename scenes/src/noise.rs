@@ -13,14 +13,14 @@ pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
     (h >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Smooth step between two edges.
+/// Returns the smooth step from 0 at `low` to 1 at `high`.
 #[must_use]
 pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Linear interpolation.
+/// Returns the linear interpolation from `a` to `b`.
 #[must_use]
 pub fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t

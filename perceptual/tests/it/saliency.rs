@@ -11,21 +11,21 @@ const FIELD: f32 = 0.5;
 /// Property in which the odd item differs from the others, by contrast k.
 #[derive(Clone, Copy, Debug)]
 enum Oddity {
-    /// Its difference from the background is larger by k.
+    /// Difference from the background, larger by k.
     Brightness,
-    /// It is tinted by a fraction k towards red, and the others are gray.
+    /// Tint by a fraction k towards red. The other items are gray.
     Tint,
-    /// Its hue is rotated by k · 180°, at equal intensity and chroma.
+    /// Hue, rotated by k · 180° at equal intensity and chroma.
     Hue,
-    /// Its radius is larger by k.
+    /// Radius, larger by k.
     Size,
-    /// Bars. The odd bar is rotated by k · 90°.
+    /// Orientation of a bar, rotated by k · 90°.
     Orientation,
-    /// Items and background move equally. The odd item is faster by k.
+    /// Speed, larger by k. All other items move with the background.
     Speed,
-    /// Items move over a static background. The odd item is faster by k.
+    /// Speed, larger by k. The items move over a static background.
     Overtaking,
-    /// Items move over a static background. Its direction is rotated by k · 180°.
+    /// Direction of motion, rotated by k · 180°. The items move over a static background.
     Direction,
 }
 

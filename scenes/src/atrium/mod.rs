@@ -86,7 +86,7 @@ fn round(half: [f32; 2], y: f32) -> [Vec3; 4] {
     [vec3(-x, y, -z), vec3(x, y, -z), vec3(x, y, z), vec3(-x, y, z)]
 }
 
-/// Builds the scene.
+/// Builds the scene `atrium`.
 #[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("atrium");

@@ -49,7 +49,7 @@ struct RoomMaterials {
     dusk: MaterialId,
 }
 
-/// Builds the scene.
+/// Builds the scene `conference`.
 #[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("conference");

@@ -74,7 +74,7 @@ fn apse_corners() -> [Vec2; 4] {
     ]
 }
 
-/// Builds the scene.
+/// Builds the scene `nave`.
 #[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("nave");

@@ -220,8 +220,8 @@ mod tests {
     fn linear_functions_are_interpolated() {
         // Bound: a step (Δu, Δv) moves a point of the octahedron by at most √2 (|Δu| + |Δv|). Its direction moves by
         // √3 times that, because no point is nearer than 1/√3 to the center. Weights w and 1 − w leave
-        // `2 w (1 − w) h ≤ h / 2` of a cell's width h = 2 / n in each axis: together √6 · 2 / n. Errors across the creases of the
-        // octahedron are of this order.
+        // `2 w (1 − w) h ≤ h / 2` of a cell's width h = 2 / n in each axis: together √6 · 2 / n. Errors across
+        // the creases of the octahedron are of this order.
         for side in [4, 5, 8, 15, 16, 24] {
             let (found, bound) = (largest_error(side), 6f32.sqrt() * 2.0 / side as f32);
             assert!(found <= bound, "{side}: {found} > {bound}");

@@ -12,7 +12,8 @@ const STEPS: f64 = 256.0;
 /// ```
 ///
 /// A code with an error of δ, plus its rounding, gives light with an error of at most
-/// `(2^((δ + ½) / 256) − 1) · (L + L₀)`. At δ = 0 this is 0.14 % for L ≫ L₀, and 0.0014 L₀ in the dark. Every finite nonnegative `f32` has a code.
+/// `(2^((δ + ½) / 256) − 1) · (L + L₀)`. At δ = 0 this is 0.14 % for L ≫ L₀, and 0.0014 L₀ in the dark. Every
+/// finite nonnegative `f32` has a code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogScale {
     unit: f32,

@@ -136,7 +136,7 @@ pub fn print_sizes(rows: &[Row], objects: &[Object]) {
     for (k, row) in rows.iter().enumerate() {
         let sizes = row.coded.map(|coded| megabytes(coded.bytes)).join(" | ");
         let printed = objects.get(k).and_then(|object| object.printed);
-        // Its kilobytes have 1024 bytes.
+        // The thesis counts 1024 bytes per kilobyte.
         let printed = printed.map_or_else(String::new, |three| {
             three.map(|kilobytes| format!("{:.1}", f64::from(kilobytes) * 1024e-6)).join(" / ")
         });
