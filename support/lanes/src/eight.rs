@@ -34,7 +34,7 @@ pub trait Lanes: Copy + Debug {
     fn load(self, x: &[f32; LANES]) -> Self::F;
     /// Loads lanes 0…3 from `low` and lanes 4…7 from `high`.
     fn load_halves(self, low: &[f32; LANES / 2], high: &[f32; LANES / 2]) -> Self::F;
-    /// Stores lane i to element i.
+    /// Returns an array with lane i in element i.
     fn store(self, x: Self::F) -> [f32; LANES];
     /// Stores lanes 0…3 to `low` and lanes 4…7 to `high`.
     fn store_halves(self, x: Self::F, low: &mut [f32; LANES / 2], high: &mut [f32; LANES / 2]);
@@ -83,9 +83,9 @@ pub trait Lanes: Copy + Debug {
     fn load_u32(self, x: &[u32; LANES]) -> Self::I;
     /// Loads lane i from element i, zero-extended.
     fn load_u8(self, x: &[u8; LANES]) -> Self::I;
-    /// Stores lane i to element i.
+    /// Returns an array with lane i in element i.
     fn store_i(self, x: Self::I) -> [i32; LANES];
-    /// Stores lane i to element i, with unchanged bits.
+    /// Returns an array with the unchanged bits of lane i in element i.
     fn store_u32(self, x: Self::I) -> [u32; LANES];
     /// Returns `a + b` for each lane.
     fn add_i(self, a: Self::I, b: Self::I) -> Self::I;

@@ -225,7 +225,7 @@ mod tests {
         for side in [4, 5, 8, 15, 16, 24] {
             let (found, bound) = (largest_error(side), 6f32.sqrt() * 2.0 / side as f32);
             assert!(found <= bound, "{side}: {found} > {bound}");
-            // Dense evaluation finds less than half of it.
+            // Dense evaluation finds less than half of the bound.
             assert!(found * side as f32 <= 2.0, "{side}: {}", found * side as f32);
         }
         // Twice as fine gives half the error: no cells are confused.

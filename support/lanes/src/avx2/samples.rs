@@ -8,9 +8,9 @@ use std::arch::x86_64::*;
 /// Wraps all instructions of this module.
 macro_rules! avx2 {
     ($($body:tt)*) => {
-        // SAFETY: these types cannot be named outside this crate. Running code has them only as parts of the type
-        // `Avx2`, which exists only where the processor has AVX2. These instructions access only the memory that they
-        // are given.
+        // SAFETY: these types cannot be named outside this crate. Code reaches them only as associated types of
+        // `Avx2`. A value of `Avx2` exists only where the processor has AVX2. The instructions access only the memory
+        // passed to them.
         unsafe { $($body)* }
     };
 }
