@@ -51,7 +51,7 @@ const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 /// for _frame in 0..20 {
 ///     let audits = Audits::default();
 ///     for k in 0..100 {
-/// // The error of a cut that ends at κ thresholds is 0 … 3 κ here. Measure yours with `Calibration::fine`.
+///         // Here the error of a cut that ends at κ thresholds is 0 … 3 κ. Measure yours with `Calibration::fine`.
 ///         audits.note(class, 3.0 * calibration.kappa(class) * k as f32 / 100.0);
 ///     }
 ///     calibration.learn(&audits);

@@ -16,7 +16,7 @@ use plane::Plane;
 /// ```
 /// use perceptual::{Plane, thresholds_of_srgb};
 ///
-/// // // Gray, and a checkerboard of equal mean in the right half.
+/// // Gray, and a checkerboard of equal mean in the right half.
 /// let picture = Plane::from_fn(32, 16, |x, y| [if x < 16 { 128 } else { 96 + 64 * ((x + y) % 2) as u8 }; 3]);
 /// let thresholds = thresholds_of_srgb(&picture, 8.0);
 /// assert!(thresholds.get(24, 8) > thresholds.get(4, 8));

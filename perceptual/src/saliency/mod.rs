@@ -69,7 +69,7 @@ const MOTION_FLOOR: f32 = 0.1;
 /// ```
 /// use plane::Plane;
 ///
-/// // // A red square on gray.
+/// // A red square on gray.
 /// let inside = |x, y| (90..106).contains(&x) && (30..46).contains(&y);
 /// let rgb = Plane::from_fn(128, 128, |x, y| if inside(x, y) { [0.8, 0.4, 0.4] } else { [0.5; 3] });
 /// let saliency = perceptual::saliency(&rgb, None);

@@ -1,14 +1,14 @@
 //! Codes of one tile as residuals of a prediction, with an error of at most δ.
 //!
 //! ```text
-//! x̂ = MED(W, N, NW)                        prediction from decoded neighbors, same direction and channel
-//! [Weinberger00]
+//! x̂ = MED(W, N, NW)                        prediction from decoded neighbors, same direction and channel [Weinberger00]
 //! MED = min(W, N) if NW ≥ max(W, N);  max(W, N) if NW ≤ min(W, N);  otherwise W + N − NW
 //! e = x − x̂,   k = sign(e) ⌊(|e| + δ) / (2δ + 1)⌋
 //! y = clamp(x̂ + k (2δ + 1))                 decoded
 //! ```
 //!
-//! |x − y| ≤ δ: before clamping, k is the nearest multiple. Clamping moves y towards the range that contains x. With δ = 0, k counts modulo the number of codes, and y = x.
+//! |x − y| ≤ δ: before clamping, k is the nearest multiple. Clamping moves y towards the range that contains x. With
+//! δ = 0, k counts modulo the number of codes, and y = x.
 //!
 //! W predicts the first row and N the first column. The first texel is predicted by its own decoded value in the
 //! previous direction, or 0. An absent texel takes the value of its prediction.
