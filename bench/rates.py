@@ -46,7 +46,7 @@ CLIPS = {
     "fades": f"{ZOOM},fade=in:0:25,fade=out:50:25,{NOISE}",
     "stills": f"{ZOOM},fps=1,fps={FPS}",
     "drawings": f"testsrc2=size={SIZE}:rate={FPS},fps=3,fps={FPS}",
-    "noise at rest": f"{STILL},{NOISE}",
+    "static noise": f"{STILL},{NOISE}",
     "flashes": f"{STILL},negate=enable='eq(mod(n,15),14)',{NOISE}",
     "cuts": f"{FAST_ZOOM},hue=h='90*floor(t)',rotate='floor(t)*1.3'",
     "title, action": ",".join([ZOOM, *(f"drawbox={box}:{color}:fill:enable='lt(n,35)'" for box, color in TITLE), NOISE]),

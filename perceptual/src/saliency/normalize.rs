@@ -147,7 +147,7 @@ mod tests {
             map.get(9, 9)
         };
         assert_eq!(promoted(&[(9, 9, 0.4)], 0.01), 1.0, "alone");
-        assert_eq!(promoted(&[(9, 9, 0.4), (40, 50, 0.2)], 0.01), 0.25, "beside half as much");
+        assert_eq!(promoted(&[(9, 9, 0.4), (40, 50, 0.2)], 0.01), 0.25, "next to half as much");
         assert_eq!(promoted(&[(9, 9, 0.4), (40, 50, 0.4)], 0.01), 0.0, "beside as much");
         assert_eq!(promoted(&[(9, 9, 0.4), (10, 9, 0.4)], 0.01), 1.0, "a plateau is one maximum");
         assert_eq!(promoted(&[(9, 9, 0.004)], 0.016), 0.25, "below the floor");

@@ -7,6 +7,7 @@ use clap::{Arg, Command, CommandFactory};
 use render2mpeg::report::Report;
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema};
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 /// The first lines of the page.
@@ -29,8 +30,9 @@ pub fn options_page() -> String {
     let mut program = Arguments::command();
     program.build();
     let mut page = HEAD.to_owned();
+    let mut listed = BTreeSet::new();
     for command in program.get_subcommands().filter(|command| !command.is_hide_set() && command.get_name() != "help") {
-        add_command(&mut page, command);
+        add_command(&mut page, command, &mut listed);
     }
     page
 }
@@ -52,21 +54,27 @@ fn schema_of<T: JsonSchema>() -> Schema {
     SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<T>()
 }
 
-/// Adds a section with a table for each group of options, in the order of the help.
-fn add_command(page: &mut String, command: &Command) {
+/// Adds a section with a table for each group of options, in the order of the help. Options that an earlier command has with the
+/// same meaning are `listed` and appear by name only.
+fn add_command(page: &mut String, command: &Command, listed: &mut BTreeSet<(String, String)>) {
     let about = command.get_about().map(text_of).unwrap_or_default();
     let _ = write!(page, "\n## `render2mpeg {}`\n\n{about}\n", command.get_name());
-    let mut headings: Vec<Option<&str>> = Vec::new();
+    let (mut heading, mut again) = (None, Vec::new());
     for argument in arguments_of(command) {
-        if !headings.contains(&argument.get_help_heading()) {
-            headings.push(argument.get_help_heading());
+        let (name, meaning) = (name_of(argument), meaning_of(argument));
+        if !listed.insert((name.clone(), meaning.clone())) {
+            again.push(argument.get_long().map_or(name, |long| format!("--{long}")));
+            continue;
         }
+        let group = argument.get_help_heading().unwrap_or("Argument");
+        if heading != Some(group) {
+            let _ = write!(page, "\n| {group} | Meaning |\n|---|---|\n");
+            heading = Some(group);
+        }
+        let _ = writeln!(page, "| `{name}` | {meaning} |");
     }
-    for heading in headings {
-        let _ = write!(page, "\n| {} | Meaning |\n|---|---|\n", heading.unwrap_or("Argument"));
-        for argument in arguments_of(command).filter(|argument| argument.get_help_heading() == heading) {
-            let _ = writeln!(page, "| `{}` | {} |", name_of(argument), meaning_of(argument));
-        }
+    if !again.is_empty() {
+        let _ = write!(page, "\nAs above:\n\n```text\n{}\n```\n", again.join(" "));
     }
 }
 
@@ -83,7 +91,9 @@ fn name_of(argument: &Arg) -> String {
     let takes_value = argument.get_action().takes_values();
     let values = argument.get_value_names().filter(|_| takes_value).map(|names| names.join(" "));
     let value = values.map(|values| format!("<{values}>"));
-    [names.join(", ")].into_iter().chain(value).filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" ")
+    let words: Vec<String> = [names.join(", ")].into_iter().chain(value).filter(|text| !text.is_empty()).collect();
+    // A bar would end the cell of the table.
+    words.join(" ").replace('|', "\\|")
 }
 
 /// The help of an argument, and its possible values with theirs.

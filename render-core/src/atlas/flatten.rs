@@ -12,10 +12,8 @@ const SIDE: f32 = 256.0;
 #[non_exhaustive]
 pub enum AtlasError {
     /// No instance is static and lit.
-    #[error(
-        "nothing stands still in this scene, so no light of it can be baked; bake a scene with lit surfaces that never move"
-    )]
-    NothingStands,
+    #[error("this scene has no static geometry, so no light can be baked; bake a scene with lit static surfaces")]
+    NothingStatic,
     /// Fewer texels than charts; each chart needs at least one.
     #[error("{texels} texels are too few for {charts} charts of surfaces; ask for {charts} or more")]
     TooFewTexels {
@@ -87,7 +85,7 @@ pub(super) fn standing(surfaces: &Surfaces) -> Result<Vec<FlatMesh>, AtlasError>
             standing.push(mesh);
         }
     }
-    if standing.is_empty() { Err(AtlasError::NothingStands) } else { Ok(standing) }
+    if standing.is_empty() { Err(AtlasError::NothingStatic) } else { Ok(standing) }
 }
 
 /// Flattens the surfaces of an instance.

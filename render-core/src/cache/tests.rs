@@ -156,7 +156,7 @@ fn turned_normals_are_exact() {
         pixel.shading_normal = Vec3A::new(0.1, 1.0, 0.05).normalize().to_array();
     }
     let tilted = light(&mut cache, &seen, NO_CHANGES, &lamp);
-    assert!(tilted.computed * 4 < flat.computed, "{} records beside {}", tilted.computed, flat.computed);
+    assert!(tilted.computed * 4 < flat.computed, "{} records, {} when flat", tilted.computed, flat.computed);
     let (before, after) = (largest_error(&flat, &floor(|_| ()), &lamp), largest_error(&tilted, &seen, &lamp));
     assert!(after < before + 0.01, "{before} became {after}");
 }
@@ -234,7 +234,7 @@ impl Illumination for Groove {
     }
 
     fn openness(&self, site: &Site, _: f32) -> f32 {
-        assert!(site.position.y < 0.0, "nothing rises beside the rim: it is open without a ray");
+        assert!(site.position.y < 0.0, "nothing rises next to the rim: it is open without a ray");
         self.openness
     }
 }
@@ -472,7 +472,7 @@ fn records_crowd_where_they_are_contradicted() {
     let lit = cache.light(Request::whole(&seen, &[false, true]), NO_CHANGES, &Unforeseen { light }).value;
     let at_step = cache.records.iter().filter(|record| record.site.position.x.abs() < 0.2).count();
     let beside = cache.records.iter().filter(|record| record.site.position.x.abs() > 0.6).count();
-    assert!(2 * at_step > 3 * beside, "{at_step} records at the step, {beside} on twice as much floor beside it");
+    assert!(2 * at_step > 3 * beside, "{at_step} records at the step, {beside} on twice as much floor around it");
     let pixels = lit.irradiance.samples().iter().zip(seen.pixels.samples());
     let worst = pixels.map(|(e, pixel)| (e[0] - light(pixel.position[0])).abs()).fold(0.0, f32::max);
     assert!(worst < 0.1, "{worst} of a step of 1");

@@ -94,7 +94,7 @@ fn light_that_changes_evenly_is_carried_without_error() {
     let field = |p: Vec3| 3.0 + p.x + 0.5 * p.z;
     let walked = walk(field, 40, 0.37, 0.02, Reuse::Allowed);
     for (x, y, error) in walked.errors(field) {
-        assert!(!walked.missing.get(x, y), "pixel {x}, {y} is lit anew");
+        assert!(!walked.missing.get(x, y), "pixel {x}, {y} is lit again");
         // Each sample stores 13 bits.
         assert!(error < 2e-3, "pixel {x}, {y} is wrong by {error}");
     }
@@ -109,12 +109,12 @@ fn edges_are_lit_anew_unless_their_error_is_allowed() {
     for (x, y, error) in fine.errors(field) {
         let p = Vec3::from(fine.seen.pixels.get(x, y).position);
         let far = (p.x + 0.3 * p.z - 0.1).abs() > 4.0 * PIXEL;
-        assert!(!(far && fine.missing.get(x, y)), "pixel {x}, {y} is far from the edge and lit anew");
+        assert!(!(far && fine.missing.get(x, y)), "pixel {x}, {y} is far from the edge and lit again");
         assert!(error < 0.04, "pixel {x}, {y} is wrong by {error}");
     }
     let coarse = walk(field, 12, 0.37, 1.0, Reuse::Allowed);
     for (x, y, _) in coarse.errors(field) {
-        assert!(!coarse.missing.get(x, y), "pixel {x}, {y} is lit anew");
+        assert!(!coarse.missing.get(x, y), "pixel {x}, {y} is lit again");
     }
 }
 
@@ -164,6 +164,6 @@ fn light_that_falls_beside_another_surface_is_found_anew() {
             assert!(error <= 0.05, "step {step}: pixel {x}, {y} is wrong by {error}");
         }
         let lit = walked.errors(field).iter().filter(|&&(x, y, _)| walked.missing.get(x, y)).count();
-        assert!(lit < (SIDE - 16) * 6, "step {step}: {lit} pixels are lit anew");
+        assert!(lit < (SIDE - 16) * 6, "step {step}: {lit} pixels are lit again");
     }
 }

@@ -322,7 +322,7 @@ fn wishes_that_cannot_be_met_are_refused() {
 
     let nothing = Scene::default();
     let surfaces = Surfaces::new(&nothing, &nothing.pose(0.0));
-    assert_eq!(Atlas::new(&surfaces, 1000), Err(AtlasError::NothingStands));
+    assert_eq!(Atlas::new(&surfaces, 1000), Err(AtlasError::NothingStatic));
 }
 
 #[test]

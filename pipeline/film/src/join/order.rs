@@ -24,8 +24,11 @@ pub(super) fn check(parts: &[WholePart]) -> Result<()> {
 fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
     let (one, other) = (&first.report, &part.report);
     let differs = |what: &str, then: &dyn std::fmt::Display, now: &dyn std::fmt::Display| {
-        let beside = first.path.display();
-        Err(Error::content(&part.path, format!(" belongs to another film: {what} is {now}, but {then} in {beside}")))
+        let first_file = first.path.display();
+        Err(Error::content(
+            &part.path,
+            format!(" belongs to another film: {what} is {now}, but {then} in {first_file}"),
+        ))
     };
 
     // Program and settings must agree, except for settings of a single part.
@@ -42,8 +45,8 @@ fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
 
     // The same settings may belong to another version of the scene, or to another encoder.
     if one.inputs != other.inputs {
-        let beside = first.path.display();
-        let text = format!(" was made from another scene than {beside}: a file of the scene changed between them");
+        let first_file = first.path.display();
+        let text = format!(" was made from another scene than {first_file}: a file of the scene changed between them");
         return Err(Error::content(&part.path, text));
     }
     if first.sequence_header != part.sequence_header {

@@ -132,7 +132,7 @@ fn parts_are_as_exact_as_the_whole_whoever_lights_them() {
         for (caches, shares, computed) in &mut kinds {
             let lit = lit_in_columns(caches, *shares, &seen, changes, &lamp);
             let found = error(&lit, &seen, &lamp);
-            assert!(found < 1.5 * bound, "frame {frame}, {} caches: {found} beside {bound}", caches.len());
+            assert!(found < 1.5 * bound, "frame {frame}, {} caches: {found}, bound {bound}", caches.len());
             *computed += lit.computed;
         }
     }
