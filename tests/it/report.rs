@@ -1,6 +1,10 @@
 //! Figures of the report that a test can verify.
 
-use tests::{cornell, render};
+use boon::{Compiler, Schemas};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use tests::{cornell, render, render2mpeg};
 
 #[test]
 fn figures_are_those_of_the_stream_and_the_process() {
@@ -47,4 +51,55 @@ fn peak_memory_is_plausible() {
     // The program itself takes a few megabytes, and each of several linear frames of 512×512 takes three.
     assert!(small > 3e6 && small < 500e6, "{small}");
     assert!(large > small + 3e6 && large < 2e9, "{large} after {small}");
+}
+
+/// The schema in this file of docs/reference, as a check of values: none if the value fits, else the faults.
+fn schema(name: &str) -> impl Fn(&Value) -> Option<String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference").join(name);
+    let text = fs::read(path).expect("a schema");
+    let (mut schemas, mut compiler) = (Schemas::new(), Compiler::new());
+    compiler.add_resource(name, serde_json::from_slice(&text).unwrap()).unwrap();
+    let index = compiler.compile(name, &mut schemas).unwrap();
+    move |value| schemas.validate(value, index).err().map(|error| error.to_string())
+}
+
+#[test]
+fn schemas_are_those_of_the_program() {
+    for (name, schema) in
+        [("report.schema.json", program::report_schema()), ("progress.schema.json", program::progress_schema())]
+    {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference").join(name);
+        let stored: Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
+        assert!(
+            stored == *schema.as_value(),
+            "write docs/reference again: cargo run -p render2mpeg-cli --example reference"
+        );
+    }
+}
+
+#[test]
+fn reports_and_progress_fit_their_schemas() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let mut arguments = vec!["render", scene.to_str().unwrap(), "-o", "film.m2v", "--progress", "json"];
+    arguments.extend("--size 64x48 --frames 3 --vpls 60 --importance saliency:1 --stopping calibrated".split(' '));
+    let film = render2mpeg(folder.path(), &arguments);
+    assert_eq!(film.code, Some(0), "{}", film.stderr);
+
+    // A report that lacks a key, or has one of another type, does not fit.
+    let fits = schema("report.schema.json");
+    let report: Value = serde_json::from_slice(&fs::read(folder.path().join("film.report.json")).unwrap()).unwrap();
+    assert_eq!(fits(&report), None);
+    let mut broken = report.clone();
+    broken["frames"][1].as_object_mut().unwrap().remove("shadow_rays");
+    assert!(fits(&broken).is_some_and(|fault| fault.contains("shadow_rays")));
+    let mut broken = report;
+    broken["summary"]["bits_total"] = "many".into();
+    assert!(fits(&broken).is_some_and(|fault| fault.contains("bits_total")));
+
+    let fits = schema("progress.schema.json");
+    let lines: Vec<Value> = film.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), 5, "begin, three frames, end");
+    assert_eq!(lines.iter().find_map(&fits), None);
+    assert!(fits(&serde_json::json!({ "event": "pause" })).is_some());
 }
