@@ -1,4 +1,4 @@
-//! Drives the whole loop from code: pictures, thresholds and bytes arrive through a channel while the film is made.
+//! Runs the whole loop from code. Pictures, thresholds and bytes arrive through a channel while the film is made.
 //!
 //! ```text
 //! cargo run --release -p render2mpeg --example drive -- scenes/cornell/cornell.glb
@@ -14,17 +14,17 @@ use renderer::plan::Plan;
 use std::path::PathBuf;
 use std::sync::mpsc::Sender;
 
-/// Messages from the stages' threads.
+/// Messages sent by the stages' threads.
 enum News {
-    /// Number of the frame, and mean luma in code values above black.
+    /// Frame number, and mean luma in code values above black.
     Picture(u32, f64),
-    /// Number of the frame, and largest ΔY.
+    /// Frame number, and maximum ΔY.
     Thresholds(u32, f32),
     Bytes(usize),
     Coded(Box<FrameReport>),
 }
 
-/// Observer that sends everything through a channel, so that the stages continue at once.
+/// Observer that sends everything through a channel, so that the stages continue without waiting.
 struct Channel(Sender<News>);
 
 impl Observer for Channel {

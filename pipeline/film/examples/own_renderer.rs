@@ -1,11 +1,11 @@
-//! A custom renderer in the loop. It has no scenes, lights or lightcuts, yet gives the encoder exact motion and takes
-//! only the samples that the decoded picture requires.
+//! A custom renderer in the loop. It has no scenes, lights or lightcuts, but passes exact motion to the encoder and
+//! takes only the samples that the decoded picture requires.
 //!
 //! ```text
 //! cargo run --release -p render2mpeg --example own_renderer -- orbit.mpg
 //! ```
-//! A disc of fine rings moves over a gradient. Each pixel is a mean of samples, taken until its standard error is
-//! below its threshold. A lightcut stops by the same rule.
+//! The film shows a disc of fine rings that moves over a gradient. Each pixel is the mean of its samples, which are
+//! taken until the standard error is below the pixel's threshold. Lightcuts stop by a similar rule.
 
 use mpeg2enc::{Config, Container, FrameRate};
 use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap};
@@ -33,7 +33,7 @@ fn is_on_disc([x, y]: [f32; 2], [cx, cy]: [f32; 2]) -> bool {
     (x - cx).hypot(y - cy) < RADIUS
 }
 
-/// Returns the radiance at a position in the picture.
+/// Returns the radiance at a position in the picture, given the disc's center.
 fn radiance([x, y]: [f32; 2], [cx, cy]: [f32; 2]) -> f32 {
     let r = (x - cx).hypot(y - cy);
     if r < RADIUS { 0.4 + 0.35 * (0.02 * r * r).sin() } else { 0.05 + 0.3 * x / SIZE.0 as f32 }
@@ -52,7 +52,7 @@ impl Prepare for Motion {
         let (width, height) = SIZE;
         let known = (frame > 0).then(|| {
             let (now, then) = (center(frame), center(frame - 1));
-            // Position of the pixel's point in the previous frame, if it was visible there.
+            // Compute the position of the pixel's point in the previous frame, if the point was visible there.
             let before = |x: usize, y: usize| {
                 let here = [x as f32 + 0.5, y as f32 + 0.5];
                 let on_disc = is_on_disc(here, now);
@@ -75,7 +75,7 @@ impl Prepare for Motion {
     }
 }
 
-/// Takes samples until the thresholds are met, and counts them.
+/// Renderer that takes samples until the thresholds are met, and counts the samples.
 #[derive(Clone, Default)]
 struct Samples(Arc<AtomicU64>);
 
@@ -86,7 +86,7 @@ impl Shade<u32> for Samples {
         let picture = Plane::from_fn(SIZE.0, SIZE.1, |x, y| {
             let (mut sum, mut squares, mut count) = (0.0f32, 0.0f32, 0.0f32);
             loop {
-                // A Halton point of bases 2 and 3, equal for every pixel and frame.
+                // Use a Halton point of bases 2 and 3, equal for every pixel and frame.
                 let place = [x as f32 + radical_inverse(2, count as u32), y as f32 + radical_inverse(3, count as u32)];
                 let value = radiance(place, center(frame));
                 (sum, squares, count) = (sum + value, squares + value * value, count + 1.0);
@@ -117,7 +117,7 @@ fn radical_inverse(base: u32, mut index: u32) -> f32 {
     value
 }
 
-/// Observer of the largest threshold of a film.
+/// Observer of the maximum threshold of a film.
 #[derive(Default)]
 struct Widest(Mutex<f32>);
 

@@ -1,6 +1,6 @@
-//! Transcoding of a finished film for common players: its decoded pictures, coded again by ffmpeg.
+//! Transcoding of a finished film for common players: ffmpeg codes the decoded pictures again.
 //!
-//! ffmpeg runs as a separate program, if installed; this program contains none of it.
+//! If installed, ffmpeg runs as a separate program. This crate does not contain ffmpeg code.
 
 use crate::error::{Error, Result};
 use crate::settings::Settings;
@@ -10,12 +10,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Encoder of ffmpeg, and its options.
+/// ffmpeg encoder and its options.
 #[derive(Debug)]
 struct Encoder {
     /// Name of the encoder in ffmpeg.
     name: &'static str,
-    /// File ending, also ffmpeg's name of the container.
+    /// File ending, which is also ffmpeg's name of the container.
     ending: &'static str,
     options: &'static [&'static str],
     /// Minimum width and height \[pixels\].
@@ -24,8 +24,8 @@ struct Encoder {
     is_even: bool,
 }
 
-/// Encoders in order of preference. Quality is slightly above each encoder's visually lossless level, so that only
-/// the film's own losses are visible.
+/// Encoders in order of preference. The quality of each is slightly above its visually lossless level, so that only the
+/// film's own losses are visible.
 const ENCODERS: [Encoder; 3] = [
     Encoder {
         name: "libx264",
@@ -43,22 +43,22 @@ const ENCODERS: [Encoder; 3] = [
         is_even: false,
     },
 ];
-/// Color properties of the film, which encoders do not always copy.
+/// Color properties of the film, set explicitly because encoders do not always copy them.
 const COLOR: [&str; 8] =
     ["-color_primaries", "bt709", "-color_trc", "bt709", "-colorspace", "bt709", "-color_range", "tv"];
 
-/// File that is made from a finished film.
+/// Additional file, transcoded from a finished film.
 #[derive(Debug)]
 pub struct Companion {
     path: PathBuf,
     encoder: &'static Encoder,
     size: Size,
-    /// True if the film is MPEG-1, which states no matrix and uses BT.601.
+    /// True if the film is MPEG-1, which does not signal a matrix and uses BT.601.
     is_mpeg1: bool,
 }
 
 impl Companion {
-    /// Finds ffmpeg and the encoder for the ending of `path`, before the film of these `settings` is made.
+    /// Finds ffmpeg and the encoder for the ending of `path`. Call this before the film with these `settings` is made.
     ///
     /// # Errors
     /// If the ending is unknown, ffmpeg is not installed, or it was built without the encoder.
@@ -88,38 +88,39 @@ impl Companion {
         }
     }
 
-    /// Name of the encoder.
+    /// Returns the name of the encoder.
     #[must_use]
     pub fn encoder(&self) -> &'static str {
         self.encoder.name
     }
 
-    /// Path of the file.
+    /// Returns the path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Decodes the `film` and codes its pictures again, into a file that is renamed when it is complete.
+    /// Decodes the `film` and codes its pictures again. The new file is renamed to its final name when complete.
     ///
     /// # Errors
     /// If ffmpeg fails; the message ends with ffmpeg's last line.
     pub fn make(&self, film: &Path) -> Result<()> {
         let Self { path, encoder, size, is_mpeg1 } = self;
         let part = part_of(path);
-        // Paths may begin with a dash or look like a URL.
+        // Prefix paths with `file:`, because they may begin with a dash or look like a URL.
         let file = |path: &Path| {
             let mut address = std::ffi::OsString::from("file:");
             address.push(path);
             address
         };
 
-        // One video stream, in the pixel format that players support.
+        // Write one video stream, in the pixel format that players support.
         let mut command = Command::new("ffmpeg");
         command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
         command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
         command.args(encoder.options).args(COLOR);
-        // Sides that the film's header cannot state are coded one sample larger.
+        // Crop sides that are multiples of 4096: the film's header cannot contain them, so they are coded one sample
+        // larger.
         let is_longer = size.width.is_multiple_of(4096) || size.height.is_multiple_of(4096);
         let shown = |side: usize| if encoder.is_even { side / 2 * 2 } else { side };
         let (width, height) = (shown(size.width), shown(size.height));
@@ -135,7 +136,7 @@ impl Companion {
         }
         command.args(["-f", encoder.ending]).arg(file(&part));
 
-        // The file gets its name only if ffmpeg succeeds.
+        // Rename the file only if ffmpeg succeeds.
         let output =
             command.stdin(Stdio::null()).output().map_err(Error::file(path, "cannot be made: ffmpeg did not start"))?;
         if !output.status.success() {

@@ -1,4 +1,4 @@
-//! Errors of a film: of its scene, options, encoder, and the loop that makes it.
+//! Errors of a film, in the scene, the options, the encoder, or the loop that makes the film.
 
 pub use pipeline::error::Cause;
 
@@ -22,7 +22,7 @@ pub enum Error {
     /// line, and a valid value.
     #[error("{0}")]
     Options(String),
-    /// The film would take more memory than available or allowed.
+    /// The film would need more memory than available or allowed.
     #[error(
         "{}: a film of this size takes about {needed} of memory, but {allowed}; choose a smaller --size or a simpler scene",
         path.display()
@@ -30,9 +30,9 @@ pub enum Error {
     Memory {
         /// Path of the scene.
         path: PathBuf,
-        /// Estimate, with its unit.
+        /// Estimated memory, with unit.
         needed: String,
-        /// Limit with its source and unit.
+        /// Memory limit, with source and unit.
         allowed: String,
     },
     /// Two pictures or sequences cannot be compared.
@@ -59,18 +59,19 @@ impl Error {
         Self::Loop(pipeline::Error::Fault(text.into()))
     }
 
-    /// Message with the messages of all causes, joined by ": ", in one line.
+    /// Returns the message and the messages of all causes, joined by ": ", in one line.
     #[must_use]
     pub fn chain(&self) -> String {
         pipeline::error::chain(self)
     }
 
-    /// Returns a function for `map_err` that makes an error from the system's reason to refuse the file at `path`.
+    /// Returns a function for `map_err`. It converts the system's error for the file at `path` to an error with
+    /// `problem`.
     pub fn file(path: &Path, problem: &str) -> impl FnOnce(io::Error) -> Self {
         |source| Self::Loop(pipeline::Error::file(path, problem)(source))
     }
 
-    /// Returns an error about unexpected content of a file; `problem` begins with its punctuation.
+    /// Returns an error about unexpected content of a file. The text in `problem` begins with its own punctuation.
     #[must_use]
     pub fn content(path: &Path, problem: impl Into<String>) -> Self {
         Self::Loop(pipeline::Error::content(path, problem))
@@ -86,7 +87,7 @@ impl From<pipeline::Error> for Error {
     }
 }
 
-/// For stages of the loop that use this crate's functions.
+/// Converts errors of this crate for stages of the loop that use its functions.
 impl From<Error> for pipeline::Error {
     fn from(error: Error) -> Self {
         match error {
@@ -109,12 +110,12 @@ impl From<serde_json::Error> for Error {
     }
 }
 
-/// Adds the failed action to an error of another kind.
+/// Adds context to an error of another type.
 pub trait Context<T> {
-    /// Wraps the error, if any, with `context`.
+    /// Puts `context` before the message of the error, if any.
     ///
     /// # Errors
-    /// The original error, with `context` before it.
+    /// Returns the original error, with `context` before it.
     fn context(self, context: impl Into<String>) -> Result<T>;
 }
 

@@ -1,4 +1,4 @@
-//! Identity of a film: its settings and input files.
+//! Identity of a film, determined by settings and input files.
 
 use crate::error::{Context, Error, Result};
 use crate::settings::Settings;
@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Returns the job of a film of `scene` with `settings`. Paths of the scene and its files do not affect it.
+/// Returns the job of a film of `scene` with `settings`. Paths of the scene and its files do not affect the job.
 ///
 /// # Errors
 /// If the baked light cannot be read.
@@ -22,7 +22,8 @@ pub fn job_of(scene: &Scene, settings: &Settings) -> Result<FilmJob> {
     Ok(job.with_end(Some(settings.frame_range().end)))
 }
 
-/// Returns the finished film that a report describes; `None` if it describes none, or an unfinished one.
+/// Returns the job of the finished film at `film` that `report` describes; `None` without a finished film in the
+/// report.
 #[must_use]
 pub fn job_of_report(film: &Path, report: &[u8]) -> Option<FilmJob> {
     let report: Value = serde_json::from_slice(report).ok()?;
@@ -36,8 +37,8 @@ pub fn job_of_report(film: &Path, report: &[u8]) -> Option<FilmJob> {
     Some(job.with_end(u32::try_from(end).ok()))
 }
 
-/// Returns the settings as JSON without paths of files that are identified by content, and without the number of
-/// frames. No frame depends on the number of frames; only containers that begin with the film's length keep it.
+/// Returns the settings as JSON, without the number of frames and without paths of files identified by content. Frames
+/// do not depend on the number of frames; only containers that begin with the film's length keep that number.
 fn identity_of(settings: &str) -> serde_json::Result<String> {
     let mut value: Value = serde_json::from_str(settings)?;
     if let Some(names) = value.as_object_mut() {
@@ -47,7 +48,7 @@ fn identity_of(settings: &str) -> serde_json::Result<String> {
             names.remove("frames");
         }
         ["scene", "output", "baked"].iter().for_each(|name| drop(names.remove(*name)));
-        // Additional outputs continue at their paths.
+        // Keep the paths of additional outputs, because a resumed film continues these files.
         for name in ["png", "exr", "y4m"] {
             let Some(path) = names.get_mut(name).filter(|path| path.is_string()) else { continue };
             let absolute = path.as_str().and_then(|path| std::path::absolute(path).ok());
@@ -59,7 +60,7 @@ fn identity_of(settings: &str) -> serde_json::Result<String> {
     serde_json::to_string(&value)
 }
 
-/// Returns the CRC-32 of all input files of a film: the files of the scene, and the baked light.
+/// Returns the CRC-32 of all input files of a film: the scene's files and the baked light.
 ///
 /// # Errors
 /// If the baked light cannot be read.

@@ -1,4 +1,4 @@
-//! A scene in, a film with global illumination out.
+//! Films with global illumination, made from scenes.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
@@ -22,5 +22,5 @@ pub use render::{Render, render};
 pub use report::Report;
 pub use settings::{Options, Settings};
 
-/// The crates with types in public signatures.
+/// Crates with types in public signatures, re-exported.
 pub use {mpeg2enc, perceptual, pipeline, plane, render_core, renderer};

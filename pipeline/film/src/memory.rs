@@ -1,4 +1,4 @@
-//! Estimate of a film's memory, before any is allocated.
+//! Estimate of a film's memory, made before memory is allocated.
 
 use crate::error::{Error, Result};
 use crate::settings::MemorySize;
@@ -7,17 +7,19 @@ use render_core::scene::{Instance, Node, Scene};
 use renderer::settings::Size;
 use std::path::Path;
 
-/// Program, threads, lights and light tree \[bytes\]: measured as 60 MB (cornell) to 150 MB (atrium) at 128x128.
+/// Memory of program, threads, lights and light tree \[bytes\]: measured as 60 MB (cornell) to 150 MB (atrium) at
+/// 128x128.
 const PROGRAM: u64 = 100_000_000;
-/// Pictures and caches per pixel, for all frames in flight \[bytes\]: 250 (nave) to 720 (atrium) between 512x512 and
-/// 1024x1024.
+/// Memory of pictures and caches per pixel, over all frames in progress \[bytes\]: measured as 250 (nave) to 720
+/// (atrium) between 512x512 and 1024x1024.
 const PIXEL: u64 = 500;
-/// Peak per triangle while its tree is built \[bytes\]: 367 with a million triangles.
+/// Peak memory per triangle while the BVH is built \[bytes\]: measured as 367 with a million triangles.
 const TRIANGLE: u64 = 370;
-/// Transforms of an instance and its node at several times, and boxes over it \[bytes\].
+/// Memory per instance: transforms of instance and node at several times, and boxes of the BVH \[bytes\].
 const INSTANCE: u64 = 600;
 
-/// Estimates the maximum memory of a film of `scene` \[bytes\]: within a factor of two in the scenes tested.
+/// Estimates the maximum memory of a film of `scene` \[bytes\]. In the scenes tested, the error is below a factor of
+/// two.
 #[must_use]
 pub fn estimate(scene: &Scene, size: Size) -> u64 {
     let meshes: usize = scene.meshes.iter().map(render_core::scene::Mesh::byte_count).sum();
@@ -29,10 +31,10 @@ pub fn estimate(scene: &Scene, size: Size) -> u64 {
     PROGRAM + held + pixels * PIXEL + instances * INSTANCE + Geometry::triangles_to_hold(scene) as u64 * TRIANGLE
 }
 
-/// Refuses a film that would take more than `limit`, or without a limit more than the machine has.
+/// Refuses a film if its estimated memory exceeds `limit`; without a limit, if it exceeds the machine's memory.
 ///
 /// # Errors
-/// [`Error::Memory`] with the scene's `path`, the estimate and the limit.
+/// Returns [`Error::Memory`] with the scene's `path`, the estimate and the limit.
 pub fn check(path: &Path, scene: &Scene, size: Size, limit: Option<MemorySize>) -> Result<()> {
     let needed = estimate(scene, size);
     let (allowed, whose) = match (limit, of_machine()) {
@@ -50,14 +52,14 @@ pub fn check(path: &Path, scene: &Scene, size: Size, limit: Option<MemorySize>) 
     })
 }
 
-/// Memory of this machine, or of the program's control group \[bytes\]; Linux only.
+/// Returns the memory of this machine, or of the program's control group \[bytes\]; Linux only.
 #[must_use]
 pub fn of_machine() -> Option<u64> {
     let information = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = information.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
     let total = line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024;
 
-    // Without a limit the file contains "max".
+    // If the group has no limit, the file contains "max", which is not a number.
     let group = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
     let group = group.and_then(|text| text.trim().parse::<u64>().ok());
     Some(group.map_or(total, |group| group.min(total)))
@@ -68,7 +70,7 @@ mod tests {
     use super::*;
     use render_core::scene::{Material, Mesh};
 
-    /// Returns a scene of `instances` instances of a sheet with `triangles` triangles.
+    /// Returns a scene of `instances` instances of a flat mesh with `triangles` triangles.
     fn scene(triangles: u32, instances: usize) -> Scene {
         let mesh = Mesh {
             positions: vec![render_core::glam::Vec3::ZERO, render_core::glam::Vec3::X, render_core::glam::Vec3::Y],
@@ -84,7 +86,8 @@ mod tests {
     fn instances_cost_little_and_pixels_and_triangles_what_they_take() {
         let size = |width, height| Size { width, height };
         let small = estimate(&scene(1, 1), size(64, 64));
-        // A thousand instances of ten thousand triangles cost no more than one mesh and a thousand transforms.
+        // Check that a thousand instances of ten thousand triangles need no more than one mesh and a thousand
+        // transforms.
         let shared = estimate(&scene(10_000, 1000), size(64, 64)) - small;
         assert!(shared < 10_000 * (TRIANGLE + 12) + 1000 * (INSTANCE + 32), "{shared}");
         let pixels = estimate(&scene(1, 1), size(1064, 64)) - small;

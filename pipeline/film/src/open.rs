@@ -1,4 +1,4 @@
-//! A film in one call: a scene, options that differ from their defaults, and a path.
+//! Films in one call: from a scene, options that differ from the defaults, and an output path.
 
 use crate::error::{Error, Result};
 use crate::report::Report;
@@ -8,7 +8,7 @@ use render_core::scene::{self, Scene};
 use renderer::plan::Plan;
 use std::path::{Path, PathBuf};
 
-/// Scene with the options of its film.
+/// Scene, and options for rendering a film of it.
 ///
 /// ```no_run
 /// use render2mpeg::{Film, Options};
@@ -36,13 +36,13 @@ impl Film {
         Ok(Self { path, scene, options: Options::default() })
     }
 
-    /// Replaces the options, which initially are the defaults.
+    /// Replaces the options. Without this call, all options have their defaults.
     #[must_use]
     pub fn with_options(self, options: Options) -> Self {
         Self { options, ..self }
     }
 
-    /// Scene of the film.
+    /// Returns the scene of the film.
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene

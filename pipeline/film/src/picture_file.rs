@@ -1,4 +1,4 @@
-//! Files of single pictures.
+//! File formats of single pictures.
 
 use crate::error::{Error, Result};
 use perceptual::ToneMap;
@@ -19,14 +19,14 @@ pub enum PictureFormat {
 /// File formats of display codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShownFormat {
-    /// PNG, lossless.
+    /// PNG, a lossless format.
     Png,
-    /// JPEG, with hardly visible loss.
+    /// JPEG, with hardly visible losses.
     Jpeg,
 }
 
 impl PictureFormat {
-    /// Returns the format of a file by its ending.
+    /// Returns the format of a file, chosen by file ending.
     ///
     /// # Errors
     /// If the ending is unknown.
@@ -44,7 +44,7 @@ impl PictureFormat {
     }
 }
 
-/// Quality of JPEG files, 1…100: high enough to hide the blocks.
+/// Quality of JPEG files, 1…100: high enough to make the blocks invisible.
 #[cfg(feature = "still")]
 const JPEG_QUALITY: u8 = 92;
 
@@ -57,7 +57,7 @@ pub fn shown(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Plane<[u8; 3]> {
 /// Writes display codes as `.png` or `.jpg`, atomically.
 ///
 /// # Errors
-/// If the file cannot be written or has another ending.
+/// If the file cannot be written, or its ending is neither `.png` nor `.jpg`.
 #[cfg(feature = "still")]
 pub fn write_shown(path: &Path, picture: &Plane<[u8; 3]>) -> Result<()> {
     use image::{ExtendedColorType, ImageEncoder, codecs};
@@ -78,10 +78,10 @@ pub fn write_shown(path: &Path, picture: &Plane<[u8; 3]>) -> Result<()> {
     Ok(file.finish()?)
 }
 
-/// Returns an error, in builds without the feature `still`.
+/// Returns an error, because this build lacks the feature `still`.
 ///
 /// # Errors
-/// Always.
+/// Always returns an error.
 #[cfg(not(feature = "still"))]
 pub fn write_shown(path: &Path, _: &Plane<[u8; 3]>) -> Result<()> {
     Err(Error::content(path, ": this build writes no pictures; build it with the feature still"))

@@ -1,4 +1,4 @@
-//! Paths of a run's files: outputs must differ from each other and from inputs.
+//! Paths of a run's files. Outputs must differ from each other and from inputs.
 
 use crate::error::{Error, Result};
 use pipeline::streams::is_standard_output;
@@ -6,11 +6,11 @@ use render_core::scene::Scene;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Input and output files, with their names in messages.
+/// Input and output files, with names for messages.
 #[derive(Clone, Debug, Default)]
 pub struct FilePlaces {
     read: Vec<(String, PathBuf)>,
-    /// Names, paths as given, and the resolved files.
+    /// Name, path as given, and resolved path of each output file.
     written: Vec<(String, PathBuf, PathBuf)>,
 }
 
@@ -37,7 +37,7 @@ impl FilePlaces {
         self
     }
 
-    /// Checks all files, before any work.
+    /// Checks all files. Call this before any work.
     ///
     /// # Errors
     /// If an output is also an input or another output.
@@ -59,7 +59,7 @@ impl FilePlaces {
 }
 
 /// Resolves links and `..` in a path, for existing and new files. Returns `None` for devices and pipes, which may
-/// receive several outputs. Standard output counts as a file, since two outputs would mix there.
+/// receive several outputs. Standard output counts as a file, because two outputs would mix there.
 fn resolved(path: &Path) -> Option<PathBuf> {
     if is_standard_output(path) {
         return Some("-".into());

@@ -1,4 +1,4 @@
-//! Film of a scene: this crate's renderer, masking model and encoder in the loop.
+//! Films of scenes: this crate's renderer, masking model and encoder in the loop.
 
 use crate::error::Result;
 use crate::job::sum_of_inputs;
@@ -21,7 +21,7 @@ use std::time::Instant;
 #[cfg(feature = "bake")]
 use renderer::texels::BakedTexels;
 
-/// Film that is ready to be made, from its first frame or from a checkpoint.
+/// Film that is ready to be made, from the first frame or from a checkpoint.
 #[derive(Debug)]
 pub struct Render<'a> {
     scene: &'a Scene,
@@ -35,20 +35,21 @@ pub struct Render<'a> {
 }
 
 impl<'a> Render<'a> {
-    /// Prepares the film from its first frame or from `checkpoints`. Files are changed only after the whole
-    /// checkpoint was read.
+    /// Prepares the film from its first frame or from `checkpoints`. Files are changed only after the whole checkpoint
+    /// has been read.
     ///
     /// # Errors
-    /// If the settings fit no encoder, the checkpoint is invalid, or a file of uncompressed frames cannot be written.
+    /// If no encoder supports the settings, the checkpoint is invalid, or a file of uncompressed frames cannot be
+    /// written.
     pub fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, checkpoints: &'a Checkpoints) -> Result<Self> {
         Self::among(scene, settings, plan, checkpoints, &Team::alone())
     }
 
-    /// Does the same as [`new`](Self::new), on rank 0 of a `team` that shares the work of each frame. The other ranks
-    /// call [`follow`](Self::follow). The bytes are the same as with one process.
+    /// Prepares the film like [`new`](Self::new), on rank 0 of a `team` that shares the work of each frame. The other
+    /// ranks call [`follow`](Self::follow). The film's bytes do not depend on the number of ranks.
     ///
     /// # Errors
-    /// Errors of [`new`](Self::new). The other ranks then end.
+    /// Returns the errors of [`new`](Self::new). The other ranks then end.
     pub fn among(
         scene: &'a Scene,
         settings: &'a Settings,
@@ -57,7 +58,7 @@ impl<'a> Render<'a> {
         team: &Team,
     ) -> Result<Self> {
         let begin = Instant::now();
-        // Created first: if a later step fails, dropping it notifies the other ranks.
+        // Create the lead first: if a later step fails, dropping the lead notifies the other ranks.
         let lead = Lead::of(team.shade.clone());
         let masks = plan.is_on(Stage::Masking);
         let light = LightParts::new(scene, settings, plan, team)?;
@@ -69,7 +70,7 @@ impl<'a> Render<'a> {
             mask: masks.then(|| Masking::new(settings)).transpose()?,
         };
         let start = parts.begin_among(settings.frame_range().start, checkpoints, lead)?;
-        // The stages start from a checkpoint, or from the first frame.
+        // Start the stages from a checkpoint, or from the first frame.
         Ok(Self {
             scene,
             settings,
@@ -82,8 +83,8 @@ impl<'a> Render<'a> {
         })
     }
 
-    /// Shares the work of a film that rank 0 of the `team` makes. Call it on all other ranks; it writes nothing and
-    /// blocks until rank 0 ends.
+    /// Shares the work of a film that rank 0 of the `team` makes. All other ranks must call this function. It writes no
+    /// files and blocks until rank 0 ends.
     ///
     /// # Errors
     /// If the baked light cannot be read, a checkpoint is invalid, or the ranks computed different light.
@@ -92,7 +93,7 @@ impl<'a> Render<'a> {
         Ok(follow(prepare, shade, team)?)
     }
 
-    /// Opens the film's file. Without one, the bytes are passed only to the observer.
+    /// Opens the film's file. Without a file, the bytes are passed only to the observer.
     ///
     /// # Errors
     /// If the file cannot be written, or is shorter than at the checkpoint.
@@ -100,8 +101,8 @@ impl<'a> Render<'a> {
         Ok(self.start.write_to(path)?)
     }
 
-    /// Returns a function that ends the film's file at once, from any thread, with the frames written so far. It
-    /// returns true if the file has frames; [`finish`](Self::finish) then fails. `None` before
+    /// Returns a function that ends the film's file at once, from any thread, with the frames written so far. The
+    /// function returns true if the file has frames; [`finish`](Self::finish) then fails. Returns `None` before
     /// [`write_to`](Self::write_to).
     #[must_use]
     pub fn early_end(&self) -> Option<impl Fn() -> Result<bool> + Send + 'static> {
@@ -109,18 +110,18 @@ impl<'a> Render<'a> {
         Some(move || Ok(end.end()?))
     }
 
-    /// Passes these channels of each frame to observers, in [`Shaded::watched`](pipeline::parts::Shaded::watched); no
-    /// file contains them.
+    /// Passes the channels `aov` of each frame to observers, in [`Shaded::watched`](pipeline::parts::Shaded::watched).
+    /// These channels are not written to files.
     pub fn watch(&mut self, aov: &[Aov]) {
         self.parts.shade.watch(aov);
     }
 
-    /// Makes this process simulate several ranks that take tiles in sequence, and record their simulated times.
+    /// Makes this process simulate several ranks: it shades their tiles in sequence, and records simulated times.
     pub fn simulate(&mut self, ranks: SimulatedRanks) {
         self.parts.shade.set_crew(Crew::Simulated(ranks));
     }
 
-    /// First frame that is not finished yet.
+    /// Returns the first frame that is not finished yet.
     #[must_use]
     pub fn first_frame(&self) -> u32 {
         self.start.first_frame()
@@ -129,7 +130,7 @@ impl<'a> Render<'a> {
     /// Makes the film, and returns its report. Blocks until the film is finished.
     ///
     /// # Errors
-    /// The first failure of a stage: a file that cannot be written, or a bug.
+    /// Returns the first error of a stage: a file cannot be written, or the stage has a bug.
     pub fn finish(mut self, run: Run<'_>) -> Result<Report> {
         if let Some(exposure) = self.exposure_before() {
             self.parts.display.set_exposure(exposure);
@@ -142,9 +143,9 @@ impl<'a> Render<'a> {
         Ok(Report { inputs, ..Report::new(scene, settings, plan.steps(), reports, ending) })
     }
 
-    /// Returns the exposure that must be set before the first frame: the exposure of the film's lit frames, if the
-    /// first frame is not representative, or a small first frame's exposure for films in independent chunks. A
-    /// resumed film has its exposure.
+    /// Returns the exposure to set before the first frame, if needed. If the first frame is not representative, this is
+    /// the exposure of the film's lit frames. Films in independent chunks use the exposure of a small version of the
+    /// first frame. A resumed film already has its exposure.
     fn exposure_before(&self) -> Option<f32> {
         let Self { scene, settings, start, .. } = self;
         let begins = start.first_frame() == settings.frame_range().start;
@@ -166,7 +167,7 @@ impl<'a> Render<'a> {
     }
 }
 
-/// Stages that compute light, which every rank has.
+/// Stages that compute light, needed on every rank.
 struct LightParts<'a> {
     prepare: Preparation<'a>,
     shade: Shading<'a>,
@@ -203,7 +204,7 @@ fn with_baked<'a>(shading: Shading<'a>, baked: Option<&Arc<BakedTexels>>) -> Sha
 
 /// Renders `scene` into the output file of `settings`, without checkpoints, and returns the report.
 ///
-/// To choose the threads, call this inside a rayon pool.
+/// To choose the number of threads, call this function inside a rayon pool.
 ///
 /// # Errors
 /// Errors of [`Render::new`], [`Render::write_to`] and [`Render::finish`].

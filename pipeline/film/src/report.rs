@@ -83,7 +83,7 @@ pub struct Summary {
     pub peak_memory_bytes: Option<u64>,
 }
 
-/// End of a run.
+/// Time and manner in which a run ended.
 #[derive(Clone, Copy, Debug)]
 pub struct Ending {
     /// True if the user ended the run early.
@@ -93,7 +93,7 @@ pub struct Ending {
 }
 
 impl Summary {
-    /// Returns the summary of `frames`, made by this process.
+    /// Returns the summary of `frames`, which this process made.
     pub fn of(frames: &[FrameReport], ending: Ending) -> Self {
         let Ending { interrupted, wall_seconds } = ending;
         let count = frames.len().max(1) as f64;
@@ -120,7 +120,7 @@ impl Summary {
 }
 
 impl Report {
-    /// Returns the report of `frames`.
+    /// Returns the report of a run that made `frames`.
     pub fn new(scene: &Scene, settings: &Settings, plan: &[Step], frames: Vec<FrameReport>, ending: Ending) -> Self {
         let summary = Summary::of(&frames, ending);
         Self {
@@ -169,7 +169,7 @@ pub fn write_json(value: &impl Serialize, path: &Path) -> Result<()> {
     Ok(output.finish()?)
 }
 
-/// CPU time of the whole process \[s\]; `None` if the system does not report it.
+/// Returns the CPU time of the whole process \[s\]; `None` if the system does not report it.
 #[cfg(unix)]
 pub fn process_cpu_seconds() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
@@ -181,7 +181,7 @@ pub fn process_cpu_seconds() -> Option<f64> {
     None
 }
 
-/// Peak resident memory from the kernel (proc(5), VmHWM) \[bytes\]; Linux only.
+/// Returns the peak resident memory reported by the kernel (proc(5), VmHWM) \[bytes\]; Linux only.
 fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -1,4 +1,4 @@
-//! Single pictures: a frame of a scene as tone-mapped codes and as linear light.
+//! Single frames of a scene, as tone-mapped codes and as linear light.
 
 use crate::error::Result;
 use crate::picture_file::{PictureFormat, shown, write_shown};
@@ -14,7 +14,7 @@ use renderer::plan::Plan;
 use renderer::{Preparation, Shading, exposure_of_first_frame, exposure_of_lit_frames};
 use std::path::Path;
 
-/// Picture of one frame.
+/// Rendered picture of one frame.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Still {
@@ -22,12 +22,12 @@ pub struct Still {
     pub radiance: Plane<[f32; 3]>,
     /// Tone-mapped picture: red, green and blue of sRGB as 8-bit codes.
     pub shown: Plane<[u8; 3]>,
-    /// Attributes for the header of an OpenEXR file.
+    /// Attributes in the header of an OpenEXR file.
     pub header: FrameHeader,
 }
 
 impl Still {
-    /// Renders frame `frame` of `scene`, counted from 0, without thresholds, like the first frame of a film.
+    /// Renders frame `frame` of `scene`, counted from 0. Like the first frame of a film, the picture has no thresholds.
     #[must_use]
     pub fn render(scene: &Scene, settings: &Settings, frame: u32) -> Self {
         let renderer = settings.render.clone();
@@ -35,7 +35,7 @@ impl Still {
         let prepared = Preparation::new(scene, &renderer, &plan).frame(frame);
         let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
 
-        // Automatic exposure uses the film's first frame, or its lit frames.
+        // Derive automatic exposure from the film's lit frames, or else from the film's first frame.
         let of_lit_frames = || exposure_of_lit_frames(scene, &renderer);
         let found = settings.render.auto_exposure.then(of_lit_frames).flatten();
         let exposure = match (settings.render.auto_exposure, frame) {
@@ -49,8 +49,8 @@ impl Still {
         Self { radiance: shaded.radiance, shown, header: shaded.header }
     }
 
-    /// Writes `.png` or `.jpg` tone mapped for display, or `.exr` with linear light, in 16-bit floats where these
-    /// suffice.
+    /// Writes the picture tone mapped for display (`.png`, `.jpg`), or as linear light (`.exr`) in 16-bit floats where
+    /// these suffice.
     ///
     /// # Errors
     /// If the ending is unknown or the file cannot be written.

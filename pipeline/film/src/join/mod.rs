@@ -1,7 +1,7 @@
-//! Joining parts into a film: `render2mpeg join`.
+//! Joining of parts into a film: `render2mpeg join`.
 //!
-//! `part` reads a part with its report, `order` checks that the parts form one film, and this module writes one
-//! stream and one report. Nothing is recoded. A film that one machine made in the same chunks has the same bytes.
+//! `part` reads a part with its report, `order` checks that the parts form a film, and this module writes the stream
+//! and the report. Pictures are not recoded. A film made by one machine in the same chunks has the same bytes.
 
 mod order;
 mod part;
@@ -28,13 +28,13 @@ pub struct JoinedReport {
     plan: Value,
     /// Reports of all frames.
     pub frames: Vec<FrameReport>,
-    /// Summary of all frames. Times are sums over the parts; memory is the maximum over the parts.
+    /// Summary of all frames. Times are sums over the parts; memory is the maximum.
     pub summary: Summary,
-    /// The parts in order.
+    /// Parts of the film, in order.
     parts: Vec<JoinedPart>,
 }
 
-/// Part of a film, in the film's report.
+/// Part of a film, as listed in the film's report.
 #[derive(Clone, Debug, Serialize)]
 struct JoinedPart {
     file: PathBuf,
@@ -59,7 +59,7 @@ impl JoinedReport {
         });
         let joined = joined.collect();
 
-        // Settings of all parts appear once; range and output belong to one part only.
+        // List the settings of all parts once, without output and range, which belong to single parts.
         let first = &parts[0].report;
         let (schema, program) = (first.schema, first.program.clone());
         let (scene, mut settings, plan) = (first.scene.clone(), first.settings.clone(), first.plan.clone());
@@ -90,13 +90,13 @@ pub fn places(paths: &[PathBuf]) -> FilePlaces {
     places
 }
 
-/// Joins the elementary streams at `paths`, in this order, into the film at `output`, with the container of its
-/// ending. Each part's report is next to it. Nothing is written unless all parts are complete, consecutive, and form
-/// a whole film.
+/// Joins the elementary streams at `paths`, in the given order, into the film at `output`. The ending of `output`
+/// determines the container. Each part's report must be next to the part. Nothing is written unless all parts are
+/// complete, consecutive, and form a whole film.
 ///
 /// # Errors
-/// If a part is truncated, misplaced or belongs to another film, or a file cannot be read or written. The message
-/// names the file.
+/// If a part is truncated, misplaced or belongs to another film, or a file cannot be read or written. The message names
+/// the file.
 pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
     let container = container_of(output, None).ok_or_else(|| unknown_ending(output))?;
     places(paths).writes("-o", Some(output)).check()?;
@@ -107,7 +107,7 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
         check_disc_part(&parts[0])?;
     }
 
-    // Each part is read again when it is written: a film may exceed memory.
+    // Read each part again when it is written, because a film may exceed the memory.
     let config = parts[0].encoder_config()?;
     let pictures = u64::from(parts[0].pictures);
     let all = u64::from(parts[0].film_frames) * pictures;
@@ -124,7 +124,7 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
     Ok(JoinedReport::new(parts, output))
 }
 
-/// Checks that DVD-Video permits a part's pixels and rate, which an elementary stream does not state.
+/// Checks that DVD-Video permits a part's pixels and rate, which an elementary stream does not signal.
 ///
 /// # Errors
 /// If the pixels are square, or the rate needs pulldown.

@@ -1,17 +1,17 @@
-//! Checks that parts belong to one film, are complete and in order.
+//! Checks that parts belong to the same film, are complete and in order.
 
 use super::part::WholePart;
 use crate::error::{Error, Result};
 use crate::settings::FrameRange;
 use serde_json::Value;
 
-/// Settings that change no bit of the stream: paths, and the part's range.
+/// Settings of a single part that change no bit of the stream: paths, and the part's range.
 const OF_ONE_PART: [&str; 8] = ["scene", "output", "range", "baked", "exr", "exr_depth", "aov", "y4m"];
 
-/// Checks `parts`, in the order in which they will be joined.
+/// Checks `parts` in the order in which they will be joined.
 ///
 /// # Errors
-/// If a part belongs to another film than the first, or does not follow the previous part.
+/// If a part belongs to a film other than the first part's, or does not follow the previous part.
 pub(super) fn check(parts: &[WholePart]) -> Result<()> {
     let [first, others @ ..] = parts else {
         return Err(Error::Options("no parts to join".into()));
@@ -20,7 +20,7 @@ pub(super) fn check(parts: &[WholePart]) -> Result<()> {
     check_order(parts)
 }
 
-/// Checks that `part` belongs to the same film as the `first`.
+/// Checks that `part` belongs to the film of the `first` part.
 fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
     let (one, other) = (&first.report, &part.report);
     let differs = |what: &str, then: &dyn std::fmt::Display, now: &dyn std::fmt::Display| {
@@ -31,7 +31,7 @@ fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
         ))
     };
 
-    // Program and settings must agree, except for settings of a single part.
+    // Compare program and settings, except for settings of a single part.
     if one.program != other.program || one.schema != other.schema {
         return differs("the program", &one.program, &other.program);
     }
@@ -43,7 +43,7 @@ fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
         }
     }
 
-    // The same settings may belong to another version of the scene, or to another encoder.
+    // Parts with equal settings may still come from another version of the scene, or from another encoder.
     if one.inputs != other.inputs {
         let first_file = first.path.display();
         let text = format!(" was made from another scene than {first_file}: a file of the scene changed between them");
@@ -56,7 +56,7 @@ fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
     Ok(())
 }
 
-/// Checks that the parts are consecutive, from the first frame of their film to the last.
+/// Checks that the parts are consecutive and cover the film from the first frame to the last.
 fn check_order(parts: &[WholePart]) -> Result<()> {
     let mut next = 0;
     for part in parts {
@@ -66,7 +66,7 @@ fn check_order(parts: &[WholePart]) -> Result<()> {
             return wrong(format!("overlaps {}, frames {}", other.path.display(), other.range));
         }
         if first != next {
-            // The part comes too early, or its predecessor is missing.
+            // Distinguish parts in the wrong order from a missing part.
             return match parts.iter().find(|other| other.range.first == next) {
                 Some(other) => wrong(format!("is out of order: {} comes first", other.path.display())),
                 None => wrong(format!("cannot come next: the part that begins with frame {next} is missing")),

@@ -17,13 +17,13 @@ pub(super) struct WholePart {
     pub range: FrameRange,
     /// Number of frames of the whole film.
     pub film_frames: u32,
-    /// Frames per second.
+    /// Frame rate of the film \[frames per second\].
     pub fps: f64,
-    /// Display aspect ratio.
+    /// Display aspect ratio of the film.
     pub aspect: PictureAspect,
-    /// Pictures per frame.
+    /// Number of pictures per frame.
     pub pictures: u32,
-    /// Sequence header and extensions of the stream.
+    /// Bytes of the stream's sequence header and extensions.
     pub sequence_header: Vec<u8>,
     pub report: PartReport,
 }
@@ -68,7 +68,7 @@ impl WholePart {
         let report = report_of(path)?;
         let wrong = |problem: String| Err(Error::content(path, problem));
 
-        // The frames of the part must be the frames that were requested.
+        // Check that the part contains the requested frames.
         let range = report.settings.get("range").and_then(Value::as_str).and_then(|range| range.parse().ok());
         let frames = report.settings.get("frames").and_then(Value::as_u64).and_then(|frames| frames.try_into().ok());
         let (Some(range), Some(film_frames)) = (range, frames) else {
@@ -80,13 +80,13 @@ impl WholePart {
             return wrong(format!(" ended early with {made} of {wanted} frames: continue it with --resume"));
         }
 
-        // Pictures per frame, by the rate in the report.
+        // Determine the number of pictures per frame from the rate in the report.
         let place = path_beside(path).display().to_string();
         let coded: PartCoding = serde_json::from_value(report.settings.clone().into()).context(place.clone())?;
         let CodedRate { pictures, .. } = CodedRate::of(coded.fps).context(place)?;
 
-        // A stream matches its report if the sizes of frames agree. With lookahead, pictures may be counted with the
-        // previous frame.
+        // Compare the sizes of frames to check that the stream matches its report. If frames have several pictures,
+        // compare only the total, because with lookahead pictures may be counted with the previous frame.
         let mut lines: Vec<(u32, u64)> = report.frames.iter().map(|frame| (frame.index, frame.bits)).collect();
         lines.sort_unstable();
         let mut frames = vec![0; wanted as usize];
@@ -121,7 +121,7 @@ impl WholePart {
     /// Reads the stream again.
     ///
     /// # Errors
-    /// If it cannot be read or has changed in the meantime.
+    /// If the stream cannot be read or has changed in the meantime.
     pub fn stream(&self) -> Result<ElementaryStream> {
         let stream = stream_at(&self.path)?;
         let bits: u64 = stream.units.iter().map(|unit| 8 * unit.data.len() as u64).sum();
@@ -131,10 +131,10 @@ impl WholePart {
         Ok(stream)
     }
 
-    /// Returns the encoder settings that containers need.
+    /// Returns the encoder configuration that containers need.
     ///
     /// # Errors
-    /// If the settings in the report fit no encoder.
+    /// If no encoder supports the settings in the report.
     pub fn encoder_config(&self) -> Result<Config> {
         let place = path_beside(&self.path).display().to_string();
         let coded: PartCoding = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;

@@ -25,13 +25,13 @@ pub enum PictureAspect {
 impl PictureAspect {
     const ALL: [Self; 3] = [Self::Square, Self::Display4x3, Self::Display16x9];
 
-    /// Returns true if pixels are square.
+    /// Returns whether pixels are square.
     #[must_use]
     pub fn is_square(&self) -> bool {
         *self == Self::Square
     }
 
-    /// Aspect ratio as coded by the encoder.
+    /// Returns the aspect ratio as coded by the encoder.
     #[must_use]
     pub fn ratio(self) -> AspectRatio {
         match self {
@@ -41,7 +41,7 @@ impl PictureAspect {
         }
     }
 
-    /// Width and height of a pixel in pictures of this size, as a reduced ratio.
+    /// Returns width and height of a pixel, as a reduced ratio, for pictures of the given size.
     #[must_use]
     pub fn pixel(self, size: Size) -> [u64; 2] {
         let (wide, high) = match self {
@@ -57,10 +57,11 @@ impl PictureAspect {
         [width / divisor, height / divisor]
     }
 
-    /// Returns the aspect ratio of a film at `output`: `requested`, or a default. DVD-Video has no square pixels.
+    /// Returns the aspect ratio of a film at `output`: the `requested` ratio, or a default. DVD-Video does not support
+    /// square pixels.
     ///
     /// # Errors
-    /// If square pixels are requested for a disc.
+    /// If square pixels are requested for DVD-Video.
     pub(super) fn of(requested: Option<Self>, output: &Path, range: Option<FrameRange>, size: Size) -> Result<Self> {
         let is_disc = container_of(output, range) == Some(Container::Disc);
         match requested {
@@ -75,9 +76,9 @@ impl PictureAspect {
         }
     }
 
-    /// Returns the aspect ratio of a disc that is nearest to square pixels.
+    /// Returns the DVD-Video aspect ratio that is nearest to square pixels.
     fn nearest(size: Size) -> Self {
-        // 14:9 is the midpoint.
+        // Compare with 14:9, the midpoint of 4:3 and 16:9.
         if 9 * size.width > 14 * size.height { Self::Display16x9 } else { Self::Display4x3 }
     }
 }
@@ -113,7 +114,7 @@ impl<'de> Deserialize<'de> for PictureAspect {
 mod tests {
     use super::*;
 
-    /// Pixel shapes of discs with 625 and 525 lines.
+    /// Checks the pixel shapes of DVD-Video with 625 and 525 lines.
     #[test]
     fn pixels_of_discs() {
         let pixel = |aspect: PictureAspect, width, height| aspect.pixel(Size { width, height });

@@ -1,7 +1,8 @@
-//! Films in chunks, and the range of a film that one machine makes.
+//! Films in chunks, and ranges of a film for several machines.
 //!
-//! All state is reset every `chunk` frames, at a closed group of pictures, so a chunk depends on no earlier frame.
-//! Machines that make some chunks each produce the same film as one machine. A range without chunks is one chunk.
+//! All state is reset every `chunk` frames, at a closed group of pictures, so a chunk does not depend on earlier
+//! frames. Machines that each make some chunks produce the same film as one machine. A range without chunks is one
+//! chunk.
 
 use crate::error::{Error, Result};
 use renderer::settings::parsed;
@@ -50,12 +51,12 @@ impl<'de> Deserialize<'de> for FrameRange {
     }
 }
 
-/// Returns the checked range of frames to make of a film of `frames` frames, or `None` for all. With `chunk` frames
-/// per chunk, a range consists of whole chunks. The last chunk may be shorter than the others, and its range may be
-/// given as if it were whole.
+/// Returns the checked range of frames to make, or `None` for all frames. The film has `frames` frames. With `chunk`
+/// frames per chunk, a range consists of whole chunks. The last chunk may be shorter than the others, but its range may
+/// be given at full chunk length.
 ///
 /// # Errors
-/// If the range is not whole chunks or exceeds the film; the message names a valid range.
+/// If the range is not a whole number of chunks or exceeds the film. The message names a valid range.
 pub(super) fn checked_range(chunk: Option<u32>, range: Option<FrameRange>, frames: u32) -> Result<Option<FrameRange>> {
     let fail = |text: String| Err(Error::Options(text));
     if chunk == Some(0) {
@@ -67,7 +68,7 @@ pub(super) fn checked_range(chunk: Option<u32>, range: Option<FrameRange>, frame
     }
     let Some(chunk) = chunk else { return Ok(range) };
 
-    // The smallest range of whole chunks around the given one.
+    // Suggest the smallest range of whole chunks that contains the given range.
     let begin = first - first % chunk;
     let (frames, chunk) = (u64::from(frames), u64::from(chunk));
     let end = (u64::from(last) / chunk + 1) * chunk;
@@ -99,7 +100,7 @@ mod tests {
             (10, "0-9", 30, "0-9"),
             (10, "10-29", 30, "10-29"),
             (10, "20-24", 25, "20-24"),
-            // The last chunk may be given as if it were whole, as scripts count.
+            // Scripts may give the last chunk at full length.
             (10, "20-29", 25, "20-24"),
             (10, "20", 21, "20-20"),
             (1, "7", 30, "7-7"),
@@ -108,7 +109,7 @@ mod tests {
         ] {
             assert_eq!(filled(Some(chunk), range, frames).unwrap().unwrap().to_string(), expected, "{range}");
         }
-        // A range without chunks may be any frames of the film.
+        // Without chunks, a range may contain any frames of the film.
         assert_eq!(filled(None, "5-13", 14).unwrap().unwrap().to_string(), "5-13");
     }
 

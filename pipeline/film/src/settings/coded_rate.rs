@@ -1,4 +1,4 @@
-//! Frame rates of films: MPEG's own rates, and others by repeated frames.
+//! Frame rates of films: MPEG's own rates, and other rates by repeated frames.
 
 use crate::error::{Error, Result};
 use mpeg2enc::{ConfigError, FrameRate};
@@ -7,17 +7,17 @@ use renderer::settings::parsed;
 use serde::{Deserialize, Deserializer};
 use std::str::FromStr;
 
-/// Lowest frame rate accepted \[frames per second\].
+/// Minimum accepted frame rate \[frames per second\].
 const LEAST: f64 = 1.0;
-/// Maximum number of pictures per frame: 60 per second for films of one frame per second.
+/// Maximum number of pictures per frame: a film of one frame per second has 60.
 const MOST_PICTURES: u32 = 60;
 
-/// Frame rate of a film as a picture rate of MPEG.
+/// Frame rate of a film, expressed as a picture rate of MPEG.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CodedRate {
     /// Picture rate \[pictures per second\].
     pub rate: FrameRate,
-    /// Pictures per frame: 1 if MPEG has the frame rate.
+    /// Number of pictures per frame: 1 if MPEG supports the frame rate.
     pub pictures: u32,
 }
 
@@ -25,7 +25,7 @@ impl CodedRate {
     /// Returns the lowest rate of MPEG that is a multiple of `fps` frames per second.
     ///
     /// # Errors
-    /// If no rate of MPEG is a multiple.
+    /// If no rate of MPEG is a multiple of `fps`.
     pub fn of(fps: f64) -> Result<Self, ConfigError> {
         let exact = FrameRate::from_fps(fps);
         if exact.is_ok() || fps.is_nan() || fps < LEAST {
@@ -39,7 +39,7 @@ impl CodedRate {
         Err(ConfigError::FrameRate { fps })
     }
 
-    /// Frames per second as a reduced fraction.
+    /// Returns the number of frames per second as a reduced fraction.
     #[must_use]
     pub fn frames(self) -> (u32, u32) {
         let (numerator, denominator) = self.rate.fraction();
@@ -51,7 +51,7 @@ impl CodedRate {
     }
 }
 
-/// Frames per second, parsed from text.
+/// Number of frames per second, parsed from text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct FramesPerSecond(f64);
 
@@ -69,7 +69,7 @@ impl<'de> Deserialize<'de> for FramesPerSecond {
     }
 }
 
-/// Parses frames per second.
+/// Parses a number of frames per second.
 ///
 /// # Errors
 /// If the text is neither a number nor a fraction.
@@ -78,7 +78,7 @@ pub fn parse_fps(text: &str) -> Result<f64> {
         .ok_or_else(|| Error::Options(format!("\"{text}\" is not a frame rate such as 25, 29.97 or 24000/1001")))
 }
 
-/// Deserializes frames per second from a file of options.
+/// Deserializes the number of frames per second from an option file.
 pub(super) fn optional_fps<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     Ok(Option::<FramesPerSecond>::deserialize(deserializer)?.map(|fps| fps.0))
 }

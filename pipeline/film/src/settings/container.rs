@@ -1,4 +1,4 @@
-//! The container of an output, by its file name.
+//! Choice of the container from an output's file name.
 
 use super::chunks::FrameRange;
 use super::coded_rate::CodedRate;
@@ -7,13 +7,13 @@ use mpeg2enc::Container;
 use pipeline::streams::is_stream;
 use std::path::Path;
 
-/// File endings of films, for messages.
+/// File endings of films, as listed in messages.
 const ENDINGS: &str = ".mpg, .mp4, .mkv, .ts, .vob or .m2v";
 
-/// Returns the container of a film at `output`, by its ending; `None` for unknown endings.
+/// Returns the container of a film at `output`, chosen by file ending; `None` for unknown endings.
 ///
 /// Standard output, devices and pipes without an ending receive a program stream, which players recognize without a
-/// name. With a `range` they receive an elementary stream, as every part of a film is one.
+/// file name. With a `range` they receive an elementary stream, because every part of a film is an elementary stream.
 pub fn container_of(output: &Path, range: Option<FrameRange>) -> Option<Container> {
     let of_stream = || match range {
         Some(_) => Container::Elementary,
@@ -31,7 +31,7 @@ pub fn unknown_ending(output: &Path) -> Error {
     })
 }
 
-/// Checks that a part of a film is an elementary stream, which can be joined to other parts.
+/// Checks that a part of a film is written as an elementary stream, which can be joined to other parts.
 ///
 /// # Errors
 /// If `output` has another ending.
@@ -48,7 +48,7 @@ pub(super) fn check_part(range: Option<FrameRange>, output: &Path) -> Result<()>
 /// Checks that DVD-Video supports a film's frame rate.
 ///
 /// # Errors
-/// If `output` is for a disc and DVD-Video lacks the rate.
+/// If `output` is a DVD-Video file and DVD-Video does not support the rate.
 pub fn check_disc(output: &Path, range: Option<FrameRange>, fps: f64) -> Result<()> {
     let rate = CodedRate::of(fps).map(|coded| coded.rate.fraction());
     let has_rate = [Ok((24_000, 1001)), Ok((25, 1)), Ok((30_000, 1001))].contains(&rate);

@@ -1,8 +1,8 @@
-//! Adaptive quantisation: macroblocks coded finer than others.
+//! Adaptive quantisation: finer quantisers for selected macroblocks.
 
 use serde::{Deserialize, Serialize};
 
-/// Rule for macroblocks that are quantised finer than others.
+/// Rule that selects macroblocks for finer quantisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]

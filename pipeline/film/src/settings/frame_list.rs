@@ -1,10 +1,10 @@
-//! Lists of frames, for stills.
+//! Lists of frames for stills.
 
 use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
-/// Frames in ascending order without duplicates, counted from 0: `2,4,10-20`.
+/// Frame numbers from 0, in ascending order without duplicates, such as `2,4,10-20`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameList(Vec<u32>);
 
@@ -18,13 +18,13 @@ impl FrameList {
         Self(vec![frame])
     }
 
-    /// Frames of the list, at least one.
+    /// Returns the frames of the list, at least one.
     #[must_use]
     pub fn frames(&self) -> &[u32] {
         &self.0
     }
 
-    /// Last frame of the list.
+    /// Returns the last frame of the list.
     #[must_use]
     pub fn last(&self) -> u32 {
         self.0.last().copied().unwrap_or(0)

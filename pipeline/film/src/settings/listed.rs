@@ -1,24 +1,24 @@
-//! Settings as one flat table: the keys of `report.json`, in order.
+//! Settings serialized as one flat table, with the keys of `report.json` in order.
 
 use super::{CodingSettings, FileSettings, Settings};
 use renderer::settings::RenderSettings;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 
-/// Number of keys if all are listed.
+/// Number of keys if every setting is listed.
 const MOST_KEYS: usize = 46;
 
 impl Serialize for Settings {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let Self { scene, output, range, aspect, render, coding, files } = self;
         let CodingSettings { aq, gop, bitrate, cbr, effort, mpeg1 } = coding;
-        // The matrix of the y4m file is not a user's choice.
+        // The user does not choose the matrix of the YUV4MPEG2 file, so do not list it.
         let FileSettings { baked, png, exr, exr_depth, y4m, y4m_is_coded: _ } = files;
-        // Derived values are not listed.
+        // Do not list derived values.
         let RenderSettings { end: _, rate: _, pixel_aspect: _, .. } = render;
         let r = render;
 
         let mut table = serializer.serialize_struct("Settings", MOST_KEYS)?;
-        // Lists a key unless its condition fails.
+        // List a key unless its condition fails.
         macro_rules! list {
             ($($key:ident $(if ($listed:expr))?: $value:expr),* $(,)?) => {
                 $(if true $(&& $listed)? {

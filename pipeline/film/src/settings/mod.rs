@@ -1,4 +1,5 @@
-//! Choices of a run: [`Options`] as given by the user, [`Settings`] with every default filled in for a scene.
+//! Options and settings of a run: [`Options`] as given by the user, and [`Settings`] with every default filled in for a
+//! scene.
 
 mod aspect;
 mod chunks;
@@ -34,16 +35,16 @@ use renderer::settings::RenderSettings;
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// Settings of a run.
+/// Settings of a run, with every default filled in.
 ///
-/// Serialized as one flat table, in the order of `report.json`.
+/// Settings are serialized as one flat table, in the order of `report.json`.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// The scene file.
+    /// Path of the scene file.
     pub scene: PathBuf,
-    /// The video file.
+    /// Path of the video file.
     pub output: PathBuf,
-    /// Frames to make; `None` for the whole film.
+    /// Range of frames to make; `None` for the whole film.
     pub range: Option<FrameRange>,
     /// Display aspect ratio.
     pub aspect: PictureAspect,
@@ -51,7 +52,7 @@ pub struct Settings {
     pub render: RenderSettings,
     /// Encoder settings in addition to `qscale` and `bframes` of `render`.
     pub coding: CodingSettings,
-    /// Additional files, without scene and video.
+    /// Paths of additional files, other than scene and video.
     pub files: FileSettings,
 }
 
@@ -72,39 +73,39 @@ pub struct CodingSettings {
     pub mpeg1: bool,
 }
 
-/// Files that a film reads or writes in addition to scene and video.
+/// Files that a film reads or writes in addition to scene and video; `None` for files that are not used.
 #[derive(Clone, Debug, Default)]
 pub struct FileSettings {
     /// File of baked light, for [`Lighting::Baked`].
     pub baked: Option<PathBuf>,
-    /// Folder for frames as PNG.
+    /// Folder for frames as PNG files.
     pub png: Option<PathBuf>,
-    /// Folder for linear frames as OpenEXR.
+    /// Folder for frames as linear OpenEXR files.
     pub exr: Option<PathBuf>,
     /// Bit depth of colors in OpenEXR files; `None` means [`ExrDepth::Half`].
     pub exr_depth: Option<ExrDepth>,
-    /// File for the uncompressed frames, as YUV4MPEG2.
+    /// File for uncompressed frames, as YUV4MPEG2.
     pub y4m: Option<PathBuf>,
-    /// True if the YUV4MPEG2 file uses the film's matrix, for readers that expect it.
+    /// True if the YUV4MPEG2 file uses the film's color matrix, for readers that expect this matrix.
     pub y4m_is_coded: bool,
 }
 
 impl Settings {
-    /// Returns the settings for `scene`, loaded from `path`: `options`, with defaults for the others.
+    /// Returns the settings for `scene`, loaded from `path`. Options missing in `options` have their defaults.
     ///
     /// # Errors
-    /// If an option or a scene setting is out of range or contradicts another; the message names valid values.
+    /// If an option or a scene setting is out of range or contradicts another. The message names valid values.
     pub fn new(path: PathBuf, scene: &Scene, options: &Options) -> Result<Self> {
         options.clone().fill_in(path, scene)
     }
 
-    /// Frames to make: all frames of the film, or its range.
+    /// Returns the frames to make: all frames of the film, or its range.
     #[must_use]
     pub fn frame_range(&self) -> Range<u32> {
         self.range.map_or(0..self.render.frames, |FrameRange { first, last }| first..last + 1)
     }
 
-    /// Returns true if the film consists of independent chunks: with `chunk`, or with a range, which is one chunk.
+    /// Returns whether the film consists of independent chunks: with `chunk`, or with a range, which is one chunk.
     #[must_use]
     pub fn is_in_chunks(&self) -> bool {
         self.render.chunk.is_some() || self.range.is_some()
@@ -115,13 +116,14 @@ impl Settings {
         container_of(&self.output, self.range).unwrap_or_default()
     }
 
-    /// Returns true if pictures may wait for later ones before coding. The frame from which thresholds are derived is
+    /// Returns whether pictures may wait for later ones before coding. The frame from which thresholds are derived is
     /// then not coded yet.
     pub fn looks_ahead(&self) -> bool {
         self.coding.bitrate.is_some() || self.render.bframes > 0
     }
 
-    /// Color matrix of the film. MPEG-1 states none, and decoders assume BT.601 (11172-2, 2.4.1).
+    /// Returns the color matrix of the film. MPEG-1 does not signal a matrix, and decoders assume BT.601 (11172-2,
+    /// 2.4.1).
     #[must_use]
     pub fn matrix(&self) -> ColorMatrix {
         if self.coding.mpeg1 { ColorMatrix::Bt601 } else { ColorMatrix::Bt709 }
@@ -130,13 +132,13 @@ impl Settings {
     /// Returns the encoder's configuration for these settings.
     ///
     /// # Errors
-    /// If the standard lacks the size, rate, quantiser or group of pictures; the message names valid values.
+    /// If the standard does not support the size, rate, quantiser or group of pictures. The message names valid values.
     pub fn encoder_config(&self) -> Result<mpeg2enc::Config> {
         let CodedRate { rate: frame_rate, pictures } = CodedRate::of(self.render.fps)?;
         let is_disc = self.container() == Container::Disc;
         let pulldown = is_disc && frame_rate == mpeg2enc::FrameRate::from_fps(24_000.0 / 1001.0)?;
 
-        // A bit rate needs a decoder buffer.
+        // Choose the decoder buffer, which a bit rate needs.
         let rate = match self.coding.bitrate {
             None => Rate::ConstantQuantiser,
             Some(BitRate(bits_per_second)) => {
@@ -159,7 +161,7 @@ impl Settings {
             .with_effort(self.coding.effort);
         config.validate()?;
 
-        // DVD-Video requires Main Level.
+        // Signal Main Level for DVD-Video, which requires it.
         let stated = if pulldown { 30_000.0 / 1001.0 } else { frame_rate.fps() };
         let lowest = Level::lowest(self.render.size.width, self.render.size.height, stated);
         if is_disc && lowest.is_some_and(|lowest| lowest <= Level::Main) {
@@ -168,7 +170,8 @@ impl Settings {
         if !self.is_in_chunks() {
             return Ok(config);
         }
-        // Chunks are coded independently: none may choose its level by its own pictures.
+        // Choose one level for all chunks: they are coded independently, so none may derive its level from its own
+        // pictures.
         let pixels = (self.render.size.width * self.render.size.height) as u64;
         let bits =
             if self.render.qscale < FINE { pixels * BUSY_BITS / u64::from(self.render.qscale.max(1)) } else { 0 };
@@ -176,8 +179,8 @@ impl Settings {
     }
 }
 
-/// Returns the distance between I pictures for groups of `gop` frames with `pictures` each: I pictures are first
-/// pictures of frames.
+/// Returns the distance between I pictures for groups of `gop` frames with `pictures` each. I pictures are the first
+/// pictures of their frames.
 fn coded_group(gop: u32, pictures: u32) -> u32 {
     if pictures == 1 || gop > LONGEST_GROUP {
         return gop;
@@ -185,9 +188,10 @@ fn coded_group(gop: u32, pictures: u32) -> u32 {
     gop.saturating_mul(pictures).min(LONGEST_GROUP / pictures * pictures)
 }
 
-/// Films in chunks with quantisers below this state a level for busy pictures.
+/// Quantiser below which films in chunks signal a level for pictures with many bits.
 const FINE: u32 = 8;
-/// Bits per pixel of noise at quantiser_scale 1, about full range (ours). Other quantisers divide it by their value.
+/// Bits per pixel of noise over about the full range, at quantiser_scale 1 (ours). For other quantisers, this number is
+/// divided by quantiser_scale.
 const BUSY_BITS: u64 = 12;
 /// Maximum distance from one I picture to the next, as in [`mpeg2enc::Config::with_gop`].
 const LONGEST_GROUP: u32 = 132;

@@ -1,4 +1,4 @@
-//! Options of a film, for the library, the command line and files.
+//! Options of a film, for the library, the command line and option files.
 
 use super::aspect::PictureAspect;
 use super::chunks::FrameRange;
@@ -10,7 +10,7 @@ use renderer::settings::{Aov, Importance, Lighting, PixelShading, Size, Stopping
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
 
-/// Options of a film; an option left out has the default stated with it.
+/// Options of a film. An option left out has the default named in its description.
 ///
 /// On the command line each field is an option; in a file, such as TOML, it is a key: `run-everything = true`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -238,7 +238,7 @@ pub struct Options {
     pub y4m: Option<PathBuf>,
 }
 
-/// Serializes numbers above 2⁶³−1 as strings: TOML integers have 64 bits with sign.
+/// Serializes numbers above 2⁶³−1 as strings, because TOML integers are signed 64-bit numbers.
 fn integer<S: Serializer>(number: &Option<u64>, serializer: S) -> Result<S::Ok, S::Error> {
     match number.map(|number| i64::try_from(number).map_err(|_| number)) {
         None => serializer.serialize_none(),
@@ -273,7 +273,7 @@ mod tests {
         assert_eq!(options.bitrate, Some(BitRate(1_000_000)));
         assert_eq!((options.cache, options.compensation), (Some(Switch::Off), Some(Switch::On)));
         assert_eq!(options.aov, [Aov::CutSize, Aov::Albedo]);
-        // Written and read back, filled-in options are unchanged, and filling them in again changes nothing.
+        // Check that filled-in options survive writing and reading, and that filling them in again changes nothing.
         let first = options.fill_in("scene.glb".into(), &Scene::default()).unwrap();
         let written = toml::to_string(&options).unwrap();
         let mut again: Options = toml::from_str(&written).unwrap();
@@ -286,7 +286,7 @@ mod tests {
         }
     }
 
-    /// The renderer has defaults of its own for callers without options: they equal the film's.
+    /// Checks that the renderer's own defaults, for callers without options, equal the film's defaults.
     #[test]
     fn the_renderer_has_the_defaults_of_films() {
         let options = Options { frames: Some(1), vpls: Some(4000), ..Options::default() };

@@ -1,4 +1,4 @@
-//! Resolves options to settings: all defaults, and all checks of single options. No other file defines a default.
+//! Resolves options to settings: fills in all defaults and checks single options. No other file defines a default.
 
 use super::aspect::PictureAspect;
 use super::chunks::checked_range;
@@ -18,22 +18,23 @@ use renderer::settings::{
 };
 use std::path::{Path, PathBuf};
 
-/// Default of `--importance-gain` (ours): thresholds are at most halved, or doubled.
+/// Default of `--importance-gain` (ours): maximum factor by which importance lowers or raises thresholds.
 const IMPORTANCE_GAIN: f32 = 2.0;
-/// Samples of the most important pixels \[Debattista05, 4.2\].
+/// Number of samples of the most important pixels \[Debattista05, 4.2\].
 const IMPORTANT_SAMPLES: u32 = 5;
 /// Divisor of the number of anchor lights for drafts.
 const DRAFT_SHARE: usize = 4;
 /// Maximum number of samples per pixel.
 const MOST_SAMPLES: u32 = 64;
-/// κ of [`perceptual::Feedback::with_kappa`] (ours). On `cornell` at quantiser_scale 48, decoded luma loses 0.4 dB
-/// with κ = 1, compared with lightcuts at 2 % (512×512, 16 frames). With 1/4 it loses less than 0.1 dB.
+/// κ of [`perceptual::Feedback::with_kappa`] (ours). On `cornell` at quantiser_scale 48, κ = 1 reduces the PSNR of
+/// decoded luma by 0.4 dB, compared with lightcuts at 2 % (512×512, 16 frames). With κ = 1/4 the loss is below 0.1 dB.
 const KAPPA: f32 = 0.25;
-/// κ of [`perceptual::Feedback::observe_coded`], which measures how errors change the decoded picture. On `cornell`,
-/// 256×256, at quantisers from 8 to 48, κ = 1 costs less than 0.06 dB and 1.3 % of bits; 2 costs 0.16 dB and 3.9 %.
+/// κ of [`perceptual::Feedback::observe_coded`], which measures how errors change the decoded picture. On `cornell`
+/// (256×256, quantisers from 8 to 48), κ = 1 costs less than 0.06 dB and 1.3 % of bits. κ = 2 costs 0.16 dB and 3.9 %
+/// of bits.
 const CODEC_KAPPA: f32 = 1.0;
 
-/// Returns an [`Error::Options`].
+/// Returns an [`Error::Options`] with a formatted message.
 macro_rules! fail {
     ($($text:tt)*) => { return Err(Error::Options(format!($($text)*))) };
 }
@@ -42,14 +43,14 @@ impl Options {
     /// Fills in every default, given `scene` loaded from `path`, and returns the settings.
     ///
     /// # Errors
-    /// If an option or a scene setting is out of range or contradicts another; the message names valid values.
+    /// If an option or a scene setting is out of range or contradicts another. The message names valid values.
     pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
-        // The preset comes first: every other default applies to what it leaves open.
+        // Apply the preset first: all other defaults fill only options that the preset leaves open.
         if let Some(preset) = self.preset {
             self.fill_in_preset(preset, scene);
         }
 
-        // Length and output of the film.
+        // Fill in length and output of the film.
         let (fps, frames) = self.fill_in_length(&path, scene)?;
         self.fill_in_chunks(frames)?;
         let output = self.fill_in_output(&path)?;
@@ -57,7 +58,7 @@ impl Options {
             fail!("--cbr needs --bitrate, the constant rate in bits per second");
         }
 
-        // Thresholds and sampling.
+        // Fill in thresholds and sampling.
         let (thresholds, kappa) = self.fill_in_thresholds()?;
         let (stopping, within) = self.fill_in_stopping()?;
         self.fill_in_importance(&path, scene)?;
@@ -69,7 +70,7 @@ impl Options {
             fail!("--bounces 0: unreflected light shows only lamps; 1 is direct light only");
         }
 
-        // Files, lights and exposure.
+        // Check the files, and fill in lights and exposure.
         self.check_files()?;
         let vpls = *self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene));
         if !(1..=10_000_000).contains(&vpls) {
@@ -78,17 +79,17 @@ impl Options {
         let lighting = self.fill_in_lighting(&path)?;
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
-        // A bit rate may lead to any quantiser: expect the default.
+        // A bit rate may lead to any quantiser, so expect the default quantiser.
         let expected_qscale = if self.bitrate.is_some() { 8 } else { qscale };
 
-        // Size and shape of the pictures.
+        // Fill in size and shape of the pictures.
         let size = *self.size.get_or_insert_with(|| Size::of_camera(scene, 512));
         let aspect = *self.aspect.insert(PictureAspect::of(self.aspect, &output, self.range, size)?);
         check_disc(&output, self.range, fps)?;
         let frame_range = self.range.map_or(0..frames, |FrameRange { first, last }| first..last + 1);
         let [pixel_width, pixel_height] = aspect.pixel(size);
 
-        // All options now have values.
+        // Collect the settings, since all options now have values.
         let render = RenderSettings {
             frames,
             end: frame_range.end,
@@ -182,7 +183,7 @@ impl Options {
 
     /// Fills in frame rate and number of frames, and returns both.
     fn fill_in_length(&mut self, path: &Path, scene: &Scene) -> Result<(f64, u32)> {
-        // An invalid rate from the scene's settings is reported with its file.
+        // Report an invalid rate in the scene's settings with the path of the settings file.
         let video = scene.settings.video;
         if let Some(Err(error)) = video.fps.filter(|_| self.fps.is_none()).map(CodedRate::of) {
             return Err(Error::content(&SceneSettings::path_for(path), format!(": [video] fps: {error}")));
@@ -191,7 +192,7 @@ impl Options {
         if !(fps.is_finite() && fps > 0.0) {
             fail!("--fps {fps} must be positive");
         }
-        // The scene's length, and the range of it that the film shows.
+        // Determine the scene's length, and the range of frames that the film shows.
         let animated = (f64::from(scene.duration()) * fps).round().clamp(0.0, 1e6) as u32;
         let all = video.frames.unwrap_or(if animated > 0 { animated } else { 100 });
         let (from, every) = (self.from.unwrap_or(0), self.every.unwrap_or(1));
@@ -208,7 +209,7 @@ impl Options {
         };
         let shown = end.saturating_sub(from).div_ceil(every);
         let frames = *self.frames.get_or_insert(shown);
-        // The number of frames now determines the film's end.
+        // Clear `to`, because the number of frames now determines the film's end.
         self.to = None;
         if frames == 0 {
             fail!("--frames 0: a video has at least one frame");
@@ -216,7 +217,7 @@ impl Options {
         Ok((fps, frames))
     }
 
-    /// Checks the range of frames to make, if one is given.
+    /// Checks the range of frames to make, if given.
     fn fill_in_chunks(&mut self, frames: u32) -> Result<()> {
         let option = if self.chunk.is_some() { "--chunk" } else { "--range" };
         if self.bitrate.is_some() && (self.chunk.is_some() || self.range.is_some()) {
@@ -288,7 +289,7 @@ impl Options {
             fail!("--importance-gain {gain} must be in 1..=8; 1 leaves thresholds unchanged");
         }
 
-        // An empty task map is a mistake.
+        // Refuse an empty task map, which is a mistake.
         if weights.task > 0.0 {
             let (file, nodes) = (SceneSettings::path_for(path), &scene.settings.importance.nodes);
             if nodes.is_empty() {
@@ -324,7 +325,7 @@ impl Options {
     }
 }
 
-/// Returns the tone curve of a scene, and true if the first frame sets its exposure.
+/// Returns the tone curve of a scene, and whether the first frame sets the exposure.
 fn tone_map(path: &Path, scene: &Scene) -> Result<(ToneMap, bool)> {
     let Some(table) = &scene.settings.tone_mapping else { return Ok((ToneMap::default(), true)) };
     let file = SceneSettings::path_for(path);
@@ -335,7 +336,7 @@ fn tone_map(path: &Path, scene: &Scene) -> Result<(ToneMap, bool)> {
 /// Returns the tone curve of a `[tone_mapping]` table.
 ///
 /// # Errors
-/// If a key or value does not exist or a number is out of range; the message names valid values.
+/// If a key or value does not exist or a number is out of range. The message names valid values.
 pub fn read_tone_map(table: &toml::Table) -> Result<ToneMap, String> {
     let read: Result<ToneMap, toml::de::Error> = table.clone().try_into();
     let tone_map = read.map_err(|error| SettingsError::of_toml(&error.to_string()).to_string())?;

@@ -1,4 +1,4 @@
-//! Values of a film's options: their text forms and ranges.
+//! Option values of a film: text forms and ranges.
 
 use crate::error::{Error, Result};
 #[cfg(feature = "clap")]
@@ -14,12 +14,12 @@ use std::time::Duration;
 pub enum CheckpointEvery {
     /// Seconds between checkpoints; 0 writes one after each frame.
     Seconds(f64),
-    /// No checkpoints.
+    /// Writes no checkpoints.
     Off,
 }
 
 impl CheckpointEvery {
-    /// Interval as a duration; `None` for [`CheckpointEvery::Off`].
+    /// Returns the interval as a duration; `None` for [`CheckpointEvery::Off`].
     pub fn duration(self) -> Option<Duration> {
         match self {
             Self::Seconds(seconds) => Some(Duration::from_secs_f64(seconds)),
@@ -64,7 +64,7 @@ pub enum Switch {
 }
 
 impl Switch {
-    /// Returns true for [`Switch::On`].
+    /// Returns whether the switch is [`Switch::On`].
     pub fn is_on(self) -> bool {
         self == Self::On
     }
@@ -107,7 +107,7 @@ pub enum ExrDepth {
 #[serde(transparent)]
 pub struct BitRate(pub u32);
 
-/// Lowest bit rate accepted \[bits per second\]: even the smallest MPEG-1 pictures need more.
+/// Minimum accepted bit rate \[bits per second\]: even the smallest MPEG-1 pictures need more.
 const LEAST_BIT_RATE: f64 = 10_000.0;
 
 impl FromStr for BitRate {
@@ -159,7 +159,7 @@ impl FromStr for MemorySize {
     }
 }
 
-/// Returns clap's parser of effort names.
+/// Returns a clap parser for effort names.
 #[cfg(feature = "clap")]
 pub(super) fn effort() -> impl clap::builder::TypedValueParser<Value = Effort> {
     use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -176,7 +176,7 @@ pub(super) fn effort() -> impl clap::builder::TypedValueParser<Value = Effort> {
     PossibleValuesParser::new(Effort::ALL.iter().map(value)).map(parsed)
 }
 
-/// Serializes a size as text, for serde's `with`.
+/// Module for serde's `with` that serializes a size as text.
 pub(super) mod size_as_text {
     use renderer::settings::{Size, parsed};
     use serde::{Deserializer, Serializer};

@@ -1,4 +1,4 @@
-//! Display stage: tone curve and Y′C_BC_R. Converts radiance to code values.
+//! Display stage: converts radiance to Y′C_BC_R code values with the film's tone curve.
 
 use super::linear::write_linear;
 use crate::picture_file::{shown, write_shown};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Tone curve of a film, and files of its uncompressed frames.
+/// Tone curve of a film, and output files of uncompressed frames.
 #[derive(Debug)]
 pub struct Display {
     tone_map: ToneMap,
@@ -23,29 +23,29 @@ pub struct Display {
     auto_exposure: bool,
     /// Color matrix of the film.
     matrix: ColorMatrix,
-    /// Folder for frames as PNG.
+    /// Folder for frames as PNG files; `None` for no files.
     png: Option<PathBuf>,
-    /// Folder for linear frames.
+    /// Folder for frames as linear OpenEXR files; `None` for no files.
     exr: Option<PathBuf>,
     exr_depth: ExrDepth,
     y4m: Option<Y4m>,
 }
 
 impl Display {
-    /// Returns a display with `tone_map` that writes no files.
+    /// Returns a display stage with `tone_map` that writes no files.
     #[must_use]
     pub fn new(tone_map: ToneMap) -> Self {
         let (matrix, exr_depth) = (ColorMatrix::default(), ExrDepth::default());
         Self { tone_map, auto_exposure: false, matrix, png: None, exr: None, exr_depth, y4m: None }
     }
 
-    /// Returns a display with the tone curve and files of `settings`.
+    /// Returns a display stage with the tone curve and files of `settings`.
     ///
     /// # Errors
-    /// If the standard lacks the frame rate.
+    /// If the standard does not support the frame rate.
     pub fn of(settings: &Settings) -> crate::Result<Self> {
         let y4m = settings.files.y4m.as_deref().map(|path| Y4m::new(path, settings)).transpose()?;
-        // Independent chunks share one exposure, computed earlier: `set_exposure`.
+        // Independent chunks share one exposure, which `set_exposure` sets before the first frame.
         let auto_exposure = settings.render.auto_exposure && !settings.is_in_chunks();
         let (png, exr) = (settings.files.png.clone(), settings.files.exr.clone());
         let exr_depth = settings.files.exr_depth.unwrap_or_default();
@@ -83,7 +83,7 @@ impl pipeline::parts::Display for Display {
             write_shown(&folder.join(format!("frame_{index:05}.png")), &shown)?;
         }
         if let Some(file) = &mut self.y4m {
-            // Readers assume the matrix of BT.601.
+            // Readers of YUV4MPEG2 assume BT.601, so convert films with another matrix.
             match file.matrix == self.matrix {
                 true => file.write(&picture.picture)?,
                 false => {
@@ -119,8 +119,8 @@ impl pipeline::parts::Display for Display {
     }
 }
 
-/// Uncompressed frames in a YUV4MPEG2 file, with MPEG-2's chroma siting. The format states no matrix, and readers
-/// assume BT.601.
+/// Uncompressed frames in a YUV4MPEG2 file, with MPEG-2's chroma siting. The format does not signal a matrix, and
+/// readers assume BT.601.
 #[derive(Debug)]
 pub struct Y4m {
     path: PathBuf,
@@ -142,7 +142,7 @@ impl Y4m {
     /// Creates a file at `path` for a film with `settings`.
     ///
     /// # Errors
-    /// If the file cannot be written, or the standard lacks the frame rate.
+    /// If the file cannot be written, or the standard does not support the frame rate.
     pub fn create(path: &Path, settings: &Settings) -> crate::Result<Self> {
         let mut file = Self::new(path, settings)?;
         file.begin(Arc::default())?;

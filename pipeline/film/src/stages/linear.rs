@@ -1,4 +1,4 @@
-//! Frames as linear light in OpenEXR files.
+//! OpenEXR files that store frames as linear light.
 
 use crate::settings::ExrDepth;
 use pipeline::error::{Error, Result};
@@ -10,11 +10,11 @@ use render_core::image_file::{FrameChannel, SampleDepth, write_frame};
 use std::path::Path;
 
 /// Layers of colors and normals, for which 16-bit floats exceed the precision of vision and compositing. All other
-/// layers are measured data: positions, distances, ids and counts.
+/// layers contain positions, distances, ids or counts, and need 32 bits.
 #[cfg(feature = "exr")]
 const HALF_LAYERS: [&str; 5] = ["", "direct", "indirect", "albedo", "normal"];
 
-/// Writes radiance \[W·m⁻²·sr⁻¹\] as channels R, G, B, and the `further` channels; colors have the given `depth`.
+/// Writes radiance \[W·m⁻²·sr⁻¹\] as channels R, G, B, and the `further` channels. Color layers have the given `depth`.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -47,7 +47,7 @@ fn depth_of(layer: &str, depth: ExrDepth) -> SampleDepth {
     }
 }
 
-/// Returns an error, in builds without the feature `exr`.
+/// Returns an error, because this build lacks the feature `exr`.
 #[cfg(not(feature = "exr"))]
 pub fn write_linear(path: &Path, _: &FrameHeader, _: &Plane<[f32; 3]>, _: Channels, _: ExrDepth) -> Result<()> {
     Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))

@@ -1,4 +1,4 @@
-//! Masking stage of a film: the largest invisible error of the next frame.
+//! Masking stage of a film: computes the largest invisible error of the next frame.
 
 use crate::settings::Settings;
 use perceptual::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap};
@@ -11,16 +11,17 @@ use renderer::settings::RenderSettings;
 use renderer::settings::Thresholds;
 use std::sync::Arc;
 
-/// Computes ΔY(t) of each frame t in display order, with the kind of thresholds in the settings.
+/// Computes the luminance thresholds ΔY(t) of each frame t in display order, with the kind of thresholds in the
+/// settings.
 pub struct Masking {
     thresholds: Thresholds,
     kappa: f32,
     /// Number of frames per chunk; masking is reset at the first frame of each chunk.
     chunk: Option<u32>,
     steps: QuantiserSteps,
-    /// Created with the first frame, which may set the exposure.
+    /// Masking feedback, created with the first frame, which may set the exposure.
     feedback: Option<Feedback>,
-    /// ΔY and predicted luma of the last frame, if the film is resumed.
+    /// ΔY and predicted luma of the last frame before a resumed film continues; `None` otherwise.
     last: Option<(Arc<Plane<f32>>, Plane<u8>)>,
 }
 
@@ -28,7 +29,7 @@ impl Masking {
     /// Returns the masking stage of a new film.
     ///
     /// # Errors
-    /// If the settings fit no encoder.
+    /// If no encoder supports the settings.
     pub fn new(settings: &Settings) -> crate::Result<Self> {
         let config = settings.encoder_config()?;
         let (intra_matrix, non_intra_matrix) = config.matrices();
@@ -67,7 +68,7 @@ impl Mask for Masking {
         let &Coding { quantiser_scale, ref outcome, begins_group, next } = coding;
         match (*thresholds, outcome) {
             (Thresholds::Codec, Some(coded)) => feedback.observe_coded(frame, steps, coded, next),
-            // The encoder has not coded the picture yet.
+            // Predict the coding loss, because the encoder has not coded the picture yet.
             (Thresholds::Codec, None) => {
                 let expected = ExpectedCoding { quantiser_scale, begins_group };
                 feedback.observe_predicted(frame, steps, expected, next)
@@ -77,7 +78,7 @@ impl Mask for Masking {
         feedback.thresholds().clone()
     }
 
-    /// Returns the predicted luma of the last frame, if coding loss is predicted.
+    /// Returns the predicted luma of the last frame as bytes.
     fn state(&self) -> Vec<u8> {
         encode(&self.feedback.as_ref().map(|feedback| feedback.predicted()))
     }

@@ -16,35 +16,35 @@ use std::sync::Arc;
 /// Encodes pictures into the bytes of the file.
 pub struct Video {
     encoder: Encoder,
-    /// Number of this encoder's first frame in the film.
+    /// Index in the film of the first frame that this encoder codes.
     first: u32,
-    /// Pictures per frame.
+    /// Number of pictures per frame.
     pictures: u32,
     /// Number of frames per chunk; each chunk starts a new encoder.
     chunk: Option<u32>,
     stream: Stream,
-    /// True if the renderer's motion is used.
+    /// True if the encoder uses the renderer's motion.
     uses_motion: bool,
-    /// True if quantisers follow masking.
+    /// True if quantisers are weighted by masking.
     masks: bool,
-    /// True if pictures wait for the motion into the next picture, for B pictures.
+    /// True if pictures wait for the motion into the next picture. B pictures need this motion.
     waits: bool,
     waiting: Option<Waiting>,
 }
 
-/// Container, and statistics of its packets.
+/// Container, and statistics of the packets written into it.
 struct Stream {
     multiplexer: Multiplexer,
-    /// Number of this file's first frame in the film.
+    /// Index in the film of the first frame in this file.
     first: u32,
-    /// Pictures per frame.
+    /// Number of pictures per frame.
     pictures: u32,
     /// True if pictures are coded as they are pushed.
     is_immediate: bool,
-    /// Frame that may receive more pictures.
+    /// Last frame, to which more pictures may be added.
     held: Option<CodedFrame>,
-    /// Mean quantiser of the finest of the last coded pictures, from which others are predicted; initially the
-    /// quantiser of the settings.
+    /// Mean quantiser of the finest of the last coded pictures, which later pictures are predicted from. The initial
+    /// value is the quantiser of the settings.
     quantiser_scale: f32,
     /// True if masking receives the coded picture. An encoder with lookahead codes it too late for masking.
     tells_outcome: bool,
@@ -55,15 +55,14 @@ struct Stream {
 struct Waiting {
     picture: Arc<Picture>,
     to_previous: Option<Arc<Correspondence>>,
-    /// Weights of its macroblocks; `None` if uniform.
+    /// Weights of the picture's macroblocks; `None` if uniform.
     weights: Option<Plane<f32>>,
 }
 
 impl Video {
     /// Returns the encoder for `settings`.
     ///
-    /// # Errors
-    /// If the standard does not support the settings; the message names valid values.
+    /// If the standard does not support the settings. The message names valid values.
     pub fn new(settings: &Settings) -> crate::Result<Self> {
         let config = settings.encoder_config()?;
         let CodedRate { pictures, .. } = CodedRate::of(settings.render.fps)?;
@@ -92,7 +91,7 @@ impl Video {
         })
     }
 
-    /// Returns an encoder at a constant quantiser that codes each picture at once, for custom renderers.
+    /// Returns an encoder with a constant quantiser that codes each picture at once, for custom renderers.
     ///
     /// # Errors
     /// If the standard does not support the configuration.
@@ -122,7 +121,7 @@ impl Video {
 
     fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Encoded {
         let Waiting { picture, to_previous, weights } = waiting;
-        // Pictures of one frame are equal: no motion between them.
+        // All pictures of a frame are equal, so code no motion between them.
         let still = (self.pictures > 1).then(|| Correspondence::still(picture.width(), picture.height()));
         let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next: still.as_ref().or(to_next) };
         let mut packets = match weights {
@@ -136,13 +135,12 @@ impl Video {
         self.stream.wrap(packets, self.first)
     }
 
-    /// Encodes the waiting picture at the end, without motion into a next picture.
+    /// Encodes the last waiting picture, without motion into a next picture.
     fn push_last(&mut self) -> Encoded {
         self.waiting.take().map(|last| self.push(last, None)).unwrap_or_default()
     }
 
-    /// Ends the chunk before frame `index`, and starts a new encoder. The stream itself continues without an end
-    /// code.
+    /// Ends the chunk before frame `index`, and starts a new encoder. The stream continues without an end code.
     fn begin_chunk(&mut self, index: u32) -> Result<Encoded> {
         let last = self.push_last();
         let number = u64::from(index) * u64::from(self.pictures);
@@ -155,15 +153,15 @@ impl Video {
         Ok(joined(last, rest))
     }
 
-    /// Returns true if frame `index` begins a group, as planned by the encoder so far.
+    /// Returns whether frame `index` begins a group of pictures, as planned by the encoder so far.
     fn begins_group(&self, index: u32) -> bool {
-        // Only a forged state has an encoder that started later.
+        // Saturate, because a forged state may contain an encoder that started later.
         let number = u64::from(index.saturating_sub(self.first)) * u64::from(self.pictures);
         self.encoder.begins_group(number) == Some(true)
     }
 }
 
-/// Joins two steps: bytes and pictures of both, `coding` of the second.
+/// Joins two steps: concatenates bytes and pictures, and keeps the `coding` of the second step.
 fn joined(first: Encoded, then: Encoded) -> Encoded {
     Encoded {
         bytes: [first.bytes, then.bytes].concat(),
@@ -173,13 +171,14 @@ fn joined(first: Encoded, then: Encoded) -> Encoded {
 }
 
 impl Stream {
-    /// Adds packets to the file, and records their quantiser. Their encoder began with the film's frame `first`.
+    /// Adds packets to the file, and records the finest mean quantiser. The encoder of the packets began with frame
+    /// `first` of the film.
     fn wrap(&mut self, packets: Vec<Packet>, first: u32) -> Encoded {
         let scales = packets.iter().map(|packet| {
             let scales = packet.quantiser_scales.samples();
             scales.iter().map(|&scale| u32::from(scale)).sum::<u32>() as f32 / scales.len() as f32
         });
-        // The other pictures are predicted from the finest ones.
+        // Record the finest quantiser, because the other pictures are predicted from the finest picture.
         self.quantiser_scale = scales.reduce(f32::min).unwrap_or(self.quantiser_scale);
         let is_first = |packet: &&Packet| packet.display_index.is_multiple_of(self.pictures.into());
         let outcome = packets.iter().rev().find(is_first).filter(|_| self.tells_outcome).map(Packet::coded);
@@ -206,7 +205,7 @@ impl Stream {
         coded
     }
 
-    /// Adds a picture's bits to its frame. Returns the previous frame when a new one begins.
+    /// Adds a picture's bits to its frame. Returns the previous frame if the picture begins a new one.
     fn count(&mut self, packet: &Packet, first: u32) -> Option<CodedFrame> {
         let pictures = u64::from(self.pictures);
         if let Some(held) = self.held.as_mut().filter(|_| !packet.display_index.is_multiple_of(pictures)) {
@@ -240,7 +239,7 @@ impl Encode for Video {
             false => Encoded::default(),
         };
 
-        // With B pictures, a picture is pushed once the motion into the next one is known.
+        // With B pictures, push each picture once the motion into the next picture is known.
         let taken = Waiting { picture: picture.picture.clone(), to_previous, weights };
         let mut coded = if self.waits {
             match self.waiting.replace(taken) {
@@ -250,7 +249,7 @@ impl Encode for Video {
         } else {
             self.push(taken, None)
         };
-        // A waiting picture will be coded at the rate control's quantiser, not at the previous one.
+        // Report the planned quantiser, which rate control will use for the waiting picture.
         if let Some(planned) = self.encoder.planned_quantiser_scale() {
             coded.coding.quantiser_scale = planned;
         }
@@ -273,7 +272,7 @@ impl Encode for Video {
         self.stream.multiplexer.ending()
     }
 
-    /// State that determines the next bytes, in addition to settings and later frames.
+    /// Returns the state that determines the next bytes, apart from settings and later frames.
     fn state(&self) -> Vec<u8> {
         let Self { encoder, first, stream, waiting, .. } = self;
         encode(&(first, encoder.state(), &stream.multiplexer, stream.quantiser_scale, waiting, &stream.held))
@@ -283,12 +282,12 @@ impl Encode for Video {
         let (first, encoder, multiplexer, quantiser_scale, waiting, held) = decode(state)?;
         let (first, waiting): (u32, Option<Waiting>) = (first, waiting);
 
-        // Forged weights may belong to a picture of another size.
+        // Reject forged weights for a picture of another size.
         let fits = |Waiting { picture, weights, .. }: &Waiting| {
             let counts = (picture.width().div_ceil(MACROBLOCK), picture.height().div_ceil(MACROBLOCK));
             weights.as_ref().is_none_or(|weights| (weights.width(), weights.height()) == counts)
         };
-        // Only frames of several pictures are held.
+        // A frame can be held only if frames consist of several pictures.
         let held: Option<CodedFrame> = held;
         let may_hold = self.pictures > 1 && !self.stream.is_immediate;
         if !waiting.iter().all(fits) || held.is_some() && !may_hold {

@@ -1,4 +1,4 @@
-//! Quantiser weights of macroblocks: finer at high importance, and where no texture masks coding errors.
+//! Quantiser weights of macroblocks: finer at high importance and where no texture masks coding errors.
 //!
 //! ```text
 //! weight = m · 2^(a (v̄ − v))        v  mean importance of a macroblock        v̄  mean of v over the picture
@@ -11,12 +11,12 @@ use pipeline::parts::Displayed;
 use plane::Plane;
 use render_core::MACROBLOCK;
 
-/// The exponent a. At quantisers 16 and 48, luma where v > 0.7 gains 0.35 to 0.72 dB (128×128, 8 frames). Scenes are
-/// `nave` by saliency and `conference` by task. Bits rise by 1.0 % on average (−1.0 to 2.4 %). With ½ the gain is 0.69
-/// to 1.38 dB for 1.9 % (−0.6 to 4.0 %).
+/// Exponent a of the importance weight. At quantisers 16 and 48, luma where v > 0.7 gains 0.35 to 0.72 dB (128×128, 8
+/// frames). The scenes are `nave` with a saliency map and `conference` with a task map. Bits rise by 1.0 % on average
+/// (−1.0 to 2.4 %). With a = ½ the gain is 0.69 to 1.38 dB, and bits rise by 1.9 % (−0.6 to 4.0 %).
 const STRENGTH: f32 = 0.25;
 
-/// Returns the weights of a picture's macroblocks, with masking if `masks`; `None` if all are equal.
+/// Returns the weights of a picture's macroblocks; `None` if all are equal. Masking contributes only if `masks`.
 pub(super) fn weights(displayed: &Displayed, masks: bool) -> Option<Plane<f32>> {
     let by_importance = displayed.importance.as_deref().map(of_importance);
     let by_masking = masks.then(|| masking_weights(&displayed.picture.luma));
@@ -26,7 +26,7 @@ pub(super) fn weights(displayed: &Displayed, masks: bool) -> Option<Plane<f32>> 
     }
 }
 
-/// Returns the weights of macroblocks for the importance of each pixel, 0…1.
+/// Returns the weight of each macroblock, given the importance of each pixel, 0…1.
 fn of_importance(importance: &Plane<f32>) -> Plane<f32> {
     let (width, height) = (importance.width(), importance.height());
     let of_macroblock = |column: usize, row: usize| {
@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn weights_fall_where_importance_rises_and_their_geometric_mean_is_one() {
-        // The picture is two and a half macroblocks wide and one high.
+        // Use a picture that is two and a half macroblocks wide and one macroblock high.
         let weights = of_importance(&Plane::from_fn(40, 16, |x, _| if x < 16 { 1.0 } else { (x % 2) as f32 }));
         assert_eq!((weights.width(), weights.height()), (3, 1));
         let [first, second, third] = [0, 1, 2].map(|column| weights.get(column, 0));
