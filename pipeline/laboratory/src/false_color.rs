@@ -1,7 +1,7 @@
 //! False colors: dark for low values, bright for high values.
 
-/// Stops of the scale from 0 to 1 as R′G′B′ (ours). Brightness rises monotonically, so that the scale also works in
-/// gray.
+/// Colors at equal steps of the scale from 0 to 1, as R′G′B′ (ours). Brightness rises monotonically, so the scale also
+/// works in grayscale.
 const STOPS: [[f32; 3]; 6] = [
     [0.02, 0.02, 0.08],
     [0.16, 0.10, 0.44],
@@ -11,7 +11,7 @@ const STOPS: [[f32; 3]; 6] = [
     [1.00, 0.98, 0.82],
 ];
 
-/// Returns the color of `value` on a scale from 0 to 1; values outside take the color of the nearest end.
+/// Returns the color of `value` on a scale from 0 to 1. Values outside the scale have the color of the nearest end.
 pub fn false_color(value: f32) -> [u8; 3] {
     let place = value.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
     let below = (place as usize).min(STOPS.len() - 2);
@@ -22,7 +22,7 @@ pub fn false_color(value: f32) -> [u8; 3] {
     })
 }
 
-/// Logarithmic position of `value` between positive `low` and `high`, clamped to 0…1.
+/// Returns the logarithmic position of `value` between positive `low` and `high`, clamped to 0…1.
 pub fn log_share(value: f32, low: f32, high: f32) -> f32 {
     if value > low { ((value / low).ln() / (high / low).ln()).min(1.0) } else { 0.0 }
 }

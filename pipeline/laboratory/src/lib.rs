@@ -1,10 +1,10 @@
-//! Measurements of films, and pages of the results. Films do not depend on this crate.
+//! Measurement of films, and pages with the results. Crates that make films do not depend on this crate.
 //!
-//! - [`compare`]: differences of pictures, folders of pictures and videos from a reference.
-//! - [`sweep`]: the same frames by several methods, compared with a reference: error against run time.
+//! - [`compare`]: differences between pictures, folders of pictures or videos and a reference.
+//! - [`sweep`]: the same frames rendered by several methods and compared with a reference: error against run time.
 //! - [`page`]: plots, tables and pictures as one HTML page; also the page of a single run.
 //!
-//! [`false_color`] and [`png_file`] serve both comparisons and pages.
+//! [`false_color`] and [`png_file`] are shared by comparisons and pages.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 

@@ -1,17 +1,17 @@
-//! PNG files of displayed pictures, single and animated.
+//! PNG files of pictures for display, single and animated.
 
 use plane::Plane;
 use render2mpeg::error::{Cause, Error, Result};
 use std::io::BufReader;
 use std::path::Path;
 
-/// Maximum number of pixels of a file, checked before memory is allocated.
+/// Maximum number of pixels in a file, checked before memory is allocated.
 const MOST_PIXELS: u64 = 1 << 27;
 
-/// Reads a PNG file as 8-bit R′G′B′; gray and palettes are expanded, and alpha is dropped.
+/// Reads a PNG file as 8-bit R′G′B′. Gray and palettes are converted to colors, and alpha is dropped.
 ///
 /// # Errors
-/// If the file is not a PNG file or exceeds 2²⁷ pixels; the message names the path.
+/// If the file is not a PNG file or exceeds 2²⁷ pixels. The message names the path.
 pub fn read(path: &Path) -> Result<Plane<[u8; 3]>> {
     let file = std::fs::File::open(path).map_err(Error::file(path, "cannot be read"))?;
     decode(BufReader::new(file)).map_err(|source| {
@@ -45,7 +45,7 @@ pub fn encode(picture: &Plane<[u8; 3]>) -> Vec<u8> {
     animation(std::slice::from_ref(picture), 1.0)
 }
 
-/// Encodes an animated PNG file at `fps` pictures per second, which browsers play in a loop.
+/// Encodes an animated PNG file with `fps` pictures per second, which browsers play in a loop.
 ///
 /// # Panics
 /// If `pictures` is empty, or the pictures differ in size or have no pixels.
@@ -81,7 +81,7 @@ mod tests {
         let path = folder.path().join("a.png");
         std::fs::write(&path, encode(&picture)).unwrap();
         assert_eq!(read(&path).unwrap(), picture);
-        // The first picture of an animation is read.
+        // Reading an animation must return the first picture.
         std::fs::write(&path, animation(&[picture.clone(), Plane::filled(7, 5, [0; 3])], 25.0)).unwrap();
         assert_eq!(read(&path).unwrap(), picture);
         std::fs::write(&path, b"no picture").unwrap();

@@ -195,6 +195,7 @@ const FINE: u32 = 8;
 const BUSY_BITS: u64 = 12;
 /// Maximum distance from one I picture to the next, as in [`mpeg2enc::Config::with_gop`].
 const LONGEST_GROUP: u32 = 132;
-/// Range of the decoder's buffer \[bits\], half a second of the stream: at most the maximum of High Level.
+/// Minimum size of the decoder's buffer, which otherwise contains half a second of the stream \[bits\].
 const SMALLEST_BUFFER: u32 = 16_384;
+/// Maximum size of the decoder's buffer, the limit of High Level \[bits\].
 const LARGEST_BUFFER: u32 = 9_781_248;

@@ -26,8 +26,8 @@ const IMPORTANT_SAMPLES: u32 = 5;
 const DRAFT_SHARE: usize = 4;
 /// Maximum number of samples per pixel.
 const MOST_SAMPLES: u32 = 64;
-/// κ of [`perceptual::Feedback::with_kappa`] (ours). On `cornell` at quantiser_scale 48, κ = 1 reduces the PSNR of
-/// decoded luma by 0.4 dB, compared with lightcuts at 2 % (512×512, 16 frames). With κ = 1/4 the loss is below 0.1 dB.
+/// κ of [`perceptual::Feedback::with_kappa`] (ours). Compared with lightcuts at 2 %, κ = 1 reduces the PSNR of decoded
+/// luma by 0.4 dB (`cornell`, quantiser_scale 48, 512×512, 16 frames). With κ = 1/4 the loss is below 0.1 dB.
 const KAPPA: f32 = 0.25;
 /// κ of [`perceptual::Feedback::observe_coded`], which measures how errors change the decoded picture. On `cornell`
 /// (256×256, quantisers from 8 to 48), κ = 1 costs less than 0.06 dB and 1.3 % of bits. κ = 2 costs 0.16 dB and 3.9 %

@@ -134,7 +134,7 @@ impl<'de> Deserialize<'de> for BitRate {
     }
 }
 
-/// Amount of memory \[bytes\], written with a unit.
+/// Amount of memory \[bytes\]; the text form has a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemorySize(pub u64);
 

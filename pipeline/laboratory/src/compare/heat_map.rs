@@ -1,10 +1,11 @@
-//! Heat maps of picture differences.
+//! Heat maps of differences between pictures.
 
 use super::false_color::{false_color, log_share};
 use super::picture::View;
 use plane::Plane;
 
-/// Luma differences with the darkest and the brightest color, in code values of 219: from below rounding to obvious.
+/// Luma differences at the dark end and at the bright end of the colors, in code values of 219. The dark end is below
+/// rounding, and the bright end is obvious.
 pub const RANGE: (f32, f32) = (0.25, 64.0);
 
 /// Sum of the luma differences of many pictures.
@@ -15,7 +16,7 @@ pub struct HeatMap {
 }
 
 impl HeatMap {
-    /// Adds |a − b| of two pictures.
+    /// Adds |a − b| for two pictures.
     ///
     /// # Panics
     /// If the sizes differ from each other or from earlier pictures.
@@ -29,7 +30,7 @@ impl HeatMap {
         self.count += 1;
     }
 
-    /// Returns the mean difference in false colors, logarithmic over [`RANGE`].
+    /// Returns the mean difference in false colors, on a logarithmic scale over [`RANGE`].
     pub fn picture(&self) -> Plane<[u8; 3]> {
         let count = self.count.max(1) as f32;
         self.sum.map(|sum| false_color(log_share(sum / count, RANGE.0, RANGE.1)))

@@ -1,31 +1,31 @@
-//! Measures of picture differences, for one picture and for many.
+//! Measures of differences between pictures, for one pair and for many.
 
 use super::picture::View;
 use plane::Plane;
 use serde::Serialize;
 use ssimulacra2::{LinearRgb, compute_frame_ssimulacra2};
 
-/// Differences of a picture a from a reference b, over all pixels and channels.
+/// Differences between a picture a and a reference b, over all pixels and channels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Comparison {
     /// Width \[pixels\].
     pub width: usize,
     /// Height \[pixels\].
     pub height: usize,
-    /// Ratio of a's mean luminance to b's; `None` if b is black.
+    /// Mean luminance of a divided by mean luminance of b; `None` if b is black.
     pub mean_ratio: Option<f64>,
-    /// Root mean square of a − b in linear light \[W·m⁻²·sr⁻¹; for displayed pictures white is 1\].
+    /// Root mean square of a − b in linear light \[W·m⁻²·sr⁻¹\]. For displayed pictures, white is 1.
     pub rmse: f64,
-    /// Mean of (a − b)² / (b² + 0.01), see [`perceptual::relative_mse`].
+    /// Mean of (a − b)² / (b² + 0.01); see [`perceptual::relative_mse`].
     pub relative_mse: f64,
-    /// Relative MSE without the reference's own noise: mean of ((a − b)² − Var b) / (b² + 0.01). `None` if b has no
-    /// variance; may be negative if only noise separates the pictures.
+    /// Relative MSE without the reference's own noise: mean of ((a − b)² − Var b) / (b² + 0.01). `None` if the variance
+    /// of b is unknown. May be negative if the pictures differ only by noise.
     pub relative_mse_without_noise: Option<f64>,
-    /// Peak signal-to-noise ratio of 8-bit luma \[dB\], see [`perceptual::psnr`]; `None` for equal pictures.
+    /// Peak signal-to-noise ratio of 8-bit luma \[dB\]; see [`perceptual::psnr`]. `None` for equal pictures.
     pub psnr_y: Option<f64>,
-    /// Structural similarity of luma, see [`perceptual::ssim`]: 1 is equal.
+    /// Structural similarity of luma; see [`perceptual::ssim`]. Equal pictures have 1.
     pub ssim: f64,
-    /// SSIMULACRA 2 of the displayed pictures: 100 is equal, 90 hardly distinguishable, 70 good, 50 fair; `None` for
+    /// SSIMULACRA 2 of the displayed pictures: 100 means equal, 90 hardly distinguishable, 70 good, 50 fair. `None` for
     /// pictures with a side below 8 pixels.
     pub ssimulacra2: Option<f64>,
 }
@@ -39,7 +39,7 @@ pub fn measure(a: &View, b: &View) -> Comparison {
         plane.samples().iter().map(|&rgb| f64::from(render_core::luminance(rgb.into()))).sum::<f64>()
     };
     let relative_mse = perceptual::relative_mse(&a.linear, &b.linear);
-    // Only the noise, by the same formula: a picture that differs by one standard deviation everywhere.
+    // Apply the formula to the noise alone, as for a picture that differs by one standard deviation everywhere.
     let relative_noise = b.variance.as_ref().map(|noise| {
         let off = b.linear.samples().iter().zip(noise.samples());
         let off = off.map(|(b, v)| std::array::from_fn(|c| b[c] + v[c].max(0.0).sqrt())).collect();
@@ -63,8 +63,8 @@ pub fn measure(a: &View, b: &View) -> Comparison {
 }
 
 impl Comparison {
-    /// Returns the means over pictures of one size. Measures are averaged over the pictures that have them, and the
-    /// RMSE as a root mean square.
+    /// Returns the means over pictures of the same size. Each measure is averaged over the pictures that have it; the
+    /// RMSE is averaged as a root mean square.
     pub fn mean(all: &[Self]) -> Self {
         let count = all.len().max(1) as f64;
         let mean = |value: &dyn Fn(&Self) -> f64| all.iter().map(value).sum::<f64>() / count;

@@ -1,7 +1,7 @@
-//! Differences of pictures, sequences and videos from a reference.
+//! Differences between pictures, sequences or videos and a reference.
 //!
-//! Pictures are measured twice: as linear light, which is additive, and as luma, which viewers see. Linear pictures
-//! are shown with the sRGB curve and the exposure that maps the middle of the first reference to middle gray.
+//! Pictures are measured as linear light, which is additive, and as luma, which viewers perceive. Linear pictures are
+//! displayed with the sRGB curve. Their exposure maps the geometric mean of the first reference to middle gray.
 
 mod heat_map;
 mod measure;
@@ -18,12 +18,12 @@ use render2mpeg::error::{Error, Result};
 use serde::Serialize;
 use std::path::Path;
 
-/// Comparisons of each picture of a sequence, and their mean.
+/// Comparison of each picture of a sequence, and the mean.
 #[derive(Clone, Debug, Serialize)]
 pub struct SequenceComparison {
-    /// Comparisons of all pictures, in order.
+    /// Comparison of each picture, in order.
     pub frames: Vec<Comparison>,
-    /// Mean of all comparisons, see [`Comparison::mean`].
+    /// Mean of all comparisons; see [`Comparison::mean`].
     pub mean: Comparison,
 }
 
@@ -32,7 +32,7 @@ pub struct SequenceComparison {
 /// Calls `each` with every comparison, and adds all differences to `heat_map`.
 ///
 /// # Errors
-/// If a file cannot be read, or pictures differ in size or kind, or sequences in length.
+/// If a file cannot be read, if pictures differ in size or kind, or if sequences differ in length.
 pub fn compare_paths(
     a: &Path,
     b: &Path,
@@ -43,7 +43,7 @@ pub fn compare_paths(
     let mut frames = Vec::new();
     let mut exposure = None;
     loop {
-        // Both sequences must end together.
+        // Require that both sequences end together.
         let (picture, reference) = match (pictures.next().transpose()?, references.next().transpose()?) {
             (Some(picture), Some(reference)) => (picture, reference),
             (None, None) => break,
@@ -56,7 +56,7 @@ pub fn compare_paths(
             }
         };
 
-        // Only pictures of one kind and size can be compared.
+        // Only pictures of the same kind and size can be compared.
         if picture.is_linear() != reference.is_linear() {
             let (linear, shown) = if picture.is_linear() { (a, b) } else { (b, a) };
             let (linear, shown) = (linear.display(), shown.display());
@@ -72,7 +72,7 @@ pub fn compare_paths(
             )));
         }
 
-        // The first reference determines the exposure of all pictures.
+        // Use the exposure of the first reference for all pictures.
         let exposure = *exposure.get_or_insert_with(|| reference.exposure());
         let (picture, reference) = (picture.view(exposure), reference.view(exposure));
         let comparison = measure(&picture, &reference);
@@ -99,7 +99,7 @@ fn end_of(path: &Path, count: usize) -> String {
     }
 }
 
-/// Returns true if `path` is a single picture.
+/// Returns whether `path` is a single picture.
 pub fn is_single(path: &Path) -> bool {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     path.is_file() && matches!(ending.as_str(), "exr" | "png")
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn noise_of_the_reference_is_taken_off() {
         let truth = Plane::filled(64, 64, [1.0f32, 2.0, 0.5]);
-        // One standard deviation up or down, alternating.
+        // Add noise of one standard deviation, alternately up and down.
         let noisy = Plane::from_fn(64, 64, |x, y| {
             let sign = if (x + y) % 2 == 0 { 0.1 } else { -0.1 };
             truth.get(x, y).map(|c| c + sign)
@@ -144,7 +144,7 @@ mod tests {
         let truth = view(truth.clone(), None);
         let (good, bad) = (measure(&off_by(0.002), &truth), measure(&off_by(0.02), &truth));
         assert!(good.psnr_y > bad.psnr_y && good.ssim > bad.ssim && good.ssimulacra2 > bad.ssimulacra2);
-        // Ten times the difference is 20 dB, apart from rounding to code values.
+        // A tenfold difference lowers PSNR by 20 dB, apart from rounding to code values.
         assert!((good.psnr_y.unwrap() - bad.psnr_y.unwrap() - 20.0).abs() < 1.5, "{good:?} {bad:?}");
         let mut map = HeatMap::default();
         map.add(&off_by(0.02), &truth);

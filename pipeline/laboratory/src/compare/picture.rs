@@ -1,4 +1,4 @@
-//! A picture in all forms that the measures need, independent of its file.
+//! Pictures in all forms that the measures need, independent of the file format.
 
 use perceptual::{ColorMatrix, ToneMap, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8_by};
 use pipeline::exposure::exposure_for;
@@ -11,36 +11,36 @@ const BLACK: f32 = 16.0;
 /// Picture as read from a file.
 #[derive(Clone, Debug)]
 pub enum Picture {
-    /// Linear light \[W·m⁻²·sr⁻¹\], of any brightness.
+    /// Linear light \[W·m⁻²·sr⁻¹\], without an upper limit.
     Linear {
         /// Radiance as R, G, B.
         radiance: Plane<[f32; 3]>,
         /// Variance of the noise in `radiance`, if known.
         variance: Option<Plane<[f32; 3]>>,
     },
-    /// R′G′B′ for a display, sRGB.
+    /// Picture for a display: sRGB as R′G′B′ codes.
     Display(Plane<[u8; 3]>),
-    /// Picture of a video: Y′C_BC_R and its matrix.
+    /// Picture of a video: Y′C_BC_R samples and their color matrix.
     Video(plane::Picture, ColorMatrix),
 }
 
 /// Picture ready for measurement.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Linear light; for displayed pictures white is 1.
+    /// Linear light. For displayed pictures, white is 1.
     pub linear: Plane<[f32; 3]>,
-    /// Variance of the noise in `linear`.
+    /// Variance of the noise in `linear`, if known.
     pub variance: Option<Plane<[f32; 3]>>,
     /// Displayed luma, 16…235.
     pub luma: Plane<u8>,
     /// Displayed luma before rounding, above black: 0…219.
     pub fine_luma: Plane<f32>,
-    /// Linear light of the display, 0…1.
+    /// Linear light emitted by the display, 0…1.
     pub shown: Plane<[f32; 3]>,
 }
 
 impl Picture {
-    /// Width and height \[pixels\].
+    /// Returns width and height \[pixels\].
     pub fn size(&self) -> (usize, usize) {
         match self {
             Self::Linear { radiance, .. } => (radiance.width(), radiance.height()),
@@ -49,13 +49,13 @@ impl Picture {
         }
     }
 
-    /// Returns true for linear light, false for pictures for a display.
+    /// Returns whether the picture is linear light rather than a picture for a display.
     pub fn is_linear(&self) -> bool {
         matches!(self, Self::Linear { .. })
     }
 
-    /// Exposure that maps the geometric mean of the lit pixels to middle gray; 1 for pictures that are already
-    /// exposed.
+    /// Returns the exposure that maps the geometric mean of the lit pixels to middle gray. Returns 1 for pictures that
+    /// are already exposed.
     pub fn exposure(&self) -> f32 {
         match self {
             Self::Linear { radiance, .. } => exposure_for(&luminance_plane(radiance)),
@@ -63,7 +63,7 @@ impl Picture {
         }
     }
 
-    /// Returns all data for measurement; linear light is shown with `exposure` and the sRGB curve.
+    /// Returns all data for measurement. Linear light is displayed with `exposure` and the sRGB curve.
     pub fn view(self, exposure: f32) -> View {
         let srgb = ToneMap::srgb();
         match self {
@@ -72,7 +72,7 @@ impl Picture {
                     YCbCr::from_radiance(&radiance, &srgb.with_exposure(exposure));
                 let [luma, ..] = Arc::unwrap_or_clone(picture).into_planes();
                 let shown = radiance.map(|rgb| rgb.map(|c| (c * exposure).clamp(0.0, 1.0)));
-                // Non-finite pixels are shown black.
+                // Show non-finite pixels as black.
                 let shown = shown.map(|rgb| if rgb.iter().all(|c| c.is_finite()) { rgb } else { [0.0; 3] });
                 View { linear: radiance, variance, luma, fine_luma, shown }
             }
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn one_gray_looks_the_same_from_every_file() {
-        // Linear 0.18 is R′ = 0.4614 in sRGB: code 118 of 255, luma 16 + 219 · 0.4614 = 117.
+        // In sRGB, linear 0.18 is R′ = 0.4614 and has code 118 of 255. Luma is 16 + 219 · 0.4614 = 117.
         let linear = Picture::Linear { radiance: Plane::filled(16, 16, [0.18f32; 3]), variance: None };
         assert!((linear.exposure() - 1.0).abs() < 1e-5);
         let display = Picture::Display(Plane::filled(16, 16, [118u8; 3]));

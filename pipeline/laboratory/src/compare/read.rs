@@ -1,4 +1,4 @@
-//! Pictures from files: a single picture, a folder or a video.
+//! Reading of pictures from a single file, a folder or a video.
 
 use super::picture::Picture;
 use super::png_file;
@@ -10,7 +10,7 @@ use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// Largest side of a picture in a video, as in MPEG-2 \[pixels\].
+/// Maximum side of a picture in a video \[pixels\], as in MPEG-2.
 const LARGEST_SIDE: usize = 16383;
 /// Endings of files that ffmpeg reads.
 const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "mp4", "mkv", "avi", "mov"];
@@ -25,7 +25,7 @@ pub struct Pictures {
 enum FrameSource {
     Files(std::vec::IntoIter<PathBuf>),
     Y4m(Box<y4m::Decoder<Box<dyn Read>>>),
-    /// Pictures from ffmpeg, and its process, which is waited for at the end.
+    /// Decoder of ffmpeg's output, and the process of ffmpeg, which is awaited at the end.
     Ffmpeg(Box<y4m::Decoder<Box<dyn Read>>>, Child),
 }
 
@@ -33,7 +33,7 @@ impl Pictures {
     /// Opens an OpenEXR or PNG picture, a folder of pictures, or a video.
     ///
     /// # Errors
-    /// If the path does not exist or cannot be read; the message names the supported formats.
+    /// If the path does not exist or cannot be read. The message names the supported formats.
     pub fn open(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(Error::file(path, "cannot be read"))?;
         let source = if metadata.is_dir() {
@@ -123,12 +123,12 @@ fn linear_picture(path: &Path) -> Result<Picture> {
     Ok(Picture::Linear { radiance, variance: layers.colors("variance.") })
 }
 
-/// Maximum length of a header \[bytes\] (ours): ffmpeg's are shorter than 100.
+/// Maximum length of a header \[bytes\] (ours). Headers written by ffmpeg are shorter than 100 bytes.
 const LONGEST_HEADER: usize = 1024;
 
 fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {
     let (header, input) = header_and_all(input).map_err(Error::file(path, "cannot be read"))?;
-    // The decoder multiplies the sides before it checks its limits.
+    // Check the sides first, because the decoder multiplies them before it checks its limits.
     let sides = header.split(|&byte| byte == b' ').filter(|word| matches!(word.first(), Some(b'W' | b'H')));
     for side in sides.map(|word| String::from_utf8_lossy(&word[1..]).trim().to_owned()) {
         if !side.parse().is_ok_and(|side| (1..=LARGEST_SIDE).contains(&side)) {
@@ -136,7 +136,7 @@ fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn
             return Err(Error::content(path, problem));
         }
     }
-    // Memory is allocated for the size in the header.
+    // Limit the memory that the decoder allocates for the size in the header.
     let limits = y4m::Limits { bytes: LARGEST_SIDE * LARGEST_SIDE * 3 / 2 + 2 * LARGEST_SIDE };
     let decoder = y4m::Decoder::new_with_limits(input, limits)
         .map_err(|error| Error::content(path, format!(" is not a YUV4MPEG2 video: {error}")))?;
@@ -148,7 +148,7 @@ fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn
     Ok(decoder)
 }
 
-/// Returns the first line, up to the length of a header, and the whole input including it.
+/// Returns the first line, up to the maximum length of a header, and the whole input including this line.
 fn header_and_all(mut input: Box<dyn Read>) -> std::io::Result<(Vec<u8>, Box<dyn Read>)> {
     let mut header = Vec::new();
     let mut byte = [0];
@@ -173,12 +173,12 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: Co
     Ok(Some(Picture::Video(picture.expect("chroma of half of the size"), matrix)))
 }
 
-/// Starts ffmpeg as the decoder; its messages go to standard error.
+/// Starts ffmpeg as the decoder. Messages of ffmpeg go to standard error.
 fn ffmpeg(path: &Path) -> Result<FrameSource> {
     let mut child = Command::new("ffmpeg")
         .args(["-nostdin", "-v", "error", "-i"])
         .arg(path)
-        // Films that state no matrix use BT.601.
+        // Convert to BT.709, because films that do not signal a matrix use BT.601.
         .args(["-vf", "scale=out_color_matrix=bt709"])
         .args(["-fps_mode", "passthrough", "-f", "yuv4mpegpipe", "-pix_fmt", "yuv420p", "-"])
         .stdin(Stdio::null())

@@ -1,4 +1,4 @@
-//! Axes: positions of values, and tick marks.
+//! Axes with positions of values and tick marks.
 
 /// Axis between two values, drawn between two positions.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +22,7 @@ impl Axis {
             (low / room, high * room)
         } else {
             let room = if high > low { 0.06 * (high - low) } else { 0.5 * high.abs().max(1e-3) };
-            // Ranges near zero start at zero.
+            // Extend ranges near zero to start at zero.
             let low = if low >= 0.0 && low < 0.35 * high { 0.0 } else { low - room };
             (low, high + room)
         };
@@ -34,7 +34,7 @@ impl Axis {
         if self.log { format!("{name} (logarithmic)") } else { name.to_owned() }
     }
 
-    /// Position of `value`; `None` if it cannot be drawn.
+    /// Returns the position of `value`; `None` if the axis cannot show it.
     pub(super) fn place(&self, value: f64) -> Option<f64> {
         if !value.is_finite() || (self.log && value <= 0.0) {
             return None;
@@ -47,7 +47,7 @@ impl Axis {
         Some(self.from + share * (self.to - self.from))
     }
 
-    /// Tick values with their labels.
+    /// Returns the tick values with their labels.
     pub(super) fn ticks(&self) -> Vec<(f64, String)> {
         let values = if self.log { self.log_ticks() } else { self.linear_ticks() };
         values.into_iter().map(|value| (value, short(value))).collect()
@@ -61,7 +61,8 @@ impl Axis {
         (first..).map(|i| i as f64 * step).take_while(|&v| v <= self.high + 1e-9 * step).collect()
     }
 
-    /// Fewest ticks that show the scale: powers of ten, else 1, 2 and 5 times these, else all digits.
+    /// Returns the fewest ticks that show the scale: powers of ten, else their multiples by 1, 2 and 5, else by all
+    /// digits.
     fn log_ticks(&self) -> Vec<f64> {
         const MULTIPLES: [&[f64]; 3] = [&[1.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]];
         let first = self.low.log10().floor() as i32;
@@ -125,7 +126,7 @@ mod tests {
         assert_eq!(texts(0.25, 0.7), ["0.3", "0.4", "0.5", "0.6", "0.7", "0.8"]);
         assert!(texts(0.071, 0.072).len() >= 3);
         assert_eq!((axis.place(0.0), axis.place(f64::NAN)), (None, None));
-        // No values, or one value, still give an axis.
+        // Check that no values, or a single value, still produce an axis.
         for values in [vec![], vec![5.0], vec![0.0, 0.0]] {
             for log in [false, true] {
                 let axis = Axis::holding(values.clone().into_iter(), log, 0.0, 100.0);

@@ -4,7 +4,7 @@ use super::axis::Axis;
 use super::line_plot::{AREA, Labels, LegendEntry, SIZE, frame, height_and_bottom, legend};
 use super::svg::{Rectangle, Svg, TextStyle, at};
 
-/// Maximum number of columns with tooltips: more would take most of a page.
+/// Maximum number of columns with tooltips: more tooltips would take up most of a page.
 const MOST_TITLED: usize = 150;
 
 /// Stacked bar chart.
@@ -32,13 +32,13 @@ impl StackedBars {
         let (height, bottom) = height_and_bottom(named);
         let mut svg = Svg::new(SIZE.0, height, &self.title);
 
-        // Axes and labels.
+        // Draw axes and labels.
         let heights = self.columns.iter().map(|column| column.iter().sum::<f64>());
         let y = Axis::holding(heights.chain([0.0]), false, bottom, top);
         let labels = Labels { title: &self.title, x: &self.x_label, y: &self.y_label };
         frame(&mut svg, labels, None, &y, bottom);
 
-        // Columns, from the bottom up, and the labels for which there is space.
+        // Draw columns from the bottom up, and the labels for which space suffices.
         let width = (right - left) / self.columns.len().max(1) as f64;
         let gap = if width > 8.0 { 0.16 * width } else { 0.0 };
         let every = (self.columns.len() as f64 * 34.0 / (right - left)).ceil().max(1.0) as usize;
@@ -68,7 +68,7 @@ impl StackedBars {
             }
         }
 
-        // A single kind of value needs no legend.
+        // Omit the legend if all values are of the same kind.
         if self.parts.len() > 1 {
             let entry =
                 |(name, color): &(String, usize)| LegendEntry { name: name.clone(), color: *color, dashed: None };

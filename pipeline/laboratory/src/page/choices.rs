@@ -7,7 +7,7 @@ use render2mpeg::settings::Settings;
 use serde_json::Value;
 use std::path::PathBuf;
 
-/// Setting as text, with its default `usual` if that differs.
+/// Setting as text, and the default value `usual` if it differs from the setting.
 #[derive(Clone, Debug, serde::Serialize)]
 pub(super) struct Choice {
     name: String,
@@ -15,7 +15,7 @@ pub(super) struct Choice {
     usual: Option<String>,
 }
 
-/// Returns all settings, each with its default in `usual` if that differs.
+/// Returns all settings, each with its default in `usual` if the default differs.
 ///
 /// # Errors
 /// If the settings cannot be serialized, which is a bug.
@@ -23,14 +23,14 @@ pub(super) fn choices(settings: &Settings, usual: Option<&Settings>) -> Result<V
     let usual = usual.map(rows).transpose()?.unwrap_or_default();
     let known = |name: &str| usual.iter().find(|(own, _)| own == name).map(|(_, value)| value.clone());
     let choice = |(name, value): (String, String)| {
-        // Options that are listed only if set have no default.
+        // Settings that are listed only if set have no default, so show a dash.
         let default = known(&name).or((!usual.is_empty()).then(|| "–".into()));
         Choice { usual: default.filter(|usual| *usual != value), name, value }
     };
     Ok(rows(settings)?.into_iter().map(choice).collect())
 }
 
-/// Returns names and values; nested values have both names, joined by a dot.
+/// Returns names and values of settings. A nested value is named by the outer and the inner name, joined by a dot.
 fn rows(settings: &Settings) -> Result<Vec<(String, String)>> {
     let mut rows = Vec::new();
     let Value::Object(all) = serde_json::to_value(settings)? else { return Ok(rows) };
@@ -58,7 +58,7 @@ pub(super) fn plain(value: &Value) -> String {
     }
 }
 
-/// Returns `settings` with file names instead of paths.
+/// Returns `settings` with file names in place of paths.
 fn settings_without_folders(settings: &Settings) -> Settings {
     let name = |path: &PathBuf| PathBuf::from(file_name(&path.to_string_lossy()).as_ref());
     let mut named = settings.clone();

@@ -1,4 +1,4 @@
-//! The command that made a film, without folders of the machine.
+//! Command that made a film, without the machine's folders.
 
 use std::borrow::Cow;
 use std::ffi::OsString;

@@ -16,7 +16,7 @@ pub(super) fn drawing(name: &str, svg: &Svg) -> Value {
     context! { svg => svg.inline(), file => download(name, "image/svg+xml", svg.file().as_bytes()) }
 }
 
-/// Formats the figures of frames as comma-separated values, one line per frame; unknown figures are empty.
+/// Formats the figures of frames as comma-separated values, one line per frame. Unknown figures are empty.
 ///
 /// # Errors
 /// If a report cannot be serialized, which is a bug.
@@ -33,7 +33,7 @@ pub(super) fn csv_of(frames: &[FrameReport]) -> Result<String> {
     Ok(text)
 }
 
-/// Returns names and values of a frame's figures, with its number first; figures of stages have names like
+/// Returns names and values of a frame's figures, starting with the frame number. Figures of stages have names such as
 /// `seconds.direct`.
 fn cells(frame: &FrameReport) -> Result<Vec<(String, String)>> {
     let mut cells = vec![("index".to_owned(), frame.index.to_string())];

@@ -1,4 +1,4 @@
-//! Pictures and maps of a film for its page, collected during the film in bounded memory.
+//! Pictures and maps for a film's page, collected while the film is made, in bounded memory.
 
 use super::frame_maps::FrameMaps;
 use super::map::ImportanceSum;
@@ -15,15 +15,15 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Maximum number of pictures in the strip, and maximum side of each \[pixels\].
+/// Maximum number of pictures in the strip, and maximum side of each picture \[pixels\].
 const STRIP: (u32, usize) = (48, 320);
 /// Maximum and minimum rate of the strip \[pictures per second\].
 const PACE: (f64, f64) = (12.0, 2.0);
-/// JPEG quality of the stills and of the strip.
+/// JPEG quality of the stills, and of the strip.
 const QUALITY: (u8, u8) = (92, 80);
 
-/// Observer that keeps the data of a film's page: the first, middle and last decoded frame, a strip of at most 48
-/// small frames, and maps of one frame.
+/// Observer that keeps the data of a film's page: the first, middle and last decoded frame, a strip of at most 48 small
+/// frames, and maps of one frame.
 #[derive(Debug)]
 pub struct FilmWatch {
     frames: Range<u32>,
@@ -44,7 +44,7 @@ struct Held {
     maps: Option<FrameMaps>,
 }
 
-/// Decoded frame.
+/// Decoded frame with its index.
 #[derive(Clone, Debug)]
 struct KeptPicture {
     index: u32,
@@ -52,7 +52,7 @@ struct KeptPicture {
 }
 
 impl FilmWatch {
-    /// Returns the observer of a film with these settings.
+    /// Returns the observer of a film with the given settings.
     #[must_use]
     pub fn new(settings: &Settings) -> Self {
         Self {
@@ -69,12 +69,12 @@ impl FilmWatch {
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Interval of the frames in the strip.
+    /// Returns the interval between frames in the strip \[frames\].
     fn every(&self) -> u32 {
         (self.frames.len() as u32).div_ceil(STRIP.0).max(1)
     }
 
-    /// Distance of frame `index` from the middle of the film \[frames\].
+    /// Returns the distance of frame `index` from the middle of the film \[frames\].
     fn distance_to_middle(&self, index: u32) -> u32 {
         index.abs_diff(self.frames.start + self.frames.len() as u32 / 2)
     }
@@ -85,7 +85,7 @@ impl FilmWatch {
         let mut stills: Vec<(&str, &KeptPicture)> = Vec::new();
         let [first, last] = [held.first.as_ref(), held.last.as_ref()];
         for (name, still) in [("First", first), ("Middle", held.middle.as_ref()), ("Last", last)] {
-            // In a film that ended early, the middle frame may be its last.
+            // Omit the middle frame if it is also the last, as in a film that ended early.
             let is_other = |still: &&KeptPicture| stills.iter().all(|(_, other)| other.index != still.index);
             let is_end = name == "Middle" && still.zip(last).is_some_and(|(still, last)| still.index == last.index);
             if let Some(still) = still.filter(is_other).filter(|_| !is_end) {
@@ -119,7 +119,7 @@ impl FilmWatch {
         }))
     }
 
-    /// Returns the maps, and the number of their frame.
+    /// Returns the maps, and the index of the frame they show.
     pub(super) fn maps(&self) -> Option<(u32, Vec<Value>)> {
         let held = self.held();
         held.maps.as_ref().map(|maps| (maps.index, maps.drawn()))
@@ -131,7 +131,7 @@ impl FilmWatch {
     }
 }
 
-/// Accepts pictures in coding order, which with B pictures is not the frame order.
+/// Observes pictures in coding order, which differs from frame order with B pictures.
 impl Observer for FilmWatch {
     fn shaded(&self, index: u32, shaded: &Shaded) {
         let is_nearer = |kept: &FrameMaps| self.distance_to_middle(index) < self.distance_to_middle(kept.index);
@@ -153,7 +153,7 @@ impl Observer for FilmWatch {
             shrunk(&to_rgb8_by(picture, self.matrix), factor, mean_color)
         });
 
-        // Each position keeps the best matching frame so far.
+        // For each still, keep the best matching frame so far.
         let mut held = self.held();
         if held.first.as_ref().is_none_or(|kept| index < kept.index) {
             held.first = still();
@@ -189,7 +189,7 @@ mod tests {
     fn three_frames_and_a_strip_stay_of_a_long_film() {
         let film = watch(1000);
         let picture = Picture::black(640, 480);
-        // In coding order with B pictures.
+        // Pass the pictures in the coding order of a film with B pictures.
         for index in (0..1000).map(|place: u32| {
             if place % 3 == 1 {
                 place + 1

@@ -1,4 +1,4 @@
-//! Maps of one frame: thresholds, cut sizes, and reused light.
+//! Maps of one frame: thresholds, cut sizes and reused light.
 
 use super::pictures::{factor, png, shrunk};
 use super::scale::{CUT_SIZE, THRESHOLD, css_color, gradient};
@@ -14,10 +14,10 @@ pub const WATCHED: [Aov; 3] = [Aov::Threshold, Aov::CutSize, Aov::Shading];
 
 /// Maximum side of a map \[pixels\].
 const MOST_PIXELS: usize = 512;
-/// If fewer than this fraction of the pixels have a lightcut, cuts are drawn as squares of this many pixels, to be
-/// visible.
+/// Minimum fraction of pixels with a lightcut to draw cut sizes per pixel. With fewer, each cut size is drawn as a
+/// square with this side \[pixels\], to be visible.
 const SPARSE: (f64, usize) = (0.25, 4);
-/// Kinds of pixels by reused light, with their positions in the false colors.
+/// Kinds of pixels by reused light, with positions in the false colors.
 const REUSED: [(&str, f32); 4] = [
     ("all computed", 0.92),
     ("direct light reprojected", 0.64),
@@ -25,7 +25,7 @@ const REUSED: [(&str, f32); 4] = [
     ("all reprojected", 0.12),
 ];
 
-/// Per-pixel data of a frame, if available.
+/// Data of a frame per pixel; `None` if not available.
 #[derive(Clone, Debug)]
 pub(super) struct FrameMaps {
     pub index: u32,
@@ -38,13 +38,13 @@ pub(super) struct FrameMaps {
 }
 
 impl FrameMaps {
-    /// Collects the maps of frame `index`. A pixel without a threshold may have an error of the fraction `elsewhere`
-    /// of its luminance.
+    /// Collects the maps of frame `index`. For pixels without a threshold, `elsewhere` is the permitted error as a
+    /// fraction of luminance.
     pub fn new(index: u32, shaded: &Shaded, elsewhere: f32) -> Self {
         let (width, height) = (shaded.radiance.width(), shaded.radiance.height());
         let plane = |name: &str| {
             let (_, samples) = shaded.watched.iter().find(|(own, _)| own == name)?;
-            // A map of zeros contains no information.
+            // Omit a map of zeros, which contains no information.
             let is_told = samples.len() == width * height && samples.iter().any(|&value| value > 0.0);
             is_told.then(|| Plane::from_vec(width, height, samples.clone()))
         };
@@ -53,7 +53,7 @@ impl FrameMaps {
             let shares = pixels.map(|(&threshold, &rgb)| match luminance(rgb) {
                 light if light > 0.0 && threshold > 0.0 => threshold / light,
                 light if light > 0.0 => elsewhere,
-                // Black pixels have no error to compare.
+                // Black pixels have no relative threshold.
                 _ => 0.0,
             });
             Plane::from_vec(width, height, shares.collect())
@@ -62,7 +62,7 @@ impl FrameMaps {
         Self { index, thresholds, cuts: plane("cut.size"), reused: plane("shading.reused") }
     }
 
-    /// Returns the available maps, each with its title, data URI and legend.
+    /// Returns the available maps, each with title, data URI and legend.
     pub fn drawn(&self) -> Vec<Value> {
         let mut drawn = Vec::new();
         if let Some(plane) = &self.thresholds {
@@ -93,12 +93,12 @@ impl FrameMaps {
     }
 }
 
-/// Returns the index in [`REUSED`] of a pixel's value.
+/// Returns the index in [`REUSED`] for a pixel's value.
 fn kind(value: f32) -> usize {
     (value.max(0.0) as usize).min(REUSED.len() - 1)
 }
 
-/// Returns the kinds of pixels with their colors and fractions.
+/// Returns the kinds of pixels, with color and fraction of pixels.
 fn entries(plane: &Plane<f32>) -> Vec<Value> {
     let mut counts = [0usize; REUSED.len()];
     plane.samples().iter().for_each(|&value| counts[kind(value)] += 1);
@@ -113,7 +113,7 @@ fn legend(scale: &super::Scale) -> Value {
     context! { about => scale.about, low => scale.ends.0, high => scale.ends.1, gradient => gradient() }
 }
 
-/// Returns a map with no side above [`MOST_PIXELS`].
+/// Returns a map reduced to sides of at most [`MOST_PIXELS`].
 fn fitting(plane: &Plane<f32>, of: impl Fn(&[f32]) -> f32) -> Plane<f32> {
     shrunk(plane, factor(plane.width(), plane.height(), MOST_PIXELS), of)
 }

@@ -9,13 +9,13 @@ pub fn data_uri(mime: &str, bytes: &[u8]) -> String {
     format!("data:{mime};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
 }
 
-/// Renders `template` with `values`, which are escaped unless the template marks them as safe.
+/// Renders `template` with `values`. Values are escaped unless the template marks them as safe.
 ///
 /// # Errors
 /// If the template fails, which is a bug.
 pub fn render_template(template: &str, values: Value) -> Result<String> {
     let mut environment = Environment::new();
-    // The ending .html enables escaping.
+    // Use a name that ends in `.html`, which enables escaping.
     environment.add_template("base.html", include_str!("templates/base.html")).map_err(Error::other)?;
     environment.add_template("sweep.html", include_str!("templates/sweep.html")).map_err(Error::other)?;
     environment.add_template("run.html", include_str!("templates/run.html")).map_err(Error::other)?;

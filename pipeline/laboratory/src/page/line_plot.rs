@@ -3,24 +3,24 @@
 use super::axis::{Axis, short};
 use super::svg::{Point, Rectangle, Svg, TextStyle, at};
 
-/// Width and height of a plot, in pixels at full size. Narrow pages scale it to three quarters, where font size 13 is
-/// still readable.
+/// Width and height of a plot at full size \[pixels\]. Narrow pages scale plots to three quarters, where font size 13
+/// is still readable.
 pub(super) const SIZE: (f64, f64) = (520.0, 360.0);
-/// Left, right and top of the plot area.
+/// Left edge, right edge and top of the plot area \[pixels\].
 pub(super) const AREA: (f64, f64, f64) = (74.0, 508.0, 34.0);
-/// Height of a row of the legend.
+/// Height of a row of the legend \[pixels\].
 const LEGEND_ROW: f64 = 19.0;
-/// Width of a digit next to an axis plus a gap, for narrow pages with large digits.
+/// Width of a digit next to an axis plus a gap \[pixels\], for narrow pages with large digits.
 const DIGIT: f64 = 11.5;
-/// Number of marks of a line with too many points to mark each.
+/// Maximum number of marks on a line if not every point is marked.
 const MARKS: usize = 6;
-/// Maximum length of names that fit three to a row of the legend \[characters\].
+/// Maximum length of names in a legend with three names per row \[characters\].
 const SHORT_NAME: usize = 17;
 
 /// Line of a plot.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Name in the legend.
+    /// Name of the line in the legend.
     pub name: String,
     /// Number of the line's color and mark.
     pub color: usize,
@@ -30,7 +30,7 @@ pub struct Series {
     pub points_shown: bool,
     /// Points (x, y); points that cannot be drawn are omitted.
     pub points: Vec<(f64, f64)>,
-    /// True for each point that does not count and is drawn as a cross.
+    /// True for each point that is not counted, which is drawn as a cross.
     pub crossed: Vec<bool>,
 }
 
@@ -47,9 +47,9 @@ pub struct LinePlot {
     pub x_log: bool,
     /// True if the y axis is logarithmic.
     pub y_log: bool,
-    /// The lines; later lines are drawn on top.
+    /// Lines of the plot; later lines are drawn on top.
     pub series: Vec<Series>,
-    /// Horizontal line at this y, with its name.
+    /// Position y of a horizontal line, and the line's name.
     pub level: Option<(f64, String)>,
 }
 
@@ -81,7 +81,7 @@ impl LinePlot {
         svg
     }
 
-    /// Draws a line and its marks: every point, or a few points of a long line.
+    /// Draws a line and marks: every point, or a few points of a long line.
     fn draw_line(&self, svg: &mut Svg, series: &Series, x: &Axis, y: &Axis) {
         let placed: Vec<(usize, Point)> =
             (0..).zip(&series.points).filter_map(|(i, &(a, b))| Some((i, at(x.place(a)?, y.place(b)?)))).collect();
@@ -102,8 +102,8 @@ impl LinePlot {
     }
 }
 
-/// Height of a plot with `rows` of the legend, and the bottom of the plot area. More rows extend the plot below the
-/// area.
+/// Returns the height of a plot with `rows` of the legend, and the bottom of the plot area. Additional rows extend the
+/// plot below the plot area.
 pub(super) fn height_and_bottom(rows: usize) -> (f64, f64) {
     let height = SIZE.1 + LEGEND_ROW * rows.saturating_sub(3) as f64;
     (height, height - 48.0 - LEGEND_ROW * rows as f64)
@@ -118,7 +118,7 @@ fn short3(value: f64) -> String {
     short((value * scale).round() / scale)
 }
 
-/// Texts around a plot.
+/// Texts around a plot, for title and axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Labels<'a> {
     /// Title above the plot.
@@ -142,7 +142,7 @@ pub(super) fn frame(svg: &mut Svg, labels: Labels, x: Option<&Axis>, y: &Axis, b
     for (value, text) in x.map(Axis::ticks).unwrap_or_default() {
         let Some(place) = x.and_then(|x| x.place(value)) else { continue };
         svg.rule(at(place, bottom), at(place, bottom + 4.0), "axis");
-        // Tick labels must not overlap.
+        // Skip labels that would overlap the previous label.
         let room = DIGIT * text.chars().count() as f64;
         if place - 0.5 * room < free {
             continue;
@@ -161,7 +161,7 @@ pub(super) fn frame(svg: &mut Svg, labels: Labels, x: Option<&Axis>, y: &Axis, b
     svg.text_upward(at(14.0, 0.5 * (top + bottom)), "soft", 13.0, &y.label(labels.y));
 }
 
-/// Number of legend entries in a row.
+/// Returns the number of legend entries in a row.
 fn columns<'a>(names: impl Iterator<Item = &'a str>) -> usize {
     let longest = names.map(|name| name.chars().count()).max().unwrap_or(0);
     if longest > SHORT_NAME { 2 } else { 3 }
@@ -171,13 +171,13 @@ fn columns<'a>(names: impl Iterator<Item = &'a str>) -> usize {
 pub(super) struct LegendEntry {
     /// Name of the line or stacked value.
     pub name: String,
-    /// Number of its color and mark.
+    /// Number of the entry's color and mark.
     pub color: usize,
     /// True for a dashed line; `None` for bars.
     pub dashed: Option<bool>,
 }
 
-/// Draws the legend: names with a piece of their line and mark, or with their color.
+/// Draws the legend: each name with a piece of its line and its mark, or with its color.
 pub(super) fn legend(svg: &mut Svg, entries: &[LegendEntry], top: f64) {
     let columns = columns(entries.iter().map(|entry| entry.name.as_str()));
     let column = (AREA.1 - AREA.0 + 46.0) / columns as f64;

@@ -4,10 +4,11 @@ use super::svg::{Rectangle, Svg, TextStyle, at};
 use plane::Plane;
 use std::sync::Mutex;
 
-/// Side of the drawn squares \[pixels\]: an MPEG-2 macroblock.
+/// Side of the drawn squares \[pixels\]: the size of an MPEG-2 macroblock.
 const SQUARE: usize = 16;
-/// Width of the drawing, and height of its title.
+/// Width of the drawing \[pixels\].
 const WIDTH: f64 = 480.0;
+/// Height of the title above the map \[pixels\].
 const ABOVE: f64 = 34.0;
 
 /// Sum of the importance maps of all frames.
@@ -15,7 +16,7 @@ const ABOVE: f64 = 34.0;
 pub(super) struct ImportanceSum(Mutex<Option<(Plane<f32>, u32)>>);
 
 impl ImportanceSum {
-    /// Adds the map of a frame; all maps have one size.
+    /// Adds the map of a frame. All maps must have the same size.
     pub fn add(&self, map: &Plane<f32>) {
         let mut held = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let (sum, frames) = held.get_or_insert_with(|| (Plane::filled(map.width(), map.height(), 0.0), 0));
@@ -23,7 +24,7 @@ impl ImportanceSum {
         *frames += 1;
     }
 
-    /// Draws the mean map; `None` without frames.
+    /// Draws the mean map. Returns `None` without frames.
     pub fn draw(&self) -> Option<Svg> {
         let held = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let (sum, frames) = held.as_ref()?;

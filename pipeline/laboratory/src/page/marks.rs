@@ -1,8 +1,8 @@
-//! Marks of lines: each line has its own shape in addition to its color.
+//! Marks of plotted lines. Each line has its own shape of mark in addition to its color.
 
 use super::palette::COLORS;
 
-/// Corners of the marks, within a circle of radius 1; y points down.
+/// Corners of the marks, approximately within a circle of radius 1; y points down.
 const SHAPES: [&[(f64, f64)]; COLORS] = [
     // Disk, square, triangle, diamond.
     &[
@@ -64,7 +64,7 @@ const SHAPES: [&[(f64, f64)]; COLORS] = [
     &[(0.0, -1.3), (0.8, -0.3), (0.8, 1.1), (-0.8, 1.1), (-0.8, -0.3)],
 ];
 
-/// Returns the SVG path of mark `number` at (x, y); numbers wrap around.
+/// Returns the SVG path of mark `number` at (x, y). Numbers wrap around.
 pub(super) fn outline(number: usize, x: f64, y: f64, radius: f64) -> String {
     let mut path = String::new();
     for (i, (dx, dy)) in SHAPES[number % SHAPES.len()].iter().enumerate() {

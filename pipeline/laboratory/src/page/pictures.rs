@@ -1,4 +1,4 @@
-//! Small pictures of a film for its page, as data URIs.
+//! Small pictures of a film for the film's page, as data URIs.
 
 use super::html::data_uri;
 use crate::png_file;
@@ -7,16 +7,16 @@ use image::codecs::jpeg::JpegEncoder;
 use plane::Plane;
 use render2mpeg::error::{Context, Result};
 
-/// Picture of 8-bit R′G′B′.
+/// Picture in 8-bit R′G′B′.
 pub(super) type Rgb = Plane<[u8; 3]>;
 
-/// Integer factor by which a picture must shrink so that no side exceeds `most`.
+/// Returns the integer factor by which a picture must shrink so that no side exceeds `most`.
 pub(super) fn factor(width: usize, height: usize, most: usize) -> usize {
     width.max(height).div_ceil(most).max(1)
 }
 
-/// Reduces each square of `factor` pixels to one pixel: `of` its samples. Squares at the right and bottom edges may
-/// be smaller.
+/// Reduces each square of `factor` × `factor` pixels to one pixel, computed from the samples by `of`. Squares at the
+/// right and bottom edges may be smaller.
 pub(super) fn shrunk<T: Copy, U: Copy>(plane: &Plane<T>, factor: usize, of: impl Fn(&[T]) -> U) -> Plane<U> {
     let size = (plane.width().div_ceil(factor), plane.height().div_ceil(factor));
     let mut square = Vec::new();
@@ -30,7 +30,7 @@ pub(super) fn shrunk<T: Copy, U: Copy>(plane: &Plane<T>, factor: usize, of: impl
     })
 }
 
-/// Mean of code values.
+/// Returns the mean of code values.
 pub(super) fn mean_color(colors: &[[u8; 3]]) -> [u8; 3] {
     std::array::from_fn(|c| {
         let sum: usize = colors.iter().map(|color| usize::from(color[c])).sum();

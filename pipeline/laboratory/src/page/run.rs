@@ -1,4 +1,4 @@
-//! Page of a single run: the film, and the cost and quality of each frame.
+//! Page of a single run: the film, and cost and quality of each frame.
 
 use super::choices::{choices, plain, usual_without_folders, without_folders};
 use super::data::{csv_of, download, drawing};
@@ -21,7 +21,7 @@ pub struct Made {
 }
 
 /// Returns the page of a run: frames and a strip of the film, maps, and the figures of each frame as plots and files.
-/// The page contains file names but no folders.
+/// The page contains file names without folders.
 ///
 /// # Errors
 /// If the page cannot be rendered, which is a bug.
@@ -93,7 +93,7 @@ mod tests {
     use render2mpeg::Options;
     use render2mpeg::report::Ending;
 
-    /// A hundred frames of noise, which no picture format compresses.
+    /// Checks the page size with a hundred frames of noise, which no picture format compresses.
     #[test]
     fn pages_of_long_films_are_bounded() {
         let options = Options { frames: Some(100), ..Options::default() };

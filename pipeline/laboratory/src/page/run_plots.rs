@@ -1,4 +1,4 @@
-//! Figures of a run per frame: plots of varying figures, numbers for constant ones.
+//! Figures of a run per frame: varying figures as plots, constant figures as numbers.
 
 use super::axis::short;
 use super::bars::StackedBars;
@@ -6,34 +6,34 @@ use super::line_plot::{LinePlot, Series};
 use super::svg::Svg;
 use pipeline::report::FrameReport;
 
-/// Maximum number of bars: in longer films each is the mean of several frames.
+/// Maximum number of bars. In longer films, each bar is the mean of several frames.
 const MOST_COLUMNS: usize = 200;
-/// Maximum number of frames with a mark at each point.
+/// Maximum number of frames in a plot that marks every point.
 const MOST_MARKED: usize = 40;
-/// Relative difference up to which values of a series count as equal: sums of floats may differ by rounding.
+/// Maximum relative difference between values of a series that count as equal. Sums of floats may differ by rounding.
 const SAME: f64 = 1e-9;
 
-/// Figure of a frame.
+/// Function that returns a figure of a frame.
 type Figure = fn(&FrameReport) -> f64;
 
 /// Figures to show on the page.
 #[derive(Default)]
 pub(super) struct Figures {
-    /// File names and drawings.
+    /// File name and drawing of each plot.
     pub plots: Vec<(&'static str, Svg)>,
-    /// Names and values of the series that are constant over the film.
+    /// Name and value of each series that is constant over the film.
     pub constant: Vec<(String, String)>,
 }
 
-/// Figure plotted over the frames.
+/// Figure that is plotted over the frames.
 struct FigureRow {
-    /// Name of the file.
+    /// Name of the plot's file.
     file: &'static str,
     title: &'static str,
     unit: &'static str,
     /// Name and color number of the line.
     line: (&'static str, usize),
-    /// Value in a frame; NaN if it has none.
+    /// Value of the figure in a frame; NaN if the frame has none.
     value: Figure,
 }
 
@@ -43,7 +43,7 @@ const ROWS: [FigureRow; 8] = [
         title: "PSNR of the decoded luma",
         unit: "dB",
         line: ("against the uncompressed picture", 2),
-        // Equal pictures have no PSNR, and leave a gap in the line.
+        // Leave a gap in the line for equal pictures, which have no PSNR.
         value: |frame| frame.psnr_y.unwrap_or(f64::NAN),
     },
     FigureRow {
@@ -107,7 +107,7 @@ impl Figures {
         figures
     }
 
-    /// Draws `parts` as stacked bars, or lists their sum if it is constant.
+    /// Draws `parts` as stacked bars, or lists the sum if it is constant.
     fn add_columns(&mut self, file: &'static str, title: &str, unit: &str, parts: Columns) {
         let sums: Vec<f64> = parts.columns.iter().map(|column| column.iter().sum()).collect();
         if let Some(sum) = constant(&sums) {
@@ -126,7 +126,7 @@ impl Figures {
         self.plots.push((file, drawn.draw()));
     }
 
-    /// Draws a line, or lists its value if it is constant; omits figures without values.
+    /// Draws a figure as a line, or lists the value if it is constant. Omits figures without values.
     fn add(&mut self, row: &FigureRow, frames: &[FrameReport]) {
         let points: Vec<(f64, f64)> = frames.iter().map(|frame| (f64::from(frame.index), (row.value)(frame))).collect();
         let values: Vec<f64> = points.iter().map(|point| point.1).collect();
@@ -159,7 +159,7 @@ impl Figures {
     }
 }
 
-/// Returns the common value; `None` if values differ or some are missing.
+/// Returns the common value; `None` if the values differ or some are missing.
 fn constant(values: &[f64]) -> Option<f64> {
     let first = *values.first()?;
     values.iter().all(|value| (value - first).abs() <= SAME * first.abs()).then_some(first)
@@ -171,7 +171,7 @@ fn digits(value: f64) -> String {
     short((value * scale).round() / scale)
 }
 
-/// Stacked bars, with names and colors of the stacked values.
+/// Stacked bars, with name and color of each stacked value.
 struct Columns {
     parts: Vec<(String, usize)>,
     names: Vec<String>,
@@ -194,7 +194,7 @@ impl Columns {
 }
 
 fn stages(frames: &[FrameReport]) -> Columns {
-    // Neighboring colors differ most.
+    // Choose neighboring colors that differ as much as possible.
     let stages: [(&str, usize, Figure); 9] = [
         ("scene", 6, |f| f.figures.seconds.update),
         ("photons", 1, |f| f.figures.seconds.photons),

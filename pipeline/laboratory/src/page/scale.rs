@@ -3,14 +3,14 @@
 use crate::false_color::{false_color, log_share};
 use plane::Plane;
 
-/// Kind of map: its name and its range of values, which colors divide logarithmically.
+/// Color scale of a map: name and range of values. Values map to colors logarithmically.
 #[derive(Clone, Debug)]
 pub struct Scale {
-    /// Name in files and on the page.
+    /// Name of the map, in files and on the page.
     pub name: &'static str,
-    /// Description for readers.
+    /// Description of the map for readers.
     pub about: &'static str,
-    /// Values at the dark and at the bright end.
+    /// Values at the dark end and at the bright end.
     pub range: (f32, f32),
     /// Labels of the two ends.
     pub ends: (&'static str, &'static str),
@@ -19,7 +19,7 @@ pub struct Scale {
 /// Ratio of threshold to luminance, from 1 % to 100 %.
 pub const THRESHOLD: Scale =
     Scale { name: "threshold", about: "threshold / luminance", range: (0.01, 1.0), ends: ("1 %", "100 %") };
-/// Cut sizes, up to the maximum of a lightcut.
+/// Cut sizes, up to the maximum size of a lightcut \[clusters\].
 pub const CUT_SIZE: Scale =
     Scale { name: "cuts", about: "clusters per cut", range: (1.0, 1000.0), ends: ("1", "1000") };
 

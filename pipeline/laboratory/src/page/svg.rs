@@ -33,27 +33,27 @@ pub(super) struct Rectangle {
     pub height: f64,
 }
 
-/// Style of a text in a drawing.
+/// Style of text in a drawing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TextStyle {
     /// CSS class with the text's color.
     pub class: &'static str,
     /// Anchor of the text at its position: start, middle or end.
     pub anchor: &'static str,
-    /// Font size.
+    /// Font size of the text \[pixels\].
     pub size: f64,
 }
 
-/// Style of the classes in files, except for line colors; pages have their own rules.
+/// CSS rules for drawings in files, without line colors. Pages have their own rules.
 const FILE_STYLE: &str =
     ".ink,.entry{fill:#1d2129}.soft{fill:#5a6270}.grid{stroke:#d9dde3}.axis{stroke:#7c8592}.hollow{fill:#ffffff}";
 
-/// Escapes text for XML.
+/// Escapes text for use in XML.
 pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Returns a tooltip; empty for an empty text.
+/// Returns a tooltip element; an empty string for empty text.
 fn titled(about: &str) -> String {
     if about.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(about)) }
 }
@@ -95,7 +95,7 @@ impl Svg {
         self.draw(format_args!(r#"<path class="{stroke} {fill}" d="{outline}" stroke-width="1.5">{about}</path>"#));
     }
 
-    /// Draws a cross for a point that does not count, with the tooltip `about`.
+    /// Draws a cross for a point that is not counted, with the tooltip `about`.
     pub(super) fn cross(&mut self, place: Point, color: usize, about: &str) {
         let (about, stroke, r) = (titled(about), palette::stroke_class(color), 4.2);
         let (left, right, top, bottom) = (place.x - r, place.x + r, place.y - r, place.y + r);
@@ -110,7 +110,7 @@ impl Svg {
         self.rectangle(bar, &format!(r#"class="{class}""#), about);
     }
 
-    /// Draws a square of a map in a gray of 0 to 255.
+    /// Draws a square of a map in a gray level of 0 to 255.
     pub(super) fn gray(&mut self, square: Rectangle, gray: u8, about: &str) {
         self.rectangle(square, &format!(r##"fill="#{gray:02x}{gray:02x}{gray:02x}""##), about);
     }

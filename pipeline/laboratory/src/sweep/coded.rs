@@ -1,4 +1,4 @@
-//! Films through the encoder.
+//! Encoding of a sweep's films.
 
 use super::film::{Film, FilmFrame};
 use crate::compare::{Picture, Pictures};
@@ -16,15 +16,15 @@ use std::sync::Arc;
 
 /// Coded picture.
 pub(super) struct CodedFrame {
-    /// Picture as a decoder shows it.
+    /// Picture as reconstructed by the decoder.
     pub decoded: Arc<plane::Picture>,
-    /// Size of the picture with headers \[bits\].
+    /// Size of the picture including headers \[bits\].
     pub bits: u64,
-    /// CPU seconds of encoding.
+    /// CPU seconds spent on encoding.
     pub seconds: f64,
 }
 
-/// Encodes a film as the driver does, with one quantiser.
+/// Encodes a film like the driver, with one quantiser.
 pub struct Coder {
     settings: Settings,
     encoder: Encoder,
@@ -34,16 +34,16 @@ pub struct Coder {
 
 /// Consumers of the stream's bytes.
 struct Sinks {
-    /// Stream that the driver wrote, if the film was rendered with this quantiser.
+    /// Stream that the driver wrote; `None` if the film was rendered with a different quantiser.
     written: Option<BufReader<File>>,
     copy: Option<Copy>,
 }
 
 impl Coder {
-    /// Returns the encoder of `film` with `qscale`.
+    /// Returns the encoder of `film` at quantiser_scale `qscale`.
     ///
     /// # Errors
-    /// If the settings fit no encoder.
+    /// If no encoder supports the settings.
     pub fn new(film: &Film, qscale: u32) -> Result<Self> {
         let mut settings = film.settings.clone();
         settings.render.qscale = qscale;
@@ -55,11 +55,11 @@ impl Coder {
         Ok(Self { settings, encoder, pool, sinks })
     }
 
-    /// Stores the stream and its decoded pictures below `workspace`, for [`Coder::finish`] to compare with another
-    /// decoder.
+    /// Stores the stream and the decoded pictures in `workspace`, where [`Coder::finish`] compares them with another
+    /// decoder's output.
     ///
     /// # Errors
-    /// If files cannot be written there.
+    /// If files cannot be written in `workspace`.
     pub fn check_below(&mut self, workspace: &Path) -> Result<()> {
         self.sinks.copy = Some(Copy::new(workspace, &self.settings)?);
         Ok(())
@@ -68,7 +68,7 @@ impl Coder {
     /// Encodes the next picture.
     ///
     /// # Errors
-    /// If the stream differs from the driver's.
+    /// If the stream differs from the stream that the driver wrote.
     pub fn push(&mut self, frame: &FilmFrame) -> Result<CodedFrame> {
         let known = frame.known.as_ref().filter(|_| self.settings.render.motion);
         let busy = Busy::default();
@@ -83,10 +83,10 @@ impl Coder {
         Ok(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() })
     }
 
-    /// Ends the stream. Runs the check by another decoder if it was requested and a decoder is installed.
+    /// Ends the stream. If the check by another decoder was requested and the decoder is installed, runs the check.
     ///
     /// # Errors
-    /// If the stream differs from the driver's, or the other decoder's pictures differ.
+    /// If the stream differs from the stream that the driver wrote, or the other decoder's pictures differ.
     pub fn finish(self) -> Result<Option<DecoderCheck>> {
         let Self { encoder, mut sinks, .. } = self;
         sinks.take(&encoder.finish().end)?;
@@ -98,7 +98,7 @@ impl Coder {
 }
 
 impl Sinks {
-    /// Compares the stream's bytes with the driver's, and copies them for the other decoder.
+    /// Compares the stream's bytes with the driver's bytes, and copies them for the other decoder.
     fn take(&mut self, bytes: &[u8]) -> Result<()> {
         if let Some(written) = &mut self.written {
             let mut same = vec![0; bytes.len()];
@@ -112,7 +112,7 @@ impl Sinks {
 
 const ANOTHER_STREAM: &str = "the sweep's stream differs from the run's: this is a bug";
 
-/// A stream and the encoder's decoded pictures.
+/// Stream and the encoder's decoded pictures, stored in files.
 struct Copy {
     stream: Output,
     decoded: Y4m,
@@ -125,7 +125,7 @@ impl Copy {
         Ok(Self { stream: Output::create(&paths[0])?, decoded: Y4m::create(&paths[1], settings)?, paths })
     }
 
-    /// Decodes the stream with ffmpeg, and compares the pictures; `None` without ffmpeg.
+    /// Decodes the stream with ffmpeg, and compares the pictures. Returns `None` if ffmpeg is not installed.
     fn check(self) -> Result<Option<DecoderCheck>> {
         let Self { stream, decoded, paths } = self;
         stream.finish()?;
@@ -134,29 +134,29 @@ impl Copy {
             Ok(_) => check_with_ffmpeg(&paths[0], &paths[1]).map(Some),
             Err(_) => Ok(None),
         };
-        // The folder is removed in any case: errors do not matter.
+        // The folder is removed later anyway, so errors are ignored.
         paths.iter().for_each(|path| drop(std::fs::remove_file(path)));
         found
     }
 }
 
-/// Check of a stream by another decoder.
+/// Result of checking a stream with another decoder.
 #[derive(Clone, Debug, Serialize)]
 pub struct DecoderCheck {
     /// Name of the decoder.
     pub decoder: &'static str,
     /// Number of compared pictures.
     pub frames: usize,
-    /// Largest difference of a luma sample, in code values: inverse transforms may round differently.
+    /// Maximum difference between luma samples \[code values\]. Inverse transforms may round differently.
     pub largest_difference: u8,
-    /// Fraction of equal luma samples.
+    /// Fraction of luma samples that are equal.
     pub equal_share: f64,
 }
 
-/// Largest difference due to rounding accumulated over a group of pictures.
+/// Maximum luma difference due to rounding, accumulated over a group of pictures \[code values\].
 const MOST_DIFFERENCE: u8 = 4;
 
-/// Decodes `stream` with ffmpeg, and compares it with `decoded`, the encoder's own reconstruction.
+/// Decodes `stream` with ffmpeg, and compares the result with `decoded`, the encoder's own reconstruction.
 fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
     let (mut others, own) = (Pictures::open(stream)?, Pictures::open(decoded)?);
     let (mut largest, mut equal, mut count, mut frames) = (0, 0usize, 0usize, 0);

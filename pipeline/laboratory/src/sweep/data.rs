@@ -7,7 +7,7 @@ use render2mpeg::error::{Context, Error, Result};
 use serde::Serialize;
 use std::path::Path;
 
-/// Contents of `sweep.json`: the figures, and findings in words.
+/// Contents of `sweep.json`: figures, and findings as text.
 #[derive(Serialize)]
 struct SweepFile<'a> {
     #[serde(flatten)]
@@ -24,7 +24,7 @@ impl Swept {
         Ok(json)
     }
 
-    /// Returns the same text with file names instead of paths, for a page.
+    /// Returns the text of `sweep.json` for a page, with file names in place of paths.
     pub(super) fn json_without_folders(&self) -> Result<String> {
         let mut value: serde_json::Value = serde_json::from_str(&self.json()?)?;
         for name in ["scene", "output", "baked"] {
@@ -37,7 +37,7 @@ impl Swept {
     }
 }
 
-/// Formats runs as CSV, one line per run; unknown figures are empty.
+/// Formats runs as CSV, one line per run. Unknown figures are empty.
 pub(super) fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for run in runs {

@@ -10,11 +10,12 @@ use plane::Plane;
 use render2mpeg::settings::Settings;
 use serde::Serialize;
 
-/// Maximum loss of decoded PSNR at *equal decoded quality* \[dB\]. Better than the baseline also counts as equal.
+/// Maximum loss of decoded PSNR at *equal decoded quality* \[dB\]. Higher PSNR than the baseline's also counts as
+/// equal.
 const EQUAL_PSNR: f64 = 0.1;
-/// Maximum relative increase of bits at equal quality.
+/// Maximum relative increase in bits at equal quality.
 const EQUAL_BITS: f64 = 0.01;
-/// Maximum relative increase of flicker at equal quality. Another seed of the light tree alone changes flicker by
+/// Maximum relative increase in flicker at equal quality. A different seed of the light tree alone changes flicker by
 /// several hundredths.
 const EQUAL_FLICKER: f64 = 0.1;
 
@@ -22,19 +23,19 @@ const EQUAL_FLICKER: f64 = 0.1;
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Outcome {
-    /// Version of the layout.
+    /// Version of the file layout.
     pub schema: u32,
     /// Name and version of the program.
     pub program: String,
     /// Settings of the reference; methods change some of them.
     pub settings: Settings,
-    /// Number of lights in the tree.
+    /// Number of lights in the light tree.
     pub lights: u32,
     /// Costs of the references, which evaluate every light at every pixel.
     pub references: Vec<ReferenceCost>,
-    /// Runs by method and quantiser, grouped by method.
+    /// Runs of each method at each quantiser, grouped by method.
     pub runs: Vec<MethodRun>,
-    /// Check by another decoder; null without one.
+    /// Result of the check by another decoder; null if no decoder was available.
     pub decoder_check: Option<DecoderCheck>,
     /// True if the sweep ended early, without the runs of some methods or quantisers.
     pub interrupted: bool,
@@ -45,7 +46,7 @@ pub struct Outcome {
 /// Cost of a reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReferenceCost {
-    /// True if lost short-range light is compensated.
+    /// True if short-range light lost by bounded geometry terms is restored.
     pub compensation: bool,
     /// Mean CPU seconds of the stages per frame.
     pub seconds: Seconds,
@@ -56,17 +57,17 @@ pub struct ReferenceCost {
 pub struct MethodRun {
     /// Name of the method.
     pub method: &'static str,
-    /// Label in plots.
+    /// Label of the method in plots.
     pub label: String,
-    /// quantiser_scale.
+    /// quantiser_scale of the run.
     pub qscale: u32,
     /// True if indirect light was cached.
     pub cache: bool,
     /// True for a film by lightcuts, false for path tracing.
     pub lightcuts: bool,
-    /// Multiplier on masking thresholds, if these are in use.
+    /// Multiplier on the thresholds, if they depend on masking.
     pub kappa: Option<f32>,
-    /// Mean CPU seconds of the stages per frame; path tracing counts as `direct`.
+    /// Mean CPU seconds per frame of each stage. Path tracing counts as `direct`.
     pub seconds: Seconds,
     /// Mean ratio of threshold to luminance.
     pub threshold_mean_relative: f64,
@@ -74,18 +75,18 @@ pub struct MethodRun {
     pub tree_swaps_share: f64,
     /// Mean number of clusters in a lightcut.
     pub cut_size_mean: f64,
-    /// Mean number of shadow rays of direct light and lightcuts per frame.
+    /// Mean number of shadow rays per frame, for direct light and lightcuts.
     pub shadow_rays: f64,
     /// Mean size of a coded frame \[bits\].
     pub bits: f64,
-    /// Rendered frames compared with the reference, before compression.
+    /// Comparison of rendered frames with the reference, before compression.
     pub rendered: Comparison,
-    /// Decoded frames compared with the uncompressed reference.
+    /// Comparison of decoded frames with the uncompressed reference.
     pub decoded: Comparison,
-    /// Additional change between frames, compared with the decoded reference, in pixels visible in both frames. Root
+    /// Additional change between frames, compared with the decoded reference, at pixels visible in both frames. Root
     /// mean square of luma \[code values\].
     pub flicker: f64,
-    /// Histogram of true error divided by threshold, over all pixels of these frames.
+    /// Histogram of true error divided by threshold, over all pixels of the counted frames.
     pub error_by_threshold: Option<ErrorHistogram>,
     /// Comparison with the baseline; null if the baseline was not run.
     pub against_baseline: Option<AgainstBaseline>,
@@ -94,21 +95,21 @@ pub struct MethodRun {
 /// Comparison of a run with its baseline: fixed thresholds of 2 % at the same quantiser.
 #[derive(Clone, Debug, Serialize)]
 pub struct AgainstBaseline {
-    /// Decoded PSNR minus the baseline's \[dB\].
+    /// Decoded PSNR minus the baseline's PSNR \[dB\].
     pub psnr_difference: f64,
-    /// Ratio of bits to the baseline's.
+    /// Bits divided by the baseline's bits.
     pub bits_ratio: f64,
-    /// Ratio of flicker to the baseline's.
+    /// Flicker divided by the baseline's flicker.
     pub flicker_ratio: f64,
-    /// True if decoded PSNR is at most 0.1 dB lower, bits at most 1 % and flicker at most 10 % higher.
+    /// True if decoded PSNR is at most 0.1 dB lower, bits are at most 1 % higher, and flicker is at most 10 % higher.
     pub equal_quality: bool,
-    /// Ratio of the baseline's CPU seconds of indirect light to this run's.
+    /// Baseline's CPU seconds of indirect light, divided by this run's.
     pub speedup_indirect: f64,
-    /// Ratio of the baseline's CPU seconds per frame to this run's.
+    /// Baseline's CPU seconds per frame, divided by this run's.
     pub speedup_total: f64,
-    /// Ratio of the baseline's mean cut size to this run's.
+    /// Baseline's mean cut size, divided by this run's.
     pub cut_size_ratio: f64,
-    /// Ratio of the baseline's shadow rays to this run's, including direct light.
+    /// Baseline's number of shadow rays, divided by this run's; direct light included.
     pub shadow_rays_ratio: f64,
 }
 
@@ -116,9 +117,9 @@ pub struct AgainstBaseline {
 pub struct RunPictures {
     /// Name of the method.
     pub method: &'static str,
-    /// quantiser_scale.
+    /// quantiser_scale of the run.
     pub qscale: u32,
-    /// Decoded picture.
+    /// Decoded picture of the last frame.
     pub decoded: Plane<[u8; 3]>,
     /// Maps of the last frame; `None` for path tracing.
     pub maps: Option<Maps>,
@@ -128,13 +129,14 @@ pub struct RunPictures {
 pub struct Maps {
     /// Ratio of threshold to luminance.
     pub relative_threshold: Plane<f32>,
-    /// Number of clusters in each pixel's lightcut; with a cache, only at pixels of records, 0 elsewhere.
+    /// Number of clusters in each pixel's lightcut. With a cache, only pixels of records have lightcuts, and others are
+    /// 0.
     pub cut_size: Plane<f32>,
-    /// Luma difference from the reference before compression, absolute \[code values\].
+    /// Absolute luma difference from the reference before compression \[code values\].
     pub error: Plane<f32>,
 }
 
-/// Mean of a figure over the frames with thresholds: all except the first, or a single frame.
+/// Returns the mean of a figure over the frames with thresholds: all frames except the first, or a single frame.
 pub fn mean_of(frames: &[FrameReport], figure: impl Fn(&FrameReport) -> f64) -> f64 {
     let frames = steered(frames);
     frames.iter().map(figure).sum::<f64>() / frames.len().max(1) as f64
@@ -145,7 +147,7 @@ pub fn steered<T>(frames: &[T]) -> &[T] {
     if frames.len() > 1 { &frames[1..] } else { frames }
 }
 
-/// Mean CPU seconds of the stages.
+/// Returns the mean CPU seconds of the stages.
 pub fn mean_seconds(frames: &[FrameReport]) -> Seconds {
     Seconds::mean(steered(frames).iter().map(|frame| &frame.figures.seconds))
 }

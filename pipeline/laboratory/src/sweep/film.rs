@@ -1,4 +1,4 @@
-//! Films stored in files: rendered as usual, then read frame by frame with all their data.
+//! Films stored in files: rendered like other films, then read frame by frame with all data.
 
 use super::method::{Method, Way};
 use crate::compare::{Picture, Pictures};
@@ -31,26 +31,26 @@ pub struct FilmFrame {
     pub picture: plane::Picture,
     /// Correspondence with the previous frame; `None` for the first frame.
     pub known: Option<Correspondence>,
-    /// Permitted luminance error of each pixel; 0 means 2 % of its luminance.
+    /// Permitted luminance error of each pixel; 0 if the pixel has no threshold.
     pub thresholds: Plane<f32>,
-    /// Number of clusters in each pixel's lightcut; with a cache, only at pixels of records.
+    /// Number of clusters in each pixel's lightcut. With a cache, only pixels of records have lightcuts.
     pub cut_sizes: Plane<f32>,
 }
 
-/// Film before compression, stored in files that are removed when it is dropped, and its cost. Long films need no
-/// memory.
+/// Film before compression and its cost. The frames are stored in files, so long films need little memory. Dropping the
+/// film removes the files.
 pub(super) struct Film {
     /// Settings of the film.
     pub settings: Settings,
-    /// Reports of the stages; path tracing has only the time in `direct`.
+    /// Reports of the stages. For path tracing, only the time in `direct` is set.
     pub reports: Vec<FrameReport>,
-    /// Video as the run wrote it; `None` for path tracing.
+    /// Path of the video that the run wrote; `None` for path tracing.
     pub stream: Option<PathBuf>,
     folder: TempDir,
 }
 
 impl Film {
-    /// Returns the frames, read one by one.
+    /// Returns the frames, which are read one by one.
     ///
     /// # Errors
     /// If the files no longer exist.
@@ -81,8 +81,7 @@ fn folder_in(workspace: &Path) -> Result<TempDir> {
     made.map_err(Error::file(workspace, "cannot be written to"))
 }
 
-/// Returns the settings of a method with the reference's exposure: another tone curve would be a difference of its
-/// own.
+/// Returns the settings of a method with the reference's exposure, since a different tone curve would add a difference.
 pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Option<f32>) -> Result<Settings> {
     let mut settings = Settings::new(path.into(), scene, options)?;
     if let Some(exposure) = exposure {
@@ -92,20 +91,20 @@ pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Opt
     Ok(settings)
 }
 
-/// Scene of the films, and the folder in which they are made.
+/// Scene of the films, and the folder in which they are stored.
 #[derive(Clone, Copy)]
 pub struct Workshop<'a> {
     pub scene: &'a Scene,
-    /// Folder for the films' folders.
+    /// Folder that contains a folder for each film.
     pub folder: &'a Path,
-    /// Ends the work when true.
+    /// Flag that ends the work when true.
     pub stop: &'a AtomicBool,
 }
 
 /// Renders a film into files.
 ///
 /// # Errors
-/// Errors of [`render2mpeg::render`], or [`Error::Interrupted`] once `stop` is true.
+/// Returns errors of [`render2mpeg::render`], or [`Error::Interrupted`] once `stop` is true.
 pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut() + Send) -> Result<Film> {
     let Workshop { scene, folder: workspace, stop } = workshop;
     let folder = folder_in(workspace)?;
@@ -114,7 +113,7 @@ pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut()
     with_files.render.aov = vec![Aov::Motion, Aov::Threshold, Aov::CutSize];
     with_files.files = FileSettings {
         exr: Some(folder.path().to_owned()),
-        // Errors are measured on these files: 16-bit floats would add their own.
+        // Use 32-bit floats, because 16-bit floats would add their own errors to the measured ones.
         exr_depth: Some(ExrDepth::Float),
         y4m: Some(uncompressed(folder.path())),
         y4m_is_coded: true,
@@ -146,8 +145,8 @@ fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame>
     })
 }
 
-/// Renders frames by `spp` paths per pixel, through pixel centers only without anti-aliasing. Motion is copied from
-/// `like`, a film of the same scene.
+/// Renders frames with `spp` paths per pixel; without anti-aliasing, paths start at pixel centers. Motion is copied
+/// from `like`, a film of the same scene.
 ///
 /// # Errors
 /// If `stop` is true, or the disk is full.
@@ -166,13 +165,13 @@ pub fn by_paths(
         if stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
         }
-        // Each frame has its own seed: static noise would cost no bits.
+        // Use a different seed for each frame, since static noise would cost no bits.
         let seed = settings.render.seed.wrapping_add(u64::from(report.index) << 32);
         let pixel = if settings.render.antialiasing { PixelSampling::Area } else { PixelSampling::Center };
         let options = PathOptions { samples: spp, seed, max_bounces: settings.render.bounces, pixel };
         let before = process_cpu_seconds();
         let radiance = reference::by_paths(scene, &settings.render, report.index, &options, |_, _| ()).radiance;
-        // Path tracing has neither lightcuts nor thresholds.
+        // Clear the figures of lightcuts and thresholds, which path tracing does not use.
         let mut report = report.clone();
         let figures = &mut report.figures;
         (figures.cut_size_mean, figures.cut_size_max, figures.shadow_rays) = (0.0, 0, 0);
@@ -180,7 +179,7 @@ pub fn by_paths(
         figures.seconds = Seconds::default();
         figures.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
 
-        // Picture and light go to files, as for other films.
+        // Write picture and light to files, as for other films.
         pictures.write(&YCbCr::from_radiance(&radiance, &settings.render.tone_map).picture)?;
         write_frame(&linear(folder.path(), report.index), &radiance, known?.known.as_ref())?;
         reports.push(report);
@@ -190,7 +189,7 @@ pub fn by_paths(
     Ok(Film { settings, reports, stream: None, folder })
 }
 
-/// Writes a frame for [`read_frame`], without thresholds and lightcuts.
+/// Writes a frame for [`read_frame`], with zeros for thresholds and cut sizes.
 fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, known: Option<&Correspondence>) -> Result<()> {
     let (width, height) = (radiance.width(), radiance.height());
     let color = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
@@ -212,10 +211,10 @@ fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, known: Option<&Correspon
     image_file::write_layers(path, width, height, channels).map_err(Error::other)
 }
 
-/// Renders a film by `method`; path tracing copies the motion of `reference`.
+/// Renders a film with `method`. Path tracing copies the motion of `reference`.
 ///
 /// # Errors
-/// Errors of [`render`] and [`by_paths`].
+/// Returns the errors of [`render`] and [`by_paths`].
 pub fn by_method(
     method: &Method,
     workshop: Workshop<'_>,

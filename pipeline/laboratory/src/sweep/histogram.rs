@@ -7,25 +7,25 @@ use serde::Serialize;
 
 /// Number of bins between 0 and [`HIGHEST`].
 const BINS: usize = 40;
-/// End of the last bin, as a ratio; larger ratios are counted separately.
+/// Upper end of the last bin, as a ratio. Larger ratios are counted separately.
 const HIGHEST: f64 = 2.0;
-/// Maximum number of sampled pixels; larger films are subsampled evenly to fit in memory.
+/// Maximum number of sampled pixels. Larger films are subsampled evenly to fit in memory.
 const MOST_PIXELS: usize = 1 << 21;
-/// Pixels darker than this fraction of the picture's mean are excluded: 0/0 has no meaning.
+/// Minimum luminance of counted pixels, as a fraction of the picture's mean: for black pixels the ratio would be 0/0.
 const DARK: f64 = 1e-4;
 
-/// Histogram of the ratio of true error to threshold, over pixels.
+/// Histogram over pixels of the ratio of true error to threshold.
 #[derive(Clone, Debug, Serialize)]
 pub struct ErrorHistogram {
-    /// Width of a bin.
+    /// Width of a bin, as a ratio.
     pub bin: f64,
-    /// Fraction of pixels in each bin; with `above` they sum to 1.
+    /// Fraction of pixels in each bin. These fractions and `above` sum to 1.
     pub shares: Vec<f64>,
     /// Mean ratio of threshold to luminance in each bin; null for empty bins.
     pub thresholds: Vec<Option<f64>>,
-    /// Fraction of pixels above the last bin.
+    /// Fraction of pixels with a ratio above the last bin.
     pub above: f64,
-    /// Fraction of pixels within their threshold.
+    /// Fraction of pixels with an error within their threshold.
     pub within: f64,
     /// Median of the ratio.
     pub median: f64,
@@ -39,23 +39,23 @@ pub struct Ratios {
     pairs: Vec<(f64, f64)>,
     /// Permitted error of a pixel without a threshold, as a fraction of its luminance.
     otherwise: f64,
-    /// Interval of the sampled pixels.
+    /// Interval between sampled pixels.
     stride: usize,
     pixels: usize,
 }
 
 impl Ratios {
-    /// Returns an empty collection for `frames` frames of `film`. Films with fixed thresholds have their own
-    /// fraction.
+    /// Returns an empty collection for `frames` frames of `film`. The fraction for pixels without a threshold comes
+    /// from the film's settings.
     pub fn of(film: &Film, frames: usize) -> Self {
         let otherwise = f64::from(film.settings.render.thresholds.share_elsewhere());
         let Size { width, height } = film.settings.render.size;
-        // Odd, so that the samples do not repeat the same columns.
+        // Make the interval odd, so that the samples do not repeat the same columns.
         let stride = (frames * width * height / MOST_PIXELS) | 1;
         Self { pairs: Vec::new(), otherwise, stride, pixels: 0 }
     }
 
-    /// Adds the lit pixels of a frame: |Y − Y of the reference| divided by threshold.
+    /// Adds the lit pixels of a frame, with the ratio |Y − Y_reference| / threshold.
     pub fn add(&mut self, frame: &FilmFrame, reference: &FilmFrame) {
         let truth = reference.radiance.map(|rgb| f64::from(luminance(rgb)));
         let dark = DARK * truth.samples().iter().sum::<f64>() / truth.samples().len().max(1) as f64;
@@ -76,7 +76,7 @@ impl Ratios {
 }
 
 impl ErrorHistogram {
-    /// Returns the histogram of pairs: error to threshold, and threshold to luminance.
+    /// Returns the histogram of pairs: the ratio of error to threshold, and of threshold to luminance.
     fn from_pairs(mut pairs: Vec<(f64, f64)>) -> Self {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let count = pairs.len().max(1) as f64;
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn shares_and_quantiles_of_known_ratios() {
-        // Ratios 0, 0.01, … 2.99; thresholds of 0.1.
+        // Use ratios 0, 0.01, … 2.99 and thresholds of 0.1.
         let found = ErrorHistogram::from_pairs((0..300).map(|i| (f64::from(i) / 100.0, 0.1)).collect());
         assert!((found.shares.iter().sum::<f64>() + found.above - 1.0).abs() < 1e-12);
         assert!((found.above - 100.0 / 300.0).abs() < 1e-12 && (found.within - 101.0 / 300.0).abs() < 1e-12);

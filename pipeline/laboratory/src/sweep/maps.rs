@@ -1,11 +1,11 @@
-//! Maps of a frame as pictures: thresholds, cut sizes, errors (figures 4 and 8 of \[Herzog08\]).
+//! Maps of a frame as pictures: thresholds, cut sizes and errors (figures 4 and 8 of \[Herzog08\]).
 
 use super::figures::Maps;
 use crate::compare::HEAT_MAP_RANGE;
 use crate::page::{CUT_SIZE, Scale, THRESHOLD};
 use plane::Plane;
 
-/// Luma error before compression.
+/// Scale of luma errors before compression.
 pub const ERROR: Scale = Scale {
     name: "error",
     about: "error before compression, code values of luma",
@@ -15,9 +15,9 @@ pub const ERROR: Scale = Scale {
 
 /// Map as a picture.
 pub struct MapPicture {
-    /// Scale of the colors.
+    /// Color scale of the map.
     pub scale: Scale,
-    /// Map in false colors.
+    /// Map drawn in false colors.
     pub picture: Plane<[u8; 3]>,
 }
 

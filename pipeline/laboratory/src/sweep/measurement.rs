@@ -19,36 +19,36 @@ pub struct Measured {
     pub run: MethodRun,
     /// Pictures of the last frame.
     pub pictures: RunPictures,
-    /// First decoded pictures, in the requested number.
+    /// First decoded pictures, as many as requested.
     pub clip: Vec<Plane<[u8; 3]>>,
-    /// Check by another decoder, if requested.
+    /// Result of the check by another decoder, if requested.
     pub check: Option<DecoderCheck>,
 }
 
-/// Additional requests.
+/// Optional results of a measurement.
 pub struct Wanted<'a> {
-    /// Number of decoded pictures to keep, from the first frame.
+    /// Number of decoded pictures to keep, starting with the first frame.
     pub clip: usize,
-    /// Folder for temporary files of another decoder, if its check is requested.
+    /// Folder for temporary files of another decoder; `None` for no check.
     pub check_below: Option<&'a Path>,
 }
 
 /// Encodes `film` with `qscale`, and compares it with `reference`.
 ///
 /// # Errors
-/// If frames cannot be read, the stream differs from the run's, or another decoder's pictures differ.
+/// If frames cannot be read, the stream differs from the run's stream, or another decoder's pictures differ.
 pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wanted: &Wanted<'_>) -> Result<Measured> {
     let mut coder = Coder::new(film, qscale)?;
     let mut of_reference = Coder::new(reference, qscale)?;
     let mut flicker = Flicker::default();
     wanted.check_below.map(|folder| coder.check_below(folder)).transpose()?;
     let count = film.reports.len();
-    // The first frame has no thresholds: it is coded, but counts only if it is the only one.
+    // Code the first frame, but count it only if it is the only frame, because it has no thresholds.
     let uncounted = usize::from(count > 1);
     let lightcuts = film.stream.is_some();
     let (mut sums, mut clip, mut last) = (FrameSums::new(film, count - uncounted), Vec::new(), None);
 
-    // Film and reference are read in parallel, frame by frame.
+    // Read film and reference in parallel, frame by frame.
     for (n, (frame, truth)) in film.frames()?.zip(reference.frames()?).enumerate() {
         let (frame, truth) = (frame?, truth?);
         let coded = coder.push(&frame)?;
@@ -74,7 +74,7 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
 /// Additional change between frames of a decoded film, compared with the decoded reference.
 #[derive(Default)]
 struct Flicker {
-    /// Luma of the previous frame, of the film and of the reference.
+    /// Luma of the previous frame: film and reference.
     before: Option<[Plane<u8>; 2]>,
     squares: f64,
     frames: u32,
@@ -98,7 +98,7 @@ impl Flicker {
         self.before = Some(now);
     }
 
-    /// Root mean square \[code values\].
+    /// Returns the root mean square \[code values\].
     fn mean(&self) -> f64 {
         (self.squares / f64::from(self.frames.max(1))).sqrt()
     }
@@ -125,8 +125,8 @@ impl FrameSums {
         let linear = |frame: &FilmFrame| {
             Picture::Linear { radiance: frame.radiance.clone(), variance: None }.view(self.exposure)
         };
-        // Light is measured as light, and pictures as passed to the encoder: the exposure does not affect these
-        // figures.
+        // Measure linear light before exposure, and luma as passed to the encoder, so that the display exposure does
+        // not affect these figures.
         let mut rendered = measure(&linear(frame), &linear(truth));
         rendered.psnr_y = Some(perceptual::psnr(frame.picture.luma(), truth.picture.luma())).filter(|p| p.is_finite());
         rendered.ssim = perceptual::ssim(frame.picture.luma(), truth.picture.luma());
@@ -167,7 +167,7 @@ impl FrameSums {
     }
 }
 
-/// Returns thresholds and cut sizes of `frame`, and its difference from the reference.
+/// Returns thresholds and cut sizes of `frame`, and the luma difference from the reference.
 fn maps_of(settings: &Settings, frame: &FilmFrame, truth: &FilmFrame) -> Maps {
     let share = settings.render.thresholds.share_elsewhere();
     let relative = |x, y| {

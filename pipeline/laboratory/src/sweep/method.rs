@@ -8,32 +8,32 @@ use renderer::settings::{Lighting, PixelShading, Stopping, Thresholds};
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Way {
-    /// Rendered as a film, with these changes to the default options.
+    /// Rendering as a film, with the given changes to the default options.
     Film(fn(&mut Options)),
-    /// Path tracing with this number of paths per pixel.
+    /// Path tracing with the given number of paths per pixel.
     Paths(u32),
 }
 
-/// Rendering method, a row of [`METHODS`].
+/// Rendering method; one row of [`METHODS`].
 #[derive(Clone, Copy, Debug)]
 pub struct Method {
     /// Name on the command line and in files.
     pub name: &'static str,
-    /// Label in plots; `{κ}` is replaced by the multiplier in use.
+    /// Label of the method in plots; `{κ}` is replaced by the multiplier in use.
     pub label: &'static str,
-    /// Way in which frames are made.
+    /// Way in which the method makes frames.
     pub way: Way,
     /// True if indirect light is cached and interpolated.
     pub cache: bool,
-    /// True if the quantiser affects the rendering.
+    /// True if rendering depends on the quantiser.
     pub steered: bool,
-    /// Number of its own color and mark in plots.
+    /// Number of the method's own color and mark in plots.
     pub color: usize,
 }
 
-/// All methods, in the order of plots and tables. To add a method, add a row.
+/// All methods, in the order of plots and tables. To add a method, add a row to this table.
 ///
-/// Without the cache every pixel has its own lightcut without compensation, as in \[Herzog08\].
+/// Without the cache, every pixel has its own lightcut, and light is not compensated, as in \[Herzog08\].
 pub const METHODS: &[Method] = &[
     film("lightcuts", "2 %", 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
     film("paper", "κ = 1", 3, |w| masking(w).kappa = Some(1.0)).steered(),
@@ -65,19 +65,19 @@ pub const METHODS: &[Method] = &[
     paths("paths-64", "64 paths", 64, 2),
 ];
 
-/// Sets the thresholds of the masking model.
+/// Sets thresholds to the masking model.
 fn masking(options: &mut Options) -> &mut Options {
     options.thresholds = Some(Thresholds::Perceptual);
     options
 }
 
-/// Shades every pixel of each frame.
+/// Sets shading to every pixel of each frame.
 fn full(options: &mut Options) -> &mut Options {
     options.shading = Some(PixelShading::Full);
     options
 }
 
-/// Returns a film without cache that is independent of the quantiser.
+/// Returns a method that renders films without cache and does not depend on the quantiser.
 const fn film(name: &'static str, label: &'static str, color: usize, change: fn(&mut Options)) -> Method {
     Method { name, label, way: Way::Film(change), cache: false, steered: false, color }
 }
@@ -86,7 +86,7 @@ const fn paths(name: &'static str, label: &'static str, spp: u32, color: usize) 
     Method { name, label, way: Way::Paths(spp), cache: true, steered: false, color }
 }
 
-/// The method does not exist; the message lists all methods.
+/// Error for the name of a method that does not exist. The message lists all methods.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("\"{name}\" is not a method; methods are {}", all_names())]
 pub struct UnknownMethod {
@@ -115,8 +115,8 @@ impl Method {
         METHODS.iter().find(|method| method.name == name).ok_or_else(|| UnknownMethod { name: name.into() })
     }
 
-    /// Returns the baseline for speed: fixed thresholds of 2 %, with the same use of the cache. `None` for path
-    /// tracing.
+    /// Returns the baseline for speed-ups: fixed thresholds of 2 %, with or without cache like this method. `None` for
+    /// path tracing.
     pub fn baseline(&self) -> Option<&'static Method> {
         let name = if self.cache { "lightcuts-cache" } else { "lightcuts" };
         match self.way {
@@ -125,17 +125,18 @@ impl Method {
         }
     }
 
-    /// Returns true if the method renders films, false for path tracing.
+    /// Returns whether the method renders films rather than path tracing.
     pub fn is_film(&self) -> bool {
         matches!(self.way, Way::Film(_))
     }
 
-    /// Returns true if lost short-range light is compensated: with the cache, and for path tracing, which loses none.
+    /// Returns whether lost short-range light is compensated: with the cache, and for path tracing, which loses no
+    /// light.
     pub fn compensates(&self) -> bool {
         self.cache
     }
 
-    /// Returns the options of a film by this method, given the `common` options of all methods.
+    /// Returns the options of a film rendered with this method, given the options `common` to all methods.
     pub fn options(&self, common: &Options) -> Options {
         let switch = |on| Some(if on { Switch::On } else { Switch::Off });
         let mut options =
@@ -146,8 +147,8 @@ impl Method {
         options
     }
 
-    /// Approximate time per frame, relative to a frame with the cache; measured on `cornell` at 160×160. For progress
-    /// only.
+    /// Returns the approximate time per frame relative to a frame with the cache, measured on `cornell` at 160×160.
+    /// Only progress reports use it.
     pub fn weight(&self) -> u64 {
         match self.way {
             Way::Film(_) if self.cache => 1,
@@ -157,14 +158,14 @@ impl Method {
     }
 }
 
-/// [`Method::weight`] of the reference.
+/// [`Method::weight`] of the reference films.
 pub const REFERENCE_WEIGHT: u64 = 20;
 
-/// Returns the options of the reference: every light, with or without compensation.
+/// Returns the options of the reference, with every light, and with compensation if `compensates`.
 pub fn reference_options(common: &Options, compensates: bool) -> Options {
     let compensation = Some(if compensates { Switch::On } else { Switch::Off });
     let (lighting, cache) = (Some(Lighting::AllLights), Some(Switch::Off));
-    // The finest quantiser, which gives the most photons of any film.
+    // Use the finest quantiser, which requires the most photons.
     Options { lighting, cache, compensation, qscale: Some(1), ..common.clone() }
 }
 

@@ -1,10 +1,11 @@
-//! Error against run time: the same frames by several methods, encoded at several quantisers, and compared with a
-//! reference that evaluates every light at every pixel.
+//! Error against run time. Several methods render the same frames, which are encoded at several quantisers and compared
+//! with a reference that evaluates every light at every pixel.
 //!
 //! Methods are rows of [`METHODS`]; the result of a method at a quantiser is a [`MethodRun`]. Methods without cache
-//! have no compensation, and neither has their reference: the remaining difference is the error of the lightcuts.
+//! have no compensation, and are compared with a reference without compensation. The remaining difference is the error
+//! of the lightcuts.
 //!
-//! Films are stored in files and read frame by frame: a sweep of a long film needs disk space, not memory.
+//! Films are stored in files and read frame by frame, so a sweep of a long film needs disk space rather than memory.
 
 mod coded;
 mod data;
@@ -43,17 +44,17 @@ use std::time::Instant;
 pub struct Sweep {
     /// Options shared by all methods: frames, size, lights, seed.
     pub common: Options,
-    /// quantiser_scale values, one or more.
+    /// List of quantiser_scale values, one or more.
     pub qscales: Vec<u32>,
-    /// Methods to compare; their baselines are added.
+    /// Methods to compare. Their baselines are added automatically.
     pub methods: Vec<&'static Method>,
 }
 
-/// Default number of frames. With the default size, a sweep of `cornell` takes about three minutes on one core.
+/// Default number of frames. With the default picture size, a sweep of `cornell` takes about three minutes on one core.
 pub const DEFAULT_FRAMES: u32 = 5;
 /// Default size of the pictures \[pixels\].
 pub const DEFAULT_SIZE: Size = Size { width: 144, height: 144 };
-/// Default quantisers: from almost lossless to obvious blocks.
+/// Default quantiser_scale values, from almost lossless to obvious blocks.
 pub const DEFAULT_QSCALES: [u32; 5] = [2, 8, 16, 32, 48];
 
 /// Maximum number of pictures of the page's looping clip.
@@ -64,7 +65,7 @@ const CLIP_FRAMES: usize = 50;
 pub struct Source<'a> {
     /// Path of the scene, as written in reports.
     pub path: &'a Path,
-    /// The loaded scene.
+    /// Scene loaded from `path`.
     pub scene: &'a Scene,
 }
 
@@ -72,9 +73,9 @@ pub struct Source<'a> {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Progress {
-    /// Work done, in frames of the fastest method (estimated).
+    /// Work done so far, in estimated frames of the fastest method.
     pub done: u64,
-    /// Total work, in the same unit.
+    /// Total work, in estimated frames of the fastest method.
     pub all: u64,
     /// Description of the current step.
     pub doing: String,
@@ -85,19 +86,19 @@ pub struct Progress {
 pub struct Swept {
     /// Figures of the sweep.
     pub outcome: Outcome,
-    /// Pictures of each run, in the order of the runs.
+    /// Pictures of the last frame of each run, in the order of the runs.
     pub pictures: Vec<RunPictures>,
-    /// Index of the run shown as a clip, and its first decoded pictures.
+    /// Index of the run that is shown as a clip, and the first decoded pictures of that run.
     pub clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
     /// Last frame of the reference before compression, with compensation if such a reference exists.
     pub truth: Plane<[u8; 3]>,
 }
 
 impl Sweep {
-    /// Runs all measurements, and calls `progress` for every frame. The current film is stored in a temporary folder
-    /// below `workspace`.
+    /// Runs all measurements, and calls `progress` for every frame. The current film is stored in a temporary folder in
+    /// `workspace`.
     ///
-    /// Once `stop` is true, no further film is made, and the result contains the finished measurements:
+    /// Once `stop` is true, no further film is made, and the result contains only finished measurements; see
     /// [`Outcome::interrupted`].
     ///
     /// # Errors
@@ -113,12 +114,12 @@ impl Sweep {
         let begin = Instant::now();
         let Source { path, scene } = source;
 
-        // Choose and check the measurements before the first ray.
+        // Choose and check the measurements before rendering begins.
         let methods = self.methods_with_baselines();
         let qscales = self.sorted_qscales();
         let common = self.checked_options(source, &qscales)?;
 
-        // Render the films of the reference; the temporary folder is removed when it is dropped.
+        // Render the films of the reference. Dropping the temporary folder removes its files.
         let folder = tempfile::Builder::new()
             .prefix("working-")
             .tempdir_in(workspace)
@@ -140,7 +141,7 @@ impl Sweep {
         let mut found = measuring.measure(&mut work)?;
         figures::set_beside_baselines(&mut found.runs);
 
-        // Collect the figures, and the reference's last frame.
+        // Collect the figures, and the last frame of the reference.
         let of_all = references.of_all()?;
         let last = of_all.frames()?.last().ok_or_else(|| missing("no frames"))??;
         let outcome = Outcome {
@@ -158,7 +159,7 @@ impl Sweep {
         Ok(Swept { outcome, pictures: found.pictures, clip: found.clip, truth })
     }
 
-    /// Returns the quantisers in ascending order, without duplicates.
+    /// Returns the quantisers in ascending order without duplicates.
     fn sorted_qscales(&self) -> Vec<u32> {
         let mut qscales = self.qscales.clone();
         qscales.sort_unstable();
@@ -166,7 +167,7 @@ impl Sweep {
         qscales
     }
 
-    /// Returns the options shared by all films, with their number of frames.
+    /// Returns the options shared by all films, including the number of frames.
     fn checked_options(&self, Source { path, scene }: Source<'_>, qscales: &[u32]) -> Result<Options> {
         let Some(&first_qscale) = qscales.first() else {
             return Err(Error::Options("--qscale needs at least one quantiser".into()));
@@ -174,14 +175,14 @@ impl Sweep {
         let common = Options { qscale: Some(first_qscale), ..self.common.clone() };
         let plain = settings_for(path, scene, &common, None)?;
         for &qscale in qscales {
-            // Report quantisers that the standard lacks before the first ray.
+            // Report quantisers that the standard does not support before rendering begins.
             let settings = settings_for(path, scene, &Options { qscale: Some(qscale), ..common.clone() }, None)?;
             settings.encoder_config()?.with_lookahead(0).validate()?;
         }
         Ok(Options { frames: Some(plain.render.frames), ..common })
     }
 
-    /// Returns the methods and their baselines in the order of the table, without duplicates.
+    /// Returns the methods and their baselines in the order of the table without duplicates.
     fn methods_with_baselines(&self) -> Vec<&'static Method> {
         let wanted = |candidate: &&Method| {
             self.methods.iter().any(|method| {
@@ -204,7 +205,7 @@ struct Measuring<'a> {
     qscales: &'a [u32],
     /// Methods in the order of the table.
     methods: &'a [&'static Method],
-    /// Films of the references, compared with every method.
+    /// Reference films, which are compared with the films of every method.
     references: &'a ReferenceFilms,
 }
 
@@ -212,22 +213,22 @@ struct Measuring<'a> {
 #[derive(Default)]
 struct Findings {
     runs: Vec<MethodRun>,
-    /// Pictures of each run.
+    /// Pictures of each run's last frame.
     pictures: Vec<RunPictures>,
     decoder_check: Option<DecoderCheck>,
     clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
-    /// True if the work ended early and films are missing.
+    /// True if the work ended early, so that films are missing.
     interrupted: bool,
 }
 
 impl Measuring<'_> {
-    /// Renders and measures each method at each quantiser until all are measured or the work must end. Methods that
-    /// the quantiser does not affect are rendered once.
+    /// Renders and measures each method at each quantiser, until all are measured or the work must end. Methods that do
+    /// not depend on the quantiser are rendered once.
     fn measure(&self, work: &mut WeightedFrames<'_>) -> Result<Findings> {
         let mut findings = Findings::default();
         for index in 0..self.methods.len() {
             match self.measure_method(index, &mut findings, work) {
-                // The results of finished films remain valid after an interruption.
+                // Keep the results of finished films after an interruption.
                 Err(Error::Interrupted) if !findings.runs.is_empty() => {
                     findings.interrupted = true;
                     break;
@@ -238,16 +239,16 @@ impl Measuring<'_> {
         Ok(findings)
     }
 
-    /// Adds the results of the method at `index`, at each quantiser.
+    /// Adds the results of the method at `index` for each quantiser.
     fn measure_method(&self, index: usize, findings: &mut Findings, work: &mut WeightedFrames<'_>) -> Result<()> {
         let middle = self.qscales[self.qscales.len() / 2];
         let method = self.methods[index];
         let truth = self.references.truth_of(method)?;
         let mut kept: Option<Film> = None;
         for &qscale in self.qscales {
-            // A film that is independent of the quantiser serves for all quantisers.
+            // Render again only if the film depends on the quantiser.
             if kept.is_none() || method.steered {
-                // Remove the previous film's files first.
+                // Remove the previous film's files before rendering the next film.
                 drop(kept.take());
                 kept = Some(self.film(method, qscale, work)?);
             }
@@ -256,7 +257,7 @@ impl Measuring<'_> {
             }
             let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
 
-            // One film is shown as a clip, and one is checked by another decoder.
+            // Keep the pictures of one film for the clip, and check one film with another decoder.
             let is_watched = self.watched() == Some(index) && qscale == middle;
             let is_checked = qscale == middle && findings.decoder_check.is_none();
             let wanted = Wanted {
@@ -274,7 +275,7 @@ impl Measuring<'_> {
         Ok(())
     }
 
-    /// Renders the film of a method for a quantiser.
+    /// Renders the film of a method for one quantiser.
     fn film(&self, method: &Method, qscale: u32, work: &mut WeightedFrames<'_>) -> Result<Film> {
         let &Self { path, workshop, common, references, .. } = self;
         let options = Options { qscale: Some(qscale), ..common.clone() };
@@ -284,18 +285,18 @@ impl Measuring<'_> {
         film::by_method(method, workshop, settings, references.truth_of(method)?, step)
     }
 
-    /// Returns the index of the method shown as a clip: the last film, preferably with the cache.
+    /// Returns the index of the method shown as a clip: the last method that renders films, preferably with the cache.
     fn watched(&self) -> Option<usize> {
         let cached = self.methods.iter().rposition(|method| method.is_film() && method.cache);
         cached.or(self.methods.iter().rposition(|method| method.is_film()))
     }
 }
 
-/// Reference films, compared with all methods.
+/// Reference films, with which all methods are compared.
 struct ReferenceFilms {
-    /// Every light, without and with compensation; `None` if no method needs it.
+    /// Films with every light, without and with compensation; `None` for films that no method needs.
     films: [Option<Film>; 2],
-    /// Exposure of the first reference: another tone curve would be a difference of its own.
+    /// Exposure of the first reference, used for all films because a different tone curve would add a difference.
     exposure: Option<f32>,
 }
 
@@ -330,7 +331,7 @@ impl ReferenceFilms {
         self.films[usize::from(method.compensates())].as_ref().ok_or_else(|| missing("no reference was rendered"))
     }
 
-    /// Returns the film with compensation, or else the one without.
+    /// Returns the film with compensation if rendered, otherwise the film without.
     fn of_all(&self) -> Result<&Film> {
         self.films.iter().rev().flatten().next().ok_or_else(|| missing("no methods"))
     }
@@ -347,7 +348,7 @@ fn missing(what: &str) -> Error {
     Error::fault(what)
 }
 
-/// Exposure of a film: from its settings, else from its first frame.
+/// Returns the exposure of a film from its settings; if the exposure is automatic, from the first frame.
 fn exposure_of(film: &Film) -> Result<f32> {
     if !film.settings.render.auto_exposure {
         return Ok(film.settings.render.tone_map.exposure);
@@ -356,7 +357,7 @@ fn exposure_of(film: &Film) -> Result<f32> {
     Ok(Picture::Linear { radiance: first.radiance, variance: None }.exposure())
 }
 
-/// Counts frames, weighted by their approximate time.
+/// Counter of frames, weighted by approximate render time.
 struct WeightedFrames<'a> {
     done: u64,
     all: u64,

@@ -12,10 +12,10 @@ use minijinja::{Value, context};
 use plane::Plane;
 use render2mpeg::error::Result;
 
-/// Rate of the clip \[pictures per second\]: films of a sweep are too short for their own rate.
+/// Rate of the clip \[pictures per second\], lower than the films' rates because films of a sweep are short.
 const CLIP_FPS: f64 = 6.0;
 
-/// Returns the page: `plots` in order, tables, maps, frames side by side, and a clip.
+/// Returns the page: `plots` in order, tables, maps, pictures for side-by-side comparison, and a clip.
 ///
 /// # Errors
 /// If the page cannot be rendered, which is a bug.
@@ -23,7 +23,7 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
     let outcome = &swept.outcome;
     let settings = &outcome.settings;
 
-    // Plots, and the rows of table 1, grouped by kind of method and quantiser.
+    // Collect the plots, and the rows of table 1 grouped by kind of method and quantiser.
     let drawn = |plot: &Plot| {
         let file = download(&format!("{}.svg", plot.name), "image/svg+xml", plot.svg.file().as_bytes());
         context! { svg => plot.svg.inline(), caption => plot.caption.clone(), file }
@@ -40,7 +40,7 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
         })
         .collect();
 
-    // Key figures of the sweep.
+    // Collect the key figures of the sweep.
     let cheapest = outcome.references.iter().map(|reference| reference.seconds.total).fold(f64::INFINITY, f64::min);
     let ended = if outcome.interrupted { ", ended early" } else { "" };
     let tiles = vec![
@@ -52,10 +52,10 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
         ("this sweep", format!("{:.0} s{ended}", outcome.wall_seconds)),
     ];
 
-    // Pictures.
+    // Collect the pictures.
     let choices = choices(swept);
     let clip = clip(swept);
-    // The reference comes first; by default it is compared with the run of the clip.
+    // Select the reference and the run of the clip for the initial comparison.
     let chosen = middle(&shown(swept)).map_or(0, |place| place + 1);
     render_template(
         "sweep.html",
@@ -101,7 +101,7 @@ fn uri(picture: &Plane<[u8; 3]>) -> String {
     data_uri("image/png", &png_file::encode(picture))
 }
 
-/// Returns runs and their pictures, of methods with cache if there are any.
+/// Returns runs with their pictures: only methods with cache, if any; otherwise all lightcut methods.
 fn shown(swept: &Swept) -> Vec<(&MethodRun, &RunPictures)> {
     let runs = swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.lightcuts);
     let runs: Vec<(&MethodRun, &RunPictures)> = runs.collect();
@@ -111,7 +111,7 @@ fn shown(swept: &Swept) -> Vec<(&MethodRun, &RunPictures)> {
     shown
 }
 
-/// Returns the pictures for side-by-side comparison: labels and data URIs.
+/// Returns label and data URI of each picture for side-by-side comparison.
 fn choices(swept: &Swept) -> Vec<(String, String)> {
     let mut choices = vec![("reference, uncompressed".to_owned(), uri(&swept.truth))];
     for (run, pictures) in shown(swept) {
@@ -120,7 +120,7 @@ fn choices(swept: &Swept) -> Vec<(String, String)> {
     choices
 }
 
-/// Index of the last method at the middle quantiser.
+/// Returns the index of the last run at the middle quantiser.
 fn middle(shown: &[(&MethodRun, &RunPictures)]) -> Option<usize> {
     let qscale = shown.get(shown.len() / 2)?.0.qscale;
     shown.iter().rposition(|(run, _)| run.qscale == qscale)
@@ -134,8 +134,8 @@ fn clip(swept: &Swept) -> Option<(String, String)> {
     Some((format!("{} at quantiser {}", run.label, run.qscale), data_uri("image/png", &film)))
 }
 
-/// Returns the maps of each steered method, one column per quantiser. Methods without cache are preferred, because
-/// all their pixels have a lightcut.
+/// Returns the maps of each steered method, with one column per quantiser. Methods without cache are preferred, because
+/// each of their pixels has a lightcut.
 fn map_blocks(swept: &Swept) -> Vec<Value> {
     let steered = || swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.kappa.is_some());
     let by_pixel = steered().any(|(run, _)| !run.cache);

@@ -4,9 +4,9 @@ use super::figures::{MethodRun, Outcome};
 use super::method::{METHODS, Method};
 use crate::page::{LinePlot, Series, StackedBars, Svg};
 
-/// Plot with the name of its file and a caption.
+/// Plot with file name and caption.
 pub struct Plot {
-    /// Name of the file.
+    /// Name of the plot's file.
     pub name: String,
     /// Drawing of the plot.
     pub svg: Svg,
@@ -14,7 +14,7 @@ pub struct Plot {
     pub caption: String,
 }
 
-/// Returns all plots of `outcome`, the most informative first.
+/// Returns all plots of `outcome`, starting with the most informative.
 pub fn plots(outcome: &Outcome) -> Vec<Plot> {
     let mut plots = against_time(outcome);
     plots.extend(against_baselines(outcome));
@@ -56,7 +56,7 @@ fn against_time(outcome: &Outcome) -> Vec<Plot> {
     ]
 }
 
-/// Plots the steered methods against fixed thresholds of 2 %, by quantiser.
+/// Plots the steered methods against fixed thresholds of 2 %, per quantiser.
 fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
     let steered = |run: &MethodRun| run.kappa.is_some();
     let speedup = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
@@ -101,7 +101,7 @@ fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
     ]
 }
 
-/// Plots cut sizes and errors of each method, by quantiser.
+/// Plots cut sizes and errors of each method, per quantiser.
 fn of_each_method(outcome: &Outcome) -> Vec<Plot> {
     vec![
         plot(
@@ -133,7 +133,7 @@ fn plot(name: &str, drawn: LinePlot, caption: &str) -> Plot {
     Plot { name: name.into(), svg: drawn.draw(), caption: caption.into() }
 }
 
-/// Returns a plot with two axes, each with its label and true if logarithmic.
+/// Returns a plot with two axes. Each axis has a label and a flag that is true for a logarithmic axis.
 fn axes(title: &str, x: (&str, bool), y: (&str, bool), series: Vec<Series>, level: Option<(f64, String)>) -> LinePlot {
     LinePlot { title: title.into(), x_label: x.0.into(), y_label: y.0.into(), x_log: x.1, y_log: y.1, series, level }
 }
@@ -146,7 +146,7 @@ fn never(_: &MethodRun) -> bool {
     false
 }
 
-/// Returns a line per method, through its quantisers.
+/// Returns one line per method that connects its quantisers.
 fn lines(
     outcome: &Outcome,
     wanted: impl Fn(&MethodRun) -> bool,
@@ -172,14 +172,14 @@ fn color_of(run: &MethodRun) -> usize {
 }
 
 fn rmse_lines(outcome: &Outcome) -> Vec<Series> {
-    // Methods with a cut for every pixel, as in the paper, or else all methods.
+    // Prefer methods with a lightcut for every pixel, as in the paper.
     let cached = !outcome.runs.iter().any(|run| run.lightcuts && !run.cache);
     let wanted = move |run: &MethodRun| run.lightcuts && run.cache == cached;
     let rmse = |psnr: Option<f64>| psnr.map_or(0.0, |psnr| 255.0 * 10f64.powf(-psnr / 20.0));
     let mut series = lines(outcome, wanted, qscale, |run| rmse(run.rendered.psnr_y), never);
     let mut decoded = lines(outcome, wanted, qscale, |run| rmse(run.decoded.psnr_y), never);
 
-    // Each line has its own color: lines before compression take the unused ones.
+    // Give each line its own color: lines before compression use the colors that are still free.
     let taken: Vec<usize> = decoded.iter().map(|line| line.color).collect();
     let free = (0..METHODS.len()).filter(|color| !taken.contains(color));
     for (line, color) in series.iter_mut().zip(free) {
@@ -204,7 +204,7 @@ fn histograms(outcome: &Outcome) -> Vec<Plot> {
     let middle = qscales.get(qscales.len() / 2).copied();
     let runs = outcome.runs.iter().filter(|run| run.kappa.is_some() && Some(run.qscale) == middle);
     runs.filter_map(|run| {
-        // Ratios within the threshold have another color than larger ones.
+        // Use different colors for ratios within the threshold and for larger ratios.
         let histogram = run.error_by_threshold.as_ref()?;
         let starts = (0..histogram.shares.len()).map(|i| histogram.bin * i as f64);
         let columns = starts.clone().zip(&histogram.shares).map(|(start, &share)| {

@@ -1,10 +1,10 @@
-//! The paper's table 1 for a scene, and findings in words.
+//! Table 1 of \[Herzog08\] for a scene, and findings as text.
 
 use super::figures::{AgainstBaseline, MethodRun, Outcome};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Headings of [`cells`].
+/// Headings of the columns that [`cells`] returns.
 pub const HEADINGS: [&str; 15] = [
     "qscale",
     "method",
@@ -23,8 +23,8 @@ pub const HEADINGS: [&str; 15] = [
     "speed-up",
 ];
 
-/// Returns a row of table 1 in \[Herzog08\], in CPU seconds per frame: T light is photons and tree, T eye primary
-/// rays and motion, T LC indirect light. Masking, encoding and decoded quality are additional columns.
+/// Returns a row of table 1 in \[Herzog08\], in CPU seconds per frame. T light is the time for photons and tree, T eye
+/// for primary rays and motion, T LC for indirect light. Masking, encoding and decoded quality are additional columns.
 pub fn cells(run: &MethodRun, lights: u32) -> [String; 15] {
     let s = &run.seconds;
     let beside = run.against_baseline.as_ref();
@@ -56,7 +56,7 @@ pub fn cells(run: &MethodRun, lights: u32) -> [String; 15] {
     ]
 }
 
-/// Speed-up of indirect light, only at equal quality.
+/// Returns the speed-up of indirect light as text, if quality is equal.
 fn speedup(run: &MethodRun) -> String {
     match &run.against_baseline {
         None => "–".into(),
@@ -90,15 +90,15 @@ impl Outcome {
         text
     }
 
-    /// Returns the runs in the order of the table: by cache, quantiser, method.
+    /// Returns the runs in the order of the table: sorted by cache, quantiser, and method.
     pub fn rows(&self) -> impl Iterator<Item = &MethodRun> {
         let mut runs: Vec<&MethodRun> = self.runs.iter().collect();
         runs.sort_by_key(|run| (!run.lightcuts, run.cache, run.qscale));
         runs.into_iter()
     }
 
-    /// Relative variation of the time for equal work between runs: half the range of photons, light tree and primary
-    /// rays, divided by their mean. All films do this work alike.
+    /// Returns the relative variation of the time for equal work between runs. The work is photons, light tree and
+    /// primary rays, which are equal in all films. Variation is half the range of the times, divided by their mean.
     pub fn timing_spread(&self) -> f64 {
         let films = self.runs.iter().filter(|run| run.lightcuts).map(|run| &run.seconds);
         let same: Vec<f64> = films.map(|s| s.update + s.photons + s.tree + s.visibility).collect();
@@ -108,7 +108,7 @@ impl Outcome {
         if mean > 0.0 { 0.5 * (most - least) / mean } else { 0.0 }
     }
 
-    /// Returns the findings on each steered method: where coupling pays, and where it does not.
+    /// Returns the findings on each steered method: at which quantisers coupling saves time, and at which it does not.
     pub fn findings(&self) -> Vec<Finding> {
         let steered: Vec<&MethodRun> = self.runs.iter().filter(|run| run.kappa.is_some()).collect();
         let notable = NOTABLE.max(1.0 + self.timing_spread());
@@ -119,13 +119,14 @@ impl Outcome {
 /// Finding on a method.
 #[derive(Serialize)]
 pub struct Finding {
-    /// Label of the method.
+    /// Label of the method in plots.
     pub label: String,
-    /// Finding in a few sentences.
+    /// Text of the finding, in a few sentences.
     pub text: String,
 }
 
-/// Minimum ratio that counts as saved time, unless times vary more: two equal measurements may differ by this ratio.
+/// Minimum ratio that counts as saved time: two equal measurements may differ by this ratio. If times vary more, the
+/// variation is the minimum.
 const NOTABLE: f64 = 1.05;
 
 fn finding(runs: &[&MethodRun], notable: f64) -> Finding {
@@ -169,7 +170,7 @@ fn list(runs: &[(u32, &AgainstBaseline)]) -> String {
     runs.iter().map(|(qscale, _)| qscale.to_string()).collect::<Vec<String>>().join(", ")
 }
 
-/// Formats the range of a figure, or a single number if both ends agree to two decimals.
+/// Formats the range of a figure as text, or as a single number if both ends agree to two decimals.
 fn range(runs: &[(u32, &AgainstBaseline)], figure: impl Fn(&AgainstBaseline) -> f64) -> String {
     let figures = || runs.iter().map(|(_, beside)| figure(beside));
     let least = format!("{:.2}", figures().fold(f64::INFINITY, f64::min));
@@ -177,7 +178,7 @@ fn range(runs: &[(u32, &AgainstBaseline)], figure: impl Fn(&AgainstBaseline) -> 
     if least == most { most } else { format!("{least} to {most}") }
 }
 
-/// Returns the figure farthest from 0.
+/// Returns the value of the figure that is farthest from 0.
 fn farthest(runs: &[(u32, &AgainstBaseline)], figure: impl Fn(&AgainstBaseline) -> f64) -> f64 {
     let larger = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
     runs.iter().map(|(_, beside)| figure(beside)).fold(0.0, larger)

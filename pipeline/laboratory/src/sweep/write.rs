@@ -1,4 +1,4 @@
-//! A sweep's figures in files.
+//! Output of a sweep's figures to files.
 
 use super::data::csv_of;
 use super::maps::MapPicture;
@@ -11,10 +11,10 @@ use render2mpeg::error::{Error, Result};
 use std::path::Path;
 
 impl Swept {
-    /// Writes `sweep.json` and `sweep.csv` into `folder`, each whole or not at all.
+    /// Writes `sweep.json` and `sweep.csv` into `folder`, each atomically.
     ///
     /// # Errors
-    /// A file cannot be written.
+    /// If a file cannot be written.
     fn write_figures(&self, folder: &Path) -> Result<()> {
         write(&folder.join("sweep.json"), self.json()?.as_bytes())?;
         write(&folder.join("sweep.csv"), &csv_of(&self.outcome.runs)?)
@@ -22,11 +22,11 @@ impl Swept {
 }
 
 impl Swept {
-    /// Writes everything into `folder`: the figures, `sweep.html`, plots as SVG under `plots`, and the maps and last
+    /// Writes all results into `folder`: the figures, `sweep.html`, plots as SVG under `plots`, and the maps and last
     /// decoded frames under `maps`.
     ///
     /// # Errors
-    /// A file cannot be written.
+    /// If a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         self.write_figures(folder)?;
         let plots = plots::plots(&self.outcome);
@@ -54,7 +54,7 @@ impl Swept {
     }
 }
 
-/// Writes a file whole or not at all.
+/// Writes a file atomically.
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut output = Output::create(path)?;
     output.write(bytes)?;

@@ -1,43 +1,43 @@
 //! Colors of lines and bars, for light and dark pages.
 //!
 //! Colors are distinguishable with deficient color vision. With protanopia, deuteranopia or tritanopia \[Machado09\],
-//! any two colors differ by at least ΔE*ab = 12, and so do each color and its background. A test computes these
-//! differences.
+//! any two colors differ by at least ΔE*ab = 12. Each color also differs from its background by at least 12. A test
+//! computes these differences.
 
 #[cfg(test)]
 mod color_vision;
 
-/// Number of colors; higher color numbers wrap around.
+/// Number of colors in the palette; higher color numbers wrap around.
 pub(super) const COLORS: usize = 17;
 
-/// Colors on white; the first nine have distinct names, such as blue and orange.
+/// Colors on a white background. The first nine have distinct names, such as blue and orange.
 const LIGHT: [&str; COLORS] = [
     "#013c89", "#fb4f09", "#567650", "#591b04", "#972df4", "#419999", "#3a3c3e", "#86531b", "#e40bd2", "#6f4176",
     "#0c006e", "#fa4293", "#02001f", "#210202", "#4268b9", "#4c0052", "#0208fa",
 ];
-/// Colors on black.
+/// Colors on a black background.
 const DARK: [&str; COLORS] = [
     "#525ce8", "#fad103", "#6ab685", "#b34c3b", "#d6a6f5", "#7cfffe", "#83757c", "#9f7500", "#e203b5", "#63d2b5",
     "#e18751", "#f9ffe0", "#bef5a1", "#d3a00d", "#d2d863", "#9888f2", "#f760bd",
 ];
 
-/// CSS class of a line in color `number`.
+/// Returns the CSS class of a line in color `number`.
 pub(super) fn stroke_class(number: usize) -> String {
     format!("s{}", number % COLORS)
 }
 
-/// CSS class of an area in color `number`.
+/// Returns the CSS class of an area in color `number`.
 pub(super) fn fill_class(number: usize) -> String {
     format!("f{}", number % COLORS)
 }
 
-/// CSS rules of the classes for files, which have a white background.
+/// Returns the CSS rules of the classes for files, which have a white background.
 pub(super) fn rules_for_files() -> String {
     let rule = |(i, color): (usize, &&str)| format!(".s{i}{{stroke:{color}}}.f{i}{{fill:{color}}}");
     LIGHT.iter().enumerate().map(rule).collect()
 }
 
-/// CSS rules of the classes for pages, with the light or dark background of the reader's browser.
+/// Returns the CSS rules of the classes for pages, with the light or dark background of the reader's browser.
 pub(super) fn rules_for_pages() -> String {
     let values = |colors: [&str; COLORS]| -> String {
         colors.iter().enumerate().map(|(i, color)| format!("--c{i}:{color};")).collect()
@@ -52,14 +52,14 @@ mod tests {
     use super::color_vision::{contrast, least_difference};
     use super::*;
 
-    /// Minimum difference of two colors, and of a color and its background.
+    /// Minimum difference between two colors, and between a color and its background (ΔE*ab).
     const LEAST: f64 = 12.0;
-    /// Minimum contrast of lines with their background: WCAG 2.2, success criterion 1.4.11.
+    /// Minimum contrast between lines and their background: WCAG 2.2, success criterion 1.4.11.
     const LEAST_CONTRAST: f64 = 3.0;
 
     #[test]
     fn all_eyes_tell_each_two_colors_apart() {
-        // Backgrounds of pages and plots, as in the template.
+        // Check the backgrounds of pages and plots that the template contains.
         let template = include_str!("../templates/base.html");
         for (name, colors, backgrounds) in
             [("light", LIGHT, ["#ffffff", "#f5f6f8"]), ("dark", DARK, ["#14171c", "#1d2128"])]
