@@ -1,4 +1,5 @@
-//! Writes the pages and schemas that follow from the program: `cargo run -p render2mpeg-cli --example reference`.
+//! Writes the reference pages and schemas that are generated from the program: `cargo run -p render2mpeg-cli --example
+//! reference`.
 
 use std::fs;
 use std::path::Path;

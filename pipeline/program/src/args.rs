@@ -1,4 +1,4 @@
-//! The arguments of the program.
+//! Command-line arguments of the program.
 
 #[cfg(feature = "bake")]
 use super::commands::bake::BakeArguments;
@@ -82,7 +82,7 @@ pub enum Command {
     },
 }
 
-/// Hides the output files of a film in the help of a command that writes none. The options are still accepted, so
+/// Hides the output files of a film in the help of a command that writes no files. The options are still accepted, so
 /// that a command line of `render` also works for `plan`.
 fn without_files(option: Arg) -> Arg {
     let is_file = option.get_help_heading() == Some("Output");
@@ -105,7 +105,7 @@ mod tests {
         assert!(Arguments::try_parse_from(["render2mpeg", "plan", "scene.glb", "-o", "film.mpg"]).is_ok());
     }
 
-    /// The help of `render` states the defaults that [`Options::fill_in`] fills in.
+    /// Checks that the help of `render` contains the defaults that [`Options::fill_in`] fills in.
     #[test]
     fn help_states_the_defaults_in_force() {
         let mut options = Options::default();
@@ -119,7 +119,7 @@ mod tests {
             let Some((_, default)) = help.split_once("[default: ") else { continue };
             let Some(value) = option.get_long().and_then(|name| defaults.get(name)) else { continue };
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            // Other defaults depend on the scene.
+            // Skip defaults that depend on the scene, which are descriptions of several words.
             if !default.contains(' ') {
                 assert_eq!(default.trim_end_matches(']'), value, "{:?}", option.get_long());
                 stated += 1;

@@ -1,4 +1,5 @@
-//! `--config job.toml`: options from a file, under their command-line names. Options typed on the command line win.
+//! `--config job.toml`: reads options from a file, under their command-line names. Options typed on the command line
+//! win.
 
 use super::args::Arguments;
 use super::{foreign, guesses, parts, ranks};
@@ -9,7 +10,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// Options of a single invocation rather than of a film: not allowed in files.
+/// Options of a single invocation rather than of a film, which files may not contain.
 const NOT_IN_FILES: [&str; 11] = [
     "allow-outside",
     "config",
@@ -24,10 +25,10 @@ const NOT_IN_FILES: [&str; 11] = [
     "keep-checkpoint",
 ];
 
-/// Parses the arguments, with defaults from the `--config` file. Ends the program with a hint if arguments are wrong.
+/// Parses the arguments, with defaults from the `--config` file. If arguments are wrong, ends the program with a hint.
 ///
 /// # Errors
-/// If the file cannot be read or has an unknown option or value; if an option belongs to another program.
+/// If the file cannot be read, has an unknown option or value, or has an option of another program.
 pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     let typed = with_command(typed);
     if let Some(command) = typed.get(1).and_then(|word| word.to_str()) {
@@ -52,12 +53,12 @@ pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     Ok(Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
 }
 
-/// Parses `words`. Wrong arguments end the program with a hint, and requests for help with the help.
+/// Parses `words`. If arguments are wrong, ends the program with a hint; if help is requested, ends it with the help.
 fn matches_of(command: Command, words: &[OsString]) -> ArgMatches {
     command.try_get_matches_from(words).unwrap_or_else(|error| end(&error))
 }
 
-/// Ends the program with the error, or with the requested help; only one of several ranks prints it.
+/// Ends the program with the error or the requested help. Only one of several ranks prints the text.
 fn end(error: &clap::Error) -> ! {
     if ranks::is_silent() {
         std::process::exit(error.exit_code());
@@ -65,7 +66,7 @@ fn end(error: &clap::Error) -> ! {
     error.exit()
 }
 
-/// Inserts the default command: `render2mpeg scene.glb` is `render2mpeg render scene.glb`.
+/// Inserts the default command, so that `render2mpeg scene.glb` means `render2mpeg render scene.glb`.
 fn with_command(mut typed: Vec<OsString>) -> Vec<OsString> {
     if typed.get(1).and_then(|word| word.to_str()).is_some_and(foreign::is_scene) {
         typed.insert(1, "render".into());
@@ -73,7 +74,7 @@ fn with_command(mut typed: Vec<OsString>) -> Vec<OsString> {
     typed
 }
 
-/// Returns advice if `error` reports a known option of another program.
+/// Returns advice if `error` reports an option known from another program.
 fn guess(error: &clap::Error, command: &Command, typed: &[OsString]) -> Option<String> {
     if error.kind() != ErrorKind::UnknownArgument {
         return None;
@@ -84,12 +85,12 @@ fn guess(error: &clap::Error, command: &Command, typed: &[OsString]) -> Option<S
     Some(format!("there is no option {option}: {advice}"))
 }
 
-// Path of the `--config` file.
+// Return the path of the `--config` file, if given.
 fn file_named_by(options: &ArgMatches) -> Option<PathBuf> {
     options.try_get_one::<PathBuf>("config").ok().flatten().cloned()
 }
 
-/// Returns the command line with the file's options before the typed ones: later options win.
+/// Returns the command line with the file's options before the typed ones, because later options win.
 fn with_file(
     command: &Command,
     name: &str,
@@ -104,7 +105,7 @@ fn with_file(
         anyhow!("{place}: line {line}: {}", error.message())
     })?;
 
-    // Keys of any option of `render` are accepted, so that commands can share a file.
+    // Accept the options of `render` in every file, so that commands can share a file.
     let has_scene = options.contains_id("scene");
     let named = |name: &str| command.get_subcommands().find(|one| one.get_name() == name).expect("a known command");
     let (own, all) = (named(name), named("render"));
@@ -128,7 +129,7 @@ fn with_file(
     if !has_scene && scene.is_none() {
         bail!("{place}: no scene; add scene = \"FILE.glb\", or name one on the command line");
     }
-    // Parse the file's options alone first, to attribute errors to the file.
+    // Parse the file's options separately first, to attribute errors to the file.
     let head = [typed[0].clone(), name.into()];
     let alone = words.iter().cloned().chain(scene.clone().or_else(|| Some("scene".into())));
     if let Err(error) = command.clone().try_get_matches_from(head.iter().cloned().chain(alone.map(OsString::from))) {
@@ -137,18 +138,18 @@ fn with_file(
         bail!("{place}: {}", first.strip_prefix("error: ").unwrap_or(first));
     }
 
-    // Typed words come last, and win.
+    // Append the typed words last, so that they win.
     words.extend(scene.filter(|_| !has_scene));
     let rest = typed.iter().skip(2).cloned();
     Ok(head.into_iter().chain(words.into_iter().map(OsString::from)).chain(rest).collect())
 }
 
-/// Returns the option of this name, if files may have it.
+/// Returns the option named `key`, if files may contain it.
 fn option<'a>(command: &'a Command, key: &str) -> Option<&'a clap::Arg> {
     command.get_arguments().find(|option| option.get_long() == Some(key) && !NOT_IN_FILES.contains(&key))
 }
 
-/// Returns the value as command-line words; none for a flag that is off.
+/// Returns an option's value as command-line words; no words for a flag that is off.
 fn words_of(option: &clap::Arg, key: &str, value: &Value) -> Result<Vec<String>> {
     let is_flag = matches!(option.get_action(), ArgAction::SetTrue);
     let plain = |value: &Value| match value {
@@ -171,7 +172,7 @@ fn words_of(option: &clap::Arg, key: &str, value: &Value) -> Result<Vec<String>>
     }
 }
 
-/// Returns the option with the smallest edit distance to `key`.
+/// Returns the name of the option with the smallest edit distance to `key`.
 fn nearest(key: &str, command: &Command) -> String {
     let names = command.get_arguments().filter_map(|option| option.get_long());
     let known = names.filter(|name| !NOT_IN_FILES.contains(name)).chain(["scene"]);

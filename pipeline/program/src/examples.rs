@@ -1,4 +1,4 @@
-//! Examples in `--help`: one command line per purpose.
+//! Examples for `--help`: one command line per purpose.
 
 pub const RENDER_SHORT: &str = "Examples:
   render2mpeg render scene.glb                                  writes scene.mpg to the current folder
@@ -111,7 +111,8 @@ mod tests {
             let lines: Vec<&str> = help.lines().filter(|line| line.starts_with("  render2mpeg ")).collect();
             assert!(!lines.is_empty(), "{name}: no example");
             for line in lines {
-                // Two spaces end the command line, and the shell handles the rest after > or |.
+                // Keep the words before two spaces, which end the command line, and before > or |, which the shell
+                // handles.
                 let typed = line.trim().split("  ").next().unwrap().split(['>', '|']).next().unwrap();
                 assert!(typed.starts_with(&format!("render2mpeg {name}")), "{line}");
                 if let Err(error) = Arguments::try_parse_from(typed.split_whitespace()) {

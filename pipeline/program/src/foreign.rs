@@ -1,9 +1,9 @@
-//! Scene files of other programs, which must first be exported as glTF.
+//! Scene files of other programs, which must be exported as glTF first.
 
 use anyhow::{Result, bail};
 use std::path::Path;
 
-/// File endings of scene formats, their names, and how to convert them to glTF.
+/// Scene formats: file endings, name, and way to convert files to glTF.
 const FORMATS: [(&[&str], &str, &str); 8] = [
     (
         &["blend"],
@@ -23,10 +23,10 @@ const FORMATS: [(&[&str], &str, &str); 8] = [
     (&["vrm"], "a VRM avatar", "it is glTF 2.0: name it .glb"),
 ];
 
-/// Refuses a file in a known format that the program cannot read.
+/// Refuses a file in a known format that this program cannot read.
 ///
 /// # Errors
-/// If the ending is in `FORMATS`; the message names a remedy.
+/// If the file ending is in `FORMATS`. The message names a remedy.
 pub fn check(path: &Path) -> Result<()> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     if let Some((_, what, remedy)) = FORMATS.iter().find(|(endings, ..)| endings.contains(&ending.as_str())) {
@@ -35,7 +35,7 @@ pub fn check(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Returns true if a word looks like a scene's path, for command lines without a command.
+/// Returns whether a word looks like the path of a scene, for command lines without a command.
 pub fn is_scene(word: &str) -> bool {
     let ending =
         Path::new(word).extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();

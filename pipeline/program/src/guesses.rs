@@ -1,9 +1,9 @@
-//! Options of other programs, and their names here.
+//! Options of other programs, and the corresponding options of this program.
 
 use clap::{Arg, Command};
 
-/// Options that users of other programs try, the option that a command needs for the advice to apply, and the advice.
-/// The first row that applies is used; `None` applies to every command.
+/// Options that users of other programs try, the option that a command must have for the advice to apply, and the
+/// advice. With `None`, the advice applies to every command. The first row that applies is used.
 const GUESSES: [(&[&str], Option<&str>, &str); 15] = [
     (&["width", "height", "resolution", "res"], Some("size"), "write --size WxH, such as --size 1280x720"),
     (&["quality", "crf", "quantizer"], Some("qscale"), "write --qscale Q, 1 (best) to 112 (smallest)"),
@@ -22,7 +22,7 @@ const GUESSES: [(&[&str], Option<&str>, &str); 15] = [
     (&["force", "yes"], Some("overwrite"), "write --overwrite"),
 ];
 
-/// Returns advice for a user who typed `--name`, which `command` does not have.
+/// Returns advice for a user who typed `--name`, which is not an option of `command`.
 pub fn advice(name: &str, command: &Command) -> Option<&'static str> {
     let has = |name: &str| command.get_arguments().any(|option: &Arg| option.get_long() == Some(name));
     let holds = |needed: &Option<&str>| needed.is_none_or(has);
@@ -52,7 +52,7 @@ mod tests {
                 is_built = true;
                 is_given |= names.iter().any(|name| !has(command, name) && advice(name, command) == Some(text));
             }
-            // A feature that was not built takes its options with it.
+            // Advice may be missing only if its option belongs to a feature that was not built.
             assert!(is_given || !is_built, "{text}");
         }
     }

@@ -1,16 +1,16 @@
-//! Signals that end a command in order: Ctrl-C, and signals of schedulers.
+//! Signals that end a command in an orderly way: Ctrl-C, and signals of schedulers.
 
 use anyhow::{Context, Result};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
-/// Exit code after SIGINT, as shells report it: 128 + SIGINT.
+/// Exit code after SIGINT: 128 + SIGINT, as shells report it.
 const INTERRUPTED: u8 = 130;
 /// Exit code after SIGTERM: 128 + SIGTERM.
 const TERMINATED: u8 = 143;
 
-/// Flag that a signal sets, and the exit code of the command that it ended.
+/// Flag that a signal sets, and exit code of the command that the signal ends.
 #[derive(Clone, Debug)]
 pub struct Interrupt {
     /// True after the first signal.
@@ -18,13 +18,13 @@ pub struct Interrupt {
     code: Arc<AtomicU8>,
 }
 
-/// Reactions of a command to signals, called on the thread that waits for them.
+/// Reactions of a command to signals. They are called on the thread that waits for signals.
 pub struct Reactions {
-    /// Called after the first signal, when the command begins to end.
+    /// Function called after the first signal, when the command begins to end.
     pub first: Box<dyn Fn() + Send>,
-    /// Called after the second signal, before the process ends at once.
+    /// Function called after the second signal, before the process ends at once.
     pub second: Box<dyn Fn() + Send>,
-    /// True if SIGTERM counts as a second signal: its sender leaves no time.
+    /// True if SIGTERM ends the process at once, because `mpirun` kills it soon after.
     pub is_hasty: bool,
 }
 
@@ -49,7 +49,7 @@ impl Interrupt {
 
     fn note(&self, code: u8, reactions: &Reactions) {
         if self.stop.load(Ordering::Relaxed) || reactions.is_hasty && code == TERMINATED {
-            // A second signal ends the process at once.
+            // End the process at once after a second signal.
             (reactions.second)();
             std::process::exit(code.into());
         }
@@ -58,14 +58,14 @@ impl Interrupt {
         (reactions.first)();
     }
 
-    /// Exit code of the command: 128 plus the signal's number, as shells report it. 130 is Ctrl-C, 143 SIGTERM, 129 a
-    /// closed terminal.
+    /// Returns the exit code of the command: 128 plus the signal's number, as shells report it. The code is 130 for
+    /// Ctrl-C, 143 for SIGTERM, and 129 for a closed terminal.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(self.code.load(Ordering::Relaxed))
     }
 }
 
-/// Calls `note` with 128 + the number of each signal that requests the end of the process.
+/// Calls `note` with 128 + the signal's number, for each signal that requests the end of the process.
 #[cfg(unix)]
 fn on_signal(note: impl Fn(u8) + Send + 'static) -> Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -75,7 +75,7 @@ fn on_signal(note: impl Fn(u8) + Send + 'static) -> Result<()> {
     Ok(())
 }
 
-/// Other systems have Ctrl-C only.
+/// Calls `note` after Ctrl-C, the only such signal on other systems.
 #[cfg(not(unix))]
 fn on_signal(note: impl Fn(u8) + Send + 'static) -> Result<()> {
     ctrlc::set_handler(move || note(INTERRUPTED))?;

@@ -1,10 +1,10 @@
-//! Command line: arguments, option files, one file per command, and progress output.
+//! Command line of the program: arguments, option files, one module per command, and progress output.
 //!
-//! [`main`] is the whole program `render2mpeg`.
+//! [`main`] is the complete program `render2mpeg`.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
-/// Prints like `println!`, but ignores errors: a reader may close its end early.
+/// Prints like `println!`, but ignores errors, because a reader may close its end of the pipe early.
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write;
@@ -50,10 +50,11 @@ use ranks::Ranks;
 pub use reference::{options_page, progress_schema, report_schema};
 use std::process::ExitCode;
 
-/// Exit code for errors that repeat with the same arguments, as in clap. All other failures return 1.
+/// Exit code for errors that recur with the same arguments, as in clap. All other errors have exit code 1.
 const WRONG_ARGUMENTS: u8 = 2;
 
-/// The program `render2mpeg`: runs the command in the process's arguments, prints errors and returns the exit code.
+/// Runs the program `render2mpeg`: executes the command in the process's arguments, prints errors and returns the exit
+/// code.
 #[must_use]
 pub fn main() -> ExitCode {
     let result = config_file::parse(std::env::args_os().collect()).and_then(|arguments| {
@@ -64,7 +65,7 @@ pub fn main() -> ExitCode {
     match result.and_then(|arguments| run(arguments.command).map_err(with_exit_code)) {
         Ok(code) => code,
         Err((error, code)) => {
-            // Other ranks print the same error.
+            // Print errors on rank 0 only, because other ranks have the same error.
             if !ranks::is_silent() {
                 tell!("render2mpeg: {}", single_line(&format!("{error:#}")));
             }

@@ -26,14 +26,14 @@ pub(crate) enum ProgressKind {
 pub(crate) enum Event {
     /// The run begins.
     Begin {
-        /// Frames of the film.
+        /// Number of frames in the film.
         frames: u32,
         /// The first frame that is still to be made, from 0.
         first_frame: u32,
     },
     /// A frame is in the stream.
     Frame {
-        /// Its line of the report, up to here.
+        /// Report of the frame, with the figures known so far.
         frame: Box<FrameReport>,
     },
     /// The run has ended.
@@ -43,34 +43,34 @@ pub(crate) enum Event {
     },
 }
 
-/// Lines of a run in one form; none for a progress bar.
+/// Progress output of a run as lines. A progress bar prints no lines.
 pub(crate) struct Lines {
     kind: ProgressKind,
     /// Number of frames of the film.
     film_frames: u32,
-    /// Number of frames to make, including earlier runs.
+    /// Number of frames to make, including frames of earlier runs.
     frames: u32,
     first_frame: u32,
-    /// Number of finished frames, including earlier runs.
+    /// Number of finished frames, including frames of earlier runs.
     made: AtomicU32,
 }
 
 impl Lines {
-    /// Returns the lines of a run that begins with `first_frame`.
+    /// Returns the progress output of a run that begins with `first_frame`.
     pub fn new(kind: ProgressKind, settings: &Settings, first_frame: u32) -> Self {
         let frames = settings.frame_range();
         let made = AtomicU32::new(first_frame - frames.start);
         Self { kind, film_frames: settings.render.frames, frames: frames.len() as u32, first_frame, made }
     }
 
-    /// Announces the run.
+    /// Announces the start of the run.
     pub fn begin(&self) {
         let &Self { film_frames, first_frame, .. } = self;
         self.print_json(|| Event::Begin { frames: film_frames, first_frame });
         self.print_progress();
     }
 
-    /// Reports a frame that is in the stream, with its figures so far.
+    /// Reports a frame that is in the stream, with the figures known so far.
     pub fn frame(&self, frame: &FrameReport) {
         self.made.fetch_add(1, Ordering::Relaxed);
         self.print_json(|| Event::Frame { frame: frame.clone().into() });
@@ -90,7 +90,8 @@ impl Lines {
         }
     }
 
-    /// Prints progress in percent and a status, each at the start of a line (Open Job Description, How Jobs Are Run).
+    /// Prints progress in percent and a status. Each message begins a line, as Open Job Description ("How Jobs Are
+    /// Run") requires.
     fn print_progress(&self) {
         if self.kind == ProgressKind::Openjd {
             let (made, frames) = (self.made.load(Ordering::Relaxed), self.frames);
@@ -100,7 +101,7 @@ impl Lines {
     }
 }
 
-/// Prints a line at once. Without a listener the film continues.
+/// Prints a line at once. If the reader has closed its end, the film continues.
 fn print(line: &str) {
     let mut out = std::io::stdout().lock();
     let _ = writeln!(out, "{line}").and_then(|()| out.flush());

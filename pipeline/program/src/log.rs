@@ -1,23 +1,24 @@
-//! Events of the stages: log lines (`-v`) and bars for `--trace`.
+//! Events of the stages, as log lines (`-v`) and as bars for `--trace`.
 
 use super::trace::Trace;
 use anyhow::Result;
 use std::path::PathBuf;
 
-/// Log of the stages; almost free while disabled.
+/// Log of the stages, with almost no cost while disabled.
 pub struct Log {
     trace: Option<(PathBuf, Trace)>,
 }
 
 impl Log {
-    /// Starts logging to standard error (1: frames, 2: every stage) and collecting bars for the file `trace`.
+    /// Starts logging to standard error (`verbose` 1: frames, 2: every stage), and starts collecting bars for the file
+    /// `trace`.
     pub fn start(verbose: u8, trace: Option<PathBuf>) -> Self {
         let trace = trace.map(|path| (path, Trace::new()));
         listen(verbose, trace.as_ref().map(|(_, trace)| trace.clone()));
         Self { trace }
     }
 
-    /// Writes the bars, and returns a summary line.
+    /// Writes the bars to the file, and returns a summary line.
     ///
     /// # Errors
     /// If the file cannot be written.

@@ -1,4 +1,4 @@
-//! The program `render2mpeg`.
+//! Executable of the program `render2mpeg`.
 
 fn main() -> std::process::ExitCode {
     program::main()

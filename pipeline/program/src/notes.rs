@@ -1,4 +1,4 @@
-//! Notes on a scene and its film: surprises that are not errors.
+//! Notes on a scene and its film: surprising results that are not errors.
 
 use mpeg2enc::Level;
 use perceptual::luminance_plane;
@@ -10,13 +10,13 @@ use render2mpeg::settings::{CodedRate, Settings};
 use renderer::settings::Size;
 use std::f32::consts::PI;
 
-/// Maximum luma of a black picture: eight codes above the black of video, hardly visible on any display.
+/// Maximum luma of a black picture: eight codes above video black, which is hardly visible on any display.
 const BLACK: u8 = 24;
 
-/// Maximum luminance of a dim picture relative to the luminance outdoors: ten stops less, as in a cellar.
+/// Maximum ratio of a dim picture's luminance to the luminance outdoors: ten stops less, as in a cellar.
 const DIM: f32 = 1e-3;
 
-/// Returns notes printed before the work: warnings of the scene, and limits that the film exceeds.
+/// Returns notes to print before rendering: warnings of the scene, and limits that the film exceeds.
 pub(super) fn before(scene: &Scene, settings: &Settings) -> Vec<String> {
     let mut notes = scene.warnings.clone();
     notes.extend(beyond_the_end(scene, settings));
@@ -24,7 +24,7 @@ pub(super) fn before(scene: &Scene, settings: &Settings) -> Vec<String> {
     notes
 }
 
-/// Returns a note if the size and rate exceed every level.
+/// Returns a note if the picture size and rate exceed every level.
 fn beyond_levels(settings: &Settings) -> Option<String> {
     let (Size { width, height }, rate) = (settings.render.size, CodedRate::of(settings.render.fps).ok()?.rate);
     if settings.coding.mpeg1 || Level::lowest(width, height, rate.fps()).is_some() {
@@ -51,7 +51,7 @@ pub(super) fn on_level(report: &Report) -> Option<String> {
     })
 }
 
-/// Returns a note if frames are after the end of the animation.
+/// Returns a note if the film continues after the end of the animation.
 fn beyond_the_end(scene: &Scene, settings: &Settings) -> Option<String> {
     let (renderer, duration) = (settings.render.clone(), f64::from(scene.duration()));
     let last = settings.frame_range().end.checked_sub(1)?;
@@ -63,7 +63,7 @@ fn beyond_the_end(scene: &Scene, settings: &Settings) -> Option<String> {
     Some(format!("the animation ends after {duration:.2} s, before frame {end}: later frames are static"))
 }
 
-/// Returns the code that at most one pixel in a hundred exceeds: a lamp alone makes no picture bright.
+/// Returns the code that at most 1 % of the pixels exceed. A small lamp therefore does not make a picture bright.
 pub(super) fn bright_code(codes: impl Iterator<Item = u8>) -> u8 {
     let (mut counts, mut all) = ([0usize; 256], 0);
     for code in codes {
@@ -80,7 +80,8 @@ pub(super) fn bright_code(codes: impl Iterator<Item = u8>) -> u8 {
     0
 }
 
-/// Returns a note if all pictures are black: the largest [`bright_code`] of their luma is at most [`BLACK`].
+/// Returns a note if all pictures are black: `brightest`, the largest [`bright_code`] of their luma, is at most
+/// [`BLACK`].
 pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<String> {
     if brightest? > BLACK {
         return None;
@@ -95,16 +96,16 @@ pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<
     ))
 }
 
-/// Mean luminance of a picture.
+/// Returns the mean luminance of a picture.
 pub(super) fn mean_luminance(radiance: &Plane<[f32; 3]>) -> f32 {
     let luminances = luminance_plane(radiance);
     luminances.samples().iter().sum::<f32>() / luminances.samples().len().max(1) as f32
 }
 
-/// Returns a note if hardly any light of sky and suns reaches the pictures, and the scene has no other light. The
-/// largest of their [mean luminances](mean_luminance) is `brightest`.
+/// Returns a note if hardly any light from sky and suns reaches the pictures, and the scene has no other light. The
+/// largest [mean luminance](mean_luminance) of all pictures is `brightest`.
 pub(super) fn on_dimness(brightest: f32, scene: &Scene) -> Option<String> {
-    // Lamps light their surroundings, independent of the brightness outdoors.
+    // Lamps light their surroundings regardless of the brightness outdoors.
     let has_lamps = scene.punctual_lights.iter().any(|light| light.kind != PunctualKind::Directional)
         || scene.extreme_materials().iter().any(|material| material.emits());
     let share = brightest / luminance_outdoors(scene);
@@ -116,7 +117,8 @@ pub(super) fn on_dimness(brightest: f32, scene: &Scene) -> Option<String> {
     })
 }
 
-/// Mean luminance of a white surface under the whole sky and every sun: E/π, with E = Φ/4 for a fluence Φ.
+/// Returns the mean luminance of a white surface lit by the whole sky and every sun: E / π, with irradiance E = Φ / 4
+/// for a fluence Φ.
 fn luminance_outdoors(scene: &Scene) -> f32 {
     let mut irradiance = scene.sky.as_ref().map_or(0.0, |sky| luminance(sky.fluence()) / 4.0);
     for light in &scene.punctual_lights {
@@ -136,7 +138,7 @@ mod tests {
 
     #[test]
     fn pictures_in_the_dark_of_a_bright_day_are_dim() {
-        // A sky of radiance 1 in all directions lights a white surface to a luminance of 1: E = 4π / 4.
+        // A sky of radiance 1 in all directions lights a white surface to the luminance E / π = 1, with E = 4π / 4.
         let white = Gradient { zenith: [1.0; 3], horizon: [1.0; 3], ground: [1.0; 3] };
         let mut scene = Scene { sky: Environment::gradient(white), ..Scene::default() };
         let is_dim = |scene: &Scene, brightest: f32| on_dimness(brightest, scene).is_some();
@@ -146,7 +148,7 @@ mod tests {
             [false, true, false, false]
         );
 
-        // A sun of π doubles the light; a lamp of any power lights the room itself.
+        // A sun of irradiance π doubles the light. A lamp of any power lights the room itself.
         let sun = PunctualLight { node: 0, color: Vec3::splat(PI), kind: PunctualKind::Directional };
         scene.punctual_lights.push(sun);
         assert!(is_dim(&scene, 1.9e-3) && !is_dim(&scene, 2.1e-3));

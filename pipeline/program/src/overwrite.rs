@@ -1,4 +1,4 @@
-//! Existing files: replaced only with the user's consent.
+//! Replacement of existing files, only with the user's consent.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -14,18 +14,19 @@ pub(crate) struct Overwrite {
 }
 
 impl Overwrite {
-    /// Permits replacing an existing file by `--overwrite` or by the user's answer. Devices and pipes are not files.
+    /// Permits the replacement of an existing file if `--overwrite` is set or the user agrees. Devices and pipes need
+    /// no permission.
     ///
     /// # Errors
-    /// If the user refuses, or without a terminal to ask at.
+    /// If the user refuses, or no terminal is available for the question.
     pub fn check(self, path: &Path) -> Result<()> {
         self.check_for(path, "already exists")
     }
 
-    /// Checks like [`check`](Self::check), with `what` as the description of the existing file.
+    /// Checks a file like [`check`](Self::check), with `what` as the description of the existing file.
     ///
     /// # Errors
-    /// If the user refuses, or without a terminal to ask at.
+    /// If the user refuses, or no terminal is available for the question.
     pub fn check_for(self, path: &Path, what: &str) -> Result<()> {
         if self.overwrite || !path.is_file() {
             return Ok(());
@@ -39,7 +40,7 @@ impl Overwrite {
     }
 }
 
-/// Asks at the terminal. Any answer but yes is a no.
+/// Asks at the terminal. Any answer except "y" or "yes" is a refusal.
 fn says_yes(question: &str) -> Result<bool> {
     let mut shown = std::io::stderr();
     write!(shown, "{}", super::print::single_line(question))?;

@@ -1,9 +1,9 @@
-//! Optional features of the program: Cargo features of the same names.
+//! Optional features of the program, which are Cargo features with the same names.
 
 use anyhow::{Result, bail};
 use std::sync::OnceLock;
 
-/// Feature, and the commands that require it.
+/// Cargo feature, and the commands that require it.
 struct ProgramPart {
     feature: &'static str,
     is_built: bool,
@@ -20,7 +20,7 @@ const PARTS: [ProgramPart; 7] = [
     ProgramPart { feature: "mpi", is_built: cfg!(feature = "mpi"), commands: &[] },
 ];
 
-/// Reports the missing feature if something requested needs `feature`.
+/// Reports that `feature` is missing, if it is `requested` and was not built.
 ///
 /// # Errors
 /// If `feature` is `requested` and was not built.
@@ -33,7 +33,7 @@ pub fn need(feature: &str, requested: bool) -> Result<()> {
     }
 }
 
-/// Reports the missing feature of a command, which the build may not even parse.
+/// Reports the missing feature of a command. A build without the feature may not even parse the command.
 ///
 /// # Errors
 /// If the command's feature was not built.
@@ -41,7 +41,7 @@ pub fn need_for(command: &str) -> Result<()> {
     PARTS.iter().try_for_each(|part| need(part.feature, part.commands.contains(&command)))
 }
 
-/// Version of the program, with the features built and left out.
+/// Returns the version of the program, with the lists of features built and left out.
 pub fn version() -> &'static str {
     static TEXT: OnceLock<String> = OnceLock::new();
     let names = |built| PARTS.iter().filter(|part| part.is_built == built).map(|part| part.feature).collect::<Vec<_>>();

@@ -12,8 +12,8 @@ pub fn single_line(text: &str) -> Cow<'_, str> {
     escaped(text, is_control)
 }
 
-/// Returns true if a terminal obeys the character instead of showing it: C0 and C1 controls, and bidirectional
-/// controls.
+/// Returns whether a terminal interprets the character instead of displaying it. These are C0 and C1 controls, and
+/// bidirectional controls.
 fn is_control(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
@@ -34,7 +34,7 @@ pub(crate) fn counted(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
-/// Formats seconds in a convenient unit.
+/// Formats seconds in a suitable unit.
 pub(crate) fn rough_time(seconds: f64) -> String {
     match seconds {
         ..120.0 => format!("{seconds:.0} s"),

@@ -1,4 +1,4 @@
-//! `--print-config`: the chosen options as a file for `--config`.
+//! `--print-config`: prints the chosen options as a file for `--config`.
 
 use anyhow::Result;
 use render2mpeg::Options;
@@ -8,25 +8,25 @@ use toml::Value;
 /// Option of the program that is not an option of the film.
 pub struct ProgramOption {
     pub name: &'static str,
-    /// Value as written in the file; `None` if not chosen.
+    /// Value as written in the file; `None` if the user did not choose one.
     pub value: Option<Value>,
 }
 
 impl ProgramOption {
-    /// Returns an option with one value, if chosen.
+    /// Returns an option with one value; without a value if `value` is `None`.
     pub fn text(name: &'static str, value: Option<String>) -> Self {
         Self { name, value: value.map(Value::String) }
     }
 
-    /// Returns an option that may be repeated.
+    /// Returns an option that may have several values.
     pub fn list(name: &'static str, values: impl Iterator<Item = String>) -> Self {
         let values: Vec<Value> = values.map(Value::String).collect();
         Self { name, value: (!values.is_empty()).then_some(Value::Array(values)) }
     }
 }
 
-/// Returns the file that makes the same film, with every option. `options` are filled in; `more` are the program's
-/// own options.
+/// Returns the text of an option file that makes the same film. The file contains every option: `options`, with all
+/// defaults filled in, and `more`, the program's own options.
 ///
 /// # Errors
 /// If a path is not valid Unicode.

@@ -1,4 +1,4 @@
-//! Progress at a terminal while frames are made, and a summary at the end.
+//! Progress line at a terminal while frames are made, and a summary at the end.
 
 use crate::print::{counted, rough_time, single_line};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -10,26 +10,26 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Progress line; hidden if standard error is not a terminal.
+/// Progress line at a terminal. The line is hidden if standard error is not a terminal.
 pub(crate) struct ProgressLine {
     bar: ProgressBar,
     pace: Mutex<Pace>,
     is_quiet: bool,
 }
 
-/// Time per frame. The run's first frame is excluded: it traces photons, builds trees and fills caches.
+/// Mean time per frame. The run's first frame is excluded, because it traces photons, builds trees and fills caches.
 #[derive(Clone, Copy, Default)]
 struct Pace {
-    /// End of the run's first frame.
+    /// Time at which the run's first frame ended.
     first: Option<Instant>,
-    /// End of the last frame so far.
+    /// Time at which the last frame so far ended.
     last: Option<Instant>,
-    /// Number of frames after the first.
+    /// Number of finished frames after the run's first frame.
     others: u32,
 }
 
 impl Pace {
-    /// Records a frame that ends `now`.
+    /// Records a frame that ends at the time `now`.
     fn frame(&mut self, now: Instant) {
         match self.first {
             None => self.first = Some(now),
@@ -38,20 +38,20 @@ impl Pace {
         self.last = Some(now);
     }
 
-    /// Mean time of the frames after the first \[s\]; `None` before the second frame.
+    /// Returns the mean time of the frames after the first \[s\]; `None` before the second frame.
     fn seconds(&self) -> Option<f64> {
         let (first, last) = (self.first?, self.last?);
         (self.others > 0).then(|| (last - first).as_secs_f64() / f64::from(self.others))
     }
 }
 
-/// Interval of the spinner's steps, of which a rotation has eight: the line stays alive during long frames.
+/// Interval between steps of the spinner, which has eight steps per rotation and shows activity during long frames.
 const TICK: Duration = Duration::from_millis(250);
 
 impl ProgressLine {
     /// Prints the film's properties, and starts the line.
     pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
-        // The log lines of a verbose run replace this line.
+        // Hide the line in quiet runs, and in verbose runs, which print log lines.
         if quiet {
             return Self { bar: ProgressBar::hidden(), pace: Mutex::default(), is_quiet: quiet };
         }
@@ -81,13 +81,13 @@ impl ProgressLine {
         Self { bar, pace: Mutex::default(), is_quiet: quiet }
     }
 
-    /// Advances by a frame.
+    /// Advances the line by one frame.
     pub fn frame(&self, frame: &FrameReport) {
         self.bar.inc(1);
         let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
         pace.frame(Instant::now());
 
-        // Remaining time by the frames after the first, size and quality of this frame.
+        // Show the remaining time, estimated from the frames after the first, and size and quality of this frame.
         let left = self.bar.length().unwrap_or(0).saturating_sub(self.bar.position());
         let time = match pace.seconds() {
             Some(seconds) => format!("{seconds:.1} s per frame, {} left", rough_time(seconds * left as f64)),
@@ -98,12 +98,13 @@ impl ProgressLine {
         self.bar.set_message(format!("{time}  last {kilobytes:.1} kB, {quality}"));
     }
 
-    /// Prints a warning above the line.
+    /// Prints a warning above the progress line.
     pub fn warn(&self, warning: &str) {
         self.bar.suspend(|| tell!("warning: {}", single_line(warning)));
     }
 
-    /// Returns a function that prints above the line from any thread; it prints nothing in a quiet run.
+    /// Returns a function that prints text above the progress line from any thread. In a quiet run, the function prints
+    /// nothing.
     pub fn teller(&self) -> impl Fn(&str) + Send + 'static {
         let (bar, is_quiet) = (self.bar.clone(), self.is_quiet);
         move |text| {
@@ -113,7 +114,7 @@ impl ProgressLine {
         }
     }
 
-    /// Removes the line.
+    /// Removes the progress line.
     pub fn clear(&self) {
         self.bar.finish_and_clear();
     }
@@ -137,8 +138,7 @@ pub fn of_long_work(quiet: bool) -> ProgressBar {
     ProgressBar::new(0).with_style(style.expect("the template is correct"))
 }
 
-/// Prints the main figures of the run and the paths of its files. The run has made all frames except the `before`
-/// first ones.
+/// Prints the main figures of the run and the paths of its files. The run did not make the first `before` frames.
 pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     let s = &report.summary;
     let settings = &report.settings;
@@ -148,7 +148,7 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     let of_all = if before > 0 { format!(" ({all} in total)") } else { String::new() };
     let ended = if s.interrupted { ", interrupted" } else { "" };
     tell!("{} in {:.1} s{of_all}{ended}", counted(made as usize, "frame"), s.wall_seconds);
-    // The first frame has no thresholds of its own.
+    // Omit the threshold if it is 0, because the first frame has no thresholds.
     let threshold = match s.threshold_mean_relative {
         0.0 => String::new(),
         share => format!(", threshold {:.1} % of luminance", 100.0 * share),
@@ -169,7 +169,7 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
         tell!("  warning   {broken} pixels were not finite and became black");
     }
 
-    // Paths of all files.
+    // Print the paths of all files.
     tell!("video:  {}", settings.output.display());
     let others = [("y4m:   ", &settings.files.y4m), ("frames:", &settings.files.exr), ("frames:", &settings.files.png)];
     for (name, path) in others {

@@ -1,27 +1,28 @@
-//! Processes started together by `mpirun`.
+//! Ranks: processes that `mpirun` started together.
 
 use anyhow::{Result, bail};
 use pipeline::team::Team;
 
-/// Environment variables of Open MPI, MPICH and schedulers with the number of processes and the rank.
+/// Environment variables with the number of processes, set by Open MPI, MPICH and schedulers.
 const COUNTS: [&str; 2] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"];
+/// Environment variables with the rank of this process, set by Open MPI, MPICH and schedulers.
 const RANKS: [&str; 3] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK"];
 
 fn first_of(names: &[&str]) -> Option<usize> {
     names.iter().find_map(|name| std::env::var(name).ok()?.parse().ok())
 }
 
-/// Returns true if this process is one of several and not the first: the first prints the same.
+/// Returns whether this process must not print: it has a rank above 0, and rank 0 prints the same text.
 pub fn is_silent() -> bool {
     first_of(&RANKS).is_some_and(|rank| rank > 0)
 }
 
-/// Returns true if this process is one of several.
+/// Returns whether `mpirun` started several processes, including this one.
 pub fn are_several() -> bool {
     first_of(&COUNTS).is_some_and(|count| count > 1) || is_silent()
 }
 
-/// The ranks, of which this process is one.
+/// Ranks of a run, including this process.
 pub struct Ranks {
     team: Team,
     #[cfg(feature = "mpi")]
@@ -29,13 +30,13 @@ pub struct Ranks {
 }
 
 impl Ranks {
-    /// Joins the processes that were started with this one; a single process stays alone.
+    /// Connects to the processes that were started with this one. A single process runs alone.
     ///
     /// # Errors
     /// If this build does not support ranks, or the processes cannot be connected.
     #[cfg(feature = "mpi")]
     pub fn join() -> Result<Self> {
-        // A launcher may set the rank without the number of ranks.
+        // Assume several ranks if the launcher sets only the rank, without the number of ranks.
         let count = first_of(&COUNTS).or(first_of(&RANKS).map(|_| 2));
         if count.is_none_or(|count| count <= 1) {
             return Ok(Self { team: Team::alone(), processes: None });
@@ -44,18 +45,18 @@ impl Ranks {
         Ok(Self { team: processes.team().clone(), processes: Some(processes) })
     }
 
-    /// Returns this process alone, in builds without MPI.
+    /// Returns a team of this process alone, because this build lacks MPI.
     #[cfg(not(feature = "mpi"))]
     pub fn join() -> Result<Self> {
         Ok(Self { team: Team::alone() })
     }
 
-    /// Ranks of the team.
+    /// Returns the ranks as a team.
     pub fn team(&self) -> &Team {
         &self.team
     }
 
-    /// Ends all other ranks after a failure on this rank only.
+    /// Ends all other ranks after this rank failed.
     pub fn fail(&self, code: u8) {
         #[cfg(feature = "mpi")]
         if self.processes.is_some() {
@@ -65,10 +66,10 @@ impl Ranks {
     }
 }
 
-/// Refuses commands that several processes would all run at once.
+/// Refuses commands that each of several processes would run completely.
 ///
 /// # Errors
-/// If there are several processes, and this build lacks MPI or the command does not share its work.
+/// If several processes were started, and this build lacks MPI or the command does not share its work.
 pub fn check(is_shared: bool) -> Result<()> {
     if !are_several() {
         return Ok(());

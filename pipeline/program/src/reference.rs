@@ -1,4 +1,4 @@
-//! The reference of all commands and options, as Markdown: the page `docs/reference/options.md`.
+//! Reference of all commands and options in Markdown, for the page `docs/reference/options.md`.
 
 use crate::args::Arguments;
 use crate::lines::Event;
@@ -10,7 +10,7 @@ use schemars::{JsonSchema, Schema};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// The first lines of the page.
+/// Beginning of the page, before the commands.
 const HEAD: &str = "# Commands and options
 
 `cargo run -p render2mpeg-cli --example reference` writes this page from the program's own help; a test compares it.
@@ -24,7 +24,7 @@ Options may also come from a TOML file, by `--config`: the key is the option's n
 | 130, 143, 129 | ended by Ctrl-C, SIGTERM or SIGHUP; the video plays | continues with `--resume` |
 ";
 
-/// Commands, arguments and options of the program, as Markdown. Hidden ones are left out.
+/// Returns the page of commands, arguments and options in Markdown. Hidden commands and options are omitted.
 #[must_use]
 pub fn options_page() -> String {
     let mut program = Arguments::command();
@@ -37,25 +37,25 @@ pub fn options_page() -> String {
     page
 }
 
-/// JSON Schema (draft 2020-12) of `report.json`.
+/// Returns the JSON Schema (draft 2020-12) of `report.json`.
 #[must_use]
 pub fn report_schema() -> Schema {
     schema_of::<Report>()
 }
 
-/// JSON Schema (draft 2020-12) of a line of `--progress json`.
+/// Returns the JSON Schema (draft 2020-12) of a line of `--progress json`.
 #[must_use]
 pub fn progress_schema() -> Schema {
     schema_of::<Event>()
 }
 
-/// The schema of values as they are written.
+/// Returns the schema of serialized values of type `T`.
 fn schema_of<T: JsonSchema>() -> Schema {
     SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<T>()
 }
 
-/// Adds a section with a table for each group of options, in the order of the help. Options that an earlier command has with the
-/// same meaning are `listed` and appear by name only.
+/// Adds a section with a table for each group of options, in the order of the help. Options that an earlier command
+/// `listed` with the same meaning appear by name only.
 fn add_command(page: &mut String, command: &Command, listed: &mut BTreeSet<(String, String)>) {
     let about = command.get_about().map(text_of).unwrap_or_default();
     let _ = write!(page, "\n## `render2mpeg {}`\n\n{about}\n", command.get_name());
@@ -78,12 +78,12 @@ fn add_command(page: &mut String, command: &Command, listed: &mut BTreeSet<(Stri
     }
 }
 
-/// The arguments of a command that its help shows, except the help itself.
+/// Returns the arguments of a command that its help shows, except the help option.
 fn arguments_of(command: &Command) -> impl Iterator<Item = &Arg> {
     command.get_arguments().filter(|argument| !argument.is_hide_set() && argument.get_id() != "help")
 }
 
-/// Short and long name with the names of values, as they are typed.
+/// Returns the short and long name of an argument, with the names of its values as typed.
 fn name_of(argument: &Arg) -> String {
     let mut names = Vec::new();
     names.extend(argument.get_short().map(|short| format!("-{short}")));
@@ -92,11 +92,11 @@ fn name_of(argument: &Arg) -> String {
     let values = argument.get_value_names().filter(|_| takes_value).map(|names| names.join(" "));
     let value = values.map(|values| format!("<{values}>"));
     let words: Vec<String> = [names.join(", ")].into_iter().chain(value).filter(|text| !text.is_empty()).collect();
-    // A bar would end the cell of the table.
+    // Escape vertical bars, which would end the table cell.
     words.join(" ").replace('|', "\\|")
 }
 
-/// The help of an argument, and its possible values with theirs.
+/// Returns the help of an argument, and its possible values with help.
 fn meaning_of(argument: &Arg) -> String {
     let help = argument.get_long_help().or(argument.get_help());
     let mut meaning = help.map(text_of).unwrap_or_default();
@@ -111,7 +111,7 @@ fn meaning_of(argument: &Arg) -> String {
     meaning
 }
 
-/// A help text in one line, with the signs of tables escaped.
+/// Returns a help text as one line, with the special characters of tables escaped.
 fn text_of(help: &StyledStr) -> String {
     let words = help.to_string();
     words.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")

@@ -9,7 +9,7 @@ use render2mpeg::memory;
 use render2mpeg::settings::{CodedRate, MemorySize, Settings, read_tone_map};
 use std::path::{Path, PathBuf};
 
-/// Scene, and the file of further options.
+/// Scene, and the file of additional options.
 #[derive(Args)]
 pub(crate) struct SceneSource {
     /// A glTF 2.0 scene, .glb or .gltf; a TOML file of the same name next to it adds settings that glTF lacks
@@ -18,18 +18,18 @@ pub(crate) struct SceneSource {
     /// Read options from a TOML file, by their names here: qscale = 8, cache = "off"; typed options win
     #[arg(long, value_name = "FILE.toml", help_heading = "Run", hide_short_help = true)]
     config: Option<PathBuf>,
-    /// How to read the scene: folders, camera, animation, settings.
+    /// Options for reading the scene: folders, camera, animation and scene settings.
     #[command(flatten)]
     pub reading: Reading,
 }
 
 impl SceneSource {
-    /// Path of the scene. `config_file::parse` ends the program if it is missing.
+    /// Returns the path of the scene. `config_file::parse` ends the program if the path is missing.
     pub fn path(&self) -> PathBuf {
         self.scene.clone().unwrap_or_default()
     }
 
-    /// File that options were read from.
+    /// Returns the path of the option file, if given.
     pub fn config(&self) -> Option<&Path> {
         self.config.as_deref()
     }
@@ -60,12 +60,12 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// Folders that the scene's files may be in.
+    /// Returns the folders in which the scene's files may be.
     pub fn reach(&self) -> Reach {
         if self.allow_outside { Reach::Anywhere } else { Reach::Folder }
     }
 
-    /// Options of this reading for a `--config` file.
+    /// Returns the reading options as they appear in a `--config` file.
     pub fn options(&self) -> [ProgramOption; 5] {
         [
             ProgramOption::text("camera", self.camera.clone()),
@@ -97,11 +97,12 @@ fn point_size(text: &str) -> Result<Setting, String> {
     setting(&format!("point_size={text}"))
 }
 
-/// Parses a setting, and refuses values that no scene allows. The error then does not blame the scene's file.
+/// Parses a setting, and refuses values that are invalid for every scene. Errors then refer to the option, not the
+/// scene's file.
 fn setting(text: &str) -> Result<Setting, String> {
     let setting: Setting = text.parse().map_err(|error: scene::SettingsError| error.to_string())?;
 
-    // Settings that are valid only in combination, such as a sky's, are checked later with the scene.
+    // Accept settings that are valid only in combination, such as a sky's. They are checked later with the scene.
     let Ok(alone) = SceneSettings::parse_with("", std::slice::from_ref(&setting)) else { return Ok(setting) };
     if let Some(table) = &alone.tone_mapping {
         read_tone_map(table)?;

@@ -1,6 +1,6 @@
-//! `--trace`: the time of each stage and frame, as JSON for `chrome://tracing` and Perfetto.
+//! `--trace`: timings of each stage and frame, as JSON for `chrome://tracing` and Perfetto.
 //!
-//! Every span of a stage becomes a bar, a "complete event" of the Trace Event Format.
+//! Every span of a stage becomes a bar, which is a "complete event" of the Trace Event Format.
 
 use anyhow::Result;
 use pipeline::output::Output;
@@ -16,10 +16,10 @@ use tracing::span::{Attributes, Id};
 use tracing_subscriber::layer::{Context, Layer};
 use tracing_subscriber::registry::LookupSpan;
 
-/// Spans of whole stages: time between them is waiting.
+/// Names of spans that cover whole stages. Between these spans, threads wait.
 const STAGES: [&str; 5] = ["prepare", "shade", "display", "encode", "mask"];
 
-/// Collects finished spans.
+/// Collector of finished spans.
 #[derive(Clone)]
 pub struct Trace {
     begin: Instant,
@@ -35,24 +35,24 @@ struct Bar {
     length: Duration,
 }
 
-/// Time at which a span was entered, and its frame.
+/// Time at which a span was entered, and the span's frame.
 struct Entered {
     at: Option<Instant>,
     frame: Option<u64>,
 }
 
 impl Trace {
-    /// Returns an empty trace; time counts from now.
+    /// Returns an empty trace. Times are measured from this call.
     pub fn new() -> Self {
         Self { begin: Instant::now(), bars: Arc::default() }
     }
 
     fn bars(&self) -> MutexGuard<'_, Vec<Bar>> {
-        // Each push adds a complete bar, so a poisoned lock is valid.
+        // Use the data of a poisoned lock, because each push adds a complete bar.
         self.bars.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Returns the seconds from the first stage's start to the last one's end, and the sum of all stages.
+    /// Returns the time from the start of the first stage to the end of the last, and the sum over all stages \[s\].
     pub fn overlap(&self) -> (f64, f64) {
         let bars = self.bars();
         let stages = || bars.iter().filter(|bar| STAGES.contains(&bar.name));
@@ -88,7 +88,7 @@ impl Trace {
     }
 }
 
-/// Returns this thread's number, in order of first use.
+/// Returns the number of the current thread; threads are numbered in order of first use.
 fn thread_number() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(1);
     thread_local!(static NUMBER: Cell<u64> = Cell::new(NEXT.fetch_add(1, Ordering::Relaxed)));

@@ -19,7 +19,7 @@ pub struct Measured {
     pub run: MethodRun,
     /// Pictures of the last frame.
     pub pictures: RunPictures,
-    /// First decoded pictures, as many as requested.
+    /// First decoded pictures, in the requested number.
     pub clip: Vec<Plane<[u8; 3]>>,
     /// Result of the check by another decoder, if requested.
     pub check: Option<DecoderCheck>,

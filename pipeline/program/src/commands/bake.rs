@@ -1,4 +1,4 @@
-//! `render2mpeg bake`.
+//! Command `render2mpeg bake`.
 
 use crate::overwrite::Overwrite;
 use crate::progress;
@@ -22,7 +22,7 @@ use std::time::Instant;
 pub(crate) struct BakeArguments {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// How to read the scene: folders, camera, animation, settings.
+    /// Options for reading the scene: folders, camera, animation and scene settings.
     #[command(flatten)]
     reading: Reading,
     /// File of the baked light [default: the scene's path with .slf; none with --gltf]
@@ -64,7 +64,7 @@ pub(crate) struct BakeArguments {
     quiet: bool,
 }
 
-/// Bakes, and writes the light, the glTF export, or both.
+/// Bakes the light, and writes the light file, the glTF export, or both.
 pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
     let BakeArguments {
         scene: path,
@@ -83,7 +83,7 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
         ..
     } = arguments;
     let scene = reading.load(&path)?;
-    // Report unwritable outputs before the work, not after it.
+    // Report unwritable outputs before baking begins.
     let output = output.or_else(|| gltf.is_none().then(|| path.with_extension("slf")));
     FilePlaces::of(&scene)
         .reads("--baked", baked.as_deref())
@@ -100,7 +100,7 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
         check_path(gltf, &path)?;
     }
 
-    // The finest quantiser, which gives the most photons of any film.
+    // Use the finest quantiser, which requires the most photons.
     let options = Options { vpls, photons, bounces, seed, qscale: Some(1), ..Options::default() };
     let settings = Settings::new(path, &scene, &options)?;
     let job = BakeJob { scene: &scene, settings: &settings, quiet };
@@ -114,7 +114,7 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Scene to bake.
+/// Scene to bake, with settings.
 struct BakeJob<'a> {
     scene: &'a Scene,
     settings: &'a Settings,
@@ -122,7 +122,7 @@ struct BakeJob<'a> {
 }
 
 impl BakeJob<'_> {
-    /// Bakes the light, and writes it to `output` if given.
+    /// Bakes the light, and writes it to `output`, if given.
     fn bake(&self, texels: usize, output: Option<&Path>) -> Result<BakedTexels> {
         let begin = Instant::now();
         let bar = progress::of_work(self.quiet);
@@ -133,7 +133,7 @@ impl BakeJob<'_> {
         bar.finish_and_clear();
         let written = output.map(|path| Ok::<_, Error>((path, baked.write(self.scene, path)?))).transpose()?;
 
-        // Size, resolution and cost of the light.
+        // Print size, resolution and cost of the light.
         if !self.quiet {
             let seconds = begin.elapsed().as_secs_f64();
             match written {
@@ -163,7 +163,7 @@ impl BakeJob<'_> {
         Ok(baked.texels)
     }
 
-    /// Writes the scene with `light` in its textures.
+    /// Writes the scene with `light` in its textures to a glTF file.
     fn export(&self, light: BakedTexels, path: &Path, side: Option<u32>) -> Result<()> {
         let begin = Instant::now();
         let export =

@@ -1,4 +1,4 @@
-//! `render2mpeg compare`.
+//! Command `render2mpeg compare`.
 
 use crate::overwrite::Overwrite;
 use crate::print::counted;
@@ -29,16 +29,16 @@ pub struct Compare {
     json: bool,
 }
 
-/// Compares, and prints the measures.
+/// Compares the pictures, and prints the measures.
 pub fn run(arguments: &Compare) -> Result<ExitCode> {
     let Compare { picture, reference, heatmap, overwrite, json } = arguments;
-    // Report unwritable outputs before the work.
+    // Report unwritable outputs before the comparison begins.
     let places = FilePlaces::default().reads("the comparison", Some(picture)).reads("the comparison", Some(reference));
     places.writes("--heatmap", heatmap.as_deref()).check()?;
     heatmap.iter().try_for_each(|path| overwrite.check(path))?;
     let output = heatmap.as_deref().map(Output::create).transpose()?;
 
-    // Print each picture as it is measured, and then the mean.
+    // Print each picture as soon as it is measured, then the mean.
     let single = compare::is_single(picture);
     let mut map = HeatMap::default();
     let found =
@@ -54,7 +54,7 @@ pub fn run(arguments: &Compare) -> Result<ExitCode> {
         (false, false) => say!("\nmean of {}\n{}", counted(found.frames.len(), "picture"), found.mean),
     }
 
-    // The heat map covers all pictures.
+    // Write the heat map, which covers all pictures.
     if let Some(mut output) = output {
         output.write(&png_file::encode(&map.picture()))?;
         output.finish()?;
@@ -66,7 +66,7 @@ pub fn run(arguments: &Compare) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Formats the measures of a picture as one line.
+/// Formats the measures of a picture in one line.
 fn line(name: &str, found: &Comparison) -> String {
     let psnr = found.psnr_y.map_or("equal".into(), |psnr| format!("{psnr:.2} dB"));
     let score = found.ssimulacra2.map_or(String::new(), |score| format!("   SSIMULACRA 2 {score:.2}"));

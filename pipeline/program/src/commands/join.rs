@@ -1,4 +1,4 @@
-//! `render2mpeg join`.
+//! Command `render2mpeg join`.
 
 use crate::overwrite::Overwrite;
 use crate::print::counted;
@@ -32,10 +32,10 @@ pub(crate) struct Join {
     quiet: bool,
 }
 
-/// Joins the parts, and prints a summary.
+/// Joins the parts of a film, and prints a summary.
 pub fn run(arguments: &Join) -> Result<ExitCode> {
     let Join { parts, output, report, overwrite, quiet } = arguments;
-    // Report an invalid file name before asking whether to replace the file.
+    // Report an invalid file name before asking whether the file may be replaced.
     container_of(output, None).ok_or_else(|| unknown_ending(output))?;
     let beside = || (!is_standard_output(output)).then(|| path_beside(output));
     let report_path = report.clone().or_else(beside);

@@ -1,4 +1,4 @@
-//! The subcommands that do more than call the library.
+//! Subcommands that do more than call the library.
 
 #[cfg(feature = "bake")]
 pub mod bake;

@@ -1,4 +1,4 @@
-//! `render2mpeg plan`.
+//! Command `render2mpeg plan`.
 
 use crate::notes;
 use crate::print::{counted, rough_time, single_line};
@@ -20,7 +20,7 @@ pub(crate) struct Plan {
     options: Options,
 }
 
-/// Prints the plan.
+/// Prints the plan of a film.
 pub fn run(arguments: Plan) -> Result<ExitCode> {
     let path = arguments.source.path();
     let scene = arguments.source.reading.load(&path)?;

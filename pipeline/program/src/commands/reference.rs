@@ -1,4 +1,4 @@
-//! `render2mpeg reference`.
+//! Command `render2mpeg reference`.
 
 use crate::overwrite::Overwrite;
 use crate::source::Reading;
@@ -24,7 +24,7 @@ use std::process::ExitCode;
 pub(crate) struct Reference {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// How to read the scene: folders, camera, animation, settings.
+    /// Options for reading the scene: folders, camera, animation and scene settings.
     #[command(flatten)]
     reading: Reading,
     /// Picture file: .exr with channels R, G, B and, from paths, their variance as variance.R, .G, .B; .png or .jpg
@@ -72,7 +72,7 @@ pub(crate) struct Reference {
     quiet: bool,
 }
 
-/// Renders the frame, and writes its picture.
+/// Renders the frame, and writes it as a picture.
 pub fn run(arguments: Reference) -> Result<ExitCode> {
     let Reference {
         scene: path,
@@ -92,25 +92,25 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         quiet,
         ..
     } = arguments;
-    // Check the request before the scene is loaded.
+    // Check the request before loading the scene.
     let format = PictureFormat::of(&output)?;
     parts::need("still", format != PictureFormat::Linear)?;
     let scene = reading.load(&path)?;
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
     overwrite.check(&output)?;
 
-    // Settings of films require at least one reflection; paths may have none.
+    // Omit 0 bounces from the film's settings, which require at least one reflection. Path tracing supports 0.
     let film_bounces = bounces.filter(|&bounces| bounces > 0 || method == ReferenceMethod::AllLights);
     let antialiasing = center.then_some(Switch::Off);
-    // The finest quantiser, which gives the most photons of any film.
+    // Use the finest quantiser, which requires the most photons.
     let qscale = Some(1);
     let options =
         Options { size, seed, bounces: film_bounces, vpls, photons, fps, antialiasing, qscale, ..Default::default() };
     let settings = Settings::new(path, &scene, &options)?;
-    // Report unwritable outputs before the work, not after it.
+    // Report unwritable outputs before rendering begins.
     drop(Output::create(&output)?);
 
-    // Render, by either method.
+    // Render the frame with the chosen method.
     let begin = std::time::Instant::now();
     let picture = match method {
         ReferenceMethod::AllLights => reference::by_all_lights(&scene, &settings.render, frame),
@@ -127,7 +127,7 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         }
     };
 
-    // Pictures for display need the exposure of a film.
+    // Pictures for display need an exposure, chosen as for films.
     match format {
         PictureFormat::Linear => picture.write(&output)?,
         PictureFormat::Shown(_) => {

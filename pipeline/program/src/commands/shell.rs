@@ -1,4 +1,4 @@
-//! `render2mpeg completions` and `render2mpeg man`: completion scripts and manual pages.
+//! Commands `render2mpeg completions` and `render2mpeg man`: completion scripts and manual pages.
 
 use anyhow::{Context, Result};
 use clap::Command;
@@ -35,7 +35,7 @@ fn page(mut program: Command, command: Option<&str>) -> Result<Vec<u8>> {
     Ok(text)
 }
 
-/// Prints a complete text; a reader that closes early is not an error.
+/// Prints a complete text. A reader that closes its end early does not cause an error.
 fn print_whole(text: &[u8]) {
     use std::io::Write;
     let _ = std::io::stdout().write_all(text);

@@ -1,4 +1,4 @@
-//! `render2mpeg still`.
+//! Command `render2mpeg still`.
 
 use crate::notes;
 use crate::overwrite::Overwrite;
@@ -44,7 +44,7 @@ pub(crate) struct StillArguments {
     /// Number of anchor lights, the sources of indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// How to read the scene: folders, camera, animation, settings.
+    /// Options for reading the scene: folders, camera, animation and scene settings.
     #[command(flatten)]
     reading: Reading,
     /// Limit on memory.
@@ -61,10 +61,10 @@ pub(crate) struct StillArguments {
     quiet: bool,
 }
 
-/// Default number of samples per pixel: a still is viewed for longer than a frame.
+/// Default number of samples per pixel, because viewers look at a still for longer than at a frame.
 const SAMPLES: u32 = 4;
 
-/// Renders the frames, and writes their pictures.
+/// Renders the frames, and writes them as pictures.
 pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let StillArguments { scene: path, output, frame, preset, size, samples, fps, vpls, .. } = arguments;
     let StillArguments { reading, memory, overwrite, quiet, .. } = arguments;
@@ -75,13 +75,13 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let pictures = named(&output, &frame);
     pictures.iter().try_for_each(|(_, path)| overwrite.check(path))?;
 
-    // A film long enough for the last frame, at the finest quantiser.
+    // Fill in settings of a film that includes the last frame, at the finest quantiser.
     let samples = samples.or_else(|| preset.is_none().then_some(SAMPLES));
     let (frames, qscale) = (Some(frame.last() + 1), Some(1));
     let options = Options { preset, size, samples, fps, vpls, frames, qscale, ..Options::default() };
     let settings = options.clone().fill_in(path, &scene)?;
     memory.check(&scene, &settings)?;
-    // Report unwritable outputs before the work, not after it.
+    // Report unwritable outputs before rendering begins.
     for (_, path) in &pictures {
         drop(Output::create(path)?);
     }
@@ -93,7 +93,7 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
         let still = Still::render(&scene, &settings, frame);
         still.write(&path)?;
         if !quiet {
-            // Codes of displays begin at 0, codes of video at 16.
+            // Convert display codes, which begin at 0, to video codes, which begin at 16.
             let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
             let dimness = notes::on_dimness(notes::mean_luminance(&still.radiance), &scene);
             let notes = notes::on_darkness(Some(bright), &settings).into_iter().chain(dimness);
@@ -104,7 +104,8 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns the file of each frame: `output` for a single frame, names with numbers of equal length for several.
+/// Returns the file of each frame: `output` for a single frame, or names with frame numbers of equal length for several
+/// frames.
 fn named(output: &Path, frames: &FrameList) -> Vec<(u32, PathBuf)> {
     if let [frame] = frames.frames() {
         return vec![(*frame, output.into())];

@@ -20,7 +20,7 @@ use std::sync::atomic::Ordering;
 pub(crate) struct Sweep {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// How to read the scene: folders, camera, animation, settings.
+    /// Options for reading the scene: folders, camera, animation and scene settings.
     #[command(flatten)]
     reading: Reading,
     /// Folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]
@@ -65,7 +65,7 @@ pub(crate) struct Sweep {
     quiet: bool,
 }
 
-/// Sweeps and writes the results; after a signal, the results so far.
+/// Runs the sweep and writes the results. After a signal, writes the results obtained so far.
 pub fn run(arguments: Sweep) -> Result<ExitCode> {
     let Sweep {
         scene: path,
@@ -94,10 +94,10 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
     };
     overwrite.check(&folder.join("sweep.json"))?;
     pipeline::streams::make_folder(&folder)?;
-    // Report an unwritable folder before the work, not after it.
+    // Report an unwritable folder before rendering begins.
     drop(pipeline::output::Output::create(&folder.join("sweep.json"))?);
 
-    // Options that were not given have the sweep's own defaults.
+    // Use the sweep's own defaults for options that were not given.
     let sweep = laboratory::sweep::Sweep {
         common: Options {
             frames: Some(frames.unwrap_or(DEFAULT_FRAMES)),
@@ -113,7 +113,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
         methods: if methods.is_empty() { METHODS.iter().collect() } else { methods },
     };
 
-    // The first signal ends the sweep after the current frame, the second ends the process.
+    // End the sweep after the current frame on the first signal, and end the process on the second.
     let line = progress::of_long_work(quiet);
     let above = line.clone();
     let first = move || {
@@ -130,7 +130,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
     });
     line.finish_and_clear();
 
-    // Complete or partial results.
+    // Write complete or partial results.
     let swept = match result {
         Err(error) if interrupt.stop.load(Ordering::Relaxed) => {
             tell!("render2mpeg: {}", single_line(&error.chain()));

@@ -1,4 +1,4 @@
-//! Ranks as MPI processes, started by mpirun.
+//! Ranks as MPI processes that `mpirun` started.
 
 mod post;
 mod processes;

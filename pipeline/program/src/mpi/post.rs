@@ -3,13 +3,13 @@
 //! ```text
 //! send ──► letters ──► thread ═══ MPI ═══► thread of the other rank ──► inbox ──► receive
 //! ```
-//! One thread sends and receives all messages of a rank, because a communicator stays on the thread that made it.
-//! While sending, it receives messages from other ranks. Two ranks that send large messages to each other therefore
+//! One thread sends and receives all messages of a rank, because a communicator stays on the thread that made it. While
+//! sending, the thread receives messages from other ranks. Two ranks that send large messages to each other therefore
 //! do not block.
 //!
-//! A message consists of its length (8 bytes) and its bytes, sent in pieces. Pieces of one rank arrive in order
-//! \[MPI, 3.5\]. A rank that ends notifies all others and waits for their notifications. So no message is lost, and
-//! MPI ends with no message in transit.
+//! A message consists of its length (8 bytes) and its bytes, sent in pieces. Pieces from the same rank arrive in order
+//! \[MPI, 3.5\]. A rank that ends notifies all others and waits for their notifications. MPI therefore ends with no
+//! message in transit, and no message is lost.
 
 use super::waiting::{PIECE, pause, rest, wait};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
@@ -27,7 +27,7 @@ const HEAD: usize = 8;
 /// Value of the length field that announces the sender's end.
 const END: u64 = u64::MAX;
 
-/// Mailbox of a rank that is a process.
+/// Mailbox of a rank that runs as a process.
 #[derive(Debug)]
 pub(super) struct Post {
     rank: usize,
@@ -37,17 +37,17 @@ pub(super) struct Post {
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// A message to send.
+/// Message to send.
 enum Letter {
-    /// Rank to send to, and the bytes with their length field.
+    /// Receiving rank, and the bytes with their length field.
     To(usize, Vec<u8>),
-    /// No more messages.
+    /// End of all messages.
     End,
 }
 
 impl Post {
-    /// Starts the thread with its own communicator. All ranks must call this at the same position in the order of
-    /// communicators.
+    /// Starts the thread with its own communicator. All ranks must call this function at the same position in the order
+    /// in which communicators are made.
     pub fn open(rank: usize, count: usize) -> Result<Self> {
         let (letters_out, letters_in) = unbounded();
         let (ready_out, ready_in) = bounded(1);
@@ -57,7 +57,7 @@ impl Post {
             let mut carrier = Carrier::new(own_inbox);
             let _ = ready_out.send(());
             carrier.carry(&letters_in);
-            // Freed with all others at the end: freeing a communicator is an operation of all ranks.
+            // Keep the communicator until all are freed at the end, because freeing it is an operation of all ranks.
             std::mem::forget(carrier.line);
         };
         let thread = std::thread::Builder::new().name("mail of ranks".into()).spawn(carry);
@@ -66,7 +66,8 @@ impl Post {
         Ok(Self { rank, count, letters: letters_out, inbox, thread: Mutex::new(Some(thread)) })
     }
 
-    /// Sends the remaining messages, and returns when all ranks have called this. Messages sent later are lost.
+    /// Sends the remaining messages, and returns when all ranks have called this function. Messages sent later are
+    /// lost.
     pub fn close(&self) {
         let _ = self.letters.send(Letter::End);
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -106,15 +107,15 @@ impl Mail for Post {
     }
 }
 
-/// A communicator on its thread, and the messages received through it.
+/// Communicator on its own thread, and the messages received through it.
 struct Carrier {
     line: SimpleCommunicator,
     inbox: Arc<Inbox>,
-    /// Received pieces of the next message of each rank.
+    /// Bytes received so far of the unfinished message of each rank.
     begun: Vec<Vec<u8>>,
     /// Number of other ranks that have ended.
     ended: usize,
-    /// Time of the last message sent or received.
+    /// Time at which the last message piece was sent or received.
     last: Instant,
 }
 
@@ -125,7 +126,7 @@ impl Carrier {
         Self { line, inbox, begun, ended: 0, last: Instant::now() }
     }
 
-    /// Sends and receives until all ranks have ended.
+    /// Sends and receives messages until all ranks have ended.
     fn carry(&mut self, letters: &Receiver<Letter>) {
         loop {
             self.take_in();
@@ -136,7 +137,7 @@ impl Carrier {
             }
         }
 
-        // Other ranks may send until they end, too.
+        // Notify the other ranks, and receive their messages until they end.
         let (own, count) = (self.line.rank() as usize, self.begun.len());
         for to in (0..count).filter(|&to| to != own) {
             self.send(to, &END.to_le_bytes());
@@ -160,7 +161,7 @@ impl Carrier {
         }
     }
 
-    /// Sends to another rank, and receives incoming messages in the meantime.
+    /// Sends bytes to another rank, and receives incoming messages in the meantime.
     fn send(&mut self, to: usize, framed: &[u8]) {
         for piece in framed.chunks(PIECE) {
             let begin = Instant::now();
@@ -176,7 +177,7 @@ impl Carrier {
         }
     }
 
-    /// Receives all pieces that other ranks have sent so far.
+    /// Receives all message pieces that have arrived from other ranks.
     fn take_in(&mut self) {
         while let Some((message, status)) = self.line.any_process().immediate_matched_probe() {
             let mut piece = vec![0u8; status.count(u8::equivalent_datatype()) as usize];
@@ -186,7 +187,7 @@ impl Carrier {
         }
     }
 
-    /// Adds a piece to the message that a rank is sending, and delivers the message when complete.
+    /// Adds a piece to the message that a rank is sending, and delivers the message when it is complete.
     fn add(&mut self, from: usize, piece: Vec<u8>) {
         let begun = &mut self.begun[from];
         match begun.is_empty() {

@@ -1,8 +1,8 @@
-//! Ranks as processes, connected by MPI \[MPI\].
+//! Ranks as processes that are connected by MPI \[MPI\].
 //!
-//! A communicator stays on the thread that made it. A thread therefore serves each of the two communicators of a
-//! [`Team`]: it takes one operation at a time, polls for its completion and returns its result. A third thread
-//! exchanges messages between two ranks, in `post.rs`.
+//! A communicator stays on the thread that made it. Each of the two communicators of a [`Team`] therefore has a thread,
+//! which accepts one operation at a time, polls for completion and returns the result. A third thread exchanges
+//! messages between two ranks; see `post.rs`.
 
 use super::Team;
 use super::post::Post;
@@ -17,22 +17,23 @@ use render_core::ranks::Ranks;
 use render2mpeg::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Exit code of all ranks when one of them panics, as in Rust.
+/// Exit code of all ranks if one of them panics, as in Rust.
 const PANICKED: i32 = 101;
 
-/// This process as one of the processes that `mpirun` started. Drop it last: all processes end together.
+/// Connection of this process to the processes that `mpirun` started. Drop it last, because all processes end together.
 pub struct Processes {
     team: Team,
-    /// Mailbox of the team.
+    /// Mailbox of this rank in the team.
     post: Arc<Post>,
     _universe: Universe,
 }
 
 impl Processes {
-    /// Joins the other processes. From now on a panic on any thread ends all of them, with one line.
+    /// Connects to the other processes. From this call on, a panic on any thread ends all processes, with one line of
+    /// text.
     ///
     /// # Errors
-    /// If MPI was initialized before or does not support several threads; if a thread cannot be started.
+    /// If MPI was initialized before or does not support several threads, or if a thread cannot be started.
     pub fn join() -> Result<Self> {
         let fail = |text: &str| Error::Ranks(text.into());
         let (universe, granted) =
@@ -44,7 +45,7 @@ impl Processes {
         let (rank, count) = (world.rank() as usize, world.size() as usize);
         end_all_at_panic(rank);
 
-        // In this order on all ranks, since making a communicator is an operation of all ranks.
+        // Make the communicators in the same order on all ranks, because making one is an operation of all ranks.
         let prepare = Process::served("ranks of prepare", rank, count)?;
         let shade = Process::served("ranks of shade", rank, count)?;
         let post = Arc::new(Post::open(rank, count)?);
@@ -52,7 +53,7 @@ impl Processes {
         Ok(Self { team, post, _universe: universe })
     }
 
-    /// Ranks of the team.
+    /// Returns the ranks as a team.
     #[must_use]
     pub fn team(&self) -> &Team {
         &self.team
@@ -65,15 +66,15 @@ impl std::fmt::Debug for Processes {
     }
 }
 
-/// Ends all ranks at once with this exit code. On rank 0 the resulting signal completes the film's file.
+/// Ends all ranks at once with the exit code `code`. On rank 0, the resulting signal completes the film's file.
 pub fn abort(code: i32) -> ! {
     SimpleCommunicator::world().abort(code)
 }
 
-/// Makes a rank that panics print one line and end the others, which would otherwise wait for it.
+/// Makes a rank that panics print one line and end the other ranks, which would otherwise wait for it.
 fn end_all_at_panic(rank: usize) {
     std::panic::set_hook(Box::new(move |panic| {
-        // Scene documents are read on the main thread, where panics of other libraries are caught.
+        // Ignore panics on the main thread, which reads scene documents and catches panics of other libraries.
         let place = panic.location().map(|place| format!(" at {place}")).unwrap_or_default();
         let is_main = std::thread::current().name() == Some("main");
         if !is_main {
@@ -92,19 +93,19 @@ impl Drop for Processes {
             eprintln!("render2mpeg: rank {} failed: this is a bug", self.team.rank());
             abort(PANICKED);
         }
-        // MPI ends after all of its operations.
+        // Complete all messages before MPI ends.
         self.post.close();
     }
 }
 
-/// Operation of all ranks.
+/// Operation that all ranks perform together.
 enum Operation {
     AllGather(Vec<u8>),
     Gather(Vec<u8>),
     Broadcast(Vec<u8>),
 }
 
-/// One of the ranks; a thread performs its operations.
+/// One of the ranks, with a thread that performs its operations.
 #[derive(Debug)]
 struct Process {
     rank: usize,
@@ -112,7 +113,7 @@ struct Process {
     thread: Mutex<Ends>,
 }
 
-/// Ends of the channels to and from the thread.
+/// Channels to and from the thread.
 #[derive(Debug)]
 struct Ends {
     operations: Sender<Operation>,
@@ -120,7 +121,7 @@ struct Ends {
 }
 
 impl Process {
-    /// Starts a thread with its own communicator.
+    /// Starts a thread with its own communicator, which serves operations.
     fn served(name: &str, rank: usize, count: usize) -> Result<Self> {
         let (operations_out, operations_in) = bounded::<Operation>(1);
         let (results_out, results_in) = bounded(1);
@@ -137,7 +138,7 @@ impl Process {
                     break;
                 }
             }
-            // Freed with all others at the end: freeing a communicator is an operation of all ranks.
+            // Keep the communicator until all are freed at the end, because freeing it is an operation of all ranks.
             std::mem::forget(line);
         };
         let thread = std::thread::Builder::new().name(name.into()).spawn(serve);
@@ -176,7 +177,7 @@ impl Ranks for Process {
     }
 }
 
-/// A communicator on its thread.
+/// Communicator on its own thread.
 struct Line(SimpleCommunicator);
 
 impl Line {
@@ -184,7 +185,7 @@ impl Line {
         self.0.size() as usize
     }
 
-    /// Returns the number of bytes of each rank, and their maximum.
+    /// Returns the number of bytes that each rank contributes, and the maximum of these numbers.
     fn lengths(&self, own: usize) -> (Vec<u64>, usize) {
         let (own, mut lengths) = ([own as u64], vec![0; self.count()]);
         scope(|scope| wait(self.0.immediate_all_gather_into(scope, &own[..], &mut lengths[..])));
@@ -221,7 +222,7 @@ impl Line {
     }
 
     fn broadcast(&self, mut bytes: Vec<u8>) -> Vec<u8> {
-        // Only rank 0 has the length.
+        // Broadcast the length first, because only rank 0 has it.
         let root = self.0.process_at_rank(0);
         let mut length = [bytes.len() as u64];
         scope(|scope| wait(root.immediate_broadcast_into(scope, &mut length[..])));
@@ -233,8 +234,8 @@ impl Line {
     }
 }
 
-/// Returns the pieces of a rank's bytes, padded to `longest`, the maximum of all ranks, each with a buffer for
-/// `count` ranks.
+/// Returns the pieces of a rank's bytes, padded to `longest`, the maximum length over all ranks. Each piece is paired
+/// with a receive buffer for `count` ranks.
 fn pieces(own: &[u8], longest: usize, count: usize) -> impl Iterator<Item = (Vec<u8>, Vec<u8>)> {
     (0..longest).step_by(PIECE).map(move |begin| {
         let length = PIECE.min(longest - begin);
@@ -244,7 +245,7 @@ fn pieces(own: &[u8], longest: usize, count: usize) -> impl Iterator<Item = (Vec
     })
 }
 
-/// Bytes of all ranks, assembled from pieces.
+/// Bytes of every rank, assembled from pieces.
 struct Pieces {
     whole: Vec<Vec<u8>>,
     lengths: Vec<usize>,
@@ -256,7 +257,7 @@ impl Pieces {
         Self { whole: lengths.iter().map(|&length| Vec::with_capacity(length)).collect(), lengths }
     }
 
-    /// Adds a piece of `length` bytes of each rank, without its padding.
+    /// Adds a piece of `length` bytes from each rank, without the padding.
     fn add(&mut self, received: &[u8], length: usize) {
         for ((whole, &end), piece) in self.whole.iter_mut().zip(&self.lengths).zip(received.chunks_exact(length)) {
             let own = length.min(end - whole.len());

@@ -1,4 +1,4 @@
-//! Output files of a film, and checks that they may be written.
+//! Output files of a film, and checks before they are written.
 
 use crate::lines::ProgressKind;
 use crate::overwrite::Overwrite;
@@ -25,7 +25,7 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// Adds these files and the film to `read`.
+    /// Adds these files and the film's files to `read`, the input files so far.
     pub fn places(&self, read: FilePlaces, settings: &Settings) -> FilePlaces {
         let places = read
             .reads("--baked", settings.files.baked.as_deref())
@@ -38,7 +38,7 @@ impl Files {
         self.also.iter().fold(places, |places, path| places.writes("--also", Some(path)))
     }
 
-    /// Options of these files for a `--config` file.
+    /// Returns the options that set these files, for a `--config` file.
     pub fn options(&self) -> [ProgramOption; 4] {
         let text = |path: &PathBuf| path.display().to_string();
         [
@@ -49,7 +49,7 @@ impl Files {
         ]
     }
 
-    /// Returns true if the job's film exists and its report describes a finished film.
+    /// Returns whether the job's film exists and the report describes it as finished.
     pub fn is_finished(&self, job: &FilmJob) -> bool {
         let report = self.report.as_ref().and_then(|report| std::fs::read(report).ok());
         let made = report.and_then(|report| job_of_report(job.film(), &report));
@@ -57,7 +57,7 @@ impl Files {
         is_whole && job.film().is_file() && !path_for(job.film()).exists()
     }
 
-    /// Asks before a new film replaces an existing one, or one that could be resumed.
+    /// Asks the user before a new film replaces an existing film or a film that could be resumed.
     ///
     /// # Errors
     /// If the user refuses.
@@ -103,7 +103,7 @@ fn first_frame_there(settings: &Settings) -> Option<PathBuf> {
 /// Checks that a film on standard output or a device agrees with the other options.
 ///
 /// # Errors
-/// If progress lines would enter the film, or the film could not be read again for `also`.
+/// If progress lines would enter the film, or if `also` requires a film that cannot be read again.
 pub fn check_streams(output: &Path, progress: ProgressKind, also: &[PathBuf]) -> Result<()> {
     let fail = |text: &str| Err(render2mpeg::Error::Options(format!("-o {}: {text}", output.display())).into());
     if is_standard_output(output) && progress != ProgressKind::Bar {
@@ -115,8 +115,8 @@ pub fn check_streams(output: &Path, progress: ProgressKind, also: &[PathBuf]) ->
     Ok(())
 }
 
-/// Returns the default path of the report: `film.mpg` → `film.report.json`. A film on a device reports into the
-/// current folder; a film on standard output has no report unless `--report` names one.
+/// Returns the default path of the report: `film.mpg` → `film.report.json`. For a film on a device, the report is in
+/// the current folder. A film on standard output has no report unless `--report` names a file.
 pub fn report_beside(output: &Path) -> Option<PathBuf> {
     match output {
         _ if is_standard_output(output) => None,

@@ -1,5 +1,5 @@
-//! `render2mpeg render` on the ranks after rank 0: they share the work, write no files and print nothing that rank 0
-//! prints.
+//! Command `render2mpeg render` on the ranks other than rank 0. These ranks share the work, write no files, and print
+//! only messages that rank 0 does not print.
 
 use super::RenderArguments;
 use crate::print::single_line;
@@ -14,10 +14,10 @@ use render2mpeg::{Error, Render};
 use renderer::plan::Plan;
 use std::process::ExitCode;
 
-/// Follows rank 0 through its film, if rank 0 makes one.
+/// Follows rank 0 while it makes a film, if it makes one.
 ///
 /// # Errors
-/// If the options are wrong on every rank; rank 0 prints these errors.
+/// If the options are wrong on every rank. Rank 0 prints these errors.
 pub(super) fn run(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode> {
     let film = film(arguments);
     let answer = match &film {
@@ -31,7 +31,7 @@ pub(super) fn run(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode>
     match Render::follow(&scene, &settings, &plan, ranks.team()) {
         Ok(()) => Ok(ExitCode::SUCCESS),
         Err(error @ Error::Loop(pipeline::Error::Ranks(_))) => Err(error.into()),
-        // Other ranks cannot see this error, and would wait.
+        // End all ranks, because the others cannot see this error and would wait.
         Err(error) => {
             tell!("render2mpeg: rank {}: {}", ranks.team().rank(), single_line(&error.chain()));
             ranks.fail(1);
@@ -40,7 +40,7 @@ pub(super) fn run(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode>
     }
 }
 
-/// Returns the film that the arguments describe, as on rank 0.
+/// Returns the film that the arguments describe, which is the same as on rank 0.
 fn film(mut arguments: RenderArguments) -> Result<(Scene, Settings, FilmJob)> {
     let path = arguments.source.path();
     let scene = arguments.source.reading.load(&path)?;

@@ -1,4 +1,4 @@
-//! `render2mpeg render`.
+//! Command `render2mpeg render`.
 
 mod files;
 mod follow;
@@ -95,15 +95,15 @@ pub(crate) struct RenderArguments {
     quiet: bool,
 }
 
-/// Interval of checkpoints: a killed film loses at most about a minute of work.
+/// Default interval between checkpoints: a killed film loses about a minute of work at most.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
-/// Renders and reports on rank 0; follows rank 0 on other ranks.
+/// Renders the film and reports on rank 0. On other ranks, follows rank 0.
 pub fn run_among(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode> {
     if ranks.team().rank() > 0 {
         return follow::run(arguments, ranks);
     }
-    // The other ranks wait for an answer, even if this one fails.
+    // Answer the other ranks, which wait for an answer even if this rank fails.
     run(arguments, &mut Answer::of(ranks.team()))
 }
 
@@ -120,7 +120,7 @@ fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> 
     let scene = arguments.source.reading.load(&path)?;
     let settings = arguments.options.fill_in(path, &scene)?;
 
-    // Check all settings and output paths before the first ray.
+    // Check all settings and output paths before rendering begins.
     let _ = settings.encoder_config()?;
     let files = arguments.files(&settings);
     check_streams(&settings.output, arguments.progress_kind(), &files.also)?;
@@ -134,7 +134,7 @@ fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> 
     let companion = |path: &PathBuf| Companion::new(path, &settings);
     let companions = files.also.iter().map(companion).collect::<Result<Vec<_>, _>>()?;
 
-    // An existing film is continued, already finished, or replaced.
+    // Decide whether an existing film is continued, already finished, or replaced.
     let job = job_of(&scene, &settings)?;
     if arguments.resume && files.is_finished(&job) {
         if !arguments.quiet {
@@ -163,7 +163,7 @@ fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> 
 }
 
 impl RenderArguments {
-    /// Reports an option that needs a feature which was not built.
+    /// Reports an option that needs a feature missing in this build.
     fn check_features(&self) -> Result<()> {
         parts::need("html", self.html.is_some())?;
         parts::need("exr", self.options.exr.is_some() || !self.options.aov.is_empty())?;
@@ -171,7 +171,7 @@ impl RenderArguments {
         parts::need("trace", self.trace.is_some() || self.verbose > 0)
     }
 
-    /// Output files in addition to the film.
+    /// Returns the output files in addition to the film.
     fn files(&self, settings: &Settings) -> Files {
         Files {
             named_report: self.report.is_some(),
@@ -186,7 +186,7 @@ impl RenderArguments {
         self.progress.unwrap_or(ProgressKind::Bar)
     }
 
-    /// Options of the program that are not options of the film, for a `--config` file.
+    /// Returns the program's options that are not options of the film, for a `--config` file.
     fn options_of_program(&self) -> impl Iterator<Item = ProgramOption> {
         let own = [
             ProgramOption::text("checkpoint", self.checkpoint.map(|every| every.to_string())),
@@ -195,12 +195,12 @@ impl RenderArguments {
         own.into_iter().chain(self.source.reading.options())
     }
 
-    /// Time between checkpoints; `None` for no checkpoints.
+    /// Returns the time between checkpoints; `None` for no checkpoints.
     fn checkpoint_every(&self) -> Option<Duration> {
         self.checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration)
     }
 
-    /// Returns the checkpoints of the job, resumed or new.
+    /// Returns the checkpoints of the job, either resumed or new.
     fn checkpoints(&self, job: &FilmJob) -> Result<Checkpoints> {
         let every = self.checkpoint_every();
         let checkpoints = if self.resume { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
@@ -210,7 +210,8 @@ impl RenderArguments {
         Ok(checkpoints)
     }
 
-    /// Makes the film with its report, page, progress and notes. Returns the exit code of an interrupted run.
+    /// Makes the film with report, page, progress and notes. Returns the exit code of an interrupted run, or else
+    /// `None`.
     fn make(
         &self,
         scene: &Scene,
@@ -224,13 +225,13 @@ impl RenderArguments {
         files.try_out()?;
         let log = Log::start(self.verbose, files.trace.clone());
 
-        // Progress, and reactions to signals.
+        // Set up progress output and reactions to signals.
         let first = film.first_frame();
         if !self.quiet {
             notes::before(scene, settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
         }
         let progress = progress::ProgressLine::new(settings, scene, first, self.quiet || self.verbose > 0);
-        // When a rank is lost, the launcher ends all others within about a second.
+        // React to SIGTERM at once: when a rank is lost, the launcher ends all other ranks within about a second.
         let is_hasty = team.count() > 1;
         let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &progress, settings) })?;
         let lines = Lines::new(self.progress_kind(), settings, first);
@@ -250,7 +251,7 @@ impl RenderArguments {
         let lightest = f32::from_bits(observer.lightest.load(Ordering::Relaxed));
         checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
 
-        // Report, page and trace; then a finished film needs no checkpoint.
+        // Write report, page and trace. After that, a finished film needs no checkpoint.
         let report = result?;
         let interrupted = report.summary.interrupted;
         files.report.as_deref().map_or(Ok(()), |path| report.write(path))?;
@@ -264,7 +265,7 @@ impl RenderArguments {
             let before = first.saturating_sub(settings.frame_range().start);
             progress::summary(&report, before, files.report.as_deref());
             files.html.iter().for_each(|path| tell!("page:   {}", path.display()));
-            // A run that ended before its first frame has no brightness.
+            // Omit the brightness of a run that ended before its first frame.
             let shown = (brightest > 0).then_some(brightest);
             notes::on_darkness(shown, settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
             notes::on_dimness(lightest, scene).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
@@ -279,7 +280,7 @@ impl RenderArguments {
 }
 
 impl RenderArguments {
-    /// Prints how to continue a film that ended early, and the files that were not made.
+    /// Prints how to continue a film that ended early, and which files were not made.
     fn tell_of_early_end(&self, settings: &Settings) {
         match self.checkpoint_every() {
             _ if is_stream(&settings.output) => {}
@@ -290,7 +291,7 @@ impl RenderArguments {
     }
 }
 
-/// Answer of rank 0 to the other ranks, which wait for it: the film to make, or none.
+/// Answer of rank 0 to the other ranks, which wait for it. The answer is either a film to make or no film.
 struct Answer<'a> {
     team: &'a Team,
     is_given: bool,
@@ -304,7 +305,7 @@ impl<'a> Answer<'a> {
     /// Announces the film to the other ranks.
     ///
     /// # Errors
-    /// If another rank is not ready for it.
+    /// If another rank is not ready for this film.
     fn ready(&mut self, job: &FilmJob) -> render2mpeg::Result<()> {
         self.is_given = true;
         Ok(muster(&*self.team.shade, &Present::Ready(job.sum())).map(drop)?)
@@ -314,13 +315,14 @@ impl<'a> Answer<'a> {
 impl Drop for Answer<'_> {
     fn drop(&mut self) {
         if !self.is_given && !std::thread::panicking() {
-            // Without a film the result does not matter.
+            // Without a film, the result has no effect.
             let _ = muster(&*self.team.shade, &Present::Idle);
         }
     }
 }
 
-/// Reactions to signals: the first lets begun frames finish, the second ends at once.
+/// Returns the reactions to signals. The first signal lets frames in progress finish. The second ends the process at
+/// once.
 fn reactions(film: &Render, progress: &progress::ProgressLine, settings: &Settings) -> Reactions {
     let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
     let tell_again = progress.teller();

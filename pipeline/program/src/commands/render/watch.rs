@@ -1,4 +1,4 @@
-//! `render --watch`: renders the film again whenever a file of its scene changes.
+//! `render --watch`: renders the film again whenever a file of the scene changes.
 
 use anyhow::{Context, Result};
 use render_core::scene::{Scene, SceneSettings};
@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode};
 use std::time::{Duration, SystemTime};
 
-/// Time between two checks of the files.
+/// Interval between two checks of the files.
 const LOOK_EVERY: Duration = Duration::from_millis(300);
 
-/// Modification time and size of a file \[bytes\]; `None` if it does not exist.
+/// Modification time, and size of a file \[bytes\]; `None` if the file does not exist.
 type Stamp = Option<(SystemTime, u64)>;
 
-/// Runs the same command without `--watch`, again after each change of a file that `load` reads. Runs until the
-/// process ends.
+/// Runs the same command without `--watch`, and runs it again after each change of a file that `load` reads. Does not
+/// return until the process ends.
 ///
 /// # Errors
 /// If the program cannot be started again.
@@ -45,7 +45,7 @@ fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
     files.iter().map(stamp).collect()
 }
 
-/// Returns once a file has changed and is stable again; an unfinished film is killed.
+/// Returns after a file has changed and is no longer being written. If the film is unfinished, kills its process.
 fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Result<()> {
     let mut is_told = false;
     let mut last = before.to_vec();
@@ -53,7 +53,7 @@ fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Res
         std::thread::sleep(LOOK_EVERY);
         let now = stamps(files);
         if now != before && now == last {
-            // A file that is still being written is not read yet.
+            // Read files only after they have been written completely.
             let _ = film.kill();
             film.wait().context("cannot stop the renderer")?;
             return Ok(());

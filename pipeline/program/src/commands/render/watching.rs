@@ -1,4 +1,4 @@
-//! Observers of a film in progress: progress lines, brightness, and the pictures of its page.
+//! Observers of a film in progress: progress lines, brightness, and pictures for the film's page.
 
 use crate::notes;
 use anyhow::Result;
@@ -17,12 +17,12 @@ use render2mpeg::{Render, Report};
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-/// Observer that prints a line per frame, tracks the brightest frame, and records data for the page.
+/// Observer that prints a line per frame, tracks maximum brightness, and records data for the page.
 pub(super) struct Watching<F> {
     pub frames: OnFrame<F>,
-    /// Largest bright luma code of all frames; 0 before the first frame.
+    /// Maximum over all frames of `notes::bright_code` of luma; 0 before the first frame.
     pub brightest: AtomicU8,
-    /// Bits of the largest mean luminance of all frames.
+    /// Maximum over all frames of mean luminance, stored as the bits of an `f32`.
     pub lightest: AtomicU32,
     pub page: Option<FilmWatch>,
 }
@@ -38,7 +38,7 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
     }
 
     fn shaded(&self, index: u32, shaded: &Shaded) {
-        // Non-negative floats have the same order as their bits.
+        // Compare floats by their bits, which have the same order if the floats are not negative.
         let mean = notes::mean_luminance(&shaded.radiance).max(0.0);
         self.lightest.fetch_max(mean.to_bits(), Ordering::Relaxed);
         self.page.iter().for_each(|page| page.shaded(index, shaded));
@@ -59,7 +59,7 @@ pub fn keep_for_page(film: &mut Render, settings: &Settings) -> FilmWatch {
     FilmWatch::new(settings)
 }
 
-/// Writes the page of the run, if one is requested.
+/// Writes the page of the run, if requested.
 pub fn write_page(path: Option<&Path>, report: &Report, watched: Option<FilmWatch>, scene: &Scene) -> Result<()> {
     let Some((path, watched)) = path.zip(watched) else { return Ok(()) };
     let usual = Settings::new(report.settings.scene.clone(), scene, &Options::default()).ok();
