@@ -18,7 +18,7 @@ use std::sync::mpsc::Sender;
 enum News {
     /// Frame number, and mean luma in code values above black.
     Picture(u32, f64),
-    /// Frame number, and maximum ΔY.
+    /// Frame number, and maximum luminance threshold ΔY.
     Thresholds(u32, f32),
     Bytes(usize),
     Coded(Box<FrameReport>),

@@ -39,7 +39,7 @@ fn radiance([x, y]: [f32; 2], [cx, cy]: [f32; 2]) -> f32 {
     if r < RADIUS { 0.4 + 0.35 * (0.02 * r * r).sin() } else { 0.05 + 0.3 * x / SIZE.0 as f32 }
 }
 
-/// Computes the position of every pixel's surface point in the previous frame.
+/// Stage that computes the position of every pixel's surface point in the previous frame.
 struct Motion;
 
 impl Prepare for Motion {

@@ -58,7 +58,7 @@ pub struct Companion {
 }
 
 impl Companion {
-    /// Finds ffmpeg and the encoder for the ending of `path`. Call this before the film with these `settings` is made.
+    /// Finds ffmpeg and the encoder for the ending of `path`. Call this function before the film is made.
     ///
     /// # Errors
     /// If the ending is unknown, ffmpeg is not installed, or it was built without the encoder.
@@ -119,7 +119,7 @@ impl Companion {
         command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
         command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
         command.args(encoder.options).args(COLOR);
-        // Crop sides that are multiples of 4096: the film's header cannot contain them, so they are coded one sample
+        // Crop sides that are multiples of 4096: the film's header cannot code them, so they are coded one sample
         // larger.
         let is_longer = size.width.is_multiple_of(4096) || size.height.is_multiple_of(4096);
         let shown = |side: usize| if encoder.is_even { side / 2 * 2 } else { side };

@@ -1,4 +1,4 @@
-//! Errors of a film, in the scene, the options, the encoder, or the loop that makes the film.
+//! Errors in the scene, the options, the encoder, or the loop that makes a film.
 
 pub use pipeline::error::Cause;
 

@@ -1,4 +1,4 @@
-//! Films with global illumination, made from scenes.
+//! Rendering of scenes into films with global illumination.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 

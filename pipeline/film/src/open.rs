@@ -8,7 +8,7 @@ use render_core::scene::{self, Scene};
 use renderer::plan::Plan;
 use std::path::{Path, PathBuf};
 
-/// Scene, and options for rendering a film of it.
+/// Scene, and options of the film to render.
 ///
 /// ```no_run
 /// use render2mpeg::{Film, Options};

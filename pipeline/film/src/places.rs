@@ -37,7 +37,7 @@ impl FilePlaces {
         self
     }
 
-    /// Checks all files. Call this before any work.
+    /// Checks all files. Call this function before any output is written.
     ///
     /// # Errors
     /// If an output is also an input or another output.

@@ -21,7 +21,7 @@ use std::time::Instant;
 #[cfg(feature = "bake")]
 use renderer::texels::BakedTexels;
 
-/// Film that is ready to be made, from the first frame or from a checkpoint.
+/// Film that is ready for rendering, from the first frame or from a checkpoint.
 #[derive(Debug)]
 pub struct Render<'a> {
     scene: &'a Scene,

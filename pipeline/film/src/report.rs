@@ -83,7 +83,7 @@ pub struct Summary {
     pub peak_memory_bytes: Option<u64>,
 }
 
-/// Time and manner in which a run ended.
+/// Duration of a run, and whether the user ended it early.
 #[derive(Clone, Copy, Debug)]
 pub struct Ending {
     /// True if the user ended the run early.

@@ -18,7 +18,7 @@ use std::path::Path;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Still {
-    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    /// Radiance in linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
     /// Tone-mapped picture: red, green and blue of sRGB as 8-bit codes.
     pub shown: Plane<[u8; 3]>,

@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn pictures_in_the_dark_of_a_bright_day_are_dim() {
-        // A sky of radiance 1 in all directions lights a white surface to the luminance E / π = 1, with E = 4π / 4.
+        // A sky of radiance 1 lights a white surface to luminance E / π = 1, with E = 4π / 4.
         let white = Gradient { zenith: [1.0; 3], horizon: [1.0; 3], ground: [1.0; 3] };
         let mut scene = Scene { sky: Environment::gradient(white), ..Scene::default() };
         let is_dim = |scene: &Scene, brightest: f32| on_dimness(brightest, scene).is_some();

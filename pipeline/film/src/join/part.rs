@@ -41,7 +41,7 @@ pub(super) struct PartReport {
     pub inputs: Option<u32>,
 }
 
-/// Settings of a part that its container needs.
+/// Settings of a part that the film's container needs.
 #[derive(Deserialize)]
 struct PartCoding {
     size: CodedSize,

@@ -45,7 +45,7 @@ impl Options {
     /// # Errors
     /// If an option or a scene setting is out of range or contradicts another. The message names valid values.
     pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
-        // Apply the preset first: all other defaults fill only options that the preset leaves open.
+        // Apply the preset first: all other defaults fill only options that the preset does not set.
         if let Some(preset) = self.preset {
             self.fill_in_preset(preset, scene);
         }
@@ -145,7 +145,7 @@ impl Options {
         Ok(Settings { scene: path, output, range: self.range, aspect, render, coding, files })
     }
 
-    /// Fills in a preset's values for options that are still open.
+    /// Fills in a preset's values for options that are not set.
     fn fill_in_preset(&mut self, preset: Preset, scene: &Scene) {
         match preset {
             Preset::Draft => {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! weight = m · 2^(a (v̄ − v))        v  mean importance of a macroblock        v̄  mean of v over the picture
-//!                                   m  weight by masking
+//!                                   m  masking weight of a macroblock         a  strength of importance, `STRENGTH`
 //! ```
 //! The geometric mean of the weights is 1, so that the mean quantiser is unchanged.
 

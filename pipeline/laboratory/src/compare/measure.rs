@@ -30,7 +30,7 @@ pub struct Comparison {
     pub ssimulacra2: Option<f64>,
 }
 
-/// Measures `a` against the reference `b`.
+/// Measures the differences between `a` and the reference `b`.
 ///
 /// # Panics
 /// If the sizes differ.

@@ -12,7 +12,7 @@ use std::process::{Child, Command, Stdio};
 
 /// Maximum side of a picture in a video \[pixels\], as in MPEG-2.
 const LARGEST_SIDE: usize = 16383;
-/// Endings of files that ffmpeg reads.
+/// File endings of videos that ffmpeg decodes.
 const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "mp4", "mkv", "avi", "mov"];
 
 /// Iterator over the pictures of a file or folder.

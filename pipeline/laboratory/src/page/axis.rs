@@ -11,8 +11,8 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// Returns an axis from `from` to `to` that contains all `values` with a margin. A logarithmic axis ignores
-    /// values that are not positive.
+    /// Returns an axis drawn from position `from` to position `to`, which contains all `values` with a margin. A
+    /// logarithmic axis ignores values that are not positive.
     pub(super) fn holding(values: impl Iterator<Item = f64>, log: bool, from: f64, to: f64) -> Self {
         let known: Vec<f64> = values.filter(|v| v.is_finite() && (!log || *v > 0.0)).collect();
         let low = known.iter().copied().reduce(f64::min).unwrap_or(if log { 0.1 } else { 0.0 });

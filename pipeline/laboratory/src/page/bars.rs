@@ -16,7 +16,7 @@ pub struct StackedBars {
     pub x_label: String,
     /// Label and unit of the y axis.
     pub y_label: String,
-    /// Names and color numbers of the stacked values, from below.
+    /// Name and color number of each stacked value, from bottom to top.
     pub parts: Vec<(String, usize)>,
     /// Labels of the columns; some are omitted if space is short.
     pub names: Vec<String>,

@@ -45,7 +45,7 @@ fn rows(settings: &Settings) -> Result<Vec<(String, String)>> {
     Ok(rows)
 }
 
-/// Formats a JSON value for readers.
+/// Formats a JSON value as plain text.
 pub(super) fn plain(value: &Value) -> String {
     match value {
         Value::Null => "–".into(),

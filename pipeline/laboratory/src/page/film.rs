@@ -99,7 +99,7 @@ impl FilmWatch {
         stills.into_iter().map(shown).collect()
     }
 
-    /// Returns the strip as one picture of stacked frames, with its animation; `None` with fewer than two frames.
+    /// Returns the strip as one picture of stacked frames, with figures for animating it; `None` with fewer than two frames.
     pub(super) fn strip(&self) -> Result<Option<Value>> {
         let held = self.held();
         let Some(first) = held.strip.values().next().filter(|_| held.strip.len() > 1) else { return Ok(None) };

@@ -14,8 +14,8 @@ pub const WATCHED: [Aov; 3] = [Aov::Threshold, Aov::CutSize, Aov::Shading];
 
 /// Maximum side of a map \[pixels\].
 const MOST_PIXELS: usize = 512;
-/// Minimum fraction of pixels with a lightcut to draw cut sizes per pixel. With fewer, each cut size is drawn as a
-/// square with this side \[pixels\], to be visible.
+/// Minimum fraction of pixels with a lightcut for drawing cut sizes per pixel, and side of the squares that are drawn
+/// otherwise \[pixels\].
 const SPARSE: (f64, usize) = (0.25, 4);
 /// Kinds of pixels by reused light, with positions in the false colors.
 const REUSED: [(&str, f32); 4] = [
@@ -31,7 +31,7 @@ pub(super) struct FrameMaps {
     pub index: u32,
     /// Ratio of threshold to luminance.
     thresholds: Option<Plane<f32>>,
-    /// Number of clusters in each pixel's lightcut; 0 without one.
+    /// Number of clusters in each pixel's lightcut; 0 for pixels without a lightcut.
     cuts: Option<Plane<f32>>,
     /// Reused light, in the encoding of [`Aov::Shading`].
     reused: Option<Plane<f32>>,

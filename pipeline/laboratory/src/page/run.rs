@@ -16,7 +16,7 @@ use render2mpeg::settings::Settings;
 pub struct Made {
     /// Command, as formatted by [`command_line`](super::command_line).
     pub command: String,
-    /// Settings of a film of the same scene without options, if known.
+    /// Default settings of a film of the same scene, if known.
     pub usual: Option<Settings>,
 }
 

@@ -24,7 +24,7 @@ pub(super) fn at(x: f64, y: f64) -> Point {
     Point { x, y }
 }
 
-/// Rectangle of a drawing, by its upper left corner and size.
+/// Rectangle of a drawing, given by upper left corner and size.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rectangle {
     pub x: f64,

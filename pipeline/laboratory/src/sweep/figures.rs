@@ -63,7 +63,7 @@ pub struct MethodRun {
     pub qscale: u32,
     /// True if indirect light was cached.
     pub cache: bool,
-    /// True for a film by lightcuts, false for path tracing.
+    /// True for lightcuts, false for path tracing.
     pub lightcuts: bool,
     /// Multiplier on the thresholds, if they depend on masking.
     pub kappa: Option<f32>,
@@ -95,21 +95,21 @@ pub struct MethodRun {
 /// Comparison of a run with its baseline: fixed thresholds of 2 % at the same quantiser.
 #[derive(Clone, Debug, Serialize)]
 pub struct AgainstBaseline {
-    /// Decoded PSNR minus the baseline's PSNR \[dB\].
+    /// Difference in decoded PSNR: this run − baseline \[dB\].
     pub psnr_difference: f64,
-    /// Bits divided by the baseline's bits.
+    /// Ratio of bits: this run / baseline.
     pub bits_ratio: f64,
-    /// Flicker divided by the baseline's flicker.
+    /// Ratio of flicker: this run / baseline.
     pub flicker_ratio: f64,
     /// True if decoded PSNR is at most 0.1 dB lower, bits are at most 1 % higher, and flicker is at most 10 % higher.
     pub equal_quality: bool,
-    /// Baseline's CPU seconds of indirect light, divided by this run's.
+    /// Ratio of CPU seconds of indirect light: baseline / this run.
     pub speedup_indirect: f64,
-    /// Baseline's CPU seconds per frame, divided by this run's.
+    /// Ratio of CPU seconds per frame: baseline / this run.
     pub speedup_total: f64,
-    /// Baseline's mean cut size, divided by this run's.
+    /// Ratio of mean cut sizes: baseline / this run.
     pub cut_size_ratio: f64,
-    /// Baseline's number of shadow rays, divided by this run's; direct light included.
+    /// Ratio of the numbers of shadow rays, including direct light: baseline / this run.
     pub shadow_rays_ratio: f64,
 }
 

@@ -70,7 +70,7 @@ fn uncompressed(folder: &Path) -> PathBuf {
     folder.join("film.y4m")
 }
 
-/// Returns the path of frame `n` as linear light with all its data.
+/// Returns the path of frame `n`, stored as linear light with additional channels.
 fn linear(folder: &Path, n: u32) -> PathBuf {
     folder.join(format!("frame_{n:05}.exr"))
 }

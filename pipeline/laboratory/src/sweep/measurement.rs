@@ -33,7 +33,7 @@ pub struct Wanted<'a> {
     pub check_below: Option<&'a Path>,
 }
 
-/// Encodes `film` with `qscale`, and compares it with `reference`.
+/// Encodes `film` at quantiser_scale `qscale`, and compares the result with `reference`.
 ///
 /// # Errors
 /// If frames cannot be read, the stream differs from the run's stream, or another decoder's pictures differ.

@@ -90,7 +90,7 @@ const fn paths(name: &'static str, label: &'static str, spp: u32, color: usize) 
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("\"{name}\" is not a method; methods are {}", all_names())]
 pub struct UnknownMethod {
-    /// Name as typed.
+    /// Name that the user typed.
     pub name: String,
 }
 

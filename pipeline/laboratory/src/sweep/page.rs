@@ -101,7 +101,7 @@ fn uri(picture: &Plane<[u8; 3]>) -> String {
     data_uri("image/png", &png_file::encode(picture))
 }
 
-/// Returns runs with their pictures: only methods with cache, if any; otherwise all lightcut methods.
+/// Returns the lightcut runs with their pictures. If any method has a cache, only methods with cache are included.
 fn shown(swept: &Swept) -> Vec<(&MethodRun, &RunPictures)> {
     let runs = swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.lightcuts);
     let runs: Vec<(&MethodRun, &RunPictures)> = runs.collect();

@@ -146,7 +146,7 @@ fn never(_: &MethodRun) -> bool {
     false
 }
 
-/// Returns one line per method that connects its quantisers.
+/// Returns one line per method, with a point per quantiser.
 fn lines(
     outcome: &Outcome,
     wanted: impl Fn(&MethodRun) -> bool,

@@ -1,4 +1,4 @@
-//! `render2mpeg sweep`.
+//! Command `render2mpeg sweep`.
 
 use crate::interrupt::{Interrupt, Reactions};
 use crate::overwrite::Overwrite;

@@ -1,4 +1,4 @@
-//! Messages between two ranks by MPI \[MPI, 3.7 and 3.8\], sent and received in parallel with the ranks' work.
+//! Messages between two ranks through MPI \[MPI, 3.7 and 3.8\], sent and received in parallel with the ranks' work.
 //!
 //! ```text
 //! send ──► letters ──► thread ═══ MPI ═══► thread of the other rank ──► inbox ──► receive

@@ -1,8 +1,8 @@
 //! Ranks as processes that are connected by MPI \[MPI\].
 //!
-//! A communicator stays on the thread that made it. Each of the two communicators of a [`Team`] therefore has a thread,
-//! which accepts one operation at a time, polls for completion and returns the result. A third thread exchanges
-//! messages between two ranks; see `post.rs`.
+//! A communicator stays on the thread that made it. Each of the two communicators of a [`Team`] therefore has its
+//! own thread. The thread accepts one operation at a time, polls for completion and returns the result. A third thread
+//! exchanges messages between two ranks; see `post.rs`.
 
 use super::Team;
 use super::post::Post;
