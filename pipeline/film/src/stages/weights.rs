@@ -11,7 +11,7 @@ use pipeline::parts::Displayed;
 use plane::Plane;
 use render_core::MACROBLOCK;
 
-/// Exponent a of the importance weight. At quantisers 16 and 48, luma where v > 0.7 gains 0.35 to 0.72 dB (128×128, 8
+/// Strength a of importance in the exponent. At quantisers 16 and 48, luma where v > 0.7 gains 0.35 to 0.72 dB (128×128, 8
 /// frames). The scenes are `nave` with a saliency map and `conference` with a task map. Bits rise by 1.0 % on average
 /// (−1.0 to 2.4 %). With a = ½ the gain is 0.69 to 1.38 dB, and bits rise by 1.9 % (−0.6 to 4.0 %).
 const STRENGTH: f32 = 0.25;

@@ -4,8 +4,8 @@ use super::false_color::{false_color, log_share};
 use super::picture::View;
 use plane::Plane;
 
-/// Luma differences at the dark end and at the bright end of the colors, in code values of 219. The dark end is below
-/// rounding, and the bright end is obvious.
+/// Luma differences at the dark end and at the bright end of the colors \[code values; luma spans 219\]. Differences at
+/// the dark end are below rounding, and differences at the bright end are obvious.
 pub const RANGE: (f32, f32) = (0.25, 64.0);
 
 /// Sum of the luma differences of many pictures.

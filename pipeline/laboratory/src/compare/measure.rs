@@ -23,7 +23,7 @@ pub struct Comparison {
     pub relative_mse_without_noise: Option<f64>,
     /// Peak signal-to-noise ratio of 8-bit luma \[dB\]; see [`perceptual::psnr`]. `None` for equal pictures.
     pub psnr_y: Option<f64>,
-    /// Structural similarity of luma; see [`perceptual::ssim`]. Equal pictures have 1.
+    /// Structural similarity of luma; see [`perceptual::ssim`]. It is 1 for equal pictures.
     pub ssim: f64,
     /// SSIMULACRA 2 of the displayed pictures: 100 means equal, 90 hardly distinguishable, 70 good, 50 fair. `None` for
     /// pictures with a side below 8 pixels.

@@ -61,8 +61,7 @@ impl Axis {
         (first..).map(|i| i as f64 * step).take_while(|&v| v <= self.high + 1e-9 * step).collect()
     }
 
-    /// Returns the fewest ticks that show the scale: powers of ten, else their multiples by 1, 2 and 5, else by all
-    /// digits.
+    /// Returns the fewest ticks that show the scale: powers of ten, these times 1, 2 and 5, or these times all digits.
     fn log_ticks(&self) -> Vec<f64> {
         const MULTIPLES: [&[f64]; 3] = [&[1.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]];
         let first = self.low.log10().floor() as i32;

@@ -30,7 +30,7 @@ pub struct Series {
     pub points_shown: bool,
     /// Points (x, y); points that cannot be drawn are omitted.
     pub points: Vec<(f64, f64)>,
-    /// True for each point that is not counted, which is drawn as a cross.
+    /// True for each point that is not counted and is drawn as a cross.
     pub crossed: Vec<bool>,
 }
 

@@ -1,7 +1,7 @@
 //! Plots, tables and pictures as one self-contained HTML page.
 //!
 //! Plots are SVG drawings. In a page, they use the page's fonts and its light or dark colors. As files, they contain
-//! fonts and colors.
+//! their own fonts and colors.
 
 mod axis; // positions of values
 mod marks; // shapes of points

@@ -129,8 +129,8 @@ pub struct RunPictures {
 pub struct Maps {
     /// Ratio of threshold to luminance.
     pub relative_threshold: Plane<f32>,
-    /// Number of clusters in each pixel's lightcut. With a cache, only pixels of records have lightcuts, and others are
-    /// 0.
+    /// Number of clusters in each pixel's lightcut. With a cache, only pixels of records have lightcuts; other pixels
+    /// are 0.
     pub cut_size: Plane<f32>,
     /// Absolute luma difference from the reference before compression \[code values\].
     pub error: Plane<f32>,

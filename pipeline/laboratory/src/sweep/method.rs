@@ -65,13 +65,13 @@ pub const METHODS: &[Method] = &[
     paths("paths-64", "64 paths", 64, 2),
 ];
 
-/// Sets thresholds to the masking model.
+/// Selects the thresholds of the masking model.
 fn masking(options: &mut Options) -> &mut Options {
     options.thresholds = Some(Thresholds::Perceptual);
     options
 }
 
-/// Sets shading to every pixel of each frame.
+/// Selects full shading, which shades every pixel of each frame.
 fn full(options: &mut Options) -> &mut Options {
     options.shading = Some(PixelShading::Full);
     options

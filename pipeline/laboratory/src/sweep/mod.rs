@@ -175,7 +175,7 @@ impl Sweep {
         let common = Options { qscale: Some(first_qscale), ..self.common.clone() };
         let plain = settings_for(path, scene, &common, None)?;
         for &qscale in qscales {
-            // Report quantisers that the standard does not support before rendering begins.
+            // Before rendering begins, report quantisers that the standard does not support.
             let settings = settings_for(path, scene, &Options { qscale: Some(qscale), ..common.clone() }, None)?;
             settings.encoder_config()?.with_lookahead(0).validate()?;
         }
