@@ -1,5 +1,5 @@
-//! Writes the reference pages and schemas that are generated from the program: `cargo run -p render2mpeg-cli --example
-//! reference`.
+//! Writes the reference pages and schemas that are generated from the program:
+//! `cargo run -p render2mpeg-cli --example reference`.
 
 use std::fs;
 use std::path::Path;

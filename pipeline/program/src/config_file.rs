@@ -10,7 +10,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// Options of a single invocation rather than of a film, which files may not contain.
+/// Options that files may not contain, because they belong to a single invocation rather than to a film.
 const NOT_IN_FILES: [&str; 11] = [
     "allow-outside",
     "config",

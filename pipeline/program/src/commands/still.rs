@@ -61,7 +61,7 @@ pub(crate) struct StillArguments {
     quiet: bool,
 }
 
-/// Default number of samples per pixel, because viewers look at a still for longer than at a frame.
+/// Default number of samples per pixel, higher than for films because viewers look at a still for longer.
 const SAMPLES: u32 = 4;
 
 /// Renders the frames, and writes them as pictures.

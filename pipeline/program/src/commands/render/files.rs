@@ -1,4 +1,4 @@
-//! Output files of a film, and checks before they are written.
+//! Output files of a film, and checks of their paths before writing.
 
 use crate::lines::ProgressKind;
 use crate::overwrite::Overwrite;

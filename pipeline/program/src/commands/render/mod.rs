@@ -103,7 +103,7 @@ pub fn run_among(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode> 
     if ranks.team().rank() > 0 {
         return follow::run(arguments, ranks);
     }
-    // Answer the other ranks, which wait for an answer even if this rank fails.
+    // Answer the other ranks even if this rank fails, because they wait for an answer.
     run(arguments, &mut Answer::of(ranks.team()))
 }
 
