@@ -18,7 +18,7 @@ use std::sync::atomic::AtomicBool;
 pub struct Run<'a> {
     /// Receives the results of every stage.
     pub observer: &'a dyn Observer,
-    /// When true, no further frame starts, and the stream ends in order.
+    /// Whether to end the stream in order, without starting another frame.
     pub stop: &'a AtomicBool,
 }
 
@@ -43,7 +43,7 @@ impl std::fmt::Debug for Run<'_> {
 /// observer and to the file of [`Start::write_to`].
 ///
 /// # Errors
-/// The first failure of a stage, a file or a checkpoint, or the panic of a stage.
+/// Returns the first failure of a stage, a file or a checkpoint, or the panic of a stage.
 pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     parts: Parts<P, S, D, M, E>,
     start: Start<'_>,
@@ -54,8 +54,8 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let Run { observer, stop } = run;
     checkpoints.begin(mask.is_some())?;
     let ranks = lead.ranks();
-    // Prepared frames are handed over without a queue. Preparation is then one frame ahead, which suffices; each
-    // queued frame would hold another G-buffer. The other channels queue one frame.
+    // Pass prepared frames without a queue. Preparation is then one frame ahead, which suffices. Each queued frame
+    // would keep another G-buffer in memory. The other channels queue one frame.
     let (prepared_out, prepared_in) = bounded(0);
     let (shaded_out, shaded_in) = bounded(1);
     let (displayed_out, displayed_in) = bounded(1);
@@ -63,7 +63,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let masks = mask.is_some();
     let (thresholds_out, last_thresholds) = feedback_edge(masks.then_some(begin), thresholds);
 
-    // Around each stage: its time, its observer and its figures.
+    // Wrap each stage to record its time and figures and to notify its observer.
     let preparing = Preparing(prepare);
     let shading = Shading::new(shade, ranks.clone());
     let displaying = Displaying::new(display, observer)?;
@@ -72,10 +72,10 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let pace = Pace::new(stop, checkpoints, first, ranks.count() > 1);
     lead.begin(pace.decision().unwrap_or_default());
 
-    // Failures are reported in this order.
+    // Run the stages in the order in which their failures are reported.
     threads::run([
         stage("encode", move || {
-            // Without masking the coding is unused.
+            // Send the coding only to masking: it is unused otherwise.
             work(checkpoints, encoding, displayed_in.into_iter(), |coded| !masks || coded_out.send(coded).is_ok())
         }),
         stage("display", move || {
@@ -84,7 +84,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
         stage("mask", move || {
             let Some(masking) = masking else { return Ok(()) };
             work(checkpoints, masking, coded_in.into_iter(), |thresholds| {
-                // The thresholds of the last frame are unused.
+                // Ignore a closed channel: the thresholds of the last frame are unused.
                 let _ = thresholds_out.send(thresholds.content);
                 true
             })
@@ -106,10 +106,10 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     log.finish(&masking_seconds)
 }
 
-/// Returns the feedback edge, which holds the thresholds of one frame: shading frame n first takes the thresholds of
+/// Returns the feedback edge. It stores the thresholds of one frame: shading frame n first receives the thresholds of
 /// frame n−1.
 ///
-/// The sender is for masking. The function returns the thresholds for a frame: `None` after masking has ended,
+/// The sender belongs to masking. The function returns the thresholds for a frame: `None` after masking has ended,
 /// `Some(None)` without thresholds. Masked films start with frame `begin`, or continue with the `thresholds` of the
 /// last finished frame.
 fn feedback_edge(
@@ -127,12 +127,12 @@ fn feedback_edge(
     (sender, of_last)
 }
 
-/// Prepared frame passed to shading, and true if the next one is started.
+/// Prepared frame for shading, and whether the next frame is started.
 type OnItsWay<F> = (Stamped<Prepared<F>>, bool);
 /// Prepared frame with the thresholds of the previous frame.
 type WithThresholds<F> = Stamped<(Prepared<F>, Option<LuminanceThresholds>)>;
 
-/// Returns prepared frames with their thresholds from `of_last` until either ends, and announces each frame to the
+/// Returns prepared frames with their thresholds from `of_last` until either source ends. Announces each frame to the
 /// ranks that this process leads.
 fn with_thresholds<F>(
     prepared: Receiver<OnItsWay<F>>,
@@ -151,7 +151,7 @@ fn with_thresholds<F>(
             Some(frame.with(|prepared| (prepared, thresholds)))
         });
         if next.is_none() {
-            // All ranks store their states together.
+            // Let all ranks store their states at the same frame.
             lead.end(last.is_some_and(|last| checkpoints.ends_after(last)));
         }
         next

@@ -1,6 +1,6 @@
 //! Errors of the loop, its stages and its files.
 //!
-//! [`Error`] states in one line the failed action, its place and a remedy. Causes are available through
+//! [`Error`] names in one line the failed action, the file or option, and a remedy. Causes are available through
 //! [`source`](std::error::Error::source); [`Error::chain`] joins all messages with ": ".
 
 use std::io;
@@ -9,15 +9,15 @@ use std::path::{Path, PathBuf};
 /// Error from another library.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
-/// Result with this crate's error.
+/// Result with the error type of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An option is out of range, or two options contradict each other. The text names the option as on the command
-    /// line, and a valid value.
+    /// An option is out of range, or two options contradict each other. The text contains the option's name on the
+    /// command line and a valid value.
     #[error("{0}")]
     Options(String),
     /// The operating system refused to open, read or write a file or folder.
@@ -25,25 +25,25 @@ pub enum Error {
     File {
         /// File or folder.
         path: PathBuf,
-        /// Failure, as text after the path, with the remedy if one exists.
+        /// Description of the failure, appended to the path, with the remedy if one exists.
         problem: String,
-        /// The system's reason.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// A file was read, but its content is not as expected.
+    /// A file was read, but its content is invalid or unexpected.
     #[error("{}{problem}", path.display())]
     Content {
         /// File or folder.
         path: PathBuf,
-        /// Problem, as text after the path with its own punctuation.
+        /// Description of the problem, appended to the path; it begins with its own punctuation.
         problem: String,
-        /// Reason from another library, if any.
+        /// Error of another library, if any.
         source: Option<Cause>,
     },
     /// A checkpoint is damaged or belongs to another run; the text describes how to restart.
     #[error("{0}")]
     Checkpoint(String),
-    /// The ranks of a film disagree: every rank reports this.
+    /// The ranks of a film disagree. Every rank returns this error.
     #[error("{0}")]
     Ranks(String),
     /// A stage of the loop panicked, or an invariant of this crate is violated.
@@ -52,9 +52,9 @@ pub enum Error {
     /// Another error, with the action that failed.
     #[error("{context}")]
     Context {
-        /// Action that failed.
+        /// Description of the failed action.
         context: String,
-        /// Reason.
+        /// Error that caused the failure.
         source: Cause,
     },
     /// Error from another library or from the caller's code.
@@ -63,31 +63,31 @@ pub enum Error {
 }
 
 impl Error {
-    /// Wraps an error of the caller's code, such as a renderer's, an encoder's or an observer's.
+    /// Wraps an error of the caller's code, such as a renderer, an encoder or an observer.
     #[must_use]
     pub fn other(error: impl Into<Cause>) -> Self {
         Self::Other(error.into())
     }
 
-    /// Message with the messages of all causes, joined by ": ", in one line.
+    /// Returns the message and the messages of all causes, joined by ": ", in one line.
     #[must_use]
     pub fn chain(&self) -> String {
         chain(self)
     }
 
-    /// Returns a function for `map_err` that makes an [`Error::File`] from the system's reason.
+    /// Returns a function for `map_err` that makes an [`Error::File`] from an operating-system error.
     pub fn file(path: &Path, problem: &str) -> impl FnOnce(io::Error) -> Self {
         |source| Self::File { path: path.into(), problem: problem.into(), source }
     }
 
-    /// Returns an error about unexpected content of a file; `problem` begins with its punctuation.
+    /// Returns an error for unexpected content of a file; `problem` begins with its own punctuation.
     #[must_use]
     pub fn content(path: &Path, problem: impl Into<String>) -> Self {
         Self::Content { path: path.into(), problem: problem.into(), source: None }
     }
 }
 
-/// Message of `error` with the messages of all causes, joined by ": ", in one line.
+/// Returns the message of `error` and the messages of all causes, joined by ": ", in one line.
 #[must_use]
 pub fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
@@ -112,12 +112,12 @@ impl From<serde_json::Error> for Error {
     }
 }
 
-/// Adds the failed action to an error of another kind.
+/// Adds the failed action to an error of any type.
 pub trait Context<T> {
     /// Wraps the error, if any, in [`Error::Context`].
     ///
     /// # Errors
-    /// The original error, with `context` before it.
+    /// Returns the original error as the cause of one with the message `context`.
     fn context(self, context: impl Into<String>) -> Result<T>;
 }
 

@@ -2,9 +2,9 @@
 
 use plane::Plane;
 
-/// Luminance to which the middle of a picture is mapped without a set exposure: photography's gray card.
+/// Luminance to which automatic exposure maps the middle of a picture: photography's 18 % gray card.
 const MIDDLE_GRAY: f64 = 0.18;
-/// Ratio to the mean luminance below which a pixel counts as black for the exposure: seventeen stops.
+/// Maximum luminance of black pixels, relative to the mean luminance: seventeen stops below it. Exposure ignores them.
 const LEAST_LIT: f64 = 1.0 / 131_072.0;
 
 /// Returns the exposure that maps the geometric mean of the lit pixels' luminance to middle gray; 1 for a black
@@ -14,10 +14,10 @@ pub fn exposure_for(luminance: &Plane<f32>) -> f32 {
     exposure_for_luminances(luminance.samples()).unwrap_or(1.0)
 }
 
-/// Returns the same exposure for pixels of any pictures; `None` if all are black.
+/// Returns the exposure for the luminances of any number of pictures, as [`exposure_for`]; `None` if all are black.
 #[must_use]
 pub fn exposure_for_luminances(luminances: &[f32]) -> Option<f32> {
-    // Pixels far darker than the mean count as black: they are noise and light leaks.
+    // Ignore pixels far darker than the mean: they are noise and light leaks.
     let mean = luminances.iter().map(|&y| f64::from(y)).sum::<f64>() / luminances.len() as f64;
     let least = mean * LEAST_LIT;
     let lit = luminances.iter().map(|&y| f64::from(y)).filter(|&y| y > 0.0 && y >= least);
@@ -38,7 +38,7 @@ mod tests {
         let picture = Plane::from_fn(4, 1, |x, _| [0.0, 10.0, 1000.0, 100.0][x]);
         assert!((exposure_for(&picture) - 0.0018).abs() < 1e-6);
         assert_eq!(exposure_for(&Plane::filled(2, 2, 0.0)), 1.0);
-        // A light leak next to a lit wall changes nothing.
+        // A light leak next to a lit wall must not change the exposure.
         let leaking = Plane::from_fn(4, 1, |x, _| [1e-9, 10.0, 1000.0, 100.0][x]);
         assert_eq!(exposure_for(&leaking), exposure_for(&picture));
     }

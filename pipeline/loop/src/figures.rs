@@ -1,27 +1,27 @@
-//! CPU seconds and counts of one frame, collected in the loop.
+//! CPU seconds and counts of one frame, collected by the loop.
 
-/// CPU seconds of a frame's stages, summed over threads; waiting and other programs are excluded.
+/// CPU seconds of a frame's stages, summed over threads. Waiting and other programs are excluded.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct Seconds {
-    /// Placing objects and building the ray tree.
+    /// CPU seconds of placing objects and building the ray tree.
     pub update: f64,
-    /// Photon tracing.
+    /// CPU seconds of photon tracing.
     pub photons: f64,
-    /// Building or updating the light tree.
+    /// CPU seconds of building or updating the light tree.
     pub tree: f64,
-    /// Primary rays, motion and importance.
+    /// CPU seconds of primary rays, motion and importance.
     pub visibility: f64,
-    /// Direct light.
+    /// CPU seconds of direct light.
     pub direct: f64,
-    /// Lightcuts.
+    /// CPU seconds of lightcuts.
     pub indirect: f64,
-    /// Tone mapping and color conversion.
+    /// CPU seconds of tone mapping and color conversion.
     pub tone_map: f64,
-    /// Encoding.
+    /// CPU seconds of encoding.
     pub encode: f64,
-    /// Masking.
+    /// CPU seconds of masking.
     pub thresholds: f64,
-    /// Sum of all stages, set once the frame is coded.
+    /// CPU seconds of all stages, set after the frame is coded.
     pub total: f64,
 }
 
@@ -36,7 +36,7 @@ impl Seconds {
         self.total = self.parts().iter().sum();
     }
 
-    /// Returns the mean of each stage.
+    /// Returns the mean CPU seconds of each stage over all frames.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
         let count = all.clone().count().max(1) as f64;
         let mut sums = [0.0; 9];
@@ -49,20 +49,20 @@ impl Seconds {
     }
 }
 
-/// CPU seconds and counts of one frame; each stage fills in its own.
+/// CPU seconds and counts of one frame. Each stage sets its own fields.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct FrameFigures {
     /// CPU seconds of the stages.
     pub seconds: Seconds,
-    /// Number of traced photons; the energy of the others is known from the first frame.
+    /// Number of traced photons. The other photons have the same energy as in the first frame.
     pub photons_traced: u64,
-    /// Mean number of clusters in a lightcut, over the lightcuts of this frame.
+    /// Mean number of clusters in a lightcut of this frame.
     pub cut_size_mean: f64,
-    /// Largest number of clusters in a lightcut.
+    /// Maximum number of clusters in a lightcut of this frame.
     pub cut_size_max: u32,
     /// Number of shadow rays of direct light and lightcuts.
     pub shadow_rays: u64,
-    /// Number of irradiance cache records in use by pixels of this frame.
+    /// Number of irradiance cache records that pixels of this frame use.
     pub cache_records: u64,
     /// Number of irradiance cache records computed or recomputed for this frame.
     pub cache_new: u64,
@@ -88,7 +88,7 @@ pub struct FrameFigures {
     pub kappa: Option<f64>,
     /// 95th percentile of the ratio of true error to threshold; `None` without audited pixels.
     pub audit_error_p95: Option<f64>,
-    /// Number of pixels with non-finite radiance, shown black.
+    /// Number of pixels with non-finite radiance, displayed as black.
     #[serde(rename = "non_finite_pixels")]
     pub non_finite: usize,
 }
@@ -97,13 +97,13 @@ pub struct FrameFigures {
 pub(crate) const RANK_FIGURES: usize = 7;
 
 impl FrameFigures {
-    /// Figures of this rank alone: CPU seconds up to light, and photons.
+    /// Returns this rank's own figures: CPU seconds of the stages up to light, and photons.
     pub(crate) fn of_rank(&self) -> [f64; RANK_FIGURES] {
         let Seconds { update, photons, tree, visibility, direct, indirect, .. } = self.seconds;
         [update, photons, tree, visibility, direct, indirect, self.photons_traced as f64]
     }
 
-    /// Replaces these figures by the sums over `all` ranks.
+    /// Replaces the rank-specific figures by sums over `all` ranks.
     pub(crate) fn add_up_ranks<'a>(&mut self, all: impl Iterator<Item = &'a [f64; RANK_FIGURES]>) {
         let mut sums = [0.0; RANK_FIGURES];
         for figures in all {

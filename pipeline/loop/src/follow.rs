@@ -1,4 +1,4 @@
-//! The loop on a rank other than 0: it prepares and shades the frames that rank 0 orders.
+//! The loop on every rank except 0: it prepares and shades the frames that rank 0 orders.
 
 use super::stages::Shading;
 use super::threads::{self, Stage, stage};
@@ -15,7 +15,7 @@ use ranks::Ranks;
 pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team: &Team) -> Result<()> {
     let orders = &*team.shade;
 
-    // The common initial state of all ranks.
+    // Receive the common initial state of all ranks.
     let first = match Order::next(orders)? {
         Order::Start { first, restored } => {
             if let Some(state) = restored {
@@ -31,7 +31,7 @@ pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team
         order => return ended(&order),
     };
 
-    // Preparation works one frame ahead, as on rank 0: each message permits one frame.
+    // Each message permits preparation of one frame: as on rank 0, preparation is one frame ahead.
     let (turns_out, turns_in) = bounded(1);
     let (prepared_out, prepared_in) = bounded(1);
     if goes_on {
@@ -43,8 +43,8 @@ pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team
         stage("prepare", move || {
             for (index, ()) in (first..).zip(turns_in) {
                 let Some(prepared) = prepare.step(index) else { break };
-                // Shading may have ended. Rank 0 prepares each permitted frame, so this rank must do so
-                // too.
+                // Ignore a closed channel: shading may have ended. This rank must still prepare every frame that rank 0
+                // prepares.
                 let _ = prepared_out.send(prepared);
             }
             Ok(())
@@ -52,7 +52,7 @@ pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team
     ])
 }
 
-/// Shades the frames that rank 0 orders, as they are prepared. An order may permit preparation of another frame.
+/// Shades the frames that rank 0 orders, in order of preparation. An order may permit preparation of another frame.
 fn shade_all<F, S: Shade<F>>(
     mut shading: Shading<S, F>,
     orders: &dyn Ranks,
@@ -72,7 +72,7 @@ fn shade_all<F, S: Shade<F>>(
                 let Ok(prepared) = prepared.recv() else {
                     return Err(Error::Fault(format!("frame {index} is not prepared here")));
                 };
-                // If light differs, every rank detects it, and rank 0 orders the end.
+                // Store an error, but continue: if light differs, every rank detects it, and rank 0 orders the end.
                 result = shading.step(index, (prepared, thresholds.map(Order::thresholds))).map(drop);
                 if marked && result.is_ok() {
                     let _ = shading.state()?;
@@ -90,7 +90,7 @@ fn shade_all<F, S: Shade<F>>(
     }
 }
 
-/// Returns the result if rank 0 ends before the first frame.
+/// Returns the result of a film that rank 0 ends before its first frame.
 fn ended(order: &Order) -> Result<()> {
     match order {
         Order::End { .. } => Ok(()),
@@ -119,7 +119,7 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
     use std::time::Duration;
 
-    /// Prepares slowly, and counts frames.
+    /// Preparation that takes a while and counts its frames.
     struct Slow(Arc<AtomicU32>);
 
     impl Prepare for Slow {
@@ -136,7 +136,7 @@ mod tests {
         }
     }
 
-    /// Shades nothing.
+    /// Shading that computes nothing.
     struct Dark;
 
     impl Shade<()> for Dark {
@@ -149,8 +149,7 @@ mod tests {
         }
     }
 
-    /// If rank 0 fails while preparing a second frame, the other rank prepares that frame too, although it is never
-    /// shaded.
+    /// Checks that a frame is prepared on all ranks although rank 0 fails while preparing it, and it is never shaded.
     #[test]
     fn frames_in_preparation_are_finished_after_the_end() {
         let prepared = Arc::new(AtomicU32::new(0));

@@ -28,5 +28,5 @@ pub use error::{Error, Result};
 pub use follow::follow;
 pub use start::{Parts, Start};
 
-/// The crates with types in public signatures.
+/// Crates that define types in public signatures.
 pub use {perceptual, plane};

@@ -1,4 +1,4 @@
-//! The film so far: its bytes, and a report for each coded picture.
+//! Log of the film: its written bytes, and a report for each coded picture.
 
 use super::observe::Observer;
 use crate::early_end::EarlyEnd;
@@ -18,17 +18,17 @@ use std::sync::atomic::AtomicBool;
 /// Reports of coded frames, and figures of frames that are still in the encoder.
 #[derive(Debug, Default)]
 pub(super) struct FilmLog {
-    /// File of the bytes; `None` passes them to the observer only.
+    /// File for the bytes of the film; without one, only the observer receives them.
     output: Option<Output>,
-    /// Bytes of the film at the checkpoint from which it continues.
+    /// Length and checksum of the film at the checkpoint from which it continues.
     written: Written,
-    /// First frame of the film, or of the range that is made.
+    /// First frame of the film or of the range to make.
     begin: u32,
     reports: Vec<FrameReport>,
     waiting: BTreeMap<u32, FrameFigures>,
 }
 
-/// Log in a checkpoint: bytes of the film, reports, waiting figures, and state of the encoder.
+/// Log in a checkpoint: written bytes of the film, reports, waiting figures, and state of the encoder.
 type StoredLog = (Written, Vec<StoredLine>, BTreeMap<u32, FrameFigures>, Vec<u8>);
 
 /// Report without field names, which bincode cannot store.
@@ -58,7 +58,7 @@ impl From<StoredLine> for FrameReport {
 }
 
 impl FilmLog {
-    /// Syncs the film to the disk, and returns the log's state with the `encoder`'s.
+    /// Syncs the film to the disk, and returns the state of the log and of the `encoder`.
     pub fn state(&self, encoder: Vec<u8>) -> Result<Vec<u8>> {
         self.output.as_ref().map_or(Ok(()), Output::sync)?;
         let written = self.output.as_ref().map(Output::written).unwrap_or_default();
@@ -66,18 +66,18 @@ impl FilmLog {
         Ok(encode(&(written, lines, &self.waiting, encoder)))
     }
 
-    /// Returns the empty log of a film, or of a range, with first frame `begin`.
+    /// Returns an empty log of a film or a range with first frame `begin`.
     pub fn beginning(begin: u32) -> Self {
         Self { begin, ..Self::default() }
     }
 
-    /// Returns the log restored from a [`state`](Self::state) that was stored after the frames `done`, and the
-    /// encoder's state.
+    /// Returns the log and the state of the encoder, restored from a [`state`](Self::state) that was stored after the
+    /// frames `done`.
     pub fn restored(state: &[u8], done: Range<u32>) -> Result<(Self, Vec<u8>)> {
         let begin = done.start;
         let (written, lines, waiting, encoder): StoredLog = decode(state)?;
         let reports: Vec<FrameReport> = lines.into_iter().map(FrameReport::from).collect();
-        // Each finished frame has a report or waiting figures.
+        // Check that each finished frame has a report or waiting figures.
         let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(waiting.keys().copied()).collect();
         frames.sort_unstable();
         if !frames.into_iter().eq(done) {
@@ -86,8 +86,8 @@ impl FilmLog {
         Ok((Self { output: None, written, begin, reports, waiting }, encoder))
     }
 
-    /// Opens the film's file: new, or at the checkpoint's length. If `kept` is true when it is dropped, the
-    /// unfinished file remains.
+    /// Opens the film's file: a new one, or the existing one at its length in the checkpoint. If the file is dropped
+    /// unfinished while `kept` is true, it remains.
     pub fn write_to(&mut self, path: &Path, continued: bool, kept: Arc<AtomicBool>) -> Result<()> {
         let output = if continued { Output::resume(path, self.written)? } else { Output::create(path)? };
         self.output = Some(output.kept_if(kept));
@@ -104,19 +104,19 @@ impl FilmLog {
         self.waiting.insert(index, figures);
     }
 
-    /// Adds seconds of encoding to the last waiting frame.
+    /// Adds CPU seconds of encoding to the last waiting frame.
     pub fn spend_on_last(&mut self, seconds: f64) {
         if let Some(mut last) = self.waiting.last_entry() {
             last.get_mut().seconds.encode += seconds;
         }
     }
 
-    /// Sets the bytes that complete the film if it ends with the bytes of the checkpoint.
+    /// Sets the bytes that complete the film if it ends before any further bytes are written.
     pub fn end_with(&mut self, ending: Vec<u8>) -> Result<()> {
         self.output.as_mut().map_or(Ok(()), |output| output.write_before(&[], ending))
     }
 
-    /// Writes the bytes, and a report of each coded picture with its waiting figures. If the film ends early,
+    /// Writes the coded bytes, and reports each coded picture with its waiting figures. If the film ends early,
     /// `ending` completes it.
     pub fn hand_out(&mut self, coded: Encoded, ending: Vec<u8>, observer: &dyn Observer) -> Result<Coding> {
         let Encoded { bytes, pictures, coding } = coded;
@@ -136,12 +136,12 @@ impl FilmLog {
         Ok(coding)
     }
 
-    /// Completes the file, and returns the reports in display order with the seconds of masking.
+    /// Completes the file, and returns the reports in display order with the CPU seconds of masking.
     pub fn finish(self, masking_seconds: &[(u32, f64)]) -> Result<Vec<FrameReport>> {
         let Self { output, begin, mut reports, .. } = self;
-        // An encoder with lookahead codes in another order.
+        // Sort the reports: an encoder with look-ahead codes in another order.
         reports.sort_by_key(|frame| frame.index);
-        // Only an encoder in an invalid state omits a frame or reports it twice.
+        // Check the frame numbers: only an encoder in an invalid state omits a frame or reports it twice.
         if !reports.iter().map(|frame| frame.index).eq((begin..).take(reports.len())) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }

@@ -6,8 +6,8 @@ use perceptual::YCbCr;
 use plane::{Picture, Plane};
 use std::sync::Mutex;
 
-/// Receives the results of a run's stages. Each method is called on the thread of its stage, which continues when the
-/// method returns; send data through a channel for longer work.
+/// Receives the results of a run's stages. Each method is called on the thread of its stage, which continues after the
+/// method returns. For longer work, send the data through a channel.
 pub trait Observer: Sync {
     /// Receives the light of frame `index` and its channels, in display order.
     fn shaded(&self, _index: u32, _shaded: &Shaded) {}
@@ -15,15 +15,15 @@ pub trait Observer: Sync {
     /// Receives the picture of frame `index` before coding, in display order.
     fn picture(&self, _index: u32, _picture: &YCbCr) {}
 
-    /// Receives the importance of each pixel of frame `index`, 0…1, in display order; called only if importance is in
-    /// use.
+    /// Receives the importance of each pixel of frame `index`, 0…1, in display order. It is called only if importance
+    /// is in use.
     fn importance(&self, _index: u32, _importance: &Plane<f32>) {}
 
     /// Receives the permitted luminance error of each pixel of frame `index` \[W·m⁻²·sr⁻¹\], in display order. Frame
-    /// `index` + 1 is rendered with it.
+    /// `index` + 1 is rendered with these thresholds.
     fn thresholds(&self, _index: u32, _delta: &Plane<f32>) {}
 
-    /// Receives frame `index` as a decoder shows it, in coding order, if the encoder provides it.
+    /// Receives frame `index` as a decoder displays it, in coding order, if the encoder provides it.
     fn decoded(&self, _index: u32, _picture: &Picture) {}
 
     /// Receives the next bytes of the film.
@@ -33,7 +33,7 @@ pub trait Observer: Sync {
     fn frame(&self, _report: &FrameReport) {}
 }
 
-/// Ignores all results.
+/// Observer that ignores all results.
 impl Observer for () {}
 
 /// Observer that passes each frame's report to a function.

@@ -12,9 +12,9 @@ use std::sync::{Arc, Mutex};
 
 /// File that is written as `NAME.part` and renamed when it is finished.
 ///
-/// The part is locked during writing, so that no other run writes to the same path. Dropping an unfinished output
-/// removes the part unless it is [kept](Output::kept_if). A killed process leaves the part; for video, it is a
-/// playable prefix. Devices and pipes are written directly, as is standard output, named `-`.
+/// The `.part` file is locked during writing, so that no other run writes to the same path. Dropping an unfinished
+/// output removes that file unless it is [kept](Output::kept_if). A killed process leaves it behind; for video, it is a
+/// playable prefix. Devices, pipes and standard output (named `-`) are written directly.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
@@ -22,7 +22,7 @@ pub struct Output {
     file: File,
     written: Written,
     sum: crc32fast::Hasher,
-    /// True if the part of an unfinished file remains.
+    /// Whether the `.part` file of an unfinished output is kept.
     kept: Arc<AtomicBool>,
     /// End of the file, shared with a thread that may end it early.
     tail: Arc<Mutex<Tail>>,
@@ -41,7 +41,7 @@ impl Output {
     /// Opens the file for writing, before any other work.
     ///
     /// # Errors
-    /// If the folder does not exist or cannot be written to, or another run writes there.
+    /// If the folder does not exist or cannot be written to, or another run writes to `path`.
     pub fn create(path: &Path) -> Result<Self> {
         let problem = || Error::file(path, "cannot be written; choose another path with -o");
         if is_standard_output(path) {
@@ -70,10 +70,10 @@ impl Output {
         EarlyEnd::new(&self.path, self.part.clone(), self.tail.clone())
     }
 
-    /// Opens the file of an earlier process, and continues after the first `written` bytes.
+    /// Opens the unfinished file of an earlier process, and continues after the first `written` bytes.
     ///
     /// # Errors
-    /// If the file is shorter or its bytes differ, if it cannot be written to, or if another run writes there.
+    /// If the file is shorter or contains different bytes, if it cannot be written to, or if another run writes to it.
     pub fn resume(path: &Path, written: Written) -> Result<Self> {
         let context = |error| Error::file(path, "cannot be resumed")(error);
         let part = part_of(path);
@@ -81,7 +81,7 @@ impl Output {
             |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= written.length);
         let is_finished = !has_enough(&part);
         if is_finished {
-            // A file finished in order, as after Ctrl-C, already has its final name.
+            // A film that ended in order, as after Ctrl-C, already has its final name.
             if !has_enough(path) {
                 let problem = " is shorter than at its checkpoint: restart without --resume";
                 return Err(Error::content(&part, problem));
@@ -90,7 +90,7 @@ impl Output {
         }
         let mut file = locked(path, &part, File::options().read(true).write(true))?;
 
-        // Another file's bytes at the start would silently corrupt the film.
+        // Compare checksums: a different beginning would silently corrupt the film.
         let sum = sum_of(&mut file, written.length).map_err(context)?;
         if sum.clone().finalize() != written.sum {
             if is_finished {
@@ -99,7 +99,7 @@ impl Output {
             return Err(Error::content(&part, " differs from its checkpoint: restart without --resume"));
         }
 
-        // Bytes after the checkpoint are written again.
+        // Discard the bytes after the checkpoint: they are written again.
         file.set_len(written.length).map_err(context)?;
         file.seek(SeekFrom::End(0)).map_err(context)?;
         let mut output = Self::new(path, Some(part), file);
@@ -107,14 +107,14 @@ impl Output {
         Ok(output)
     }
 
-    /// Keeps the part of an unfinished file if `kept` is true when it is dropped, since a checkpoint refers to it.
+    /// Sets the flag that keeps the `.part` file if the output is dropped unfinished. A checkpoint refers to that file.
     #[must_use]
     pub fn kept_if(mut self, kept: Arc<AtomicBool>) -> Self {
         self.kept = kept;
         self
     }
 
-    /// Length and checksum of the bytes written so far.
+    /// Returns the length and checksum of the bytes written so far.
     pub fn written(&self) -> Written {
         Written { sum: self.sum.clone().finalize(), ..self.written }
     }
@@ -122,7 +122,7 @@ impl Output {
     /// Waits until all written bytes are on the disk.
     ///
     /// # Errors
-    /// If the disk is full or lost, or the part was removed.
+    /// If the disk is full or lost, or the `.part` file was removed.
     pub fn sync(&self) -> Result<()> {
         let Some(part) = &self.part else { return Ok(()) };
         if !is_in_place(&self.file, part) {
@@ -211,7 +211,7 @@ fn locked(path: &Path, part: &Path, options: &fs::OpenOptions) -> Result<File> {
     }
 }
 
-/// Returns true if `path` still refers to the open `file`.
+/// Returns whether `path` still refers to the open `file`.
 #[cfg(unix)]
 fn is_in_place(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -219,13 +219,13 @@ fn is_in_place(file: &File, path: &Path) -> bool {
     matches!((file.metadata(), fs::metadata(path)), (Ok(own), Ok(there)) if identity(&own) == identity(&there))
 }
 
-/// Open files cannot be renamed on other systems.
+/// Returns true: outside Unix, open files cannot be renamed.
 #[cfg(not(unix))]
 fn is_in_place(_: &File, _: &Path) -> bool {
     true
 }
 
-/// Returns the checksum of the first `length` bytes of `file`, ready for more.
+/// Returns the checksum of the first `length` bytes of `file`, to be updated with later bytes.
 fn sum_of(file: &mut File, length: u64) -> std::io::Result<crc32fast::Hasher> {
     let mut sum = crc32fast::Hasher::new();
     let mut first = file.take(length);
@@ -238,7 +238,7 @@ fn sum_of(file: &mut File, length: u64) -> std::io::Result<crc32fast::Hasher> {
     }
 }
 
-/// Returns the path of a file's part: `film.m2v` → `film.m2v.part`.
+/// Returns the path of the unfinished file of `path`: `film.m2v` → `film.m2v.part`.
 pub fn part_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
@@ -284,7 +284,7 @@ mod tests {
         assert_eq!(output.written(), written(b"abcdxy"));
         output.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"abcdxy");
-        // The file now has its final name, but can still be resumed after its first bytes.
+        // The file has its final name now, but a run can still resume after the first bytes.
         let mut output = Output::resume(&path, written(b"a")).unwrap();
         output.write(b"z").unwrap();
         output.finish().unwrap();
@@ -329,7 +329,7 @@ mod tests {
         }
     }
 
-    /// Removing a part during writing is an error: the file could not be renamed.
+    /// Checks that removing the `.part` file during writing is an error: the file could not be renamed.
     #[test]
     #[cfg(unix)]
     fn a_part_that_is_gone_is_noticed() {

@@ -1,4 +1,4 @@
-//! The decision to start another frame.
+//! Decisions whether to start another frame.
 
 use crate::checkpoint::Checkpoints;
 use std::cell::Cell;
@@ -11,32 +11,33 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(super) struct Pace<'a> {
     stop: &'a AtomicBool,
     checkpoints: &'a Checkpoints,
-    /// First frame of this run.
+    /// First frame of the run.
     first: u32,
     is_led: bool,
     decided: Cell<Option<bool>>,
 }
 
 impl<'a> Pace<'a> {
-    /// Returns the pace of a run from frame `first` until `stop` is true. `is_led` is true if other ranks follow.
+    /// Returns the pace of a run that starts with frame `first` and ends when `stop` is true. `is_led` means that other
+    /// ranks follow.
     pub fn new(stop: &'a AtomicBool, checkpoints: &'a Checkpoints, first: u32, is_led: bool) -> Self {
         let pace = Self { stop, checkpoints, first, is_led, decided: Cell::new(None) };
         pace.decided.set(is_led.then(|| pace.decide(first)));
         pace
     }
 
-    /// Decision about the next frame, to send to other ranks; `None` without other ranks.
+    /// Returns the decision about the next frame, to send to other ranks; `None` without other ranks.
     pub fn decision(&self) -> Option<bool> {
         self.decided.get()
     }
 
-    /// Returns true if frame `index` is to start.
+    /// Returns whether frame `index` is to start.
     pub fn begins(&self, index: u32) -> bool {
         self.decided.take().unwrap_or_else(|| self.decide(index))
     }
 
-    /// Decides about the frame after `index`, which is handed over now, if other ranks follow. Returns the decision,
-    /// or false without other ranks.
+    /// Decides about the frame after `index` if other ranks follow; called when frame `index` is handed over. Returns
+    /// the decision, or false without other ranks.
     pub fn hand_over(&self, index: u32) -> bool {
         self.decided.set(self.is_led.then(|| self.decide(index + 1)));
         self.decision().unwrap_or_default()

@@ -6,8 +6,8 @@
 //!               └── ΔY(n−1), one frame late ◄───┘
 //! ```
 //! Stages are independent of channels, threads, checkpoints and observers, which [`couple`](crate::couple) adds.
-//! Implement one of these traits for another renderer, masking model or encoder. [`perceptual::Feedback`] is a
-//! [`Mask`], [`ToneMap`] a [`Display`].
+//! Implement one of these traits for another renderer, masking model or encoder. [`perceptual::Feedback`] implements
+//! [`Mask`], and [`ToneMap`] implements [`Display`].
 
 use crate::error::Result;
 use crate::figures::FrameFigures;
@@ -21,15 +21,15 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// First half of a renderer: work that needs no thresholds. It is one frame ahead of the other stages.
+/// First half of a renderer: work that needs no thresholds. It runs one frame ahead of the other stages.
 pub trait Prepare: Send {
-    /// Prepared frame, as passed to [`Shade`].
+    /// Prepared frame for [`Shade`].
     type Frame: Send;
 
     /// Prepares frame `index`, counted from 0; returns `None` after the last frame.
     fn step(&mut self, index: u32) -> Option<Prepared<Self::Frame>>;
 
-    /// State after the last step, for a checkpoint.
+    /// Returns the state after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
@@ -41,18 +41,18 @@ pub trait Prepare: Send {
     fn restore(&mut self, state: &[u8], last: u32) -> Result<Prepared<Self::Frame>>;
 }
 
-/// Second half of a renderer: light.
+/// Second half of a renderer: computation of light.
 pub trait Shade<F>: Send {
-    /// Computes the radiance of every pixel. `thresholds` has the permitted error of each pixel's luminance, 2 % by
-    /// default.
+    /// Computes the radiance of every pixel. `thresholds` contains the permitted error of each pixel's luminance, 2 %
+    /// by default.
     fn step(&mut self, prepared: &Prepared<F>, thresholds: LastThresholds<'_>) -> Shaded;
 
-    /// State after the last step, for a checkpoint.
+    /// Returns the state after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// Restores the [`state`](Shade::state) after the frame `last`.
+    /// Restores the [`state`](Shade::state) after frame `last`.
     ///
     /// # Errors
     /// If the state does not fit this stage or frame.
@@ -61,7 +61,7 @@ pub trait Shade<F>: Send {
 
 /// Display: converts light into pictures, and writes files of uncompressed frames.
 pub trait Display: Send {
-    /// Opens the files of a new film. If `kept` is true when they are dropped, unfinished files remain.
+    /// Opens the files of a new film. Files dropped while `kept` is true remain, although unfinished.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -69,7 +69,7 @@ pub trait Display: Send {
         Ok(())
     }
 
-    /// Converts frame `index` into a picture. The driver adds its motion.
+    /// Converts frame `index` into a picture, without motion: the driver adds it.
     fn show(&mut self, index: u32, shaded: &Shaded) -> Displayed;
 
     /// Writes the uncompressed frame, shown as `picture`, into the requested files.
@@ -80,7 +80,7 @@ pub trait Display: Send {
         Ok(())
     }
 
-    /// State after the last step, for a checkpoint.
+    /// Returns the state after the last step, for a checkpoint.
     ///
     /// # Errors
     /// If a file cannot be synced to the disk.
@@ -88,11 +88,11 @@ pub trait Display: Send {
         Ok(Vec::new())
     }
 
-    /// Restores a [`state`](Display::state), and truncates files to their length at that time. If `kept` is true when
-    /// they are dropped, unfinished files remain.
+    /// Restores a [`state`](Display::state), and truncates the files to the lengths stored in it. Files dropped while
+    /// `kept` is true remain, although unfinished.
     ///
     /// # Errors
-    /// If the state belongs to another display, or a file is shorter than it was.
+    /// If the state belongs to another display, or a file is shorter than its stored length.
     fn restore(&mut self, state: &[u8], kept: &Arc<AtomicBool>) -> Result<()>;
 
     /// Completes the files.
@@ -107,7 +107,7 @@ pub trait Display: Send {
     }
 }
 
-/// Applies only the tone curve, in BT.709, and writes no files.
+/// Display that applies only the tone curve, in BT.709, and writes no files.
 impl Display for ToneMap {
     fn show(&mut self, index: u32, shaded: &Shaded) -> Displayed {
         let tone_map = *self;
@@ -128,13 +128,12 @@ impl Display for ToneMap {
     }
 }
 
-/// Masking model: the largest invisible error.
+/// Masking model: computes the largest invisible error.
 pub trait Mask: Send {
-    /// Returns the permitted luminance error of each pixel of `displayed` \[W·m⁻²·sr⁻¹\], given the coding of the
-    /// picture.
+    /// Returns the permitted luminance error of each pixel of `displayed` \[W·m⁻²·sr⁻¹\] for the given `coding`.
     fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>>;
 
-    /// State after the last step, for a checkpoint; the loop itself stores the thresholds.
+    /// Returns the state after the last step, for a checkpoint. The loop itself stores the thresholds.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
@@ -154,40 +153,40 @@ pub trait Encode: Send {
     /// If the picture cannot be coded.
     fn step(&mut self, displayed: &Displayed) -> Result<Encoded>;
 
-    /// Encodes the waiting pictures, and ends the stream.
+    /// Encodes the waiting pictures and ends the stream.
     ///
     /// # Errors
     /// If a picture cannot be coded.
     fn finish(self) -> Result<Encoded>;
 
-    /// Bytes that would complete the file after the steps so far, without the pictures that still wait. A film that
-    /// is ended at once ends with them.
+    /// Returns the bytes that would complete the file after the steps so far, without the waiting pictures. A film that
+    /// is ended at once is completed with these bytes.
     fn ending(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// State after the last step, for a checkpoint.
+    /// Returns the state after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// Restores a [`state`](Encode::state) of an encoder with the same settings.
+    /// Restores the [`state`](Encode::state) of an encoder with the same settings.
     ///
     /// # Errors
     /// If the state belongs to another encoder.
     fn restore(&mut self, state: &[u8]) -> Result<()>;
 }
 
-/// Frame before the work that needs thresholds.
+/// Frame after all work that needs no thresholds.
 #[derive(Clone, Debug, Default)]
 pub struct Prepared<F> {
-    /// The renderer's own data.
+    /// Data of the renderer for this frame.
     pub frame: F,
     /// Position of each pixel in the previous frame; `None` for the first frame and after a shot change.
     pub correspondence: Option<Arc<Correspondence>>,
-    /// Position of each pixel of the previous frame in this one, for encoders with B pictures.
+    /// Position in this frame of each pixel of the previous frame, for encoders with B pictures.
     pub forward: Option<Arc<Correspondence>>,
-    /// CPU seconds and counts so far.
+    /// CPU seconds and counts of preparation.
     pub figures: FrameFigures,
 }
 
@@ -199,7 +198,7 @@ pub type Channels = Vec<(String, Vec<f32>)>;
 pub struct Outline {
     /// Index of the pixel in raster order.
     pub pixel: usize,
-    /// Surfaces in the pixel: fraction of its area and radiance of each.
+    /// Surfaces in the pixel, each with its fraction of the pixel's area and its radiance.
     pub parts: Vec<PixelPart>,
 }
 
@@ -214,17 +213,17 @@ pub struct Shaded {
     pub importance: Option<Arc<Plane<f32>>>,
     /// Additional channels for the frame's OpenEXR file.
     pub channels: Channels,
-    /// Attributes for the header of that file.
+    /// Attributes for the header of the frame's OpenEXR file.
     pub header: FrameHeader,
-    /// Channels for observers only, written to no file.
+    /// Channels for observers only; no file contains them.
     pub watched: Channels,
-    /// CPU seconds and counts, including [`Prepared`]'s.
+    /// CPU seconds and counts, including preparation.
     pub figures: FrameFigures,
 }
 
 impl Shaded {
-    /// Returns the radiance that `tone_map` shows as the mean of each pixel's tone-mapped surfaces. If blended before
-    /// the curve, a light far above white would cover thin objects in front of it.
+    /// Returns the radiance that `tone_map` displays as the mean of each pixel's tone-mapped surfaces. Blending before
+    /// the curve would let a light far above white cover thin objects in front of it.
     #[must_use]
     pub fn blended(&self, tone_map: &ToneMap) -> Cow<'_, Plane<[f32; 3]>> {
         let mut radiance = Cow::Borrowed(&self.radiance);
@@ -250,18 +249,18 @@ pub struct Displayed {
     pub importance: Option<Arc<Plane<f32>>>,
     /// Position of each pixel in the previous frame, from [`Prepared`].
     pub correspondence: Option<Arc<Correspondence>>,
-    /// Position of each pixel of the previous frame in this one, from [`Prepared`].
+    /// Position in this frame of each pixel of the previous frame, from [`Prepared`].
     pub forward: Option<Arc<Correspondence>>,
 }
 
 /// Result of an encoding step.
 #[derive(Clone, Debug, Default)]
 pub struct Encoded {
-    /// Next bytes of the file.
+    /// Bytes to append to the file.
     pub bytes: Vec<u8>,
     /// Pictures coded in this step, in coding order.
     pub pictures: Vec<CodedFrame>,
-    /// Coding of this step's picture, as far as available.
+    /// Coding of this step's picture, or the expected coding.
     pub coding: Coding,
 }
 
@@ -278,7 +277,7 @@ pub struct CodedFrame {
     pub quantiser_scale: u32,
     /// PSNR of luma \[dB\]; infinite if lossless.
     pub psnr_y: f64,
-    /// Picture as a decoder shows it, for observers; optional for encoders.
+    /// Picture as a decoder displays it, for observers; `None` if the encoder does not provide it.
     pub decoded: Option<Arc<Picture>>,
 }
 
@@ -287,16 +286,16 @@ pub struct CodedFrame {
 pub struct Coding {
     /// Mean quantiser_scale of the picture.
     pub quantiser_scale: f32,
-    /// Coded picture, if masking needs it.
+    /// Coded picture; `None` if masking does not need it or the encoder has not coded it yet.
     pub outcome: Option<Coded>,
-    /// True for an I picture.
+    /// Whether the picture is an I picture.
     pub begins_group: bool,
     /// Expected coding of the next picture.
     pub next: NextPicture,
 }
 
 impl Coding {
-    /// Returns a coding with only the quantiser known.
+    /// Returns a coding in which only the quantiser is known.
     #[must_use]
     pub fn of_quantiser(quantiser_scale: f32) -> Self {
         Self { quantiser_scale, outcome: None, begins_group: false, next: NextPicture::Predicted }
@@ -309,10 +308,10 @@ impl Default for Coding {
     }
 }
 
-/// Thresholds ΔY of a frame, on the feedback edge to the renderer.
+/// Thresholds ΔY of a frame, which masking sends back to the renderer.
 #[derive(Clone, Debug)]
 pub struct LuminanceThresholds {
-    /// Number of the frame from which they were derived; the next frame uses them.
+    /// Number of the frame from which the thresholds were derived; the next frame uses them.
     pub of: u32,
     /// Permitted luminance error \[W·m⁻²·sr⁻¹\].
     pub delta: Arc<Plane<f32>>,
@@ -320,7 +319,7 @@ pub struct LuminanceThresholds {
     pub luminance: Arc<Plane<f32>>,
 }
 
-/// Thresholds of the previous frame, as seen from the current frame.
+/// Thresholds of the previous frame, for reprojection to the current frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LastThresholds<'a> {
     thresholds: Option<&'a LuminanceThresholds>,
@@ -328,24 +327,25 @@ pub struct LastThresholds<'a> {
 }
 
 impl<'a> LastThresholds<'a> {
-    /// Returns no thresholds: every pixel's luminance may have an error of 2 %.
+    /// Returns default thresholds: every pixel's luminance may have an error of 2 %.
     #[must_use]
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// Returns the `thresholds` of frame `index` − 1 for frame `index`. Without a correspondence they are unused.
+    /// Returns the `thresholds` of frame `index` − 1, for use in frame `index`. Without a correspondence they are
+    /// unused.
     ///
     /// # Panics
-    /// If they belong to another frame: the feedback is exactly one frame late.
+    /// If the thresholds belong to another frame: the feedback is exactly one frame late.
     #[must_use]
     pub fn new(index: u32, thresholds: Option<&'a LuminanceThresholds>, known: Option<&'a Correspondence>) -> Self {
         assert!(thresholds.is_none_or(|thresholds| thresholds.of + 1 == index), "thresholds out of step");
         Self { thresholds, known }
     }
 
-    /// Returns ΔY reprojected along the motion; without thresholds, 2 % of luminance for a picture of `width` ×
-    /// `height`.
+    /// Returns ΔY reprojected along the motion, for a picture of `width` × `height`. Without thresholds, ΔY is 2 % of
+    /// luminance.
     #[must_use]
     pub fn map(&self, width: usize, height: usize) -> ThresholdMap {
         self.reprojected(|thresholds| &thresholds.delta).unwrap_or_else(|| ThresholdMap::relative(width, height))

@@ -1,11 +1,11 @@
-//! The report of each frame. Field names are stable.
+//! The report of each frame, with stable field names.
 
 use crate::figures::FrameFigures;
 use crate::parts::CodedFrame;
 use plane::PictureType;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Name of a picture type. As an alias, it keeps serde from borrowing it from its input.
+/// Name of a picture type. The alias prevents serde from borrowing the name from its input.
 pub(crate) type PictureTypeName = &'static str;
 
 /// Report of one frame.
@@ -21,9 +21,9 @@ pub struct FrameReport {
     pub bits: u64,
     /// quantiser_scale of the picture.
     pub qscale: u32,
-    /// PSNR of the coded luma against the uncoded \[dB\]; null if both are equal.
+    /// PSNR of the coded luma against the uncoded luma \[dB\]; null if both are equal.
     pub psnr_y: Option<f64>,
-    /// CPU seconds and counts of the stages.
+    /// CPU seconds and counts of the frame.
     #[serde(flatten)]
     pub figures: FrameFigures,
 }

@@ -1,4 +1,4 @@
-//! The stages as the driver runs them: with spans, CPU seconds, and results for observers and the report.
+//! Stages as the driver runs them: with spans, CPU seconds, and results for observers and the report.
 
 use super::checkpoint::Part;
 use super::log::FilmLog;
@@ -33,7 +33,7 @@ impl<P: Prepare> Stage for Preparing<P> {
     }
 }
 
-/// Motion of a frame, passed around the renderer to the encoder.
+/// Motion of a frame, which bypasses shading on the way from preparation to the encoder.
 pub(super) struct Motion {
     correspondence: Option<Arc<Correspondence>>,
     forward: Option<Arc<Correspondence>>,
@@ -74,13 +74,13 @@ impl<F, S: Shade<F>> Stage for Shading<S, F> {
 /// Checks that all ranks computed the same light, and adds up their figures.
 ///
 /// # Errors
-/// The ranks computed different light.
+/// If the ranks computed different light.
 fn agree(ranks: &dyn Ranks, index: u32, shaded: &mut Shaded) -> Result<()> {
     if ranks.count() == 1 {
         return Ok(());
     }
 
-    // Checksum of the light, and this rank's figures.
+    // Send the checksum of the light, and this rank's figures.
     let mut sum = crc32fast::Hasher::new();
     let mut row = Vec::new();
     for y in 0..shaded.radiance.height() {
@@ -93,7 +93,7 @@ fn agree(ranks: &dyn Ranks, index: u32, shaded: &mut Shaded) -> Result<()> {
     sum.finalize().put(&mut own);
     figures.of_rank().put(&mut own);
 
-    // Every rank compares all sums with the first one, so either all ranks fail or none.
+    // Compare all sums with the first one on every rank, so either all ranks fail or none.
     let all = ranks.all_gather(own);
     let mut answers = Vec::with_capacity(all.len());
     for bytes in &all {
@@ -200,7 +200,7 @@ pub(super) struct Masking<'a, M> {
     part: M,
     /// Thresholds of the last frame, for a checkpoint.
     thresholds: Option<LuminanceThresholds>,
-    /// Frames, and the CPU seconds of masking them.
+    /// Frame numbers, each with the CPU seconds of masking the frame.
     spent: &'a mut Vec<(u32, f64)>,
     observer: &'a dyn Observer,
     pool: ThreadPool,
@@ -236,8 +236,8 @@ impl<M: Mask> Stage for Masking<'_, M> {
     }
 }
 
-/// Returns a pool of one thread for a stage with short work. In the common pool it would queue after a picture's
-/// macroblocks, and its time could not be measured separately.
+/// Returns a pool of one thread for a stage with short work. In the common pool, the work would queue behind the
+/// macroblocks of a picture, and its time could not be measured separately.
 fn pool_of_one() -> Result<ThreadPool> {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")
 }

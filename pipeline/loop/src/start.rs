@@ -1,4 +1,4 @@
-//! The stages of a film, and its first frame.
+//! The stages of a film, and the start of a new or resumed film.
 
 use super::checkpoint::{Checkpoints, Part};
 use super::log::FilmLog;
@@ -17,7 +17,7 @@ pub struct Parts<P, S, D, M, E> {
     pub prepare: P,
     /// Second half of the renderer.
     pub shade: S,
-    /// Tone curve, and files of uncompressed frames.
+    /// Display: tone curve, and files of uncompressed frames.
     pub display: D,
     /// Encoder with its container.
     pub encode: E,
@@ -29,9 +29,9 @@ pub struct Parts<P, S, D, M, E> {
 #[derive(Debug)]
 pub struct Start<'a> {
     pub(super) checkpoints: &'a Checkpoints,
-    /// First frame of the film, or of the range that is made.
+    /// First frame of the film or of the range to make.
     pub(super) begin: u32,
-    /// First frame that is not finished yet.
+    /// First unfinished frame.
     pub(super) first: u32,
     pub(super) thresholds: Option<LuminanceThresholds>,
     pub(super) masking_seconds: Vec<(u32, f64)>,
@@ -40,11 +40,12 @@ pub struct Start<'a> {
     pub(super) lead: Lead,
 }
 
-/// State of masking in a checkpoint: its own state, ΔY and luminance of the last frame, and its CPU seconds so far.
+/// State of masking in a checkpoint: the state of the stage, ΔY and luminance of the last frame, and CPU seconds per
+/// frame.
 type MaskState = (Vec<u8>, Option<(Plane<f32>, Plane<f32>)>, Vec<(u32, f64)>);
 
 impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S, D, M, E> {
-    /// Brings every stage to the first frame, or after the last finished frame of `checkpoints`.
+    /// Prepares every stage for the first frame, or restores the stages after the last finished frame of `checkpoints`.
     ///
     /// # Errors
     /// If a stage cannot restore its state, or a file of uncompressed frames cannot be opened.
@@ -52,7 +53,8 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S,
         self.begin_at(0, checkpoints)
     }
 
-    /// Does the same as [`begin`](Parts::begin), for a range of a film with first frame `begin`.
+    /// Prepares or restores every stage as [`begin`](Parts::begin) does, for a range of a film with first frame
+    /// `begin`.
     ///
     /// # Errors
     /// If a stage cannot restore its state, or a file of uncompressed frames cannot be opened.
@@ -60,7 +62,8 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S,
         self.begin_among(begin, checkpoints, Lead::nobody())
     }
 
-    /// Does the same as [`begin_at`](Parts::begin_at), with this process as `lead` of other ranks.
+    /// Prepares or restores every stage as [`begin_at`](Parts::begin_at) does, with this process as `lead` of other
+    /// ranks.
     pub fn begin_among<'a>(&mut self, begin: u32, checkpoints: &'a Checkpoints, lead: Lead) -> Result<Start<'a>> {
         let log = FilmLog::beginning(begin);
         let (thresholds, masking_seconds) = (None, Vec::new());
@@ -89,26 +92,26 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S,
             mask.restore(&own, &thresholds)?;
             (start.thresholds, start.masking_seconds) = (Some(thresholds), masking_seconds);
         }
-        // From here on all ranks restore the same state.
+        // All ranks restore the same state, so rank 0 sends it before the remaining steps.
         start.lead.start(start.first, Some((state(Part::Prepare), state(Part::Shade))));
         let done = self.prepare.restore(state(Part::Prepare), last)?;
         self.shade.restore(state(Part::Shade), &done)?;
-        // The display comes last, because it truncates its file.
+        // Restore the display last, because it truncates its file.
         self.display.restore(state(Part::Display), &checkpoints.kept())
     }
 }
 
 impl Start<'_> {
-    /// First frame that is not finished yet.
+    /// Returns the first unfinished frame.
     #[must_use]
     pub fn first_frame(&self) -> u32 {
         self.first
     }
 
-    /// Writes the film to `path`: a new file, or after the bytes at the checkpoint.
+    /// Opens the file at `path` for the film: a new file, or the existing one after its bytes at the checkpoint.
     ///
     /// # Errors
-    /// If the file cannot be written, or is shorter than at the checkpoint.
+    /// If the file cannot be written, or is shorter than it was at the checkpoint.
     pub fn write_to(&mut self, path: &Path) -> Result<()> {
         self.log.write_to(path, self.first > self.begin, self.checkpoints.kept())
     }

@@ -1,4 +1,4 @@
-//! States of stages as bytes, for checkpoints. No other file of this crate uses bincode.
+//! Conversion of stage states to bytes, for checkpoints. No other file of this crate uses bincode.
 
 use crate::error::{Context, Error, Result};
 use serde::Serialize;
@@ -6,13 +6,13 @@ use serde::de::DeserializeOwned;
 
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 
-/// Message about a state that does not belong to this film.
+/// Message for a state that does not belong to this film.
 pub const NONSENSE: &str = "the checkpoint is invalid: restart without --resume";
 
 /// Encodes a state as bytes, for [`decode`].
 ///
 /// # Panics
-/// If the value cannot be stored, such as a map of unknown length.
+/// If the value cannot be encoded, such as a map of unknown length.
 #[must_use]
 pub fn encode(value: &impl Serialize) -> Vec<u8> {
     bincode::serde::encode_to_vec(value, CONFIG).expect("states of stages can be encoded")
@@ -21,18 +21,19 @@ pub fn encode(value: &impl Serialize) -> Vec<u8> {
 /// Decodes a state from the bytes of [`encode`].
 ///
 /// # Errors
-/// If the bytes are not such a state.
+/// If the bytes are not an encoded `T`.
 pub fn decode<T: DeserializeOwned>(state: &[u8]) -> Result<T> {
     decode_bytes(state).context(NONSENSE)
 }
 
-/// Decodes like [`decode`], but without its message.
+/// Decodes bytes as [`decode`] does, but with the decoder's error message.
 ///
 /// # Errors
-/// If the bytes are not such a state.
+/// If the bytes are not an encoded `T`.
 pub fn decode_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
-    // Memory for strings is reserved by their stated length. Numbers of eight bytes may be stored as one byte, so
-    // decoded data has at most eight times the stored size. Limits must be constants.
+    // Limit the decoded size. The decoder reserves memory for a string by its stated length. Encoding shrinks
+    // eight-byte numbers to one byte at best, so decoded data has at most eight times the stored size. Limits must be
+    // constants.
     match bytes.len().checked_ilog2() {
         None | Some(0..16) => decode_within::<T, 0x8_0000>(bytes),
         Some(16..24) => decode_within::<T, 0x800_0000>(bytes),
@@ -56,14 +57,14 @@ mod tests {
 
     #[test]
     fn texts_are_no_longer_than_their_file() {
-        // A length of 2⁵⁰ bytes in bincode's format.
+        // Encode a length of 2⁵⁰ bytes in bincode's format.
         let length = [&[253][..], &(1u64 << 50).to_le_bytes()].concat();
         assert!(decode::<String>(&length).is_err());
         assert!(decode::<(u8, Vec<u8>)>(&[&[1], &length[..]].concat()).is_err());
         let numbers = vec![u64::MAX, 1, 0];
         assert_eq!(decode::<Vec<u64>>(&encode(&numbers)).unwrap(), numbers);
         for count in [0, 1000, 0x1_0000, 0x10_0000] {
-            // Every number is stored in one byte, the minimum for eight.
+            // Use numbers that are stored in one byte each, the minimum for eight.
             let numbers = vec![7u64; count];
             assert!(decode::<Vec<u64>>(&encode(&numbers)).unwrap() == numbers, "{count} numbers");
         }

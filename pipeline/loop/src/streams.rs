@@ -4,23 +4,23 @@ use crate::error::{Error, Result};
 use std::fs;
 use std::path::Path;
 
-/// Returns true for any name of standard output.
+/// Returns whether `path` names standard output.
 #[must_use]
 pub fn is_standard_output(path: &Path) -> bool {
     ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }
 
-/// Returns true for standard output, a device or a pipe. They are written directly, never resumed, and have no files
-/// next to them.
+/// Returns whether `path` is standard output, a device or a pipe. These are written directly, are never resumed, and
+/// have no files next to them.
 #[must_use]
 pub fn is_stream(path: &Path) -> bool {
     is_standard_output(path) || fs::metadata(path).is_ok_and(|metadata| !metadata.is_file())
 }
 
-/// Creates a folder unless it exists.
+/// Creates the folder `path` unless it exists.
 ///
 /// # Errors
-/// If a file has its name, or the system refuses.
+/// If a file has the folder's name, or the system refuses.
 pub fn make_folder(path: &Path) -> Result<()> {
     if path.is_file() {
         return Err(Error::content(path, " is a file, not a folder; choose another name"));

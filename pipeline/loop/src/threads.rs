@@ -3,16 +3,16 @@
 use super::checkpoint::{Checkpoints, Part};
 use crate::error::{Context, Error, Result};
 
-/// Message between two stages, with its frame.
+/// Message between two stages, labeled with its frame.
 pub(super) struct Stamped<T> {
     pub index: u32,
-    /// True if each stage stores its state for a checkpoint after this frame.
+    /// Whether each stage stores its state for a checkpoint after this frame.
     pub marked: bool,
     pub content: T,
 }
 
 impl<T> Stamped<T> {
-    /// Returns another message of the same frame.
+    /// Returns a message of the same frame with its content converted by `other`.
     pub fn with<U>(self, other: impl FnOnce(T) -> U) -> Stamped<U> {
         Stamped { index: self.index, marked: self.marked, content: other(self.content) }
     }
@@ -25,10 +25,10 @@ pub(super) trait Stage: Sized {
     type In;
     type Out;
 
-    /// Processes frame `index`; `None` ends the film.
+    /// Processes frame `index`; returns `None` to end the film.
     fn step(&mut self, index: u32, input: Self::In) -> Result<Option<Self::Out>>;
 
-    /// State after the last step.
+    /// Returns the state after the last step.
     fn state(&self) -> Result<Vec<u8>>;
 
     /// Ends the film in order, after the last frame.
@@ -37,12 +37,12 @@ pub(super) trait Stage: Sized {
     }
 }
 
-/// Steps through `frames` to their end, or until the receiver of `send` is gone.
+/// Steps through `frames` until they end, or until the receiver of `send` is gone.
 ///
 /// The stage stores its state after each marked frame, and after the last frame of a run that ended early.
 ///
 /// # Errors
-/// The first failure of a step, or a failure to get the state.
+/// Returns the first failure of a step, or a failure to get the state.
 pub(super) fn work<S: Stage>(
     checkpoints: &Checkpoints,
     mut stage: S,
@@ -57,7 +57,7 @@ pub(super) fn work<S: Stage>(
         }
         last = Some(index);
         if !send(Stamped { index, marked, content }) {
-            // A later stage has failed, and the driver reports it.
+            // Return without an error: a later stage has failed, and the driver reports its failure.
             return Ok(());
         }
     }
@@ -70,7 +70,7 @@ pub(super) fn work<S: Stage>(
 /// Name and work of a thread.
 pub(super) type Work<'a> = (&'static str, Box<dyn FnOnce() -> Result<()> + Send + 'a>);
 
-/// Names the work of a thread.
+/// Pairs the work of a thread with its name.
 pub(super) fn stage<'a>(name: &'static str, work: impl FnOnce() -> Result<()> + Send + 'a) -> Work<'a> {
     (name, Box::new(work))
 }
@@ -81,7 +81,7 @@ pub(super) fn stage<'a>(name: &'static str, work: impl FnOnce() -> Result<()> + 
 /// reported.
 ///
 /// # Errors
-/// The first failure or panic of a stage.
+/// Returns the first failure or panic of a stage.
 pub(super) fn run<const N: usize>(stages: [Work<'_>; N]) -> Result<()> {
     std::thread::scope(|scope| {
         let started = stages.map(|(name, stage)| {

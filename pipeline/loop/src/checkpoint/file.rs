@@ -12,21 +12,21 @@ use std::fs;
 use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2MC";
-/// Format version, incremented with every change of the stored data.
+/// Version of the format, incremented with every change of the stored data.
 const VERSION: u32 = 16;
 const HEADER: usize = 20;
 
-/// Origin of a film: only a run with the same identity can continue it.
+/// Program, settings and inputs of a film: only a run with equal ones can continue it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Identity {
     pub program: String,
     /// All settings, as JSON.
     pub settings: String,
-    /// CRC-32 of the input files.
+    /// CRC-32 of all input files.
     pub inputs: u32,
 }
 
-/// State that a run passes from one frame to the next.
+/// State of a run after a frame.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Stored {
     pub identity: Identity,
@@ -37,7 +37,7 @@ pub(super) struct Stored {
 }
 
 impl Identity {
-    /// Returns how the stored `self` differs from `wanted`; `None` if both are the same job.
+    /// Returns the difference between the stored `self` and `wanted`; `None` if both are the same job.
     pub fn difference(&self, wanted: &Self) -> Option<String> {
         if self.program != wanted.program {
             return Some(format!("it was written by {}, and this is {}", self.program, wanted.program));
@@ -65,7 +65,7 @@ fn shown(value: &serde_json::Value) -> String {
 }
 
 impl Stored {
-    /// Writes the checkpoint; the previous one is replaced only when this one is complete.
+    /// Writes the checkpoint. The previous one is replaced only when the new one is complete.
     pub fn write(&self, path: &Path) -> Result<()> {
         let body = encode(self);
         let mut header = Vec::with_capacity(HEADER);

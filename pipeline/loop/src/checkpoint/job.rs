@@ -1,20 +1,20 @@
-//! Identity of a film: only a run with the same program, settings and inputs continues it.
+//! Job of making a film: only a run with the same program, settings and inputs continues it.
 
 use super::file::Identity;
 use std::path::{Path, PathBuf};
 
-/// Film with all data that determines its bits.
+/// Film, with all data that determines its bits.
 #[derive(Clone, Debug)]
 pub struct FilmJob {
     film: PathBuf,
     identity: Identity,
-    /// Number of the frame after the last; `None` if unknown.
+    /// Index of the first frame after the film or range; `None` if unknown.
     end: Option<u32>,
 }
 
 impl FilmJob {
-    /// Returns the job of a film at `film` made by `program`. `settings` is a JSON object with every setting that
-    /// affects the bits; `inputs` is a checksum of the input files.
+    /// Returns the job of making the film at path `film` with `program`. `settings` is a JSON object with every setting
+    /// that affects the bits. `inputs` is a checksum of the input files.
     #[must_use]
     pub fn new(film: &Path, program: &str, settings: &str, inputs: u32) -> Self {
         Self {
@@ -24,33 +24,33 @@ impl FilmJob {
         }
     }
 
-    /// Path of the film.
+    /// Returns the path of the film.
     #[must_use]
     pub fn film(&self) -> &Path {
         &self.film
     }
 
-    /// Returns the same job with `end` as the number of the frame after the last.
+    /// Returns the job with `end` as the index of the first frame after the film or range.
     #[must_use]
     pub fn with_end(self, end: Option<u32>) -> Self {
         Self { end, ..self }
     }
 
-    /// Checksum of the data that all ranks of a film must have in common. Paths are excluded: ranks may read and
-    /// write at different paths.
+    /// Returns the checksum of the data that all ranks of a film must have in common. Paths are excluded: ranks may
+    /// read and write at different paths.
     #[must_use]
     pub fn sum(&self) -> u32 {
         let Identity { program, settings, inputs } = &self.identity;
         crc32fast::hash(format!("{program} {settings} {inputs} {:?}", self.end).as_bytes())
     }
 
-    /// Returns true if both jobs make the same film, apart from its length.
+    /// Returns whether both jobs make the same film, apart from its length.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
         self.identity.difference(&other.identity).is_none()
     }
 
-    /// Number of the frame after the last; `None` if unknown.
+    /// Returns the index of the first frame after the film or range; `None` if unknown.
     #[must_use]
     pub fn end(&self) -> Option<u32> {
         self.end

@@ -1,14 +1,14 @@
 //! Checkpoints: the states of all stages are written at intervals, and another process continues the film from them
 //! to the same bits.
 //!
-//! A checkpoint contains the state of every stage after the same frame. The driver marks that frame at its start, and
-//! each stage stores its state here after the frame. When the last state arrives, the file is written atomically.
-//! Stages do not wait for each other, so the states are stored at different times.
+//! A checkpoint contains the state of every stage after the same frame. The driver marks that frame when it starts, and
+//! each stage stores its state after processing it. When the last state arrives, the file is written atomically. Stages
+//! do not wait for each other, so the states are stored at different times.
 //!
-//! A run that ends early (Ctrl-C) leaves a checkpoint after its last frame, when its stages end.
+//! A run that ends early (Ctrl-C) leaves a checkpoint after its last frame.
 //!
-//! Data that follows from scene and settings is not stored but recomputed: the ray tree, photons, direct lights and
-//! the G-buffer of the last frame. That one frame is therefore prepared again.
+//! Data that follows from scene and settings is recomputed instead of stored: the ray tree, photons, direct lights and
+//! the G-buffer of the last frame. Resuming therefore prepares that one frame again.
 
 mod file;
 mod job;
@@ -24,18 +24,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Stage to which a state belongs.
+/// Stage of the loop, as the owner of a state in a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// The light tree.
+    /// Preparation; its state is the light tree.
     Prepare,
-    /// The irradiance cache, or the light of a static film.
+    /// Shading; its state is the irradiance cache, or the light of a static film.
     Shade,
-    /// The exposure, and the length of the uncompressed file.
+    /// Display; its state is the exposure and the length of the uncompressed file.
     Display,
-    /// The encoder with its waiting frames, the length of the film, and the reports so far.
+    /// Encoder; its state includes the waiting frames, the length of the film, and the reports so far.
     Encode,
-    /// The thresholds ΔY; absent in films without masking.
+    /// Masking; its state is the thresholds ΔY. Films without masking have none.
     Mask,
 }
 
@@ -47,11 +47,11 @@ type States = [Option<Vec<u8>>; PARTS];
 /// Destination of a run's checkpoints, and the checkpoint from which the run starts.
 #[derive(Debug)]
 pub struct Checkpoints {
-    /// `None` writes no checkpoints.
+    /// Job and file of the checkpoints; `None` writes no checkpoints.
     place: Option<Destination>,
     from: Option<Stored>,
     path: Option<PathBuf>,
-    /// True if a checkpoint exists, so that an unfinished film is kept.
+    /// Whether a checkpoint exists, so that an unfinished film is kept.
     kept: Arc<AtomicBool>,
 }
 
@@ -65,40 +65,40 @@ struct Destination {
 
 #[derive(Debug)]
 struct CheckpointProgress {
-    /// Time at which a frame was last marked.
+    /// Time at which a frame was last marked for a checkpoint.
     last: Instant,
-    /// Last frame of a run that ends before its film.
+    /// Last frame of a run that ends before its film does.
     ends_after: Option<u32>,
     /// Number of states in a complete checkpoint.
     expected: usize,
     waiting: BTreeMap<u32, States>,
-    /// First checkpoint that could not be written, until it is reported.
+    /// First failure to write a checkpoint, until it is reported.
     failure: Option<Error>,
 }
 
 impl Checkpoints {
-    /// Returns checkpoints that write nothing and start the film at its first frame.
+    /// Returns checkpoints that write no files and start the film at its first frame.
     #[must_use]
     pub fn off() -> Self {
         Self { place: None, from: None, path: None, kept: Arc::default() }
     }
 
-    /// Returns the checkpoints of a film that starts at its first frame: one at every interval `every`, next to the
-    /// film, or after each frame if the interval is zero. The first frame's start removes the checkpoint of an
-    /// earlier run.
+    /// Returns the checkpoints of a film that starts at its first frame. A checkpoint is written next to the film at
+    /// every interval `every`, or after each frame if the interval is zero. Starting the first frame removes the
+    /// checkpoint of an earlier run.
     #[must_use]
     pub fn new(job: &FilmJob, every: Option<Duration>) -> Self {
         let path = path_for(job.film());
-        // A stream cannot be truncated later.
+        // Exclude streams: they cannot be truncated later.
         let is_file = !is_stream(job.film());
         let place = every.filter(|_| is_file).map(|every| Destination::new(path.clone(), job, every));
         Self { place, from: None, path: Some(path), kept: Arc::default() }
     }
 
-    /// Continues from the checkpoint next to the film; without one, starts at the first frame.
+    /// Continues from the checkpoint next to the film. Without one, the film starts at its first frame.
     ///
     /// # Errors
-    /// If the checkpoint is damaged or belongs to another scene, other settings or another program version.
+    /// If the checkpoint is damaged, or belongs to another scene, program version or settings.
     pub fn resume(job: &FilmJob, every: Option<Duration>) -> Result<Self> {
         let path = path_for(job.film());
         if !path.exists() {
@@ -122,19 +122,19 @@ impl Checkpoints {
         Ok(Self { place, from: Some(stored), path: Some(path), kept: Arc::new(AtomicBool::new(true)) })
     }
 
-    /// Last finished frame; `None` at the start of a film.
+    /// Returns the last finished frame; `None` at the start of a film.
     #[must_use]
     pub fn last_frame(&self) -> Option<u32> {
         self.from.as_ref().map(|stored| stored.frame)
     }
 
-    /// State of a stage after [`Checkpoints::last_frame`]; empty if it has none.
+    /// Returns the state of a stage after [`Checkpoints::last_frame`]; empty if the stage has none.
     #[must_use]
     pub fn state(&self, part: Part) -> &[u8] {
         self.from.as_ref().map_or(&[], |stored| &stored.states[part as usize])
     }
 
-    /// Adds the checkpoint's path to the error of a stage that could not restore its state. Errors with a path are
+    /// Adds the checkpoint's path to the error of a stage that could not restore its state. Returns errors with a path
     /// unchanged.
     pub(super) fn named(&self, error: Error) -> Error {
         match (&self.path, error) {
@@ -143,12 +143,12 @@ impl Checkpoints {
         }
     }
 
-    /// Flag that is true while a checkpoint exists.
+    /// Returns a flag that is true while a checkpoint exists.
     pub(super) fn kept(&self) -> Arc<AtomicBool> {
         self.kept.clone()
     }
 
-    /// Returns, once, a warning about a checkpoint that could not be written. The film continues, and the previous
+    /// Returns a warning about a checkpoint that could not be written, only once. The film continues, and the previous
     /// checkpoint remains.
     #[must_use]
     pub fn take_warning(&self) -> Option<String> {
@@ -156,11 +156,11 @@ impl Checkpoints {
         Some(format!("{}; the film continues without it", failure.chain()))
     }
 
-    /// Sets the number of states, which depends on `masking`, and removes the checkpoint of an earlier run. The
-    /// driver calls this before the first frame, once it owns the film's file.
+    /// Sets the number of states, which depends on `masking`, and removes the checkpoint of an earlier run. The driver
+    /// calls this before the first frame, after it has opened the film's file.
     ///
     /// # Errors
-    /// If that checkpoint cannot be removed.
+    /// If the earlier checkpoint cannot be removed.
     pub(super) fn begin(&self, masking: bool) -> Result<()> {
         if let Some(path) = self.path.as_ref().filter(|_| self.from.is_none()) {
             remove(path)?;
@@ -171,7 +171,7 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// Returns true if a checkpoint is due after the frame that starts now. Call it once per frame.
+    /// Returns whether a checkpoint is due after the frame that starts now. Call this function once per frame.
     pub(super) fn is_due(&self) -> bool {
         let Some(place) = &self.place else { return false };
         let mut progress = place.lock();
@@ -182,29 +182,29 @@ impl Checkpoints {
         due
     }
 
-    /// Requests a checkpoint after the last frame of a film with `end` frames, from which a longer film can continue.
+    /// Requests a checkpoint after the last frame of a film with `end` frames. A longer film can continue from it.
     pub fn leave_at_end(&self, end: u32) {
         if let Some(place) = &self.place {
             place.lock().ends_after = end.checked_sub(1);
         }
     }
 
-    /// Records that the run ends early, before frame `next`; called before the first stage ends its output. A run that
-    /// started with frame `first` and made no frame leaves no checkpoint.
+    /// Records that the run ends early, before frame `next`. Call this before the first stage ends its output. A run
+    /// that started with frame `first` and made no frame leaves no checkpoint.
     pub(super) fn end_before(&self, next: u32, first: u32) {
         if let Some(place) = self.place.as_ref().filter(|_| next > first) {
             place.lock().ends_after = Some(next - 1);
         }
     }
 
-    /// Returns true if a stage that ends after `frame` must store its state, since the run ended early and can be
+    /// Returns whether a stage that ends after `frame` must store its state, because the run ended early and can be
     /// resumed there.
     pub(super) fn ends_after(&self, frame: u32) -> bool {
         self.place.as_ref().is_some_and(|place| place.lock().ends_after == Some(frame))
     }
 
-    /// Stores the state of a stage after `frame`, and writes the checkpoint if this state completes it. If that
-    /// fails, the previous checkpoint remains, and [`take_warning`](Self::take_warning) reports the error.
+    /// Stores the state of a stage after `frame`, and writes the checkpoint if this state completes it. If writing
+    /// fails, the previous checkpoint remains, and [`take_warning`](Self::take_warning) returns the error.
     pub(super) fn leave(&self, frame: u32, part: Part, state: Vec<u8>) {
         let Some(place) = &self.place else { return };
         let mut progress = place.lock();
@@ -213,7 +213,7 @@ impl Checkpoints {
         states[part as usize] = Some(state);
         let whole = states.iter().flatten().count() == expected;
         let Some(states) = whole.then(|| progress.waiting.remove(&frame)).flatten() else { return };
-        // Written under the lock, so that checkpoints are written in frame order.
+        // Write under the lock, so that checkpoints are written in frame order.
         let states = states.map(Option::unwrap_or_default).to_vec();
         match (Stored { identity: place.job.identity().clone(), frame, states }.write(&place.path)) {
             Ok(()) => {
@@ -243,12 +243,12 @@ impl Destination {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, CheckpointProgress> {
-        // A panic leaves this data consistent: poison can be ignored.
+        // Ignore lock poisoning: a panic leaves this data consistent.
         self.progress.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }
 
-/// Removes a checkpoint, including an incomplete one of a killed run.
+/// Removes a checkpoint, and the incomplete checkpoint of a killed run.
 fn remove(path: &Path) -> Result<()> {
     for path in [path, &part_of(path)] {
         match std::fs::remove_file(path) {
@@ -261,7 +261,7 @@ fn remove(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Returns the checkpoint's path: `film.m2v` → `film.m2v.checkpoint`.
+/// Returns the path of the checkpoint of `film`: `film.m2v` → `film.m2v.checkpoint`.
 #[must_use]
 pub fn path_for(output: &Path) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_owned();

@@ -1,4 +1,4 @@
-//! Orders of rank 0 to the other ranks: the initial state, the next frame, the end.
+//! Orders of rank 0 to the other ranks: initial state, next frame, end.
 
 use crate::error::{Error, Result};
 use crate::parts::LuminanceThresholds;
@@ -11,20 +11,20 @@ use std::sync::Arc;
 /// Order of rank 0.
 #[derive(Debug, Deserialize)]
 pub(crate) enum Order {
-    /// Initial state of all ranks, and the first frame to make.
+    /// Restore the initial state of all ranks. `first` is the first frame to make.
     Start { first: u32, restored: Option<RestoredState> },
-    /// Announces whether the first frame is made.
+    /// Prepare the first frame if rank 0 `goes_on`.
     Begin { goes_on: bool },
     /// Shade this frame. Store the state if it is `marked`; prepare the next frame if rank 0 `goes_on`.
     Frame { index: u32, marked: bool, goes_on: bool, thresholds: Option<SentThresholds> },
-    /// No further frame. The state after the last one may be needed; one more frame may be prepared, as on rank 0.
+    /// Shade no further frame. Store the state if `state_wanted`. Prepare one more frame if rank 0 `goes_on`.
     End { state_wanted: bool, goes_on: bool },
 }
 
-/// States after a finished frame.
+/// States of preparation and shading after a finished frame.
 #[derive(Debug, Deserialize)]
 pub(crate) struct RestoredState {
-    /// Number of that frame.
+    /// Number of the finished frame.
     pub last: u32,
     pub prepare: Vec<u8>,
     pub shade: Vec<u8>,
@@ -33,7 +33,7 @@ pub(crate) struct RestoredState {
 /// Thresholds of a frame: its number, ΔY and luminance.
 type SentThresholds = (u32, Plane<f32>, Plane<f32>);
 
-/// The same orders as they are sent.
+/// Order of rank 0 in the form in which it is sent: with references instead of owned data.
 #[derive(Serialize)]
 enum Sent<'a> {
     Start { first: u32, restored: Option<(u32, &'a [u8], &'a [u8])> },
@@ -57,17 +57,17 @@ impl Order {
     }
 }
 
-/// Rank 0 as the leader of all others. If dropped early, it announces that no further frame follows.
+/// Leadership of rank 0 over all other ranks. If dropped early, it announces that no further frame follows.
 #[derive(Debug)]
 pub struct Lead {
     ranks: Arc<dyn Ranks>,
     has_ended: bool,
-    /// True if rank 0 prepares a frame that the other ranks have no order for yet.
+    /// Whether rank 0 prepares a frame that it has not ordered from the other ranks yet.
     goes_on: bool,
 }
 
 impl Lead {
-    /// Returns the leader of `ranks`, where this rank is the first.
+    /// Returns the leader of `ranks`. This rank must be the first.
     pub fn of(ranks: Arc<dyn Ranks>) -> Self {
         let has_ended = ranks.count() == 1;
         Self { ranks, has_ended, goes_on: false }
@@ -78,7 +78,7 @@ impl Lead {
         Self::of(Arc::new(Alone))
     }
 
-    /// This rank and the ranks that it leads.
+    /// Returns the communication between this rank and the ranks that it leads.
     pub fn ranks(&self) -> Arc<dyn Ranks> {
         self.ranks.clone()
     }
@@ -101,12 +101,12 @@ impl Lead {
         self.say(&Sent::Begin { goes_on });
     }
 
-    /// Notes whether rank 0 prepares another frame.
+    /// Records whether rank 0 prepares another frame.
     pub fn notes(&mut self, goes_on: bool) {
         self.goes_on = goes_on;
     }
 
-    /// Orders frame `index` to be shaded with these thresholds.
+    /// Orders the other ranks to shade frame `index` with these thresholds.
     pub fn frame(&mut self, index: u32, marked: bool, thresholds: Option<&LuminanceThresholds>) {
         let thresholds = thresholds.map(|known| (known.of, &*known.delta, &*known.luminance));
         let goes_on = std::mem::take(&mut self.goes_on);
@@ -123,7 +123,7 @@ impl Lead {
 
 impl Drop for Lead {
     fn drop(&mut self) {
-        // A rank that panics sends nothing: the other ranks may be inside an operation that it left.
+        // Send nothing if this rank panics: the other ranks may be in a collective operation that it left.
         if !std::thread::panicking() {
             self.end(false);
         }

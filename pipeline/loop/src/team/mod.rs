@@ -6,9 +6,9 @@
 //! rank 1   Prepare ──► Shade                                      no files, no words
 //!             ║          ║         ═  results of shared loops, by `ranks`
 //! ```
-//! Every rank prepares and shades every frame from the same state; inner loops are shared. Rank 0 orders the next
-//! frame with its thresholds (`lead.rs`), so no result depends on the timing of a rank. First, all ranks compare the
-//! film that they are about to make ([`muster`]).
+//! Every rank prepares and shades every frame from the same state; the ranks share the work of inner loops. Rank 0
+//! orders the next frame with its thresholds (`lead.rs`), so no result depends on the timing of a rank. Before the
+//! first frame, all ranks check that they make the same film ([`muster`]).
 
 mod lead;
 mod muster;
@@ -20,12 +20,12 @@ pub use muster::{Present, muster};
 use ranks::{Alone, Mail, Ranks, ThreadMail};
 use std::sync::Arc;
 
-/// Ranks of a film for each stage with shared work. Both stages work in parallel, with separate messages.
+/// Communication between the ranks of a film. Both stages with shared work run in parallel, with separate messages.
 #[derive(Clone, Debug)]
 pub struct Team {
-    /// Ranks of [`Prepare`](crate::parts::Prepare).
+    /// Communication of [`Prepare`](crate::parts::Prepare).
     pub prepare: Arc<dyn Ranks>,
-    /// Ranks of [`Shade`](crate::parts::Shade), also used for orders of rank 0.
+    /// Communication of [`Shade`](crate::parts::Shade), also used for orders of rank 0.
     pub shade: Arc<dyn Ranks>,
     /// Messages between two ranks, received in parallel with the work.
     pub mail: Arc<dyn Mail>,
@@ -38,13 +38,13 @@ impl Team {
         Self { prepare: Arc::new(Alone), shade: Arc::new(Alone), mail: Arc::new(ThreadMail::alone()) }
     }
 
-    /// Number of this process.
+    /// Returns the number of this process, from 0.
     #[must_use]
     pub fn rank(&self) -> usize {
         self.shade.rank()
     }
 
-    /// Number of processes.
+    /// Returns the number of processes.
     #[must_use]
     pub fn count(&self) -> usize {
         self.shade.count()

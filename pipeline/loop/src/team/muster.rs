@@ -1,11 +1,11 @@
-//! Comparison of the ranks' films, before the first rank starts.
+//! Check that all ranks make the same film, before the first frame.
 
 use crate::error::{Error, Result};
 use crate::state::{decode_bytes, encode};
 use ranks::Ranks;
 use serde::{Deserialize, Serialize};
 
-/// Answer of a rank.
+/// Answer of a rank: the film that it can make.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Present {
     /// The rank is ready for the film with this checksum: see [`FilmJob::sum`](crate::checkpoint::FilmJob::sum).
@@ -16,11 +16,11 @@ pub enum Present {
     Fails(String),
 }
 
-/// Compares the answers of all ranks. Returns true if all are ready for the same film, false if rank 0 makes none;
-/// every rank gets the same result.
+/// Compares the answers of all ranks. Returns true if all are ready for the same film, and false if rank 0 makes none.
+/// Every rank gets the same result.
 ///
 /// # Errors
-/// If a rank fails, or is ready for another film than rank 0.
+/// If a rank fails, or if a rank is ready for another film than rank 0.
 pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
     if ranks.count() == 1 {
         return Ok(matches!(own, Present::Ready(_)));
@@ -30,7 +30,7 @@ pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
         answers.push(decode_bytes::<Present>(&bytes).map_err(|_| Error::Ranks("ranks run different programs".into()))?);
     }
 
-    // If rank 0 makes no film, it reports why, and the other answers do not matter.
+    // Ignore the other answers if rank 0 makes no film: it reports the reason.
     let first = &answers[0];
     if !matches!(first, Present::Ready(_)) {
         return Ok(false);
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
     use ranks::ThreadRanks;
 
-    /// Returns the results of ranks with these answers.
+    /// Returns the result that each rank derives from these answers.
     fn results(answers: &[Present]) -> Vec<Result<bool, String>> {
         std::thread::scope(|scope| {
             let ranks = ThreadRanks::new(answers.len());
