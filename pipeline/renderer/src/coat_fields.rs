@@ -105,7 +105,7 @@ impl CoatFields {
         Some(Self { fields, places })
     }
 
-    /// Whether no coat is baked.
+    /// Returns whether no coat is baked.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.fields.is_empty()

@@ -4,8 +4,8 @@
 //! e = 0.18 / exp(mean ln Y)         Y  luminance of the first frame's lit pixels
 //! ```
 //!
-//! This rule requires a first frame about as bright as the others. To test this, a few small frames are path-traced. If lamps
-//! move or the first frame is black, the lit frames among them set the exposure.
+//! The rule requires a first frame about as bright as the other frames. To test this, a few small frames are
+//! path-traced. If lamps move or the first frame is black, the lit frames among them determine the exposure.
 
 use super::{Preparation, Shading};
 use crate::plan::{Plan, lamp_moves};
@@ -16,28 +16,31 @@ use pipeline::parts::{LastThresholds, Shade};
 use render_core::scene::Scene;
 use render_core::{PathOptions, Still, path_traced};
 
-/// Larger side of the frame that determines the exposure \[pixels\].
+/// Larger side of the frame that determines the exposure of a film in chunks \[pixels\].
 const SIDE: usize = 128;
-/// Larger side of a path-traced test frame \[pixels\], and paths per pixel. The mean of 1024 pixels of a film's first frame is
-/// then within 5 %.
+/// Larger side of a path-traced test frame \[pixels\]. With [`PATHS`] paths per pixel, the mean over the 1024 pixels of a
+/// square first frame is within 5 %.
 const SIDE_OF_A_LOOK: usize = 32;
+/// Number of paths per pixel of a test frame.
 const PATHS: u32 = 16;
-/// Number of test frames if the first frame is not sufficient, and the maximum if all are black.
+/// Number of test frames if the first frame does not suffice and some test frames are lit.
 const LOOKS: usize = 5;
+/// Maximum number of test frames, if all of them are black.
 const MOST_LOOKS: usize = 64;
-/// Minimum mean luminance of a lit frame, as a fraction of the brightest frame's: six stops less.
+/// Minimum mean luminance of a lit frame, relative to the brightest frame: six stops below it.
 const LIT: f32 = 1.0 / 64.0;
-/// Largest ratio to the film's exposure at which the first frame's exposure is kept: two stops.
+/// Maximum ratio between the exposures of the first frame and of the film at which the first frame determines the
+/// exposure: two stops.
 const NEAR: f32 = 4.0;
 
-/// Returns the exposure of a film in chunks, equal for all chunks. It follows the rule of other films, applied to a first frame
-/// with at most 128 pixels per side. `shading` creates the second half of the renderer.
+/// Returns the exposure of a film in chunks, equal for all chunks. It follows from a first frame with at most 128
+/// pixels per side, by the rule for other films. `shading` creates the second half of the renderer.
 pub fn exposure_of_first_frame(
     scene: &Scene,
     settings: &RenderSettings,
     shading: impl for<'a> FnOnce(&RenderSettings, &'a Plan) -> Shading<'a>,
 ) -> f32 {
-    // With one sample per pixel, all regions of the frame have equal weight.
+    // Take one sample per pixel, so that all regions of the frame have equal weight.
     let settings = RenderSettings {
         size: within(settings.size, SIDE),
         frames: 1,
@@ -54,15 +57,15 @@ pub fn exposure_of_first_frame(
     exposure_for(&luminance_plane(&radiance))
 }
 
-/// Returns the exposure of a film with an unrepresentative first frame, otherwise `None`. The result depends on the whole film,
-/// not on the rendered range.
+/// Returns the exposure of a film with an unrepresentative first frame, and `None` for other films. The result depends
+/// on the whole film, not on the rendered range.
 pub fn exposure_of_lit_frames(scene: &Scene, settings: &RenderSettings) -> Option<f32> {
-    // A static film has one exposure.
+    // The first frame suffices for a static film.
     if settings.frames < 2 || !may_change(scene) {
         return None;
     }
 
-    // The first frame suffices if it is lit and no lamp moves.
+    // Use only the first frame if it is lit and no lamp moves.
     let first = look(scene, settings, 0);
     let mut looks = vec![first];
     if looks[0].mean > 0.0 && !lamp_moves(scene) {
@@ -78,7 +81,7 @@ pub fn exposure_of_lit_frames(scene: &Scene, settings: &RenderSettings) -> Optio
         looks.push(look(scene, settings, frame));
     }
 
-    // Use only the pixels of lit frames.
+    // Average only the pixels of lit frames.
     let brightest = looks.iter().fold(0.0, |most: f32, look| most.max(look.mean));
     let lit = looks.iter().filter(|look| look.mean > 0.0 && look.mean >= LIT * brightest);
     let pixels: Vec<f32> = lit.flat_map(|look| look.luminances.iter().copied()).collect();
@@ -89,7 +92,7 @@ pub fn exposure_of_lit_frames(scene: &Scene, settings: &RenderSettings) -> Optio
     (!first_is_lit || !of_first.is_some_and(is_near)).then_some(of_film)
 }
 
-/// A small frame, path-traced with few paths.
+/// A small frame, path-traced with few paths: luminance of each pixel, and mean luminance.
 struct Look {
     luminances: Vec<f32>,
     mean: f32,
@@ -105,7 +108,7 @@ fn look(scene: &Scene, settings: &RenderSettings, frame: u32) -> Look {
     Look { luminances, mean }
 }
 
-/// Whether any frame may be lit differently than the first, because something moves.
+/// Returns whether the light of any frame may differ from the first frame, because something moves.
 fn may_change(scene: &Scene) -> bool {
     let nodes = scene.moving_nodes();
     let camera_moves = scene.filming_camera().is_some_and(|camera| nodes[camera.node]);
@@ -114,7 +117,7 @@ fn may_change(scene: &Scene) -> bool {
 
 /// Returns all frames of a film once: the first, the middle, the quarters, and so on.
 fn spread(frames: u32) -> impl Iterator<Item = u32> {
-    // 0, ½, ¼, ¾, ⅛ … of the film, without repeated frames.
+    // Visit 0, ½, ¼, ¾, ⅛ … of the film, without repeated frames.
     let mut seen = std::collections::BTreeSet::new();
     let bits = 32 - (frames - 1).leading_zeros();
     let count = 1u64 << bits;
@@ -123,7 +126,7 @@ fn spread(frames: u32) -> impl Iterator<Item = u32> {
         .filter(move |frame| seen.insert(*frame))
 }
 
-/// Returns a size with the same aspect ratio and sides of at most `most` pixels.
+/// Returns a size with the aspect ratio of the given size and sides of at most `most` pixels.
 fn within(Size { width, height }: Size, most: usize) -> Size {
     let larger = width.max(height).max(most);
     let side = |side: usize| (side * most).div_ceil(larger);

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 /// Side of a block \[texels\].
 const SIDE: u32 = 8;
 
-/// At most 64 nearby texels of one chart.
+/// Block of at most 64 nearby texels of one chart.
 pub(super) struct TexelBlock {
     pub texels: Vec<usize>,
 }

@@ -12,15 +12,16 @@ use render_core::{Atlas, AtlasPoint, Hit, ShadingPoint, Surface};
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
-/// Maximum error of a code, 0.5 % of the light: a factor of two has 256 steps.
+/// Maximum error of a code: 0.5 % of the light. A factor of two has 256 steps.
 const DELTA: u16 = 2;
 /// Unit L₀ of the logarithmic scale, as a fraction of the mean radiance of white texels. Darker light has linear steps.
 const UNIT: f32 = 1.0 / 64.0;
 
-/// Largest angle between directions of adjacent cells, times n \[rad\]: √6 · 2/n along each axis of the octahedral map.
+/// Maximum angle between directions of adjacent cells, times the map's side n \[rad\]: √6 · 2/n per axis of the
+/// octahedral map.
 const LARGEST_STEP: f32 = 9.8;
 
-/// A texel with baked coat.
+/// A texel with a baked coat.
 struct CoatTexel {
     texel: usize,
     surface: Surface,
@@ -31,8 +32,8 @@ struct CoatTexel {
 pub(super) struct CoatTexels(BTreeMap<usize, Vec<CoatTexel>>);
 
 impl CoatTexels {
-    /// Finds these texels among the texels of `places`, which are lit at `points`. A texel without a point uses an adjacent
-    /// texel's point, or is omitted.
+    /// Finds the texels with rough coats among the texels of `places`, which are lit at `points`. A texel without a
+    /// point uses the point of an adjacent texel; without one, it is omitted.
     pub fn find(places: &Places, points: &[Option<ShadingPoint>]) -> Self {
         let atlas = places.atlas;
         let beside = |texel| {
@@ -53,17 +54,17 @@ impl CoatTexels {
         Self(by_side)
     }
 
-    /// Number of texels.
+    /// Returns the number of texels.
     pub fn len(&self) -> usize {
         self.0.values().map(Vec::len).sum()
     }
 }
 
-/// The scene that coats reflect, and the irradiance of its texels.
+/// The scene that coats reflect, and the irradiance of the scene's texels.
 pub(super) struct CoatBake<'a> {
     pub places: &'a Places<'a>,
     pub light: &'a TexelLight,
-    /// For each instance of the baked scene, its index in the atlas's scene.
+    /// Index in the scene of the atlas, for each instance of the baked scene.
     pub instances: &'a [u32],
 }
 
@@ -81,10 +82,10 @@ impl CoatBake<'_> {
 
     /// Bakes the texels that have maps of n × n directions, n = `side`.
     fn field(&self, side: usize, group: &[CoatTexel], scale: LogScale, done: &(dyn Fn(usize) + Sync)) -> CoatField {
-        // Tiles of the atlas, each with a mask of its texels, and the texels in storage order.
+        // Find the tiles of the atlas, each with a mask of its texels, and the texels in storage order.
         let (numbers, tiles, order) = tiled(self.places.atlas, group);
 
-        // Codes of each texel's light in all directions.
+        // Compute the codes of each texel's light in all directions.
         let map = OctahedralMap { side };
         let codes: Vec<Vec<u16>> = order
             .par_iter()
@@ -123,7 +124,7 @@ impl CoatBake<'_> {
         let mut codes = Vec::with_capacity(3 * map.len());
         for direction in 0..map.len() {
             let mirrored = map.direction(direction % map.side, direction / map.side);
-            // Cells that no direction above the horizon samples are equal, and compress to nothing.
+            // Give all cells that no direction above the horizon samples one value, which compresses well.
             let is_read = point.normal.dot(mirrored.into()) >= -LARGEST_STEP / map.side as f32;
             let light = match &coat {
                 Some(coat) if is_read => coat.mean_radiance(mirrored),
@@ -135,7 +136,8 @@ impl CoatBake<'_> {
     }
 }
 
-/// Returns the atlas tiles with texels of a group, by rows: their numbers and masks, and the group's indices in storage order.
+/// Returns the atlas tiles with texels of a group, by rows: their indices and masks, and the indices into the group in
+/// storage order.
 fn tiled(atlas: &Atlas, group: &[CoatTexel]) -> (Vec<u32>, TexelTiles, Vec<usize>) {
     let (side, columns) = (TILE_SIDE as u32, atlas.size().0 / TILE_SIDE as u32);
     let mut by_tile: BTreeMap<u32, BTreeMap<u32, usize>> = BTreeMap::new();

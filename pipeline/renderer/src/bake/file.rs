@@ -16,12 +16,13 @@ use std::io::Read;
 use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2SL";
-/// Version of the layout above. New kinds of sections do not change it.
+/// Version of the file layout. New kinds of sections do not change it.
 const VERSION: u32 = 1;
-/// Bytes between magic and table.
+/// Number of bytes between the magic number and the table.
 const FIXED: u64 = 16;
-/// Bytes of a section's entry in the table.
+/// Number of bytes of a section's entry in the table.
 const ENTRY: usize = 16;
+/// Remedy in the messages for invalid files.
 const AGAIN: &str = "run `render2mpeg bake` again";
 
 /// A baked-light file: tagged sections of bytes.
@@ -29,7 +30,8 @@ const AGAIN: &str = "run `render2mpeg bake` again";
 pub struct SectionFile {
     /// Fingerprint of the scene; see [`fingerprint`](super::fingerprint()).
     pub fingerprint: u64,
-    /// Tags of four ASCII characters with their bytes. The first section of a tag counts.
+    /// Tags of four ASCII characters, each with the bytes of its section. If a tag is repeated, its first section is
+    /// used.
     pub sections: Vec<([u8; 4], Vec<u8>)>,
 }
 
@@ -52,17 +54,17 @@ impl SectionFile {
     /// Reads the file and verifies its checksums.
     ///
     /// # Errors
-    /// If the file cannot be read, has another format or version, is truncated or damaged.
+    /// If the file cannot be read, is truncated or damaged, or has another format or version.
     pub fn read(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(Error::file(path, "cannot be read"))?;
         let length = file.metadata().map_err(Error::file(path, "cannot be read"))?.len();
         SectionReader { path, source: file, left: length }.file()
     }
 
-    /// Returns the bytes of the section `tag`; `path` is used in the error message.
+    /// Returns the bytes of the section `tag`; `path` is only used in the error message.
     ///
     /// # Errors
-    /// If the file has no such section.
+    /// If the file lacks that section.
     pub fn section(&self, path: &Path, tag: [u8; 4]) -> Result<&[u8]> {
         match self.sections.iter().find(|(found, _)| *found == tag) {
             Some((_, bytes)) => Ok(bytes),
@@ -70,10 +72,10 @@ impl SectionFile {
         }
     }
 
-    /// Checks that the light was baked for the scene with this `fingerprint`; `path` is used in the error message.
+    /// Checks that the light was baked for the scene with this `fingerprint`; `path` is only used in the error message.
     ///
     /// # Errors
-    /// If the fingerprints differ.
+    /// If the fingerprint differs from the file's.
     pub fn check_scene(&self, path: &Path, fingerprint: u64) -> Result<()> {
         if self.fingerprint == fingerprint {
             return Ok(());
@@ -82,16 +84,16 @@ impl SectionFile {
         Err(Error::content(path, problem))
     }
 
-    /// Returns the bytes before the first section's data.
+    /// Returns all bytes before the data of the first section.
     fn header(&self) -> Vec<u8> {
-        // Fixed fields: magic, version, fingerprint, number of sections.
+        // Write the fixed fields: magic number, version, fingerprint, number of sections.
         let count = u32::try_from(self.sections.len()).expect("fewer than 2³² sections");
         let mut header = Vec::new();
         header.extend(MAGIC);
         header.extend(VERSION.to_le_bytes());
         header.extend(self.fingerprint.to_le_bytes());
         header.extend(count.to_le_bytes());
-        // Table of sections.
+        // Write the table of sections.
         for (tag, bytes) in &self.sections {
             header.extend(tag);
             header.extend((bytes.len() as u64).to_le_bytes());
@@ -113,7 +115,7 @@ struct SectionEntry {
 struct SectionReader<'a, R> {
     path: &'a Path,
     source: R,
-    /// Number of bytes not read yet.
+    /// Number of unread bytes.
     left: u64,
 }
 
@@ -141,7 +143,7 @@ impl<R: Read> SectionReader<'_, R> {
 
     /// Reads the fingerprint and the table of sections.
     fn header(&mut self) -> Result<(u64, Vec<SectionEntry>)> {
-        // Check format and version.
+        // Check the format and the version.
         let magic = self.take(self.left.min(MAGIC.len() as u64))?;
         if magic != MAGIC {
             let problem = ": not a file of baked light: name a file written by `render2mpeg bake`";
@@ -174,7 +176,7 @@ impl<R: Read> SectionReader<'_, R> {
         if count > self.left {
             return Err(self.cut_short());
         }
-        // Sparse files may be larger than memory.
+        // Grow the buffer while reading: sparse files may be larger than memory.
         let mut bytes = Vec::new();
         if usize::try_from(count).map_or(true, |count| bytes.try_reserve_exact(count).is_err()) {
             let problem = format!(": a section of {count} bytes does not fit into memory: bake it with fewer texels");
@@ -225,7 +227,7 @@ mod tests {
         SectionReader { path: Path::new(NAME), source: bytes, left: bytes.len() as u64 }.file()
     }
 
-    /// Returns the error message about `bytes`: one line with the file's name.
+    /// Returns the error message for a file with these `bytes`; it must be one line with the file's name.
     fn message(bytes: &[u8]) -> String {
         let text = parsed(bytes).unwrap_err().chain();
         assert!(text.starts_with(NAME) && !text.contains('\n') && text.contains("render2mpeg bake"), "{text}");
@@ -309,7 +311,7 @@ mod tests {
         for lengths in [&[1][..], &[1 << 50], &[u64::MAX], &[u64::MAX, 1], &[u64::MAX, u64::MAX, 2], &[0, 5]] {
             assert!(message(&claiming(lengths)).contains("truncated"), "{lengths:?}");
         }
-        // The largest possible number of sections.
+        // Claim the largest possible number of sections.
         let mut bytes = claiming(&[]);
         bytes[16..20].fill(0xff);
         assert!(message(&bytes).contains("truncated"));
@@ -335,7 +337,7 @@ mod tests {
         #[test]
         fn random_bytes_are_no_file(bytes: Vec<u8>) {
             message(&bytes);
-            // Random bytes after a valid magic and version.
+            // Read random bytes after a valid magic number and version.
             message(&[&MAGIC[..], &VERSION.to_le_bytes(), &bytes].concat());
         }
 

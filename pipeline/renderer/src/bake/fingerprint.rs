@@ -1,10 +1,10 @@
-//! Fingerprint of a scene: a hash of everything that baked light depends on.
+//! Fingerprint of a scene: a hash of all data that affects baked light.
 //!
-//! Values are hashed as little-endian bytes by 64-bit XXH3, which is stable across machines and versions. Each list is preceded
-//! by its length. Both zeros hash equally, as do all NaNs.
+//! Values are hashed as little-endian bytes by 64-bit XXH3, which is stable across machines and versions. The length of
+//! each list precedes its items. Both zeros hash equally, as do all NaNs.
 //!
-//! Cameras, their motion and names are excluded. A node is included if a lit surface, a light or a joint descends from it.
-//! Included nodes are renumbered in order, so that camera nodes between them change nothing.
+//! Cameras, the motion of cameras, and names are excluded. A node is included if a lit surface, a light or a joint
+//! descends from it. Included nodes are renumbered in order, so camera nodes between them have no effect.
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use render_core::scene::{
@@ -19,13 +19,13 @@ const VERSION: usize = 1;
 /// Number of list items hashed per update.
 const BATCH: usize = 256;
 
-/// Returns the hash of everything in `scene` that baked light depends on.
+/// Returns the hash of all data in `scene` that affects baked light.
 ///
 /// # Panics
 /// If the scene refers to a node that does not exist.
 #[must_use]
 pub fn fingerprint(scene: &Scene) -> u64 {
-    // Destructure all fields, so that a new field requires a decision whether light depends on it.
+    // Destructure all fields, so that a new field requires a decision whether it affects light.
     let Scene {
         nodes: _,
         meshes,
@@ -61,13 +61,13 @@ pub fn fingerprint(scene: &Scene) -> u64 {
     let mut hash = SceneHash { hash: Xxh3::new(), batch: Vec::new(), numbers: numbers(scene) };
     hash.number(VERSION);
 
-    // Surfaces.
+    // Hash the surfaces.
     hash.each(meshes, SceneHash::mesh);
     hash.each(materials, SceneHash::material);
     hash.number(textures.len());
     textures.iter().for_each(|texture| texture.visit_bytes(&mut |bytes| hash.hash.update(bytes)));
 
-    // Nodes and their motion.
+    // Hash the nodes and their motion.
     hash.nodes(scene);
     hash.number(instances.len());
     for instance in instances {
@@ -81,7 +81,7 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         hash.floats(weights);
     }
 
-    // Lights.
+    // Hash the lights.
     hash.each(punctual_lights, SceneHash::light);
     if !light_channels.is_empty() {
         hash.each(light_channels, SceneHash::light_channel);
@@ -98,16 +98,16 @@ pub fn fingerprint(scene: &Scene) -> u64 {
     hash.hash.digest()
 }
 
-/// Returns the number of each node among those that light depends on, `None` for other nodes.
+/// Returns the new number of each node that affects light, `None` for other nodes.
 fn numbers(scene: &Scene) -> Vec<Option<usize>> {
-    // Nodes of instances, lights, morph targets and joints.
+    // Mark the nodes of instances, lights, morph targets and joints.
     let mut counts = vec![false; scene.nodes.len()];
     scene.instances.iter().for_each(|instance| counts[instance.node] = true);
     scene.punctual_lights.iter().for_each(|light| counts[light.node] = true);
     scene.morphed_nodes.iter().for_each(|morphed| counts[morphed.node] = true);
     scene.skins.iter().flat_map(|skin| &skin.joints).for_each(|&joint| counts[joint] = true);
 
-    // Their ancestors move them. Parents precede their children in the list, so one backward pass finds all.
+    // Mark their ancestors, which move them. Parents precede their children in the list, so one backward pass suffices.
     for index in (0..scene.nodes.len()).rev() {
         if let Some(parent) = scene.nodes[index].parent.filter(|_| counts[index]) {
             counts[parent] = true;
@@ -125,9 +125,9 @@ fn bits(x: f32) -> u32 {
 /// An unfinished hash.
 struct SceneHash {
     hash: Xxh3,
-    /// Bytes for the next update.
+    /// Bytes that are not hashed yet.
     batch: Vec<u8>,
-    /// Numbers of the included nodes; see [`numbers`].
+    /// New numbers of the included nodes; see [`numbers`].
     numbers: Vec<Option<usize>>,
 }
 
@@ -160,7 +160,7 @@ impl SceneHash {
         self.list(list, |vector| vector.to_array().map(bits));
     }
 
-    /// Hashes a list, each item by `item`.
+    /// Hashes the length of a list, and each item with `item`.
     fn each<T>(&mut self, list: &[T], item: fn(&mut Self, &T)) {
         self.number(list.len());
         list.iter().for_each(|one| item(self, one));
@@ -173,7 +173,7 @@ impl SceneHash {
     fn mesh(&mut self, mesh: &Mesh) {
         let Mesh { name: _, positions, normals, tangents, uvs, colors, triangles, material, morph_targets, skinning } =
             mesh;
-        // Vertices and triangles.
+        // Hash vertices and triangles.
         self.points(positions);
         self.points(normals);
         self.vectors(tangents);
@@ -182,7 +182,7 @@ impl SceneHash {
         self.list(triangles, |triangle| triangle);
         self.number(*material);
 
-        // Skin and morph targets.
+        // Hash skin and morph targets.
         self.number(morph_targets.len());
         for MorphTarget { positions, normals, tangents } in morph_targets {
             [positions, normals, tangents].into_iter().for_each(|list| self.points(list));
@@ -229,7 +229,7 @@ impl SceneHash {
         self.floats(&[cutoff]);
         [*double_sided, *unlit].into_iter().for_each(|is_so| self.number(usize::from(is_so)));
 
-        // Textures.
+        // Hash the textures.
         for slot in [base_color_texture, metallic_roughness_texture, emission_texture] {
             self.slot(slot.as_ref());
         }
@@ -258,7 +258,7 @@ impl SceneHash {
                 self.number(2);
                 self.floats(&[*inner, *outer]);
             }
-            // Unknown kinds are hashed by their debug text.
+            // Hash the debug text of unknown kinds.
             kind => {
                 self.number(3);
                 self.list(format!("{kind:?}").as_bytes(), |byte| [u32::from(byte)]);
@@ -286,7 +286,7 @@ impl SceneHash {
 
     /// Hashes the included nodes and their animation.
     fn nodes(&mut self, scene: &Scene) {
-        // Included nodes, renumbered.
+        // Hash the included nodes, renumbered.
         self.number(self.numbers.iter().flatten().count());
         for (index, Node { name: _, parent, rest }) in scene.nodes.iter().enumerate() {
             if self.numbers[index].is_none() {
@@ -299,7 +299,7 @@ impl SceneHash {
             self.floats(&rotation.to_array());
         }
 
-        // Animation of the included nodes.
+        // Hash the animation of the included nodes.
         let counts = |channel: &&Channel| self.numbers[channel.node].is_some();
         let channels: Vec<&Channel> = scene.channels.iter().filter(counts).collect();
         self.number(channels.len());

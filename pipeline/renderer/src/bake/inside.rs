@@ -5,22 +5,23 @@ use crate::frame::Frame;
 use rayon::prelude::*;
 use render_core::{Atlas, ShadingPoint, Surfaces};
 
-/// Maximum distance of a back face from a point inside geometry \[texels\]. No sample from outside reads texels farther inside.
+/// Maximum distance of a back face from a point inside geometry \[texels\]. Samples from outside read no texels farther
+/// inside.
 const NEAR: f32 = 1.5;
 
-/// The atlas and the scene that its texels are lit in.
+/// The atlas, and the scene whose light reaches its texels.
 pub(super) struct Places<'a> {
     pub atlas: &'a Atlas,
-    /// Surfaces of the atlas's scene.
+    /// Surfaces of the scene of the atlas.
     pub surfaces: &'a Surfaces<'a>,
-    /// The scene that light passes through.
+    /// Scene whose geometry reflects and blocks light.
     pub frame: &'a Frame<'a>,
     pub visibility: &'a Visibility<'a>,
 }
 
 impl Places<'_> {
-    /// Returns a shading point outside of geometry for each texel, `None` if the texel has no such point. If a whole chart has
-    /// none, its points may be inside: overlapping geometry can still be visible.
+    /// Returns a shading point outside of geometry for each texel, `None` for a texel without such a point. If a whole
+    /// chart has no such point, inner points are used: overlapping geometry can still be visible.
     pub fn points(&self) -> Vec<Option<ShadingPoint>> {
         let texels = 0..self.atlas.len();
         let mut points: Vec<Option<ShadingPoint>> =
@@ -37,12 +38,13 @@ impl Places<'_> {
         points
     }
 
-    /// Returns at most `count` additional points of a texel outside of geometry, without the one from [`Places::points`].
+    /// Returns at most `count` further points of a texel outside of geometry, without the texel's point from
+    /// [`Places::points`].
     pub fn others(&self, texel: usize, count: usize) -> impl Iterator<Item = ShadingPoint> {
         self.outside(texel).skip(1).take(count)
     }
 
-    /// Returns the points of a texel outside of geometry.
+    /// Returns the candidate points of a texel that are outside of geometry.
     fn outside(&self, texel: usize) -> impl Iterator<Item = ShadingPoint> {
         self.sites(texel).filter(|point| !self.is_inside(point))
     }
@@ -55,7 +57,7 @@ impl Places<'_> {
         })
     }
 
-    /// Whether a back face is near in any of a few directions.
+    /// Returns whether a back face is near the point in any of a few directions.
     fn is_inside(&self, point: &ShadingPoint) -> bool {
         let reach = NEAR / self.atlas.texels_per_meter();
         self.visibility.felt(point).any(|(direction, met)| {

@@ -9,8 +9,8 @@
 //! 6  fill texels without a point from their neighbors
 //! ```
 //!
-//! Step 5 is antialiasing. On `nave`, the centers of a row of texels lie in the gap behind a book rest. Without step 5, the
-//! whole back of the pew would be as dark as the gap.
+//! Step 5 is antialiasing. On `nave`, the centers of a row of texels are in the gap behind a book rest. Without step 5,
+//! the whole back of the pew would be as dark as the gap.
 //!
 //! Blocks are squares of 8×8 texels of one chart. They share a traversal of the light tree and packets of shadow rays.
 
@@ -25,19 +25,21 @@ use render_core::{Atlas, ShadingPoint, luminance};
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Number of passes over all texels; progress counts each.
+/// Number of passes over all texels, each counted in the progress.
 pub(super) const PASSES: usize = 3;
 
-/// Permitted error of a cluster in a texel's lightcut, as a fraction of the texel's light: for texels lit alone, and for texels
-/// lit together with known thresholds. With 2 % for texels lit alone, a box under a uniform sky has up to 1.2 % error.
+/// Permitted error of a cluster in the lightcut of a texel that is lit alone, as a fraction of the texel's light. With
+/// 2 %, a box under a uniform sky has up to 1.2 % error.
 const ALONE: f32 = 0.01;
+/// Permitted error of a cluster in the lightcut of texels that are lit together with known thresholds, as a fraction of
+/// their light.
 const TOGETHER: f32 = 0.01;
 
 /// Maximum number of receivers that share a traversal of the light tree.
 const TOGETHER_AT_MOST: usize = 64;
 
-/// A texel is unlike its neighbors if its luminance differs from their mean by this fraction of the larger one. Tuned on
-/// `nave`.
+/// Minimum difference in luminance between a texel unlike its neighbors and their mean, as a fraction of the larger
+/// value. Tuned on `nave`.
 const UNLIKE: f32 = 0.3;
 /// Maximum number of additional points of a texel unlike its neighbors.
 const FURTHER: usize = 4;
@@ -46,7 +48,7 @@ const FURTHER: usize = 4;
 pub(super) struct TexelLight {
     pub direct: Vec<[f32; 3]>,
     pub indirect: Vec<[f32; 3]>,
-    /// Number of texels without a point.
+    /// Number of texels without a shading point.
     pub filled: usize,
 }
 
@@ -66,13 +68,13 @@ impl TexelLight {
     }
 }
 
-/// Irradiance of an atlas's texels \[W·m⁻²\]; `None` where indirect light is not computed yet.
+/// Irradiance of the texels of an atlas \[W·m⁻²\]; indirect irradiance is `None` until it is computed.
 struct KnownLight {
     direct: Vec<[f32; 3]>,
     indirect: Vec<Option<[f32; 3]>>,
 }
 
-/// Memory that a thread reuses for its blocks.
+/// Reusable memory of a thread for its blocks.
 #[derive(Default)]
 struct BlockScratch {
     walk: Scratch,
@@ -86,7 +88,7 @@ struct FirstLight {
     indirect: Option<[f32; 3]>,
 }
 
-/// Irradiance of a texel \[W·m⁻²\].
+/// Direct and indirect irradiance of a texel \[W·m⁻²\].
 #[derive(Clone, Copy)]
 struct TwoLights {
     texel: usize,
@@ -101,7 +103,7 @@ struct Receiver {
     point: ShadingPoint,
 }
 
-/// The scene that is baked, and the points of its texels.
+/// The baked scene, and the shading points of its texels.
 struct TexelBaker<'a> {
     atlas: &'a Atlas,
     frame: &'a Frame<'a>,
@@ -111,8 +113,8 @@ struct TexelBaker<'a> {
     compensates: bool,
 }
 
-/// Lights the texels of an atlas at `points`: `None` for texels without a point in `places`. `progress` is called from any
-/// thread with the number of texels done, of [`PASSES`] times their number.
+/// Lights the texels of the atlas of `places` at `points`; `None` marks a texel without a point. `progress` is called
+/// from any thread with the sum over passes of the texels done; there are [`PASSES`] passes.
 pub(super) fn light(
     places: &Places,
     points: &[Option<ShadingPoint>],
@@ -125,7 +127,7 @@ pub(super) fn light(
     let done = AtomicUsize::new(0);
     let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels);
 
-    // Direct light, and indirect light of every fourth texel.
+    // Compute direct light, and indirect light of every fourth texel.
     let first: Vec<Vec<FirstLight>> = blocks
         .par_iter()
         .map_init(Scratch::default, |scratch, block| {
@@ -139,7 +141,7 @@ pub(super) fn light(
         (known.direct[lit.texel], known.indirect[lit.texel]) = (lit.direct, lit.indirect);
     }
 
-    // The other texels, with thresholds from the light around them.
+    // Light the other texels, with thresholds from the light around them.
     let rest: Vec<Vec<(usize, [f32; 3])>> = blocks
         .par_iter()
         .map_init(BlockScratch::default, |scratch, block| {
@@ -171,7 +173,7 @@ pub(super) fn light(
 }
 
 impl TexelBaker<'_> {
-    /// Returns the texels of a block that have a point.
+    /// Returns the texels of a block that have a shading point.
     fn receivers(&self, block: &TexelBlock) -> Vec<Receiver> {
         let mut receivers = Vec::new();
         for &texel in &block.texels {
@@ -202,7 +204,7 @@ impl TexelBaker<'_> {
         let KnownLight { direct, indirect } = known;
         let mut lit = Vec::new();
 
-        // Texels next to lit ones get a threshold; the others are lit alone.
+        // Give texels next to lit ones a threshold, and light the others alone.
         let (mut waiting, mut thresholds) = (Vec::new(), Vec::new());
         for receiver in self.receivers(block) {
             let texel = receiver.texel;
@@ -219,13 +221,13 @@ impl TexelBaker<'_> {
             }
         }
 
-        // Texels with thresholds share a traversal of the light tree.
+        // Light the texels with thresholds in one traversal of the light tree.
         let lights = self.together(&waiting, &thresholds, scratch);
         lit.extend(waiting.iter().zip(lights).map(|(receiver, light)| (receiver.texel, light.to_array())));
         lit
     }
 
-    /// Computes the light of a block's texels that are unlike their neighbors: the mean over further points.
+    /// Computes the light of a block's texels that are unlike their neighbors, as the mean over further points.
     fn finer(
         &self,
         block: &TexelBlock,
@@ -245,7 +247,7 @@ impl TexelBaker<'_> {
             sums.push((TwoLights { texel, direct: Vec3::from(direct[texel]), indirect: own }, 1.0));
         }
 
-        // Further points are about as bright as the first one, which gives their thresholds.
+        // Derive the thresholds from the first point, because further points are about as bright.
         for (receivers, owners) in receivers.chunks(TOGETHER_AT_MOST).zip(owners.chunks(TOGETHER_AT_MOST)) {
             let points: Vec<ShadingPoint> = receivers.iter().map(|receiver| receiver.point).collect();
             let of_direct = self.frame.direct.irradiance_tile(&self.frame.accelerator, &points).value;
@@ -266,7 +268,7 @@ impl TexelBaker<'_> {
         sums.into_iter().map(|(mean, _)| mean).collect()
     }
 
-    /// Returns a texel's indirect light if it is unlike its neighbors.
+    /// Returns the indirect light of a texel unlike its neighbors, and `None` for other texels.
     fn unlike(&self, texel: usize, indirect: &[Option<[f32; 3]>]) -> Option<Vec3> {
         self.points[texel]?;
         let (own, around) = (Vec3::from(indirect[texel]?), self.around(texel, indirect)?);
@@ -288,7 +290,7 @@ impl TexelBaker<'_> {
         waiting.iter().zip(&*cuts).map(light).collect()
     }
 
-    /// Computes the indirect irradiance \[W·m⁻²\] of a single texel, given its `direct` irradiance.
+    /// Computes the indirect irradiance \[W·m⁻²\] of a single texel with the given `direct` irradiance.
     fn alone(&self, receiver: &Receiver, direct: Vec3, scratch: &mut Scratch) -> Vec3 {
         let stop = Stop::Relative { fraction: ALONE, known_luminance: luminance(direct) };
         let sees = |lamp: &Light, _: usize| self.visibility.sees(&receiver.point, lamp);
@@ -296,7 +298,7 @@ impl TexelBaker<'_> {
         cut.radiance + self.compensation(receiver)
     }
 
-    /// Returns the nearby irradiance \[W·m⁻²\] lost by clamping virtual lights.
+    /// Returns the irradiance \[W·m⁻²\] from nearby surfaces that is lost by clamping virtual lights.
     fn compensation(&self, receiver: &Receiver) -> Vec3 {
         if !self.compensates {
             return Vec3::ZERO;
@@ -305,7 +307,7 @@ impl TexelBaker<'_> {
         self.frame.gather.compensation(&found).irradiance
     }
 
-    /// Returns the mean indirect light of a texel's neighbors, `None` if none has any yet.
+    /// Returns the mean indirect light of a texel's lit neighbors, `None` without lit neighbors.
     fn around(&self, texel: usize, indirect: &[Option<[f32; 3]>]) -> Option<Vec3> {
         let (mut sum, mut count) = (Vec3::ZERO, 0);
         for neighbor in self.atlas.neighbors(texel).into_iter().flatten() {
@@ -317,12 +319,12 @@ impl TexelBaker<'_> {
     }
 }
 
-/// Returns a receiver with reflectance π: its radiance equals its irradiance.
+/// Returns a receiver with reflectance π, for which radiance equals irradiance.
 fn white(point: &ShadingPoint) -> Lambert {
     Lambert { position: point.position.into(), normal: point.normal.into(), reflectance: Vec3::splat(PI) }
 }
 
-/// Fills texels without a point with the mean of their chart neighbors, from the edges inward.
+/// Fills texels without a point with the mean of their neighbors in the chart, from the edges inward.
 fn fill(atlas: &Atlas, points: &[Option<ShadingPoint>], direct: &mut [[f32; 3]], indirect: &mut [Option<[f32; 3]>]) {
     let mut missing: Vec<usize> = (0..atlas.len()).filter(|&texel| points[texel].is_none()).collect();
     while !missing.is_empty() {
@@ -340,7 +342,7 @@ fn fill(atlas: &Atlas, points: &[Option<ShadingPoint>], direct: &mut [[f32; 3]],
                 found.push((texel, sum / count as f32, of_direct / count as f32));
             }
         }
-        // Only charts without any site remain.
+        // End if only charts without any point remain.
         if found.is_empty() {
             return;
         }

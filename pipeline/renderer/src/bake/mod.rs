@@ -1,4 +1,4 @@
-//! Baked light: light of static surfaces, computed once and sampled by films.
+//! Baked light: the light of static surfaces, computed once and sampled by films.
 //!
 //! [`bake`] computes the light of an atlas's texels and writes an `.slf` file. [`read`] loads it for a film of the same scene.
 //! [`export`] paints the light into a copy of the scene.
@@ -49,14 +49,14 @@ pub struct Bake {
 /// work done and the total work. Equal scenes and settings give equal bits for any number of threads.
 ///
 /// # Errors
-/// If the scene cannot be baked: a lamp moves, or no surface is static.
+/// If the scene cannot be baked, because a lamp moves or no surface is static.
 pub fn bake(
     scene: &Scene,
     settings: &RenderSettings,
     texels: usize,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Bake> {
-    // Light of moving lamps is not constant.
+    // Reject moving lamps: their light is not constant.
     if lamp_moves(scene) {
         let text = "the light of this scene cannot be baked because a lamp moves; render without baked light";
         return Err(Error::Options(text.into()));
@@ -65,7 +65,7 @@ pub fn bake(
     let surfaces = Surfaces::new(scene, &pose);
     let atlas = Atlas::new(&surfaces, texels).map_err(Error::other)?;
 
-    // Omit moving instances: their shadows and reflections would belong to one moment of the film.
+    // Omit moving instances: their shadows and reflections would be valid for only one moment of the film.
     let still = without_moving(scene);
     let settings = RenderSettings {
         size: Size { width: 16, height: 16 },
@@ -77,7 +77,7 @@ pub fn bake(
     let plan = Plan::new(&still, &settings);
     let frame = Preparation::new(&still, &settings, &plan).everywhere().frame(0).frame;
 
-    // Progress counts each texel once per pass; the last pass covers only coats.
+    // Count each texel once per pass; the last pass covers only coats.
     let compensates = plan.is_on(Stage::Compensation);
     let visibility = Visibility::new(&frame, GATHER_RAYS);
     let places = Places { atlas: &atlas, surfaces: &surfaces, frame: &frame, visibility: &visibility };
@@ -113,7 +113,7 @@ impl Bake {
 /// Reads baked light of `scene`.
 ///
 /// # Errors
-/// If the file cannot be read, is damaged, or has another version or scene, or if a lamp moves.
+/// If the file cannot be read, is damaged, or has another version or scene. If a lamp moves.
 pub fn read(scene: &Scene, path: &Path) -> Result<BakedTexels> {
     if lamp_moves(scene) {
         return Err(Error::Options("--lighting baked: a lamp moves in this scene; remove the option".into()));

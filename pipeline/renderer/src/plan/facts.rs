@@ -144,12 +144,12 @@ impl Facts<'_> {
     }
 }
 
-/// Whether a coat may be smoother than the limit for baking. Textures make coats smoother.
+/// Returns whether a coat may be smoother than the limit for baking. Textures make coats smoother.
 fn may_be_smooth(material: &Material) -> bool {
     material.roughness < BAKED_ROUGHNESS || material.metallic_roughness_texture.is_some()
 }
 
-/// Whether a light or an emissive surface moves.
+/// Returns whether a light or an emissive surface moves.
 pub(crate) fn lamp_moves(scene: &Scene) -> bool {
     let (nodes, instances) = (scene.moving_nodes(), scene.moving_instances());
     let materials = scene.extreme_materials();

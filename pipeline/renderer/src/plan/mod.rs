@@ -68,19 +68,19 @@ impl Plan {
         self.steps[stage as usize].state
     }
 
-    /// Whether `stage` runs for every frame.
+    /// Returns whether `stage` runs for every frame.
     #[must_use]
     pub fn is_on(&self, stage: Stage) -> bool {
         self.state(stage) == State::On
     }
 
-    /// Whether `stage` never runs.
+    /// Returns whether `stage` never runs.
     #[must_use]
     pub fn is_off(&self, stage: Stage) -> bool {
         self.state(stage) == State::Off
     }
 
-    /// Whether `stage` runs for frame `n`.
+    /// Returns whether `stage` runs for frame `n`.
     #[must_use]
     pub fn runs(&self, stage: Stage, n: u32) -> bool {
         self.state(stage).runs(n)

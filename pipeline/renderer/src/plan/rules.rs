@@ -234,42 +234,42 @@ impl Rule {
 }
 
 impl Facts<'_> {
-    /// Whether light paths change between frames.
+    /// Returns whether light paths change between frames.
     fn light_changes(&self) -> bool {
         self.object_moves || self.light_moves
     }
 
-    /// Whether frames can differ.
+    /// Returns whether frames can differ.
     fn picture_changes(&self) -> bool {
         self.camera_moves || self.light_changes()
     }
 
-    /// Whether photon paths of the first frame may be kept for later frames.
+    /// Returns whether photon paths of the first frame may be kept for later frames.
     fn keeps_photons(&self) -> bool {
         self.settings.leave_out && self.settings.frames > 1
     }
 
-    /// Whether every pixel has several samples. These are not shared with the previous frame.
+    /// Returns whether every pixel has several samples. These are not shared with the previous frame.
     fn has_samples_everywhere(&self) -> bool {
         self.settings.samples > 1 && self.settings.importance.is_none()
     }
 
-    /// Whether light reaches the viewer after at most one reflection.
+    /// Returns whether light reaches the viewer after at most one reflection.
     fn reflects_once(&self) -> bool {
         self.settings.bounces == Some(1)
     }
 
-    /// Whether indirect light that is not baked is computed by lightcuts.
+    /// Returns whether indirect light that is not baked is computed by lightcuts.
     fn cuts(&self) -> bool {
         self.settings.lighting != Lighting::AllLights
     }
 
-    /// Whether static surfaces sample baked indirect light. Films with moving lamps are rejected.
+    /// Returns whether static surfaces sample baked indirect light. Films with moving lamps are rejected.
     fn looks_up(&self) -> bool {
         self.settings.lighting.is_baked() && !self.lamp_moves
     }
 
-    /// Whether virtual lights are not needed: no surface moves, and the light of every coat is baked.
+    /// Returns whether virtual lights are not needed: no surface moves, and the light of every coat is baked.
     fn looks_all_up(&self) -> bool {
         self.looks_up() && !self.object_moves && self.live_coats == 0
     }

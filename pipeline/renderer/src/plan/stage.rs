@@ -104,7 +104,7 @@ pub enum State {
 }
 
 impl State {
-    /// Whether the stage runs for frame `n`.
+    /// Returns whether the stage runs for frame `n`.
     #[must_use]
     pub fn runs(self, n: u32) -> bool {
         match self {

@@ -22,7 +22,7 @@ pub enum Lighting {
 }
 
 impl Lighting {
-    /// Whether static surfaces take their light from a bake file.
+    /// Returns whether static surfaces take their light from a bake file.
     #[must_use]
     pub fn is_baked(self) -> bool {
         #[cfg(feature = "bake")]
@@ -92,7 +92,7 @@ impl Thresholds {
         }
     }
 
-    /// Whether thresholds depend on the coded pictures.
+    /// Returns whether thresholds depend on the coded pictures.
     pub fn follow_coding(self) -> bool {
         self == Self::Codec
     }

@@ -66,7 +66,7 @@ impl MadeCut<'_> {
     }
 }
 
-/// Whether a pixel's lightcut is audited in a frame: equally many per macroblock, and all pixels equally often in 256 frames.
+/// Returns whether a pixel's lightcut is audited in a frame: equally many per macroblock, and all pixels equally often in 256 frames.
 pub(super) fn is_pixel_audited(x: usize, y: usize, width: usize, frame: u32, of_a_macroblock: usize) -> bool {
     let block = (y / MACROBLOCK) * width.div_ceil(MACROBLOCK) + x / MACROBLOCK;
     // An odd multiplier permutes all 256 positions.
@@ -74,13 +74,13 @@ pub(super) fn is_pixel_audited(x: usize, y: usize, width: usize, frame: u32, of_
     (y % MACROBLOCK * MACROBLOCK + x % MACROBLOCK + 256 - first) * 45 % 256 < of_a_macroblock
 }
 
-/// Whether a new record's lightcut is audited in a frame: one in [`RECORDS`], times the number of pixels audited per
+/// Returns whether a new record's lightcut is audited in a frame: one in [`RECORDS`], times the number of pixels audited per
 /// macroblock.
 pub(super) fn is_record_audited(key: u64, frame: u32, of_a_macroblock: usize) -> bool {
     hash(key, u64::from(frame), 0) % RECORDS < of_a_macroblock as u64
 }
 
-/// Whether a pixel's unchanged light may be reprojected, or is recomputed for comparison.
+/// Returns whether a pixel's unchanged light may be reprojected, or is recomputed for comparison.
 pub(super) fn reuse_in_turns(x: usize, y: usize, frame: u32) -> Reuse {
     // Odd multipliers keep the audited macroblocks of a frame apart.
     let turn = x / MACROBLOCK * 7 + y / MACROBLOCK * 19 + frame as usize;

@@ -119,7 +119,7 @@ impl Carriable for Direct {
     }
 }
 
-/// Whether `thing` may be between a point and a light.
+/// Returns whether `thing` may be between a point and a light.
 fn shades(thing: &MovingBox, point: Vec3A, source: &Source) -> bool {
     match *source {
         Source::Lamp { low, high } => thing.is_between(point, low, high),

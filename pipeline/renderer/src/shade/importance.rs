@@ -53,7 +53,7 @@ impl ImportanceMap {
         self.importance.map(|v| most.powf(2.0 * v - 1.0))
     }
 
-    /// Whether the map has this size.
+    /// Returns whether the map has this size.
     pub fn fits(&self, width: usize, height: usize) -> bool {
         let (importance, samples) = (&self.importance, &self.samples);
         [(importance.width(), importance.height()), (samples.width(), samples.height())] == [(width, height); 2]

@@ -22,7 +22,7 @@ pub trait Layer: Send {
     /// `tolerance` sets the permitted luminance error of each pixel. Equal input gives equal bits for any number of threads.
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit;
 
-    /// Whether `frame` contains no light for this layer, which is then not called.
+    /// Returns whether `frame` contains no light for this layer, which is then not called.
     fn is_dark(&self, _frame: &Frame<'_>) -> bool {
         false
     }

@@ -165,7 +165,7 @@ impl LitFrame {
         }
     }
 
-    /// Whether `frame` shares the same data by pointer; equality is not sufficient.
+    /// Returns whether `frame` shares the same data by pointer; equality is not sufficient.
     pub fn is_of(&self, frame: &Frame) -> bool {
         Arc::ptr_eq(&self.accelerator, &frame.accelerator)
             && Arc::ptr_eq(&self.lights, &frame.direct)

@@ -112,7 +112,7 @@ impl MovingBox {
         (point - self.low).abs().max((self.high - point).abs()).length()
     }
 
-    /// Whether the segment between two points touches the box.
+    /// Returns whether the segment between two points touches the box.
     pub fn is_crossed(&self, from: Vec3A, to: Vec3A) -> bool {
         self.is_between(from, to, to)
     }
@@ -122,7 +122,7 @@ impl MovingBox {
         Self { low: self.low - margin, high: self.high + margin, ..*self }
     }
 
-    /// Whether a segment from a point to any point of the box `low`…`high` touches this box.
+    /// Returns whether a segment from a point to any point of the box `low`…`high` touches this box.
     ///
     /// At the fraction t of their length, the segments fill the box p + t (low − p) … p + t (high − p). Along each
     /// axis, that box overlaps this one for an interval of t (slabs).

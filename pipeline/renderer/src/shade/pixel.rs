@@ -50,7 +50,7 @@ impl PixelLight<'_> {
     }
 }
 
-/// Whether neither the light tree nor dynamic anchors emit light. Directly sampled lamps do not count.
+/// Returns whether neither the light tree nor dynamic anchors emit light. Directly sampled lamps do not count.
 pub(super) fn is_dark(frame: &Frame<'_>) -> bool {
     frame.tree.is_empty() && frame.direct.dynamic().anchors.is_empty()
 }

@@ -35,7 +35,7 @@ impl<'a> Visibility<'a> {
         Self { frame, directions: GatherDirections::new(gather_rays), feelers }
     }
 
-    /// Whether light from `lamp` reaches `receiver`.
+    /// Returns whether light from `lamp` reaches `receiver`.
     #[inline]
     pub fn sees(&self, receiver: &ShadingPoint, lamp: &Light) -> bool {
         sees(&self.frame.accelerator, receiver, lamp)
@@ -111,14 +111,14 @@ impl<'a> Visibility<'a> {
     }
 }
 
-/// Whether light from `lamp` reaches `receiver`.
+/// Returns whether light from `lamp` reaches `receiver`.
 #[inline]
 pub(super) fn sees(accelerator: &Accelerator, receiver: &ShadingPoint, lamp: &Light) -> bool {
     let lamp = Vec3A::from(lamp.position);
     is_above(receiver, lamp) && !accelerator.hides_lamp(lamp, receiver.position)
 }
 
-/// Whether a lamp is above the triangle's own plane; below it, the triangle hides the lamp for any smooth normal.
+/// Returns whether a lamp is above the triangle's own plane; below it, the triangle hides the lamp for any smooth normal.
 #[inline]
 fn is_above(receiver: &ShadingPoint, lamp: Vec3A) -> bool {
     receiver.geometric_normal.dot(lamp - receiver.position) > 0.0

@@ -1,19 +1,20 @@
-//! Backs of sheets, moved slightly behind their fronts.
+//! Back faces of sheets, moved slightly behind their fronts. A sheet is a surface without thickness.
 //!
-//! Rasterizing viewers cull back faces and show the correct one of two coincident sheets. Ray tracers, including this program,
-//! may hit either one; a small gap makes the order unique.
+//! Rasterizing viewers cull back faces and show the correct one of two coincident faces. Ray tracers, including this
+//! program, may hit either face; a small gap makes the order unique.
 
 use super::split::Split;
 use glam::Vec3;
 use render_core::scene::Mesh;
 use render_core::{Surfaces, Units};
 
-/// Returns the gap in the space of a mesh that `instances` share: on each instance, at least the offset of ray origins.
+/// Returns the gap in the space of a mesh that `instances` share. On each instance, it is at least the offset of ray
+/// origins.
 pub(super) fn gap(surfaces: &Surfaces, instances: &[usize]) -> f32 {
     let epsilon = Units::of(surfaces.scene()).epsilon;
     let mut widest = 0.0f32;
     for &instance in instances {
-        // The cube root of the volume is the mean scale of all directions.
+        // Use the cube root of the volume: the mean scale over all directions.
         let scale = surfaces.world(instance).matrix3.determinant().abs().cbrt();
         let width = epsilon / scale;
         widest = widest.max(if width.is_finite() { width } else { 0.0 });

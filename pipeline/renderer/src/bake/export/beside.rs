@@ -1,4 +1,4 @@
-//! TOML settings of an export: with them, a film of the export looks like a film of the scene.
+//! TOML settings of an export, with which a film of the export looks like a film of the scene.
 
 use super::tone::shown;
 use glam::{Vec3, vec3};
@@ -8,17 +8,17 @@ use render_core::scene::Scene;
 use std::f32::consts::TAU;
 use toml::{Table, Value};
 
-/// Returns the text of the file.
+/// Returns the text of the settings file.
 pub(super) fn settings_text(scene: &Scene, tone_map: &ToneMap) -> String {
     let settings = &scene.settings;
     let mut file = Table::new();
-    // The texture contains display values already.
+    // Use the sRGB operator: the texture already contains display values.
     let operator = ("operator".to_owned(), Value::from("srgb"));
     let exposure = ("exposure".to_owned(), Value::from(1.0));
     file.insert("tone_mapping".into(), Value::Table([operator, exposure].into_iter().collect()));
     file.insert("sky".into(), Value::Table(sky(scene, tone_map)));
 
-    // Film and export must use the same camera, animation, sun and video.
+    // Copy camera, animation, sun and video, which film and export must share.
     if let Some(name) = &settings.camera.name {
         file.insert("camera".into(), named(name));
     }
@@ -39,12 +39,12 @@ pub(super) fn settings_text(scene: &Scene, tone_map: &ToneMap) -> String {
         file.insert("video".into(), Value::Table(video));
     }
 
-    // The comment explains the tone curve to readers of the file.
+    // Explain the tone curve in a comment, for readers of the file.
     let head = "# The texture contains the scene's light as display values; no further tone curve is applied.\n\n";
     format!("{head}{file}")
 }
 
-/// Returns the shortest decimal that identifies the number.
+/// Returns the shortest decimal that identifies `number`.
 fn decimal(number: f32) -> Value {
     Value::from(number.to_string().parse().unwrap_or(f64::from(number)))
 }
@@ -53,11 +53,11 @@ fn named(name: &str) -> Value {
     Value::Table([("name".to_owned(), Value::from(name))].into_iter().collect())
 }
 
-/// Number of directions around the horizon that are averaged.
+/// Number of directions around the horizon, over which the sky is averaged.
 const AROUND: u8 = 32;
 
-/// Returns the sky in display values: straight up, at the horizon and straight down, which only approximates a sky image. A
-/// scene without a sky gets a black one; otherwise the loader would add a white one.
+/// Returns the sky in display values: straight up, at the horizon and straight down. This only approximates a sky
+/// image. A scene without a sky gets a black sky; otherwise the loader would add a white one.
 fn sky(scene: &Scene, tone_map: &ToneMap) -> Table {
     let mut table = Table::new();
     let radiance = |sky: &Environment, height: f32| match height {

@@ -1,19 +1,19 @@
-//! Removes unreferenced objects from a document.
+//! Removal of unreferenced objects from a document.
 
 use super::document::{Document, number};
 use pipeline::error::Result;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Callback for each reference to an object.
+/// Function that is called with each reference to an object.
 type Visitor<'a> = &'a mut dyn FnMut(&mut Value);
-/// Function that calls a visitor with all references of one kind in a document.
+/// Function that calls a visitor with all references to one list of a document.
 type VisitReferences = fn(&mut Value, Visitor);
 
-/// Document extensions that refer to no object of the lists below.
+/// Extensions of the document that refer to no object in [`LISTS`].
 const KEPT: [&str; 3] = ["KHR_lights_punctual", "KHR_materials_variants", "KHR_xmp_json_ld"];
 
-/// Lists of objects, and functions that find references to them. Each list follows the lists that refer to it.
+/// Lists of objects, with functions that visit the references to them. Each list follows the lists that refer to it.
 const LISTS: [(&str, VisitReferences); 7] = [
     ("meshes", |json, visit| each(json, "nodes", |node| refer(node, "mesh", visit))),
     ("materials", materials),
@@ -26,14 +26,14 @@ const LISTS: [(&str, VisitReferences); 7] = [
 
 /// Removes unreferenced objects, and unknown extensions that may refer to objects by index.
 pub(super) fn compact(document: &mut Document) -> Result<()> {
-    // Unknown extensions may refer to objects by index.
+    // Remove unknown extensions: they may refer to objects by index.
     if let Some(Value::Object(extensions)) = document.json.get_mut("extensions") {
         extensions.retain(|name, _| KEPT.contains(&name.as_str()));
     }
     for (name, references) in LISTS {
         let count = document.list(name).len();
 
-        // Referenced objects and their new indices.
+        // Find the referenced objects and assign their new indices.
         let mut new = BTreeMap::new();
         references(&mut document.json, &mut |reference| {
             new.extend(number(reference).map(|index| (index, 0)));
@@ -43,14 +43,14 @@ pub(super) fn compact(document: &mut Document) -> Result<()> {
         }
         new.values_mut().enumerate().for_each(|(place, new)| *new = place);
 
-        // Update the references and drop the other objects.
+        // Update the references, and drop unreferenced objects.
         references(&mut document.json, &mut |reference| {
             if let Some(place) = number(reference).and_then(|index| new.get(&index)) {
                 *reference = json!(place);
             }
         });
         let kept: Vec<Value> = new.keys().map(|&index| document.json[name][index].take()).collect();
-        // Lists in glTF must not be empty.
+        // Remove empty lists: glTF does not allow them.
         match document.json.as_object_mut() {
             Some(json) if kept.is_empty() => drop(json.remove(name)),
             _ => document.json[name] = json!(kept),
@@ -59,7 +59,7 @@ pub(super) fn compact(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// Calls `visit` for each element of a list or an object.
+/// Calls `visit` for each element of the list or object `name`.
 fn each(value: &mut Value, name: &str, mut visit: impl FnMut(&mut Value)) {
     match value.get_mut(name) {
         Some(Value::Array(list)) => list.iter_mut().for_each(&mut visit),
@@ -86,7 +86,7 @@ fn materials(json: &mut Value, visit: Visitor) {
     });
 }
 
-/// Texture references have an `index` below a name that ends in "Texture", in materials and in their extensions.
+/// Visits texture references, in materials and their extensions: `index` below a name that ends in "Texture".
 fn textures(value: &mut Value, visit: Visitor) {
     let Value::Object(map) = value else { return };
     for (name, value) in map {
@@ -101,7 +101,7 @@ fn textures(value: &mut Value, visit: Visitor) {
 fn images(json: &mut Value, visit: Visitor) {
     each(json, "textures", |texture| {
         refer(texture, "source", visit);
-        // Images of other formats.
+        // Visit images in other formats, too.
         each(texture, "extensions", |extension| refer(extension, "source", visit));
     });
 }

@@ -1,4 +1,4 @@
-//! A mutable glTF document: its JSON and buffers.
+//! A mutable glTF document: its JSON and its buffers.
 
 use pipeline::error::{Error, Result};
 use render_core::scene::{GltfSource, Reach};
@@ -10,7 +10,7 @@ pub(super) const ARRAY_BUFFER: u32 = 34962;
 /// Target of a buffer view with indices (glTF 2.0, 5.11.5).
 pub(super) const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// A document and its buffers. Added bytes form buffers of their own until all are packed into one file.
+/// A document and its buffers. Each addition of bytes is a separate buffer until all buffers are packed into one file.
 pub(super) struct Document {
     path: PathBuf,
     source: GltfSource,
@@ -19,7 +19,7 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Reads a scene file that was loaded before, with all buffers. Compressed meshes and views are decompressed.
+    /// Reads a previously loaded scene file with all buffers. Compressed meshes and views are decompressed.
     pub fn read(path: &Path, reach: Reach) -> Result<Self> {
         let mut source = GltfSource::read(path, reach).map_err(Error::other)?;
         let unpacked = source.unpack().map_err(Error::other)?;
@@ -34,7 +34,7 @@ impl Document {
         for (index, buffer) in buffers.iter().take(buffers.len() - unpacked.len()).enumerate() {
             let bytes = match buffer["uri"].as_str() {
                 Some(uri) => document.resource(&format!("buffer {index}"), uri)?,
-                // Slot of the uncompressed fallback that the file lacks.
+                // Leave the slot of the uncompressed fallback empty: the file lacks its bytes.
                 None if index > 0 => Vec::new(),
                 None => binary.take().ok_or_else(|| document.damaged(&format!("buffer {index}")))?,
             };
@@ -44,12 +44,12 @@ impl Document {
         Ok(document)
     }
 
-    /// Returns the list `name` of the document; empty if it has none.
+    /// Returns the list `name` of the document; empty if the document lacks it.
     pub fn list(&self, name: &str) -> &[Value] {
         self.json[name].as_array().map_or(&[], Vec::as_slice)
     }
 
-    /// Adds an object to a list and returns its index.
+    /// Adds an object to the list `name` and returns its index.
     pub fn push(&mut self, name: &str, value: Value) -> usize {
         match self.json[name].as_array_mut() {
             Some(list) => {
@@ -63,14 +63,15 @@ impl Document {
         }
     }
 
-    /// Adds bytes and returns the index of their buffer view.
+    /// Adds bytes and returns the index of their new buffer view.
     pub fn add_view(&mut self, bytes: Vec<u8>) -> usize {
         let view = json!({ "buffer": self.buffers.len(), "byteLength": bytes.len() });
         self.buffers.push(bytes);
         self.push("bufferViews", view)
     }
 
-    /// Adds vertex data or indices and returns the index of their accessor. `accessor` describes them, without the buffer view.
+    /// Adds vertex data or indices and returns the index of their new accessor. `accessor` describes them, without the
+    /// buffer view.
     pub fn add_accessor(&mut self, bytes: Vec<u8>, target: u32, mut accessor: Value) -> usize {
         let view = self.add_view(bytes);
         self.json["bufferViews"][view]["target"] = json!(target);
@@ -78,7 +79,7 @@ impl Document {
         self.push("accessors", accessor)
     }
 
-    /// Returns the bytes of a buffer view; `None` if it does not exist or exceeds its buffer.
+    /// Returns the bytes of a buffer view; `None` if the view does not exist or exceeds its buffer.
     pub fn view(&self, index: usize) -> Option<&[u8]> {
         let view = self.list("bufferViews").get(index)?;
         let (first, length) = (offset(view)?, number(&view["byteLength"])?);
@@ -90,18 +91,18 @@ impl Document {
         self.source.resource(name, uri).map_err(Error::other)
     }
 
-    /// Returns the error for an invalid object of the document.
+    /// Returns the error for an invalid object at `place` in the document.
     pub fn damaged(&self, place: &str) -> Error {
         Error::content(&self.path, format!(": {place} makes no sense; export the scene again"))
     }
 }
 
-/// Returns a nonnegative integer.
+/// Converts a JSON value to a nonnegative integer; `None` if it is not one.
 pub(super) fn number(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|number| usize::try_from(number).ok())
 }
 
-/// Returns `byteOffset` of an object, 0 by default; `None` if it is not a nonnegative integer.
+/// Returns the `byteOffset` of an object, 0 by default; `None` if it is not a nonnegative integer.
 pub(super) fn offset(value: &Value) -> Option<usize> {
     match &value["byteOffset"] {
         Value::Null => Some(0),

@@ -1,4 +1,4 @@
-//! Raw elements of accessors: copied as bytes for any type.
+//! Raw elements of accessors, copied as bytes for any type.
 
 use super::document::{ARRAY_BUFFER, Document, number, offset};
 use glam::Vec3;
@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 /// Layout of an accessor's elements.
 #[derive(Clone, Copy)]
 struct Layout {
-    /// glTF's `componentType`.
+    /// Value of `componentType` in glTF.
     component: u64,
-    /// Bytes per component.
+    /// Number of bytes per component.
     width: usize,
     /// Number of components per element.
     count: usize,
@@ -39,7 +39,7 @@ impl Layout {
         self.width * self.count
     }
 
-    /// Returns a component's value.
+    /// Returns the value of a component with the bytes `b`.
     fn number(self, b: &[u8]) -> f64 {
         match self.component {
             5120 => f64::from(b[0] as i8),
@@ -51,7 +51,7 @@ impl Layout {
         }
     }
 
-    /// Returns minimum and maximum of each component, for elements `stride` bytes apart.
+    /// Returns the minimum and the maximum of each component, for elements `stride` bytes apart.
     fn bounds(self, bytes: &[u8], stride: usize) -> (Vec<f64>, Vec<f64>) {
         let (mut least, mut most) = (vec![f64::INFINITY; self.count], vec![f64::NEG_INFINITY; self.count]);
         for element in bytes.chunks_exact(stride) {
@@ -65,9 +65,10 @@ impl Layout {
 }
 
 impl Document {
-    /// Returns the contiguous elements of an accessor; `None` if their number is not `count`, or they exceed their buffer.
+    /// Returns the elements of an accessor without gaps; `None` if their number is not `count`, or if they exceed their
+    /// buffer.
     fn elements(&self, accessor: &Value, count: usize) -> Option<Vec<u8>> {
-        // Without a buffer view, all elements are zero (glTF 2.0, 5.1.1).
+        // Read the elements; without a buffer view, all are zero (glTF 2.0, 5.1.1).
         let layout = Layout::of(accessor)?;
         let size = layout.size();
         if number(&accessor["count"])? != count {
@@ -82,7 +83,7 @@ impl Document {
             }
         };
 
-        // Sparse accessors replace some elements.
+        // Replace the elements that a sparse accessor lists.
         if let Value::Object(sparse) = &accessor["sparse"] {
             let (places, values) = (sparse.get("indices")?, sparse.get("values")?);
             let replaced = number(sparse.get("count")?)?;
@@ -99,7 +100,7 @@ impl Document {
         Some(elements)
     }
 
-    /// Adds an accessor of positions.
+    /// Adds an accessor of positions, and returns its index.
     pub fn add_positions(&mut self, positions: &[Vec3]) -> usize {
         let (mut least, mut most, mut bytes) = (Vec3::INFINITY, Vec3::NEG_INFINITY, Vec::new());
         for &position in positions {
@@ -113,15 +114,15 @@ impl Document {
         self.add_accessor(bytes, ARRAY_BUFFER, accessor)
     }
 
-    /// Adds an accessor with the elements of `accessor` at `vertices`; `accessor` must have `count` elements. `bounded` adds
-    /// minimum and maximum. `None` if `accessor` cannot be read.
+    /// Adds an accessor with the elements of `accessor` at `vertices`, and returns its index. `accessor` must have
+    /// `count` elements. `bounded` adds minimum and maximum. Returns `None` if `accessor` cannot be read.
     pub fn gather(&mut self, accessor: usize, count: usize, vertices: &[u32], bounded: bool) -> Option<usize> {
         // Read the original elements.
         let old = self.list("accessors").get(accessor)?.clone();
         let (layout, elements) = (Layout::of(&old)?, self.elements(&old, count)?);
         let size = layout.size();
 
-        // Elements begin at multiples of four bytes (glTF 2.0, 3.6.2.4).
+        // Align elements to four bytes (glTF 2.0, 3.6.2.4).
         let stride = size.next_multiple_of(4);
         let mut bytes = Vec::with_capacity(vertices.len() * stride);
         for &vertex in vertices {
@@ -147,7 +148,7 @@ impl Document {
     }
 }
 
-/// Returns `count` contiguous elements of `size` bytes, read `stride` bytes apart; `None` if they exceed `bytes`.
+/// Returns `count` elements of `size` bytes without gaps, read `stride` bytes apart; `None` if they exceed `bytes`.
 fn strided(bytes: &[u8], first: usize, stride: usize, size: usize, count: usize) -> Option<Vec<u8>> {
     if count == 0 {
         return Some(Vec::new());

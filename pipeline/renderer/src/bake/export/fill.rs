@@ -1,12 +1,14 @@
-//! Texels between charts take the color of their surroundings.
+//! Filling of texels between charts with the color of their surroundings.
 //!
-//! Viewers may sample slightly outside of a chart. If the edge of a triangle covers only a fraction of a pixel, coordinates are
-//! evaluated at the pixel's center. On slanted surfaces, this may be many texels away; mip levels reach even further.
+//! Viewers may sample slightly outside of a chart. If a triangle's edge covers only a fraction of a pixel, coordinates
+//! are evaluated at the pixel's center. On slanted surfaces, that center may be many texels away; mip levels reach even
+//! further.
 
-/// An image with holes, in raster order.
+/// Image with holes, in raster order.
 pub(super) type Holed = Vec<Option<[u8; 4]>>;
 
-/// Fills the holes of an image of `width` columns from the image at half resolution, which averages the existing texels.
+/// Fills the holes of an image with `width` columns from the image at half resolution, which averages the existing
+/// texels.
 pub(super) fn filled(picture: Holed, width: usize) -> Vec<[u8; 4]> {
     if picture.iter().all(Option::is_some) || picture.len() <= 1 {
         return picture.into_iter().map(Option::unwrap_or_default).collect();
@@ -20,7 +22,7 @@ pub(super) fn filled(picture: Holed, width: usize) -> Vec<[u8; 4]> {
     picture.into_iter().enumerate().map(color).collect()
 }
 
-/// Returns the image at half resolution, rounded up. A texel is a hole if its four source texels are holes.
+/// Returns the image at half resolution, rounded up. A texel of it is a hole if its four source texels are holes.
 fn halved(picture: &Holed, width: usize) -> Holed {
     let rows = picture.len().div_ceil(width);
     let (half, mut coarse) = (width.div_ceil(2), Vec::new());

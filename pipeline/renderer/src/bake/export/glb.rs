@@ -1,15 +1,17 @@
-//! Packs a document into a single file: one buffer with all bytes, including images.
+//! Packing of a document into a single file: one buffer with all bytes, including images.
 
 use super::document::Document;
 use pipeline::error::{Error, Result};
 use serde_json::json;
 use std::path::Path;
 
-/// Chunk types of a .glb file (glTF 2.0, 4.4.3).
+/// Type of the JSON chunk of a .glb file (glTF 2.0, 4.4.3).
 const JSON: [u8; 4] = *b"JSON";
+/// Type of the binary chunk of a .glb file (glTF 2.0, 4.4.3).
 const BINARY: [u8; 4] = *b"BIN\0";
-/// Bytes before the first chunk, and header bytes of each chunk.
+/// Number of bytes before the first chunk.
 const HEADER: usize = 12;
+/// Number of header bytes of each chunk.
 const CHUNK_HEADER: usize = 8;
 
 /// Moves images from other files or data URIs into the buffers.
@@ -31,7 +33,7 @@ pub(super) fn take_images_in(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// Returns the media type of an image, from its first bytes.
+/// Returns the media type of an image, recognized by its first bytes.
 fn kind(bytes: &[u8]) -> Option<&'static str> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => Some("image/png"),
@@ -42,9 +44,9 @@ fn kind(bytes: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Returns the bytes of the file; `path` is used in the error message.
+/// Returns the bytes of the .glb file; `path` is only used in the error message.
 pub(super) fn packed(mut document: Document, path: &Path) -> Result<Vec<u8>> {
-    // Views in order, each aligned to four bytes.
+    // Join the views in order, each aligned to four bytes.
     let mut binary = Vec::new();
     for index in 0..document.list("bufferViews").len() {
         let Some(bytes) = document.view(index) else { return Err(document.damaged(&format!("buffer view {index}"))) };
@@ -55,13 +57,13 @@ pub(super) fn packed(mut document: Document, path: &Path) -> Result<Vec<u8>> {
         (view["buffer"], view["byteOffset"]) = (json!(0), json!(first));
     }
 
-    // JSON is padded to four bytes, too (glTF 2.0, 4.4.3).
+    // Pad the JSON text to four bytes, too (glTF 2.0, 4.4.3).
     document.json["buffers"] = json!([{ "byteLength": binary.len() }]);
     document.json["asset"]["generator"] = json!(concat!("render2mpeg ", env!("CARGO_PKG_VERSION")));
     let mut text = document.json.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
 
-    // Chunks: JSON, then the binary buffer.
+    // Write the chunks: the JSON text, then the binary buffer.
     let length = HEADER + 2 * CHUNK_HEADER + text.len() + binary.len();
     let Ok(length) = u32::try_from(length) else {
         let problem = format!(

@@ -1,4 +1,5 @@
-//! Punctual lights of the document. The baked light contains them already, so they are needed only for dynamic surfaces.
+//! Punctual lights of the exported document. The texture contains their light already, so only dynamic surfaces need
+//! them.
 
 use super::document::Document;
 use render_core::scene::Scene;
@@ -26,7 +27,7 @@ pub(super) fn adapt(document: &mut Document, scene: &Scene, exposure: f32) {
     }
 }
 
-/// Removes the extension from the document and its nodes.
+/// Removes the extension of punctual lights from the document and its nodes.
 fn leave_out(json: &mut Value) {
     if let Some(Value::Array(nodes)) = json.get_mut("nodes") {
         nodes.iter_mut().for_each(without_lights);
@@ -34,7 +35,7 @@ fn leave_out(json: &mut Value) {
     without_lights(json);
 }
 
-/// Removes the extension from an object.
+/// Removes the extension of punctual lights from an object.
 fn without_lights(object: &mut Value) {
     let Some(map) = object.as_object_mut() else { return };
     let Some(Value::Object(extensions)) = map.get_mut("extensions") else { return };

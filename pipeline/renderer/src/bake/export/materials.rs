@@ -4,19 +4,20 @@ use super::document::Document;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// glTF constants of filter and wrap modes: samples stay within the image and its finest level.
+/// Filter mode of glTF with which samples use only the finest level of an image.
 const LINEAR: u32 = 9729;
+/// Wrap mode of glTF with which samples stay within an image.
 const CLAMP_TO_EDGE: u32 = 33071;
 
 /// The baked texture, and one new material for each of the scene's materials.
 pub(super) struct Materials {
     texture: usize,
-    /// New materials by the material that they replace; `None` is glTF's default material.
+    /// New material for each replaced material; `None` is glTF's default material.
     made: BTreeMap<Option<usize>, usize>,
 }
 
 impl Materials {
-    /// Adds the baked texture, a PNG file.
+    /// Adds the baked texture `png` to the document.
     pub fn new(document: &mut Document, png: Vec<u8>) -> Self {
         let view = document.add_view(png);
         let image = json!({ "name": "baked light", "mimeType": "image/png", "bufferView": view });
@@ -28,7 +29,7 @@ impl Materials {
         Self { texture, made: BTreeMap::new() }
     }
 
-    /// Returns the unlit, single-sided material that replaces `material`, with the same alpha mode.
+    /// Returns the unlit, single-sided material that replaces `material`, with unchanged alpha mode.
     pub fn baked(&mut self, document: &mut Document, material: Option<usize>) -> usize {
         if let Some(&made) = self.made.get(&material) {
             return made;
@@ -51,7 +52,8 @@ impl Materials {
     }
 }
 
-/// Lists the extensions that the document uses. Meshes with quantized attributes have no other mark, so that extension stays.
+/// Lists the extensions that the document uses. The extension for quantized attributes stays: objects that use it do
+/// not name it.
 pub(super) fn list_extensions(document: &mut Document) {
     let mut found = vec!["KHR_mesh_quantization".to_owned()];
     collect(&document.json, &mut found);
@@ -71,7 +73,7 @@ pub(super) fn list_extensions(document: &mut Document) {
     }
 }
 
-/// Collects the names of the extensions of objects.
+/// Collects the names of all extensions of objects below `value`.
 fn collect(value: &Value, found: &mut Vec<String>) {
     match value {
         Value::Array(list) => list.iter().for_each(|value| collect(value, found)),

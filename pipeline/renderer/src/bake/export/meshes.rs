@@ -11,10 +11,10 @@ use render_core::{Atlas, FineTexels, Surfaces};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// Sides of an instance that have charts.
+/// Sides of an instance that have charts in the atlas.
 struct Baked {
     instance: usize,
-    /// Front and back, each with the texture coordinates of its triangles.
+    /// Front (false) or back (true), each with the texture coordinates of its triangles.
     sides: Vec<(bool, SideTriangles)>,
 }
 
@@ -23,13 +23,13 @@ struct Geometry {
     split: Split,
     attributes: Map<String, Value>,
     targets: Option<Value>,
-    /// Accessor of positions for backs.
+    /// Accessor of the positions for backs.
     behind: Option<usize>,
-    /// Existing accessors of indices.
+    /// Accessors of existing index lists.
     indices: BTreeMap<Vec<u32>, usize>,
 }
 
-/// Writes new meshes of baked surfaces.
+/// Writer of new meshes for baked surfaces.
 pub(super) struct Meshes<'a> {
     pub document: &'a mut Document,
     pub places: &'a [PrimitiveSlot],
@@ -68,7 +68,7 @@ impl Meshes<'_> {
         Ok(())
     }
 
-    /// Returns the instances that have charts, by their mesh.
+    /// Returns the instances that have charts, grouped by their mesh.
     fn instances_by_mesh(&self) -> BTreeMap<usize, Vec<Baked>> {
         let scene = self.surfaces.scene();
         let mut by_mesh: BTreeMap<usize, Vec<Baked>> = BTreeMap::new();
@@ -91,7 +91,7 @@ impl Meshes<'_> {
 
     /// Creates the geometry that instances of a mesh share.
     fn geometry(&mut self, instances: &[Baked]) -> Result<Geometry> {
-        // All sides of all instances share one set of vertices.
+        // Use one set of vertices for all sides of all instances.
         let scene = self.surfaces.scene();
         let Baked { instance, .. } = instances[0];
         let (mesh, place) = (&scene.meshes[scene.instances[instance].mesh], self.places[instance]);
@@ -101,8 +101,8 @@ impl Meshes<'_> {
         }
         let split = Split::new(&mesh.triangles, &sides);
 
-        // The baked texture replaces vertex colors, and without a normal map no tangents are needed. Only the first set of
-        // texture coordinates is kept, since set numbers must start at 0.
+        // Omit vertex colors, which the baked texture replaces, and tangents, which are unused without a normal map.
+        // Keep only the first set of texture coordinates, since set numbers must start at 0.
         let found = primitives(self.document, place.mesh)[place.primitive].clone();
         let count = mesh.positions.len();
         let mut attributes = Map::new();
@@ -130,7 +130,7 @@ impl Meshes<'_> {
         Ok(Geometry { split, attributes, targets, behind, indices: BTreeMap::new() })
     }
 
-    /// Copies the morph targets of a primitive for the new vertices: a static shape may blend several targets.
+    /// Copies the morph targets of a primitive to the new vertices: a static shape may blend several targets.
     fn targets(&mut self, primitive: &Value, count: usize, vertices: &[u32]) -> Result<Option<Value>> {
         let Some(old) = primitive["targets"].as_array() else { return Ok(None) };
         let mut targets = Vec::new();
@@ -150,12 +150,12 @@ impl Meshes<'_> {
         Ok(Some(json!(targets)))
     }
 
-    /// Creates the primitives of an instance: its front, and its back if that has charts.
+    /// Creates the primitives of an instance: its front, and its back if the back has charts.
     fn primitives(&mut self, baked: &Baked, place: PrimitiveSlot, geometry: &mut Geometry) -> Result<Vec<Value>> {
         let found = primitives(self.document, place.mesh)[place.primitive].clone();
         let material = self.materials.baked(self.document, number(&found["material"]));
         let mut written = Vec::new();
-        // Each side is a primitive with its own texture coordinates.
+        // Make each side a primitive with its own texture coordinates.
         for (back, side) in &baked.sides {
             let mut attributes = geometry.attributes.clone();
             if let Some(behind) = geometry.behind.filter(|_| *back) {
@@ -163,10 +163,10 @@ impl Meshes<'_> {
             }
             let coordinates = self.coordinates(&geometry.split.places(side));
             attributes.insert("TEXCOORD_1".into(), json!(coordinates));
-            // Without a first coordinate set, use this one: set numbers must have no gaps.
+            // Use the coordinates also as the first set if there is none: set numbers must have no gaps.
             attributes.entry("TEXCOORD_0").or_insert(json!(coordinates));
 
-            // Sides with equal triangles share their indices.
+            // Share the indices between sides with equal triangles.
             let indices = geometry.split.indices(side, *back);
             let indices = match geometry.indices.get(&indices) {
                 Some(&known) => known,
@@ -188,7 +188,7 @@ impl Meshes<'_> {
         Ok(written)
     }
 
-    /// Adds an accessor of coordinates in the baked texture.
+    /// Adds an accessor of coordinates in the baked texture, and returns its index.
     fn coordinates(&mut self, places: &[Vec2]) -> usize {
         let mut bytes = Vec::with_capacity(8 * places.len());
         for &place in places {
@@ -198,9 +198,9 @@ impl Meshes<'_> {
         self.document.add_accessor(bytes, ARRAY_BUFFER, accessor)
     }
 
-    /// Adds an accessor of indices, with two bytes each if possible.
+    /// Adds an accessor of indices, of two bytes each if possible, and returns its index.
     fn indices(&mut self, indices: &[u32]) -> usize {
-        // The largest value of a type is not a valid index (glTF 2.0, 3.7.2.1).
+        // Exclude the maximum value of a type: it is not a valid index (glTF 2.0, 3.7.2.1).
         let is_short = indices.iter().all(|&index| index < u32::from(u16::MAX));
         let mut bytes = Vec::with_capacity(4 * indices.len());
         for &index in indices {

@@ -1,4 +1,4 @@
-//! Export of a scene with its baked light: a .glb file that any viewer shows like a film.
+//! Export of a scene with its baked light: a .glb file that looks like a film in any viewer.
 //!
 //! ```text
 //! document, elements   the scene's document and buffers, read again; unknown data is kept
@@ -43,12 +43,12 @@ use render_core::scene::{Alpha, Scene, SceneSettings};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Default range of the image's longer side \[texels\]; within it, the image has four texels per baked texel along each axis.
+/// Default range of the longer side of the image \[texels\]. Within it, the image is four times as fine as the atlas.
 const USUAL: std::ops::RangeInclusive<u32> = 2048..=4096;
-/// Largest side of an image \[texels\]; most viewers support less.
+/// Maximum side of an image \[texels\]; most viewers support less.
 pub const LARGEST_SIDE: u32 = 16384;
 
-/// A scene with baked light painted in.
+/// Export of a scene with painted baked light.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Export {
@@ -56,18 +56,19 @@ pub struct Export {
     pub file: Vec<u8>,
     /// Text of the settings file.
     pub settings: String,
-    /// Width and height of the image \[texels\].
+    /// Size of the image \[texels\]: width and height.
     pub size: (u32, u32),
     /// Tone curve of the image, including its exposure.
     pub tone_map: ToneMap,
 }
 
-/// Paints the light of `baked` into `scene`, which was loaded from `path`. The image's longer side has `side` texels, by
-/// default four times the atlas's, and never fewer than the atlas. Equal bakes give equal bytes for any number of threads.
+/// Paints the light of `baked` into `scene`, which was loaded from `path`. The longer side of the image has `side`
+/// texels, by default four times the atlas's, and never fewer than the atlas. Equal bakes produce equal bytes for any
+/// number of threads.
 ///
 /// # Errors
-/// If the side would exceed 16384, or the export would exceed the size of a .glb file.
-/// If the scene's file or an image of it cannot be read again.
+/// If the side exceeds 16384, or the export exceeds the size of a .glb file. If the scene's file or one of its images
+/// cannot be read again.
 pub fn export(
     scene: &Scene,
     path: &Path,
@@ -75,7 +76,7 @@ pub fn export(
     baked: &Arc<BakedTexels>,
     side: Option<u32>,
 ) -> Result<Export> {
-    // The image may be finer than the atlas, never coarser.
+    // Choose the size: the image may be finer than the atlas, never coarser.
     let atlas = &baked.atlas;
     let (columns, rows) = atlas.size();
     let longer = columns.max(rows);
@@ -84,14 +85,14 @@ pub fn export(
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
 
-    // The image.
+    // Paint the image.
     let tone_map = tone::tone_map(scene, settings, baked)?;
     let picture = Painter { texels: &fine, baked, surfaces: &surfaces, tone_map }.painted();
     let has_alpha = scene.materials.iter().any(|material| material.alpha != Alpha::Opaque);
     let png = page::png(&picture, fine.width(), fine.height(), has_alpha)?;
     drop(picture);
 
-    // The document that contains it.
+    // Insert the image into the document.
     let mut document = Document::read(path, scene.origin.reach)?;
     let places = places::places(&document, scene)?;
     let materials = Materials::new(&mut document, png);
@@ -106,7 +107,8 @@ pub fn export(
     Ok(Export { file, settings, size: (fine.width(), fine.height()), tone_map })
 }
 
-/// Returns the longer side of the image \[texels\]: the requested one, but at least `least`, the atlas's longer side.
+/// Returns the longer side of the image \[texels\]: the requested side, but at least `least`, the longer side of the
+/// atlas.
 fn side_for(least: u32, wish: Option<u32>) -> Result<u32> {
     let side = wish.unwrap_or_else(|| (4 * least).clamp(*USUAL.start(), *USUAL.end())).max(least);
     if side > LARGEST_SIDE {
@@ -117,7 +119,8 @@ fn side_for(least: u32, wish: Option<u32>) -> Result<u32> {
 }
 
 impl Export {
-    /// Writes the file to `path`, which ends in `.glb`, and its settings next to it. Returns the file's length in bytes.
+    /// Writes the file to `path`, which ends in `.glb`, and the settings next to it. Returns the length of the .glb
+    /// file in bytes.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -133,10 +136,10 @@ impl Export {
     }
 }
 
-/// Checks that an export to `path` can be written and overwrites neither the scene nor its settings.
+/// Checks that an export to `path` can be written and overwrites neither the scene nor the scene's settings.
 ///
 /// # Errors
-/// If the name does not end in `.glb` or is the scene's name, or the folder does not exist or is not writable.
+/// If the name does not end in `.glb` or is the scene's name, or if the folder does not exist or is not writable.
 pub fn check_path(path: &Path, scene: &Path) -> Result<()> {
     if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("glb")) {
         return Err(Error::Options(format!(
@@ -150,7 +153,7 @@ pub fn check_path(path: &Path, scene: &Path) -> Result<()> {
         }
         other => other,
     })?);
-    // Files in one folder that differ only in their extension share their settings.
+    // Compare names without extensions: files in one folder that differ only in their extension share their settings.
     let folder = |path: &Path| path.parent().filter(|folder| !folder.as_os_str().is_empty()).map(Path::to_owned);
     let same_folder = [path, scene].map(|path| folder(path).unwrap_or(".".into()).canonicalize().ok());
     if same_folder[0] == same_folder[1] && path.file_stem() == scene.file_stem() {

@@ -1,11 +1,11 @@
-//! Image of the atlas: each texel has the color that a film shows there.
+//! Image of the atlas: each texel has the color of its surface in a film.
 //!
 //! ```text
 //! L = ρ/π (E_direct + E_indirect) + L_emitted        ρ  reflectance at the texel's point, filtered over the texel
 //! code = 255 display(L)                              E  irradiance, bilinear between four baked texels
 //! ```
 //!
-//! A texture cannot contain reflections of coats, which depend on the viewer. Coats are painted matte, with the same
+//! A texture cannot contain reflections of coats, which depend on the viewer. Coats are painted matte, with unchanged
 //! reflectance: a metal keeps its color, and polish brightens its base color slightly.
 
 use super::fill::{Holed, filled};
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use render_core::{FinePoint, FineTexels, Surfaces};
 use std::f32::consts::PI;
 
-/// Light, surfaces and tone curve of the colors.
+/// Painter of the image, with the light, the surfaces and the tone curve that determine its colors.
 pub(super) struct Painter<'a> {
     pub texels: &'a FineTexels<'a>,
     pub baked: &'a BakedTexels,
@@ -26,7 +26,7 @@ pub(super) struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    /// Returns R′G′B′ and opacity of all texels in raster order.
+    /// Returns R′G′B′ and opacity of each texel, in raster order.
     pub fn painted(&self) -> Vec<[u8; 4]> {
         let (width, height) = (self.texels.width() as usize, self.texels.height() as usize);
         let mut picture: Holed = vec![None; width * height];

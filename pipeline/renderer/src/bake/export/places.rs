@@ -1,4 +1,4 @@
-//! Slots of a scene's instances in its document.
+//! Slots of a scene's instances in the scene's document.
 
 use super::document::{Document, number};
 use pipeline::error::Result;
@@ -6,7 +6,7 @@ use render_core::scene::Scene;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Primitive modes that consist of triangles: list, strip, fan.
+/// Primitive modes that consist of triangles: lists, strips and fans.
 const TRIANGLES: std::ops::RangeInclusive<u64> = 4..=6;
 
 /// A primitive of a node's mesh: indices into the document's lists.
@@ -29,7 +29,7 @@ pub(super) fn places(document: &Document, scene: &Scene) -> Result<Vec<Primitive
         }
     }
 
-    // The loader read the scene separately: both readers must agree.
+    // Compare the numbers of vertices: the loader read the scene separately, and both readers must agree.
     let vertices = |place: &PrimitiveSlot| {
         let position = number(&primitives(document, place.mesh)[place.primitive]["attributes"]["POSITION"])?;
         number(&document.list("accessors").get(position)?["count"])
@@ -48,7 +48,7 @@ pub(super) fn primitives(document: &Document, mesh: usize) -> &[Value] {
     list.map_or(&[], Vec::as_slice)
 }
 
-/// Returns the nodes of the shown scene, in file order.
+/// Returns the nodes of the displayed scene, in file order.
 fn shown_nodes(document: &Document) -> BTreeSet<usize> {
     let children = |parent: &Value, name: &str| -> Vec<usize> {
         parent[name].as_array().into_iter().flatten().filter_map(number).collect()

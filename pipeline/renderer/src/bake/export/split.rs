@@ -1,25 +1,25 @@
-//! Vertices split at chart boundaries: a vertex has one texture coordinate.
+//! Vertices split at chart boundaries, because a vertex has only one texture coordinate.
 
 use glam::Vec2;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-/// Texture coordinates of the triangles on one side of an instance; `None` for a triangle without any.
+/// Texture coordinates of the triangles on one side of an instance; `None` for a triangle without coordinates.
 pub(super) type SideTriangles = Vec<Option<[Vec2; 3]>>;
 
-/// Vertices of a mesh, split so that each has one texture coordinate on each side of each instance.
+/// Vertices of a mesh, split so that each has one texture coordinate per side of each instance.
 #[derive(Debug, PartialEq)]
 pub(super) struct Split {
-    /// Original vertex of each new vertex.
+    /// Index of the original vertex of each new vertex.
     pub vertices: Vec<u32>,
-    /// New vertices of each triangle.
+    /// Indices of the new vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Split {
     /// Splits the vertices of `triangles`. Each of `sides` contains one entry per triangle.
     pub fn new(triangles: &[[u32; 3]], sides: &[SideTriangles]) -> Self {
-        // Corners start with their vertex as their class; each side refines the classes.
+        // Start with one class of corners per vertex; each side refines the classes.
         let mut kinds: Vec<u32> = triangles.as_flattened().to_vec();
         for side in sides {
             let mut known: HashMap<(u32, Option<[u32; 2]>), u32> = HashMap::new();
@@ -30,7 +30,7 @@ impl Split {
             }
         }
 
-        // Number the classes in the order of triangles.
+        // Number the classes in order of their first triangle.
         let (mut vertices, mut number_of) = (Vec::new(), HashMap::new());
         let mut new = vec![[0; 3]; triangles.len()];
         let olds = triangles.as_flattened().iter();
@@ -47,7 +47,7 @@ impl Split {
         Self { vertices, triangles: new }
     }
 
-    /// Returns the texture coordinate of each vertex on a side, (0, 0) without one.
+    /// Returns the texture coordinate of each vertex on a side; (0, 0) for a vertex without one.
     pub fn places(&self, side: &SideTriangles) -> Vec<Vec2> {
         let mut places = vec![Vec2::ZERO; self.vertices.len()];
         for (triangle, corners) in self.triangles.iter().zip(side) {
@@ -58,7 +58,7 @@ impl Split {
         places
     }
 
-    /// Returns the vertices of all triangles with coordinates on a side, in reverse winding for a `back`.
+    /// Returns the vertex indices of all triangles with coordinates on a side. A `back` has reverse winding.
     pub fn indices(&self, side: &SideTriangles, back: bool) -> Vec<u32> {
         let mut indices = Vec::with_capacity(3 * self.triangles.len());
         for (&[a, b, c], _) in self.triangles.iter().zip(side).filter(|(_, corners)| corners.is_some()) {
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
     use glam::vec2;
 
-    /// Two triangles with a common edge, in one chart or in two.
+    /// Checks two triangles with a common edge, in one chart and in two charts.
     #[test]
     fn vertices_are_split_between_charts_alone() {
         let triangles = [[0, 1, 2], [2, 1, 3]];
@@ -85,7 +85,7 @@ mod tests {
         let one = Split::new(&triangles, std::slice::from_ref(&whole));
         assert_eq!(one, Split { vertices: vec![0, 1, 2, 3], triangles: triangles.to_vec() });
 
-        // A vertex that is split on one side is split on all sides.
+        // Expect a vertex that is split on one side to be split on all sides.
         let two = Split::new(&triangles, &[whole.clone(), cut.clone()]);
         assert_eq!(two, Split { vertices: vec![0, 1, 2, 2, 1, 3], triangles: vec![[0, 1, 2], [3, 4, 5]] });
         assert_eq!(two.places(&whole)[2..4], [vec2(0.0, 1.0); 2]);

@@ -1,4 +1,4 @@
-//! Tone curve of the baked image, equal to the film's.
+//! Tone curve of the exported image, equal to the film's.
 
 use crate::settings::{Lighting, RenderSettings, Size};
 use crate::texels::BakedTexels;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Side of the frame that determines the exposure \[pixels\].
 const SIDE: usize = 128;
 
-/// Returns the tone curve of a film with `settings`. Without a given exposure, it is determined from the film's first frame,
+/// Returns the tone curve of a film with `settings`. Without a given exposure, the film's first frame determines it,
 /// rendered with baked light at 128×128 pixels.
 pub(super) fn tone_map(scene: &Scene, settings: &RenderSettings, baked: &Arc<BakedTexels>) -> Result<ToneMap> {
     if !settings.auto_exposure {
@@ -27,7 +27,7 @@ pub(super) fn tone_map(scene: &Scene, settings: &RenderSettings, baked: &Arc<Bak
     Ok(tone_map.with_exposure(exposure))
 }
 
-/// Returns the radiance that a plain sRGB display shows like `radiance` under `tone_map`.
+/// Returns the radiance that a plain sRGB display shows as `tone_map` shows `radiance`.
 pub(super) fn shown(tone_map: &ToneMap, radiance: Vec3) -> Vec3 {
     let display = ToneMap::srgb();
     Vec3::from(radiance.to_array().map(|light| display.decode(tone_map.encode(light))))

@@ -4,11 +4,15 @@ use render_core::Environment;
 use render_core::scene::{self, Camera, Encoding, Gradient, Instance, Projection, Texture, Wrap};
 use std::path::Path;
 
-/// Nodes of [`stage`].
+/// Index of the camera's node in [`stage`].
 const CAMERA: usize = 0;
+/// Index of the lamp's node in [`stage`].
 const LAMP: usize = 1;
+/// Index of the moving parent of the triangle's node in [`stage`].
 const BODY: usize = 2;
+/// Index of the deforming triangle's node in [`stage`].
 const HAND: usize = 3;
+/// Index of the joint's node in [`stage`].
 const JOINT: usize = 4;
 
 fn texture(code: u8, wrap: Wrap, encoding: Encoding) -> Texture {
@@ -81,7 +85,7 @@ fn a_scene_has_one_fingerprint() {
     assert_eq!(fingerprint(&stage()), fingerprint(&stage()));
 }
 
-/// A change of this value rejects all existing files of baked light.
+/// Checks the fingerprint's value. Changing it rejects all existing files of baked light.
 #[test]
 fn fingerprints_are_those_of_other_machines_and_versions() {
     assert_eq!(
@@ -112,7 +116,8 @@ fn cameras_names_and_films_do_not_count() {
     }
 }
 
-/// Other nodes get other indices if a camera node is first, in the middle or last.
+/// Checks that the position of a camera node among the nodes has no effect, although it changes the other nodes'
+/// indices.
 #[test]
 fn nodes_may_have_other_indices() {
     let with_camera_at = |place: usize| {
@@ -179,7 +184,7 @@ fn all_else_counts() {
         ("sky", |s| s.sky = sky(2.5)),
         ("sun", |s| s.settings.sun.angular_diameter = 5.0),
     ];
-    // All of them differ from each other, too.
+    // Check that all changes lead to different fingerprints.
     let mut found = vec![("none", fingerprint(&stage()))];
     for (name, change) in changes {
         let changed = after(change);

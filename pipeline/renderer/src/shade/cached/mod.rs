@@ -93,7 +93,7 @@ fn intensities(frame: &Frame) -> Vec<Vec3> {
     frame.tree.lights().iter().map(|light| light.intensity).collect()
 }
 
-/// Whether the lights of the tree have these intensities.
+/// Returns whether the lights of the tree have these intensities.
 fn are_lit_by(intensities: &[Vec3], frame: &Frame) -> bool {
     frame.tree.lights().iter().map(|light| light.intensity).eq(intensities.iter().copied())
 }

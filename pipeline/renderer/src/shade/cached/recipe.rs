@@ -30,7 +30,7 @@ impl Recipe {
         self.surroundings.forget_light();
     }
 
-    /// Whether the clusters were discarded.
+    /// Returns whether the clusters were discarded.
     pub fn has_forgotten(&self) -> bool {
         self.clusters.len() != self.size as usize
     }

@@ -205,7 +205,7 @@ impl TreeLight<'_> {
         ShadingPoint::off_surface(position, [normal, geometric_normal], self.visible.frame.epsilon)
     }
 
-    /// Whether any of these objects is so near that clamping reduces its light much. The object that carries the record is
+    /// Returns whether any of these objects is so near that clamping reduces its light much. The object that carries the record is
     /// excluded, because it is always near.
     fn is_near(&self, things: &[MovingBox], site: &Site) -> bool {
         let nearby = self.visible.frame.gather.dynamic_reach();
@@ -251,7 +251,7 @@ impl TreeLight<'_> {
         self.visibility.seen_among(receiver, clusters, |c| lights[c.light as usize].position.into(), active)
     }
 
-    /// Whether the lightcut of a new record is audited.
+    /// Returns whether the lightcut of a new record is audited.
     fn is_audited(&self, site: &Site) -> bool {
         let audits = self.tolerance.audits_per_macroblock();
         audits.is_some_and(|audits| is_record_audited(site.key, self.visible.frame.index, audits))

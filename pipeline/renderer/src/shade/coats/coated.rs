@@ -58,12 +58,12 @@ impl Coated {
         coated
     }
 
-    /// Whether the coat shows no sharp reflections.
+    /// Returns whether the coat shows no sharp reflections.
     pub fn is_rough(&self) -> bool {
         self.roughness >= ROUGH
     }
 
-    /// Whether the coat reflects only in the mirror direction.
+    /// Returns whether the coat reflects only in the mirror direction.
     pub fn is_mirror(&self) -> bool {
         self.roughness < MIRROR
     }

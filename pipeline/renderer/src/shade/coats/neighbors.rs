@@ -64,7 +64,7 @@ impl Lobe {
         }
     }
 
-    /// Whether the coat has rays to share.
+    /// Returns whether the coat has rays to share.
     pub fn has_rays(&self) -> bool {
         self.brought.rays > 0.0
     }
