@@ -1,7 +1,7 @@
 //! Baked light that static coats reflect, for each texel of an atlas and each direction.
 //!
-//! Texels of equal coat roughness, quantized to the side n of their maps, share a field. Samples are bilinear in direction.
-//! Callers blend texels.
+//! Texels of equal coat roughness, quantized to the side n of their maps, share a field. Samples of a map are bilinear
+//! in direction. Callers blend the samples of several texels.
 
 use glam::Vec3;
 use lightfield::{DirectionCells, FieldError, LookUp, NearLossless, OctahedralMap, TILE_SIDE, TILE_SLOTS};
@@ -9,15 +9,15 @@ use pipeline::state::{decode, encode};
 use render_core::Atlas;
 use serde::{Deserialize, Serialize};
 
-/// Fields of all baked coats, and their texels.
+/// Fields of all baked coats, and the slots of their texels.
 #[derive(Debug, Default)]
 pub struct CoatFields {
     fields: Vec<CoatField>,
-    /// Field and slot of each texel in the atlas; `None` for texels without baked coat.
+    /// Field and slot of each texel in the atlas; `None` for a texel without a baked coat.
     places: Vec<Option<TexelSlot>>,
 }
 
-/// Position of a texel's light.
+/// Position of a texel's light: index of the field, and slot in the field.
 #[derive(Clone, Copy, Debug)]
 struct TexelSlot {
     field: u32,
@@ -27,14 +27,14 @@ struct TexelSlot {
 /// Light of coats with equal roughness.
 pub(crate) struct CoatField {
     map: OctahedralMap,
-    /// Tile index in the atlas, by rows of tiles, for each tile of the field.
+    /// Index in the atlas of each tile of the field; the atlas's tiles are counted by rows.
     tiles: Vec<u32>,
-    /// Radiance of each code \[W·m⁻²·sr⁻¹\]: a table, because a film reads 48 codes per pixel.
+    /// Radiance of each code \[W·m⁻²·sr⁻¹\], as a table: a film reads 48 codes per pixel.
     light_of: Vec<f32>,
     light: NearLossless,
 }
 
-/// A field in its file format.
+/// A field as stored in files.
 #[derive(Serialize, Deserialize)]
 struct StoredField {
     side: u32,
@@ -56,10 +56,10 @@ impl std::fmt::Debug for CoatField {
 }
 
 impl CoatField {
-    /// Creates a field with maps of n × n directions, n = `side`, for the tiles of these indices in the atlas.
+    /// Creates a field with maps of n × n directions, n = `side`. `tiles` contains the index in the atlas of each tile.
     ///
     /// # Errors
-    /// If the light does not fit the map or the tiles, or has no logarithmic scale.
+    /// If the light does not fit the map or the tiles, or lacks a logarithmic scale.
     pub fn new(side: usize, tiles: Vec<u32>, light: NearLossless) -> Result<Self, FieldError> {
         let map = OctahedralMap { side };
         if light.directions() != map.len() {
@@ -76,7 +76,7 @@ impl CoatField {
         }
     }
 
-    /// Returns the radiance in a texel's slot, bilinear in the `mirrored` direction; `None` for an empty slot.
+    /// Returns the radiance of the texel in a slot, bilinear in the `mirrored` direction; `None` for an empty slot.
     fn light(&self, slot: usize, mirrored: Vec3) -> Option<Vec3> {
         let DirectionCells { cells, weights } = self.map.bilinear(mirrored);
         let mut sum = Vec3::ZERO;
@@ -89,7 +89,7 @@ impl CoatField {
 }
 
 impl CoatFields {
-    /// Creates the fields of coats on `atlas`; `None` if a tile or a used texel does not exist in it.
+    /// Creates the fields of coats on `atlas`; `None` if `atlas` lacks a tile or a used texel.
     pub(crate) fn new(atlas: &Atlas, fields: Vec<CoatField>) -> Option<Self> {
         let columns = atlas.size().0 / TILE_SIDE as u32;
         let mut places = vec![None; atlas.len()];
@@ -117,7 +117,7 @@ impl CoatFields {
         self.fields.iter().map(|field| field.light.tiles().texels()).sum()
     }
 
-    /// Returns the number of light samples: the sum over texels of their directions.
+    /// Returns the number of light samples: the number of directions, summed over texels.
     #[must_use]
     pub fn samples(&self) -> usize {
         self.fields.iter().map(|field| field.light.tiles().texels() * field.map.len()).sum()
@@ -129,8 +129,8 @@ impl CoatFields {
         self.fields.iter().map(|field| field.light.as_bytes().len()).sum()
     }
 
-    /// Returns the mean radiance \[W·m⁻²·sr⁻¹\] that a texel's coat reflects, to be multiplied by its albedo. The unit vector
-    /// `mirrored` is the mirror direction. `None` if the coat is not baked.
+    /// Returns the mean radiance \[W·m⁻²·sr⁻¹\] that a texel's coat reflects, to be multiplied by the coat's albedo.
+    /// The unit vector `mirrored` is the mirror direction. Returns `None` if the coat is not baked.
     #[must_use]
     pub fn mean_radiance(&self, texel: usize, mirrored: Vec3) -> Option<Vec3> {
         let TexelSlot { field, slot } = (*self.places.get(texel)?)?;

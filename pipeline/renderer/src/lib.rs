@@ -1,4 +1,4 @@
-//! Renders scenes to linear frames with errors within per-pixel thresholds.
+//! Renders scenes to linear frames, with errors within per-pixel thresholds.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
@@ -29,5 +29,5 @@ pub use shade::{
 #[cfg(feature = "bake")]
 pub(crate) use shade::{GATHER_RAYS, KnownScene, TexelCoat, Visibility};
 
-/// Minimum perceptual roughness of baked coats. Smoother coats show shapes finer than texels.
+/// Minimum perceptual roughness of baked coats. Reflections in smoother coats contain details finer than texels.
 pub(crate) const BAKED_ROUGHNESS: f32 = 0.35;

@@ -1,4 +1,5 @@
-//! First half of the renderer: everything that needs no thresholds (object poses, photons, light tree, primary rays, motion).
+//! First half of the renderer: all work that needs no thresholds (object poses, photons, light tree, primary rays,
+//! motion).
 
 use super::frame::{Frame, PreparedFrame};
 use crate::plan::{Plan, Stage};
@@ -20,18 +21,21 @@ use render_core::{
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Number of directions for sky light: 5° apart, less than the width of shadows from a sky.
+/// Number of directions for sky light. They are 5° apart, less than the width of shadows from a sky.
 const DOME_LIGHTS: usize = 1024;
 /// Total number of points that represent area lights in the light tree.
 const EMITTER_POINTS: f32 = 2048.0;
-/// Minimum and maximum number of points for a single surface.
+/// Minimum and maximum number of points that represent one surface in the light tree.
 const POINTS_OF_A_SURFACE: (f32, f32) = (16.0, 1024.0);
-/// Maximum number of area lights sampled at every pixel. If more surfaces are emissive, the light tree is cheaper.
+/// Maximum number of area lights sampled at every pixel. With more emissive surfaces, the light tree is cheaper.
 const MOST_SAMPLED_SURFACES: usize = 8;
-/// Maximum number of film moments that guide photons: a camera that walks for 10 s has seen most rooms on its path.
+/// Maximum number of moments of the film that guide photons: a camera that walks for 10 s has seen most rooms on its
+/// path.
 const MOMENTS: u32 = 8;
-/// A surface with more patches, and larger than this fraction of the scene, is not sampled as a single light.
+/// Maximum number of patches of a static area light of any extent that pixels sample directly.
 const FEW_PATCHES: usize = 4;
+/// Maximum extent of a static area light with more patches that pixels sample directly, as a fraction of the scene's
+/// radius.
 const SMALL_EXTENT: f32 = 0.1;
 
 /// First half of the renderer: prepares frames 0, 1, 2 … of a film.
@@ -41,32 +45,32 @@ pub struct Preparation<'s> {
     plan: &'s Plan,
     /// Ranks that share the work.
     ranks: Arc<dyn Ranks>,
-    /// Whether light is needed everywhere, not only where the camera looks.
+    /// Whether light is needed everywhere, not only in the camera's views.
     everywhere: bool,
-    /// State, created with the first frame, after the film's files are open.
+    /// State, created with the first frame, when the film's files are open.
     work: Option<PrepareState<'s>>,
 }
 
 impl<'s> Preparation<'s> {
-    /// Starts a film of `scene`.
+    /// Starts to prepare a film of `scene`.
     #[must_use]
     pub fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan) -> Self {
         Self::among(scene, settings, plan, Arc::new(Alone))
     }
 
-    /// Starts a film of `scene` on several `ranks` that share the work and prepare the same frames.
+    /// Starts to prepare a film of `scene` on several `ranks`, which share the work and prepare the same frames.
     #[must_use]
     pub fn among(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan, ranks: Arc<dyn Ranks>) -> Self {
         Self { scene, settings: settings.clone(), plan, ranks, everywhere: false, work: None }
     }
 
-    /// Prepares light for all viewpoints: photons are not guided by the camera.
+    /// Prepares light for all viewpoints: the camera does not guide photons.
     #[must_use]
     pub fn everywhere(self) -> Self {
         Self { everywhere: true, ..self }
     }
 
-    /// Prepares frame `index`, in any order. Motion refers to the previously prepared frame.
+    /// Prepares frame `index`, in any order of frames. Motion refers to the previously prepared frame.
     pub fn frame(&mut self, index: u32) -> PreparedFrame<'s> {
         let Self { scene, settings, plan, ranks, everywhere, work } = self;
         work.get_or_insert_with(|| PrepareState::new(scene, settings, plan, ranks, *everywhere)).frame(index)
@@ -89,7 +93,7 @@ impl<'s> Prepare for Preparation<'s> {
         (index < self.settings.end).then(|| self.frame(index))
     }
 
-    /// Returns the light tree.
+    /// Returns the light tree as bytes.
     fn state(&self) -> Vec<u8> {
         let kept = self.work.as_ref().and_then(|work| work.kept.as_ref());
         kept.map_or_else(Vec::new, |kept| kept.tree.to_bytes())
@@ -103,7 +107,7 @@ impl<'s> Prepare for Preparation<'s> {
     }
 }
 
-/// State kept between frames.
+/// State of preparation between frames.
 struct PrepareState<'s> {
     scene: &'s Scene,
     settings: RenderSettings,
@@ -114,7 +118,7 @@ struct PrepareState<'s> {
     photons: Photons,
     /// Whether bright anchors have been split.
     is_split: bool,
-    /// Light tree of a checkpoint, which replaces the first one.
+    /// Light tree of a checkpoint, used instead of a new tree in the first frame.
     tree: Option<Arc<LightTree>>,
     kept: Option<Kept>,
 }
@@ -125,11 +129,11 @@ struct Kept {
     tree: Arc<LightTree>,
     gather: Arc<FinalGather>,
     seen: Arc<GBuffer>,
-    /// Correspondence of a static view with itself, computed once.
+    /// Correspondence of a static view with itself, computed only once.
     of_itself: Option<Arc<Correspondence>>,
 }
 
-/// The scene at the time of a frame.
+/// The scene in the pose of a frame.
 #[derive(Clone, Copy)]
 struct PlacedScene<'a> {
     /// Frame number.
@@ -146,7 +150,7 @@ struct Lights {
     gather: Arc<FinalGather>,
 }
 
-/// Finds the photon guide and anchor zones for a film, from the camera's views at several moments.
+/// Finds the photon guide and the anchor zones of a film, from the camera's views at several moments.
 fn look_by_camera(
     scene: &Scene,
     settings: &RenderSettings,
@@ -172,7 +176,7 @@ fn look_by_camera(
     (photons.finish(), zones.finish())
 }
 
-/// Finds the photon guide for light that is needed everywhere.
+/// Finds the photon guide of a film in which light is needed everywhere.
 fn guide_by_surfaces(
     surfaces: &Surfaces,
     pose: &Pose,
@@ -199,7 +203,7 @@ impl<'s> PrepareState<'s> {
         let rest = scene.pose(0.0);
         let geometry = Geometry::new(scene);
         let surfaces = Surfaces::new(scene, &rest);
-        // Views of the camera guide photons and anchors, if the film needs photons.
+        // Derive the photon guide and the anchor zones from views of the camera, if the film needs photons.
         let has_photons = !plan.is_off(Stage::Photons);
         let (guide, zones) = match has_photons {
             true => look_by_camera(scene, settings, &geometry, &units),
@@ -214,10 +218,10 @@ impl<'s> PrepareState<'s> {
         };
         let mut photons = Photons::new(photons, settings.seed).with_ranks(ranks.clone());
         if let Some(bounces) = settings.bounces {
-            // The last reflection is toward the camera.
+            // Photons make one reflection less: the last one is toward the camera.
             photons = photons.with_bounces(bounces.saturating_sub(1) as usize);
         }
-        // Moving geometry invalidates some photon paths; the others can be kept.
+        // Keep photon paths that moving geometry cannot cross.
         if has_photons && scene.moving_instances().contains(&true) {
             let swept = SweptVolume::of(scene, &units, (0..settings.frames).map(|n| settings.time(n)));
             anchors.expect_movement(&swept);
@@ -225,7 +229,7 @@ impl<'s> PrepareState<'s> {
                 photons = photons.with_swept_volume(swept);
             }
         }
-        // Photons start where their light is needed.
+        // Guide photon emission towards surfaces that need the light.
         if has_photons && settings.photons > 0 {
             photons = photons.with_guide(match everywhere {
                 true => guide_by_surfaces(&surfaces, &rest, &geometry, &anchors, &units),
@@ -237,7 +241,7 @@ impl<'s> PrepareState<'s> {
     }
 
     fn frame(&mut self, n: u32) -> PreparedFrame<'s> {
-        // Place the objects if any moves.
+        // Place the objects if any object moves.
         let mut figures = FrameFigures::default();
         let busy = Busy::default();
         let pose = self.scene.pose(self.settings.time(n));
@@ -266,7 +270,8 @@ impl<'s> PrepareState<'s> {
             }
         };
 
-        // Find the motion from the previous frame. The correspondence of a static view with itself is computed once.
+        // Find the motion from the previous frame. The correspondence of a static view with itself is computed only
+        // once.
         let correspondence = self.kept.as_ref().map(|before| match &before.of_itself {
             Some(known) if Arc::ptr_eq(&before.seen, &seen) => known.clone(),
             _ => Arc::new(busy.take(seen.reproject(&before.seen))),
@@ -274,13 +279,13 @@ impl<'s> PrepareState<'s> {
         let is_still = self.kept.as_ref().is_some_and(|before| Arc::ptr_eq(&before.seen, &seen));
         let of_itself = correspondence.clone().filter(|_| is_still);
 
-        // B pictures are predicted from both sides.
+        // Find the motion to this frame, too, for B pictures: they are predicted from both sides.
         let wants_forward = self.settings.motion && self.settings.bframes > 0;
         let before = self.kept.as_ref().filter(|_| wants_forward);
         let forward = before.map(|before| Arc::new(busy.take(before.seen.reproject(&seen))));
         figures.seconds.visibility = busy.seconds();
 
-        // The frame shares its data with the state kept for the next frame.
+        // Share the data between the frame and the state for the next frame.
         let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };
         let frame = Frame {
             index: n,
@@ -296,9 +301,9 @@ impl<'s> PrepareState<'s> {
         Prepared { frame, correspondence, forward, figures }
     }
 
-    /// Returns the light tree and the direct lights of a frame, with their current flux.
+    /// Returns the lights of a frame, with their current flux.
     fn lights(&mut self, placed: PlacedScene, figures: &mut FrameFigures) -> Lights {
-        // If nothing changes, reuse the lights of the previous frame.
+        // Reuse the lights of the previous frame if nothing changes.
         let PlacedScene { frame: n, pose, surfaces, accelerator } = placed;
         let changing = [Stage::Photons, Stage::TreeUpdate, Stage::ObjectPlacing];
         if let Some(kept) = self.kept.as_ref().filter(|_| !changing.into_iter().any(|stage| self.plan.runs(stage, n))) {
@@ -306,7 +311,7 @@ impl<'s> PrepareState<'s> {
             return Lights { tree: tree.clone(), direct: direct.clone(), gather: gather.clone() };
         }
 
-        // Photons bring flux to the anchors. The first frame determines the anchors to split.
+        // Trace photons, which bring flux to the anchors. The first frame determines the anchors to split.
         let emitters = Emitters::new(surfaces, pose, &self.units);
         let scene = PosedScene::new(accelerator, surfaces);
         let Timed { value: mut anchor_flux, seconds } =
@@ -318,7 +323,7 @@ impl<'s> PrepareState<'s> {
         figures.photons_traced = anchor_flux.traced;
         figures.seconds.photons = seconds;
 
-        // The tree contains static anchors, and area lights if they are numerous.
+        // Build or update the tree, which contains static anchors, and area lights if they are numerous.
         let busy = Busy::default();
         let sampled = self.sampled_areas(&emitters, surfaces);
         let tree = match self.kept.as_ref().map(|kept| &kept.tree).or(self.tree.as_ref()) {
@@ -328,7 +333,7 @@ impl<'s> PrepareState<'s> {
                 tree
             }
             None => {
-                // Baked light replaces all light of the tree.
+                // Omit all lights if baked light replaces them.
                 let lights = match self.settings.lighting.is_baked() && self.plan.is_off(Stage::TreeUpdate) {
                     true => Vec::new(),
                     false => self.tree_lights(&anchor_flux, self.lights_that_stay(&emitters, surfaces, &sampled)),
@@ -342,11 +347,11 @@ impl<'s> PrepareState<'s> {
         // Collect the lights that each pixel samples directly.
         let mut direct = DirectLights::new(&emitters, surfaces, &self.anchors, &anchor_flux.dynamic, &sampled);
         if self.plan.is_on(Stage::Cache) {
-            // Light reflected by moving objects is as smooth as other indirect light, so records cache it.
+            // Let records cache light reflected by moving objects: it is as smooth as other indirect light.
             direct = direct.with_dynamic_apart();
         }
 
-        // Final gather sees the surroundings with the emission of all area lights in the tree.
+        // Let final gather find the emission of area lights that are in the tree.
         let mut virtual_emitters = vec![false; self.scene.instances.len()];
         for (place, area) in emitters.areas.iter().enumerate() {
             virtual_emitters[area.instance] |= !sampled.contains(&place);
@@ -361,7 +366,7 @@ impl<'s> PrepareState<'s> {
         Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
     }
 
-    /// Returns the lights of a new tree: the static anchors, and `that_stay`, which are constant for the whole film.
+    /// Returns the lights of a new tree: the static anchors, and the lights `that_stay` constant for the whole film.
     fn tree_lights(&self, anchor_flux: &AnchorFlux, that_stay: Vec<Light>) -> Vec<Light> {
         let mut lights = Vec::new();
         for (anchor, &flux) in self.anchors.fixed.iter().zip(&anchor_flux.fixed) {
@@ -372,20 +377,21 @@ impl<'s> PrepareState<'s> {
         lights
     }
 
-    /// Returns the tree with the current flux of its anchors, and the fraction of nodes with swapped children.
+    /// Returns the tree with the current flux of the anchors, and the fraction of nodes with swapped children.
     fn updated(&self, before: &Arc<LightTree>, anchor_flux: &AnchorFlux) -> (Arc<LightTree>, f64) {
-        // Lights of constant intensity (surfaces and sky) follow the anchors.
+        // Append the constant intensities of surfaces and sky, which follow the anchors in the tree.
         let mut intensities: Vec<Vec3> = anchor_flux.fixed.iter().map(|&flux| flux / PI).collect();
         intensities.extend(before.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
 
-        // Equal flux leaves the tree unchanged.
+        // Update the tree only if the flux has changed.
         let mut tree = before.clone();
         let same = tree.lights().iter().map(|light| light.intensity).eq(intensities.iter().copied());
         let swapped_share = if same { 0.0 } else { Arc::make_mut(&mut tree).update_drawn(&intensities).swapped_share };
         (tree, swapped_share)
     }
 
-    /// Splits the anchors that are bright in the film's first frame. `flux` belongs to frame `n`, the first one prepared here.
+    /// Splits the anchors that are bright in the film's first frame. `flux` belongs to frame `n`, the first frame
+    /// prepared by this process.
     fn split_anchors(&mut self, n: u32, flux: &[Vec3]) {
         if n == 0 || self.anchors.fixed.is_empty() {
             return self.anchors.split_bright(flux);
@@ -399,7 +405,8 @@ impl<'s> PrepareState<'s> {
         self.anchors.split_bright(&first.fixed);
     }
 
-    /// Returns the indices of the area lights that each pixel samples directly: moving ones, and compact ones if they are few.
+    /// Returns the indices of the area lights that each pixel samples directly: moving ones, and compact ones if these
+    /// are few.
     fn sampled_areas(&self, emitters: &Emitters, surfaces: &Surfaces) -> Vec<usize> {
         let moves = |place: usize| surfaces.moving()[emitters.areas[place].instance];
         let compact = |place: usize| {
@@ -415,7 +422,7 @@ impl<'s> PrepareState<'s> {
         }
     }
 
-    /// Returns the tree's lights of constant intensity: area lights not in `sampled`, and the sky.
+    /// Returns the lights of constant intensity for the tree: area lights not in `sampled`, and the sky.
     fn lights_that_stay(&self, emitters: &Emitters, surfaces: &Surfaces, sampled: &[usize]) -> Vec<Light> {
         let luminance = render_core::luminance;
         let areas: Vec<_> = (0..emitters.areas.len()).filter(|place| !sampled.contains(place)).collect();
@@ -425,7 +432,7 @@ impl<'s> PrepareState<'s> {
             let area = &emitters.areas[place];
             let (least, most) = POINTS_OF_A_SURFACE;
             let by_power = EMITTER_POINTS * luminance(area.power()) / power.max(f32::MIN_POSITIVE);
-            // A surface of many small panels needs a few points on each.
+            // Put a few points on each panel of a surface that consists of many small panels.
             let by_panels = (4 * area.patch_count()) as f32;
             let count = by_power.max(by_panels).clamp(least, most) as usize;
             lights.extend(area.samples(surfaces, count).into_iter().map(|sample| Light {

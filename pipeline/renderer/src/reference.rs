@@ -1,4 +1,4 @@
-//! Reference frames: linear, uncompressed and as accurate as requested.
+//! Reference frames: linear, uncompressed and of any requested accuracy.
 
 use super::{Preparation, Shading};
 use crate::plan::Plan;
@@ -23,7 +23,7 @@ pub enum ReferenceMethod {
     Path,
 }
 
-/// A reference frame and its uncertainty.
+/// A reference frame and its variance.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Reference {
@@ -31,7 +31,7 @@ pub struct Reference {
     pub radiance: Plane<[f32; 3]>,
     /// Variance of each pixel's mean \[W²·m⁻⁴·sr⁻²\]; `None` for methods without noise.
     pub variance: Option<Plane<[f32; 3]>>,
-    /// Header of the reference's file.
+    /// Header of the reference frame's OpenEXR file.
     pub header: FrameHeader,
 }
 
@@ -53,7 +53,7 @@ pub fn by_paths(
     Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean), header }
 }
 
-/// Renders frame `frame` of `scene` with all lights, by the same stages as films.
+/// Renders frame `frame` of `scene` with all lights, by the stages of films.
 #[must_use]
 pub fn by_all_lights(scene: &Scene, settings: &RenderSettings, frame: u32) -> Reference {
     let settings = RenderSettings { lighting: Lighting::AllLights, ..settings.clone() };
@@ -65,7 +65,8 @@ pub fn by_all_lights(scene: &Scene, settings: &RenderSettings, frame: u32) -> Re
 
 #[cfg(feature = "exr")]
 impl Reference {
-    /// Writes OpenEXR in 32-bit floats: channels R, G, B and, with variance, variance.R, variance.G, variance.B.
+    /// Writes an OpenEXR file in 32-bit floats: channels R, G, B and, with variance, variance.R, variance.G,
+    /// variance.B.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -75,7 +76,7 @@ impl Reference {
             let Some(plane) = plane else { continue };
             for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
                 let samples = plane.samples().iter().map(|rgb| rgb[c]).collect();
-                // Comparisons with a reference need full precision.
+                // Write 32-bit floats: comparisons with a reference need full precision.
                 channels.push(FrameChannel { name: format!("{prefix}{name}"), samples, depth: SampleDepth::Float });
             }
         }

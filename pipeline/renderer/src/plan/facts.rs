@@ -1,4 +1,4 @@
-//! Facts that the plan depends on: the scene's contents and their motion.
+//! Facts on which the plan depends: the contents of the scene, and their motion.
 
 use crate::BAKED_ROUGHNESS;
 use crate::settings::RenderSettings;
@@ -22,7 +22,7 @@ pub(super) struct Facts<'a> {
     pub sky_lamps: usize,
     /// Number of emissive surfaces.
     pub area_lights: usize,
-    /// Number of points, spots and suns.
+    /// Number of point lights, spotlights and suns.
     pub punctual_lights: usize,
     /// Number of images in use.
     pub textures: usize,
@@ -32,14 +32,14 @@ pub(super) struct Facts<'a> {
     pub deforming: usize,
     /// Number of surfaces that may have a coat.
     pub coats: usize,
-    /// Number of coats without baked light: they move, or may be too smooth.
+    /// Number of surfaces with coats that are not baked: the surface moves, or the coat may be too smooth.
     pub live_coats: usize,
 }
 
 impl<'a> Facts<'a> {
     pub fn new(scene: &Scene, settings: &'a RenderSettings) -> Self {
         let (moving, moving_instances) = (scene.moving_nodes(), scene.moving_instances());
-        // An animated material counts with the extremes of its properties.
+        // Use the extremes of the properties of animated materials.
         let materials = scene.extreme_materials();
         let material = |instance: &Instance| &materials[scene.meshes[instance.mesh].material];
         let count = |holds: &dyn Fn(&Instance) -> bool| scene.instances.iter().filter(|one| holds(one)).count();
@@ -80,12 +80,13 @@ pub struct Fact {
     pub subject: &'static str,
     /// Statement about the subject.
     pub text: String,
-    /// Estimated fraction of a frame's CPU time; `None` without a cost.
+    /// Estimated fraction of a frame's CPU time; `None` for a fact that costs no time.
     pub share: Option<f64>,
 }
 
 impl Facts<'_> {
-    /// Returns the facts to print. `area_lights` and `punctual_lights` are fractions of CPU time for direct light.
+    /// Returns the facts to print. `area_lights` and `punctual_lights` are the fractions of CPU time for their direct
+    /// light.
     pub fn list(&self, area_lights: Option<f64>, punctual_lights: Option<f64>) -> Vec<Fact> {
         let counted = |count: usize, one: &str, many: &str, none: &str| match count {
             0 => none.to_owned(),
@@ -101,7 +102,7 @@ impl Facts<'_> {
             (true, lamps) => format!("dome in the light tree, {lamps} bright regions sampled as lamps"),
         };
 
-        // One fact per line of the printed plan.
+        // List one fact per line of the printed plan.
         vec![
             Fact {
                 share: area_lights,
@@ -144,7 +145,7 @@ impl Facts<'_> {
     }
 }
 
-/// Returns whether a coat may be smoother than the limit for baking. Textures make coats smoother.
+/// Returns whether a coat may be smoother than the limit for baking. Textures can only make coats smoother.
 fn may_be_smooth(material: &Material) -> bool {
     material.roughness < BAKED_ROUGHNESS || material.metallic_roughness_texture.is_some()
 }

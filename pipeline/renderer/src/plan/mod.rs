@@ -1,6 +1,6 @@
 //! The plan of a film: stages that run, stages that are skipped, and the reasons. It is made before the first frame.
 //!
-//! Skipping a stage never changes a bit of the output: the skipped work would repeat an earlier result.
+//! Skipping a stage never changes a bit of the output: the skipped work would only repeat an earlier result.
 
 mod estimate;
 mod facts;
@@ -33,12 +33,12 @@ pub struct Step {
     pub saves: Option<f64>,
 }
 
-/// Stages, states and estimated costs for a scene.
+/// Stages with their states and estimated costs, for one scene and its settings.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// One line per stage, in the order of [`Stage::ALL`].
     steps: Vec<Step>,
-    /// Fraction of CPU time of each stage; see [`Plan::share_of`].
+    /// Fraction of a frame's CPU time for each stage; see [`Plan::share_of`].
     shares: Vec<Option<f64>>,
     /// CPU time of a frame in which every stage runs \[s\].
     whole: f64,
@@ -86,21 +86,21 @@ impl Plan {
         self.state(stage).runs(n)
     }
 
-    /// Returns the plan with a different state of `stage`.
+    /// Returns the plan with another state of `stage`.
     #[cfg(test)]
     pub(crate) fn with(mut self, stage: Stage, state: State) -> Self {
         self.steps[stage as usize].state = state;
         self
     }
 
-    /// Returns the estimated fraction of CPU time that `stage` takes in a frame in which every stage runs.
+    /// Returns the estimated fraction of CPU time for `stage`, in a frame in which every stage runs.
     #[must_use]
     pub fn share_of(&self, stage: Stage) -> Option<f64> {
         self.shares[stage as usize]
     }
 
-    /// Returns the estimated CPU time of a frame after the first \[s\], at the prices of the reference processor. Measured
-    /// times are half to twice the estimate in the tested scenes.
+    /// Returns the estimated CPU time of a frame after the first \[s\], at the prices of the reference processor. In
+    /// the tested scenes, measured times are 0.5 to 2 times the estimate.
     #[must_use]
     pub fn seconds_a_frame(&self) -> f64 {
         let saved: f64 = self.steps.iter().filter_map(|step| step.saves).sum();
@@ -113,7 +113,7 @@ impl Plan {
         &self.steps
     }
 
-    /// Returns facts about the scene that no stage depends on.
+    /// Returns the facts about the scene on which no stage depends.
     #[must_use]
     pub fn facts(&self) -> &[Fact] {
         &self.facts
@@ -144,8 +144,8 @@ impl Plan {
     }
 }
 
-/// Returns each stage's fraction of a frame in which all stages run, `None` without an estimate, and the frame's CPU time
-/// \[s\].
+/// Returns the fraction of CPU time for each stage in a frame in which all stages run, `None` without an estimate. Also
+/// returns the CPU time of that frame \[s\].
 fn shares(costs: &Costs) -> (Vec<Option<f64>>, f64) {
     let seconds = Stage::ALL.map(|stage| costs.of_stage(stage));
     let whole = seconds.iter().flatten().sum::<f64>() + costs.of_the_rest();

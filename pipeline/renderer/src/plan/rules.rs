@@ -1,24 +1,24 @@
-//! Decision table: the state and the reason of each stage.
+//! Decision table with the state of each stage and the reason for it.
 
 use super::facts::Facts;
 use super::stage::{Stage, State};
 use crate::settings::{Lighting, PixelShading, Thresholds};
 
-/// A possible decision about a stage.
+/// A possible decision about a stage, with its condition.
 struct Rule {
     when: When,
     state: State,
-    /// Reason, preceded by the count for [`When::Any`].
+    /// Reason for the state; with [`When::Any`], the count precedes it.
     reason: &'static str,
 }
 
-/// The condition of a rule.
+/// Condition of a rule.
 enum When {
-    /// If the predicate holds.
+    /// The predicate is true.
     Holds(fn(&Facts<'_>) -> bool),
-    /// If the count is positive; the reason begins with the count.
+    /// The count is positive; the reason then begins with the count.
     Any(fn(&Facts<'_>) -> usize),
-    /// In all other cases.
+    /// No earlier rule of the stage applies.
     Otherwise,
 }
 
@@ -44,7 +44,7 @@ const ONE_REFLECTION: &str = "light is reflected once, as requested";
 const LEFT_OUT: &str = "disabled, as requested";
 const BAKED: &str = "all indirect light is baked";
 
-/// Rules of each stage, in the order of [`Stage::ALL`]. The first matching rule decides.
+/// Rules of each stage, in the order of [`Stage::ALL`]. The first rule that applies decides.
 const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (Stage::ObjectPlacing, &[on(|f| f.object_moves, "objects move"), otherwise(State::Once, "no object moves")]),
     (
@@ -194,7 +194,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     ),
 ];
 
-/// State of a stage, and its reason.
+/// State of a stage, and the reason for it.
 pub(super) struct Decision {
     pub stage: Stage,
     pub state: State,
@@ -205,7 +205,7 @@ pub(super) struct Decision {
 pub(super) fn decisions(facts: &Facts<'_>) -> Vec<Decision> {
     let decide = |(stage, rules): &(Stage, &[Rule])| {
         let (state, reason) = rules.iter().find_map(|rule| rule.applied(facts)).expect("the last rule always applies");
-        // With skipping disabled, no result of the first frame is kept.
+        // Let the stage run for every frame if skipping is disabled: no result of the first frame is kept.
         if state == State::Once && !facts.settings.leave_out {
             return Decision {
                 stage: *stage,
@@ -219,7 +219,7 @@ pub(super) fn decisions(facts: &Facts<'_>) -> Vec<Decision> {
 }
 
 impl Rule {
-    /// Returns the rule's state and reason if it applies.
+    /// Returns the state and the reason of the rule if it applies.
     fn applied(&self, facts: &Facts<'_>) -> Option<(State, String)> {
         let reason = match self.when {
             When::Holds(condition) => condition(facts).then(|| self.reason.to_owned())?,
@@ -239,7 +239,7 @@ impl Facts<'_> {
         self.object_moves || self.light_moves
     }
 
-    /// Returns whether frames can differ.
+    /// Returns whether frames can differ from each other.
     fn picture_changes(&self) -> bool {
         self.camera_moves || self.light_changes()
     }
@@ -249,12 +249,12 @@ impl Facts<'_> {
         self.settings.leave_out && self.settings.frames > 1
     }
 
-    /// Returns whether every pixel has several samples. These are not shared with the previous frame.
+    /// Returns whether every pixel has several samples. Frames do not share such samples.
     fn has_samples_everywhere(&self) -> bool {
         self.settings.samples > 1 && self.settings.importance.is_none()
     }
 
-    /// Returns whether light reaches the viewer after at most one reflection.
+    /// Returns whether light is reflected at most once on its way to the viewer.
     fn reflects_once(&self) -> bool {
         self.settings.bounces == Some(1)
     }

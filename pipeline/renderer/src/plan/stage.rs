@@ -1,12 +1,12 @@
-//! Stages of the plan, and how often each runs.
+//! Stages of the plan, and the frames for which they run.
 
 use serde::{Serialize, Serializer};
 
-/// A stage that some scenes do not need, in the order of the printed plan.
+/// A stage that some scenes do not need; variants are in the order of the printed plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Stage {
-    /// Object placement and the top level of the ray tree.
+    /// Placement of objects, and construction of the ray tree's top level.
     ObjectPlacing,
     /// Photon tracing and the flux of the anchor lights.
     Photons,
@@ -18,9 +18,9 @@ pub enum Stage {
     DynamicAnchors,
     /// Primary rays and motion between frames.
     PrimaryRays,
-    /// Rays to the surfaces in pixels crossed by outlines.
+    /// Rays to all surfaces in pixels that outlines cross.
     Antialiasing,
-    /// Skins and morph targets.
+    /// Deformation by skins and morph targets.
     Deformation,
     /// Indirect light of surfaces.
     Indirect,
@@ -28,15 +28,15 @@ pub enum Stage {
     BakedLight,
     /// Irradiance cache for indirect light.
     Cache,
-    /// Reprojected light of the previous frame.
+    /// Reprojection of the previous frame's light.
     CarriedLight,
-    /// Bias compensation: the light lost by clamping the geometry term.
+    /// Bias compensation: restores light lost by clamping the geometry term.
     Compensation,
     /// Light reflected by coats.
     Gloss,
-    /// Importance map, which sets samples, thresholds and bits.
+    /// Importance map, which determines samples, thresholds and bits.
     Importance,
-    /// Masking model: permitted errors for the renderer.
+    /// Masking model, which returns permitted errors to the renderer.
     Masking,
 }
 
@@ -61,7 +61,7 @@ impl Stage {
         Self::Masking,
     ];
 
-    /// Returns the stage's stable name in reports and tables.
+    /// Returns the stable name of the stage in reports and tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -114,7 +114,7 @@ impl State {
         }
     }
 
-    /// Returns the state's name in reports and tables.
+    /// Returns the name of the state in reports and tables.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::On => "on",

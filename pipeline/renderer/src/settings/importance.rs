@@ -1,4 +1,4 @@
-//! The importance option: weights of its maps.
+//! The importance option: weights of the saliency and task maps.
 
 use super::values::parsed;
 use pipeline::error::{Error, Result};
@@ -6,12 +6,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
-/// Weights of the maps summed into importance.
+/// Weights of the maps, summed into importance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Importance {
     /// Weight of visual saliency, 0…1.
     pub saliency: f32,
-    /// Weight of the task map, 0…1: the nodes named in the scene's TOML file.
+    /// Weight of the task map, 0…1. The map covers the nodes that the scene's TOML file names.
     pub task: f32,
 }
 

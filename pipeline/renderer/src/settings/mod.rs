@@ -12,14 +12,15 @@ pub use values::{Aov, Lighting, PixelShading, Size, Stopping, Thresholds, parsed
 use perceptual::ToneMap;
 use render_core::image_file::FramePlace;
 
-/// Photons per anchor light: for quantiser_scale below 4, below 16, and from 16 on.
+/// Number of photons per anchor light, for quantiser_scale below 4, below 16, and from 16 on.
 ///
-/// Photon noise is visible where the encoder keeps it. With half of its photons, a film of `atrium` (192×192, 9000 anchors)
-/// loses 0.66 dB at quantiser_scale 2 and 0.09 dB at 8. At 48, it loses nothing even with a quarter. Table 1 of \[Herzog08\]
-/// uses 150, on fewer anchors.
+/// Photon noise is visible only at fine quantisers. With half the photons, a film of `atrium` (192×192, 9000 anchors)
+/// loses 0.66 dB at quantiser_scale 2 and 0.09 dB at 8. At 48, it loses nothing even with a quarter. Table 1 of
+/// \[Herzog08\] uses 150 photons per anchor, with fewer anchors.
 const PHOTONS_PER_ANCHOR: [u64; 3] = [36, 18, 9];
-/// Anchor lights on dynamic geometry, each evaluated at every record. Relative MSE of `cornell` against the path tracer:
-/// 1.6·10⁻³ with 24 anchors (two or three per side of a block), 4.5·10⁻⁴ with 96, for 2 % more shadow rays.
+/// Number of anchor lights on dynamic geometry, each evaluated at every record. In `cornell`, the relative MSE against
+/// the path tracer is 1.6·10⁻³ with 24 anchors (two or three per side of a block) and 4.5·10⁻⁴ with 96. The latter
+/// needs 2 % more shadow rays.
 pub const MOVING_ANCHORS: usize = 96;
 
 /// Settings that affect the light of a film, but not its output files or coding.
@@ -29,15 +30,15 @@ pub struct RenderSettings {
     pub frames: u32,
     /// Frame number just after the last rendered frame.
     pub end: u32,
-    /// Frames per chunk; each chunk starts from a clean state.
+    /// Number of frames per chunk, with all state reset at the start of each; `None` without chunks.
     pub chunk: Option<u32>,
-    /// Frames per second.
+    /// Frame rate \[frames/s\].
     pub fps: f64,
     /// Frame rate as (frames, seconds), such as (30000, 1001), for file headers; `None` if the video format has no such rate.
     pub rate: Option<(u32, u32)>,
-    /// Scene frame that the film starts with.
+    /// Scene frame with which the film starts.
     pub from: u32,
-    /// Scene frames from one film frame to the next.
+    /// Number of scene frames from one film frame to the next.
     pub every: u32,
     /// Frame size \[pixels\].
     pub size: Size,
@@ -49,13 +50,13 @@ pub struct RenderSettings {
     pub importance_gain: f32,
     /// Tiles that ranks request on demand; `None` splits the work without tiles.
     pub tiles: Option<TileSettings>,
-    /// Tone curve before exposure is set. Saliency is computed from its display values.
+    /// Tone curve before exposure is set. Saliency is computed from the curve's display values.
     pub tone_map: ToneMap,
     /// Whether the film sets the exposure of its tone curve automatically.
     pub auto_exposure: bool,
     /// Maximum number of visibility and light samples per pixel.
     pub samples: u32,
-    /// Whether pixels crossed by outlines blend the surfaces in their area.
+    /// Whether pixels that outlines cross blend all surfaces in their area.
     pub antialiasing: bool,
 
     /// Method for indirect light.
@@ -66,7 +67,7 @@ pub struct RenderSettings {
     pub shading: PixelShading,
     /// Whether bias compensation restores the light lost by clamping nearby virtual lights.
     pub compensation: bool,
-    /// Maximum number of reflections of light; `None` sets no limit.
+    /// Maximum number of reflections of light; `None` without a limit.
     pub bounces: Option<u32>,
     /// Number of anchor lights on static geometry.
     pub vpls: usize,
@@ -85,12 +86,12 @@ pub struct RenderSettings {
     pub stopping: Stopping,
     /// Fraction of pixels that calibrated stopping keeps within their thresholds.
     pub within: f64,
-    /// The film's quantiser_scale, 1…112; it sets the permitted error of reprojected light.
+    /// quantiser_scale of the film, 1…112; it determines the permitted error of reprojected light.
     pub qscale: u32,
 
     /// Whether the encoder receives motion vectors.
     pub motion: bool,
-    /// Maximum number of consecutive B pictures, which need motion from both sides.
+    /// Maximum number of consecutive B pictures. B pictures need motion from both sides.
     pub bframes: u32,
     /// Whether stages that the scene does not need are skipped.
     pub leave_out: bool,
@@ -110,7 +111,7 @@ pub fn photons_per_anchor(qscale: u32) -> u64 {
 }
 
 impl Default for RenderSettings {
-    /// Defaults of a film, for one still frame of a small scene: 512×512 pixels and 4000 anchor lights.
+    /// Returns the defaults of a film for one still frame of a small scene: 512×512 pixels and 4000 anchor lights.
     fn default() -> Self {
         let vpls = 4000;
         Self {
@@ -159,14 +160,15 @@ impl RenderSettings {
         self.time_beside(n, 0)
     }
 
-    /// Returns the animation time \[s\] of the film frame `n + after`. `after` may be negative, and the film may end earlier.
+    /// Returns the animation time \[s\] of film frame `n + after`. `after` may be negative, and that frame may be after
+    /// the film's end.
     #[must_use]
     pub(crate) fn time_beside(&self, n: u32, after: i32) -> f32 {
         let n = f64::from(n) + f64::from(after);
         ((f64::from(self.from) + n * f64::from(self.every)) / self.fps) as f32
     }
 
-    /// Returns the position of frame `n` in the video; `None` if the video format has no such frame rate.
+    /// Returns the position of frame `n` in the video; `None` if the video format lacks the frame rate.
     #[must_use]
     pub fn place(&self, n: u32) -> Option<FramePlace> {
         let (frames, seconds) = self.rate?;

@@ -1,4 +1,4 @@
-//! Tiles that ranks request on demand.
+//! Settings of tiles that ranks request on demand.
 
 use super::values::parsed;
 use pipeline::error::{Error, Result};
@@ -6,16 +6,16 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
-/// Records that a rank collects before it sends them. On 16 ranks, buffers of 4 to 64 change the number of records in four
-/// frames of `nave` by at most 0.5 %; a buffer of 256 adds a tenth.
+/// Default number of records that a rank collects before it sends them. On 16 ranks, buffers of 4 to 64 records change
+/// the number of records in four frames of `nave` by at most 0.5 %. A buffer of 256 adds 10 %.
 const BUFFER: u32 = 32;
-/// Tiles per rank and frame. With 4, the first frame of `nave` on 16 ranks took a tenth longer.
+/// Number of tiles per rank and frame. With 4, the first frame of `nave` on 16 ranks took 10 % longer.
 pub(crate) const TILES_PER_RANK: usize = 8;
 
 /// Division of a frame into tiles for ranks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TileSettings {
-    /// Cost that is balanced over the tiles.
+    /// Cost that is about equal in all tiles.
     pub cost: TileCost,
     /// Exchange of irradiance cache records between ranks.
     pub records: RecordSharing,
@@ -23,7 +23,7 @@ pub struct TileSettings {
     pub buffer: u32,
 }
 
-/// Cost that is balanced over the tiles.
+/// Cost that the division into tiles balances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum TileCost {
@@ -37,11 +37,11 @@ pub enum TileCost {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RecordSharing {
-    /// No exchange.
+    /// Ranks exchange no records.
     None,
-    /// Exchange through rank 0, which returns the records of all other ranks.
+    /// Ranks exchange records through rank 0, which returns the records of all other ranks.
     Central,
-    /// Direct exchange with every other rank.
+    /// Each rank exchanges records directly with every other rank.
     Each,
 }
 

@@ -1,4 +1,4 @@
-//! Values of the renderer's settings: their text forms and ranges.
+//! Values of the renderer's settings: text forms and ranges.
 
 use pipeline::error::{Error, Result};
 use render_core::scene::Scene;
@@ -73,17 +73,17 @@ pub enum Aov {
 /// Source of the permitted error per pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Thresholds {
-    /// The masking model, with a delay of one frame.
+    /// The masking model's permitted error, with a delay of one frame.
     Perceptual,
-    /// The encoder's actual error, or its predicted error with lookahead, with a delay of one frame.
+    /// The encoder's actual error, or its predicted error with look-ahead, with a delay of one frame.
     Codec,
-    /// A fixed fraction of each pixel's luminance; the original Lightcuts uses 0.02.
+    /// A fixed fraction of each pixel's luminance. The original Lightcuts algorithm uses 0.02.
     Fixed(f32),
 }
 
 impl Thresholds {
-    /// Returns the permitted fraction of luminance where a pixel has no threshold: the fixed fraction, or 2 % \[Walter05\],
-    /// \[Herzog08, 5.3\].
+    /// Returns the permitted fraction of luminance for pixels without a threshold: the fixed fraction, or 2 %
+    /// \[Walter05\], \[Herzog08, 5.3\].
     #[must_use]
     pub fn share_elsewhere(self) -> f32 {
         match self {
@@ -172,7 +172,8 @@ pub struct Size {
 }
 
 impl Size {
-    /// Returns a size with even sides and about `side`² pixels, in the filming camera's aspect ratio, or 1:1 if it has none.
+    /// Returns a size of about `side`² pixels with even sides, in the filming camera's aspect ratio, or 1:1 if the
+    /// camera has none.
     #[must_use]
     pub fn of_camera(scene: &Scene, side: usize) -> Self {
         let aspect = scene.filming_camera().and_then(|camera| camera.aspect).unwrap_or(1.0).clamp(0.125, 8.0);
@@ -187,7 +188,7 @@ impl fmt::Display for Size {
     }
 }
 
-/// Largest side that fits the size fields of the sequence header and its extension (6.2.2.1, 6.2.2.3).
+/// Maximum side that fits the size fields of the sequence header and its extension (6.2.2.1, 6.2.2.3).
 const LARGEST_SIDE: usize = 16383;
 
 impl FromStr for Size {
@@ -202,7 +203,7 @@ impl FromStr for Size {
     }
 }
 
-/// A value in a configuration file.
+/// A value as written in a configuration file.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum WrittenValue {
@@ -211,7 +212,7 @@ enum WrittenValue {
     Text(String),
 }
 
-/// Parses a value from its text form, for serde's `deserialize_with`; `true` and `false` are read as "on" and "off".
+/// Parses a value from text, for serde's `deserialize_with`. `true` and `false` are read as "on" and "off".
 ///
 /// # Errors
 /// If the text is not a valid value.
@@ -228,7 +229,7 @@ pub fn parsed<'de, D: Deserializer<'de>, T: FromStr<Err: fmt::Display>>(deserial
 mod tests {
     use super::*;
 
-    /// Default sizes have about 512² pixels, even sides and the camera's aspect ratio.
+    /// Checks that default sizes have about 512² pixels, even sides and the camera's aspect ratio.
     #[test]
     fn the_default_size_has_the_camera_s_shape() {
         use render_core::scene::{Camera, Node, Transform};

@@ -1,4 +1,4 @@
-//! Audits: light recomputed with higher accuracy, to measure its error.
+//! Audits: recomputation of light with higher accuracy, to measure errors.
 //!
 //! | light | audited | recomputed by | error sets |
 //! |---|---|---|---|
@@ -6,7 +6,7 @@
 //! | lightcut of a new record | one random record in 32 | lightcut at 1/10 of its threshold | next [`Calibration`] |
 //! | reprojected light | one macroblock in 16, in rotation | the reprojected layer | the limit of reprojection |
 //!
-//! Errors are stored as multiples of the permitted error; an audit is *within* if its error is at most 1.
+//! Errors are stored as multiples of the permitted error. An audit is *within* if the measured error is at most 1.
 
 use super::counts::Counts;
 use glam::Vec3;
@@ -15,15 +15,15 @@ use render_core::sampling::hash;
 use render_core::{AuditCounts, MACROBLOCK, Reuse, luminance};
 use std::ops::AddAssign;
 
-/// With calibrated stopping, one record in this number is audited; an audit costs several times as much as a record.
+/// Number of records per audited record, with calibrated stopping. An audit costs several times as much as a record.
 const RECORDS: u64 = 32;
-/// Period of the rotation in which macroblocks of reprojected light are recomputed \[frames\].
+/// Number of frames after which the rotation of recomputed macroblocks of reprojected light repeats.
 const TURN: usize = 16;
 
 /// Errors measured by the audits of a frame.
 #[derive(Debug, Default)]
 pub struct Audits {
-    /// Errors of lightcuts, by class of their threshold.
+    /// Errors of lightcuts, by the class of their threshold.
     pub cuts: lighttree::Audits,
     /// Errors of reprojected light.
     pub carried: AuditCounts,
@@ -37,19 +37,19 @@ impl AddAssign for Audits {
     }
 }
 
-/// A lightcut to compare with a finer one.
+/// A lightcut to compare with a finer lightcut.
 pub(super) struct MadeCut<'a> {
     pub tree: &'a LightTree,
-    /// Class of its threshold.
+    /// Calibration class of the lightcut's threshold.
     pub class: usize,
-    /// Permitted error.
+    /// Stopping criterion, with the permitted error.
     pub stop: Stop,
     pub radiance: Vec3,
 }
 
 impl MadeCut<'_> {
-    /// Adds the lightcut's error at `receiver`, and the shadow rays of the audit, to `counts`. `scratch` must allow lightcuts
-    /// of [`Calibration::LARGEST_CUT`], since a lightcut stopped by its size would be an inaccurate reference.
+    /// Adds the lightcut's error at `receiver` and the audit's shadow rays to `counts`. `scratch` must allow lightcuts
+    /// of [`Calibration::LARGEST_CUT`], because a lightcut stopped by its size would be an inaccurate reference.
     pub fn audit<M: lighttree::Receiver>(
         &self,
         receiver: &M,
@@ -66,23 +66,24 @@ impl MadeCut<'_> {
     }
 }
 
-/// Returns whether a pixel's lightcut is audited in a frame: equally many per macroblock, and all pixels equally often in 256 frames.
+/// Returns whether a pixel's lightcut is audited in a frame. Each macroblock has the same number of audited pixels.
+/// Every pixel is audited equally often in 256 frames.
 pub(super) fn is_pixel_audited(x: usize, y: usize, width: usize, frame: u32, of_a_macroblock: usize) -> bool {
     let block = (y / MACROBLOCK) * width.div_ceil(MACROBLOCK) + x / MACROBLOCK;
-    // An odd multiplier permutes all 256 positions.
+    // Use an odd multiplier: it permutes all 256 positions.
     let first = (frame as usize * 151 + block * 89) % 256;
     (y % MACROBLOCK * MACROBLOCK + x % MACROBLOCK + 256 - first) * 45 % 256 < of_a_macroblock
 }
 
-/// Returns whether a new record's lightcut is audited in a frame: one in [`RECORDS`], times the number of pixels audited per
-/// macroblock.
+/// Returns whether a new record's lightcut is audited in a frame. The probability is `of_a_macroblock`, the number of
+/// audited pixels per macroblock, divided by [`RECORDS`].
 pub(super) fn is_record_audited(key: u64, frame: u32, of_a_macroblock: usize) -> bool {
     hash(key, u64::from(frame), 0) % RECORDS < of_a_macroblock as u64
 }
 
-/// Returns whether a pixel's unchanged light may be reprojected, or is recomputed for comparison.
+/// Returns whether a pixel's unchanged light is only reprojected, or is also recomputed for comparison.
 pub(super) fn reuse_in_turns(x: usize, y: usize, frame: u32) -> Reuse {
-    // Odd multipliers keep the audited macroblocks of a frame apart.
+    // Use odd multipliers: they scatter the audited macroblocks of a frame.
     let turn = x / MACROBLOCK * 7 + y / MACROBLOCK * 19 + frame as usize;
     if turn.is_multiple_of(TURN) { Reuse::Audited } else { Reuse::Allowed }
 }

@@ -1,4 +1,4 @@
-//! Baked indirect light on static surfaces; a second layer lights dynamic surfaces.
+//! Layer of baked indirect light on static surfaces. A second layer lights dynamic surfaces.
 
 use super::layer::{Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
@@ -15,12 +15,12 @@ use std::sync::Arc;
 /// Layer of baked indirect light.
 pub(super) struct Baked {
     texels: Arc<BakedTexels>,
-    /// Layer for surfaces outside of the atlas; `None` if it is not needed.
+    /// Layer for surfaces that the atlas lacks; `None` if all surfaces are in the atlas.
     others: Option<Box<dyn Layer>>,
 }
 
 impl Baked {
-    /// Uses the light of `texels`, and the layer `others` for all other surfaces.
+    /// Creates a layer with the light of `texels`. The layer `others` lights all other surfaces.
     pub fn new(texels: Arc<BakedTexels>, others: Option<Box<dyn Layer>>) -> Self {
         Self { texels, others }
     }
@@ -32,7 +32,7 @@ impl Layer for Baked {
         let (width, height) = (pixels.width(), pixels.height());
         let is_lit = |x, y| pixels.get(x, y).reflects() && wanted.is_none_or(|wanted| wanted.get(x, y));
 
-        // Surfaces of the atlas sample baked light.
+        // Sample the baked light of surfaces in the atlas.
         let (busy, surfaces) = (Busy::default(), &visible.frame.surfaces);
         let of_pixel = |(x, y): (usize, usize)| match is_lit(x, y) {
             true => self.texels.indirect_at(&pixels.get(x, y), surfaces).map(Into::into),
@@ -42,7 +42,7 @@ impl Layer for Baked {
         let looked_up: Plane<Option<[f32; 3]>> = busy.take(by_macroblock(&Alone, width, height, || (), block));
         let missing = looked_up.map(|light| light.is_none());
 
-        // The second layer lights the other surfaces; without it, they stay dark.
+        // Light the other surfaces by the second layer; without it, they stay black.
         let mut lit = match &mut self.others {
             Some(others) if missing.samples().contains(&true) => others.light(visible, Some(&missing), tolerance),
             _ => Lit::default(),

@@ -1,7 +1,7 @@
-//! Reprojection of the previous frame's light: static, unchanged light is not recomputed.
+//! Reprojection of the previous frame's light: unchanged light of static surfaces is not recomputed.
 //!
-//! A layer reports the surfaces with unchanged light. Their pixels take the reprojected light if its error is within the
-//! permitted one. Macroblocks are recomputed in rotation to measure the error of reprojection.
+//! A layer reports the surfaces with unchanged light. Their pixels use the reprojected light if the error of
+//! reprojection is within the permitted error. Macroblocks are recomputed in rotation to measure that error.
 
 use super::audits::{Audits, reuse_in_turns};
 use super::layer::{Layer, Lit, Visible};
@@ -14,20 +14,23 @@ use plane::Plane;
 use render_core::{Busy, CarriedLight, Completed, Destination, Reuse, Unseen};
 use serde::{Deserialize, Serialize};
 
-/// Permitted mean square error of reprojection, in units of ΔY²: the quantiser_scale at which it is 1, then its minimum and
-/// maximum. Like the error of coding, it grows with the square of quantiser_scale.
+/// quantiser_scale at which the permitted mean square error of reprojection is 1, in units of ΔY². Like the error of
+/// coding, the permitted error grows with the square of quantiser_scale.
 ///
-/// Loss of decoded luma at 192×192: at quantiser 2, 0.25 costs 0.15 dB in Sponza and nothing in Sibenik, where all thresholds
-/// together cost 0.3 dB. At quantiser 16, 1 costs at most 0.05 dB there; at 48, 2 costs at most 0.06 dB.
+/// The following losses of decoded luma were measured at 192×192. At quantiser 2, an error of 0.25 costs 0.15 dB in
+/// Sponza and nothing in Sibenik, where all thresholds together cost 0.3 dB. At quantiser 16, an error of 1 costs at
+/// most 0.05 dB. At quantiser 48, an error of 2 costs at most 0.06 dB.
 const ALLOWED_ONE: f32 = 16.0;
+/// Minimum and maximum of the permitted mean square error of reprojection, in units of ΔY².
 const ALLOWED: (f32, f32) = (0.25, 2.0);
 
-/// A layer of irradiance that detects unchanged light.
+/// Layer of irradiance that detects unchanged light.
 pub(super) trait Carriable: Layer {
-    /// Contrast of light that samples may miss.
+    /// Contrast of light that samples may miss, such as shadow edges.
     const UNSEEN: Unseen;
 
-    /// Returns the surfaces of `visible` with the same light as in the previous frame. Called once per frame, before its light.
+    /// Returns the surfaces of `visible` with unchanged light since the previous frame. It is called once per frame,
+    /// before `light`.
     fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a>;
 }
 
@@ -35,20 +38,20 @@ pub(super) trait Carriable: Layer {
 pub(super) enum Holding<'a> {
     Nowhere,
     Everywhere,
-    /// Surfaces of the pixels (column, row) that satisfy this predicate.
+    /// All surfaces in pixels (column, row) that satisfy this predicate.
     Where(Box<dyn Fn(usize, usize) -> bool + Sync + 'a>),
 }
 
-/// A layer with reprojection of unchanged light.
+/// Layer with reprojection of unchanged light.
 pub(super) struct Carried<L> {
     layer: L,
     light: CarriedLight,
-    /// Permitted mean square error; see [`Destination::allowed`].
+    /// Permitted mean square error of reprojection; see [`Destination::allowed`].
     allowed: f32,
 }
 
 impl<L> Carried<L> {
-    /// Wraps `layer` for a film with this quantiser_scale, 1…112.
+    /// Wraps `layer` for a film coded with `quantiser_scale`, 1…112.
     pub fn new(layer: L, quantiser_scale: u32) -> Self {
         let allowed = (quantiser_scale as f32 / ALLOWED_ONE).powi(2).clamp(ALLOWED.0, ALLOWED.1);
         Self { layer, light: CarriedLight::default(), allowed }
@@ -56,16 +59,16 @@ impl<L> Carried<L> {
 }
 
 impl<L: Carriable> Layer for Carried<L> {
-    /// Lights all pixels in their first sample, wanted or not: the next frame may reproject any of them.
+    /// Lights all pixels in the first sample, including unwanted ones: the next frame may reproject any of them.
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
-        // Only the first sample is reprojected.
+        // Reproject only the first sample.
         if visible.sample > 0 {
             return self.layer.light(visible, wanted, tolerance);
         }
         let Visible { frame, matte, motion, .. } = *visible;
         let busy = Busy::default();
 
-        // If all light changes, no comparison with the previous frame is needed.
+        // Compare with the previous frame only if some light is unchanged.
         let holding = self.layer.holding(visible);
         let holds_nowhere = matches!(holding, Holding::Nowhere);
         let known = motion.filter(|_| !holds_nowhere);
@@ -78,7 +81,7 @@ impl<L: Carriable> Layer for Carried<L> {
         let destination = Destination { seen: matte, known, unseen: L::UNSEEN, allowed: self.allowed };
         let carried = busy.take(self.light.carry(destination, reuse, of_pixel));
 
-        // The layer lights the remaining pixels.
+        // Let the layer light the remaining pixels.
         let missing = carried.missing.clone();
         let mut lit = self.layer.light(visible, (!holds_nowhere).then_some(&missing), tolerance);
         let computed =
@@ -121,14 +124,14 @@ impl<L: Carriable> Layer for Carried<L> {
     }
 }
 
-/// Serialized state, for writing.
+/// Borrowed state of the layer, for serialization.
 #[derive(Serialize)]
 struct WrittenCarried<'a> {
     light: &'a CarriedLight,
     layer: Vec<u8>,
 }
 
-/// Serialized state, for reading.
+/// State of the layer as deserialized.
 #[derive(Deserialize)]
 struct Read {
     light: CarriedLight,

@@ -1,4 +1,4 @@
-//! Properties of a frame's pixels, as channels of its OpenEXR file.
+//! Properties of a frame's pixels, as channels of the frame's OpenEXR file.
 
 use super::importance::ImportanceMap;
 use super::layers::Layers;
@@ -11,12 +11,12 @@ use pipeline::parts::Channels;
 use plane::Plane;
 use render_core::{InstanceShares, NOTHING, PixelSurface, Surfaces};
 
-/// Returns the channels R, G and B of `name`.
+/// Returns `picture` as the channels R, G and B of the layer `name`.
 pub(super) fn colors(name: &str, picture: &Plane<[f32; 3]>) -> Channels {
     triples(name, ["R", "G", "B"], picture.samples().iter().copied())
 }
 
-/// Properties of a frame, without its light.
+/// Properties of a frame's pixels, except light.
 pub(super) struct Known<'a> {
     pub prepared: &'a PreparedFrame<'a>,
     pub tolerance: &'a Tolerance<'a>,
@@ -29,7 +29,7 @@ pub(super) struct Known<'a> {
 }
 
 impl Known<'_> {
-    /// Returns the channels of `aov`, evaluated at pixel centers; none for light.
+    /// Returns the channels of `aov`, evaluated at pixel centers; no channels if `aov` is light.
     pub fn channels(&self, aov: Aov) -> Channels {
         let frame = &self.prepared.frame;
         let pixels = &frame.seen.pixels;
@@ -59,7 +59,7 @@ impl Known<'_> {
                 let both = mattes.as_ref().zip(self.shares);
                 both.map_or_else(Channels::new, |(mattes, shares)| mattes::channels(mattes, shares))
             }
-            // The threshold is 0 for pixels without one, where the limit of 2 % applies.
+            // Write 0 for pixels without a threshold, to which the limit of 2 % applies.
             Aov::Threshold => single("threshold.Y", by_place(&|x, y| self.tolerance.threshold(x, y).unwrap_or(0.0))),
             Aov::CutSize => {
                 let sizes = self.layers.channel(aov, frame);
@@ -71,7 +71,7 @@ impl Known<'_> {
                 vec![("importance.V".into(), importance.samples().to_vec()), ("importance.N".into(), counts)]
             }
             Aov::Shading => single("shading.reused", self.reused.channel(&frame.seen)),
-            // This channel requires a cache.
+            // Write this channel only with a cache.
             Aov::Cache => match self.layers.channel(aov, frame) {
                 None => Channels::new(),
                 Some(records) => single("cache.records", records),
@@ -79,13 +79,13 @@ impl Known<'_> {
         }
     }
 
-    /// Returns the motion in pixels, y up, as in Blender's vector pass. Points behind the camera have none.
+    /// Returns the motion in pixels, y up, as in Blender's vector pass. Points behind the camera have no motion.
     ///
     /// ```text
     /// (X, Y) = p(n − 1) − p(n)      (Z, W) = p(n) − p(n + 1)      p(n)  position of the point in frame n
     /// ```
-    /// The motion is computed from the scene, even if the film lacks these frames or the point is hidden there. Cycles computes
-    /// the same in `primitive_motion_vector`.
+    /// The motion is computed from the scene, even if the film lacks the adjacent frames or hides the point in them.
+    /// Cycles computes this motion in `primitive_motion_vector`.
     fn vectors(&self) -> Channels {
         let frame = &self.prepared.frame;
         let (seen, scene) = (&frame.seen, frame.surfaces.scene());
@@ -96,7 +96,7 @@ impl Known<'_> {
             let view = view.with_pixel_aspect(self.settings.pixel_aspect);
             let motion = seen.motion_to(&Surfaces::new(scene, &pose), &view);
             for (c, name) in names.into_iter().enumerate() {
-                // Rows count down from the top, y counts up.
+                // Reverse the sign for y: rows count from the top, but y points up.
                 let sign = if c == 0 { sign } else { -sign };
                 let value = |motion: &Option<[f32; 2]>| motion.map_or(0.0, |motion| sign * motion[c]);
                 channels.push((name.to_owned(), motion.samples().iter().map(value).collect()));

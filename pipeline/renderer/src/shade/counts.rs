@@ -1,9 +1,9 @@
-//! Counts of a layer's work: sums and maxima of integers, which do not depend on order.
+//! Counts of a layer's work: sums and maxima of integers, which are independent of order.
 
 use std::ops::AddAssign;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-/// Counts that several threads add to while a layer is computed.
+/// Counts to which several threads add while a layer is computed.
 #[derive(Debug, Default)]
 pub(super) struct Counts {
     cuts: AtomicU64,
@@ -12,7 +12,7 @@ pub(super) struct Counts {
     rays: AtomicU64,
     /// Errors of audited lightcuts.
     pub audits: lighttree::Audits,
-    /// Size of the largest lightcut of each pixel; empty unless requested.
+    /// Size of each pixel's largest lightcut \[clusters\]; empty unless requested.
     by_pixel: Vec<AtomicU32>,
 }
 
@@ -21,28 +21,29 @@ pub(super) struct Counts {
 pub struct CutCounts {
     /// Number of lightcuts.
     pub cuts: u64,
-    /// Total number of their clusters.
+    /// Total number of clusters in all lightcuts.
     pub clusters: u64,
-    /// Number of clusters in the largest lightcut.
+    /// Maximum number of clusters in a lightcut.
     pub largest: u32,
 }
 
 /// Counts of irradiance cache records.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordCounts {
-    /// Number of records used by the pixels: the maximum over their samples.
+    /// Number of records that the pixels use: the maximum over the samples of a pixel.
     pub in_use: u64,
     /// Number of records created or recomputed.
     pub computed: u64,
 }
 
 impl Counts {
-    /// Counts also the largest lightcut of each pixel; `before` contains the sizes of the frame's earlier samples.
+    /// Returns counts that include the largest lightcut of each pixel. `before` contains its size after the frame's
+    /// earlier samples.
     pub fn by_pixel(before: &[u32]) -> Self {
         Self { by_pixel: before.iter().map(|&size| AtomicU32::new(size)).collect(), ..Self::default() }
     }
 
-    /// Adds a lightcut of `size` clusters that took `rays` shadow rays.
+    /// Adds a lightcut of `size` clusters that needed `rays` shadow rays.
     pub fn count(&self, size: u32, rays: u32) {
         self.cuts.fetch_add(1, Ordering::Relaxed);
         self.clusters.fetch_add(size.into(), Ordering::Relaxed);
@@ -50,14 +51,14 @@ impl Counts {
         self.count_rays(rays);
     }
 
-    /// Adds a lightcut of `size` clusters to the pixel at `index`.
+    /// Raises the size for the pixel at `index` to `size` clusters if it is smaller.
     pub fn note(&self, index: usize, size: u32) {
         if let Some(cell) = self.by_pixel.get(index) {
             cell.fetch_max(size, Ordering::Relaxed);
         }
     }
 
-    /// Adds shadow rays.
+    /// Adds `rays` shadow rays.
     pub fn count_rays(&self, rays: u32) {
         self.rays.fetch_add(rays.into(), Ordering::Relaxed);
     }
@@ -76,7 +77,7 @@ impl Counts {
         self.rays.load(Ordering::Relaxed)
     }
 
-    /// Returns the size of the largest lightcut of each pixel, empty unless requested, and the errors of audits.
+    /// Returns the size of each pixel's largest lightcut (empty unless requested) and the errors of audits.
     pub fn into_parts(self) -> (Vec<u32>, lighttree::Audits) {
         (self.by_pixel.into_iter().map(AtomicU32::into_inner).collect(), self.audits)
     }
@@ -91,7 +92,7 @@ impl AddAssign for CutCounts {
 }
 
 impl AddAssign for RecordCounts {
-    /// Takes the maximum of records in use, because samples of a pixel share records.
+    /// Adds the computed records and keeps the maximum of records in use: samples of a pixel share records.
     fn add_assign(&mut self, other: Self) {
         self.in_use = self.in_use.max(other.in_use);
         self.computed += other.computed;

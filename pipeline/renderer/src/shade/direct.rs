@@ -1,4 +1,4 @@
-//! Direct light: light that arrives straight from its source.
+//! Direct light: light that reaches surfaces straight from its source.
 
 use super::carried::{Carriable, Holding};
 use super::layer::{Layer, Lit, Visible};
@@ -15,15 +15,15 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Distance from moving objects and their shadows within which a pixel's light is not reprojected \[pixels\].
+/// Distance from moving objects and their shadows within which light is not reprojected \[pixels\].
 const BESIDE: f32 = 2.0;
-/// Side of the squares of pixels that are lit together.
+/// Side of the squares of pixels that are lit together \[pixels\].
 const SQUARE: usize = 8;
 
 /// Light of directly sampled area lights, points, spots and suns.
 #[derive(Default)]
 pub(super) struct Direct {
-    /// Lamps of the previous frame; `None` unless reprojection is used.
+    /// Lamps of the previous frame; `None` without reprojection.
     lamps: Option<Arc<DirectLights>>,
 }
 
@@ -55,7 +55,8 @@ impl Layer for Direct {
     }
 }
 
-/// Returns the irradiance of a macroblock in raster order, zero for unwanted pixels, and the number of shadow rays.
+/// Returns the irradiance of a macroblock in raster order, zero for unwanted pixels. Also returns the number of shadow
+/// rays.
 fn macroblock(
     visible: &Visible,
     wanted: Option<&Plane<bool>>,
@@ -65,7 +66,7 @@ fn macroblock(
     let width = columns.len();
     let mut light = vec![[0.0; 3]; width * rows.len()];
 
-    // Collect the lit pixels: each light sends its rays to all of them together.
+    // Collect the pixels that reflect light: each lamp sends rays to all of them together.
     let mut reflects: Vec<(usize, PixelSurface)> = Vec::new();
     for (place, (x, y)) in places(columns, rows).enumerate() {
         let pixel = visible.matte.pixels.get(x, y);
@@ -77,7 +78,7 @@ fn macroblock(
         return (light, 0);
     }
 
-    // Pixels in a square are closer together than pixels in a row.
+    // Sort by squares: pixels in a square are closer together than pixels in a row.
     reflects.sort_by_key(|(place, _)| (place / width / SQUARE, place % width / SQUARE));
     let frame = visible.frame;
     let receivers: Vec<ShadingPoint> = reflects.iter().map(|(_, pixel)| receiver(pixel, frame.epsilon)).collect();
@@ -89,10 +90,11 @@ fn macroblock(
 }
 
 impl Carriable for Direct {
-    /// Shadow edges may be anywhere.
+    /// Contrast of shadows: shadow edges may be anywhere.
     const UNSEEN: Unseen = Unseen::Shadows;
 
-    /// Light holds on a static surface if nothing has moved between it and the lamps, and the lamps are unchanged.
+    /// Returns the static surfaces for which nothing has moved between them and the lamps. Returns none if the lamps
+    /// have changed.
     fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
         let now = visible.frame.direct.clone();
         let before = self.lamps.replace(now.clone());
@@ -108,7 +110,7 @@ impl Carriable for Direct {
         }
         Holding::Where(Box::new(move |x, y| {
             let pixel = matte.pixels.get(x, y);
-            // Reprojection may use the sample of an adjacent pixel. Its light must hold, too.
+            // Enlarge the boxes: reprojection may use an adjacent pixel's sample, whose light must be unchanged, too.
             let margin = BESIDE * matte.view.pixel_width(pixel.depth);
             let is_shaded_by = |thing: &MovingBox| {
                 let thing = thing.grown(margin);
@@ -119,12 +121,12 @@ impl Carriable for Direct {
     }
 }
 
-/// Returns whether `thing` may be between a point and a light.
+/// Returns whether `thing` may be between `point` and a light.
 fn shades(thing: &MovingBox, point: Vec3A, source: &Source) -> bool {
     match *source {
         Source::Lamp { low, high } => thing.is_between(point, low, high),
         Source::Disc { towards, angular_radius } => {
-            // Beyond the box, nothing can be crossed.
+            // End the segments behind the box: nothing beyond it can be crossed.
             let far = thing.farthest(point);
             let (center, radius) = (point + towards * far, angular_radius.tan() * far);
             thing.is_between(point, center - radius, center + radius)

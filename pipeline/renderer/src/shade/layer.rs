@@ -1,4 +1,4 @@
-//! A layer of light: one component of every pixel's light.
+//! Layer of light: one component of every pixel's light.
 
 use super::audits::Audits;
 use super::counts::{CutCounts, RecordCounts};
@@ -15,32 +15,34 @@ use render_core::ranks::{Portable, Ranks};
 use std::f32::consts::PI;
 use std::ops::AddAssign;
 
-/// A component of every pixel's light, with its own state between frames.
+/// Component of every pixel's light, with its own state between frames.
 pub trait Layer: Send {
-    /// Computes this layer's light for the `wanted` pixels of `visible`, or for all pixels. Other pixels may have any value.
+    /// Computes the layer's light for the `wanted` pixels of `visible`, or for all pixels. Unwanted pixels may have any
+    /// value.
     ///
-    /// `tolerance` sets the permitted luminance error of each pixel. Equal input gives equal bits for any number of threads.
+    /// `tolerance` defines the permitted luminance error of each pixel. Equal input must produce equal bits for any
+    /// number of threads.
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit;
 
-    /// Returns whether `frame` contains no light for this layer, which is then not called.
+    /// Returns whether `frame` contains no light for the layer. The layer is then not called.
     fn is_dark(&self, _frame: &Frame<'_>) -> bool {
         false
     }
 
-    /// Keeps the data of the channel `aov` from the next frame on, if this layer provides the channel.
+    /// Keeps the data of the channel `aov` from the next frame on, if the layer provides that channel.
     fn keep(&mut self, _aov: Aov) {}
 
-    /// Returns the channel `aov` of the last lit frame in raster order; `None` if this layer does not provide it.
+    /// Returns the channel `aov` of the last lit frame, in raster order; `None` if the layer does not provide it.
     fn channel(&self, _aov: Aov, _frame: &Frame<'_>) -> Option<Vec<f32>> {
         None
     }
 
-    /// Returns this layer for frames lit in regions; `None` if it keeps no records.
+    /// Returns the layer for frames lit in regions; `None` if the layer keeps no records.
     fn in_parts(&mut self) -> Option<&mut dyn PartLayer> {
         None
     }
 
-    /// Discards the state of earlier frames: the next frame is lit like the first of a film.
+    /// Discards the state of earlier frames: the next frame is lit like the first frame of a film.
     fn forget(&mut self) {}
 
     /// Returns the state after the last frame, for a checkpoint; empty for a stateless layer.
@@ -48,37 +50,37 @@ pub trait Layer: Send {
         Vec::new()
     }
 
-    /// Continues after the frame `last` from its [`state`](Layer::state).
+    /// Continues after frame `last` from the [`state`](Layer::state) of that frame.
     ///
     /// # Errors
-    /// If the state does not fit this layer or that frame.
+    /// If the state does not fit the layer or the frame.
     fn restore(&mut self, _state: &[u8], _last: &Frame<'_>) -> Result<()> {
         Ok(())
     }
 }
 
-/// A layer with records, in frames lit region by region. Each call of [`light`](Layer::light) covers one sample of one region;
-/// samples of a region follow each other. Layers without records need no preparation.
+/// Layer with records, in frames lit region by region. Each call of [`light`](Layer::light) covers one sample of one
+/// region; the samples of a region are consecutive. Layers without records need no preparation.
 pub trait PartLayer: Layer {
-    /// Begins a frame.
+    /// Begins a frame that is lit region by region.
     fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>);
 
-    /// Ends a frame.
+    /// Ends a frame that was lit region by region.
     fn end_parts(&mut self, visible: &Visible<'_>);
 
-    /// Returns the records created since the last call.
+    /// Returns the records that the layer created since the last call.
     fn take_records(&mut self) -> Vec<SharedRecord>;
 
     /// Adds records that the same layer created on other ranks.
     fn adopt(&mut self, records: Vec<SharedRecord>);
 }
 
-/// Order of a call of [`Layer::light`] among the samples of a region.
+/// Position of a call of [`Layer::light`] among the samples of a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PartSample {
     /// First sample of the region's pixels.
     First,
-    /// A later sample of the same pixels, or of some of them.
+    /// Later sample of all or some of the region's pixels.
     Further,
 }
 
@@ -89,18 +91,18 @@ pub struct Visible<'a> {
     pub frame: &'a Frame<'a>,
     /// Surface of each pixel.
     pub surfaces: &'a GBuffer,
-    /// Surface of each pixel, with the albedo below its coat.
+    /// Surface of each pixel, with the albedo below the surface's coat.
     pub matte: &'a GBuffer,
     /// Number of the sample position within pixels, from 0. Thresholds and motion belong to sample 0.
     pub sample: usize,
-    /// Order of the sample in a region lit between [`PartLayer::begin_parts`] and [`PartLayer::end_parts`]; `None` for a whole
-    /// frame.
+    /// Position of the sample among the region's samples, between [`PartLayer::begin_parts`] and
+    /// [`PartLayer::end_parts`]; `None` if the whole frame is lit.
     pub part: Option<PartSample>,
     /// Position of each pixel's surface in the previous frame; `None` in the first frame and after a shot change.
     pub motion: Option<&'a Correspondence>,
     /// Emitted radiance plus the radiance of earlier layers \[W·m⁻²·sr⁻¹\].
     pub radiance: &'a Plane<Vec3>,
-    /// Ranks that share the work. They call layers in the same order, with the same surfaces.
+    /// Ranks that share the work. All ranks call layers in the same order, with the same surfaces.
     pub ranks: &'a dyn Ranks,
     /// Motion since the previous frame.
     pub(super) movement: &'a Movement,
@@ -125,18 +127,18 @@ impl<'a> Visible<'a> {
     }
 }
 
-/// Light of a layer, and the cost of its computation. The values of several layers are summed.
+/// Light of a layer, and the cost of computing it. Values of several layers are summed.
 #[derive(Debug, Default)]
 pub struct Lit {
     /// Irradiance of matte surfaces \[W·m⁻²\], linear RGB.
     pub irradiance: Option<Plane<[f32; 3]>>,
     /// Additional radiance toward the viewer \[W·m⁻²·sr⁻¹\], linear RGB.
     pub radiance: Option<Plane<Vec3>>,
-    /// Pixels with computed light, not reprojected light; `None` if no light can be reprojected.
+    /// Whether each pixel's light was computed, not reprojected; `None` if no light can be reprojected.
     pub computed: Option<Plane<bool>>,
-    /// Number of shadow rays.
+    /// Number of traced shadow rays.
     pub rays: u64,
-    /// CPU time of all threads \[s\].
+    /// CPU time, summed over threads \[s\].
     pub seconds: f64,
     /// Counts of lightcuts.
     pub cuts: CutCounts,
@@ -156,7 +158,7 @@ impl AddAssign for Lit {
 }
 
 impl Lit {
-    /// Adds the counts of another rank; `None` if the bytes are invalid.
+    /// Adds the counts of another rank; returns `None` if `bytes` are invalid.
     fn add_from(&mut self, bytes: &mut &[u8]) -> Option<()> {
         self.rays += u64::take(bytes)?;
         let ((cuts, clusters), largest) = Portable::take(bytes)?;
@@ -165,7 +167,7 @@ impl Lit {
         Some(())
     }
 
-    /// Adds the counts and times of `other`, without its light, which may belong to another sample.
+    /// Adds the counts and times of `other`, but not the light, which may belong to another sample.
     pub(super) fn add_counts(&mut self, other: Self) {
         self.rays += other.rays;
         self.seconds += other.seconds;
@@ -175,9 +177,9 @@ impl Lit {
     }
 }
 
-/// Adds the counts of all other ranks to `lit`, which has the counts of this rank's share of work.
+/// Adds the counts of all other ranks to `lit`, which contains the counts of this rank's share of work.
 ///
-/// Counts of reprojected pixels and of records cover the whole frame on every rank already.
+/// Counts of reprojected pixels and of records are excluded: they cover the whole frame on every rank.
 pub(super) fn add_ranks(ranks: &dyn Ranks, lit: &mut Lit) {
     if ranks.count() == 1 {
         return;
@@ -213,7 +215,7 @@ impl Lit {
         Self { irradiance: Some(irradiance), ..Self::default() }
     }
 
-    /// Adds this light to the `radiance` of the pixels of `matte` \[W·m⁻²·sr⁻¹\]:
+    /// Adds the light to the `radiance` of the pixels of `matte` \[W·m⁻²·sr⁻¹\]:
     ///
     /// ```text
     /// L = L₀ + ρ E / π + L_r        ρ  albedo    E  irradiance    L_r  additional radiance

@@ -1,4 +1,4 @@
-//! Light of a frame, reused while nothing changes.
+//! Light of a frame, which later frames reuse while nothing changes.
 
 use super::importance::ImportanceMap;
 use super::layer::Lit;
@@ -14,7 +14,7 @@ use render_core::{
 };
 use std::sync::Arc;
 
-/// Light of all pixels through one sample position each, before outlines are blended \[W·m⁻²·sr⁻¹\].
+/// Light of all pixels at one sample position each, before outlines are blended \[W·m⁻²·sr⁻¹\].
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct Sample {
     /// Emitted light, and light reflected directly from its source.
@@ -31,21 +31,21 @@ impl Sample {
     }
 }
 
-/// Stored light of a frame, which a static film continues with.
+/// Stored light of a frame, from which a static film continues.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct StoredLight {
     pub samples: Vec<Sample>,
-    /// Surfaces of pixels crossed by outlines, if these are blended.
+    /// Surfaces of pixels that outlines cross, if outlines are blended.
     pub coverage: Option<Coverage>,
-    /// Transparent layers within pixels, for each sample, if every pixel has several samples.
+    /// Transparent layers within pixels, per sample, if every pixel has several samples.
     pub layers: Vec<Coverage>,
     pub cache_records: u64,
-    /// Importance map; `None` if all pixels have the same number of samples.
+    /// Importance map; `None` if all pixels have equally many samples.
     pub importance: Option<ImportanceMap>,
 }
 
 impl StoredLight {
-    /// Combines the samples of one kind of light into a frame, with outlines blended by `blend`.
+    /// Combines one kind of light of all samples into a frame. `blend` blends outlines.
     pub fn picture(
         &self,
         of: impl Fn(&Sample) -> Plane<Vec3>,
@@ -64,7 +64,7 @@ impl StoredLight {
         }
         let places = sample_offsets(planes.len());
 
-        // Coverage belongs to the first sample, and is used for pixels without further ones.
+        // Blend outlines in pixels with only one sample: coverage belongs to the first sample.
         let blended = self.coverage.as_ref().map(|coverage| triples(blend(coverage, &of(&self.samples[0]))));
         match (&self.importance, blended) {
             (Some(map), blended) => {
@@ -76,8 +76,8 @@ impl StoredLight {
         }
     }
 
-    /// Returns the light of all surfaces in pixels crossed by outlines. Displays need it even with further samples, because the
-    /// filter would spread bright light over thin objects.
+    /// Returns the light of all surfaces in pixels that outlines cross. Displays need it even with further samples,
+    /// because the filter would spread bright light over thin objects.
     pub fn outlines(&self) -> Vec<Outline> {
         let Some(coverage) = &self.coverage else { return Vec::new() };
         let light = self.samples[0].whole();
@@ -93,17 +93,17 @@ impl StoredLight {
     }
 }
 
-/// Pixels with computed light, and pixels with reprojected light.
+/// Pixels with computed light, to distinguish them from pixels with reprojected light.
 #[derive(Default)]
 pub(super) struct Reused {
-    /// Pixels with computed direct and computed indirect light; `None` if a layer has no reprojection.
+    /// Whether each pixel's direct light and indirect light were computed; `None` if a layer has no reprojection.
     computed: [Option<Plane<bool>>; 2],
     /// Number of pixels that reflect light.
     lit: usize,
 }
 
 impl Reused {
-    /// Collects these pixels from the direct and indirect light of `matte` surfaces.
+    /// Collects the pixels with computed light from the direct and indirect light of `matte` surfaces.
     pub fn new([direct, indirect]: [&Lit; 2], matte: &GBuffer) -> Self {
         let computed = [direct.computed.clone(), indirect.computed.clone()];
         let lit = if computed.iter().any(Option::is_some) {
@@ -114,7 +114,7 @@ impl Reused {
         Self { computed, lit }
     }
 
-    /// Returns the fraction of lit pixels with any computed light.
+    /// Returns the fraction of lit pixels for which any light was computed.
     pub fn shaded_share(&self) -> f64 {
         let [Some(first), others @ ..] = &self.computed else { return 1.0 };
         let mut shaded = 0;
@@ -128,7 +128,7 @@ impl Reused {
     /// Returns the channel [`Aov::Shading`](crate::settings::Aov::Shading) of a frame with the surfaces `seen`.
     pub fn channel(&self, seen: &GBuffer) -> Vec<f32> {
         let [Some(direct), indirect] = &self.computed else { return vec![0.0; seen.pixels.samples().len()] };
-        // Without indirect light, only direct light counts.
+        // Use only direct light if no layer reprojects indirect light.
         let indirect = indirect.as_ref().unwrap_or(direct);
         let mut channel = Vec::new();
         for (index, pixel) in seen.pixels.samples().iter().enumerate() {
@@ -139,7 +139,7 @@ impl Reused {
     }
 }
 
-/// Light of a frame, and all data that it was computed from.
+/// Light of a frame, and all data from which it was computed.
 pub(super) struct LitFrame {
     accelerator: Arc<Accelerator>,
     lights: Arc<DirectLights>,
@@ -151,7 +151,7 @@ pub(super) struct LitFrame {
 }
 
 impl LitFrame {
-    /// Creates the light of `frame`.
+    /// Creates the stored light of `frame`.
     pub fn new(frame: &Frame, light: StoredLight, reused: Reused) -> Self {
         let Frame { accelerator, direct, tree, gather, seen, .. } = frame;
         Self {
@@ -165,7 +165,7 @@ impl LitFrame {
         }
     }
 
-    /// Returns whether `frame` shares the same data by pointer; equality is not sufficient.
+    /// Returns whether `frame` shares all data by pointer; equal data is not sufficient.
     pub fn is_of(&self, frame: &Frame) -> bool {
         Arc::ptr_eq(&self.accelerator, &frame.accelerator)
             && Arc::ptr_eq(&self.lights, &frame.direct)

@@ -1,12 +1,12 @@
-//! Frames computed by macroblock on all threads and ranks.
+//! Computation of frames by macroblock, on all threads and ranks.
 
 use plane::Plane;
 use render_core::ranks::{Portable, Ranks, Turn, share_each};
 use render_core::{MACROBLOCK, Timed};
 use std::ops::Range;
 
-/// Computes a frame from its macroblocks: `make(scratch, columns, rows)` returns pixels in raster order. `scratch` creates the
-/// memory of a thread. The `ranks` share the macroblocks in a fixed order.
+/// Computes a frame from its macroblocks. `make(scratch, columns, rows)` returns the pixels of a macroblock in raster
+/// order. `scratch` creates the memory of a thread. The `ranks` share the macroblocks in a fixed order.
 pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
     ranks: &dyn Ranks,
     width: usize,
@@ -23,7 +23,7 @@ pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
         let (columns, rows) = area(index);
         make(scratch, columns, rows)
     };
-    // Assign by diagonals: a rank with its own columns might get all pixels of a dark wall.
+    // Assign macroblocks by diagonals: a rank with its own columns might get all pixels of a dark wall.
     let turn = |index: usize| Turn::InOrder((index % across + index / across) as u32);
     let turns: Vec<Turn> = (0..across * height.div_ceil(MACROBLOCK)).map(turn).collect();
 
@@ -40,7 +40,7 @@ pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
     })
 }
 
-/// Returns the pixels of a macroblock in raster order.
+/// Returns the positions (x, y) of a macroblock's pixels in raster order.
 pub(super) fn places(columns: Range<usize>, rows: Range<usize>) -> impl Iterator<Item = (usize, usize)> {
     rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
 }

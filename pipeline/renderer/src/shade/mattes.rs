@@ -1,4 +1,4 @@
-//! Mattes of objects and materials, with the names in the scene file.
+//! Mattes of objects and materials, named as in the scene file.
 
 use crate::settings::Aov;
 use pipeline::parts::Channels;
@@ -9,14 +9,14 @@ use std::collections::BTreeSet;
 
 /// Returns the mattes for the channel `aov`, with one entry per instance of `scene`; `None` for other channels.
 ///
-/// Objects are nodes, because animators name nodes: all primitives of a node's mesh form one matte. A node without a name takes
-/// its mesh's name. As in other programs, nodes of equal name share a matte. Entries without any name get a unique one with a
-/// number.
+/// Objects are nodes, because animators name nodes: all primitives of a node's mesh form one matte. A node without a
+/// name has its mesh's name. As in other programs, nodes of equal name share a matte. A nameless entry has a unique
+/// name with a number.
 pub(super) fn mattes(aov: Aov, scene: &Scene) -> Option<Cryptomatte> {
     let materials = |&Instance { mesh, .. }: &Instance| scene.meshes[mesh].material;
     match aov {
         Aov::CryptoObject => {
-            // Several instances below an unnamed node take the first one's mesh name.
+            // Use the first instance's mesh name for an unnamed node with several instances.
             let mut own: Vec<&str> = scene.nodes.iter().map(|node| node.name.as_str()).collect();
             for &Instance { node, mesh } in &scene.instances {
                 if own[node].is_empty() {
@@ -38,7 +38,7 @@ pub(super) fn mattes(aov: Aov, scene: &Scene) -> Option<Cryptomatte> {
     }
 }
 
-/// Returns `own` with unique names such as node_12 instead of empty ones.
+/// Returns `own` with unique names such as node_12 in place of empty ones.
 fn with_names(own: &[&str], kind: &str) -> Vec<String> {
     let known: BTreeSet<&str> = own.iter().copied().collect();
     let name = |(index, own): (usize, &&str)| {
@@ -54,7 +54,7 @@ fn with_names(own: &[&str], kind: &str) -> Vec<String> {
     own.iter().enumerate().map(name).collect()
 }
 
-/// Returns the channels of `mattes` for a frame with this coverage by instance.
+/// Returns the channels of `mattes` for a frame. `shares` is the frame's coverage by instance.
 pub(super) fn channels(mattes: &Cryptomatte, shares: &InstanceShares) -> Channels {
     let mut pixels = Vec::new();
     for pixel in shares.pixels() {

@@ -1,5 +1,5 @@
-//! Light of every pixel: a sum of layers, each as accurate as thresholds require. Only this module combines rays with the light
-//! tree.
+//! Light of every pixel: a sum of layers, each as accurate as thresholds require. No other module combines rays with
+//! the light tree.
 //!
 //! | module | contents |
 //! |---|---|
@@ -75,17 +75,17 @@ use samples::{SampleSurfaces, SamplesLight};
 use std::sync::Arc;
 use tiles::Tiling;
 
-/// Number of rays that find the fraction of a pixel covered by each object: one per sixteenth of its width and of its height.
+/// Number of rays per pixel and axis that find the fraction of a pixel covered by each object: 16 × 16 rays.
 const MATTE_RAYS: usize = 16;
 
-/// Second half of the renderer: lights frames one by one.
+/// Second half of the renderer: lights frames one after the other.
 pub struct Shading<'a> {
     settings: RenderSettings,
     plan: &'a Plan,
     layers: Layers,
-    /// Poses of the instances in the previous frame; empty before the first.
+    /// Poses of the instances in the previous frame; empty before the first frame.
     places: Vec<Option<InstancePose>>,
-    /// Light of a static frame, reused for the next one.
+    /// Light of a static frame, reused for the next frame.
     still: Option<LitFrame>,
     /// Measured errors of lightcuts; `None` without calibrated stopping.
     calibration: Option<Calibration>,
@@ -100,16 +100,16 @@ pub struct Shading<'a> {
 }
 
 impl<'a> Shading<'a> {
-    /// Starts a film.
+    /// Starts to light a film.
     #[must_use]
     pub fn new(settings: &RenderSettings, plan: &'a Plan) -> Self {
         Self::among(settings, plan, Arc::new(Alone))
     }
 
-    /// Starts a film on several `ranks` that share the work and light the same frames.
+    /// Starts to light a film on several `ranks`, which share the work and light the same frames.
     #[must_use]
     pub fn among(settings: &RenderSettings, plan: &'a Plan, ranks: Arc<dyn Ranks>) -> Self {
-        // With tiles, each rank lights its tiles alone.
+        // Let each rank light its tiles alone if tiles are in use.
         let sharing: Arc<dyn Ranks> = if settings.tiles.is_some() { Arc::new(Alone) } else { ranks.clone() };
         let layers = Layers::new(settings, plan, &sharing);
         let (calibration, looking) = (calibration(settings), looking(settings));
@@ -127,18 +127,18 @@ impl<'a> Shading<'a> {
         }
     }
 
-    /// Sets the `crew` that takes tiles on demand, if the settings have tiles.
+    /// Sets the `crew` that lights tiles on demand, if the settings have tiles.
     pub fn set_crew(&mut self, crew: Crew) {
         self.tiling = self.settings.tiles.map(|settings| Tiling::new(settings, crew, &self.settings, self.plan));
     }
 
-    /// Adds these channels to [`Shaded::watched`] from now on. The light does not change.
+    /// Adds the channels `aov` to [`Shaded::watched`] from the next frame on. The light is unchanged.
     pub fn watch(&mut self, aov: &[Aov]) {
         self.layers.keep(aov);
         self.watched = aov.to_vec();
     }
 
-    /// Discards the state of earlier frames: the next frame is lit like the first of a film.
+    /// Discards the state of earlier frames: the next frame is lit like the first frame of a film.
     fn forget(&mut self) {
         self.layers.forget();
         self.tiling.iter_mut().for_each(Tiling::forget);
@@ -163,12 +163,12 @@ impl<'a> Shading<'a> {
     }
 }
 
-/// Returns the initial calibration for calibrated stopping.
+/// Returns the initial calibration; `None` without calibrated stopping.
 fn calibration(settings: &RenderSettings) -> Option<Calibration> {
     (settings.stopping == Stopping::Calibrated).then(|| Calibration::keeping(settings.within))
 }
 
-/// Returns the initial state of importance, if the settings have weights.
+/// Returns the initial state of importance; `None` if the settings have no weights.
 fn looking(settings: &RenderSettings) -> Option<Looking> {
     settings.importance.map(|weights| Looking::new(weights, settings))
 }
@@ -185,12 +185,12 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
             self.forget();
         }
 
-        // Errors measured in this frame set the thresholds of the next.
+        // Derive the next frame's multipliers from the errors measured in this frame.
         let mut calibration = self.calibration.take();
         let RenderSettings { thresholds: policy, size, kappa, .. } = self.settings;
         let mut tolerance = Tolerance::new(thresholds, policy, size, calibration.as_ref());
 
-        // Reused light keeps the importance map that it was computed with.
+        // Keep the importance map with which reused light was computed.
         let is_still = self.still.as_ref().is_some_and(|still| still.is_of(&prepared.frame));
         let (looking, busy) = (self.looking.as_mut().filter(|_| !is_still), Busy::default());
         let ahead = busy.measure(|| looking.and_then(|looking| looking.ahead(prepared)));
@@ -203,7 +203,7 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
         let learned = calibration.as_mut().and_then(|calibration| calibration.learn(&audits.cuts));
         self.calibration = calibration;
 
-        // With calibrated stopping, report the calibrated multiplier.
+        // Report the calibrated multiplier with calibrated stopping.
         shaded.figures.kappa = Some(learned.as_ref().map_or(kappa.into(), |learned| learned.kappa));
         shaded.figures.audit_error_p95 = learned.map(|learned| learned.error_p95);
         shaded
@@ -219,7 +219,8 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
 }
 
 impl Shading<'_> {
-    /// Lights a frame and returns the errors of its audits. `ahead` is the importance map if it is known already.
+    /// Lights a frame and returns the errors of its audits. `ahead` is the importance map if it is available before
+    /// lighting.
     fn shade(
         &mut self,
         prepared: &PreparedFrame,
@@ -229,8 +230,8 @@ impl Shading<'_> {
         let (plan, frame) = (self.plan, &prepared.frame);
         let mut figures = prepared.figures.clone();
 
-        // Light of a static view can be reused: direct light has no thresholds, and cached light applies them only to new
-        // records.
+        // Reuse the light of a static view if possible: direct light has no thresholds, and cached light applies them
+        // only to new records.
         let is_steady = plan.is_on(Stage::Cache) || plan.is_off(Stage::Indirect);
         let may_stay = plan.state(Stage::PrimaryRays) == State::Once && is_steady;
         let (lit, audits) = match self.still.take().filter(|still| still.is_of(frame)) {
@@ -251,7 +252,7 @@ impl Shading<'_> {
             put_importance(map, looking.change(map, prepared.correspondence.as_deref()), &mut figures);
             looking.keep(map, &radiance);
         }
-        // Mattes need the coverage of pixels, channels the whole frame.
+        // Collect the coverage of pixels for mattes, and the whole frame for channels.
         let busy = Busy::default();
         let shares = self.instance_shares(frame, &busy);
         figures.seconds.visibility += busy.seconds();
@@ -277,13 +278,14 @@ impl Shading<'_> {
         let (channels, watched) = (channels_of(&self.settings.aov), channels_of(&self.watched));
         let header = self.header(frame);
         let outlines = lit.light.outlines();
-        // Keep the light if the next frame may reuse it.
+        // Keep the light for the next frame if that may reuse it.
         let importance = importance.map(|map| Arc::new(map.importance.clone()));
         self.still = may_stay.then_some(lit);
         (Shaded { radiance, outlines, importance, channels, header, watched, figures }, audits)
     }
 
-    /// Returns each pixel's coverage by instance, if mattes are requested. Without antialiasing, only the pixel center counts.
+    /// Returns the coverage of each pixel by instance, if mattes are requested. Without antialiasing, each pixel shows
+    /// only the surface at its center.
     fn instance_shares(&self, frame: &Frame, busy: &Busy) -> Option<InstanceShares> {
         let RenderSettings { aov, samples, antialiasing, .. } = &self.settings;
         let is_wanted = aov.iter().any(|aov| matches!(aov, Aov::CryptoObject | Aov::CryptoMaterial));
@@ -293,14 +295,14 @@ impl Shading<'_> {
         is_wanted.then(|| busy.take(frame.seen.instance_shares(scene, rays)))
     }
 
-    /// Returns the header of the frame's file.
+    /// Returns the header of the frame's OpenEXR file.
     fn header(&self, frame: &Frame) -> FrameHeader {
         let mattes = self.settings.aov.iter().filter_map(|&aov| mattes::mattes(aov, frame.surfaces.scene()));
         let texts = mattes.flat_map(|mattes| mattes.texts()).collect();
         FrameHeader { camera: Some(frame.seen.view.frame_camera()), place: self.settings.place(frame.index), texts }
     }
 
-    /// Lights all samples of a frame, adds the cost to `figures`, and returns the errors of its audits.
+    /// Lights all samples of a frame, adds the cost to `figures`, and returns the audits' errors.
     fn light(
         &mut self,
         prepared: &PreparedFrame,
@@ -308,7 +310,7 @@ impl Shading<'_> {
         ahead: Option<ImportanceMap>,
         figures: &mut FrameFigures,
     ) -> (LitFrame, Audits) {
-        // With tiles, the crew lights the frame.
+        // Let the crew light the frame if tiles are in use.
         if let Some(mut tiling) = self.tiling.take() {
             let lit = tiling.light(self, prepared, tolerance, ahead);
             self.tiling = Some(tiling);
@@ -319,13 +321,13 @@ impl Shading<'_> {
         let ranks = self.ranks.clone();
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
         for sample in 0..self.settings.samples as usize {
-            // Importance decides which pixels have further samples.
+            // Select the pixels with further samples by importance.
             let wanted = lit.importance.as_ref().filter(|_| sample > 0).map(|map| map.wanted(sample));
             if wanted.as_ref().is_some_and(|wanted| !wanted.samples().contains(&true)) {
                 break;
             }
 
-            // Layers light the surfaces of this sample.
+            // Light the surfaces of this sample by all layers.
             let of_sample = self.surfaces(frame, sample, &lit.visibility);
             let visible = of_sample.visible(prepared, sample, &movement, &*ranks);
             let (light, [of_direct, of_indirect]) = self.layers.sample(&visible, wanted.as_ref(), tolerance);
@@ -345,9 +347,9 @@ impl Shading<'_> {
         self.finished(prepared, lit, figures)
     }
 
-    /// Returns the surfaces of a sample, and adds the CPU time to `visibility`.
+    /// Returns the surfaces of a sample, and adds the CPU time of finding them to `visibility`.
     fn surfaces<'f>(&self, frame: &'f Frame, sample: usize, visibility: &Busy) -> SampleSurfaces<'f> {
-        // The G-buffer contains the only sample, or the first one with importance.
+        // Use the G-buffer for the only sample, or for the first sample with importance.
         let offsets = sample_offsets(self.settings.samples as usize);
         let is_center = offsets.len() == 1 || sample == 0 && self.looking.is_some();
         let seen = &*frame.seen;
@@ -363,7 +365,7 @@ impl Shading<'_> {
         SampleSurfaces { seen, own, below, emitted }
     }
 
-    /// Adds transparent layers within pixels, if every pixel has several samples.
+    /// Adds transparent layers within pixels to `lit`, if every pixel has several samples.
     fn add_layers(
         &self,
         prepared: &PreparedFrame,
@@ -388,7 +390,7 @@ impl Shading<'_> {
         let SamplesLight { samples, layers, mut direct, indirect, reused, importance, places, visibility } = lit;
         let Frame { accelerator, surfaces, seen, .. } = &prepared.frame;
 
-        // Find outlines where they are visible: by the light on both sides.
+        // Find outlines that are visible, by comparing the light on both sides.
         let scene = PosedScene::new(accelerator, surfaces);
         let has_outlines = self.plan.is_on(Stage::Antialiasing);
         let has_layers = layers.is_empty() && !seen.layered.is_empty();
@@ -416,7 +418,7 @@ impl Shading<'_> {
     }
 }
 
-/// Writes the cost of light into the figures of a frame.
+/// Writes the cost of light into a frame's figures.
 fn put(lit: &Lit, figures: &mut FrameFigures) {
     let CutCounts { cuts, clusters, largest } = lit.cuts;
     figures.cut_size_mean = clusters as f64 / cuts.max(1) as f64;
@@ -427,7 +429,7 @@ fn put(lit: &Lit, figures: &mut FrameFigures) {
     figures.audit_carried_within = (all > 0).then(|| within as f64 / all as f64);
 }
 
-/// Writes importance into the figures of a frame.
+/// Writes importance into a frame's figures.
 fn put_importance(map: &ImportanceMap, change: Option<f64>, figures: &mut FrameFigures) {
     let count = map.samples.samples().len().max(1) as f64;
     figures.importance_mean = Some(map.importance.samples().iter().map(|&v| f64::from(v)).sum::<f64>() / count);

@@ -1,4 +1,4 @@
-//! Motion of instances between frames, which may change the light of surfaces.
+//! Motion of instances between frames, which may change the light on surfaces.
 
 use crate::frame::Frame;
 use glam::{Affine3A, BVec3A, Vec3, Vec3A};
@@ -10,12 +10,12 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct InstancePose {
     world: Affine3A,
-    /// Lower and upper corner of its bounding box in object space.
+    /// Lower corner of the instance's bounding box in object space.
     low: Vec3A,
     high: Vec3A,
-    /// Vertices of a deformed instance.
+    /// Vertices of the instance if it deforms.
     shape: Option<Arc<DeformedMesh>>,
-    /// Material, if any material is animated.
+    /// Material of the instance if any material in the scene is animated.
     material: Option<Material>,
 }
 
@@ -27,19 +27,20 @@ pub(super) struct MovingBox {
     high: Vec3A,
 }
 
-/// Motion since the previous frame.
+/// Motion of all instances since the previous frame.
 #[derive(Debug)]
 pub(super) struct Movement {
-    /// Poses of the moving instances; `None` for static ones.
+    /// Poses of the moving instances; `None` for a static instance.
     pub places: Vec<Option<InstancePose>>,
-    /// Boxes around old and new poses of all instances that have moved since the previous frame; empty in the first frame.
+    /// Boxes around old and new poses of each instance that has moved since the previous frame; empty in the first
+    /// frame.
     pub swept: Vec<MovingBox>,
-    /// Whether anything has moved; true in the first frame.
+    /// Whether any pose has changed; true in the first frame.
     pub is_any: bool,
 }
 
 impl Movement {
-    /// Computes the motion to `frame` from the poses in the previous frame.
+    /// Computes the motion to `frame` from `before`, the poses in the previous frame.
     pub fn to(frame: &Frame, before: &[Option<InstancePose>]) -> Self {
         let places = places(&frame.surfaces, &frame.seen, before);
         Self { swept: swept(before, &places), is_any: before != places, places }
@@ -57,7 +58,8 @@ impl Movement {
     }
 }
 
-/// Returns the poses of the moving instances in the frame `seen`. Rigid instances keep their bounding box from `before`.
+/// Returns the poses of the moving instances in the frame `seen`. Rigid instances keep the bounding boxes from
+/// `before`.
 fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<InstancePose>]) -> Vec<Option<InstancePose>> {
     let scene = surfaces.scene();
     let around = |positions: &[Vec3]| {
@@ -78,7 +80,7 @@ fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<InstancePose>]) 
     surfaces.moving().iter().enumerate().map(place).collect()
 }
 
-/// Returns boxes around old and new poses of all instances with a changed pose, shape or material.
+/// Returns boxes around the old and new poses of all instances with a changed pose, shape or material.
 fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<MovingBox> {
     let mut swept = Vec::new();
     for (index, (then, now)) in (0..).zip(before.iter().zip(now)) {
@@ -92,7 +94,7 @@ fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<M
 }
 
 impl MovingBox {
-    /// Returns the world-space box around an instance in all these poses.
+    /// Returns the world-space box around an instance in all given poses.
     fn all<const N: usize>(instance: u32, places: [&InstancePose; N]) -> Self {
         let points = places.into_iter().flat_map(|InstancePose { world, low, high, .. }| {
             let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
@@ -124,15 +126,15 @@ impl MovingBox {
 
     /// Returns whether a segment from a point to any point of the box `low`…`high` touches this box.
     ///
-    /// At the fraction t of their length, the segments fill the box p + t (low − p) … p + t (high − p). Along each
-    /// axis, that box overlaps this one for an interval of t (slabs).
+    /// At the fraction t of their length, the segments fill the box p + t (low − p) … p + t (high − p), where p is the
+    /// point. Along each axis, that box overlaps this box in an interval of t (slab test).
     pub fn is_between(&self, point: Vec3A, low: Vec3A, high: Vec3A) -> bool {
-        // t (high − p) ≥ self.low − p and t (low − p) ≤ self.high − p
+        // Solve t (high − p) ≥ self.low − p and t (low − p) ≤ self.high − p for t, per axis.
         let (mut enter, mut leave) = (0f32, 1f32);
         for axis in 0..3 {
             let p = point[axis];
             for (way, to) in [(high[axis] - p, self.low[axis] - p), (p - low[axis], p - self.high[axis])] {
-                // t · way ≥ to
+                // Solve t · way ≥ to.
                 if way > 0.0 {
                     enter = enter.max(to / way);
                 } else if way < 0.0 {
@@ -151,7 +153,7 @@ mod tests {
     use super::*;
     use render_core::sampling::hash;
 
-    /// Returns a number in −1…1.
+    /// Returns a pseudorandom number in −1…1.
     fn number(index: u64, dimension: u64) -> f32 {
         (hash(7, index, dimension) >> 40) as f32 / (1 << 23) as f32 - 1.0
     }
@@ -160,7 +162,8 @@ mod tests {
         Vec3A::from_array([0, 1, 2].map(|axis| number(index, 3 * dimension + axis)))
     }
 
-    /// Compares with a thousand steps along the segments; most cases must agree.
+    /// Compares the test with 1000 steps along the segments. Overlaps must be found; nearly all other results must
+    /// agree.
     #[test]
     fn boxes_between_a_point_and_a_box_are_found() {
         let mut agree = 0;

@@ -1,10 +1,11 @@
 //! Indirect light without a cache: a lightcut for each pixel.
 //!
-//! If thresholds are known in advance, neighboring pixels share most of the traversal of the light tree. Shadow rays between a
+//! With absolute thresholds, neighboring pixels share most of the traversal of the light tree. Shadow rays between a
 //! light and all pixels of a block are then traced together. A threshold relative to the pixel's own luminance, as in
 //! \[Walter05\], allows neither.
 //!
-//! CPU time per frame of `cornell` at 256×256 and quantiser 2, where known thresholds are also 2 %:
+//! CPU time per frame of `cornell` at 256×256 and quantiser 2, for which absolute thresholds are also about 2 % of
+//! luminance:
 //!
 //! | thresholds | traversal | shadow rays | CPU s |
 //! |---|---|---|---|
@@ -28,19 +29,20 @@ use plane::Plane;
 use render_core::ranks::{Portable, Ranks};
 use std::ops::Range;
 
-/// Side of the pixel blocks with shared lightcuts. `examples/measure.rs` of `lighttree` measures their gain.
+/// Side of the pixel blocks with shared lightcuts \[pixels\]. `examples/measure.rs` of `lighttree` measures the gain of
+/// sharing.
 const BLOCK: usize = 8;
 
 /// Layer with a lightcut for each pixel.
 pub(super) struct PerPixel {
     /// Whether final gather restores the light lost by clamping virtual lights.
     compensates: bool,
-    /// Size of the largest lightcut of each pixel in the last frame; `None` unless requested.
+    /// Size of each pixel's largest lightcut in the last frame \[clusters\]; `None` unless requested.
     sizes: Option<Vec<u32>>,
 }
 
 impl PerPixel {
-    /// Creates the layer with or without bias compensation, and with or without sizes of lightcuts.
+    /// Creates the layer. `compensates` enables bias compensation; `keeps_sizes` stores the sizes of lightcuts.
     pub fn new(compensates: bool, keeps_sizes: bool) -> Self {
         Self { compensates, sizes: keeps_sizes.then(Vec::new) }
     }
@@ -49,7 +51,7 @@ impl PerPixel {
 impl Layer for PerPixel {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
         let (width, height) = (visible.matte.pixels.width(), visible.matte.pixels.height());
-        // Sizes are maxima over the samples of a pixel.
+        // Keep the maximum size over all samples of a pixel.
         let counts = match &mut self.sizes {
             None => Counts::default(),
             Some(sizes) if visible.sample > 0 => Counts::by_pixel(sizes),
@@ -71,7 +73,7 @@ impl Layer for PerPixel {
             ..Lit::default()
         };
 
-        // Audits and sizes of lightcuts are not complete before all threads are done.
+        // Read audits and sizes of lightcuts only here, after all threads are done.
         let (sizes, cuts) = counts.into_parts();
         lit.audits = Audits { cuts, ..Audits::default() };
         if let Some(kept) = &mut self.sizes {
@@ -96,7 +98,7 @@ impl Layer for PerPixel {
     }
 }
 
-/// Returns the size of the largest lightcut of each pixel over all ranks.
+/// Returns the size of each pixel's largest lightcut over all ranks \[clusters\].
 fn largest_of_ranks(ranks: &dyn Ranks, own: Vec<u32>) -> Vec<u32> {
     if ranks.count() == 1 {
         return own;
@@ -111,7 +113,7 @@ fn largest_of_ranks(ranks: &dyn Ranks, own: Vec<u32>) -> Vec<u32> {
     largest
 }
 
-/// A frame with pixels lit by several threads.
+/// Frame with pixels lit by several threads.
 struct LitPicture<'a> {
     light: PixelLight<'a>,
     wanted: Option<&'a Plane<bool>>,
@@ -119,13 +121,13 @@ struct LitPicture<'a> {
 }
 
 impl LitPicture<'_> {
-    /// Returns the surface of a wanted pixel; `None` if it reflects no light.
+    /// Returns the surface of a wanted pixel; `None` if the pixel is unwanted or reflects no light.
     fn pixel(&self, x: usize, y: usize) -> Option<MattePixel> {
         let is_wanted = self.wanted.is_none_or(|wanted| wanted.get(x, y));
         is_wanted.then(|| self.light.pixel(x, y)).flatten()
     }
 
-    /// Counts a lightcut, and measures its error if its pixel is audited.
+    /// Counts a lightcut, and measures the lightcut's error if its pixel is audited.
     fn finish(&self, pixel: &MattePixel, stop: Stop, cut: &Cut, scratch: &mut Scratch) {
         let &MattePixel { x, y, ref receiver, ref lambert } = pixel;
         let PixelLight { visible, ref visibility, counts, .. } = self.light;
@@ -147,7 +149,8 @@ struct PixelBlock {
     scratch: Scratch,
     together: Vec<MattePixel>,
     positions: Vec<Vec3A>,
-    /// Stopping criteria of `together`, followed by their thresholds, receivers and lightcuts.
+    /// Stopping criteria of the lightcuts in `together`. The next fields contain their thresholds, receivers and
+    /// results.
     stops: Vec<Stop>,
     thresholds: Vec<f32>,
     lamberts: Vec<Lambert>,
@@ -156,7 +159,7 @@ struct PixelBlock {
 
 impl PixelBlock {
     fn new(tolerance: &Tolerance) -> Self {
-        // Calibrated lightcuts may need more clusters than the paper permits.
+        // Allow more clusters than the Lightcuts paper: calibrated lightcuts may need them.
         let scratch = match tolerance.audits_per_macroblock() {
             Some(_) => Scratch::with_max_size(Calibration::LARGEST_CUT),
             None => Scratch::default(),
@@ -190,7 +193,7 @@ impl PixelBlock {
     ) {
         self.clear();
 
-        // Pixels with absolute thresholds wait for the block; the others are lit at once.
+        // Collect pixels with absolute thresholds for the block, and light the other pixels at once.
         for (x, y) in places(columns, rows) {
             let Some(pixel) = picture.pixel(x, y) else { continue };
             let stop = picture.tolerance.at_pixel(x, y, picture.light.visible.radiance.get(x, y));
@@ -200,7 +203,7 @@ impl PixelBlock {
             }
         }
 
-        // Compute the lightcuts of the waiting pixels together.
+        // Compute the lightcuts of the collected pixels together.
         self.cut_together(picture);
         for ((pixel, cut), &stop) in self.together.iter().zip(&self.cuts).zip(&self.stops) {
             picture.finish(pixel, stop, cut, &mut self.scratch);
@@ -216,7 +219,7 @@ impl PixelBlock {
         self.lamberts.clear();
     }
 
-    /// Adds a pixel to the shared lightcuts, with an absolute `threshold`.
+    /// Adds a pixel with an absolute `threshold` to the shared lightcuts.
     fn wait(&mut self, pixel: MattePixel, stop: Stop, threshold: f32) {
         self.thresholds.push(threshold);
         self.stops.push(stop);
@@ -234,7 +237,7 @@ impl PixelBlock {
         cut.radiance
     }
 
-    /// Computes the lightcuts of all waiting pixels.
+    /// Computes the lightcuts of all collected pixels.
     fn cut_together(&mut self, picture: &LitPicture) {
         let Self { scratch, together, positions, thresholds, lamberts, cuts, .. } = self;
         let PixelLight { visible, ref visibility, .. } = picture.light;

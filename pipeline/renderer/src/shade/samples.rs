@@ -10,11 +10,12 @@ use plane::Plane;
 use render_core::ranks::Ranks;
 use render_core::{Busy, Coverage, GBuffer, PixelSample, PosedScene};
 
-/// Light of all samples of a frame, before reconstruction.
+/// Light of all samples of a frame before reconstruction, with times and counts.
 #[derive(Default)]
 pub(super) struct SamplesLight {
     pub samples: Vec<Sample>,
-    /// Transparent layers within pixels, for each sample ([`StoredLight::layers`](super::lit_frame::StoredLight::layers)).
+    /// Transparent layers within pixels, per sample, as in
+    /// [`StoredLight::layers`](super::lit_frame::StoredLight::layers).
     pub layers: Vec<Coverage>,
     /// Times and counts of all samples.
     pub direct: Lit,
@@ -31,16 +32,16 @@ pub(super) struct SamplesLight {
 pub(super) struct SampleSurfaces<'f> {
     /// Surfaces at the pixel centers: the G-buffer.
     pub seen: &'f GBuffer,
-    /// Surfaces at the sample positions; `None` for the pixel centers.
+    /// Surfaces at the sample positions; `None` if these are the pixel centers.
     pub own: Option<GBuffer>,
-    /// Surfaces at the sample positions with the albedo below their coats; `None` in scenes without coats.
+    /// Surfaces at the sample positions, with the albedo below their coats; `None` in scenes without coats.
     pub below: Option<GBuffer>,
     /// Radiance emitted by each pixel's surface \[W·m⁻²·sr⁻¹\].
     pub emitted: Plane<Vec3>,
 }
 
 impl SampleSurfaces<'_> {
-    /// Returns the surfaces for [`Layer`](super::layer::Layer), as sample number `sample`.
+    /// Returns the surfaces for a [`Layer`](super::layer::Layer). `sample` is the sample's number within pixels.
     pub fn visible<'a>(
         &'a self,
         prepared: &'a PreparedFrame,
@@ -62,7 +63,7 @@ impl SampleSurfaces<'_> {
         }
     }
 
-    /// Returns the transparent layers within pixels, given the `light` of this `sample`.
+    /// Returns the transparent layers within pixels, lit by the `light` of this `sample`.
     pub fn layers(&self, prepared: &PreparedFrame, sample: PixelSample, light: &Sample, busy: &Busy) -> Coverage {
         let seen = self.own.as_ref().unwrap_or(self.seen);
         if seen.layered.is_empty() {

@@ -1,4 +1,4 @@
-//! State of shading between two frames, for checkpoints.
+//! State of shading between two frames, as bytes for checkpoints.
 
 use super::Shading;
 use super::importance::Before;
@@ -10,7 +10,7 @@ use pipeline::error::{Error, Result};
 use pipeline::state::{NONSENSE, decode, encode};
 use serde::{Deserialize, Serialize};
 
-/// Serialized state, for writing.
+/// Borrowed state of shading, for serialization.
 #[derive(Serialize)]
 struct WrittenState<'a> {
     /// States of the layers, in order.
@@ -20,7 +20,7 @@ struct WrittenState<'a> {
     looking: Option<&'a Before>,
 }
 
-/// Serialized state, for reading.
+/// State of shading as deserialized.
 #[derive(Deserialize)]
 struct Read {
     layers: Vec<Vec<u8>>,
@@ -36,13 +36,13 @@ pub(super) fn of(shading: &Shading) -> Vec<u8> {
     encode(&WrittenState { layers: layers.states(), still, calibration: calibration.as_ref(), looking })
 }
 
-/// Restores the state of shading after the frame `last`.
+/// Restores the state of shading after frame `last`.
 pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame) -> Result<()> {
     let Read { layers, still, calibration, looking } = decode(state)?;
     shading.layers.restore(&layers, &last.frame)?;
     shading.places = Movement::to(&last.frame, &[]).places;
 
-    // A forged state may have other pixels.
+    // Check the size: a forged state may have another number of pixels.
     let pixels = &last.frame.seen.pixels;
     let (width, height, count) = (pixels.width(), pixels.height(), pixels.samples().len());
     let fits = |light: &StoredLight| {

@@ -1,4 +1,4 @@
-//! Permitted error of each pixel's light, computed only here from thresholds.
+//! Permitted error of each pixel's light. No other module derives it from thresholds.
 //!
 //! ```text
 //! ΔY(x, y)         luminance threshold of a pixel, reprojected from the previous frame
@@ -8,7 +8,7 @@
 //! κ e              with calibrated stopping                              κ  by class of e / Y
 //! ```
 //!
-//! The gain comes from another map: at 2, a pixel is twice as accurate as the encoder requires.
+//! The gain comes from the importance map: at a gain of 2, a pixel is twice as accurate as the encoder requires.
 
 use crate::settings::{Size, Thresholds};
 use glam::Vec3;
@@ -19,10 +19,10 @@ use plane::Plane;
 use render_core::{GBuffer, NOTHING, luminance};
 use std::f32::consts::PI;
 
-/// Minimum reflectance that counts: a darker pixel needs no more accurate irradiance.
+/// Minimum reflectance in conversions to irradiance: darker pixels need no more accurate irradiance.
 const LEAST_REFLECTANCE: f32 = 0.05;
-/// Pixels darker than this fraction of the frame's mean are excluded from the mean relative threshold, where 0/0 is
-/// meaningless.
+/// Minimum luminance of pixels in the mean relative threshold, as a fraction of the frame's mean. The ratio of darker
+/// pixels is meaningless.
 const DARK: f64 = 1e-4;
 
 /// Permitted errors of a frame's pixels.
@@ -30,32 +30,32 @@ const DARK: f64 = 1e-4;
 pub struct Tolerance<'a> {
     /// Thresholds ΔY of the pixels that have one \[W·m⁻²·sr⁻¹\].
     thresholds: ThresholdMap,
-    /// Fraction s for all other pixels.
+    /// Fraction s of luminance, for all other pixels.
     share: f32,
-    /// Luminance of the pixels' surfaces in the previous frame, where visible; `None` without calibrated stopping.
+    /// Luminance of the pixels' surfaces in the previous frame, if visible; `None` without calibrated stopping.
     luminance_before: Option<ThresholdMap>,
-    /// Multipliers κ; `None` without calibrated stopping.
+    /// Calibration with the multipliers κ; `None` without calibrated stopping.
     calibration: Option<&'a Calibration>,
-    /// Gain g of each pixel; `None` for 1.
+    /// Gain g of each pixel; `None` if all gains are 1.
     gain: Option<&'a Plane<f32>>,
 }
 
-/// A pixel lit by an irradiance record.
+/// Pixel lit by an irradiance record.
 #[derive(Clone, Copy, Debug)]
 pub struct FootprintPixel {
     /// Column and row of the pixel.
     pub place: (usize, usize),
-    /// Weight of the pixel's threshold.
+    /// Weight of the pixel's threshold in the mean of the footprint.
     pub weight: f32,
     /// Diffuse reflectance.
     pub albedo: Vec3,
-    /// Radiance known before the record's lightcut \[W·m⁻²·sr⁻¹\].
+    /// Radiance of the pixel known before the record's lightcut \[W·m⁻²·sr⁻¹\].
     pub radiance: Vec3,
 }
 
 impl<'a> Tolerance<'a> {
-    /// Creates tolerances for a frame of `size` from the previous frame's `thresholds`; `policy` is their source. `calibration`
-    /// enables calibrated stopping.
+    /// Creates tolerances for a frame of `size`. `policy` is the source of the thresholds; `thresholds` come from the
+    /// previous frame. `calibration` enables calibrated stopping.
     #[must_use]
     pub fn new(
         thresholds: LastThresholds<'_>,
@@ -73,24 +73,24 @@ impl<'a> Tolerance<'a> {
         Self { thresholds: map, share, luminance_before, calibration, gain: None }
     }
 
-    /// Creates absolute tolerances of radiance \[W·m⁻²·sr⁻¹\]. Thresholds of 0 become 2 % of the pixel's luminance.
+    /// Creates absolute tolerances of radiance \[W·m⁻²·sr⁻¹\]. A threshold of 0 becomes 2 % of the pixel's luminance.
     #[must_use]
     pub fn of_thresholds(thresholds: &Plane<f32>) -> Self {
         let thresholds = ThresholdMap::from_plane(thresholds);
         Self { thresholds, share: RELATIVE_FLOOR, luminance_before: None, calibration: None, gain: None }
     }
 
-    /// Creates tolerances of `share` times each pixel's luminance.
+    /// Creates tolerances equal to `share` times each pixel's luminance.
     #[must_use]
     pub fn of_shares(width: usize, height: usize, share: f32) -> Self {
         let thresholds = ThresholdMap::relative(width, height);
         Self { thresholds, share, luminance_before: None, calibration: None, gain: None }
     }
 
-    /// Divides all errors by a positive gain per pixel.
+    /// Divides all permitted errors by a positive gain per pixel.
     ///
     /// # Panics
-    /// If the gain has another size than the frame.
+    /// If the size of the gain map differs from the frame's.
     #[must_use]
     pub fn divided_by(self, gain: &'a Plane<f32>) -> Self {
         let size = (self.thresholds.width(), self.thresholds.height());
@@ -98,7 +98,8 @@ impl<'a> Tolerance<'a> {
         Self { gain: Some(gain), ..self }
     }
 
-    /// Returns the threshold for the clusters of a pixel's lightcut, given the radiance known before it.
+    /// Returns the threshold for the clusters of a pixel's lightcut. `radiance` is the pixel's radiance known before
+    /// the lightcut.
     #[must_use]
     pub fn at_pixel(&self, x: usize, y: usize, radiance: Vec3) -> Stop {
         match self.absolute(x, y) {
@@ -107,8 +108,8 @@ impl<'a> Tolerance<'a> {
         }
     }
 
-    /// Returns the threshold for the lightcut of an irradiance record: the weighted mean over the pixels of its footprint
-    /// \[Herzog08, 4.3\], converted to irradiance by each pixel's reflectance.
+    /// Returns the threshold for the lightcut of an irradiance record: the weighted mean over the pixels of the
+    /// record's footprint \[Herzog08, 4.3\]. Each pixel's reflectance converts its threshold to irradiance.
     #[must_use]
     pub fn over_footprint(&self, pixels: impl Iterator<Item = FootprintPixel>) -> Stop {
         let (mut error, mut weights) = (0.0, 0.0);
@@ -128,7 +129,7 @@ impl<'a> Tolerance<'a> {
             }
         }
 
-        // Absolute and relative thresholds have no common mean, so the majority decides.
+        // Let the majority decide: absolute and relative thresholds have no common mean.
         if weights > known_weights {
             return Stop::Absolute(error / weights);
         }
@@ -137,7 +138,7 @@ impl<'a> Tolerance<'a> {
         Stop::Relative { fraction: self.share / gain, known_luminance: mean(known) }
     }
 
-    /// Returns the permitted error of a pixel's irradiance \[W·m⁻²\], in luminance, at the value `irradiance`.
+    /// Returns the permitted error of the luminance of a pixel's irradiance \[W·m⁻²\], for the value `irradiance`.
     #[must_use]
     pub fn of_irradiance(&self, x: usize, y: usize, albedo: Vec3, irradiance: f32) -> f32 {
         let reflectance = luminance(albedo).max(LEAST_REFLECTANCE);
@@ -153,7 +154,7 @@ impl<'a> Tolerance<'a> {
         self.thresholds.get(x, y)
     }
 
-    /// Returns the error e of a pixel with a threshold; otherwise `None`.
+    /// Returns the permitted error e of a pixel with a threshold; `None` for a pixel without one.
     fn absolute(&self, x: usize, y: usize) -> Option<f32> {
         Some(self.thresholds.get(x, y)? / self.gain(x, y))
     }
@@ -177,7 +178,7 @@ impl<'a> Tolerance<'a> {
         }
     }
 
-    /// Returns the calibrated threshold for a lightcut of this class with the target `stop`.
+    /// Returns the calibrated threshold for a lightcut of `class` with the target `stop`.
     pub(super) fn calibrated(&self, stop: Stop, class: usize) -> Stop {
         match self.calibration {
             Some(calibration) => stop.scaled(calibration.kappa(class)),
@@ -185,7 +186,7 @@ impl<'a> Tolerance<'a> {
         }
     }
 
-    /// Returns the mean ratio of error to luminance over the pixels that reflect light, for the report.
+    /// Returns the mean ratio of permitted error to luminance over the pixels that reflect light, for the report.
     pub(super) fn mean_relative(&self, seen: &GBuffer, radiance: &Plane<[f32; 3]>) -> f64 {
         // Collect error and luminance of each lit pixel.
         let mut lit: Vec<(f32, f32)> = Vec::new();
@@ -199,7 +200,7 @@ impl<'a> Tolerance<'a> {
             lit.push((error, luminance));
         }
 
-        // Omit nearly black pixels: their huge ratios would dominate the mean.
+        // Omit nearly black pixels: the mean would consist of their huge ratios.
         let mean = lit.iter().map(|&(_, y)| f64::from(y)).sum::<f64>() / lit.len().max(1) as f64;
         let (mut sum, mut count) = (0.0, 0usize);
         for (error, luminance) in lit {
@@ -221,7 +222,7 @@ mod tests {
 
     const SIZE: Size = Size { width: 2, height: 1 };
 
-    /// Returns the errors of two pixels: the left has a threshold of 0.5, the right was not visible before.
+    /// Returns the thresholds of two pixels: the left one has 0.5, the right one was not visible before.
     fn thresholds() -> (LuminanceThresholds, Correspondence) {
         let plane = |left| Arc::new(Plane::from_vec(2, 1, vec![left, 0.0]));
         let thresholds = LuminanceThresholds { of: 0, delta: plane(0.5), luminance: plane(4.0) };
@@ -235,7 +236,7 @@ mod tests {
         let tolerance = Tolerance::new(last, Thresholds::Codec, SIZE, None);
         assert_eq!(tolerance.at_pixel(0, 0, Vec3::ONE), Stop::Absolute(0.5));
         assert_eq!(tolerance.at_pixel(1, 0, Vec3::ONE), Stop::Relative { fraction: 0.02, known_luminance: 1.0 });
-        // A gray of 25 % reflects E · 0.25 / π.
+        // Expect E · 0.25 / π from a gray of 25 %.
         assert_eq!(tolerance.of_irradiance(0, 0, Vec3::splat(0.25), 1.0), 0.5 * PI / 0.25);
         assert_eq!(tolerance.of_irradiance(1, 0, Vec3::splat(0.25), 3.0), 0.06);
         let fixed = Tolerance::new(last, Thresholds::Fixed(0.1), SIZE, None);
