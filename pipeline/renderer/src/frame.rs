@@ -1,14 +1,14 @@
-//! A prepared frame: everything that needs no thresholds (posed scene, lights and visible surfaces).
+//! Prepared frame: all data that needs no thresholds (posed scene, lights and visible surfaces).
 
 use lighttree::LightTree;
 use render_core::{Accelerator, DirectLights, FinalGather, GBuffer, Surfaces};
 use std::sync::Arc;
 
-/// A prepared frame of a scene.
+/// Prepared frame of a scene.
 pub struct Frame<'s> {
     /// Frame number, from 0.
     pub index: u32,
-    /// The scene in this frame's pose.
+    /// The scene in the pose of the frame.
     pub surfaces: Surfaces<'s>,
     /// Acceleration structure for rays.
     pub accelerator: Arc<Accelerator>,
@@ -16,7 +16,7 @@ pub struct Frame<'s> {
     pub direct: Arc<DirectLights>,
     /// Light tree with all other lights.
     pub tree: Arc<LightTree>,
-    /// Final gather: the surroundings of points, and bias compensation for the tree's lights.
+    /// Final gather: rays into the surroundings of points, and bias compensation for the tree's lights.
     pub gather: Arc<FinalGather>,
     /// Visible surface of each pixel.
     pub seen: Arc<GBuffer>,
@@ -30,5 +30,5 @@ impl std::fmt::Debug for Frame<'_> {
     }
 }
 
-/// A frame with its motion, ready for [`Shading`](super::Shading).
+/// Prepared frame with its motion, ready for [`Shading`](super::Shading).
 pub type PreparedFrame<'s> = pipeline::parts::Prepared<Frame<'s>>;

@@ -1,4 +1,4 @@
-//! Renders frames of a scene one by one, without making a film.
+//! Renderer of single frames of a scene, without an encoder.
 
 use crate::plan::Plan;
 use crate::settings::RenderSettings;
@@ -22,7 +22,8 @@ impl<'a> Renderer<'a> {
 
     /// Renders frame `index`: linear radiance \[W·m⁻²·sr⁻¹\] and figures.
     ///
-    /// `thresholds` of the previous frame set the permitted error of each pixel; without them, it is 2 % of the luminance.
+    /// The `thresholds` of the previous frame determine the permitted error of each pixel. Without thresholds, it is 2
+    /// % of the luminance.
     pub fn frame(&mut self, index: u32, thresholds: LastThresholds<'_>) -> Shaded {
         let prepared = self.prepare.frame(index);
         self.shade.step(&prepared, thresholds)

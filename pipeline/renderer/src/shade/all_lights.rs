@@ -1,4 +1,4 @@
-//! Every light at every pixel: the reference for lightcuts.
+//! Layer that evaluates every light at every pixel: the reference for lightcuts.
 
 use super::counts::Counts;
 use super::layer::{Layer, Lit, Visible};
@@ -11,18 +11,18 @@ use glam::Vec3;
 use plane::Plane;
 use std::cell::Cell;
 
-/// Number of gather rays. The noise of 64, as in films, would be a tenth of a reference's error. The additional rays cost
-/// little compared with the lights.
+/// Number of rays per final gather. The noise of 64 rays, as in films, would be 10 % of a reference's error. The
+/// additional rays cost little compared with the lights.
 const GATHER_RAYS: usize = 256;
 
-/// The exhaustive sum over all lights of the tree.
+/// Layer of the exhaustive sum over all lights of the tree.
 pub(super) struct AllLights {
     /// Whether final gather restores the light lost by clamping virtual lights.
     compensates: bool,
 }
 
 impl AllLights {
-    /// Creates the layer with or without bias compensation.
+    /// Creates the layer; `compensates` enables bias compensation.
     pub fn new(compensates: bool) -> Self {
         Self { compensates }
     }
@@ -56,7 +56,7 @@ impl Layer for AllLights {
     }
 }
 
-/// Returns a pixel's reflected radiance of all lights.
+/// Returns the radiance that a pixel reflects from all lights.
 fn exhaustive(light: &PixelLight, pixel: &MattePixel) -> Vec3 {
     let tree = &light.visible.frame.tree;
     let rays = Cell::new(0);

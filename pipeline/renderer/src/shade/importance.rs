@@ -1,5 +1,5 @@
-//! Importance: the likelihood that viewers look at a pixel, 0…1. One map sets samples per pixel, thresholds and the bits of
-//! macroblocks.
+//! Importance: the likelihood that viewers look at a pixel, 0…1. One map determines samples per pixel, thresholds and
+//! the bits of macroblocks.
 //!
 //! ```text
 //! v  = min(1, w_s S' + w_t T)                   importance
@@ -8,8 +8,8 @@
 //! n  = 1 + round((N − 1) v)                     samples of a pixel      N  maximum number
 //! g  = G^(2v − 1)                               gain, which divides thresholds      G  gain at importance 1
 //! ```
-//! The user sets w_s and w_t; T is the task map. Saliency comes from the previous frame's light, reprojected along the motion.
-//! Without a previous frame, it comes from the frame's own first sample, and thresholds have no gain.
+//! The user sets w_s and w_t; T is the task map. Saliency comes from the previous frame's light, reprojected along the
+//! motion. Without a previous frame, it comes from the first sample of the current frame, and thresholds have no gain.
 
 use crate::frame::{Frame, PreparedFrame};
 use crate::settings::{Importance, RenderSettings};
@@ -21,19 +21,19 @@ use plane::{Correspondence, Plane};
 use render_core::scene::Scene;
 use serde::{Deserialize, Serialize};
 
-/// Minimum of P: keeps a frame of noise, with S below 0.01, from being stretched to the full range. Frames of the shipped
+/// Minimum of P, so that a frame of noise, with S below 0.01, is not stretched to the full range. Frames of the shipped
 /// scenes have 0.18 to 0.35.
 const LEAST_PEAK: f32 = 0.1;
-/// Maximum change of a surface's S' between frames: a full change takes 0.3 s at 25 frames/s, about the duration of a fixation.
-/// Saliency itself may jump when another region becomes as salient as the maximum.
+/// Maximum change of a surface's S' between frames. A full change then takes 0.3 s at 25 frames/s, about the duration
+/// of a fixation. S itself may jump when another region becomes as salient as the maximum.
 const MOST_CHANGE: f32 = 0.125;
 
-/// Importance of a frame's pixels, and their number of samples.
+/// Importance of a frame's pixels, and the number of samples that follows from it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct ImportanceMap {
-    /// Importance v.
+    /// Importance v of each pixel.
     pub importance: Plane<f32>,
-    /// Number of samples n.
+    /// Number of samples n of each pixel.
     pub samples: Plane<u8>,
 }
 
@@ -48,12 +48,12 @@ impl ImportanceMap {
         self.samples.map(|count| usize::from(count) > sample)
     }
 
-    /// Returns the gain g.
+    /// Returns the gain g of each pixel. `most` is G.
     pub fn gain(&self, most: f32) -> Plane<f32> {
         self.importance.map(|v| most.powf(2.0 * v - 1.0))
     }
 
-    /// Returns whether the map has this size.
+    /// Returns whether the map has `width` × `height` pixels.
     pub fn fits(&self, width: usize, height: usize) -> bool {
         let (importance, samples) = (&self.importance, &self.samples);
         [(importance.width(), importance.height()), (samples.width(), samples.height())] == [(width, height); 2]
@@ -66,27 +66,27 @@ pub(super) struct Looking {
     most_samples: u32,
     tone_map: ToneMap,
     before: Option<Before>,
-    /// Saliency S' of the current frame.
+    /// Smoothed saliency S' of the current frame.
     now: Option<Plane<f32>>,
 }
 
 /// State of the previous frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Before {
-    /// Number of samples n.
+    /// Number of samples n of each pixel.
     samples: Plane<u8>,
-    /// Radiance and S', if importance uses saliency.
+    /// Radiance and S' of each pixel; `None` if importance does not use saliency.
     seen: Option<(Plane<[f32; 3]>, Plane<f32>)>,
 }
 
 impl Looking {
-    /// Starts a film.
+    /// Starts a film in which the maps have these `weights`.
     pub fn new(weights: Importance, settings: &RenderSettings) -> Self {
         let RenderSettings { samples, tone_map, .. } = *settings;
         Self { weights, most_samples: samples, tone_map, before: None, now: None }
     }
 
-    /// Returns the map of a frame before it is lit; `None` if the map requires the frame's own light.
+    /// Returns the map of a frame before the frame is lit; `None` if the map requires the frame's own light.
     pub fn ahead(&mut self, prepared: &PreparedFrame) -> Option<ImportanceMap> {
         if self.weights.saliency > 0.0 {
             let (radiance, _) = self.before.as_ref()?.seen.as_ref()?;
@@ -102,7 +102,7 @@ impl Looking {
         self.map(&prepared.frame)
     }
 
-    /// Keeps the state for the next frame. A frame with reused light keeps the previous saliency.
+    /// Keeps the state for the next frame. A frame with reused light keeps the previous S'.
     pub fn keep(&mut self, map: &ImportanceMap, radiance: &Plane<[f32; 3]>) {
         let seen = match self.now.take() {
             Some(saliency) => Some((radiance.clone(), saliency)),
@@ -111,8 +111,8 @@ impl Looking {
         self.before = Some(Before { samples: map.samples.clone(), seen });
     }
 
-    /// Returns the mean absolute change of a surface's number of samples since the previous frame; `None` if no surface was
-    /// visible then.
+    /// Returns the mean absolute change in a surface's number of samples since the previous frame; `None` if no surface
+    /// was visible in both frames.
     pub fn change(&self, map: &ImportanceMap, known: Option<&Correspondence>) -> Option<f64> {
         let before = self.before.as_ref()?.samples.samples();
         let (mut sum, mut count) = (0u64, 0u64);
@@ -130,9 +130,9 @@ impl Looking {
         self.before.as_ref()
     }
 
-    /// Continues after a frame of this size from its [`state`](Self::state).
+    /// Continues from the [`state`](Self::state) after a frame of this `size`.
     pub fn restore(&mut self, before: Option<Before>, size: (usize, usize)) -> Result<()> {
-        // Forged planes may have other sizes.
+        // Check the sizes: forged planes may have others.
         let fits = |before: &Before| {
             let seen = before.seen.as_ref();
             (before.samples.width(), before.samples.height()) == size
@@ -161,14 +161,14 @@ impl Looking {
         ImportanceMap::new(importance.map(|v| v.min(1.0)), self.most_samples)
     }
 
-    /// Returns S' of a frame with this radiance, smoothed along the motion from the previous frame.
+    /// Returns S' of a frame with this `radiance`, smoothed along the motion from the previous frame.
     fn salient(&self, radiance: &Plane<[f32; 3]>, known: Option<&Correspondence>) -> Plane<f32> {
-        // Saliency uses display values, with the frame's own exposure: the film's exposure is set later.
+        // Compute saliency from display values, with the frame's own exposure: the film's exposure is set later.
         let tone_map = self.tone_map.with_exposure(exposure_for(&luminance_plane(radiance)));
         let display = radiance.map(|rgb| rgb.map(|linear| tone_map.encode(linear)));
         let found = saliency(&display, known.map(motion).as_ref());
 
-        // Stretch to 0…1: saliency up to the mean becomes 0.
+        // Stretch saliency to 0…1: values up to the mean become 0.
         let mean = found.samples().iter().sum::<f32>() / found.samples().len().max(1) as f32;
         let peak = found.samples().iter().copied().fold(LEAST_PEAK, f32::max);
         let range = (peak - mean).max(f32::MIN_POSITIVE);
@@ -180,7 +180,7 @@ impl Looking {
     }
 }
 
-/// Limits the change from the map `before` for surfaces that were visible then.
+/// Limits the change from the map `before` on surfaces that were visible then.
 fn limited(mut map: Plane<f32>, before: &Plane<f32>, known: &Correspondence) -> Plane<f32> {
     for (value, &index) in map.samples_mut().iter_mut().zip(known.matches().samples()) {
         if let Some(then) = before.samples().get(index as usize) {
@@ -190,7 +190,7 @@ fn limited(mut map: Plane<f32>, before: &Plane<f32>, known: &Correspondence) -> 
     map
 }
 
-/// Adds a weighted map.
+/// Adds `map`, multiplied by `weight`, to `sum`.
 fn add(sum: &mut Plane<f32>, weight: f32, map: &Plane<f32>) {
     for (sum, value) in sum.samples_mut().iter_mut().zip(map.samples()) {
         *sum += weight * value;
@@ -211,7 +211,8 @@ fn watched(frame: &Frame) -> Plane<f32> {
     task_map(&shown, scene.settings.importance.pixels_per_degree(pixels.width()))
 }
 
-/// Returns the previous frame's light at the current positions of its surfaces. Other pixels keep their previous light.
+/// Returns the previous frame's light at the current positions of the surfaces. Newly visible pixels keep their
+/// previous light.
 fn carried(before: &Plane<[f32; 3]>, known: &Correspondence) -> Plane<[f32; 3]> {
     let samples = before.samples();
     Plane::from_fn(before.width(), before.height(), |x, y| {
@@ -220,7 +221,8 @@ fn carried(before: &Plane<[f32; 3]>, known: &Correspondence) -> Plane<[f32; 3]> 
     })
 }
 
-/// Returns the motion of every pixel. Newly visible pixels take the motion of the last known one in raster order.
+/// Returns the motion of every pixel. Newly visible pixels have the motion of the last visible pixel before them in
+/// raster order.
 fn motion(known: &Correspondence) -> Plane<[f32; 2]> {
     let mut last = [0.0; 2];
     Plane::from_fn(known.width(), known.height(), |x, y| {
@@ -246,7 +248,7 @@ mod tests {
         assert!(map.fits(5, 1) && !map.fits(1, 5));
     }
 
-    /// A newly visible surface takes the previous light at its pixel, and its neighbor's motion.
+    /// Checks that a newly visible surface has the previous light at its pixel, and the motion of its neighbor.
     #[test]
     fn light_and_motion_are_carried_where_they_are_known() {
         let before = Plane::from_fn(3, 1, |x, _| [x as f32; 3]);

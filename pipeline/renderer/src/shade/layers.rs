@@ -1,4 +1,4 @@
-//! Layers of a frame's light, chosen by the scene's plan.
+//! Layers of a frame's light, selected by the scene's plan.
 
 use super::all_lights::AllLights;
 use super::cached::Cached;
@@ -22,7 +22,7 @@ use render_core::cache::SharedRecord;
 use render_core::ranks::Ranks;
 use std::sync::Arc;
 
-/// Layers of a frame's light; their sum is the light.
+/// Layers of light; their sum is the light of a frame.
 pub(super) struct Layers {
     /// Layers of direct light and of light from coats.
     pub direct: Vec<Box<dyn Layer>>,
@@ -44,7 +44,7 @@ impl Layers {
             direct.push(Box::new(Coats::default()));
         }
 
-        // With baked light, a layer lights only dynamic surfaces: their light changes, and none of it is reprojected.
+        // Restrict the layer to dynamic surfaces if light is baked: their light changes, and none of it is reprojected.
         let (is_baked, compensates) = (settings.lighting.is_baked(), plan.is_on(Stage::Compensation));
         let is_needed = !plan.is_off(Stage::Indirect) && (!is_baked || plan.is_on(Stage::DynamicAnchors));
         let mut indirect: Vec<Box<dyn Layer>> = Vec::new();
@@ -54,24 +54,25 @@ impl Layers {
                     carried_if(carries && !is_baked, Cached::new(plan, settings.samples, ranks.clone()), settings)
                 }
                 Lighting::AllLights => Box::new(AllLights::new(compensates)),
-                // Each rank counts only its own lightcuts, but an observer of one rank may request all of them.
+                // Store sizes of lightcuts if several ranks share the work: each counts only its own, but an observer
+                // may request all.
                 _ => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize) || ranks.count() > 1)),
             });
         }
         Self { direct, indirect }
     }
 
-    /// Makes coats sample baked light, if the scene has coats.
+    /// Makes coats sample the baked light of `texels`, if the scene has coats.
     #[cfg(feature = "bake")]
     pub fn look_coats_up(&mut self, texels: &Arc<BakedTexels>) {
-        // Coats follow direct light in the list.
+        // Replace the coats, which follow direct light in the list.
         if let [_, coats] = &mut self.direct[..] {
             *coats = Box::new(Coats::baked(texels.clone()));
         }
     }
 
-    /// Lights `visible` surfaces, which so far only emit. Returns radiance by sample, and the layers' direct and
-    /// indirect light. Pixels not `wanted` may have any value.
+    /// Lights the surfaces of `visible`, whose radiance is initially their emission. Returns the radiance of the
+    /// sample, and the layers' direct and indirect light. Unwanted pixels may have any value.
     pub fn sample(
         &mut self,
         visible: &Visible,
@@ -87,21 +88,21 @@ impl Layers {
         (Sample { direct, indirect }, [of_direct, of_indirect])
     }
 
-    /// Begins a frame lit region by region.
+    /// Begins a frame that is lit region by region.
     pub fn begin_parts(&mut self, visible: &Visible, tolerance: &Tolerance) {
         for layer in self.lit_in_parts(visible.frame) {
             layer.begin_parts(visible, tolerance);
         }
     }
 
-    /// Ends a frame lit region by region.
+    /// Ends a frame that was lit region by region.
     pub fn end_parts(&mut self, visible: &Visible) {
         for layer in self.lit_in_parts(visible.frame) {
             layer.end_parts(visible);
         }
     }
 
-    /// Returns new records of these layers from frames lit region by region.
+    /// Returns the new records of all layers in frames lit region by region.
     pub fn take_records(&mut self) -> Vec<SharedRecord> {
         let mut records = Vec::new();
         for layer in &mut self.indirect {
@@ -112,14 +113,14 @@ impl Layers {
         records
     }
 
-    /// Adds records of other ranks.
+    /// Adds the records of other ranks.
     pub fn adopt(&mut self, records: Vec<SharedRecord>) {
         if let Some(first) = self.indirect.first_mut().and_then(|first| first.in_parts()) {
             first.adopt(records);
         }
     }
 
-    /// Returns the layers with records that have light in this frame.
+    /// Returns the layers that keep records and have light in this frame.
     fn lit_in_parts(&mut self, frame: &Frame) -> impl Iterator<Item = &mut dyn PartLayer> {
         let lit = self.direct.iter_mut().chain(&mut self.indirect).filter(|layer| !layer.is_dark(frame));
         lit.filter_map(|layer| layer.in_parts())
@@ -129,12 +130,12 @@ impl Layers {
         self.direct.iter().chain(&self.indirect).map(|layer| &**layer)
     }
 
-    /// Returns the channel `aov` of the last lit frame, from the first layer that provides it.
+    /// Returns the channel `aov` of the last lit frame, from the first layer that provides this channel.
     pub fn channel(&self, aov: Aov, frame: &Frame) -> Option<Vec<f32>> {
         self.all().find_map(|layer| layer.channel(aov, frame))
     }
 
-    /// Makes every layer keep the data of the channels `aov`, from the next frame on.
+    /// Makes every layer keep the data of the channels `aov` from the next frame on.
     pub fn keep(&mut self, aov: &[Aov]) {
         for layer in self.direct.iter_mut().chain(&mut self.indirect) {
             aov.iter().for_each(|&aov| layer.keep(aov));
@@ -151,7 +152,7 @@ impl Layers {
         self.all().map(|layer| layer.state()).collect()
     }
 
-    /// Continues after the frame `last` from its [`states`](Layers::states).
+    /// Continues after frame `last` from the [`states`](Layers::states) of all layers.
     pub fn restore(&mut self, states: &[Vec<u8>], last: &Frame) -> Result<()> {
         if states.len() != self.direct.len() + self.indirect.len() {
             return Err(Error::Checkpoint(NONSENSE.into()));
@@ -164,8 +165,8 @@ impl Layers {
     }
 }
 
-/// Returns the light of all `layers`, and the pixels' radiance including it. Each layer receives the radiance of earlier
-/// layers.
+/// Returns the summed light of `layers`, and the pixels' radiance including that light. Each layer receives the
+/// radiance of all earlier layers.
 fn sum_of(
     layers: &mut [Box<dyn Layer>],
     visible: &Visible,
@@ -183,7 +184,7 @@ fn sum_of(
     (sum, radiance)
 }
 
-/// Returns `layer`, with reprojection of its light if `is_carried`.
+/// Returns `layer`, with reprojection of the layer's light if `is_carried`.
 fn carried_if<L: Carriable + 'static>(is_carried: bool, layer: L, settings: &RenderSettings) -> Box<dyn Layer> {
     match is_carried {
         true => Box::new(Carried::new(layer, settings.qscale)),

@@ -12,6 +12,7 @@ pub(super) struct InstancePose {
     world: Affine3A,
     /// Lower corner of the instance's bounding box in object space.
     low: Vec3A,
+    /// Upper corner of the instance's bounding box in object space.
     high: Vec3A,
     /// Vertices of the instance if it deforms.
     shape: Option<Arc<DeformedMesh>>,

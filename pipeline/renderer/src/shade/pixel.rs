@@ -1,4 +1,4 @@
-//! Pixels with their own indirect light: code shared by the layers without a cache.
+//! Indirect light computed per pixel: code shared by the layers without a cache.
 
 use super::counts::Counts;
 use super::layer::Visible;
@@ -9,7 +9,7 @@ use lighttree::Lambert;
 use render_core::{NOTHING, ShadingPoint};
 use std::f32::consts::PI;
 
-/// A pixel with a matte surface that reflects light.
+/// Pixel with a matte surface that reflects light.
 pub(super) struct MattePixel {
     pub x: usize,
     pub y: usize,
@@ -27,7 +27,7 @@ pub(super) struct PixelLight<'a> {
 }
 
 impl PixelLight<'_> {
-    /// Returns the surface of a pixel; `None` if it reflects no light.
+    /// Returns the surface of a pixel; `None` if the surface reflects no light.
     pub fn pixel(&self, x: usize, y: usize) -> Option<MattePixel> {
         let pixel = self.visible.matte.pixels.get(x, y);
         let albedo = Vec3::from(pixel.albedo);
@@ -50,7 +50,7 @@ impl PixelLight<'_> {
     }
 }
 
-/// Returns whether neither the light tree nor dynamic anchors emit light. Directly sampled lamps do not count.
+/// Returns whether neither the light tree nor dynamic anchors emit light. Directly sampled lamps are ignored.
 pub(super) fn is_dark(frame: &Frame<'_>) -> bool {
     frame.tree.is_empty() && frame.direct.dynamic().anchors.is_empty()
 }

@@ -1,4 +1,4 @@
-//! Irradiance of a record and its gradients, from the clusters of its lightcut.
+//! Irradiance and gradients of a record, computed from the clusters of the record's lightcut.
 
 use super::recipe::Recipe;
 use super::tree_light::{FINENESS, TreeLight};
@@ -7,18 +7,18 @@ use lighttree::{Cluster, Emission, IrradianceTerm, Light, irradiance_term};
 use render_core::cache::LocalIrradiance;
 use render_core::{Anchor, Gathered, PACKET, ShadingPoint, luminance};
 
-/// A dynamic anchor that would add less than this fraction of the irradiance gets no shadow ray and counts as visible. Two dozen
-/// of them add less than 0.5 %.
+/// Minimum contribution of a dynamic anchor for which a shadow ray is traced, as a fraction of the irradiance. Anchors
+/// below it are treated as visible; two dozen of them add less than 0.5 %.
 const UNTRACED_SHARE: f32 = 2e-4;
 
-/// Lights below this cosine are at the horizon and represent those behind it.
+/// Maximum cosine of lights near the horizon, from which the light behind the horizon is estimated.
 const HORIZON_COSINE: f32 = 0.4;
 
-/// Sum Σ I t over lights of intensity I and geometry term t, with its derivatives.
+/// Sum Σ I t over lights of intensity I and geometry term t, with derivatives.
 ///
-/// The derivative of a term by the normal keeps the horizon fixed. Under uniform light L, rotating the normal by α would reduce
-/// the irradiance to π L cos α. Light that rises over the horizon compensates for this loss. It is assumed to be as bright as
-/// the light just above the horizon:
+/// The derivative of a term by the normal n is taken for a fixed horizon. Under uniform light L, rotating the normal by
+/// α would then reduce the irradiance E to π L cos α. Light that rises over the horizon compensates for this loss. That
+/// light is assumed to be as bright as the light just above the horizon, Lₕ:
 ///
 /// ```text
 /// ∂E/∂n = Σ I ∂t/∂n − min(π Lₕ, E) nᵀ          Lₕ = Σ I t / cos θ over θ near the horizon / (2π h)          h  its cosine
@@ -27,12 +27,12 @@ struct GradientSum {
     irradiance: Vec3,
     by_normal: Mat3A,
     by_position: Mat3A,
-    /// π Lₕ \[W·m⁻²\].
+    /// Estimate of π Lₕ, from lights near the horizon \[W·m⁻²\].
     horizon: Vec3,
 }
 
 impl GradientSum {
-    /// Sum of no light. (The default matrix would be the identity.)
+    /// Sum without any light. (The default matrix would be the identity.)
     const ZERO: Self =
         Self { irradiance: Vec3::ZERO, by_normal: Mat3A::ZERO, by_position: Mat3A::ZERO, horizon: Vec3::ZERO };
 
@@ -40,7 +40,7 @@ impl GradientSum {
         self.irradiance += intensity * term.value;
         self.by_normal += outer(intensity, term.by_normal);
         self.by_position += outer(intensity, term.by_position);
-        // t / cos θ is the length of ∂t/∂n.
+        // The length of ∂t/∂n is t / cos θ.
         let facing = term.by_normal.length();
         if term.value < HORIZON_COSINE * facing {
             self.horizon += intensity * (facing / (2.0 * HORIZON_COSINE));
@@ -49,7 +49,7 @@ impl GradientSum {
 }
 
 impl TreeLight<'_> {
-    /// Returns the sum over the visible clusters with their current intensities, plus bias compensation.
+    /// Returns the irradiance from the visible clusters at their current intensities, plus bias compensation.
     pub fn estimate(&self, receiver: &ShadingPoint, recipe: &Recipe) -> LocalIrradiance {
         let frame = self.visible.frame;
         let (position, normal): (Vec3, Vec3) = (receiver.position.into(), receiver.normal.into());
@@ -62,7 +62,7 @@ impl TreeLight<'_> {
         self.add_moving_anchors(receiver, &mut sum);
         sum.by_normal -= outer(sum.horizon.min(sum.irradiance), normal);
 
-        // Final gather provides the nearby light lost by clamping.
+        // Add the light from nearby surfaces that clamping has removed, measured by final gather.
         let Gathered { harmonic_mean, nearest, .. } = recipe.surroundings;
         if self.compensates {
             let missing = frame.gather.compensation(&recipe.surroundings);
@@ -70,7 +70,7 @@ impl TreeLight<'_> {
             sum.by_position += missing.by_position;
         }
         let GradientSum { irradiance, by_normal, by_position, .. } = sum;
-        // A record's threshold is a fraction of its pixels' threshold.
+        // Convert the threshold: a record's threshold is a fraction of its pixels' threshold.
         let tolerance = recipe.threshold / FINENESS;
         LocalIrradiance { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
     }
@@ -79,7 +79,7 @@ impl TreeLight<'_> {
     fn add_moving_anchors(&self, receiver: &ShadingPoint, sum: &mut GradientSum) {
         let dynamic = self.visible.frame.direct.dynamic();
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
-        // Anchors that would add almost nothing count as visible, without a ray.
+        // Treat anchors with tiny contributions as visible, without a ray.
         let untraced = UNTRACED_SHARE * luminance(sum.irradiance);
         let mut rays = 0;
         for anchors in dynamic.anchors.chunks(PACKET) {

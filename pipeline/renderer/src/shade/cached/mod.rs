@@ -1,4 +1,4 @@
-//! Indirect light by an irradiance cache: lightcuts for records, interpolated at pixels.
+//! Indirect light by an irradiance cache: records are computed by lightcuts and interpolated at pixels.
 
 mod estimate;
 mod recipe;
@@ -26,7 +26,7 @@ use render_core::{Busy, NOTHING, PACKET, Unseen};
 use std::sync::Arc;
 use tree_light::TreeLight;
 
-/// Layer of cached light from the light tree and dynamic anchors. Its records persist between frames.
+/// Layer of cached light from the light tree and from dynamic anchors. Records persist between frames.
 pub(super) struct Cached {
     records: IrradianceCache<Recipe>,
     /// Whether lights and geometry are static for the whole film, so that no record is ever updated.
@@ -35,14 +35,14 @@ pub(super) struct Cached {
     compensates: bool,
     /// Whether pixels may have several samples.
     has_more: bool,
-    /// Intensities of the lights in the previous frame; empty before the first.
+    /// Intensities of the lights in the previous frame; empty before the first frame.
     intensities: Vec<Vec3>,
-    /// Ranks that share the records: one rank stores the recipe of each.
+    /// Ranks that share the records. One rank stores the recipe of each record.
     ranks: Arc<dyn Ranks>,
 }
 
 impl Cached {
-    /// Creates an empty cache for a film with this plan and at most `most_samples` samples per pixel.
+    /// Creates an empty cache for a film with `plan` and at most `most_samples` samples per pixel.
     pub fn new(plan: &Plan, most_samples: u32, ranks: Arc<dyn Ranks>) -> Self {
         let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
         let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
@@ -58,7 +58,7 @@ impl Cached {
         tolerance: &'a Tolerance<'a>,
         counts: &'a Counts,
     ) -> TreeLight<'a> {
-        // Records are updated with the first sample of the pixels.
+        // Update records only with the first sample of the pixels.
         let Visible { frame, movement, sample, part, .. } = *visible;
         let is_first = part.map_or(sample == 0, |part| part == PartSample::First);
         TreeLight {
@@ -74,7 +74,8 @@ impl Cached {
         }
     }
 
-    /// Returns an image in which `mark` changes the pixel of each record in use, given the size of its lightcut.
+    /// Returns an image in which `mark` changes the pixel of each record in use. `mark` receives the size of the
+    /// record's lightcut.
     fn at_records(&self, frame: &Frame, mark: impl Fn(&mut f32, u32)) -> Vec<f32> {
         let (width, height) = (frame.seen.pixels.width(), frame.seen.pixels.height());
         let mut picture = vec![0.0; width * height];
@@ -93,12 +94,12 @@ fn intensities(frame: &Frame) -> Vec<Vec3> {
     frame.tree.lights().iter().map(|light| light.intensity).collect()
 }
 
-/// Returns whether the lights of the tree have these intensities.
+/// Returns whether the lights of the tree have the given `intensities`.
 fn are_lit_by(intensities: &[Vec3], frame: &Frame) -> bool {
     frame.tree.lights().iter().map(|light| light.intensity).eq(intensities.iter().copied())
 }
 
-/// Returns the changes since the previous frame, which had these intensities.
+/// Returns the changes since the previous frame. `before` contains the intensities of that frame.
 fn changes(before: &[Vec3], visible: &Visible) -> Changes {
     Changes { light: !are_lit_by(before, visible.frame), geometry: visible.movement.is_any }
 }
@@ -150,7 +151,7 @@ impl Layer for Cached {
         (self.records, self.intensities) = (IrradianceCache::default(), Vec::new());
     }
 
-    /// Returns the state including the recipes of all ranks on rank 0, and nothing on other ranks.
+    /// Returns the state: on rank 0 with the recipes of all ranks, on other ranks empty.
     fn state(&self) -> Vec<u8> {
         let state = encode(&self.records);
         if self.ranks.count() == 1 {
@@ -168,7 +169,7 @@ impl Layer for Cached {
         let mut records: IrradianceCache<Recipe> = decode(state)?;
         let intensities = intensities(last);
 
-        // Check the indices, which a forged state may have out of range.
+        // Check all indices: a forged state may contain indices out of range.
         let instances = last.surfaces.scene().instances.len();
         let is_in_scene = |site: &Site| site.carrier == NOTHING || (site.carrier as usize) < instances;
         let is_of_frame = |(_, recipe): (&Site, &Recipe)| {
@@ -207,10 +208,10 @@ impl PartLayer for Cached {
 }
 
 impl Carriable for Cached {
-    /// Contrast of the light around a pixel.
+    /// Contrast of indirect light: smooth around a pixel.
     const UNSEEN: Unseen = Unseen::Smooth;
 
-    /// Light holds everywhere while no light and no object changes.
+    /// Returns all surfaces if no light and no object has changed, otherwise none.
     fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
         let is_unchanged = !visible.movement.is_any && are_lit_by(&self.intensities, visible.frame);
         if is_unchanged { Holding::Everywhere } else { Holding::Nowhere }

@@ -1,4 +1,4 @@
-//! Lightcut and final gather of a record, stored so that an update is cheap.
+//! Recipe of a record: lightcut and final gather, stored so that an update is cheap.
 
 use glam::Vec3A;
 use lighttree::Cluster;
@@ -9,22 +9,22 @@ use render_core::{Gathered, PACKET};
 pub(super) struct Recipe {
     /// Number of clusters in the lightcut.
     pub size: u32,
-    /// Clusters of the lightcut; empty in static scenes, where they would fill most of a film's memory.
+    /// Clusters of the lightcut; empty in static scenes, because they would fill most of a film's memory.
     pub clusters: Box<[Cluster]>,
-    /// Visibility of the clusters: one bit each, one word per [`PACKET`].
+    /// Visibility of the clusters, with one bit per cluster and one word per [`PACKET`].
     pub visible: Box<[u64]>,
     pub surroundings: Gathered,
-    /// Whether a moving object was near at the final gather.
+    /// Whether a moving object was near when the final gather was traced.
     pub near_moving: bool,
     /// Position and normal of the record when its lightcut was computed.
     pub position: Vec3A,
     pub normal: Vec3A,
-    /// Permitted error of a cluster's irradiance, in luminance \[W·m⁻²\].
+    /// Permitted error of a cluster's irradiance, as luminance \[W·m⁻²\].
     pub threshold: f32,
 }
 
 impl Recipe {
-    /// Discards everything that a static record does not need. The distances of its surroundings remain.
+    /// Discards all data that a static record does not need. The distances of the record's surroundings remain.
     pub fn forget_light(&mut self) {
         (self.clusters, self.visible) = Default::default();
         self.surroundings.forget_light();
@@ -35,7 +35,7 @@ impl Recipe {
         self.clusters.len() != self.size as usize
     }
 
-    /// Returns the clusters by [`PACKET`], each with the bits of visible clusters.
+    /// Returns the clusters in groups of [`PACKET`], each with the bits of the visible clusters.
     pub fn packets(&mut self) -> impl Iterator<Item = (&[Cluster], &mut u64)> {
         self.clusters.chunks(PACKET).zip(&mut self.visible)
     }

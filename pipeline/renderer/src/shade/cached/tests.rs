@@ -11,7 +11,7 @@ use render_core::scene::{
     Camera, Channel, Instance, Interpolation, Material, Mesh, Node, Projection, Scene, Track, Transform,
 };
 
-/// Returns the light tree of a static frame, without compensation.
+/// Returns the light tree of a static frame as a source of records, without bias compensation.
 fn tree_light<'a>(
     visible: &'a Visible,
     tolerance: &'a Tolerance,
@@ -33,11 +33,11 @@ fn add(scene: &mut Scene, node: usize, faces: &[[Vec3; 3]]) {
     }
     scene.instances.push(Instance { node, mesh: scene.meshes.len() });
     scene.meshes.push(mesh);
-    // Exporters leave solid objects double-sided; their backs must still count as backs.
+    // Make the material double-sided, as exporters do for solid objects: backs must still be recognized.
     scene.materials.push(Material { double_sided: true, ..Material::default() });
 }
 
-/// Returns a floor, and a block of 2 m that moves over it from x = 10 to x = 0 within a second.
+/// Returns a floor, and a block of 2 m that moves over it from x = 10 to x = 0 within one second.
 fn floor_with_a_block() -> Scene {
     let mut scene = Scene::default();
     let still = Transform { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
@@ -64,8 +64,8 @@ fn floor_with_a_block() -> Scene {
     scene
 }
 
-/// Inside a block, a point next to a wall is as open as outside, but receives light from one side only. A record inside the
-/// block must serve no pixel next to it.
+/// Checks the openness inside a block. A point next to a wall is as open inside as outside, but receives light from one
+/// side only. A record inside the block must serve no pixel next to the block.
 #[test]
 fn what_something_has_moved_over_is_closed_in() {
     let scene = floor_with_a_block();
@@ -94,11 +94,12 @@ fn what_something_has_moved_over_is_closed_in() {
     assert!((0.4..0.8).contains(&openness(25, 1.02)), "beside it: {}", openness(25, 1.02));
 }
 
-/// Records at one position, each with its own draws: their errors are independent, and their mean is the sum over all lights.
+/// Checks records at one position, each with its own draws. The errors are independent, and the mean is the sum over
+/// all lights.
 #[test]
 fn records_draw_the_lights_of_their_clusters_anew() {
     let mut scene = floor_with_a_block();
-    // A wall, lit by a lamp in front of it that is not in the tree.
+    // Add a wall, lit by a lamp in front of it that is not in the tree.
     add(&mut scene, 0, &[[vec3(-6.0, 0.0, -4.0), Vec3::X * 12.0, Vec3::Y * 6.0]]);
     add(&mut scene, 0, &[[vec3(-1.0, 5.0, -3.0), Vec3::X * 2.0, Vec3::Z]]);
     scene.materials[3].emission = Vec3::splat(50.0);

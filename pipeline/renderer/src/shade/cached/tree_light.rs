@@ -14,18 +14,20 @@ use render_core::scene::Projected;
 use render_core::{Gathered, Hit, NOTHING, PACKET, PixelSurface, ShadingPoint, luminance};
 use std::f32::consts::PI;
 
-/// Threshold of a record as a fraction of its pixels' threshold. A record lights many pixels, so its error would appear as a
-/// stain.
+/// Threshold of a record as a fraction of its pixels' threshold. A record lights many pixels, so its error would be
+/// visible as a stain.
 pub(super) const FINENESS: f32 = 0.5;
-/// A lightcut is recomputed if its threshold falls below this fraction of the original one.
+/// Fraction of a lightcut's original threshold; if the threshold falls below it, the lightcut is recomputed.
 const TIGHTER: f32 = 0.5;
-/// Limits of a record's motion with its lightcut, as a fraction of the harmonic mean distance of its surroundings, and for its
-/// rotation: at 8°, the light newly above the horizon would add 1 % of a uniform light.
+/// Maximum motion of a record since its lightcut, as a fraction of the harmonic mean distance of its surroundings.
 const MOST_MOVED: f32 = 0.1;
+/// Minimum cosine of a record's rotation since its lightcut: 8°. The light newly above the horizon would add 1 % of a
+/// uniform light.
 const LEAST_TURNED_COSINE: f32 = 0.99;
-/// Minimum error bound, as a fraction of the threshold, of clusters redrawn for a record after their shadow rays were traced.
+/// Minimum error bound, as a fraction of the threshold, of clusters that are redrawn for a record after their shadow
+/// rays were traced.
 ///
-/// First frame of `nave` at 96×96, standard deviation over eight seeds:
+/// Standard deviation over eight seeds in the first frame of `nave` at 96×96:
 ///
 /// | value | frame mean | blocks | relative time |
 /// |---|---|---|---|
@@ -33,9 +35,9 @@ const LEAST_TURNED_COSINE: f32 = 0.99;
 /// | 0.75 | 0.28 % | 1.0 % | 1.07 |
 /// | 0 | 0.09 % | 0.8 % | 1.4 |
 const DRAWN_ANEW: f32 = 0.75;
-/// Number of points across a record's footprint at which thresholds are read.
+/// Number of points at which thresholds are read, along each axis of a record's footprint.
 const FOOTPRINT_POINTS: i32 = 5;
-/// Minimum cosine between normals of pixels that are assumed to be lit alike.
+/// Minimum cosine between the normals of a record and of pixels that are assumed to be lit alike.
 const ALIKE_COSINE: f32 = 0.9;
 
 /// Light tree of a frame, as the source of cache records.
@@ -56,7 +58,7 @@ pub(super) struct TreeLight<'a> {
     pub at_rest: bool,
 }
 
-/// Clusters with random draws of their own record; masks have one bit each, one word per [`PACKET`].
+/// Clusters with random draws of their own record. Masks have one bit per cluster, and one word per [`PACKET`].
 struct DrawnClusters {
     clusters: Box<[Cluster]>,
     /// Bits of the clusters known to be visible.
@@ -65,11 +67,11 @@ struct DrawnClusters {
     unknown: Vec<u64>,
 }
 
-/// Memory that a thread reuses for its records.
+/// Reusable memory of a thread for its records.
 #[derive(Default)]
 pub(super) struct CutScratch {
     cuts: Scratch,
-    /// Memory for the larger lightcuts of audits; `None` before the first.
+    /// Memory for the larger lightcuts of audits; `None` before the first audit.
     audits: Option<Scratch>,
 }
 
@@ -78,7 +80,7 @@ impl Illumination for TreeLight<'_> {
     type Scratch = CutScratch;
 
     fn compute(&self, site: &Site, scratch: &mut CutScratch) -> Computed<Recipe> {
-        // A record is lit like a white surface.
+        // Light the record like a white surface.
         let CutScratch { cuts, audits } = scratch;
         let tree = &self.visible.frame.tree;
         let receiver = self.receiver(site);
@@ -86,11 +88,11 @@ impl Illumination for TreeLight<'_> {
         let white = Lambert {
             position: receiver.position.into(),
             normal: receiver.normal.into(),
-            // Radiance reflected by reflectance π equals irradiance.
+            // With reflectance π, reflected radiance equals irradiance.
             reflectance: Vec3::splat(PI),
         };
 
-        // If estimates do not steer the lightcut, its shadow rays wait until all clusters are known.
+        // Postpone shadow rays until all clusters are known, unless estimates steer the lightcut.
         let stop = self.stop(site, &surroundings);
         let class = self.class_of(site);
         let later = matches!(stop, Stop::Absolute(_));
@@ -129,7 +131,7 @@ impl Illumination for TreeLight<'_> {
             made.audit(&white, sees, finer, self.counts);
         }
 
-        // A record of a static scene is never updated and needs no clusters.
+        // Discard the clusters of records that are never updated, as in static scenes.
         let light = self.estimate(&receiver, &recipe);
         if self.at_rest {
             recipe.forget_light();
@@ -138,7 +140,7 @@ impl Illumination for TreeLight<'_> {
     }
 
     fn relight(&self, site: &Site, recipe: &mut Recipe, known: LastUpdate) -> Option<LocalIrradiance> {
-        // A record that has moved too far, or now needs a finer lightcut, must be recomputed.
+        // Reject a record that has moved too far or now needs a finer lightcut: it must be recomputed.
         let Recipe { position, normal, threshold, .. } = *recipe;
         let moved = site.position.distance(position) / recipe.surroundings.harmonic_mean;
         if recipe.has_forgotten() || moved > MOST_MOVED || site.normal.dot(normal) < LEAST_TURNED_COSINE {
@@ -148,7 +150,7 @@ impl Illumination for TreeLight<'_> {
             return None;
         }
 
-        // Close to moving objects, the surroundings have changed.
+        // Repeat the final gather near moving objects, which have changed the surroundings.
         let receiver = self.receiver(site);
         let gathers_again = match known {
             LastUpdate::LastFrame => self.is_near(self.swept, site),
@@ -178,14 +180,14 @@ impl Illumination for TreeLight<'_> {
         Some(self.estimate(&receiver, recipe))
     }
 
-    /// Returns the number of clusters.
+    /// Returns the number of clusters in the lightcut.
     fn note(&self, recipe: &Recipe) -> u32 {
         recipe.size
     }
 
     fn openness(&self, site: &Site, scale: f32) -> f32 {
-        // A moving instance may enclose the record. Its inner walls count as closed: otherwise the record would seem as open as
-        // one next to the instance.
+        // Treat inner walls of a moving instance as closed: the instance may enclose the record. Otherwise, the record
+        // would be as open as a record next to the instance.
         let encloses = |hit: &Hit, direction| {
             let may_have_moved_over = site.carrier != NOTHING || self.moving[hit.instance as usize];
             may_have_moved_over && hit.instance != site.carrier && !self.visible.frame.surfaces.is_front(hit, direction)
@@ -205,8 +207,8 @@ impl TreeLight<'_> {
         ShadingPoint::off_surface(position, [normal, geometric_normal], self.visible.frame.epsilon)
     }
 
-    /// Returns whether any of these objects is so near that clamping reduces its light much. The object that carries the record is
-    /// excluded, because it is always near.
+    /// Returns whether any of the objects `things` is so near that clamping removes much of its light. The object to
+    /// which the record is attached is excluded, because it is always near.
     fn is_near(&self, things: &[MovingBox], site: &Site) -> bool {
         let nearby = self.visible.frame.gather.dynamic_reach();
         let near =
@@ -214,10 +216,11 @@ impl TreeLight<'_> {
         things.iter().any(near)
     }
 
-    /// Draws the clusters of a lightcut for one record. A common draw for all records would shift the light of the whole frame.
+    /// Draws the clusters of a lightcut for one record. A common draw for all records would shift the light of the
+    /// whole frame.
     ///
-    /// Clusters with error bounds up to `least_bound` keep their lights and their visibility from the lightcut. At 0, the
-    /// lightcut has no visibility.
+    /// Clusters with error bounds up to `least_bound` keep the lights and the visibility of the lightcut. If
+    /// `least_bound` is 0, no visibility is known yet.
     fn drawn_anew(&self, receiver: &Lambert, kept: &[KeptCluster], key: u64, least_bound: f32) -> DrawnClusters {
         let tree = &self.visible.frame.tree;
         let is_drawn = |cluster| least_bound == 0.0 || tree.cluster_bound(receiver, cluster) > least_bound;
@@ -229,7 +232,8 @@ impl TreeLight<'_> {
             irradiance_term(receiver.position, receiver.normal, light, tree.geometry_term_bound()).value > 0.0
         };
 
-        // An unchanged light has the visibility found by the lightcut. The others need a ray if they light the record at all.
+        // Keep the visibility that the lightcut found for unchanged lights. Other lights need a ray if they light the
+        // record.
         let clusters: Box<[Cluster]> = kept.iter().map(of_record).collect();
         let mut visible = vec![0u64; clusters.len().div_ceil(PACKET)];
         let mut unknown = visible.clone();
@@ -245,7 +249,7 @@ impl TreeLight<'_> {
         DrawnClusters { clusters, visible: visible.into(), unknown }
     }
 
-    /// Returns the bits in `active` of the clusters whose light reaches the receiver.
+    /// Returns the bits in `active` of the clusters whose light reaches `receiver`.
     fn seen_lights(&self, receiver: &ShadingPoint, clusters: &[Cluster], active: u64) -> u64 {
         let lights = self.visible.frame.tree.lights();
         self.visibility.seen_among(receiver, clusters, |c| lights[c.light as usize].position.into(), active)
@@ -257,14 +261,14 @@ impl TreeLight<'_> {
         audits.is_some_and(|audits| is_record_audited(site.key, self.visible.frame.index, audits))
     }
 
-    /// Returns [`Tolerance::class_at`] for the pixel that shows a site, 0 outside of the frame.
+    /// Returns [`Tolerance::class_at`] for the pixel that shows `site`, and 0 outside of the frame.
     fn class_of(&self, site: &Site) -> usize {
         let projected = self.visible.matte.view.project(site.position);
         let place = projected.and_then(|Projected { pixel, .. }| self.pixel_at(pixel));
         place.map_or(0, |(x, y)| self.tolerance.class_at(x, y))
     }
 
-    /// Returns column and row of a point in the frame; `None` outside.
+    /// Returns the column and the row of a point; `None` if the point is outside of the frame.
     fn pixel_at(&self, place: Vec2) -> Option<(usize, usize)> {
         let pixels = &self.visible.matte.pixels;
         let (x, y) = (place.x.floor(), place.y.floor());
@@ -272,8 +276,8 @@ impl TreeLight<'_> {
         inside.then_some((x as usize, y as usize))
     }
 
-    /// Returns the stopping criterion of a record's lightcut: the Gaussian mean of the thresholds over its footprint
-    /// \[Herzog08, 4.3\].
+    /// Returns the stopping criterion of a record's lightcut: the Gaussian mean of the thresholds over the record's
+    /// footprint \[Herzog08, 4.3\].
     fn stop(&self, site: &Site, surroundings: &Gathered) -> Stop {
         let Visible { matte, radiance, .. } = *self.visible;
         let mut footprint_pixels = [None; (FOOTPRINT_POINTS * FOOTPRINT_POINTS) as usize];
@@ -287,7 +291,7 @@ impl TreeLight<'_> {
                 let alike = pixel.instance != NOTHING && site.normal.dot(pixel.shading_normal.into()) >= ALIKE_COSINE;
                 alike.then_some((x, y, pixel))
             };
-            // Emissive and lit pixels must not mix: emission outshines reflected light.
+            // Separate emissive and lit pixels: emission outshines reflected light.
             let glows = |pixel: &PixelSurface| pixel.emission != [0.0; 3];
             let glows_here = alike(center).is_some_and(|(.., pixel)| glows(&pixel));
 

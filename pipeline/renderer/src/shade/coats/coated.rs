@@ -1,17 +1,17 @@
-//! A surface with a coat, as its viewer sees it.
+//! Surface with a coat, seen from one direction.
 
 use crate::shade::visibility::receiver;
 use glam::{Vec2, Vec3, Vec3A};
 use render_core::sampling::{frame, owen_sobol_point};
 use render_core::{Bsdf, GBuffer, NOTHING, PixelSurface, ShadingPoint, Surface};
 
-/// Minimum perceptual roughness of a coat without sharp reflections: half of its reflection is more than 2° off the mirror
-/// direction.
+/// Minimum perceptual roughness of a coat without sharp reflections: half of its reflection is more than 2° off the
+/// mirror direction.
 const ROUGH: f32 = 0.2;
-/// Maximum roughness of a mirror, with a lobe about as wide as a pixel.
+/// Maximum perceptual roughness of a mirror: its lobe is about as wide as a pixel.
 const MIRROR: f32 = 0.05;
 
-/// A surface that may have a coat, seen from one direction.
+/// Surface that may have a coat, seen from one direction.
 pub(super) struct Coated {
     pub receiver: ShadingPoint,
     /// World-space axes of the shading frame; z is the normal.
@@ -23,7 +23,7 @@ pub(super) struct Coated {
 }
 
 impl Coated {
-    /// Returns the surface of a pixel; `None` without a coat. Rays start `epsilon` meters off the surface.
+    /// Returns the surface of a pixel; `None` if it has no coat. Rays start `epsilon` meters off the surface.
     pub fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, epsilon: f32) -> Option<Self> {
         if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
             return None;
@@ -34,21 +34,21 @@ impl Coated {
         Some(Self::new(receiver(pixel, epsilon), bsdf, pixel.roughness, direction))
     }
 
-    /// Creates the surface hit by a ray in the unit `direction`.
+    /// Creates the `surface` as hit by a ray in the unit `direction`.
     pub fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
         let &Surface { position, geometric_normal, shading_normal, albedo, specular, roughness, .. } = surface;
         let receiver = ShadingPoint::off_surface(position, [shading_normal, geometric_normal], epsilon);
         Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, direction)
     }
 
-    /// Creates the `surface` at `receiver`, seen along its normal.
+    /// Creates the `surface` at `receiver` as seen along its normal.
     #[cfg(feature = "bake")]
     pub fn at(receiver: ShadingPoint, surface: &Surface) -> Self {
         let &Surface { albedo, specular, roughness, .. } = surface;
         Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, -receiver.normal)
     }
 
-    /// Creates the surface at `receiver`, hit by a ray in the unit `direction`.
+    /// Creates the surface at `receiver` as hit by a ray in the unit `direction`.
     fn new(receiver: ShadingPoint, bsdf: Bsdf, roughness: f32, direction: Vec3A) -> Self {
         let normal = Vec3::from(receiver.normal);
         let (x, y) = frame(normal);
@@ -58,7 +58,7 @@ impl Coated {
         coated
     }
 
-    /// Returns whether the coat shows no sharp reflections.
+    /// Returns whether the coat has no sharp reflections.
     pub fn is_rough(&self) -> bool {
         self.roughness >= ROUGH
     }
@@ -68,7 +68,7 @@ impl Coated {
         self.roughness < MIRROR
     }
 
-    /// Returns GGX's α: about the half-width of the lobe \[rad\].
+    /// Returns α of the GGX distribution, about the half-width of the lobe \[rad\].
     pub fn alpha(&self) -> f32 {
         self.roughness * self.roughness
     }
@@ -78,7 +78,7 @@ impl Coated {
         self.bsdf.coat_albedo(self.outgoing.z)
     }
 
-    /// Returns the fraction of uniform light reflected otherwise: by the base, and by multiple scattering in the coat.
+    /// Returns the fraction of uniform light reflected by the base, and by multiple scattering in the coat.
     pub fn diffuse_albedo(&self) -> Vec3 {
         self.bsdf.diffuse_albedo(self.outgoing.z)
     }
@@ -88,13 +88,13 @@ impl Coated {
         Vec3::from_array(self.axes.map(|axis| axis.dot(v.into())))
     }
 
-    /// Transforms a direction of the shading frame to world space; `None` below the triangle.
+    /// Transforms a direction from the shading frame to world space; returns `None` if it is below the triangle.
     pub fn to_world(&self, local: Vec3) -> Option<Vec3A> {
         let direction = self.direction(local);
         (direction.dot(self.receiver.geometric_normal) > 0.0).then_some(direction)
     }
 
-    /// Returns the mirror direction in world space; `None` below the triangle.
+    /// Returns the mirror direction in world space; `None` if it is below the triangle.
     pub fn mirrored(&self) -> Option<Vec3A> {
         self.to_world(self.mirrored_in_frame())
     }
@@ -114,15 +114,15 @@ impl Coated {
     }
 }
 
-/// Random points of a pixel: a segment of a sequence that nearby pixels share. Each segment is evenly distributed, and so is
-/// their union, so that neighbors with shared rays have an even set.
+/// Random points of a pixel: a segment of a sequence that nearby pixels share. Each segment is evenly distributed, and
+/// so is the union of all segments. The rays that neighbors share are therefore evenly distributed, too.
 pub(super) struct Points {
     seed: u64,
     piece: u32,
 }
 
 impl Points {
-    /// Side of the squares of pixels that share a sequence.
+    /// Side of the squares of pixels that share a sequence \[pixels\].
     const SIDE: usize = 4;
     const PIECES: u32 = (Self::SIDE * Self::SIDE) as u32;
 
@@ -137,7 +137,8 @@ impl Points {
         (self.piece * count..).take(count as usize).map(move |i| owen_sobol_point(i, seed))
     }
 
-    /// Returns the remaining points from the [`first`](Self::first) `known` to `count`; both are powers of two.
+    /// Returns points `known` to `count` of the pixel, which follow the [`first`](Self::first) `known` points. Both
+    /// numbers are powers of two.
     pub fn rest(self, known: u32, count: u32) -> impl Iterator<Item = Vec2> {
         let (seed, more) = (self.seed, count - known);
         (Self::PIECES * known + self.piece * more..).take(more as usize).map(move |i| owen_sobol_point(i, seed))

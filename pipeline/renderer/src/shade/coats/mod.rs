@@ -8,20 +8,22 @@
 //! everything else                      reflection rays: area lights of the light tree, the sky, lit surfaces
 //! ```
 //!
-//! Reflection rays follow the visible microfacets \[Dupuy23\]. Their random points depend only on the pixel, so noise is
-//! static. The mean of their radiance is scaled by the known albedo of the coat, not by the sum of the sample weights:
+//! Reflection rays follow the visible microfacets \[Dupuy23\]. Their random points depend only on the pixel, so noise
+//! is static. The mean of the rays' radiance is scaled by the known albedo of the coat, not by the sum of the sample
+//! weights:
 //!
 //! ```text
 //! L = C(θ_o) · Σ wᵢ Lᵢ / Σ wᵢ            w = F·G₂/G₁   C  albedo of the coat
 //! ```
 //! Under uniform light, a coat is therefore uniform for any number of rays.
 //!
-//! A pixel traces few rays and shares the rays of nearby pixels (`neighbors.rs`); if these differ, it traces more. Rough coats
-//! with baked light sample it, without rays (`texel.rs`).
+//! A pixel traces few rays and shares the rays of nearby pixels (`neighbors.rs`); if these differ, it traces more.
+//! Rough coats with baked light sample that light without rays (`texel.rs`).
 //!
-//! Reflected surfaces are computed less accurately than visible ones (`reflections.rs`). Coats of roughness ≥ 0.2 show the
-//! radiance of photons stored in surfels. In smoother coats, surfaces have direct light and a coarse lightcut. A smooth coat
-//! within a smooth coat reflects light sources by their lobes, and everything else in the mirror direction.
+//! Reflected surfaces are computed less accurately than visible ones (`reflections.rs`). Coats of roughness ≥ 0.2 show
+//! the radiance of photons stored in surfels. In smoother coats, reflected surfaces have direct light and a coarse
+//! lightcut. A smooth coat within a smooth coat reflects light sources by its lobe, and all other light in the mirror
+//! direction.
 
 mod coated;
 mod neighbors;
@@ -52,14 +54,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(feature = "bake")]
 pub(crate) use texel::{KnownScene, TexelCoat};
 
-/// Number of reflection rays per pixel, in smooth and in rough coats. On a flat coat, two rays and the rays of nearby pixels
-/// leave as much noise as 36.
+/// Number of reflection rays that each pixel traces, in smooth and in rough coats. On a flat coat, two rays and the
+/// rays of nearby pixels leave as much noise as 36 rays.
 const OWN_RAYS: [u32; 2] = [4, 2];
-/// Number of reflection rays of a pixel that can share too few, in smooth and in rough coats.
+/// Number of reflection rays of a pixel whose neighbors have too few similar rays, in smooth and in rough coats.
 const RAYS: [u32; 2] = [8, 16];
 
-/// Returns `seen` with the albedo below coats toward the viewer, for all light that [`Coats`] do not reflect. Surfaces without
-/// a coat are unchanged.
+/// Returns `seen` with the albedo below coats toward the viewer, for all light that [`Coats`] do not reflect. Surfaces
+/// without a coat are unchanged.
 pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
     let pixels = seen.pixels.map(|pixel| match Coated::of_pixel(&pixel, seen, 0.0) {
         Some(coated) => PixelSurface { albedo: coated.diffuse_albedo().into(), ..pixel },
@@ -71,21 +73,21 @@ pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
 /// Layer of light that coats reflect toward the viewer by single scattering.
 #[derive(Default)]
 pub(super) struct Coats {
-    /// Baked light of static coats.
+    /// Baked light of static coats; `None` in films without baked light.
     #[cfg(feature = "bake")]
     baked: Option<Arc<BakedTexels>>,
 }
 
 #[cfg(feature = "bake")]
 impl Coats {
-    /// Creates coats that sample the light of `texels`, except for light sources.
+    /// Creates the layer for coats that sample the baked light of `texels`. Light sources are not in that light.
     pub fn baked(texels: Arc<BakedTexels>) -> Self {
         Self { baked: Some(texels) }
     }
 }
 
 impl Coats {
-    /// Returns a pixel's light if it is baked; `None` if it needs reflection rays.
+    /// Returns a pixel's light if it is baked; `None` if the pixel needs reflection rays.
     #[cfg(feature = "bake")]
     fn looked_up(&self, reflections: &mut Reflections, coated: &Coated, pixel: &PixelSurface) -> Option<Lobe> {
         let texels = self.baked.as_ref().filter(|_| pixel.roughness >= BAKED_ROUGHNESS)?;
@@ -98,7 +100,7 @@ impl Coats {
         None
     }
 
-    /// Returns a pixel's light by its own rays; empty without a coat.
+    /// Returns a pixel's light from its own rays; without rays or light if the pixel has no coat.
     fn own_lobe(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Lobe {
         let Some(coated) = coated(reflections, seen, x, y) else { return Lobe::default() };
         let pixel = seen.pixels.get(x, y);
@@ -124,7 +126,7 @@ impl Layer for Coats {
             lobes
         }));
 
-        // Find light that is much brighter than typical in its surroundings.
+        // Find light that is much brighter than typical light around it.
         let beyond = busy.take(by_macroblock(
             &Alone,
             width,
@@ -136,7 +138,7 @@ impl Layer for Coats {
             },
         ));
 
-        // Share rays between pixels; where too few are similar, trace more.
+        // Share rays between pixels, and trace more rays if too few pixels are similar.
         let traced = Traced { own, beyond };
         let reflected = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
@@ -145,14 +147,14 @@ impl Layer for Coats {
             pixels
         }));
 
-        // Spread sparks over nearby pixels.
+        // Spread excess light over nearby pixels.
         let sparks = sparks::spread(&reflected.map(|pixel| pixel.spark), seen, &busy);
         let radiance = Plane::from_fn(width, height, |x, y| reflected.get(x, y).light + sparks.get(x, y));
         Lit { radiance: Some(radiance), rays: shadow_rays.into_inner(), seconds: busy.seconds(), ..Lit::default() }
     }
 }
 
-/// Light of a frame's pixels by their own rays.
+/// Light of a frame's pixels from their own rays.
 struct Traced {
     own: Plane<Lobe>,
     /// Excess of each pixel's light over the typical light of nearby pixels.
@@ -160,7 +162,7 @@ struct Traced {
 }
 
 impl Traced {
-    /// Returns a pixel's light by its own rays and the rays of nearby pixels.
+    /// Returns a pixel's light from its own rays and the rays of nearby pixels.
     fn reflected(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Reflected {
         let lobe = self.own.get(x, y);
         if !lobe.has_rays() {
@@ -177,12 +179,12 @@ impl Traced {
     }
 }
 
-/// Returns the coat of a pixel; `None` without one.
+/// Returns the coat of a pixel; `None` if the pixel has none.
 fn coated(reflections: &Reflections, seen: &GBuffer, x: usize, y: usize) -> Option<Coated> {
     Coated::of_pixel(&seen.pixels.get(x, y), seen, reflections.prepared.epsilon)
 }
 
-/// Computes the light of a coat by its pixel's own rays.
+/// Computes the light of a coat with the pixel's own rays.
 fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) -> Lobe {
     let known = reflections.sources(coated);
     if coated.is_mirror() {
@@ -195,7 +197,7 @@ fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) 
     Lobe::new(coated, known, brought)
 }
 
-/// Traces rays with these points, and marks light that is much brighter than typical.
+/// Traces rays with the given points, and marks light that is much brighter than typical.
 fn more_rays(reflections: &mut Reflections, coated: &Coated, points: impl Iterator<Item = Vec2>, rays: u32) -> Brought {
     let (mut sum, mut typical) = (Brought::default(), Typical::default());
     let brought: Vec<Brought> = reflections.lobe(coated, points, rays).collect();
@@ -205,10 +207,10 @@ fn more_rays(reflections: &mut Reflections, coated: &Coated, points: impl Iterat
     sum
 }
 
-/// Light of a pixel's coat.
+/// Light that a pixel's coat reflects.
 #[derive(Clone, Copy, Debug, Default)]
 struct Reflected {
-    /// Reflected radiance \[W·m⁻²·sr⁻¹\].
+    /// Reflected radiance without the excess \[W·m⁻²·sr⁻¹\].
     light: Vec3,
     /// Excess radiance of single rays, to be spread over nearby pixels \[W·m⁻²·sr⁻¹\].
     spark: Vec3,

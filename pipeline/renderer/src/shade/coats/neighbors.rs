@@ -1,13 +1,13 @@
 //! Reflection rays shared between neighboring pixels.
 //!
-//! Rays of a neighbor q count for pixel p as far as their lobes agree:
+//! Rays of a neighbor q contribute to pixel p according to the similarity k of their lobes:
 //!
 //! ```text
 //! k = tent · (1 − u²)           u² = (|m_p − m_q|² + |x_p − x_q|² n²) / (s α)² + ((α_p − α_q) / (r α))²
 //!   m  center of the lobe       x  position      n  mean of 1/t over the rays      α  GGX's lobe width
 //! ```
-//! From u = 1 on, they do not count. The second term is the parallax of the surfaces hit by the rays. Therefore contact
-//! shadows, bumps and borders of smoother regions keep their own rays.
+//! Rays with u ≥ 1 do not contribute. The second term of u² is the parallax of the surfaces hit by the rays. Therefore,
+//! pixels at contact shadows, bumps and borders of smoother regions use only their own rays.
 
 use super::coated::Coated;
 use super::reflections::{Brought, Typical};
@@ -19,15 +19,16 @@ use ranks::portable;
 const REACH: usize = 2;
 /// Maximum distance of neighbors that determine the typical brightness of rays \[pixels\].
 const NEXT: usize = 1;
-/// Maximum distance s between shared lobes, in units of α. Shared rays widen a lobe by at most 4 %, from α'² = α² (1 + s²/6),
-/// as for disc lights (`Bsdf::evaluate_coat`).
+/// Maximum distance s between shared lobes, in units of α. Shared rays widen a lobe by at most 4 %, according to α'² =
+/// α² (1 + s²/6), as for disc lights (`Bsdf::evaluate_coat`).
 const SAME_LOBE: f32 = 0.7;
-/// Maximum relative difference r between the widths of shared lobes.
+/// Maximum difference r between the widths of shared lobes, relative to α.
 const SAME_ALPHA: f32 = 0.5;
-/// Minimum effective number of rays, (Σ k r)² / Σ k² r; below it, a pixel traces more.
+/// Minimum effective number of rays, (Σ k r)² / Σ k² r, where a pixel has r rays of weight k. With fewer, a pixel
+/// traces more rays.
 const ENOUGH: f32 = 16.0;
 
-/// Coat of a pixel and its own rays; no rays if the pixel has no coat, or a coat that needs none.
+/// Coat of a pixel, with the pixel's own rays; without rays if there is no coat, or if the coat needs none.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lobe {
     /// Radiance computed without reflection rays \[W·m⁻²·sr⁻¹\].
@@ -39,7 +40,7 @@ pub(super) struct Lobe {
     middle: Vec3,
     alpha: f32,
     is_rough: bool,
-    /// Mean of 1/t over the rays \[1/m\].
+    /// Mean of 1/t over the rays, where t is the distance to the first hit \[1/m\].
     nearness: f32,
 }
 
@@ -69,7 +70,7 @@ impl Lobe {
         self.brought.rays > 0.0
     }
 
-    /// Returns max(1 − u², 0).
+    /// Returns max(1 − u², 0) for this lobe p and the lobe `other` q.
     fn likeness(&self, other: &Self) -> f32 {
         let nearness = self.nearness.max(other.nearness);
         let turned = self.middle.distance_squared(other.middle);
@@ -80,8 +81,8 @@ impl Lobe {
     }
 }
 
-/// Returns the light of a pixel's own rays beyond the typical light around it. In a smooth coat, the pixel's own rays are
-/// typical, too, because its reflections have edges.
+/// Returns the light of a pixel's own rays beyond the typical light around the pixel. In a smooth coat, the pixel's own
+/// rays are typical, too: reflections in smooth coats have edges.
 pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
     let own = lobes.get(x, y);
     let mut typical = Typical::default();
@@ -100,7 +101,7 @@ pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
 /// Returns the sums over the rays of a pixel and its neighbors, and whether the rays suffice.
 pub(super) fn shared(lobes: &Plane<Lobe>, excess: &Plane<Vec3>, x: usize, y: usize) -> (Brought, bool) {
     let mut sum = Brought::default();
-    // Pixels with r rays of weight k have the variance of (Σ k r)² / Σ k² r rays of equal weight.
+    // Sum k² r: pixels with r rays of weight k have the variance of (Σ k r)² / Σ k² r rays of equal weight.
     let mut squares = 0.0;
     for_neighbors(lobes, x, y, REACH, |weight, (u, v)| {
         let brought = lobes.get(u, v).brought;
@@ -110,7 +111,8 @@ pub(super) fn shared(lobes: &Plane<Lobe>, excess: &Plane<Vec3>, x: usize, y: usi
     (sum, sum.rays * sum.rays >= ENOUGH * squares)
 }
 
-/// Calls `of` with k and the position of each pixel within `reach` whose rays count for (x, y), including itself.
+/// Calls `of` for each pixel within `reach` whose rays contribute to (x, y), including (x, y), with k and the pixel's
+/// position.
 fn for_neighbors(lobes: &Plane<Lobe>, x: usize, y: usize, reach: usize, mut of: impl FnMut(f32, (usize, usize))) {
     let around = |center: usize, end: usize| center.saturating_sub(reach)..(center + reach + 1).min(end);
     let tent = |apart: usize| (reach + 1 - apart) as f32 / (reach + 1) as f32;
@@ -132,7 +134,7 @@ fn for_neighbors(lobes: &Plane<Lobe>, x: usize, y: usize, reach: usize, mut of: 
 mod tests {
     use super::*;
 
-    /// Returns a coat of α 0.25 that faces +x, with two rays of `light`.
+    /// Returns a rough coat of α 0.25 that faces +x, with two rays of radiance `light`.
     fn lobe(light: f32) -> Lobe {
         let brought = Brought::of(2, Vec3::splat(light));
         Lobe { albedo: Vec3::ONE, brought, middle: Vec3::X, alpha: 0.25, is_rough: true, ..Lobe::default() }
@@ -151,13 +153,13 @@ mod tests {
         assert!(!enough && (brought.mean().0 - 3.0).abs().max_element() < 1e-5);
     }
 
-    /// Light beyond the typical luminance becomes an excess, and none of it is lost.
+    /// Checks that light beyond the typical luminance becomes an excess, and that no light is lost.
     #[test]
     fn a_spark_becomes_an_excess() {
         let spark = Plane::from_fn(5, 5, |x, y| lobe(if (x, y) == (2, 2) { 1000.0 } else { 1.0 }));
         let excess = Plane::from_fn(5, 5, |x, y| excess(&spark, x, y));
         let (light, beyond) = shared(&spark, &excess, 2, 2).0.mean();
-        // With the tent weights, (Σ k)² is 81/16, and the pixel's own fraction of Σ k is 1/9.
+        // The tent weights sum to 9, so the pixel's own fraction of Σ k is 1/9.
         assert!((light + beyond - (1000.0 + 8.0) / 9.0).abs().max_element() < 0.1, "{light} + {beyond}");
         assert!(light.max_element() < 20.0, "{light}");
     }

@@ -1,4 +1,4 @@
-//! Reflection rays: the radiance that arrives at a coat.
+//! Reflection rays, which compute the radiance that arrives at a coat.
 
 use super::coated::Coated;
 use crate::frame::Frame;
@@ -9,57 +9,60 @@ use ranks::portable;
 use render_core::{Environment, Hit, PosedScene, ShadingPoint, Surface, Traced, luminance};
 use std::f32::consts::PI;
 
-/// Maximum number of coats that a ray is followed through.
+/// Maximum number of coats through which a ray is followed.
 const MOST_COATS: usize = 4;
-/// Minimum fraction of the pixel's light for which the reflection of a coat is followed.
+/// Minimum fraction of the pixel's light that the reflection of a coat must have to be followed, if the first coat is
+/// smooth.
 const LEAST_SHARE: f32 = 0.02;
-/// Minimum fraction if the first coat is rough, for smooth and for rough coats within it: metal within metal is followed, and
-/// little else. With 0.1 for both, a closed room of metal with roughness 0.5 has 1 % less light.
+/// Minimum fraction of the pixel's light if the first coat is rough, for smooth and for rough coats within it. With
+/// these values, rays are followed from metal to metal, and rarely otherwise. With 0.1 for both, a closed room of metal
+/// with roughness 0.5 has 1 % less light.
 const LEAST_SHARE_IN_ROUGH: [f32; 2] = [0.1, 0.3];
-/// Permitted error of a cluster in the lightcut for a reflection, as a fraction of its luminance: for a single ray, and the
-/// maximum.
+/// Permitted error of a cluster in a lightcut for a single reflection ray, as a fraction of luminance.
 const LOOSE: f32 = 0.1;
+/// Maximum permitted error of a cluster in a lightcut for a reflection ray, as a fraction of luminance.
 const LOOSEST: f32 = 0.5;
-/// Minimum albedo of a base that is worth a shadow ray; polished metals have less.
+/// Minimum albedo of a base for which a shadow ray is traced; polished metals have less.
 const NO_BASE: f32 = 0.01;
-/// Radiance of a ray is limited to this multiple of the typical one, since a small lamp hit by few rays would be a spark. The
-/// excess is spread over nearby pixels. At 4, spots appear on the floor of McGuire's CornellBox-Glossy-Floor.
+/// Maximum radiance of a ray, relative to the typical radiance. A small lamp hit by few rays would otherwise be a
+/// bright spot. The excess is spread over nearby pixels. At 4, spots appear on the floor of McGuire's
+/// CornellBox-Glossy-Floor.
 const MOST_TYPICAL: f32 = 2.0;
 
-/// Reflections computed by one thread.
+/// Computation of reflections by one thread.
 pub(super) struct Reflections<'a> {
     pub prepared: &'a Frame<'a>,
     pub scratch: &'a mut Scratch,
-    /// Number of shadow rays.
+    /// Number of traced shadow rays.
     pub shadow_rays: u64,
 }
 
-/// Sums over reflection rays of weight w = F·G₂/G₁.
+/// Sums over reflection rays of weight w = F·G₂/G₁ and radiance L.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Brought {
     /// Number of rays.
     pub rays: f32,
-    /// Σ 1/t over the distances t to the first hit \[1/m\].
+    /// Sum of 1/t over the rays, where t is the distance to the first hit \[1/m\].
     pub nearness: f32,
-    /// Sum of weights Σ w.
+    /// Sum of weights, Σ w.
     weights: Vec3,
-    /// Weighted radiance Σ w L \[W·m⁻²·sr⁻¹\].
+    /// Sum of weighted radiance, Σ w L \[W·m⁻²·sr⁻¹\].
     light: Vec3,
-    /// Portion of Σ w L from few very bright rays, to be spread over nearby pixels \[W·m⁻²·sr⁻¹\].
+    /// Portion of Σ w L that a few very bright rays contribute, to be spread over nearby pixels \[W·m⁻²·sr⁻¹\].
     excess: Vec3,
 }
 
 portable!(Brought { rays, nearness, weights, light, excess });
 
 impl Brought {
-    /// Returns distant rays of weight 1 with equal `radiance`.
+    /// Returns rays of weight 1 with equal `radiance` and distant hits.
     #[cfg(test)]
     pub fn of(rays: u16, radiance: Vec3) -> Self {
         let rays = f32::from(rays);
         Self { rays, weights: Vec3::splat(rays), light: rays * radiance, ..Self::default() }
     }
 
-    /// Adds other rays, scaled by `share`.
+    /// Adds the sums of `other` rays, scaled by `share`.
     pub fn add(&mut self, share: f32, other: &Self) {
         self.rays += share * other.rays;
         self.nearness += share * other.nearness;
@@ -68,7 +71,7 @@ impl Brought {
         self.excess += share * other.excess;
     }
 
-    /// Sets the excess, a portion of Σ w L.
+    /// Returns the sums with this `excess`, a portion of Σ w L.
     pub fn with_excess(self, excess: Vec3) -> Self {
         Self { excess, ..self }
     }
@@ -91,7 +94,7 @@ impl Brought {
     }
 }
 
-/// Typical luminance of values with a few huge outliers: (Σ k √L / Σ k)².
+/// Typical luminance of values L with weights k, robust against a few huge outliers: (Σ k √L / Σ k)².
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Typical {
     roots: f32,
@@ -99,13 +102,13 @@ pub(super) struct Typical {
 }
 
 impl Typical {
-    /// Adds a luminance with weight `share`.
+    /// Adds a value `luminance` with weight `share`.
     pub fn add(&mut self, share: f32, luminance: f32) {
         self.roots += share * luminance.max(0.0).sqrt();
         self.weights += share;
     }
 
-    /// Returns the typical luminance; `None` without values.
+    /// Returns the typical luminance; `None` if no value was added.
     pub fn luminance(self) -> Option<f32> {
         (self.weights > 0.0).then(|| (self.roots / self.weights).powi(2))
     }
@@ -114,26 +117,27 @@ impl Typical {
 /// A ray that leaves a coat.
 pub(super) struct ReflectedRay<'a> {
     pub direction: Vec3A,
-    /// Texture footprint divided by distance.
+    /// Ratio of the texture footprint to the distance.
     pub spread: f32,
     /// Fraction of the pixel's light that the ray contributes.
     pub share: f32,
-    /// Number of rays averaged for the pixel's light.
+    /// Number of rays that are averaged for the pixel.
     pub rays: u32,
-    /// Irradiance of surfaces, if known. With it, a ray is followed through every coat, because its light is computed only
-    /// once.
+    /// Known irradiance of surfaces; `None` in films without it. With it, a ray is followed through every coat, because
+    /// its light is computed only once.
     pub known: Option<KnownIrradiance<'a>>,
 }
 
-/// Function that returns the irradiance of a hit \[W·m⁻²\]; `None` if it is not known.
+/// Function that returns the irradiance at a hit \[W·m⁻²\]; `None` if the irradiance is not known.
 pub(crate) type KnownIrradiance<'a> = &'a (dyn Fn(&Hit, &Surface) -> Option<Vec3> + Sync);
 
 impl Reflections<'_> {
-    /// Returns the radiance that the coat reflects of points and suns, and of sampled area lights if it is rough. It includes
-    /// the base's deviation from uniform reflection, which the layer of direct light assumes.
+    /// Returns the radiance that the coat reflects from points and suns, and from sampled area lights if it is rough.
+    /// The base's deviation from uniform reflection is included, because the layer of direct light assumes uniform
+    /// reflection.
     pub fn sources(&mut self, coated: &Coated) -> Vec3 {
         let Frame { accelerator, direct, .. } = self.prepared;
-        // Smooth coats reflect area lights by reflection rays; only the base remains.
+        // Omit the coat from area lights if it is smooth: reflection rays compute that light.
         let brdf_of = |direction, half_angle, with_coat| {
             let (towards, outgoing) = (coated.to_frame(direction), coated.outgoing);
             let excess = coated.bsdf.diffuse_excess(outgoing, towards);
@@ -145,7 +149,7 @@ impl Reflections<'_> {
         self.counted(direct.reflected(accelerator, &coated.receiver, brdf, area_brdf))
     }
 
-    /// Returns the radiance that a mirror coat reflects, except its [`sources`](Self::sources).
+    /// Returns the radiance that a mirror coat reflects, except the light from [`sources`](Self::sources).
     pub fn mirrored(&mut self, coated: &Coated) -> Vec3 {
         let albedo = coated.albedo();
         let Some(direction) = coated.mirrored() else { return Vec3::ZERO };
@@ -153,14 +157,14 @@ impl Reflections<'_> {
         albedo * self.along(coated, ray).0
     }
 
-    /// Traces rays with `points`, one by one; the pixel will have `rays` of them.
+    /// Traces rays with `points`, one by one. `rays` is the number of rays that the pixel will have in total.
     pub fn lobe(
         &mut self,
         coated: &Coated,
         points: impl Iterator<Item = Vec2>,
         rays: u32,
     ) -> impl Iterator<Item = Brought> {
-        // Each ray represents an equal fraction of a lobe with half-width α.
+        // Let each ray represent an equal fraction of a lobe with half-width α.
         let spread = 2.0 * coated.alpha() / (rays as f32).sqrt();
         let share = luminance(coated.albedo());
         points.filter_map(|point| coated.bsdf.sample_coat(coated.outgoing, point)).map(move |local| {
@@ -174,18 +178,18 @@ impl Reflections<'_> {
 
     /// Returns the radiance that arrives at the coat along a ray, and the distance to the first hit \[m\].
     pub fn along(&mut self, coated: &Coated, ray: ReflectedRay<'_>) -> (Vec3, f32) {
-        // Follow the ray through coats until their contribution is small.
+        // Follow the ray through coats until the contribution is small.
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
         let (mut origin, mut direction, mut throughput) = (coated.receiver.position, ray.direction, Vec3::ONE);
         let mut sum = Vec3::ZERO;
-        // Roughness of the first coat, and of the last coat that the ray has left.
+        // Store the roughness of the first coat, and of the last coat that the ray has left.
         let (blurred, mut rough) = (coated.is_rough(), coated.is_rough());
         let (mut way, mut first) = (0.0, f32::INFINITY);
         for coats in 0..=MOST_COATS {
             // Find the next surface on the ray's path, or the sky.
             let Some(hit) = accelerator.closest(origin, direction) else {
-                // Lamps of the sky are reflected like suns.
+                // Omit lamps of the sky: `sources` adds them, like suns.
                 let sky = scene.sky.as_ref().and_then(Environment::beside_lamps);
                 let sky = sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
                 return (sum + throughput * sky, first);
@@ -194,9 +198,10 @@ impl Reflections<'_> {
             first = first.min(way);
             let surface = surfaces.at(&hit, direction, ray.spread * way);
 
-            // Add its emission, which must count once.
+            // Add the emission of the surface, unless it is counted elsewhere.
             let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
-            // As in path tracing, only the camera sees unlit materials. Rough coats have sampled area lights already.
+            // Only the camera sees unlit materials, as in path tracing. Rough coats have added sampled area lights
+            // already.
             let known = rough && direct.samples_instance(hit.instance);
             if !unlit && !known {
                 sum += throughput * surface.emission;
@@ -214,7 +219,7 @@ impl Reflections<'_> {
             let is_small = share * luminance(coat) < least_share || (blurred || met.is_rough()) && !is_metal;
             let ends = coats == MOST_COATS || coat == Vec3::ZERO || is_small && ray.known.is_none();
 
-            // Light the base. A coat that is not followed reflects as part of the base.
+            // Light the base. A coat that is not followed reflects as a portion of the base.
             let albedo = if ends { diffuse + coat } else { diffuse };
             sum += throughput
                 * if let Some(irradiance) = ray.known.and_then(|known| known(&hit, &surface)) {
@@ -230,7 +235,7 @@ impl Reflections<'_> {
                 break;
             }
 
-            // A coat reflects sources by its lobe, and everything else in the mirror direction.
+            // Add light sources by the coat's lobe; all other light comes from the mirror direction.
             sum += throughput * self.sources(&met);
             throughput *= coat;
             let Some(next) = met.mirrored() else { break };
@@ -240,13 +245,14 @@ impl Reflections<'_> {
         (sum, first)
     }
 
-    /// Counts the shadow rays of a result and returns its value.
+    /// Adds the shadow rays of a result to the count, and returns the result's value.
     fn counted<T>(&mut self, traced: Traced<T>) -> T {
         self.shadow_rays += traced.shadow_rays;
         traced.value
     }
 
-    /// Returns the radiance that a matte surface at `receiver` reflects; `loose` is the permitted relative error of clusters.
+    /// Returns the radiance that a matte surface at `receiver` reflects. `loose` is the permitted relative error of
+    /// clusters.
     fn matte(&mut self, receiver: &ShadingPoint, albedo: Vec3, loose: f32) -> Vec3 {
         if albedo == Vec3::ZERO {
             return Vec3::ZERO;

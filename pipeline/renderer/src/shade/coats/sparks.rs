@@ -1,7 +1,7 @@
 //! Excess light of single reflection rays, spread over nearby pixels.
 //!
-//! Each pixel spreads its light by a tent filter, first along its row, then along columns, within coats of the same instance.
-//! Energy is conserved:
+//! Each pixel spreads its excess light s by a tent filter t, first along its row, then along columns, within coats of
+//! the same instance. Energy is conserved:
 //!
 //! ```text
 //! S(x) = Σ_u t(x − u) s(u) / T(u)          T(u) = Σ_x t(x − u)
@@ -13,10 +13,11 @@ use plane::Plane;
 use render_core::ranks::Alone;
 use render_core::{Busy, GBuffer, NOTHING};
 
-/// Reach of the tent filter \[pixels\].
+/// Radius of the tent filter \[pixels\].
 const REACH: usize = 10;
 
-/// Returns the radiance that each pixel receives from the `sparks` around it \[W·m⁻²·sr⁻¹\]. Adds the CPU time to `busy`.
+/// Returns the radiance S that each pixel receives from the `sparks` around it \[W·m⁻²·sr⁻¹\]. Adds the CPU time to
+/// `busy`.
 pub(super) fn spread(sparks: &Plane<Vec3>, seen: &GBuffer, busy: &Busy) -> Plane<Vec3> {
     if sparks.samples().iter().all(|&spark| spark == Vec3::ZERO) {
         return sparks.clone();
@@ -35,7 +36,7 @@ enum Line {
 /// Spreads `light` along rows or columns.
 fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) -> Plane<Vec3> {
     let (width, height) = (light.width(), light.height());
-    // Positions within reach on the same coat, with their weights.
+    // Find the positions within reach on the same coat, with their weights.
     let alike = |(x, y): (usize, usize)| {
         let own = carriers.get(x, y);
         let (center, end) = match line {
@@ -65,7 +66,7 @@ fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) ->
 mod tests {
     use super::*;
 
-    /// Light at the border of two coats stays on its own coat, without loss.
+    /// Checks that light at the border of two coats stays on its own coat, without loss.
     #[test]
     fn no_light_is_lost() {
         let (width, height) = (40, 30);

@@ -1,4 +1,4 @@
-//! Coats in scenes with known images: under uniform light, in front of a lamp, and without coats.
+//! Tests of coats in scenes with known images: under uniform light, in front of a lamp, and without coats.
 
 use super::*;
 use crate::plan::{Plan, State};
@@ -15,7 +15,7 @@ use std::f32::consts::PI;
 
 const SIDE: usize = 16;
 
-/// A scene seen by a camera at `eye`, which looks toward −z and down by `tilt` \[rad\].
+/// Scene seen by a camera at `eye`, which looks toward −z and down by `tilt` \[rad\].
 struct Stage(Scene);
 
 impl Stage {
@@ -54,7 +54,7 @@ impl Stage {
         self
     }
 
-    /// Returns the light that coats reflect to each pixel, and the first hits.
+    /// Returns the light that coats reflect to each pixel, and the first hits of the camera's rays.
     fn reflected(&self) -> (Plane<Vec3>, GBuffer) {
         let (settings, plan) = self.settings();
         assert!(plan.is_on(plan::Stage::Gloss));
@@ -77,7 +77,7 @@ impl Stage {
     }
 }
 
-/// A floor of 20 m.
+/// Floor of 20 m × 20 m.
 const FLOOR: [Vec3; 3] = [Vec3::new(-10.0, 0.0, -10.0), Vec3::new(0.0, 0.0, 20.0), Vec3::new(20.0, 0.0, 0.0)];
 
 fn metal(color: Vec3, roughness: f32) -> Material {
@@ -88,8 +88,8 @@ fn glowing(radiance: f32) -> Material {
     Material { base_color: Vec3::ZERO, emission: Vec3::splat(radiance), ..Material::default() }
 }
 
-/// A plate under a uniform sky: the coat and multiple scattering reflect their albedo, which is 1 for F₀ = 1 at any roughness.
-/// For a color, the coat reflects its albedo times the sky.
+/// Checks a plate under a uniform sky: the coat and multiple scattering reflect their albedo, which is 1 for F₀ = 1 at
+/// any roughness. With a color, the coat reflects its albedo times the sky.
 #[test]
 fn a_plate_in_even_light_shows_its_albedo() {
     for roughness in [0.0, 0.1, 0.25, 0.6, 1.0] {
@@ -109,7 +109,7 @@ fn a_plate_in_even_light_shows_its_albedo() {
     }
 }
 
-/// The mirror image of a lamp is the lamp seen from the eye's mirror image.
+/// Checks that the mirror image of a lamp equals the lamp seen from the mirror image of the eye.
 #[test]
 fn a_mirror_shows_a_lamp_at_its_reflected_place() {
     let eye = Vec3::new(0.0, 3.0, 3.0);
@@ -138,13 +138,13 @@ fn a_mirror_shows_a_lamp_at_its_reflected_place() {
     assert!(inside > 10 && outside > 30, "{inside} pixels show the lamp, {outside} do not");
 }
 
-/// Returns the BRDF minus the uniform term that other layers reflect \[sr⁻¹\].
+/// Returns the BRDF without the uniform term that other layers reflect \[sr⁻¹\].
 fn reflectance(coated: &Coated, direction: Vec3A) -> Vec3 {
     coated.bsdf.evaluate(coated.outgoing, coated.to_frame(direction)) - coated.diffuse_albedo() / PI
 }
 
-/// Compares a lamp above metal with the integral over its surface. Rough metal uses samples of its area; smooth metal uses few
-/// rays, which are compared by their total light.
+/// Compares a lamp above metal with the integral over the lamp's surface. Rough metal uses samples of the lamp's area.
+/// Smooth metal uses few rays, so only the total light is compared.
 #[test]
 fn metal_shows_a_lamp_as_its_lobe_says() {
     for (roughness, single, whole) in [(0.12, 0.3, 0.05), (0.25, 0.03, 0.01), (0.5, 0.01, 0.01), (0.9, 0.01, 0.01)] {
@@ -163,7 +163,7 @@ fn metal_shows_a_lamp_as_its_lobe_says() {
                     let way = Vec3A::from(corner + a * share(i) + b * share(j)) - coated.receiver.position;
                     let direction = way.normalize();
                     let f = reflectance(&coated, direction);
-                    // Lamp and floor are parallel: both cosines equal the direction's y.
+                    // Lamp and floor are parallel: both cosines equal the y component of the direction.
                     f * (5.0 * direction.y * direction.y / way.length_squared() / (steps * steps) as f32)
                 })
                 .sum();
@@ -177,7 +177,7 @@ fn metal_shows_a_lamp_as_its_lobe_says() {
     }
 }
 
-/// A point light has no size: a coat reflects intensity · f · cos θ / r².
+/// Checks a point light, which has no size: a coat reflects intensity · f · cos θ / r².
 #[test]
 fn points_of_light_are_seen_by_their_lobe() {
     let mut stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(Vec3::ONE, 0.4));
@@ -196,12 +196,12 @@ fn points_of_light_are_seen_by_their_lobe() {
     }
 }
 
-/// The sun is a disc: a coat reflects the mean over the disc. A narrower lobe loses the disc's edge.
+/// Checks that a coat reflects the mean over the sun's disc. In a narrower lobe, the edge of the disc is lost.
 #[test]
 fn the_sun_is_seen_as_a_disc() {
     for (roughness, single) in [(0.2, 0.1), (0.4, 0.02)] {
         let mut stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(Vec3::ONE, roughness));
-        // Opposite to the viewer at equal elevation: the glint is at the center of the image.
+        // Put the sun opposite to the viewer at equal elevation: the glint is then at the center of the image.
         let rest = Transform {
             translation: Vec3::ZERO,
             rotation: Quat::from_rotation_y(PI) * Quat::from_rotation_x(-0.8),
@@ -233,7 +233,7 @@ fn the_sun_is_seen_as_a_disc() {
     }
 }
 
-/// Without coats, nothing is computed and nothing changes.
+/// Checks that scenes without coats get no light from this layer, and that nothing else changes.
 #[test]
 fn matte_scenes_stay_as_they_are_to_the_last_bit() {
     let matte = Material { base_color: Vec3::new(0.7, 0.4, 0.2), ..Material::default() };

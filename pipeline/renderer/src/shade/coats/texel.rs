@@ -1,14 +1,15 @@
-//! Light that a texel's coat reflects in all directions, from a common set of rays.
+//! Light that a texel's coat reflects in all directions, from one set of rays.
 //!
 //! ```text
 //! M(ω_o) = Σ w_k L_k / Σ w_k        w_k = f(ω_o, ω_k) cos θ_k        L(ω_o) = C(ω_o) M(ω_o)
 //!                                                                     C  albedo of the coat
 //! ```
-//! The rays ω_k are evenly distributed over the hemisphere and represent equal solid angles, so their density cancels. They
-//! carry the light that reflection rays of rough coats carry: surfaces, the sky, and emission except direct sources.
+//! The rays ω_k are evenly distributed over the hemisphere and represent equal solid angles, so their density cancels.
+//! Their radiance L_k is the radiance that reflection rays of rough coats find: surfaces, the sky, and emission except
+//! direct sources.
 //!
-//! All directions use the same rays, as do all texels of flat surfaces, so no noise appears between them. The surfaces that
-//! they hit have baked irradiance already.
+//! All directions use the same rays, and so do all texels of a flat surface, so no noise appears between them. The
+//! surfaces that the rays hit have baked irradiance already.
 
 use super::Reflections;
 use super::coated::Coated;
@@ -19,32 +20,32 @@ use lighttree::Scratch;
 use render_core::{ShadingPoint, Surface, luminance};
 use std::f32::consts::{PI, TAU};
 
-/// Minimum number of rays per texel. Larger maps use one ray per direction, so that lobes of any width contain equally many. In
-/// a Cornell box with metal of roughness 0.4, four times as many change the mean by 0.5 %.
+/// Minimum number of rays per texel. Larger maps use one ray per direction, so that lobes of any width contain equally
+/// many rays. In a Cornell box with metal of roughness 0.4, four times as many rays change the mean by 0.5 %.
 const LEAST_RAYS: usize = 256;
-/// Minimum cosine between the surface normal and a mirror direction. Cells below it contain the light at the horizon, since
-/// samples just above it read them.
+/// Minimum cosine between the surface normal and a mirror direction. Cells below the horizon contain the light at the
+/// horizon: samples just above the horizon read them.
 const HORIZON: f32 = 0.02;
 
-/// The frame in which texel rays are traced, and the known irradiance of its surfaces.
+/// Frame in which the rays of texels are traced, and the known irradiance of its surfaces.
 #[derive(Clone, Copy)]
 pub(crate) struct KnownScene<'a> {
     pub frame: &'a Frame<'a>,
     pub known: KnownIrradiance<'a>,
 }
 
-/// A texel's coat with the rays of its light.
+/// Coat of a texel, with rays of the light that arrives at it.
 pub(crate) struct TexelCoat {
     coated: Coated,
-    /// Directions in the shading frame.
+    /// Directions of the rays in the shading frame.
     rays: Vec<Vec3>,
     /// Radiance along each ray \[W·m⁻²·sr⁻¹\].
     light: Vec<Vec3>,
 }
 
 impl TexelCoat {
-    /// Traces rays from `surface`, lit at `receiver`, for a map with `directions` directions. `None` for a surface without a
-    /// coat.
+    /// Traces rays from `surface`, lit at `receiver`, for a map with `directions` directions. Returns `None` for a
+    /// surface without a coat.
     pub fn trace(
         scene: KnownScene,
         receiver: ShadingPoint,
@@ -52,7 +53,7 @@ impl TexelCoat {
         directions: usize,
         scratch: &mut Scratch,
     ) -> Option<Self> {
-        // A surface without a coat needs no rays.
+        // Return without tracing rays if the surface has no coat.
         if surface.specular == Vec3::ZERO {
             return None;
         }
@@ -60,7 +61,7 @@ impl TexelCoat {
         let rays = hemisphere(LEAST_RAYS.max(directions));
         let count = rays.len() as u32;
 
-        // Textures are averaged over the solid angle of a ray. Directions below the triangle carry no light.
+        // Average textures over the solid angle of a ray. No light arrives from directions below the triangle.
         let (spread, share) = ((TAU / count as f32).sqrt(), luminance(coated.albedo()));
         let KnownScene { frame, known } = scene;
         let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
@@ -80,18 +81,18 @@ impl TexelCoat {
     /// Returns the cosine-weighted mean radiance that arrives at the coat.
     pub fn mean_of_all(&self) -> Vec3 {
         let sum: Vec3 = self.rays.iter().zip(&self.light).map(|(ray, &light)| ray.z * light).sum();
-        // The mean cosine over the hemisphere is 1/2.
+        // Divide by the mean cosine over the hemisphere, 1/2.
         2.0 * sum / self.rays.len() as f32
     }
 
     /// Returns M(ω_o) for the unit mirror direction `mirrored`.
     pub fn mean_radiance(&self, mirrored: Vec3) -> Vec3 {
-        // The viewer is opposite to the mirror direction.
+        // Mirror the direction: the viewer is opposite to the mirror direction.
         let mut towards = self.coated.to_frame(Vec3A::from(mirrored));
         towards.z = towards.z.max(HORIZON);
         let outgoing = Vec3::new(-towards.x, -towards.y, towards.z).normalize();
 
-        // Lobes are at least as wide as the spacing of the rays.
+        // Make lobes at least as wide as the spacing of the rays.
         let half_angle = (2.0 / self.rays.len() as f32).sqrt();
         let (mut sum, mut weights) = (Vec3::ZERO, Vec3::ZERO);
         for (&ray, &light) in self.rays.iter().zip(&self.light) {
@@ -105,7 +106,7 @@ impl TexelCoat {
 
 /// Returns evenly distributed directions about +z: `count` points of a spherical Fibonacci lattice \[Keinert15\].
 fn hemisphere(count: usize) -> Vec<Vec3> {
-    // Consecutive points are rotated by the golden angle.
+    // Rotate consecutive points by the golden angle.
     let turn = PI * (3.0 - 5f64.sqrt() as f32);
     let mut directions = Vec::with_capacity(count);
     for k in 0..count {
@@ -125,7 +126,7 @@ mod tests {
     fn rays_are_even_over_the_hemisphere() {
         for count in [256, 1024] {
             let rays = hemisphere(count);
-            // ∫ cos θ dω = π and ∫ cos² θ dω = 2π/3; x and y have zero mean.
+            // Expect ∫ cos θ dω = π and ∫ cos² θ dω = 2π/3; x and y have zero mean.
             let mean = rays.iter().sum::<Vec3>() / count as f32;
             let squares = rays.iter().map(|ray| *ray * *ray).sum::<Vec3>() / count as f32;
             assert!((mean - Vec3::new(0.0, 0.0, 0.5)).length() < 0.01, "{mean}");

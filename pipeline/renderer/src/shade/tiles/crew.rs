@@ -11,7 +11,7 @@ use render_core::cache::SharedRecord;
 use render_core::ranks::{Mail, Portable, Ranks};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Panic message for invalid data from a rank.
+/// Panic message for invalid data from another rank.
 const DIFFERENT: &str = "ranks run the same program";
 
 /// This rank as a member of a team.
@@ -21,9 +21,9 @@ pub(super) struct Team {
     ranks: Arc<dyn Ranks>,
     /// Tiles and records on rank 0; unused on other ranks.
     master: Mutex<Master>,
-    /// Records of other ranks, not yet in the cache.
+    /// Records from other ranks that are not in the cache yet.
     inbox: Mutex<Vec<SharedRecord>>,
-    /// Records that only this rank has.
+    /// Records of this rank that no other rank has.
     outbox: Outbox,
 }
 
@@ -32,7 +32,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Team {
-    /// Creates this rank as a member of the team, before any frame.
+    /// Creates the team member of this rank, before any frame.
     pub fn new(settings: TileSettings, mail: Arc<dyn Mail>, ranks: Arc<dyn Ranks>) -> Self {
         let master = Mutex::new(Master::new(mail.count()));
         Self { settings, mail, ranks, master, inbox: Mutex::default(), outbox: Outbox::default() }
@@ -55,14 +55,14 @@ impl Team {
         }
     }
 
-    /// Returns the answer of rank 0 to `rank`.
+    /// Returns the answer of rank 0 to a request of `rank`.
     fn give(&self, rank: usize, records: Vec<SharedRecord>) -> Message {
         let mut master = locked(&self.master);
         let records = if records.is_empty() { Vec::new() } else { master.exchange(rank, records) };
         Message::Give { tile: master.next_tile(), records }
     }
 
-    /// Waits for the next message.
+    /// Waits for the next message, and returns its sender and content.
     fn next(&self) -> (usize, Message) {
         let received = self.mail.receive();
         (received.from, Message::take(&mut &received.bytes[..]).expect(DIFFERENT))
@@ -88,7 +88,7 @@ impl Team {
         }
     }
 
-    /// Lights one tile after another.
+    /// Lights one tile after another, until none remains.
     fn take_tiles(
         &self,
         layers: &mut Layers,
@@ -97,7 +97,7 @@ impl Team {
     ) -> Vec<TileLight> {
         let mut lit = Vec::new();
         loop {
-            // Send the records of this rank when they fill the buffer.
+            // Send this rank's records when they fill the buffer.
             let Outgoing { to_master, to_each } = outbox.due(&self.settings);
             if !to_each.is_empty() {
                 self.send_to_each(to_each);
@@ -127,7 +127,7 @@ impl Workers for Team {
     }
 
     fn work(&mut self, layers: &mut Layers, job: &Job, counts: &mut [Lit; 2]) -> Vec<TileLight> {
-        // A thread of rank 0 answers requests while this thread lights tiles.
+        // Answer requests on another thread of rank 0 while this thread lights tiles.
         let mut outbox = std::mem::take(&mut self.outbox);
         let team = &*self;
         let own = std::thread::scope(|scope| {

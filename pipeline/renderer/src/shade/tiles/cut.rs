@@ -1,7 +1,8 @@
 //! Split of a frame into tiles of equal cost.
 //!
-//! A map defines the cost in advance, such as the rays of each pixel: "each tile contains an equal number of primary rays to be
-//! shot" \[Debattista05, 4.2\]. The paper does not describe the split. Here, rectangles are halved recursively.
+//! A map defines the cost in advance, for example the number of rays of each pixel: "each tile contains an equal number
+//! of primary rays to be shot" \[Debattista05, 4.2\]. The paper does not describe how to split frames. This module
+//! halves rectangles recursively.
 //!
 //! ```text
 //! n = 5          3 tiles   2 tiles          2   1     2              1│1│1 │ 1
@@ -13,30 +14,31 @@
 use plane::Plane;
 use std::ops::Range;
 
-/// A rectangle of pixels.
+/// Rectangle of pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tile {
-    /// Columns, from the left.
+    /// Range of columns, counted from the left.
     pub columns: Range<usize>,
-    /// Rows, from the top.
+    /// Range of rows, counted from the top.
     pub rows: Range<usize>,
 }
 
 /// Splits a frame into `count` tiles of about equal cost, given the `cost` of each pixel in any unit.
 ///
-/// A rectangle of n tiles is halved across its longer side; a square is halved into left and right. The first half has ⌈n/2⌉
-/// tiles and the cost nearest to ⌈n/2⌉/n of the rectangle's cost. Ties go to the length nearest to this fraction of the side,
-/// then to the first. Tiles of the left or upper half precede tiles of the right or lower half.
+/// A rectangle of n tiles is halved across its longer side; a square is halved into left and right. The first half has
+/// ⌈n/2⌉ tiles. Its length is chosen so that its cost is nearest to ⌈n/2⌉/n of the rectangle's cost. Among equal costs,
+/// the length nearest to this fraction of the side is chosen, then the first length. Tiles of the left or upper half
+/// precede tiles of the right or lower half.
 ///
-/// Negative, infinite and NaN costs count as zero. If all costs are zero, tiles have about equal area. The number of tiles is
-/// at least one and at most the number of pixels; an empty frame has none.
+/// Negative, infinite and NaN costs are treated as zero. If all costs are zero, tiles have about equal area. The number
+/// of tiles is at least one and at most the number of pixels; an empty frame has no tiles.
 ///
-/// A half with k of n tiles costs at most k/n of its rectangle, plus ⌈k/w⌉ times the most expensive line. Lines run along the
-/// split, with w pixels each.
+/// A half with k of n tiles costs at most k/n of its rectangle, plus ⌈k/w⌉ times the most expensive line. Lines are
+/// parallel to the split and have w pixels each.
 ///
-/// Therefore, if rectangles are wider than their number of tiles, a tile costs less than the mean plus 2.3 times the most
-/// expensive line. The halves on the way to a tile have at least 1, 2, 3, 5, 9 … tiles. The sum 1 + 1/2 + 1/3 + 1/5 + 1/9 + …
-/// is less than 2.3.
+/// Therefore, if rectangles are wider than their number of tiles, a tile costs less than the mean plus 2.3 times the
+/// most expensive line. The halves on the way to a tile have at least 1, 2, 3, 5, 9 … tiles, and the sum 1 + 1/2 + 1/3
+/// + 1/5 + 1/9 + … is less than 2.3.
 pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
     let whole = Tile { columns: 0..cost.width(), rows: 0..cost.height() };
     let pixels = whole.pixels();
@@ -45,7 +47,7 @@ pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
         return tiles;
     }
 
-    // Rectangles to be split, the next one last.
+    // Keep the rectangles to be split in a stack, the next one last.
     let sums = CostSums::new(cost);
     let mut parts = vec![(whole, count.clamp(1, pixels))];
     while let Some((part, count)) = parts.pop() {
@@ -61,7 +63,7 @@ pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
 }
 
 impl Tile {
-    /// Returns column and row of each pixel in raster order.
+    /// Returns the column and the row of each pixel in raster order.
     pub fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let columns = self.columns.clone();
         self.rows.clone().flat_map(move |y| columns.clone().map(move |x| (x, y)))
@@ -71,7 +73,7 @@ impl Tile {
         self.columns.len() * self.rows.len()
     }
 
-    /// Returns the rectangles before and from the column or row `at`, relative to this tile.
+    /// Returns the rectangles before and from the column or row `at`, counted from the start of this tile.
     fn split(&self, is_wide: bool, at: usize) -> [Self; 2] {
         let Self { columns, rows } = self.clone();
         let (column, row) = (columns.start + at, rows.start + at);
@@ -85,7 +87,8 @@ impl Tile {
     }
 }
 
-/// Sums of cost over all pixels above and to the left of a corner. They have one more column and row than the frame.
+/// Sums of cost over all pixels above and to the left of each corner. The plane has one more column and row than the
+/// frame.
 struct CostSums(Plane<f64>);
 
 impl CostSums {
@@ -108,7 +111,8 @@ impl CostSums {
         above(rows.end) - above(rows.start)
     }
 
-    /// Returns the halves of a rectangle that becomes `n` tiles, 2 ≤ `n` ≤ its pixels, each with its number of tiles.
+    /// Returns the two halves of a rectangle, each with its number of tiles. `n` is the rectangle's number of tiles,
+    /// from 2 to its number of pixels.
     fn halves(&self, part: &Tile, n: usize) -> [(Tile, usize); 2] {
         let is_wide = part.columns.len() >= part.rows.len();
         let (length, width) = match is_wide {
@@ -116,13 +120,13 @@ impl CostSums {
             false => (part.rows.len(), part.columns.len()),
         };
 
-        // Each half needs a pixel per tile. If lines do not fit evenly, the first half gets its pixels, and the second at most
-        // as many tiles as pixels.
+        // Reserve a pixel for each tile in both halves. If lines do not fit evenly, the first half has enough pixels,
+        // and the number of tiles in the second half is limited by its pixels.
         let first = n.div_ceil(2);
         let least = first.div_ceil(width);
         let most = (length - (n - first).div_ceil(width)).max(least);
 
-        // Distances to the target fraction, times n to avoid rounding of quotients.
+        // Compare distances to the target fraction, multiplied by n to avoid rounding of quotients.
         let total = self.of(part);
         let distance = |at: usize| {
             let [before, _] = part.split(is_wide, at);
@@ -143,7 +147,7 @@ mod tests {
     use proptest::collection::vec;
     use proptest::prelude::*;
 
-    /// Frames of up to 24×24 pixels with integer costs, many of them zero, so that sums are exact.
+    /// Returns frames of up to 24×24 pixels with integer costs, many of them zero, so that sums are exact.
     fn pictures() -> impl Strategy<Value = Plane<f32>> {
         (1usize..=24, 1usize..=24).prop_flat_map(|(width, height)| {
             let cost = prop_oneof![Just(0.0f32), Just(1.0), (0u32..1000).prop_map(|cost| cost as f32)];
@@ -151,13 +155,14 @@ mod tests {
         })
     }
 
-    /// Returns the cost of a tile, pixel by pixel.
+    /// Returns the cost of a tile, summed pixel by pixel.
     fn cost_of(picture: &Plane<f32>, tile: &Tile) -> f64 {
         let rows = tile.rows.clone().map(|y| &picture.row(y)[tile.columns.clone()]);
         rows.flatten().map(|&cost| f64::from(cost)).sum()
     }
 
-    /// Returns the cost of the most expensive line along a split of this rectangle, and the pixels per line.
+    /// Returns the cost of the most expensive line parallel to the rectangle's split, and the number of pixels per
+    /// line.
     fn dearest_line(picture: &Plane<f32>, part: &Tile) -> (f64, usize) {
         let Tile { columns, rows } = part.clone();
         let (lines, width): (Vec<Tile>, usize) = match columns.len() >= rows.len() {
@@ -167,7 +172,7 @@ mod tests {
         (lines.iter().map(|line| cost_of(picture, line)).fold(0.0, f64::max), width)
     }
 
-    /// Checks the bound of each half of a rectangle, and returns its tiles, each with its maximum cost.
+    /// Checks the bound for each half of a rectangle. Returns the rectangle's tiles, each with its maximum cost.
     fn bounded(picture: &Plane<f32>, (part, n): (Tile, usize), mean: f64) -> Vec<(Tile, f64)> {
         if n == 1 {
             return vec![(part, mean)];
@@ -187,7 +192,7 @@ mod tests {
     }
 
     proptest! {
-        /// Includes invalid costs, and more tiles than pixels.
+        /// Checks that tiles cover each pixel once, with invalid costs and more tiles than pixels, too.
         #[test]
         fn tiles_cover_each_pixel_once(picture in pictures(), odd in vec(any::<f32>(), 576), count in 0usize..700) {
             let mut odd = odd.into_iter();
@@ -221,13 +226,13 @@ mod tests {
             prop_assert_eq!(tiles, equal_tiles(&picture, count));
         }
 
-        /// The split is optimal: no other column or row is closer to the target fraction.
+        /// Checks that the split is optimal: no other column or row is closer to the target fraction.
         #[test]
         fn halves_are_the_nearest_to_their_share(picture in pictures(), n in 2usize..12) {
             let whole = Tile { columns: 0..picture.width(), rows: 0..picture.height() };
             let (is_wide, first) = (picture.width() >= picture.height(), n.div_ceil(2));
             let length = picture.width().max(picture.height());
-            // A line has enough pixels for all tiles, so that each split is valid.
+            // Give a line enough pixels for all tiles, so that each split is valid.
             prop_assume!(length > 1 && picture.width().min(picture.height()) >= n);
             let share = cost_of(&picture, &whole) * first as f64 / n as f64;
             let [(half, k), _] = CostSums::new(&picture).halves(&whole, n);
@@ -237,7 +242,8 @@ mod tests {
             prop_assert!(distance(&half) <= best + 1e-9, "{} where {best} is possible", distance(&half));
         }
 
-        /// For uniform costs, powers of two of tiles have equal area; invalid costs count as uniform.
+        /// Checks that tiles have equal area for uniform costs if their number is a power of two. Invalid costs are
+        /// treated as uniform.
         #[test]
         fn even_costs_give_even_areas(width in 0u32..5, height in 0u32..5, count in 0u32..9) {
             let (width, height, count) = (1usize << width, 1usize << height, (1usize << count).min(1 << (width + height)));
@@ -250,16 +256,17 @@ mod tests {
         }
     }
 
-    /// Expensive pixels have small tiles, and tiles follow the order of the recursion.
+    /// Checks that expensive pixels have small tiles, and that tiles are in the order of the recursion.
     #[test]
     fn tiles_are_those_made_by_hand() {
-        // The left half costs three quarters of the whole: three of four tiles.
+        // The left half costs three quarters of the total, and contains three of four tiles.
         let picture = Plane::from_fn(12, 4, |x, _| if x < 6 { 3.0 } else { 1.0 });
         let tile = |columns, rows| Tile { columns, rows };
         let expected = [tile(0..2, 0..4), tile(2..4, 0..4), tile(4..6, 0..4), tile(6..12, 0..4)];
         assert_eq!(equal_tiles(&picture, 4), expected);
 
-        // Three of five tiles have 3.6 columns, about 4. Two of these three have 2⅔, about 3, which is less than their height.
+        // Three of five tiles need 3.6 columns, rounded to 4. Two of these three need 2⅔, rounded to 3, less than their
+        // height.
         let expected = [tile(0..3, 0..2), tile(0..3, 2..4), tile(3..4, 0..4), tile(4..6, 0..2), tile(4..6, 2..4)];
         assert_eq!(equal_tiles(&Plane::filled(6, 4, 1.0), 5), expected);
         assert_eq!(equal_tiles(&Plane::filled(0, 4, 1.0), 5), []);

@@ -9,38 +9,39 @@ use glam::Vec3;
 use plane::Plane;
 use ranks::portable;
 
-/// Work on a frame, or on some of its samples, that ranks take tile by tile.
+/// Work on some or all samples of a frame, which ranks perform tile by tile.
 pub(super) struct Job<'a> {
-    /// Surfaces of each sample, and the pixels that have it.
+    /// Surfaces of each sample, and the pixels that have the sample.
     pub samples: Vec<(Visible<'a>, Plane<bool>)>,
     pub tolerance: &'a Tolerance<'a>,
     pub tiles: Vec<Tile>,
 }
 
-/// Light of a tile.
+/// Light of a tile, and the cost of computing it.
 #[derive(Debug, PartialEq)]
 pub(super) struct TileLight {
     /// Index of the tile.
     pub tile: u32,
-    /// CPU time \[s\].
+    /// CPU time for the tile \[s\].
     pub seconds: f64,
-    /// Number of records used by pixels, and number of computed records.
+    /// Number of records that the pixels use.
     pub records_in_use: u64,
+    /// Number of records computed for the tile.
     pub records_computed: u64,
-    /// Direct and indirect radiance of the tile's pixels \[W·m⁻²·sr⁻¹\], in raster order, sample by sample.
+    /// Direct and indirect radiance of the tile's pixels \[W·m⁻²·sr⁻¹\], sample by sample, in raster order.
     pub light: Vec<(Vec3, Vec3)>,
 }
 
 portable!(TileLight { tile, seconds, records_in_use, records_computed, light });
 
 impl Job<'_> {
-    /// Lights a tile with a rank's own `layers`; adds times and counts of direct and indirect light to `counts`.
+    /// Lights a tile with a rank's own `layers`. Adds times and counts of direct and indirect light to `counts`.
     pub fn light(&self, tile: u32, layers: &mut Layers, counts: &mut [Lit; 2]) -> TileLight {
         let area = &self.tiles[tile as usize];
         let mut result = TileLight { tile, seconds: 0.0, records_in_use: 0, records_computed: 0, light: Vec::new() };
         let mut part = PartSample::First;
         for (visible, wanted) in &self.samples {
-            // Select the tile's pixels that have the sample.
+            // Select the pixels of the tile that have the sample.
             let mut own = Plane::filled(wanted.width(), wanted.height(), false);
             let mut pixels = Vec::new();
             for (x, y) in area.places() {
@@ -53,7 +54,7 @@ impl Job<'_> {
                 continue;
             }
 
-            // Light the sample's pixels; the first sample of a tile updates the cache.
+            // Light the pixels of the sample; the first sample of a tile updates the cache.
             let visible = Visible { part: Some(part), ..*visible };
             let (light, lit) = layers.sample(&visible, Some(&own), self.tolerance);
             part = PartSample::Further;
@@ -70,10 +71,10 @@ impl Job<'_> {
         result
     }
 
-    /// Copies the light of a tile into frames of the job's samples.
+    /// Copies the light of a tile into the frames of the job's samples.
     ///
     /// # Panics
-    /// If the light has too few pixels.
+    /// If `lit` contains light of too few pixels.
     pub fn put(&self, lit: &TileLight, pictures: &mut [Sample]) {
         let area = &self.tiles[lit.tile as usize];
         let mut light = lit.light.iter();

@@ -1,18 +1,19 @@
-//! Rank 0 as the master: distributes tiles, and stores the records of a centralized cache.
+//! Master on rank 0: distributes tiles, and stores the records of a centralized cache.
 
 use crate::settings::{RecordSharing, TileSettings};
 use render_core::cache::SharedRecord;
 use render_core::ranks::Portable;
 
-/// The remaining tiles, and the records of a centralized cache \[Debattista05, section 4.3\].
+/// Tiles to be lit, and the records of a centralized cache \[Debattista05, section 4.3\].
 #[derive(Debug)]
 pub(super) struct Master {
     tiles: u32,
     next: u32,
-    /// Records with the rank that computed each, without the records that every rank has.
+    /// Records that some rank lacks, each with the rank that computed it.
     list: Vec<(usize, SharedRecord)>,
-    /// Number of the first record in the list and, by rank, of the first record not sent to it. Numbers continue across frames.
+    /// Number of the first record in `list`. Records are numbered continuously across frames.
     first: usize,
+    /// Number of the first record that was not sent yet, by recipient.
     given: Vec<usize>,
 }
 
@@ -22,7 +23,7 @@ impl Master {
         Self { tiles: 0, next: 0, list: Vec::new(), first: 0, given: vec![0; ranks] }
     }
 
-    /// Starts distributing tiles 0 … `tiles` − 1.
+    /// Starts to distribute the tiles 0 … `tiles` − 1.
     pub fn begin(&mut self, tiles: usize) {
         (self.tiles, self.next) = (tiles as u32, 0);
     }
@@ -34,7 +35,7 @@ impl Master {
         tile
     }
 
-    /// Stores the records of a rank, and returns the records of other ranks that it has not received yet.
+    /// Stores the records of `rank`, and returns the records of other ranks that `rank` has not received yet.
     pub fn exchange(&mut self, rank: usize, records: Vec<SharedRecord>) -> Vec<SharedRecord> {
         let mut others = Vec::new();
         for &(maker, record) in &self.list[self.given[rank] - self.first..] {
@@ -53,26 +54,26 @@ impl Master {
     }
 }
 
-/// Records that only this rank has.
+/// Records of this rank that no other rank has.
 #[derive(Debug, Default)]
 pub(super) struct Outbox(Vec<SharedRecord>);
 
-/// Records to be sent now, by recipient; usually empty.
+/// Records to be sent now, by recipient; usually none.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Outgoing {
     /// Records for rank 0, sent with the next request.
     pub to_master: Vec<SharedRecord>,
-    /// Records for each other rank.
+    /// Records for each of the other ranks.
     pub to_each: Vec<SharedRecord>,
 }
 
 impl Outbox {
-    /// Adds records that the rank has computed.
+    /// Adds records that this rank has computed.
     pub fn add(&mut self, made: Vec<SharedRecord>) {
         self.0.extend(made);
     }
 
-    /// Takes all records if they fill the buffer.
+    /// Takes all records if they fill the buffer; otherwise none.
     pub fn due(&mut self, settings: &TileSettings) -> Outgoing {
         let mut due = Outgoing::default();
         let is_full = self.0.len() >= settings.buffer as usize;
@@ -91,14 +92,15 @@ impl Outbox {
     }
 }
 
-/// A message between ranks that take tiles.
+/// Message between ranks that light tiles.
 #[derive(Debug, PartialEq)]
 pub(super) enum Message {
-    /// Request to rank 0 for the next tile and, if records are sent, for the records of other ranks.
+    /// Request to rank 0 for the next tile. In a centralized cache, it contains new records and requests other ranks'
+    /// records.
     Ask { records: Vec<SharedRecord> },
-    /// Answer of rank 0.
+    /// Answer of rank 0: the next tile, if any, and the records of other ranks.
     Give { tile: Option<u32>, records: Vec<SharedRecord> },
-    /// Records for every other rank.
+    /// Records of the sender for the recipient's cache.
     Records { records: Vec<SharedRecord> },
 }
 
@@ -127,7 +129,7 @@ impl Portable for Message {
 }
 
 impl Message {
-    /// Returns the bytes of the message.
+    /// Returns the message as bytes.
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         self.put(&mut bytes);
@@ -139,15 +141,15 @@ impl Message {
 mod tests {
     use super::*;
 
-    /// Returns a record identified by its first byte.
+    /// Returns a record that its first byte identifies.
     fn record(k: u8) -> SharedRecord {
-        // Any bytes form numbers, and therefore a record.
+        // Fill the rest with zeros: any bytes are valid numbers and form a record.
         let bytes = [&[k][..], &[0; 400]].concat();
         SharedRecord::take(&mut &bytes[..]).expect("enough bytes for a record")
     }
 
-    /// Each rank receives each record of the other ranks once, in any order of requests. Compared with lists of the records
-    /// that each rank has.
+    /// Checks that each rank receives each record of the other ranks once, for any order of requests. The reference is
+    /// a list of the records that each rank has.
     #[test]
     fn every_rank_is_given_what_it_lacks() {
         const RANKS: usize = 4;
@@ -156,7 +158,7 @@ mod tests {
         let mut had = [0; RANKS];
         let mut next = 0u8;
         for turn in 0..60usize {
-            // Ranks take turns in an irregular order; the last rank is rare.
+            // Let ranks request in an irregular order, the last one rarely.
             let rank = if turn % 11 == 10 { RANKS - 1 } else { turn * turn % (RANKS - 1) };
             let own: Vec<u8> = (next..next + (turn % 4) as u8).collect();
             next += own.len() as u8;
@@ -167,13 +169,13 @@ mod tests {
             all.extend(own.iter().map(|&k| (rank, k)));
             had[rank] = all.len();
 
-            // Records that all ranks have are dropped.
+            // Expect that records of all ranks are dropped.
             assert_eq!(master.list.len(), all.len() - had.iter().min().unwrap());
         }
         assert!(next > 80 && had[RANKS - 1] > 0);
     }
 
-    /// Each mode sends nothing before the buffer is full, then all records at once.
+    /// Checks that each mode sends no records before the buffer is full, and then all records at once.
     #[test]
     fn records_go_out_when_there_are_enough() {
         for (text, by_master, by_each) in [("rays,none", 0, 0), ("rays,central:3", 3, 0), ("rays,each:3", 0, 3)] {

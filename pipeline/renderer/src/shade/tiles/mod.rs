@@ -1,12 +1,13 @@
-//! Tiles on demand: each rank lights a tile independently, then requests the next from rank 0 \[Debattista05, section 4\].
+//! Tiles on demand: each rank lights a tile independently, then requests the next tile from rank 0 \[Debattista05,
+//! section 4\].
 //!
 //! ```text
 //! importance map ──► tiles of equal cost ──► rank 0 ──► next tile ──► rank r ──► its light ──► all ranks
 //!                                             ╚══════ records of irradiance caches ═════╝
 //! ```
-//! Each rank has its own irradiance cache. Its records stay local, or are sent through rank 0, or to each other rank. Therefore
-//! the light of a frame depends on the speed of the ranks. Without tiles, ranks share work in a fixed order
-//! (`render_core::ranks`), and the light does not.
+//! Each rank has its own irradiance cache. New records stay local, or are sent through rank 0, or to each other rank.
+//! Therefore the light of a frame depends on the speed of the ranks. Without tiles, ranks share work in a fixed order
+//! (`render_core::ranks`), and the light is independent of their speed.
 //!
 //! | module | contents |
 //! |---|---|
@@ -47,34 +48,34 @@ use simulated::SimulatedTeam;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The ranks that take tiles.
+/// Ranks that light tiles.
 #[derive(Clone, Debug)]
 pub enum Crew {
-    /// This process and others, which light the same frames: their messages, and the exchange of results.
+    /// This process and other processes, which light the same frames: their messages, and the exchange of results.
     Ranks(Arc<dyn Mail>, Arc<dyn Ranks>),
     /// This process, which simulates all ranks.
     Simulated(SimulatedRanks),
 }
 
-/// Ranks that light tiles.
+/// Ranks that light the tiles of a job.
 trait Workers: Send {
     /// Returns the number of ranks.
     fn count(&self) -> usize;
 
-    /// Begins a frame; this rank lights its tiles with these `layers`.
+    /// Begins a frame. This rank lights its tiles with `layers`.
     fn begin(&mut self, layers: &mut Layers, visible: &Visible, tolerance: &Tolerance);
 
     /// Lights all tiles of a job. Adds times and counts of this rank's direct and indirect light to `counts`.
     fn work(&mut self, layers: &mut Layers, job: &Job, counts: &mut [Lit; 2]) -> Vec<TileLight>;
 
-    /// Ends the frame.
+    /// Ends a frame.
     fn end(&mut self, layers: &mut Layers, visible: &Visible);
 
     /// Discards the state of earlier frames.
     fn forget(&mut self);
 }
 
-/// State of tiles between frames.
+/// State of tiles between two frames.
 pub(super) struct Tiling {
     settings: TileSettings,
     workers: Box<dyn Workers>,
@@ -85,7 +86,7 @@ pub(super) struct Tiling {
 }
 
 impl Tiling {
-    /// Starts a film.
+    /// Starts to light a film by tiles.
     pub fn new(settings: TileSettings, crew: Crew, render: &RenderSettings, plan: &Plan) -> Self {
         let workers: Box<dyn Workers> = match crew {
             Crew::Ranks(mail, ranks) => Box::new(Team::new(settings, mail, ranks)),
@@ -122,7 +123,7 @@ impl Tiling {
         let frame = FrameSamples { visible: (0..most).map(of_sample).collect(), tolerance };
         self.workers.begin(&mut shading.layers, &frame.visible[0], tolerance);
 
-        // Importance is known in advance, or computed from the light of the first sample.
+        // Get the importance map in advance, or compute it from the light of the first sample.
         let mut counts = [Lit::default(), Lit::default()];
         let mut seconds = Seconds::new(&frame.visible[0]);
         let mut further = 0..most;
@@ -140,7 +141,7 @@ impl Tiling {
             lit.samples.push(light);
         }
 
-        // The times of this frame predict the costs of the next.
+        // Keep the times of this frame: they predict the costs of the next frame.
         self.cost = Some(seconds.by_sample());
         let [direct, indirect] = counts;
         lit.direct.add_counts(direct);
@@ -150,7 +151,7 @@ impl Tiling {
         lit
     }
 
-    /// Lights some samples of a frame, all samples of a pixel together.
+    /// Lights some samples of a frame. All samples of a pixel are in one tile.
     fn light_some(
         &mut self,
         shading: &mut Shading,
@@ -180,7 +181,7 @@ impl Tiling {
             return;
         }
 
-        // Coats share rays with nearby pixels of other tiles, so all ranks compute them together in a fixed order.
+        // Compute coats by all ranks in a fixed order: coats share rays with nearby pixels of other tiles.
         let mut radiances = Vec::new();
         for (sample, wanted) in samples.clone().zip(&wanted_by_sample) {
             let visible = Visible { ranks: &*shading.ranks, ..frame.visible[sample] };
@@ -198,7 +199,7 @@ impl Tiling {
             job.samples.push((Visible { radiance, ..visible }, wanted));
         }
 
-        // Balance the tiles by the number of rays, or by the predicted time.
+        // Balance the tiles by the number of rays or by the predicted time.
         let weight = match (self.settings.cost, &self.cost) {
             (TileCost::Time, Some(cost)) => predicted(cost, &count, first.motion),
             _ => count.clone(),
@@ -218,23 +219,23 @@ impl Tiling {
             records.computed += result.records_computed;
         }
 
-        // The record counts cover all ranks already; all other counts are summed over ranks later.
+        // Reset the record counts: they already cover all ranks. All other counts are summed over ranks later.
         counts[1].records = RecordCounts::default();
         lit.indirect.records += records;
         lit.samples.extend(pictures);
     }
 }
 
-/// The samples of a frame.
+/// Surfaces of all samples of a frame, to be lit by tiles.
 struct FrameSamples<'a> {
     visible: Vec<Visible<'a>>,
     tolerance: &'a Tolerance<'a>,
 }
 
-/// CPU time by pixel.
+/// CPU time and number of samples of each pixel.
 struct Seconds {
     spent: Plane<f32>,
-    /// Number of samples.
+    /// Number of samples of each pixel.
     count: Plane<f32>,
 }
 
@@ -263,8 +264,8 @@ impl Seconds {
     }
 }
 
-/// Returns the predicted CPU time of each pixel \[s\]: its `count` of samples times the previous time per sample on the same
-/// surface. A newly visible surface takes the time of the same pixel.
+/// Returns the predicted CPU time of each pixel \[s\]: its `count` of samples times the previous time per sample on the
+/// same surface. A newly visible surface has the previous time of its pixel.
 fn predicted(before: &Plane<f32>, count: &Plane<f32>, motion: Option<&Correspondence>) -> Plane<f32> {
     let samples = before.samples();
     Plane::from_fn(count.width(), count.height(), |x, y| {

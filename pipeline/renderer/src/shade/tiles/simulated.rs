@@ -1,5 +1,5 @@
-//! Simulation of any number of ranks on one processor. Each lights its tiles with its own cache, in measured time; messages
-//! take the time of a simulated network. The rank with the earliest clock runs next.
+//! Simulation of any number of ranks on one processor. Each rank lights its tiles with its own cache, in measured time.
+//! Messages need the time of a simulated network. The rank with the earliest clock runs next.
 
 use super::Workers;
 use super::job::{Job, TileLight};
@@ -41,7 +41,7 @@ impl SimulatedRanks {
 /// Statistics of a frame on several ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SimulatedFrame {
-    /// Time from the start of the first rank until all ranks have all light \[s\].
+    /// Time from the start of the first rank until all ranks have received all light \[s\].
     pub seconds: f64,
     /// Total CPU time of all ranks \[s\].
     pub all_busy: f64,
@@ -51,40 +51,41 @@ pub struct SimulatedFrame {
     pub tiles: u64,
     /// Number of computed records.
     pub records: u64,
-    /// Number of messages between ranks, without the light of tiles.
+    /// Number of messages between ranks, excluding the light of tiles.
     pub messages: u64,
-    /// Size of these messages \[bytes\].
+    /// Size of all counted messages \[bytes\].
     pub bytes: u64,
 }
 
-/// A simulated rank.
+/// Simulated rank.
 struct Rank {
     /// Layers of the rank; `None` for rank 0, which uses the layers of this process.
     layers: Option<Layers>,
     outbox: Outbox,
-    /// Records in transit, with their arrival times \[s\].
+    /// Records in transit, each list with its arrival time \[s\].
     coming: Vec<(f64, Vec<SharedRecord>)>,
-    /// Time since the start of the job, and the time from which the rank's connection is free \[s\].
+    /// Time since the start of the job \[s\].
     clock: f64,
+    /// Time from which the rank's connection is free \[s\].
     line_free: f64,
     /// CPU time in this frame \[s\].
     busy: f64,
     is_done: bool,
 }
 
-/// The ranks of a film.
+/// Simulated ranks of a film.
 pub(super) struct SimulatedTeam {
     settings: TileSettings,
     ranks: SimulatedRanks,
     all: Vec<Rank>,
     master: Master,
-    /// A pool of one thread, which no other work can interrupt.
+    /// Pool of one thread, which no other work can interrupt.
     pool: ThreadPool,
     frame: SimulatedFrame,
 }
 
 impl SimulatedTeam {
-    /// Creates ranks that light tiles with layers from `layers`.
+    /// Creates ranks that light tiles, each with its own layers from `layers`.
     pub fn new(settings: TileSettings, ranks: SimulatedRanks, layers: impl Fn() -> Layers) -> Self {
         let rank = |number: usize| Rank {
             layers: (number > 0).then(&layers),
@@ -101,18 +102,18 @@ impl SimulatedTeam {
         Self { settings, ranks, all, master, pool, frame: SimulatedFrame::default() }
     }
 
-    /// Returns the time for which a message of `bytes` bytes occupies a network connection \[s\].
+    /// Returns the time during which a message of `bytes` bytes occupies a network connection \[s\].
     fn transfer(&self, bytes: usize) -> f64 {
         bytes as f64 / self.ranks.network.bandwidth
     }
 
-    /// Counts a message.
+    /// Counts a message of `bytes` bytes.
     fn note(&mut self, bytes: usize) {
         self.frame.messages += 1;
         self.frame.bytes += bytes as u64;
     }
 
-    /// Sends a rank's records to all other ranks in sequence, in parallel with its work.
+    /// Sends records to all other ranks, one after the other, in parallel with the sender's work.
     fn send_to_each(&mut self, from: usize, records: Vec<SharedRecord>) {
         let bytes = Message::Records { records: records.clone() }.bytes().len();
         let mut free = self.all[from].clock.max(self.all[from].line_free);
@@ -124,7 +125,8 @@ impl SimulatedTeam {
         self.all[from].line_free = free;
     }
 
-    /// Returns the next tile for a rank, and advances its clock by the waiting time. Rank 0 serves one request at a time.
+    /// Returns the next tile for `rank`, and advances the rank's clock by the waiting time. Rank 0 serves one request
+    /// at a time.
     fn ask(&mut self, rank: usize, records: Vec<SharedRecord>) -> Option<u32> {
         let sent = Message::Ask { records: records.clone() }.bytes().len();
         let others = if records.is_empty() { Vec::new() } else { self.master.exchange(rank, records) };
@@ -144,7 +146,7 @@ impl SimulatedTeam {
         tile
     }
 
-    /// Returns the records that a rank has received by now.
+    /// Returns the records that `rank` has received by the time on its clock.
     fn arrived(&mut self, rank: usize) -> Vec<SharedRecord> {
         let Rank { coming, clock, .. } = &mut self.all[rank];
         let mut arrived = Vec::new();
@@ -158,7 +160,8 @@ impl SimulatedTeam {
         arrived
     }
 
-    /// Runs `work` with a rank's layers, or with `own` for this process, and advances its clock by the CPU time.
+    /// Runs `work` with the layers of `rank`, or with `own` for this process, and advances the rank's clock by the CPU
+    /// time.
     fn timed<T: Send>(&mut self, rank: usize, own: &mut Layers, work: impl FnOnce(&mut Layers) -> T + Send) -> T {
         let Rank { layers, clock, busy, .. } = &mut self.all[rank];
         let layers = layers.as_mut().unwrap_or(own);
@@ -169,7 +172,7 @@ impl SimulatedTeam {
         result
     }
 
-    /// Runs a step of a rank: it sends its records, takes a tile and lights it. `None` if no tile remains.
+    /// Runs a step of `rank`: sends records, requests a tile and lights it. Returns `None` if no tile remains.
     fn step(&mut self, rank: usize, own: &mut Layers, (job, counts): (&Job, &mut [Lit; 2])) -> Option<TileLight> {
         let Outgoing { to_master, to_each } = self.all[rank].outbox.due(&self.settings);
         if !to_each.is_empty() {
@@ -224,13 +227,13 @@ impl Workers for SimulatedTeam {
             }
         }
 
-        // All ranks wait for the last, and receive the light of all tiles.
+        // Advance all ranks to the last clock: they wait for the light of all tiles.
         let last = self.all.iter().map(|rank| rank.clock).fold(0.0, f64::max);
         let gathered = self.ranks.network.all_gather(&sizes);
         self.frame.seconds += last + gathered;
         for rank in &mut self.all {
             (rank.clock, rank.line_free, rank.is_done) = (0.0, 0.0, false);
-            // All records in transit have arrived by then.
+            // Deliver all records in transit: they have arrived by then.
             rank.coming.iter_mut().for_each(|(time, _)| *time = 0.0);
         }
         self.frame.tiles += lit.len() as u64;
@@ -247,7 +250,7 @@ impl Workers for SimulatedTeam {
         self.frame.all_busy = busy.clone().sum();
         self.frame.most_busy = busy.fold(0.0, f64::max);
 
-        // The frame ends when the last clock does.
+        // Add the time until the last clock to the time of the frame.
         self.frame.seconds += self.all.iter().map(|rank| rank.clock).fold(0.0, f64::max);
         self.all.iter_mut().for_each(|rank| rank.clock = 0.0);
         self.ranks.frames.lock().unwrap_or_else(PoisonError::into_inner).push(self.frame);
