@@ -39,7 +39,7 @@ impl std::fmt::Debug for Run<'_> {
 /// Runs the loop to the end of a film, and returns the reports of all frames in display order.
 ///
 /// Shading frame n waits for the thresholds of frame n−1, which follow from that frame's coded picture. Frame n+1 is
-/// prepared in the meantime. The film depends only on its stages, not on their timing. Its bytes are passed to the
+/// prepared in the meantime. The film depends only on its stages, not on their timing. The bytes of the film are passed to the
 /// observer and to the file of [`Start::write_to`].
 ///
 /// # Errors

@@ -23,7 +23,7 @@ pub enum Error {
     /// The operating system refused to open, read or write a file or folder.
     #[error("{} {problem}", path.display())]
     File {
-        /// File or folder.
+        /// Path of the file or folder.
         path: PathBuf,
         /// Description of the failure, appended to the path, with the remedy if one exists.
         problem: String,
@@ -33,7 +33,7 @@ pub enum Error {
     /// A file was read, but its content is invalid or unexpected.
     #[error("{}{problem}", path.display())]
     Content {
-        /// File or folder.
+        /// Path of the file or folder.
         path: PathBuf,
         /// Description of the problem, appended to the path; it begins with its own punctuation.
         problem: String,
@@ -49,7 +49,7 @@ pub enum Error {
     /// A stage of the loop panicked, or an invariant of this crate is violated.
     #[error("{0}")]
     Fault(String),
-    /// Another error, with the action that failed.
+    /// Another error, with a description of the failed action.
     #[error("{context}")]
     Context {
         /// Description of the failed action.

@@ -4,7 +4,8 @@ use plane::Plane;
 
 /// Luminance to which automatic exposure maps the middle of a picture: photography's 18 % gray card.
 const MIDDLE_GRAY: f64 = 0.18;
-/// Maximum luminance of black pixels, relative to the mean luminance: seventeen stops below it. Exposure ignores them.
+/// Maximum luminance of pixels that are treated as black, relative to the mean luminance: seventeen stops less.
+/// Automatic exposure ignores such pixels.
 const LEAST_LIT: f64 = 1.0 / 131_072.0;
 
 /// Returns the exposure that maps the geometric mean of the lit pixels' luminance to middle gray; 1 for a black

@@ -31,9 +31,9 @@ pub struct Output {
 /// Length and checksum of a file's bytes, as stored in checkpoints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Written {
-    /// Number of bytes.
+    /// Number of written bytes.
     pub length: u64,
-    /// CRC-32 of the bytes.
+    /// CRC-32 of the written bytes.
     pub sum: u32,
 }
 
@@ -64,7 +64,7 @@ impl Output {
         Self { path: path.to_owned(), part, file, written, sum, kept: Arc::default(), tail: Tail::of_nothing() }
     }
 
-    /// Returns a handle to complete the file from another thread while this one is busy.
+    /// Returns a handle to complete the file from another thread while the writing thread is busy.
     #[must_use]
     pub fn early_end(&self) -> EarlyEnd {
         EarlyEnd::new(&self.path, self.part.clone(), self.tail.clone())
@@ -197,14 +197,14 @@ fn locked(path: &Path, part: &Path, options: &fs::OpenOptions) -> Result<File> {
     loop {
         let file = options.open(part).map_err(problem())?;
         match file.try_lock() {
-            // Another run may have renamed the part between the two calls.
+            // Try again if another run has renamed the `.part` file between the two calls.
             Ok(()) if is_in_place(&file, part) => return Ok(file),
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 let text = " is being written by another run: wait for it to end, or choose another path with -o";
                 return Err(Error::content(path, text));
             }
-            // Some network file systems do not support locks.
+            // Write without a lock on network file systems that do not support locks.
             Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => return Ok(file),
             Err(TryLockError::Error(error)) => return Err(problem()(error)),
         }

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Decides before each frame, as late as possible, whether to start it.
 ///
-/// All ranks start a frame together. With several ranks, the decision is therefore made when the previous frame is
-/// handed over.
+/// All ranks start a frame together. With several ranks, the decision is therefore made when the previous frame is passed
+/// to shading.
 pub(super) struct Pace<'a> {
     stop: &'a AtomicBool,
     checkpoints: &'a Checkpoints,
@@ -36,7 +36,7 @@ impl<'a> Pace<'a> {
         self.decided.take().unwrap_or_else(|| self.decide(index))
     }
 
-    /// Decides about the frame after `index` if other ranks follow; called when frame `index` is handed over. Returns
+    /// Decides about the frame after `index` if other ranks follow; called when frame `index` is passed to shading. Returns
     /// the decision, or false without other ranks.
     pub fn hand_over(&self, index: u32) -> bool {
         self.decided.set(self.is_led.then(|| self.decide(index + 1)));

@@ -190,7 +190,7 @@ pub struct Prepared<F> {
     pub figures: FrameFigures,
 }
 
-/// Channels as pairs of name and samples in raster order.
+/// List of channels, each with its name and its samples in raster order.
 pub type Channels = Vec<(String, Vec<f32>)>;
 
 /// Pixel that shows several surfaces.
@@ -205,7 +205,7 @@ pub struct Outline {
 /// Light of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Shaded {
-    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    /// Linear RGB radiance of each pixel \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
     /// Pixels that show several surfaces. A display shows the mean of their tone-mapped surfaces, not of `radiance`.
     pub outlines: Vec<Outline>,
@@ -241,7 +241,7 @@ pub struct Displayed {
     pub index: u32,
     /// Picture as Y′C_BC_R.
     pub picture: Arc<YCbCr>,
-    /// Luminance before tone mapping \[W·m⁻²·sr⁻¹\].
+    /// Luminance of each pixel before tone mapping \[W·m⁻²·sr⁻¹\].
     pub luminance: Arc<Plane<f32>>,
     /// Tone curve from luminance to picture.
     pub tone_map: ToneMap,
@@ -253,7 +253,7 @@ pub struct Displayed {
     pub forward: Option<Arc<Correspondence>>,
 }
 
-/// Result of an encoding step.
+/// Result of one step of the encoder.
 #[derive(Clone, Debug, Default)]
 pub struct Encoded {
     /// Bytes to append to the file.
@@ -269,13 +269,13 @@ pub struct Encoded {
 pub struct CodedFrame {
     /// Number of the frame.
     pub index: u32,
-    /// I, P or B.
+    /// Type of the picture: I, P or B.
     pub picture_type: PictureType,
     /// Size in the elementary stream with headers \[bits\].
     pub bits: u64,
     /// quantiser_scale of the picture's settings.
     pub quantiser_scale: u32,
-    /// PSNR of luma \[dB\]; infinite if lossless.
+    /// PSNR of the coded luma \[dB\]; infinite if lossless.
     pub psnr_y: f64,
     /// Picture as a decoder displays it, for observers; `None` if the encoder does not provide it.
     pub decoded: Option<Arc<Picture>>,
@@ -313,9 +313,9 @@ impl Default for Coding {
 pub struct LuminanceThresholds {
     /// Number of the frame from which the thresholds were derived; the next frame uses them.
     pub of: u32,
-    /// Permitted luminance error \[W·m⁻²·sr⁻¹\].
+    /// Permitted luminance error of each pixel \[W·m⁻²·sr⁻¹\].
     pub delta: Arc<Plane<f32>>,
-    /// Luminance of the frame \[W·m⁻²·sr⁻¹\].
+    /// Luminance of each pixel in the frame \[W·m⁻²·sr⁻¹\].
     pub luminance: Arc<Plane<f32>>,
 }
 

@@ -25,7 +25,7 @@ pub struct Parts<P, S, D, M, E> {
     pub mask: Option<M>,
 }
 
-/// Start of a new or resumed film, from [`Parts::begin`].
+/// Start of a new or resumed film, returned by [`Parts::begin`].
 #[derive(Debug)]
 pub struct Start<'a> {
     pub(super) checkpoints: &'a Checkpoints,

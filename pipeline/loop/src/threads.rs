@@ -18,7 +18,7 @@ impl<T> Stamped<T> {
     }
 }
 
-/// Stage with the driver's additions: time, spans, observers.
+/// Stage as the driver runs it: with measured time, spans and observers.
 pub(super) trait Stage: Sized {
     /// Index of the stage's state in a checkpoint.
     const PART: Part;

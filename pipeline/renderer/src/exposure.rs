@@ -1,7 +1,7 @@
 //! Exposure of a film, computed before rendering: from its first frame or from its lit frames.
 //!
 //! ```text
-//! e = 0.18 / exp(mean ln Y)         Y  luminance of the first frame's lit pixels
+//! e = 0.18 / exp(mean ln Y)         e  exposure      Y  luminance of the first frame's lit pixels
 //! ```
 //!
 //! The rule requires a first frame about as bright as the other frames. To test this, a few small frames are

@@ -20,7 +20,7 @@ impl<'a> Renderer<'a> {
         Self { prepare: Preparation::new(scene, settings, plan), shade: Shading::new(settings, plan) }
     }
 
-    /// Renders frame `index`: linear radiance \[W·m⁻²·sr⁻¹\] and figures.
+    /// Renders frame `index`. Returns linear radiance \[W·m⁻²·sr⁻¹\] and figures.
     ///
     /// The `thresholds` of the previous frame determine the permitted error of each pixel. Without thresholds, it is 2
     /// % of the luminance.

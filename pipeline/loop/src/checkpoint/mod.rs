@@ -1,5 +1,5 @@
-//! Checkpoints: the states of all stages are written at intervals, and another process continues the film from them
-//! to the same bits.
+//! Checkpoints: files with the states of all stages, written at intervals. From a checkpoint, another process continues
+//! the film to the same bits.
 //!
 //! A checkpoint contains the state of every stage after the same frame. The driver marks that frame when it starts, and
 //! each stage stores its state after processing it. When the last state arrives, the file is written atomically. Stages
@@ -27,15 +27,15 @@ use std::time::{Duration, Instant};
 /// Stage of the loop, as the owner of a state in a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Preparation; its state is the light tree.
+    /// Preparation, with the light tree as its state.
     Prepare,
-    /// Shading; its state is the irradiance cache, or the light of a static film.
+    /// Shading, with the irradiance cache or the light of a static film as its state.
     Shade,
-    /// Display; its state is the exposure and the length of the uncompressed file.
+    /// Display, with the exposure and the length of the uncompressed file as its state.
     Display,
-    /// Encoder; its state includes the waiting frames, the length of the film, and the reports so far.
+    /// Encoder, with the waiting frames, the length of the film and the reports so far as its state.
     Encode,
-    /// Masking; its state is the thresholds ΔY. Films without masking have none.
+    /// Masking, with the thresholds ΔY as its state; absent in films without masking.
     Mask,
 }
 

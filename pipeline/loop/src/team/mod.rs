@@ -3,8 +3,8 @@
 //! ```text
 //! rank 0   Prepare ──► Shade ──► Display ──► Encode ──► Mask      thresholds flow back, files are written
 //!             ║          ║
-//! rank 1   Prepare ──► Shade                                      no files, no words
-//!             ║          ║         ═  results of shared loops, by `ranks`
+//! rank 1   Prepare ──► Shade                                      writes and prints nothing
+//!             ║          ║         ═  results of shared loops, exchanged by `ranks`
 //! ```
 //! Every rank prepares and shades every frame from the same state; the ranks share the work of inner loops. Rank 0
 //! orders the next frame with its thresholds (`lead.rs`), so no result depends on the timing of a rank. Before the

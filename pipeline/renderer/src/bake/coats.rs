@@ -69,7 +69,7 @@ pub(super) struct CoatBake<'a> {
 }
 
 impl CoatBake<'_> {
-    /// Bakes the light of coats. `done` is called with the number of texels completed since its last call.
+    /// Bakes the light of coats. `done` is called with the number of texels completed since the previous call.
     pub fn fields(&self, coats: &CoatTexels, done: &(dyn Fn(usize) + Sync)) -> CoatFields {
         let unit = (UNIT * self.light.mean() / PI).max(f32::MIN_POSITIVE);
         let unit = LogScale::new(unit).expect("a normal number");
@@ -101,7 +101,7 @@ impl CoatBake<'_> {
         CoatField::new(side, numbers, light).expect("the field has this map and these tiles")
     }
 
-    /// Returns the baked irradiance \[W·m⁻²\] at a ray's hit.
+    /// Returns the baked irradiance \[W·m⁻²\] at a ray's hit; `None` if the atlas lacks the surface.
     fn irradiance(&self, hit: &Hit, surface: &Surface) -> Option<Vec3> {
         let &Surface { position, geometric_normal, .. } = surface;
         let instance = *self.instances.get(hit.instance as usize)?;

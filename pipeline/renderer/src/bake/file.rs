@@ -7,7 +7,7 @@
 //! bytes of the sections, in order                                                                         all little-endian
 //! ```
 //!
-//! Readers select sections by tag and ignore unknown ones.
+//! Readers select sections by tag and ignore sections with unknown tags.
 
 use pipeline::error::{Error, Result};
 use pipeline::output::Output;

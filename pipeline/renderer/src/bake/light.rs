@@ -3,9 +3,9 @@
 //! ```text
 //! 1  choose a point outside of geometry for each texel
 //! 2  compute direct light, in blocks of texels
-//! 3  light every fourth texel alone: its lightcut stops at 1 % of its own light
-//! 4  light the others in blocks: their lightcuts stop at 1 % of the light between the texels of step 3
-//! 5  average texels that differ from their neighbors over further points, as in step 4
+//! 3  light every fourth texel alone: the lightcut stops at 1 % of the texel's own light
+//! 4  light the other texels in blocks: lightcuts stop at 1 % of the light between the texels of step 3
+//! 5  light further points of texels that differ from their neighbors, as in step 4, and use the mean
 //! 6  fill texels without a point from their neighbors
 //! ```
 //!
@@ -154,7 +154,7 @@ pub(super) fn light(
         known.indirect[texel] = Some(light);
     }
 
-    // Average texels unlike their neighbors over more of their area.
+    // Light further points of texels that are unlike their neighbors, and use the mean.
     let finer: Vec<Vec<TwoLights>> = blocks
         .par_iter()
         .map_init(BlockScratch::default, |scratch, block| {

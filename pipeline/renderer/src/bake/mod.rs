@@ -39,14 +39,14 @@ const COATS: [u8; 4] = *b"COAT";
 pub struct Bake {
     /// Light of the texels.
     pub texels: BakedTexels,
-    /// Number of texels inside geometry; their light is the mean of their neighbors.
+    /// Number of texels inside geometry; each has the mean light of its neighbors.
     pub filled: usize,
     /// Wall-clock time for the light of coats \[s\].
     pub coat_seconds: f64,
 }
 
 /// Computes the light of about `texels` texels on the static surfaces of `scene`. `progress` is called from any thread with the
-/// work done and the total work. Equal scenes and settings give equal bits for any number of threads.
+/// work done and the total work. Equal scenes and settings produce equal bits for any number of threads.
 ///
 /// # Errors
 /// If the scene cannot be baked, because a lamp moves or no surface is static.

@@ -73,7 +73,7 @@ impl<'a> Facts<'a> {
     }
 }
 
-/// A fact about the scene or the settings that no stage depends on.
+/// A fact about the scene or the settings on which no stage depends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fact {
     /// Subject of the fact.

@@ -28,7 +28,7 @@ pub const MOVING_ANCHORS: usize = 96;
 pub struct RenderSettings {
     /// Number of frames in the film.
     pub frames: u32,
-    /// Frame number just after the last rendered frame.
+    /// Index of the first frame after the rendered range.
     pub end: u32,
     /// Number of frames per chunk, with all state reset at the start of each; `None` without chunks.
     pub chunk: Option<u32>,
@@ -42,7 +42,7 @@ pub struct RenderSettings {
     pub every: u32,
     /// Frame size \[pixels\].
     pub size: Size,
-    /// Pixel width divided by pixel height.
+    /// Ratio of pixel width to pixel height.
     pub pixel_aspect: f32,
     /// Weights of the saliency and task maps; `None` disables importance.
     pub importance: Option<Importance>,

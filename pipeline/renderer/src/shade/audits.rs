@@ -25,7 +25,7 @@ const TURN: usize = 16;
 pub struct Audits {
     /// Errors of lightcuts, by the class of their threshold.
     pub cuts: lighttree::Audits,
-    /// Errors of reprojected light.
+    /// Counts of audited pixels with reprojected light: all pixels, and pixels within the permitted error.
     pub carried: AuditCounts,
 }
 

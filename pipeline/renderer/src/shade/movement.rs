@@ -127,8 +127,8 @@ impl MovingBox {
 
     /// Returns whether a segment from a point to any point of the box `low`…`high` touches this box.
     ///
-    /// At the fraction t of their length, the segments fill the box p + t (low − p) … p + t (high − p), where p is the
-    /// point. Along each axis, that box overlaps this box in an interval of t (slab test).
+    /// With p as the point, the segments fill the box p + t (low − p) … p + t (high − p) at the fraction t of their
+    /// length. Along each axis, that box overlaps this box in an interval of t (slab test).
     pub fn is_between(&self, point: Vec3A, low: Vec3A, high: Vec3A) -> bool {
         // Solve t (high − p) ≥ self.low − p and t (low − p) ≤ self.high − p for t, per axis.
         let (mut enter, mut leave) = (0f32, 1f32);

@@ -22,7 +22,7 @@ pub(super) struct SamplesLight {
     pub indirect: Lit,
     pub reused: Reused,
     pub importance: Option<ImportanceMap>,
-    /// Poses of the instances.
+    /// Poses of the moving instances; `None` for a static instance.
     pub places: Vec<Option<InstancePose>>,
     /// CPU time of primary rays and importance.
     pub visibility: Busy,

@@ -5,7 +5,7 @@
 //! places               the node and primitive of each instance
 //! tone, page, fill     the film's tone curve, and the image of the whole atlas
 //! split, meshes        vertices split along charts, and texture coordinates for each node
-//! apart                backs of sheets, slightly behind their fronts
+//! apart                back faces, slightly behind their fronts
 //! materials, lights    unlit materials with the image; punctual lights for dynamic surfaces
 //! compact, glb         unreferenced objects removed, all bytes in one file
 //! beside               settings for films of the export

@@ -8,12 +8,13 @@
 //! everything else                      reflection rays: area lights of the light tree, the sky, lit surfaces
 //! ```
 //!
-//! Reflection rays follow the visible microfacets \[Dupuy23\]. Their random points depend only on the pixel, so noise
+//! Reflection rays follow the visible microfacets \[Dupuy23\]. The random points of the rays depend only on the pixel, so noise
 //! is static. The mean of the rays' radiance is scaled by the known albedo of the coat, not by the sum of the sample
 //! weights:
 //!
 //! ```text
-//! L = C(θ_o) · Σ wᵢ Lᵢ / Σ wᵢ            w = F·G₂/G₁   C  albedo of the coat
+//! L = C(θ_o) · Σ wᵢ Lᵢ / Σ wᵢ            w = F·G₂/G₁   C  albedo of the coat      Lᵢ  radiance along ray i
+//!   θ_o  angle between normal and viewer      F  Fresnel term      G₁, G₂  masking; masking and shadowing
 //! ```
 //! Under uniform light, a coat is therefore uniform for any number of rays.
 //!

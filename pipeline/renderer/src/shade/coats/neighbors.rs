@@ -5,6 +5,7 @@
 //! ```text
 //! k = tent · (1 − u²)           u² = (|m_p − m_q|² + |x_p − x_q|² n²) / (s α)² + ((α_p − α_q) / (r α))²
 //!   m  center of the lobe       x  position      n  mean of 1/t over the rays      α  GGX's lobe width
+//!   s, r  SAME_LOBE, SAME_ALPHA       tent  filter over the distance in pixels      t  distance to the first hit
 //! ```
 //! Rays with u ≥ 1 do not contribute. The second term of u² is the parallax of the surfaces hit by the rays. Therefore,
 //! pixels at contact shadows, bumps and borders of smoother regions use only their own rays.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! M(ω_o) = Σ w_k L_k / Σ w_k        w_k = f(ω_o, ω_k) cos θ_k        L(ω_o) = C(ω_o) M(ω_o)
-//!                                                                     C  albedo of the coat
+//!   f  BRDF of the coat      θ_k  angle between ω_k and the normal      C  albedo of the coat
 //! ```
 //! The rays ω_k are evenly distributed over the hemisphere and represent equal solid angles, so their density cancels.
 //! Their radiance L_k is the radiance that reflection rays of rough coats find: surfaces, the sky, and emission except

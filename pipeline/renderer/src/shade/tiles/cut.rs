@@ -26,9 +26,9 @@ pub struct Tile {
 /// Splits a frame into `count` tiles of about equal cost, given the `cost` of each pixel in any unit.
 ///
 /// A rectangle of n tiles is halved across its longer side; a square is halved into left and right. The first half has
-/// ⌈n/2⌉ tiles. Its length is chosen so that its cost is nearest to ⌈n/2⌉/n of the rectangle's cost. Among equal costs,
-/// the length nearest to this fraction of the side is chosen, then the first length. Tiles of the left or upper half
-/// precede tiles of the right or lower half.
+/// ⌈n/2⌉ tiles. The length of that half is chosen so that the half's cost is nearest to ⌈n/2⌉/n of the rectangle's
+/// cost. Among equal costs, the length nearest to this fraction of the side is chosen, then the first length. Tiles of
+/// the left or upper half precede tiles of the right or lower half.
 ///
 /// Negative, infinite and NaN costs are treated as zero. If all costs are zero, tiles have about equal area. The number
 /// of tiles is at least one and at most the number of pixels; an empty frame has no tiles.
@@ -37,8 +37,8 @@ pub struct Tile {
 /// parallel to the split and have w pixels each.
 ///
 /// Therefore, if rectangles are wider than their number of tiles, a tile costs less than the mean plus 2.3 times the
-/// most expensive line. The halves on the way to a tile have at least 1, 2, 3, 5, 9 … tiles, and the sum 1 + 1/2 + 1/3
-/// + 1/5 + 1/9 + … is less than 2.3.
+/// most expensive line. The halves on the way to a tile have at least 1, 2, 3, 5, 9 … tiles. The sum of the reciprocals
+/// of these numbers is less than 2.3.
 pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
     let whole = Tile { columns: 0..cost.width(), rows: 0..cost.height() };
     let pixels = whole.pixels();
@@ -120,8 +120,8 @@ impl CostSums {
             false => (part.rows.len(), part.columns.len()),
         };
 
-        // Reserve a pixel for each tile in both halves. If lines do not fit evenly, the first half has enough pixels,
-        // and the number of tiles in the second half is limited by its pixels.
+        // Reserve a pixel for each tile in both halves. If lines do not fit evenly, the first half has enough pixels.
+        // The number of tiles in the second half is then limited by the pixels left.
         let first = n.div_ceil(2);
         let least = first.div_ceil(width);
         let most = (length - (n - first).div_ceil(width)).max(least);

@@ -25,7 +25,7 @@ pub struct SimulatedRanks {
 }
 
 impl SimulatedRanks {
-    /// Creates `count` ranks, at least one.
+    /// Creates `count` simulated ranks, at least one.
     #[must_use]
     pub fn new(count: usize, network: Network) -> Self {
         Self { count: count.max(1), network, frames: Arc::default() }
@@ -68,7 +68,7 @@ struct Rank {
     clock: f64,
     /// Time from which the rank's connection is free \[s\].
     line_free: f64,
-    /// CPU time in this frame \[s\].
+    /// CPU time of the rank in this frame \[s\].
     busy: f64,
     is_done: bool,
 }
