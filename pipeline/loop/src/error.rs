@@ -35,7 +35,7 @@ pub enum Error {
     Content {
         /// Path of the file or folder.
         path: PathBuf,
-        /// Description of the problem, appended to the path; it begins with its own punctuation.
+        /// Description of the problem with leading punctuation, appended to the path.
         problem: String,
         /// Error of another library, if any.
         source: Option<Cause>,
@@ -80,7 +80,7 @@ impl Error {
         |source| Self::File { path: path.into(), problem: problem.into(), source }
     }
 
-    /// Returns an error for unexpected content of a file; `problem` begins with its own punctuation.
+    /// Returns an error for unexpected content of a file. `problem` is appended to the path, with leading punctuation.
     #[must_use]
     pub fn content(path: &Path, problem: impl Into<String>) -> Self {
         Self::Content { path: path.into(), problem: problem.into(), source: None }

@@ -54,7 +54,7 @@ impl Seconds {
 pub struct FrameFigures {
     /// CPU seconds of the stages.
     pub seconds: Seconds,
-    /// Number of traced photons. The other photons have the same energy as in the first frame.
+    /// Number of traced photons. Photons that are not traced have the same energy as in the first frame.
     pub photons_traced: u64,
     /// Mean number of clusters in a lightcut of this frame.
     pub cut_size_mean: f64,

@@ -119,7 +119,7 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
     use std::time::Duration;
 
-    /// Preparation that takes a while and counts its frames.
+    /// Slow preparation that counts frames.
     struct Slow(Arc<AtomicU32>);
 
     impl Prepare for Slow {

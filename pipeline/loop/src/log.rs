@@ -86,8 +86,8 @@ impl FilmLog {
         Ok((Self { output: None, written, begin, reports, waiting }, encoder))
     }
 
-    /// Opens the film's file: a new one, or the existing one at its length in the checkpoint. If the file is dropped
-    /// unfinished while `kept` is true, it remains.
+    /// Opens the film's file: a new one, or the existing one at its length in the checkpoint. An unfinished file
+    /// remains if it is dropped while `kept` is true.
     pub fn write_to(&mut self, path: &Path, continued: bool, kept: Arc<AtomicBool>) -> Result<()> {
         let output = if continued { Output::resume(path, self.written)? } else { Output::create(path)? };
         self.output = Some(output.kept_if(kept));

@@ -81,7 +81,7 @@ impl Output {
             |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= written.length);
         let is_finished = !has_enough(&part);
         if is_finished {
-            // A film that ended in order, as after Ctrl-C, already has its final name.
+            // Copy a film that already has its final name: it ended in order, for example after Ctrl-C.
             if !has_enough(path) {
                 let problem = " is shorter than at its checkpoint: restart without --resume";
                 return Err(Error::content(&part, problem));
@@ -177,14 +177,14 @@ impl Output {
     }
 }
 
-/// Opens standard output as a separate file, on Unix.
+/// Opens standard output as a separate file (on Unix).
 #[cfg(unix)]
 fn standard_output() -> std::io::Result<File> {
     use std::os::fd::AsFd;
     std::io::stdout().as_fd().try_clone_to_owned().map(File::from)
 }
 
-/// Opens standard output as a separate file, on Windows.
+/// Opens standard output as a separate file (on Windows).
 #[cfg(windows)]
 fn standard_output() -> std::io::Result<File> {
     use std::os::windows::io::AsHandle;

@@ -10,7 +10,7 @@ pub fn is_standard_output(path: &Path) -> bool {
     ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }
 
-/// Returns whether `path` is standard output, a device or a pipe. These are written directly, are never resumed, and
+/// Returns whether `path` is standard output, a device or a pipe. Such outputs are written directly, are never resumed, and
 /// have no files next to them.
 #[must_use]
 pub fn is_stream(path: &Path) -> bool {

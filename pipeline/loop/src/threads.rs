@@ -42,7 +42,7 @@ pub(super) trait Stage: Sized {
 /// The stage stores its state after each marked frame, and after the last frame of a run that ended early.
 ///
 /// # Errors
-/// Returns the first failure of a step, or a failure to get the state.
+/// Returns the first failure of a step, or a failure to return the state.
 pub(super) fn work<S: Stage>(
     checkpoints: &Checkpoints,
     mut stage: S,

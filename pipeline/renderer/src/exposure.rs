@@ -27,7 +27,7 @@ const PATHS: u32 = 16;
 const LOOKS: usize = 5;
 /// Maximum number of test frames, if all of them are black.
 const MOST_LOOKS: usize = 64;
-/// Minimum mean luminance of a lit frame, relative to the brightest frame: six stops below it.
+/// Minimum mean luminance of a lit frame, as a fraction of the brightest frame's mean: six stops less.
 const LIT: f32 = 1.0 / 64.0;
 /// Maximum ratio between the exposures of the first frame and of the film at which the first frame determines the
 /// exposure: two stops.

@@ -106,7 +106,7 @@ impl Lead {
         self.goes_on = goes_on;
     }
 
-    /// Orders the other ranks to shade frame `index` with these thresholds.
+    /// Orders the other ranks to shade frame `index` with the given `thresholds`.
     pub fn frame(&mut self, index: u32, marked: bool, thresholds: Option<&LuminanceThresholds>) {
         let thresholds = thresholds.map(|known| (known.of, &*known.delta, &*known.luminance));
         let goes_on = std::mem::take(&mut self.goes_on);

@@ -17,7 +17,7 @@ pub enum Present {
 }
 
 /// Compares the answers of all ranks. Returns true if all are ready for the same film, and false if rank 0 makes none.
-/// Every rank gets the same result.
+/// All ranks return the same result.
 ///
 /// # Errors
 /// If a rank fails, or if a rank is ready for another film than rank 0.
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
     use ranks::ThreadRanks;
 
-    /// Returns the result that each rank derives from these answers.
+    /// Returns the result that each rank derives from the answers of all ranks.
     fn results(answers: &[Present]) -> Vec<Result<bool, String>> {
         std::thread::scope(|scope| {
             let ranks = ThreadRanks::new(answers.len());

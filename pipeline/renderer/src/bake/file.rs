@@ -227,7 +227,7 @@ mod tests {
         SectionReader { path: Path::new(NAME), source: bytes, left: bytes.len() as u64 }.file()
     }
 
-    /// Returns the error message for a file with these `bytes`; it must be one line with the file's name.
+    /// Returns the error message for a file with content `bytes`. The message must be one line with the file's name.
     fn message(bytes: &[u8]) -> String {
         let text = parsed(bytes).unwrap_err().chain();
         assert!(text.starts_with(NAME) && !text.contains('\n') && text.contains("render2mpeg bake"), "{text}");

@@ -1,7 +1,7 @@
 //! Fingerprint of a scene: a hash of all data that affects baked light.
 //!
 //! Values are hashed as little-endian bytes by 64-bit XXH3, which is stable across machines and versions. The length of
-//! each list precedes its items. Both zeros hash equally, as do all NaNs.
+//! each list precedes its items. Both zeros hash equally, and so do all NaNs.
 //!
 //! Cameras, the motion of cameras, and names are excluded. A node is included if a lit surface, a light or a joint
 //! descends from it. Included nodes are renumbered in order, so camera nodes between them have no effect.

@@ -114,7 +114,7 @@ struct TexelBaker<'a> {
 }
 
 /// Lights the texels of the atlas of `places` at `points`; `None` marks a texel without a point. `progress` is called
-/// from any thread with the sum over passes of the texels done; there are [`PASSES`] passes.
+/// from any thread with the number of texels done, summed over all [`PASSES`] passes.
 pub(super) fn light(
     places: &Places,
     points: &[Option<ShadingPoint>],

@@ -19,8 +19,8 @@ use render_core::image_file::FramePlace;
 /// \[Herzog08\] uses 150 photons per anchor, with fewer anchors.
 const PHOTONS_PER_ANCHOR: [u64; 3] = [36, 18, 9];
 /// Number of anchor lights on dynamic geometry, each evaluated at every record. In `cornell`, the relative MSE against
-/// the path tracer is 1.6·10⁻³ with 24 anchors (two or three per side of a block) and 4.5·10⁻⁴ with 96. The latter
-/// needs 2 % more shadow rays.
+/// the path tracer is 1.6·10⁻³ with 24 anchors, two or three per side of a block. It is 4.5·10⁻⁴ with 96 anchors, which
+/// need 2 % more shadow rays.
 pub const MOVING_ANCHORS: usize = 96;
 
 /// Settings that affect the light of a film, but not its output files or coding.
@@ -93,7 +93,7 @@ pub struct RenderSettings {
     pub motion: bool,
     /// Maximum number of consecutive B pictures. B pictures need motion from both sides.
     pub bframes: u32,
-    /// Whether stages that the scene does not need are skipped.
+    /// Whether to skip stages that the scene does not need.
     pub leave_out: bool,
     /// Additional channels of each frame's OpenEXR file.
     pub aov: Vec<Aov>,

@@ -22,7 +22,7 @@ pub enum Lighting {
 }
 
 impl Lighting {
-    /// Returns whether static surfaces take their light from a bake file.
+    /// Returns whether static surfaces read light from a bake file.
     #[must_use]
     pub fn is_baked(self) -> bool {
         #[cfg(feature = "bake")]

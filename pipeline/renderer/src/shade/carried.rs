@@ -38,7 +38,7 @@ pub(super) trait Carriable: Layer {
 pub(super) enum Holding<'a> {
     Nowhere,
     Everywhere,
-    /// All surfaces in pixels (column, row) that satisfy this predicate.
+    /// All surfaces in pixels (column, row) for which the predicate is true.
     Where(Box<dyn Fn(usize, usize) -> bool + Sync + 'a>),
 }
 
@@ -124,14 +124,14 @@ impl<L: Carriable> Layer for Carried<L> {
     }
 }
 
-/// Borrowed state of the layer, for serialization.
+/// State of the layer with borrowed data, for serialization.
 #[derive(Serialize)]
 struct WrittenCarried<'a> {
     light: &'a CarriedLight,
     layer: Vec<u8>,
 }
 
-/// State of the layer as deserialized.
+/// State of the layer with owned data, for deserialization.
 #[derive(Deserialize)]
 struct Read {
     light: CarriedLight,

@@ -26,7 +26,7 @@ use std::sync::Arc;
 pub(super) struct Layers {
     /// Layers of direct light and of light from coats.
     pub direct: Vec<Box<dyn Layer>>,
-    /// Layers of all other light.
+    /// Layers of indirect light.
     pub indirect: Vec<Box<dyn Layer>>,
 }
 

@@ -19,7 +19,7 @@ use std::sync::Arc;
 pub(super) struct Sample {
     /// Emitted light, and light reflected directly from its source.
     pub direct: Plane<Vec3>,
-    /// All other light.
+    /// All light except emitted light and light reflected directly from its source.
     pub indirect: Plane<Vec3>,
 }
 

@@ -23,7 +23,7 @@ pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
         let (columns, rows) = area(index);
         make(scratch, columns, rows)
     };
-    // Assign macroblocks by diagonals: a rank with its own columns might get all pixels of a dark wall.
+    // Assign macroblocks by diagonals: a rank with its own columns might get all pixels of one dark wall.
     let turn = |index: usize| Turn::InOrder((index % across + index / across) as u32);
     let turns: Vec<Turn> = (0..across * height.div_ceil(MACROBLOCK)).map(turn).collect();
 

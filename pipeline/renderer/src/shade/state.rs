@@ -10,7 +10,7 @@ use pipeline::error::{Error, Result};
 use pipeline::state::{NONSENSE, decode, encode};
 use serde::{Deserialize, Serialize};
 
-/// Borrowed state of shading, for serialization.
+/// State of shading with borrowed data, for serialization.
 #[derive(Serialize)]
 struct WrittenState<'a> {
     /// States of the layers, in order.
@@ -20,7 +20,7 @@ struct WrittenState<'a> {
     looking: Option<&'a Before>,
 }
 
-/// State of shading as deserialized.
+/// State of shading with owned data, for deserialization.
 #[derive(Deserialize)]
 struct Read {
     layers: Vec<Vec<u8>>,

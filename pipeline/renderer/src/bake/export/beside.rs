@@ -57,7 +57,7 @@ fn named(name: &str) -> Value {
 const AROUND: u8 = 32;
 
 /// Returns the sky in display values: straight up, at the horizon and straight down. This only approximates a sky
-/// image. A scene without a sky gets a black sky; otherwise the loader would add a white one.
+/// image. The sky is black for a scene without a sky, because the loader would add a white one.
 fn sky(scene: &Scene, tone_map: &ToneMap) -> Table {
     let mut table = Table::new();
     let radiance = |sky: &Environment, height: f32| match height {

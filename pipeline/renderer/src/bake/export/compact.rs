@@ -101,7 +101,7 @@ fn textures(value: &mut Value, visit: Visitor) {
 fn images(json: &mut Value, visit: Visitor) {
     each(json, "textures", |texture| {
         refer(texture, "source", visit);
-        // Visit images in other formats, too.
+        // Visit images that extensions add in other formats.
         each(texture, "extensions", |extension| refer(extension, "source", visit));
     });
 }

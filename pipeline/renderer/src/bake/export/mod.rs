@@ -1,4 +1,4 @@
-//! Export of a scene with its baked light: a .glb file that looks like a film in any viewer.
+//! Export of a scene with its baked light: a .glb file with the look of a film in any viewer.
 //!
 //! ```text
 //! document, elements   the scene's document and buffers, read again; unknown data is kept

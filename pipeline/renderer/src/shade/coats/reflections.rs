@@ -189,7 +189,7 @@ impl Reflections<'_> {
         for coats in 0..=MOST_COATS {
             // Find the next surface on the ray's path, or the sky.
             let Some(hit) = accelerator.closest(origin, direction) else {
-                // Omit lamps of the sky: `sources` adds them, like suns.
+                // Omit lamps of the sky: `sources` adds the light of lamps and suns.
                 let sky = scene.sky.as_ref().and_then(Environment::beside_lamps);
                 let sky = sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
                 return (sum + throughput * sky, first);

@@ -233,7 +233,7 @@ fn the_sun_is_seen_as_a_disc() {
     }
 }
 
-/// Checks that scenes without coats get no light from this layer, and that all other light is unchanged.
+/// Checks that the layer adds no light in scenes without coats, and that all other light is unchanged.
 #[test]
 fn matte_scenes_stay_as_they_are_to_the_last_bit() {
     let matte = Material { base_color: Vec3::new(0.7, 0.4, 0.2), ..Material::default() };

@@ -13,7 +13,7 @@ pub(super) struct Master {
     list: Vec<(usize, SharedRecord)>,
     /// Number of the first record in `list`. Records are numbered continuously across frames.
     first: usize,
-    /// Number of the first record that was not sent yet, by recipient.
+    /// Number of the first unsent record, for each receiving rank.
     given: Vec<usize>,
 }
 

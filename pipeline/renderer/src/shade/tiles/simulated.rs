@@ -1,5 +1,5 @@
 //! Simulation of any number of ranks on one processor. Each rank lights its tiles with its own cache, in measured time.
-//! Messages need the time of a simulated network. The rank with the earliest clock runs next.
+//! A simulated network determines the duration of messages. The rank with the earliest clock runs next.
 
 use super::Workers;
 use super::job::{Job, TileLight};
