@@ -4,7 +4,7 @@ use crate::Standard;
 
 /// Aspect ratio of the samples or of the whole picture (aspect_ratio_information, Table 6-3).
 ///
-/// MPEG-2 states the aspect ratio of the displayed picture, or square samples. MPEG-1 states the nearest sample aspect ratio of
+/// MPEG-2 codes the aspect ratio of the displayed picture, or square samples. MPEG-1 codes the nearest sample aspect ratio from
 /// its own table (pel_aspect_ratio, 11172-2, 2.4.3.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -24,7 +24,7 @@ pub enum AspectRatio {
 /// Height of a sample divided by its width, for pel_aspect_ratio 1, 2, 3, … (11172-2, 2.4.3.2).
 const PEL_ASPECT_RATIOS: [f64; 14] =
     [1.0, 0.6735, 0.7031, 0.7615, 0.8055, 0.8437, 0.8935, 0.9157, 0.9815, 1.0255, 1.0695, 1.0950, 1.1575, 1.2015];
-/// Maximum relative error of an MPEG-1 sample aspect ratio. Neighbors in its table differ by up to 8 %.
+/// Maximum relative error of an MPEG-1 sample aspect ratio. Neighboring values in the MPEG-1 table differ by up to 8 %.
 const PEL_TOLERANCE: f64 = 0.05;
 /// Maximum relative error of a sample aspect ratio. Pictures of 720 columns are called 4:3 or 16:9 although 702 to 711 of these
 /// columns have that ratio, an error of 2.5 %.
@@ -34,7 +34,7 @@ impl AspectRatio {
     /// All aspect ratios, in the order of their codes.
     pub const ALL: &[Self] = &[Self::SquareSamples, Self::Display4x3, Self::Display16x9, Self::Display221x100];
 
-    /// Name in command lines.
+    /// Returns the name of the aspect ratio in command lines.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -59,19 +59,19 @@ impl AspectRatio {
     pub fn of_samples(width: usize, height: usize, sample: (u32, u32)) -> Option<Self> {
         let requested = f64::from(sample.0) / f64::from(sample.1);
         let distance = |shape: Self| (shape.sample_width(width, height) / requested).ln().abs();
-        // Among equal distances the first wins: square samples.
+        // If several ratios are equally near, the first one is used: square samples.
         let nearest = Self::ALL.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b)))?;
         (distance(nearest) <= SAMPLE_TOLERANCE).then_some(nearest)
     }
 
-    /// Width of a sample divided by its height, in pictures of `width`×`height`.
+    /// Returns the width of a sample divided by its height, in pictures of `width`×`height`.
     fn sample_width(self, width: usize, height: usize) -> f64 {
         let Some((wide, high)) = self.of_display() else { return 1.0 };
         let picture = f64::from(wide) / f64::from(high);
         picture * height as f64 / width as f64
     }
 
-    /// Width and height of the displayed picture, as a ratio; `None` for square samples.
+    /// Returns the width and height of the displayed picture, as a ratio; `None` for square samples.
     pub(crate) fn of_display(self) -> Option<(u32, u32)> {
         match self {
             Self::SquareSamples => None,
@@ -81,7 +81,7 @@ impl AspectRatio {
         }
     }
 
-    /// aspect_ratio_information, or pel_aspect_ratio in MPEG-1; `None` if the MPEG-1 table has no near value.
+    /// Returns aspect_ratio_information, or pel_aspect_ratio in MPEG-1; `None` if the MPEG-1 table has no near value.
     pub(crate) fn code(self, standard: Standard, width: usize, height: usize) -> Option<u32> {
         if standard == Standard::Mpeg2 {
             return Some(self as u32 + 1);
@@ -123,7 +123,8 @@ mod tests {
         }
     }
 
-    /// Notes on the table of 11172-2: 0.7031 is 16:9 of 625 lines, 0.8437 of 525; 0.9157 is 4:3 of 625 lines, 1.0950 of 525.
+    /// Uses the notes on the table of 11172-2. For 16:9, 0.7031 belongs to 625 lines and 0.8437 to 525 lines. For 4:3, 0.9157
+    /// belongs to 625 lines and 1.0950 to 525 lines.
     #[test]
     fn mpeg1_states_samples() {
         let code = |shape: AspectRatio, width, height| shape.code(Standard::Mpeg1, width, height);

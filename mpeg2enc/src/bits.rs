@@ -1,4 +1,4 @@
-//! Bit sinks: one writes bytes, one counts bits.
+//! Bit sinks: one writes bytes, the other only counts bits.
 
 /// A code word: the `length` low bits of `code`, most significant bit first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -8,30 +8,30 @@ pub(crate) struct Vlc {
 }
 
 impl Vlc {
-    /// Missing code: a table entry for which the standard has none.
+    /// Missing code, for table entries to which the standard assigns none.
     pub const NONE: Self = Self { code: 0, length: 0 };
 
-    /// Returns the code with the sign bit `s` of the printed tables appended: 1 is negative.
+    /// Returns the code with the sign bit appended, `s` in the printed tables: 1 is negative.
     #[inline]
     pub const fn signed(self, negative: bool) -> Self {
         Self { code: self.code << 1 | negative as u32, length: self.length + 1 }
     }
 }
 
-/// Receives the bits of a stream, so that the same code writes them and counts them for decisions.
+/// Receives the bits of a stream, so that the same function can write a code or count its bits.
 pub(crate) trait BitSink {
     /// Receives the `length` low bits of `value`, most significant bit first; `length` is at most 32.
     fn put(&mut self, value: u32, length: u32);
 
-    /// Number of bits received so far.
+    /// Returns the number of bits received so far.
     fn bits(&self) -> u64;
 
-    /// Whether the sink only counts bits.
+    /// Returns whether the sink only counts bits.
     fn only_counts(&self) -> bool {
         false
     }
 
-    /// Receives `bits` bits of any value; only for sinks that only count.
+    /// Receives `bits` bits of unspecified value; only for sinks that only count bits.
     fn count(&mut self, bits: u32) {
         unreachable!("{bits} bits without values for a sink that writes them");
     }
@@ -50,7 +50,7 @@ pub(crate) struct BitWriter {
     /// Complete bytes, followed by free space.
     bytes: Vec<u8>,
     whole: usize,
-    /// The low bits form the incomplete last byte; higher bits were written before.
+    /// Bits of the incomplete last byte, in the low bits; higher bits were written before.
     pending: u64,
     pending_bits: u32,
 }
@@ -73,7 +73,7 @@ impl BitWriter {
         self.put(0, self.pending_bits.wrapping_neg() % 8);
     }
 
-    /// Enlarges the buffer: rarely needed, so not inlined.
+    /// Enlarges the buffer. Calls are rare, so the function is not inlined.
     #[cold]
     fn grow(&mut self) {
         self.bytes.resize(2 * self.bytes.len() + 256, 0);
@@ -81,7 +81,7 @@ impl BitWriter {
 }
 
 impl BitSink for BitWriter {
-    /// Always writes eight bytes, so only the number of retained bytes depends on the length.
+    /// Always writes eight bytes; only the number of retained bytes depends on the length.
     #[inline]
     fn put(&mut self, value: u32, length: u32) {
         debug_assert!(length <= 32 && (length == 32 || value >> length == 0), "{value:#x} has more than {length} bits");
@@ -89,7 +89,7 @@ impl BitSink for BitWriter {
             self.grow();
         }
         self.pending = self.pending << length | u64::from(value);
-        // At most 7 + 32.
+        // The sum is at most 7 + 32.
         let bits = self.pending_bits + length;
         let highest_first = (self.pending << (63 - bits) << 1).to_be_bytes();
         self.bytes[self.whole..self.whole + 8].copy_from_slice(&highest_first);

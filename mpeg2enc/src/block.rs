@@ -5,9 +5,9 @@
 pub(crate) struct Block {
     /// Levels in transmission order.
     pub levels: [i16; 64],
-    /// Bit set of the positions with non-zero levels, and of the DC of an intra block; bit 0 is the first position.
+    /// Bit set of the positions with non-zero levels, and of the DC position of an intra block; bit 0 is the first position.
     pub places: u64,
-    /// Bits of the coefficients and End of block. The intra DC is excluded; an empty inter block takes none.
+    /// Number of bits of the coefficients and End of block. The intra DC is excluded; an empty inter block takes no bits.
     pub bits: u32,
     /// Squared error, with twice [`COEFFICIENT_BITS`](crate::dct::COEFFICIENT_BITS) fractional bits.
     pub error: i64,
@@ -21,13 +21,13 @@ impl Block {
         (self.levels[0], self.places, self.bits, self.error) = (0, 0, 0, 0);
     }
 
-    /// Whether the block has anything to write; always true for an intra block.
+    /// Returns whether the block has levels to write; always true for an intra block.
     pub fn is_coded(&self) -> bool {
         self.places != 0
     }
 }
 
-/// Positions in a set, in ascending order.
+/// Returns the positions in a set, in ascending order.
 #[inline]
 pub(crate) fn places(mut set: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -37,7 +37,7 @@ pub(crate) fn places(mut set: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Kind of block, which selects the formulae of 7.4.
+/// Kind of block, which selects the formulas of 7.4.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum BlockKind {
     Intra,

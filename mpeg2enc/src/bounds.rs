@@ -1,7 +1,8 @@
-//! Limits of streams at a constant quantiser: their level, and its buffer, which must not underflow.
+//! Limits of a stream at a constant quantiser: the level, and the level's buffer, which must not underflow.
 //!
-//! Headers precede pictures, so the first picture determines the level. It is the lowest with enough buffer for that picture
-//! and enough bit rate for a stream of equally large ones. Later pictures that do not fit are coded with a coarser quantiser.
+//! Headers precede pictures, so the first picture determines the level. The encoder chooses the lowest level with enough buffer
+//! for that picture and enough bit rate for equally large ones. Later pictures that do not fit are coded with a coarser
+//! quantiser.
 
 use crate::{Config, Level, Rate, RestoreError, Standard, restore::ensure, vbv::Buffer};
 
@@ -10,17 +11,17 @@ const MPEG1_BUFFER_MAX: u32 = 0x3ff;
 /// Coarsest quantiser_scale, in 256ths.
 const COARSEST_X256: u64 = 112 * 256;
 
-/// The stated level, and the fullness of its buffer.
+/// The level of the stream, and the fullness of the level's buffer.
 #[derive(Clone, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Bounds {
     level: Option<Level>,
-    /// `None` before the first picture, and if a rate bounds the bits.
+    /// Decoder's buffer; `None` before the first picture, and if a rate bounds the bits.
     buffer: Option<Buffer>,
 }
 
 impl Bounds {
-    /// Chooses the level by the `bits` of the first picture and sets it in `config`.
+    /// Chooses the level from the `bits` of the first picture and sets it in `config`.
     pub fn begin(&mut self, config: &mut Config, bits: u64) {
         if self.buffer.is_some() || config.rate != Rate::ConstantQuantiser {
             return;
@@ -35,7 +36,7 @@ impl Bounds {
         config.raised = self.level;
     }
 
-    /// Returns a coarser quantiser_scale in 256ths if a picture of `bits` does not fit; `None` if it fits or no coarser one
+    /// Returns a coarser quantiser_scale in 256ths if a picture of `bits` bits does not fit; `None` if it fits or no coarser one
     /// exists.
     pub fn coarser(&self, scale_x256: u32, bits: u64) -> Option<u32> {
         let left = self.buffer.as_ref()?.bits().max(1) as u64;
@@ -64,7 +65,7 @@ impl Bounds {
     }
 }
 
-/// Full buffer as stated by the headers of a stream at a constant quantiser.
+/// Returns a full buffer of the size in the headers of a stream at a constant quantiser.
 fn buffer(config: &Config) -> Buffer {
     let (bit_rate, size) = config.stated_rate();
     let size = match config.standard {
@@ -80,7 +81,7 @@ mod tests {
     use super::*;
     use crate::FrameRate;
 
-    /// Level of a stream of 352×288 with a first picture of `bits`.
+    /// Returns the level of a 352×288 stream with a first picture of `bits` bits.
     fn level_after(config: Config, bits: u64) -> Level {
         let mut config = config;
         Bounds::default().begin(&mut config, bits);
@@ -107,7 +108,7 @@ mod tests {
         bounds.begin(&mut config, 475_136);
         assert_eq!(bounds.coarser(256, 475_136), None, "a picture as large as the buffer");
         bounds.take(475_136);
-        // Since then 160 000 bits have arrived.
+        // After the first picture, 160 000 bits have arrived.
         assert_eq!(bounds.coarser(256, 160_000), None);
         assert_eq!(bounds.coarser(256, 300_000), Some(512));
         assert_eq!(bounds.coarser(112 * 256, 300_000), None);

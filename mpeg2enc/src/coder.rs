@@ -34,7 +34,7 @@ pub struct Packet {
     pub picture_type: PictureType,
     /// Requested quantiser_scale.
     pub quantiser_scale: u32,
-    /// quantiser_scale at every macroblock; all equal unless settings or weights vary it.
+    /// quantiser_scale at every macroblock; all values are equal unless settings or weights vary them.
     pub quantiser_scales: Plane<u8>,
     /// quantiser_scale that produced the levels of every macroblock. The stream omits it if all levels are zero.
     scales_of_levels: Plane<u8>,
@@ -81,12 +81,12 @@ pub(crate) struct PictureJob<'a> {
 /// Numbers of macroblocks across and down.
 struct Macroblocks {
     coded: (usize, usize),
-    /// Number that covers the requested picture; less than `coded` if the standard requires more macroblocks.
+    /// Numbers of macroblocks that cover the requested picture; less than `coded` if the standard requires more.
     shown: (usize, usize),
 }
 
 impl Macroblocks {
-    /// Extracts the shown macroblocks from one sample per coded macroblock.
+    /// Crops one sample per coded macroblock to the shown macroblocks.
     fn plane<T: Copy>(&self, samples: Vec<T>) -> Plane<T> {
         let coded = Plane::from_vec(self.coded.0, self.coded.1, samples);
         if self.shown == self.coded {
@@ -141,7 +141,7 @@ impl Coder {
         }
     }
 
-    /// q_scale_type: the table of quantiser_scale_code.
+    /// Returns q_scale_type, which selects the table of quantiser_scale_code.
     pub fn q_scale_type(&self) -> bool {
         self.quantisers.parameters.q_scale_type
     }
@@ -158,7 +158,7 @@ impl Coder {
         let standard = self.config.standard;
         let f_code_max = [limits.f_code_horizontal, limits.f_code_vertical].map(|max| max.min(standard.f_code_max()));
         let effort = self.config.effort;
-        // Headers state the f_code of the longest vectors, so search all vectors before writing.
+        // Headers contain the f_code of the longest vectors, so search all vectors before writing.
         let find = |direction: &Option<Direction>| {
             direction.as_ref().map_or(Vec::new(), |direction| {
                 Estimate {
@@ -178,7 +178,7 @@ impl Coder {
         let reach = |vectors: &[HalfSample]| {
             let [x, y] = [f_code(vectors.iter().map(|v| v.x)), f_code(vectors.iter().map(|v| v.y))];
             match standard {
-                Standard::Mpeg1 => [x.max(y); 2], // one for both components
+                Standard::Mpeg1 => [x.max(y); 2], // one f_code for both components
                 Standard::Mpeg2 => [x, y],
             }
         };
@@ -216,14 +216,14 @@ impl Coder {
         CodedPacket { packet, reference, vectors, header_bytes }
     }
 
-    /// Makes the packet of a picture from its reconstruction `whole`, its coded `header` and its slices.
+    /// Makes the packet of a picture from the reconstruction `whole`, the coded `header` and the slices.
     fn pack(&mut self, job: &PictureJob, header: Vec<u8>, whole: &Arc<Picture>, coded: CodedPicture) -> Packet {
         let mut data = header;
         data.extend(coded.slices);
         let (width, height) = (self.config.width, self.config.height);
         let (columns, rows) = (job.source.width() / 16, job.source.height() / 16);
         let psnr_y = psnr_of(coded.luma_error, width * height);
-        // Without padding the packet uses the reference's memory.
+        // Without padding, the packet shares the memory of the reference picture.
         let reconstruction = if (whole.width(), whole.height()) == (width, height) {
             whole.clone()
         } else {
@@ -250,8 +250,8 @@ impl Coder {
         }
     }
 
-    /// Sequence and group headers, which precede an I picture. `number` is the index of the group's first picture in display
-    /// order, from 0.
+    /// Returns the sequence and group headers that precede an I picture. `number` is the index of the group's first picture in
+    /// display order, from 0.
     pub fn group_headers(&self, number: u64, closed: bool) -> Vec<u8> {
         let mut writer = BitWriter::default();
         header::put_sequence_header(&mut writer, &self.config);
@@ -275,8 +275,7 @@ impl Packet {
     }
 
     /// Returns the coded coefficients of each 8×8 luma block, as a bit set; there are 2×2 blocks per macroblock. Bit 8·v + u
-    /// represents horizontal frequency u and vertical frequency v. A set bit means a non-zero level, or the DC of an intra
-    /// block.
+    /// represents horizontal frequency u and vertical frequency v. A set bit means a non-zero level, or the DC of an intra block.
     pub fn luma_levels(&self) -> Plane<u64> {
         let scan = if self.alternate_scan { &ALTERNATE } else { &ZIGZAG };
         let raster = |set| places(set).fold(0, |raster, place| raster | 1 << scan[place]);
@@ -292,7 +291,7 @@ impl Packet {
     }
 }
 
-/// sequence_end_code.
+/// Returns sequence_end_code.
 pub(crate) fn sequence_end() -> Vec<u8> {
     let mut writer = BitWriter::default();
     header::put_sequence_end(&mut writer);
@@ -315,9 +314,9 @@ fn parameters(config: &Config) -> QuantiserParameters {
 }
 
 fn tools(effort: Effort, varies: bool) -> Tools {
-    // For quick decisions a fixed threshold replaces the trellis. Tuned on the clips of README.md. Without B pictures, 80
-    // quarters take 2 % more bits than 60, and 40 take 2 % fewer; each step is 3 to 5 % of the time. With the trellis, 20
-    // quarters cost 0.1 % more bits, or none if decisions are quick.
+    // For quick decisions a fixed threshold replaces the trellis. Its values were tuned on the clips of README.md. Without B
+    // pictures, 80 quarters take 2 % more bits than 60 quarters, and 40 quarters take 2 % fewer. Each step changes the time by 3
+    // to 5 %. With the trellis, 20 quarters take 0.1 % more bits; with quick decisions they take no more bits.
     let (quick, thorough) = (60, 10);
     match effort {
         Effort::Fast => Tools {

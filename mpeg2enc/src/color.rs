@@ -15,7 +15,7 @@ macro_rules! coded {
             /// All values, in the order of their codes.
             pub const ALL: &[Self] = &[$(Self::$variant),*];
 
-            /// Name in lower case, the same as in ffmpeg.
+            /// Returns the name in lower case, as in ffmpeg.
             #[must_use]
             pub fn name(self) -> &'static str {
                 match self {
@@ -23,7 +23,7 @@ macro_rules! coded {
                 }
             }
 
-            /// Code in the standard's table.
+            /// Returns the code in the standard's table.
             #[must_use]
             pub fn code(self) -> u8 {
                 self as u8
@@ -90,7 +90,7 @@ coded! {
         Fcc = 4, "fcc";
         /// Rec. ITU-R BT.470-2 System B, G: 625 lines.
         Bt470Bg = 5, "bt470bg";
-        /// SMPTE 170M: 525 lines, with the same weights as 625 lines.
+        /// SMPTE 170M: 525 lines; the weights equal `Bt470Bg`.
         Smpte170M = 6, "smpte170m";
         /// SMPTE 240M of 1987.
         Smpte240M = 7, "smpte240m";

@@ -25,7 +25,7 @@ pub struct Config {
     mean_quantiser_x256: Option<u32>,
     pub(crate) intra_dc_precision: u32,
     pub(crate) level: Option<Level>,
-    /// Level stated instead of the lowest one, because the first picture is too large for it.
+    /// Level of the stream instead of the lowest one, if the first picture is too large for the lowest one.
     pub(crate) raised: Option<Level>,
     pub(crate) effort: Effort,
     pub(crate) lookahead: u32,
@@ -52,10 +52,10 @@ impl Config {
 
     /// Returns default settings for pictures of this size in luma samples.
     ///
-    /// The defaults: an I picture every 15 pictures, quantiser_scale 8, intra DC of 8 bits, no look-ahead.
+    /// The defaults are an I picture every 15 pictures, quantiser_scale 8, intra DC of 8 bits and no look-ahead.
     ///
-    /// Width and height must be 1 to 16383. horizontal_size and vertical_size cannot represent a multiple of 4096 (6.3.3), so
-    /// one more sample is coded. Decoders that ignore the display size will show it.
+    /// Width and height must be 1 to 16383. horizontal_size and vertical_size cannot represent a multiple of 4096 (6.3.3), so one
+    /// more sample is coded. Decoders that ignore the display size will show this sample.
     pub fn new(width: usize, height: usize, frame_rate: FrameRate) -> Self {
         Self {
             width,
@@ -97,7 +97,7 @@ impl Config {
         Self { gop: pictures, ..self }
     }
 
-    /// Distance between I pictures.
+    /// Returns the distance between I pictures.
     #[must_use]
     pub fn gop(&self) -> u32 {
         self.gop
@@ -108,7 +108,7 @@ impl Config {
         Self { quantiser_scale, mean_quantiser_x256: None, ..self }
     }
 
-    /// quantiser_scale of every macroblock, unless a mean is requested.
+    /// Returns the quantiser_scale of every macroblock, unless a mean is requested.
     #[must_use]
     pub fn quantiser_scale(&self) -> u32 {
         self.quantiser_scale
@@ -116,28 +116,29 @@ impl Config {
 
     /// Sets a mean quantiser_scale, clamped to 1 to 112; fractions are allowed.
     ///
-    /// Where quantisers vary, each macroblock gets the existing value nearest to its target. Otherwise each row of macroblocks
-    /// gets one of the two neighboring values, so that their mean equals the request. Needs [`Config::with_lookahead`].
+    /// If quantisers vary, each macroblock uses the existing value nearest to its target. Otherwise each row of macroblocks uses
+    /// one of the two neighboring values, and the mean over the rows equals the request. A mean requires
+    /// [`Config::with_lookahead`].
     pub fn with_mean_quantiser_scale(self, quantiser_scale: f64) -> Self {
-        // NaN counts as the finest quantiser.
+        // Treat NaN as the finest quantiser.
         let within = if quantiser_scale > 1.0 { quantiser_scale.min(112.0) } else { 1.0 };
         let x256 = (256.0 * within).round() as u32;
         Self { mean_quantiser_x256: Some(x256), ..self }
     }
 
-    /// Base of the macroblocks' quantiser_scale, in 256ths.
+    /// Returns the base of the macroblocks' quantiser_scale, in 256ths.
     pub(crate) fn quantiser_x256(&self) -> u32 {
         self.mean_quantiser_x256.unwrap_or(256 * self.quantiser_scale)
     }
 
-    /// Sets the bits of the DC coefficient of intra blocks, 8 to 11 (intra_dc_precision, 6.3.10). With 11 bits the stream
-    /// states High Profile.
+    /// Sets the bits of the DC coefficient of intra blocks, 8 to 11 (intra_dc_precision, 6.3.10). 11 bits make a stream of High
+    /// Profile.
     pub fn with_intra_dc_precision(self, bits: u32) -> Self {
         Self { intra_dc_precision: bits, ..self }
     }
 
-    /// States this level instead of the lowest that allows size and rate. At a constant quantiser, pictures that exceed its
-    /// buffer are coded with a coarser one.
+    /// Sets the level of the stream, instead of the lowest one that allows size and rate. At a constant quantiser, pictures that
+    /// exceed the level's buffer are coded with a coarser quantiser.
     pub fn with_level(self, level: Level) -> Self {
         Self { level: Some(level), ..self }
     }
@@ -147,29 +148,29 @@ impl Config {
         Self { effort, ..self }
     }
 
-    /// Sets the maximum number of frames that wait for later ones before they are coded, 0 to 30.
+    /// Sets the maximum number of frames that wait for later frames before they are coded, 0 to 30.
     ///
     /// With 0 every frame is coded immediately, as an I or P picture with one quantiser or with given weights. A look-ahead
     /// allows B pictures, new groups at shot changes, mean quantisers and bit rates. It also allows finer quantisers in areas
-    /// that later pictures predict from. 30 frames give the best quality. [`Effort::Fast`] at a constant quantiser waits for
-    /// only as many frames as the maximum number of consecutive B pictures.
+    /// from which later pictures are predicted. 30 frames produce the best quality. At a constant quantiser, [`Effort::Fast`]
+    /// waits only for the maximum number of consecutive B pictures.
     pub fn with_lookahead(self, frames: u32) -> Self {
         Self { lookahead: frames, ..self }
     }
 
-    /// Maximum number of frames that wait for later ones before they are coded.
+    /// Returns the maximum number of frames that wait for later frames before they are coded.
     #[must_use]
     pub fn lookahead(&self) -> u32 {
         self.lookahead
     }
 
-    /// Sets the maximum number of consecutive B pictures, 0 to 7, which need an equal or longer
-    /// [look-ahead](Config::with_lookahead).
+    /// Sets the maximum number of consecutive B pictures, 0 to 7. The [look-ahead](Config::with_lookahead) must be at least as
+    /// long.
     pub fn with_b_pictures(self, pictures: u32) -> Self {
         Self { b_pictures: pictures, ..self }
     }
 
-    /// Sets whether groups of pictures are closed. A closed group does not depend on the previous one, and begins with its I
+    /// Sets whether groups of pictures are closed. A closed group does not depend on the previous group, and begins with its I
     /// picture in display order too.
     pub fn with_closed_gop(self, closed: bool) -> Self {
         Self { closed_gop: closed, ..self }
@@ -204,22 +205,22 @@ impl Config {
         Self { intra_table: table, ..self }
     }
 
-    /// Sets the weighting matrices in raster order (6.3.11): weights are 1 to 255, the first intra weight is 8.
+    /// Sets the weighting matrices in raster order (6.3.11). Weights are 1 to 255; the first intra weight is 8.
     pub fn with_matrices(self, intra: [u8; 64], non_intra: [u8; 64]) -> Self {
         Self { intra_matrix: intra, non_intra_matrix: non_intra, ..self }
     }
 
-    /// Weighting matrices of intra and non-intra blocks, in raster order.
+    /// Returns the weighting matrices of intra and non-intra blocks, in raster order.
     pub fn matrices(&self) -> ([u8; 64], [u8; 64]) {
         (self.intra_matrix, self.non_intra_matrix)
     }
 
-    /// Bits of the DC coefficient of intra blocks; its step is 8, 4, 2, 1 for 8 to 11 (7.4.1).
+    /// Returns the bits of the DC coefficient of intra blocks. The step of the DC is 8, 4, 2 or 1 for 8 to 11 bits (7.4.1).
     pub fn intra_dc_precision(&self) -> u32 {
         self.intra_dc_precision
     }
 
-    /// Sets the rate control; all modes but [`Rate::ConstantQuantiser`] need a [look-ahead](Config::with_lookahead).
+    /// Sets the rate control; all modes except [`Rate::ConstantQuantiser`] need a [look-ahead](Config::with_lookahead).
     pub fn with_rate(self, rate: Rate) -> Self {
         Self { rate, ..self }
     }
@@ -230,13 +231,13 @@ impl Config {
         Self { first_number: number, ..self }
     }
 
-    /// States primaries, transfer characteristics and matrix (6.3.6); the default is BT.709. Samples are not converted. MPEG-1
-    /// cannot state a color description.
+    /// Sets primaries, transfer characteristics and matrix of the color description (6.3.6); the default is BT.709. Samples are
+    /// not converted. MPEG-1 has no color description.
     pub fn with_color(self, color: ColorDescription) -> Self {
         Self { color, ..self }
     }
 
-    /// States the aspect ratio (6.3.3); the default is square samples. MPEG-1 states the nearest sample aspect ratio.
+    /// Sets the aspect ratio (6.3.3); the default is square samples. MPEG-1 codes the nearest sample aspect ratio.
     pub fn with_aspect(self, aspect: AspectRatio) -> Self {
         Self { aspect, ..self }
     }
@@ -247,28 +248,28 @@ impl Config {
         Self { pulldown, ..self }
     }
 
-    /// Whether macroblocks may have different quantisers.
+    /// Returns whether macroblocks may have different quantisers.
     pub(crate) fn varies(&self) -> bool {
         self.lookahead > 0 && !self.uniform_quantiser
     }
 
-    /// Whether a mean quantiser is requested.
+    /// Returns whether a mean quantiser is requested.
     pub(crate) fn has_mean_quantiser(&self) -> bool {
         self.mean_quantiser_x256.is_some()
     }
 
-    /// Whether quantisers are finer in areas that later pictures predict from.
+    /// Returns whether quantisers are finer in areas from which later pictures are predicted.
     pub(crate) fn uses_tree(&self) -> bool {
         self.varies() && self.effort != Effort::Fast
     }
 
-    /// Whether picture types are chosen by content.
+    /// Returns whether picture types are chosen by content.
     pub(crate) fn adapts_types(&self) -> bool {
         self.effort != Effort::Fast
     }
 
-    /// Number of frames that wait before one is coded. Rate control plans over them. With only two or three, an I picture among
-    /// them took all the bits. Films with [`Effort::Fast`] at constant rates then lost 5 dB.
+    /// Returns the number of frames that wait before one is coded. Rate control plans over these frames. With only two or three
+    /// of them, an I picture took all the bits: films with [`Effort::Fast`] at constant rates lost 5 dB.
     pub(crate) fn delay(&self) -> usize {
         let needed = match self.effort {
             Effort::Fast if self.rate == Rate::ConstantQuantiser => self.b_pictures,

@@ -1,5 +1,5 @@
-//! Containers that state when each picture is due. They are program streams (`.mpg`) and transport streams (`.ts`) of ISO/IEC
-//! 13818-1:2000, fragmented MP4 (`.mp4`) and Matroska (`.mkv`).
+//! Containers with timestamps: program streams (`.mpg`) and transport streams (`.ts`) of ISO/IEC 13818-1:2000, fragmented MP4
+//! (`.mp4`) and Matroska (`.mkv`).
 //!
 //! Clause and table numbers in this module refer to 13818-1, except in the files of MP4 and Matroska, which name their own
 //! standards. All files are written sequentially; bytes already written never change.
@@ -35,7 +35,7 @@ pub enum Container {
     Program,
     /// A program stream with empty navigation packs, `.vob`, for DVD-Video authoring programs, which fill these packs.
     Disc,
-    /// A transport stream, `.ts`, for transmission with losses.
+    /// A transport stream, `.ts`, for lossy channels such as broadcast.
     Transport,
     /// MP4 with one fragment per group of pictures, `.mp4`, for editing programs and players that support MPEG-2.
     Mp4,
@@ -68,9 +68,9 @@ impl Container {
 
 /// Wraps an encoder's packets in a container.
 ///
-/// Pictures are due at the frame rate. Bytes arrive according to a decoder with the buffer size and bit rate stated in the
-/// stream. They arrive as soon as the buffer has room, at most a second early. All pictures are in time unless even the
-/// coarsest quantiser takes too many bits. At a constant rate the times agree with vbv_delay.
+/// Pictures are due at the frame rate. Bytes arrive at a decoder with the stream's buffer size and bit rate. They arrive as soon
+/// as the buffer has room, at most a second early. All pictures are in time unless even the coarsest quantiser takes too many
+/// bits. At a constant rate the times agree with vbv_delay.
 ///
 /// Packs of a program stream have at most 2048 bytes, and exactly 2048 on a disc; each picture begins with a new pack. In MP4
 /// and Matroska a group of pictures is written when the next group begins.
@@ -97,7 +97,7 @@ impl Container {
 pub struct Multiplexer {
     wrapper: Wrapper,
     clock: Clock,
-    /// Whether the first picture may state another bit rate and buffer size than the settings, as at a constant quantiser.
+    /// Whether the first picture may contain another bit rate and buffer size than the settings, as at a constant quantiser.
     is_open: bool,
     /// The last packet, delayed because the end of the sequence is appended to it.
     waiting: Option<StreamPicture>,
@@ -143,8 +143,8 @@ impl Multiplexer {
         Self { wrapper, clock, is_open: config.rate == Rate::ConstantQuantiser, waiting: None }
     }
 
-    /// States the duration of `count` pictures at the beginning of the file, if the container supports it. A shorter film then
-    /// states a duration that is too long.
+    /// Writes the duration of `count` pictures at the beginning of the file, if the container supports it. If the film becomes
+    /// shorter, this duration is too long.
     pub fn with_pictures(mut self, count: u64) -> Self {
         match &mut self.wrapper {
             Wrapper::Mp4(writer) => writer.set_pictures(count),
@@ -154,7 +154,7 @@ impl Multiplexer {
         self
     }
 
-    /// Takes the next picture in the order of coding: a [`Packet`](crate::Packet), or an access unit of an existing stream.
+    /// Accepts the next picture in the order of coding: a [`Packet`](crate::Packet), or an access unit of an existing stream.
     /// Returns the bytes that can be written now, which exclude that picture.
     pub fn push(&mut self, picture: impl Into<AccessUnit>) -> Vec<u8> {
         let AccessUnit { data, display_index, picture_type } = picture.into();
@@ -170,7 +170,7 @@ impl Multiplexer {
     }
 
     /// Returns the bytes that [`finish`](Self::finish) would return now, with the sequence_end_code that ends any stream
-    /// (13818-2, 6.2.1). Append them to a file that may end here. Empty before the first picture.
+    /// (13818-2, 6.2.1). They complete a file that ends after the last picture. Before the first picture they are empty.
     #[must_use]
     pub fn ending(&self) -> Vec<u8> {
         match self.waiting {
@@ -195,7 +195,7 @@ impl Multiplexer {
         }
     }
 
-    /// Adapts to a decoder with this bit rate and buffer size.
+    /// Adapts the arrival times to a decoder with this bit rate and buffer size.
     fn restate(&mut self, bit_rate: u32, buffer_size: u32) {
         match &mut self.wrapper {
             Wrapper::Program(writer) => self.clock.start = writer.restate(bit_rate, buffer_size),

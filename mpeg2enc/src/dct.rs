@@ -7,9 +7,10 @@
 //! values take 22 products, and eight columns run in parallel. Coefficients are stored by column: horizontal frequency u and
 //! vertical frequency v are at `8 * u + v`. This order saves a second transposition.
 //!
-//! The forward transform has 13 fractional bits in the cosines and 5 between the passes, so 32-bit integers suffice. The
-//! inverse, on which every decoder must agree, has 28 and 14, which is far finer than IEEE 1180 requires. Nearly all blocks use
-//! a faster floating-point inverse, which detects whether its result is the same.
+//! The forward transform has 13 fractional bits in the cosines and 5 between the passes, so 32-bit integers suffice. The inverse
+//! transform, on which every decoder must agree, has 28 bits in the cosines and 14 between the passes. This is far finer than
+//! IEEE 1180 requires. Nearly all blocks use a faster floating-point inverse, which detects whether its result equals the exact
+//! one.
 
 mod short; // floating-point inverse
 
@@ -120,14 +121,14 @@ fn forward(samples: &[i32; 64]) -> [i32; 64] {
 /// Transforms coefficients to samples or differences, saturated to −256 … 255 (7.5).
 #[inline(always)]
 fn inverse(coefficients: &[i32; 64]) -> [i32; 64] {
-    // Columns first: intermediate rounding makes the order of the passes matter.
+    // Transform columns first, because intermediate rounding makes the result depend on the order of the passes.
     let middle = inverse_1d(&transposed(rows(coefficients)), COSINE_BITS + 1 - MIDDLE_BITS);
     let out = inverse_1d(&transposed(&middle), COSINE_BITS + 1 + MIDDLE_BITS);
     flat(&transposed(&out)).map(|sample| sample.clamp(-256, 255))
 }
 
 vectorized! {
-    /// Coefficients of the difference between source and prediction, in the format of [`forward`].
+    /// Returns the coefficients of the difference between source and prediction, in the format of [`forward`].
     fn forward_difference, forward_difference_plain(source: &[u8; 64], predicted: &[u8; 64]) -> [i32; 64] {
         let mut difference = [0; 64];
         for i in 0..64 {
@@ -146,7 +147,7 @@ pub(crate) fn inverse_onto(coefficients: &[i32; 64], predicted: &[u8; 64], out: 
     inverse_onto_with(Choice::best(), coefficients, predicted, out);
 }
 
-/// [`inverse_onto`] with selected instructions.
+/// Computes [`inverse_onto`] with the chosen instruction set.
 #[inline(always)]
 fn inverse_onto_with(choice: Choice, coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
     if !choice.run(ShortInverse { coefficients, predicted, out }) {
@@ -174,7 +175,7 @@ mod tests {
         scale * ((2 * position + 1) as f64 * frequency as f64 * PI / 16.0).cos()
     }
 
-    /// Rows, then columns with `f(output index, input index)`: the definition in f64.
+    /// Transforms rows, then columns with `f(output index, input index)`: the definition in f64.
     fn separable(values: [f64; 64], f: impl Fn(usize, usize) -> f64) -> [f64; 64] {
         let rows: [f64; 64] = std::array::from_fn(|i| (0..8).map(|k| values[i / 8 * 8 + k] * f(i % 8, k)).sum());
         std::array::from_fn(|i| (0..8).map(|k| rows[8 * k + i % 8] * f(i / 8, k)).sum())
@@ -193,7 +194,7 @@ mod tests {
         separable(turned(coefficients.map(f64::from)), |x, u| basis(u, x))
     }
 
-    /// The random numbers of IEEE 1180-1990: uniform integers in −low … high.
+    /// Returns the random numbers of IEEE 1180-1990: uniform integers in −low … high.
     struct Random(u32);
     impl Random {
         fn next(&mut self, low: i32, high: i32) -> i32 {
@@ -211,7 +212,8 @@ mod tests {
             let (ours, truth) = (forward(&samples), forward_definition(&samples));
             for (a, b) in ours.into_iter().zip(truth) {
                 let error = f64::from(a) / f64::from(1 << COEFFICIENT_BITS) - b;
-                // Half of the last place; eight sums rounded to 5 bits, each times at most 1/2; 13 bits of each cosine.
+                // The limit is the sum of three errors: half of the last place; eight sums rounded to 5 bits, each times at most
+                // 1/2; cosines of 13 bits.
                 let last_place = 1.0 / f64::from(1 << COEFFICIENT_BITS);
                 let allowed = 0.5 * last_place + 8.0 * 0.5 / 64.0 + b.abs() * 2.0f64.powi(-12);
                 assert!(error.abs() < allowed, "{a} is not {b}");
@@ -237,7 +239,7 @@ mod tests {
                         peak = peak.max(error.abs());
                     }
                 }
-                // The limits of IEEE 1180.
+                // Compare with the limits of IEEE 1180.
                 let overall = |values: &[f64; 64]| values.iter().sum::<f64>() / 64.0;
                 println!(
                     "{}..{}: peak {peak}, mean square {:.5} (worst position {:.5}), mean {:.6} (worst position {:.6})",
@@ -259,7 +261,7 @@ mod tests {
         assert_eq!(inverse(&[0; 64]), [0; 64]);
     }
 
-    /// One-dimensional inverse transform along the first index.
+    /// Computes the one-dimensional inverse transform along the first index.
     fn inverse_short_1d(c: &[[f32; 8]; 8]) -> [[f32; 8]; 8] {
         let [_, c1, c2, c3, c4, c5, c6, c7] = FLOAT_COSINE;
         let mut out = [[0.0; 8]; 8];
@@ -350,7 +352,7 @@ mod tests {
             }
         }
         assert!(certain > 25 * 400 / 2, "{certain} of 10 000 are certain");
-        // A mean of 4½ is on a rounding boundary, where no result is certain.
+        // A mean of 4½ is on a rounding boundary, so no result is certain.
         let mut middle = [0; 64];
         middle[0] = 36;
         assert!(!inverse_short(&middle).1);

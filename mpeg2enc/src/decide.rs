@@ -17,14 +17,14 @@ use crate::{
     vector::{HalfSample, Range},
 };
 
-/// Price of a bit in squared errors: 0.23 times quantiser_scale², here with twice [`dct::COEFFICIENT_BITS`] fractional bits.
-/// Not from the standard: tuned on the clips of README.md. 0.16, the factor of the y262 encoder, takes 0.5 % more bits; 0.31
-/// does too at high quality.
+/// Price of a bit in squared errors: 0.23 times quantiser_scale², stored with twice [`dct::COEFFICIENT_BITS`] fractional bits.
+/// The standard does not define the factor; it was tuned on the clips of README.md. 0.16, the factor of the y262 encoder, takes
+/// 0.5 % more bits. At high quality, 0.31 takes more bits too.
 const LAMBDA: i64 = 15;
 /// A prediction is coded for comparison only if its error is less than this many tenths of the least error.
 const WORTH_A_TRIAL_TENTHS: u64 = 14;
 
-/// Alternatives tried for a macroblock.
+/// Alternatives that are tried for a macroblock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Tools {
     /// Whether only predictions from the given vectors are tried; see [`quick`].
@@ -39,18 +39,18 @@ pub(crate) struct Tools {
     pub intra_halves: u32,
     /// Whether other quantisers than the requested one are tried.
     pub quantiser_choice: bool,
-    /// Squared error in quarters of quantiser_scale² below which a predicted block is not transformed. Its few levels would not
-    /// be worth their bits.
+    /// Squared error in quarters of quantiser_scale² below which a predicted block is not transformed, because its few levels are
+    /// not worth their bits.
     pub worth_a_transform_quarters: i64,
 }
 
 impl Tools {
-    /// Whether a prediction of this squared error is compared with intra coding of this `activity`.
+    /// Returns whether a prediction of this squared error is compared with intra coding of this `activity`.
     fn may_be_intra(self, error: u32, activity: u32) -> bool {
         2 * u64::from(error) > u64::from(activity) * u64::from(self.intra_halves)
     }
 
-    /// Selection of levels when a bit has this price.
+    /// Returns how levels are chosen if a bit has the price `lambda`.
     fn rounding(self, lambda: i64) -> Rounding {
         if self.trellis { Rounding::Trellis { lambda } } else { Rounding::DeadZone }
     }
@@ -60,8 +60,9 @@ impl Tools {
 struct Trial {
     macroblock: Macroblock,
     cost: i64,
-    /// Coefficients of the blocks, for further quantisers, and the error if all become zero.
+    /// Coefficients of the blocks, for trials of other quantisers.
     coefficients: [[i32; 64]; 6],
+    /// Squared error of each block if all its levels become zero.
     energies: [i64; 6],
     /// Whether each block was transformed; blocks that almost certainly become zero are not.
     is_transformed: [bool; 6],
@@ -107,12 +108,12 @@ impl Workspace {
         }
     }
 
-    /// Macroblock as it will be written.
+    /// Returns the macroblock as it will be written.
     pub fn macroblock(&self) -> &Macroblock {
         &self.best.macroblock
     }
 
-    /// Macroblock as it will be written, for decisions made elsewhere.
+    /// Returns the macroblock as it will be written, so that other decisions can modify it.
     pub fn macroblock_mut(&mut self) -> &mut Macroblock {
         &mut self.best.macroblock
     }
@@ -135,7 +136,7 @@ pub(crate) struct Decision<'a> {
     pub tools: Tools,
     /// Requested quantiser_scale_code.
     pub quantiser: u8,
-    /// Price of a bit, as returned by [`lambda`].
+    /// Price of a bit, from [`lambda`].
     pub lambda: i64,
     pub references: References<'a>,
     pub column: usize,
@@ -143,7 +144,7 @@ pub(crate) struct Decision<'a> {
     pub source: &'a MacroblockSamples,
 }
 
-/// Price of a bit for the requested quantiser_scale, in sixteenths.
+/// Returns the price of a bit for a requested quantiser_scale in sixteenths.
 pub(crate) fn lambda(scale_x16: u32) -> i64 {
     (LAMBDA * i64::from(scale_x16) * i64::from(scale_x16) / 256).max(1)
 }
@@ -154,7 +155,7 @@ const PREDICTIONS: usize = 8;
 /// Predictions to choose from.
 struct Predictions {
     samples: [MacroblockSamples; PREDICTIONS],
-    /// Squared errors of their blocks.
+    /// Squared error of each block of each prediction.
     errors: [[u32; 6]; PREDICTIONS],
     /// Mode, squared error and index in `samples`, in order of error.
     order: Vec<(Mode, u32, usize)>,
@@ -207,14 +208,15 @@ impl Predictions {
 }
 
 impl Decision<'_> {
-    /// Finds a cheap way with the given forward and backward vectors. `work` receives it and the reconstruction.
+    /// Finds a cheap way to code the macroblock with the given forward and backward vectors. `work` receives the result and the
+    /// reconstruction.
     pub fn decide(&self, vectors: [HalfSample; 2], work: &mut Workspace) {
         if !self.tools.quick || !self.decide_quickly(vectors, work) {
             self.decide_by_trials(vectors, work);
         }
     }
 
-    /// Finds the cheapest of several trials.
+    /// Finds the cheapest of several ways to code the macroblock.
     fn decide_by_trials(&self, vectors: [HalfSample; 2], work: &mut Workspace) {
         work.predictions.order.clear();
         work.best.cost = i64::MAX;
@@ -301,8 +303,8 @@ impl Decision<'_> {
         cheapest
     }
 
-    /// Codes the best predictions, and intra if they are poor. `work.best` keeps the cheapest; returns the index of its
-    /// prediction.
+    /// Codes the best predictions, and tries intra coding if they are poor. `work.best` keeps the cheapest trial; returns the
+    /// index of its prediction.
     fn cheapest_coded(&self, work: &mut Workspace) -> usize {
         let least = work.predictions.order.first().map(|entry| entry.1);
         let mut chosen = 0;
@@ -339,7 +341,7 @@ impl Decision<'_> {
         })
     }
 
-    /// Squared error of the blocks from their means, the starting point of intra coding.
+    /// Returns the squared error of the blocks from their means, which estimates the cost of intra coding.
     fn activity(&self) -> u32 {
         kernel::deviation(self.source)
     }
@@ -414,7 +416,7 @@ impl Decision<'_> {
             self.price(trial);
             work.keep_cheaper()
         };
-        // The current quantiser takes no bits.
+        // Keeping the current quantiser takes no bits.
         let current = self.state.quantiser;
         if current != self.quantiser && current.abs_diff(self.quantiser) <= 2 {
             is_cheaper(current);
@@ -437,7 +439,7 @@ impl Decision<'_> {
         work.reconstruction = work.predictions.samples[index];
     }
 
-    /// Reconstructs the choice as a decoder does; prediction number `index` is used unless it is intra.
+    /// Reconstructs the choice as a decoder does. Prediction number `index` is used, except for intra coding.
     fn finish(&self, index: usize, work: &mut Workspace) {
         let macroblock = &work.best.macroblock;
         let quantiser = self.quantisers.of(macroblock.quantiser);

@@ -1,17 +1,17 @@
 //! Computation per picture.
 
-/// Amount of computation that a picture may take.
+/// Amount of computation per picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Effort {
-    /// Given motion, the prediction with the least difference, rounded levels.
+    /// Uses given motion, the prediction with the least difference, and rounded levels.
     Fast,
-    /// Vectors near the given ones, picture types by content, macroblock tree, levels by shortest path.
+    /// Adds vectors near the given ones, picture types by content, the macroblock tree, and levels by shortest path.
     #[default]
     Balanced,
-    /// Vectors by transformed differences, full coding of every prediction, and the cheapest quantiser where quantisers may
-    /// vary.
+    /// Adds vector searches by transformed differences, full coding of every prediction, and the cheapest quantiser where
+    /// quantisers may vary.
     Best,
 }
 
@@ -19,7 +19,7 @@ impl Effort {
     /// All efforts, in order of computation.
     pub const ALL: &[Self] = &[Self::Fast, Self::Balanced, Self::Best];
 
-    /// Name in lower case, as in command lines and files.
+    /// Returns the name in lower case, as in command lines and files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! Parser of elementary streams written earlier, for programs that join streams.
+//! Parser of existing elementary streams, for programs that join streams.
 //!
 //! It reads only start codes and the headers after them (6.2.2, 6.2.3). Streams must follow this crate's layout: sequence and
 //! group headers before every I picture.
@@ -17,7 +17,7 @@ pub struct ElementaryStream {
     pub sequence_header: Vec<u8>,
     /// Hours, minutes, seconds and pictures of the first group's time code (6.3.8).
     pub time_code: [u32; 4],
-    /// closed_gop of the first group: it depends on no earlier pictures (6.3.8).
+    /// Whether the first group is closed, so that it depends on no earlier pictures (closed_gop, 6.3.8).
     pub begins_closed: bool,
     /// Whether sequence_end_code ends the stream; without it the stream is incomplete.
     pub is_ended: bool,
@@ -120,7 +120,7 @@ impl ElementaryStream {
         if stream.units.is_empty() { Err(StreamError::NoPicture) } else { Ok(stream) }
     }
 
-    /// Assigns its bytes to the last picture.
+    /// Stores `data` as the bytes of the last picture.
     fn close(&mut self, data: &[u8]) {
         if let Some(last) = self.units.last_mut() {
             last.data = data.into();
@@ -139,7 +139,7 @@ impl ElementaryStream {
     }
 }
 
-/// Positions and values of all start codes (5.2.3): the bytes 0, 0, 1 and the value.
+/// Returns the positions and values of all start codes (5.2.3): the bytes 0, 0, 1 and the value.
 fn start_codes(bytes: &[u8]) -> Vec<(usize, u8)> {
     let mut codes = Vec::new();
     let mut at = 0;
@@ -156,7 +156,7 @@ fn start_codes(bytes: &[u8]) -> Vec<(usize, u8)> {
     codes
 }
 
-/// temporal_reference and picture_coding_type (6.2.3).
+/// Returns temporal_reference and picture_coding_type (6.2.3).
 fn picture_header(header: &[u8]) -> Option<(u64, PictureType)> {
     let bits = u16::from_be_bytes([header[0], header[1]]);
     let picture_type = match bits >> 3 & 7 {
@@ -168,7 +168,7 @@ fn picture_header(header: &[u8]) -> Option<(u64, PictureType)> {
     Some(((bits >> 6).into(), picture_type))
 }
 
-/// Hours, minutes, seconds and pictures of time_code, and closed_gop (6.2.2.6).
+/// Returns the hours, minutes, seconds and pictures of time_code, and closed_gop (6.2.2.6).
 fn group_header(header: &[u8]) -> ([u32; 4], bool) {
     let bits = u32::from_be_bytes([header[0], header[1], header[2], header[3]]);
     let field = |first: u32, length: u32| bits << first >> (32 - length);

@@ -30,7 +30,7 @@ pub struct Encoder {
 
 /// State of an [`Encoder`] between two pictures, including waiting frames.
 ///
-/// [`Encoder::restore`] continues from it. With the feature `serde` another process can do so.
+/// [`Encoder::restore`] continues from this state. With the feature `serde`, another process can continue from it.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EncoderState {
@@ -78,12 +78,12 @@ impl Encoder {
         Self { coder: Coder::new(config), state }
     }
 
-    /// Settings of this encoder.
+    /// Returns the settings of this encoder.
     pub fn config(&self) -> &Config {
         &self.coder.config
     }
 
-    /// State that determines the next packets, together with settings and later frames.
+    /// Returns the state that determines the next packets, together with settings and later frames.
     #[must_use]
     pub fn state(&self) -> &EncoderState {
         &self.state
@@ -110,7 +110,7 @@ impl Encoder {
         Ok(())
     }
 
-    /// Uses another quantiser_scale from the next coded picture on. It replaces a mean quantiser too.
+    /// Uses another quantiser_scale from the next coded picture on, even in place of a mean quantiser.
     ///
     /// # Errors
     /// If the standard does not have this quantiser_scale.
@@ -125,10 +125,10 @@ impl Encoder {
         Ok(())
     }
 
-    /// Takes the next frame and returns the packets that can be coded now. Without a look-ahead this is one packet.
+    /// Accepts the next frame and returns the packets that can be coded now. Without a look-ahead this is one packet.
     ///
-    /// `motion` only affects which vectors are tried, so wrong motion costs bits, not correctness. Without it, the encoder
-    /// searches.
+    /// `motion` only affects which vectors are tried, so wrong motion costs bits, not correctness. Without given motion, the
+    /// encoder searches.
     ///
     /// # Panics
     /// If the size of the frame or of a motion field differs from the [`Config`].
@@ -137,22 +137,22 @@ impl Encoder {
         self.push_frame(frame, motion, None)
     }
 
-    /// Takes the next frame, with a factor of quantiser_scale for each macroblock: below 1 where errors are visible, above 1
+    /// Accepts the next frame, with a factor of quantiser_scale for each macroblock: below 1 where errors are visible, above 1
     /// where they are not.
     ///
     /// Factors are clamped to 1/16 to 16; NaN counts as 1. They replace the factors of [`Config::with_adaptive_quantisation`].
     /// [`Config::with_uniform_quantiser`] disables them.
     ///
-    /// Without a look-ahead only the ratios of the factors matter. They are normalized so that the geometric mean of the scales
-    /// stays quantiser_scale. A scale between two existing values becomes one of them, chosen by row. Equal factors give the
-    /// same bits as [`Encoder::push`].
+    /// Without a look-ahead only the ratios between factors have an effect. They are normalized so that the geometric mean of the
+    /// scales stays quantiser_scale. A scale between two existing values becomes one of them, chosen by row. Equal factors
+    /// produce the same bits as [`Encoder::push`].
     ///
     /// With a look-ahead the factors are not normalized, and each scale is rounded to the nearest existing value. Only a bit
     /// rate then compensates for their mean.
     ///
     /// # Panics
-    /// If the size of the frame or of a motion field differs from the [`Config`]. Or if `weights` does not have one sample for
-    /// each 16×16 luma samples, with width and height rounded up.
+    /// If the size of the frame or of a motion field differs from the [`Config`]. If `weights` does not have one sample for each
+    /// 16×16 luma samples, with width and height rounded up.
     #[must_use = "the packets form the stream"]
     pub fn push_weighted(&mut self, frame: &Picture, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
         let counts = self.config().shown_macroblocks();
@@ -184,10 +184,10 @@ impl Encoder {
         }
     }
 
-    /// Planned quantiser_scale of the waiting frames, by the current bit rate and buffer fullness.
+    /// Returns the planned quantiser_scale of the waiting frames, for the current bit rate and buffer fullness.
     ///
-    /// `None` if bits are not bounded or fewer than two frames wait. Later frames, and statistics of the frames coded until
-    /// then, may still change it.
+    /// `None` if bits are not bounded or fewer than two frames wait. Later frames and the statistics of frames coded in between
+    /// may still change the plan.
     pub fn planned_quantiser_scale(&mut self) -> Option<f32> {
         match &mut self.state.mode {
             CodingMode::Immediate(_) => None,
@@ -204,7 +204,7 @@ impl Encoder {
         Finish { packets, end: sequence_end() }
     }
 
-    /// Whether a frame, counted from 0 in display order, is the I picture of a group of pictures.
+    /// Returns whether a frame, counted from 0 in display order, is the I picture of a group of pictures.
     ///
     /// For pushed frames the result is exact and includes shot changes. Groups of later frames are counted from the start of
     /// the latest group; only a shot change can begin one earlier. `None` if the frame precedes the last coded I or P picture;

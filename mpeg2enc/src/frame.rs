@@ -23,14 +23,14 @@ fn copy_plane(plane: &Plane<u8>, out: &mut [u8], width: usize) {
     }
 }
 
-/// Peak signal-to-noise ratio of two planes of equal size, in dB; infinite if they are equal.
+/// Returns the peak signal-to-noise ratio of two planes of equal size, in dB; infinite if they are equal.
 pub fn psnr(a: &Plane<u8>, b: &Plane<u8>) -> f64 {
     assert_eq!((a.width(), a.height()), (b.width(), b.height()), "the planes must have equal size");
     let sum = (0..a.height()).map(|y| squared_error(a.row(y), b.row(y))).sum();
     psnr_of(sum, a.width() * a.height())
 }
 
-/// PSNR in dB of `samples` samples with this sum of squared errors.
+/// Returns the PSNR in dB of `samples` samples with this sum of squared errors.
 pub(crate) fn psnr_of(squared_error: u64, samples: usize) -> f64 {
     if squared_error == 0 {
         return f64::INFINITY;
@@ -39,7 +39,7 @@ pub(crate) fn psnr_of(squared_error: u64, samples: usize) -> f64 {
 }
 
 vectorized! {
-    /// Sum of squared differences of at most 2^16 samples, which fits in 32 bits.
+    /// Returns the sum of squared differences of at most 2^16 samples, which fits in 32 bits.
     fn squared_error, squared_error_plain(a: &[u8], b: &[u8]) -> u64 {
         let mut sum = 0;
         for (&a, &b) in a.iter().zip(b) {

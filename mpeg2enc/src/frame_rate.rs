@@ -47,18 +47,18 @@ impl FrameRate {
         }
     }
 
-    /// Frames per second.
+    /// Returns the number of frames per second.
     pub fn fps(self) -> f64 {
         let (numerator, denominator) = self.fraction();
         f64::from(numerator) / f64::from(denominator)
     }
 
-    /// Frames per second as a fraction, for example (30000, 1001).
+    /// Returns the number of frames per second as a fraction, for example (30000, 1001).
     pub fn fraction(self) -> (u32, u32) {
         FRAME_RATES[usize::from(self.code) - 1]
     }
 
-    /// frame_rate_code (6.3.3).
+    /// Returns frame_rate_code (6.3.3).
     pub fn code(self) -> u8 {
         self.code
     }

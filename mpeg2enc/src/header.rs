@@ -45,8 +45,8 @@ pub(crate) struct PictureHeader {
     pub shown: Option<ShownFields>,
 }
 
-/// Writes sequence_header(), sequence_extension() and sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4). MPEG-1 only has
-/// the first of them (11172-2, 2.4.2.3).
+/// Writes sequence_header(), sequence_extension() and sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4). MPEG-1 has only
+/// sequence_header() (11172-2, 2.4.2.3).
 pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     let (horizontal_size, vertical_size) = config.coded_size();
     let limits = config.level().limits();
@@ -98,7 +98,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(0, 2); // frame_rate_extension_n
     writer.put(0, 5); // frame_rate_extension_d
 
-    // State the color description and the size to display.
+    // Write the color description and the display size.
     writer.start_code(EXTENSION_START_CODE);
     writer.put(SEQUENCE_DISPLAY_EXTENSION_ID, 4); // extension_start_code_identifier
     writer.put(5, 3); // video_format: unspecified
@@ -129,15 +129,14 @@ pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: 
     writer.put(0, 1); // broken_link
 }
 
-/// Writes picture_header() and picture_coding_extension() (6.2.3, 6.2.3.1). MPEG-1 only has the first of them (11172-2,
-/// 2.4.2.5).
+/// Writes picture_header() and picture_coding_extension() (6.2.3, 6.2.3.1). MPEG-1 has only picture_header() (11172-2, 2.4.2.5).
 pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader) {
     writer.start_code(PICTURE_START_CODE);
     writer.put(picture.temporal_reference, 10); // temporal_reference
     writer.put(picture.picture_type as u32, 3); // picture_coding_type
     writer.put(picture.vbv_delay, 16); // vbv_delay
     let is_mpeg1 = picture.quantisers.standard == Standard::Mpeg1;
-    // An extension contains its own f_code.
+    // In MPEG-2 the extension contains f_code.
     let f_code = |s: usize| if is_mpeg1 { picture.f_code[s][0] } else { 7 };
     if picture.picture_type != PictureType::I {
         writer.put(0, 1); // full_pel_forward_vector
@@ -152,7 +151,7 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
         return;
     }
 
-    // The extension states the coding tools and the displayed fields.
+    // The extension contains the coding tools and the displayed fields.
     writer.start_code(EXTENSION_START_CODE);
     writer.put(PICTURE_CODING_EXTENSION_ID, 4); // extension_start_code_identifier
     for (s, used) in
@@ -177,12 +176,12 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
     writer.put(0, 1); // composite_display_flag
 }
 
-/// Returns user_data() (6.2.2.2.2) of `bytes` bytes, at least 4, including its start code. It pads a picture that is too small.
+/// Returns user_data() (6.2.2.2.2) of `bytes` bytes including its start code, at least 4. It pads a picture that is too small.
 pub(crate) fn filling(bytes: usize) -> Vec<u8> {
     let mut writer = BitWriter::default();
     writer.start_code(USER_DATA_START_CODE);
     let mut data = writer.into_bytes();
-    data.resize(bytes.max(data.len()), 0xff); // never 23 zero bits
+    data.resize(bytes.max(data.len()), 0xff); // without 23 consecutive zero bits
     data
 }
 
@@ -202,7 +201,8 @@ pub(crate) fn put_slice_header(writer: &mut BitWriter, row: usize, height: usize
 pub(crate) fn put_sequence_end(writer: &mut BitWriter) {
     writer.start_code(SEQUENCE_END_CODE);
 }
-/// profile_and_level_indication (clause 8): Main Profile, or High Profile for an intra DC of 11 bits, which has no Low Level.
+/// Returns profile_and_level_indication (clause 8): Main Profile, or High Profile for an intra DC of 11 bits, which has no Low
+/// Level.
 fn profile_and_level(intra_dc_precision: u32, limits: &Limits) -> u32 {
     match intra_dc_precision {
         11 => 0b0001 << 4 | limits.level_indication.min(Level::Main.limits().level_indication),

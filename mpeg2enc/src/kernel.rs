@@ -1,8 +1,8 @@
 //! Innermost loops.
 //!
-//! All loops are kernels of the crate [`lanes`], compiled from one source for AVX2 and for any processor, with identical
-//! results. Difference and prediction kernels use its sample types, level kernels its integers. The others are plain loops of
-//! fixed size that the compiler vectorizes if possible. Tests compare both versions of every kernel.
+//! All loops are kernels of the crate [`lanes`], compiled from one source for AVX2 and for any processor, with identical results.
+//! Difference and prediction kernels use its sample types, level kernels its integers. The other kernels are plain loops of fixed
+//! size that the compiler vectorizes if possible. Tests compare both versions of every kernel.
 
 mod absolute;
 mod levels;
@@ -56,7 +56,7 @@ pub(crate) struct ReferenceBlock<'a> {
 }
 
 impl<'a> ReferenceBlock<'a> {
-    /// Reference block at a whole position, in rows of `stride` samples.
+    /// Returns the reference block at a whole position, in rows of `stride` samples.
     #[inline(always)]
     pub fn whole(samples: &'a [u8], stride: usize) -> Self {
         Self { samples, stride, half: (false, false) }
@@ -201,7 +201,7 @@ mod tests {
 
     fn follow_their_definitions<const N: usize>() {
         let mut random = fastrand::Rng::with_seed(N as u64);
-        // Miri runs ten thousand times slower.
+        // Test once with Miri, which is ten thousand times slower.
         for _ in 0..if cfg!(miri) { 1 } else { 50 } {
             let samples: Vec<u8> = (0..40 * 40).map(|_| random.u8(..)).collect();
             let source = block::<N>(&mut random);

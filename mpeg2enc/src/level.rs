@@ -4,13 +4,13 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Level {
-    /// Low Level: up to 352×288 at 30 pictures a second.
+    /// Low Level: up to 352×288 at 30 pictures per second.
     Low,
-    /// Main Level: up to 720×576, 10 368 000 luma samples a second.
+    /// Main Level: up to 720×576, 10 368 000 luma samples per second.
     Main,
-    /// High-1440 Level: up to 1440×1152, 47 001 600 luma samples a second.
+    /// High-1440 Level: up to 1440×1152, 47 001 600 luma samples per second.
     High1440,
-    /// High Level: up to 1920×1152, 62 668 800 luma samples a second.
+    /// High Level: up to 1920×1152, 62 668 800 luma samples per second.
     High,
 }
 
@@ -55,12 +55,12 @@ const LIMITS: [Limits; 4] = [
 ];
 
 impl Level {
-    /// Lowest level that allows pictures of this size at this rate; `None` beyond High Level.
+    /// Returns the lowest level that allows pictures of this size at this rate; `None` beyond High Level.
     pub fn lowest(width: usize, height: usize, fps: f64) -> Option<Self> {
         LIMITS.iter().find(|limits| limits.hold(width, height, fps)).map(|limits| limits.level)
     }
 
-    /// Bit rate of the level with this vbv_buffer_size, in units of 400 bits per second.
+    /// Returns the bit rate of the level that has this vbv_buffer_size, in units of 400 bits per second.
     pub(crate) fn rate_of_buffer(vbv_buffer_size: u32) -> Option<u32> {
         let limits = LIMITS.iter().find(|limits| limits.vbv_buffer_size == u64::from(vbv_buffer_size))?;
         Some((limits.bits_per_second / 400) as u32)
@@ -72,7 +72,7 @@ impl Level {
 }
 
 impl Limits {
-    /// Whether the level allows pictures of this size at this rate.
+    /// Returns whether the level allows pictures of this size at this rate.
     pub fn hold(&self, width: usize, height: usize, fps: f64) -> bool {
         width <= self.width
             && height <= self.height

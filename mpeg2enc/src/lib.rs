@@ -4,11 +4,11 @@
 //! 4:2:0 with 8 bits per sample, of type I, P or B. The quantiser is constant or follows a bit rate.
 //! A [`Multiplexer`] wraps them in a [`Container`].
 //!
-//! A [`Config`] makes an [`Encoder`], which takes each [`Picture`] and, if known, the earlier positions of its pixels
+//! A [`Config`] makes an [`Encoder`], which accepts each [`Picture`] and, if known, the earlier positions of its pixels
 //! ([`Correspondence`]). Each frame yields a [`Packet`], with the reconstruction that a decoder will show.
 //!
 //! With a look-ahead ([`Config::with_lookahead`]) the encoder waits for later frames before it codes one. It then offers B
-//! pictures, bit rates ([`Rate`]), and finer quantisers in areas that later pictures predict from.
+//! pictures, bit rates ([`Rate`]), and finer quantisers in areas from which later pictures are predicted.
 //!
 //! ```
 //! use mpeg2enc::{Config, Correspondence, FrameRate, KnownMotion, Picture, Plane};
@@ -30,8 +30,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Only integer arithmetic over fixed slices determines the stream. The same frames give the same bits on every processor. The
-//! number of threads does not matter; they belong to the `rayon` pool in which `push` is called. Clause and table numbers in
+//! Only integer arithmetic over fixed slices determines the stream, so the same frames produce the same bits on every processor
+//! and with any number of threads. The threads belong to the `rayon` pool in which `push` is called. Clause and table numbers in
 //! this crate refer to the 2000 edition.
 #![forbid(unsafe_code)]
 

@@ -1,7 +1,7 @@
 //! Frames waiting to be coded, and measurements of them.
 //!
-//! All measurements compare source frames in luma at half the width and height. They estimate the cost of each 8×8 block there
-//! (a macroblock of the picture) with and without prediction from other frames. Picture types ([`plan`]) and quantisers
+//! All measurements compare source frames in luma at half the width and height. They estimate the cost of each 8×8 block of these
+//! frames (a macroblock of the picture) with and without prediction from other frames. Picture types ([`plan`]) and quantisers
 //! ([`tree`]) follow from these costs. The measured vectors are starting points of the final motion search.
 
 mod block_search;
@@ -56,12 +56,12 @@ impl Lookahead {
         }
     }
 
-    /// Display index of the first frame.
+    /// Returns the display index of the first frame.
     pub fn first(&self) -> usize {
         self.first
     }
 
-    /// One more than the display index of the last frame.
+    /// Returns the display index of the last frame plus one.
     pub fn end(&self) -> usize {
         self.first + self.frames.len()
     }
@@ -70,8 +70,8 @@ impl Lookahead {
         &self.frames[index - self.first]
     }
 
-    /// Takes the next frame in whole macroblocks, and their factors of quantiser_scale. Decides whether the frame begins a
-    /// group.
+    /// Accepts the next frame in whole macroblocks, and the factors of quantiser_scale of its macroblocks. Decides whether the
+    /// frame begins a group.
     pub fn push(&mut self, config: &Config, source: Arc<Picture>, motion: KnownMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known = [motion.to_previous, motion.to_next]
@@ -96,7 +96,7 @@ impl Lookahead {
         }
     }
 
-    /// Whether a frame is the I picture of a group; see [`Encoder::begins_group`](crate::Encoder::begins_group).
+    /// Returns whether a frame is the I picture of a group; see [`Encoder::begins_group`](crate::Encoder::begins_group).
     pub fn begins_group(&self, index: usize, gop: usize) -> Option<bool> {
         if index >= self.end() {
             return Some((index - self.last_group).is_multiple_of(gop));
@@ -138,23 +138,23 @@ impl Lookahead {
         self.frames[0].source.width() / 16
     }
 
-    /// Number of macroblocks of a frame.
+    /// Returns the number of macroblocks of a frame.
     pub fn macroblocks(&self) -> usize {
         self.columns() * self.frames[0].source.height() / 16
     }
 
-    /// Cost of every macroblock of a frame without prediction.
+    /// Returns the cost without prediction of every macroblock of a frame.
     pub fn intra_costs(&self, index: usize) -> &Arc<[u32]> {
         let frame = self.get(index);
         frame.intra_costs.get_or_init(|| intra_costs(frame.half(), self.transformed))
     }
 
-    /// Given motion of this frame to its neighbor, if any.
+    /// Returns the given motion of this frame to its neighbor, if any.
     fn is_known(&self, index: usize, delta: isize) -> Option<&Arc<[Candidates]>> {
         self.get(index).known[usize::from(delta > 0)].as_ref()
     }
 
-    /// Vectors worth trying in each macroblock towards the frame `delta` away, in half samples of the picture.
+    /// Returns the vectors worth trying in each macroblock towards the frame at distance `delta`, in half samples of the picture.
     pub fn candidates(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
         let step = delta.signum();
         let neighbor = away(index, step);
@@ -184,8 +184,8 @@ impl Lookahead {
             .collect()
     }
 
-    /// Vectors from the previous frame of `later` to it: the negated vectors of `later`, assigned to the macroblocks where they
-    /// end.
+    /// Returns the vectors from the previous frame of `later` to `later` itself. They are the negated vectors of `later`,
+    /// assigned to the macroblocks where these end.
     fn reversed(&mut self, later: usize) -> Arc<[Candidates]> {
         let matches = self.matches(later, -1);
         let columns = self.columns();
@@ -209,7 +209,7 @@ impl Lookahead {
         out.into()
     }
 
-    /// Best match of every macroblock in the frame `delta` away.
+    /// Returns the best match of every macroblock in the frame at distance `delta`.
     pub fn matches(&mut self, index: usize, delta: isize) -> Arc<[Match]> {
         if let Some(matches) = self.get(index).matches.get(&delta) {
             return matches.clone();
@@ -244,7 +244,7 @@ impl Lookahead {
         matches
     }
 
-    /// Best of forward, backward and two-sided prediction in every macroblock of a B picture.
+    /// Returns the best of forward, backward and two-sided prediction for every macroblock of a B picture.
     pub fn two_sided(&mut self, index: usize, back: isize, ahead: isize) -> Arc<[TwoSided]> {
         if let Some(found) = self.get(index).two_sided.get(&(back, ahead)) {
             return found.clone();
@@ -280,7 +280,7 @@ impl Lookahead {
         found
     }
 
-    /// Vectors towards the frame `delta` away, chained only from given motion; `None` if a link is missing.
+    /// Returns the vectors towards the frame at distance `delta`, chained only from given motion; `None` if a link is missing.
     fn chained(&mut self, index: usize, delta: isize) -> Option<Arc<[Candidates]>> {
         let step = delta.signum();
         let neighbor = away(index, step);
@@ -311,7 +311,7 @@ impl Lookahead {
         Some(chained.collect())
     }
 
-    /// Starting vectors for the final search towards the frame `delta` away.
+    /// Returns the starting vectors for the final search towards the frame at distance `delta`.
     pub fn for_coding(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
         if self.quick
             && let Some(chained) = self.chained(index, delta)
@@ -342,12 +342,12 @@ impl Lookahead {
     }
 }
 
-/// Display index of the frame `delta` after another.
+/// Returns the display index at distance `delta` from `index`.
 fn away(index: usize, delta: isize) -> usize {
     index.checked_add_signed(delta).expect("references are frames of the sequence")
 }
 
-/// Macroblock that contains the center of macroblock `i` after displacement by `vector`.
+/// Returns the macroblock that contains the center of macroblock `i` after displacement by `vector`.
 fn landing(i: usize, vector: HalfSample, columns: usize, rows: usize) -> usize {
     let place = |position: usize, component: i32, count: usize| {
         ((32 * position as i32 + component + 16) >> 5).clamp(0, count as i32 - 1) as usize

@@ -23,7 +23,7 @@ pub(crate) enum Mode {
 impl Mode {
     pub const STILL: Self = Self::Forward(HalfSample::ZERO);
 
-    /// Forward and backward vector.
+    /// Returns the forward and backward vector.
     pub fn vectors(self) -> [Option<HalfSample>; 2] {
         match self {
             Self::Intra => [None, None],
@@ -33,7 +33,7 @@ impl Mode {
         }
     }
 
-    /// Index of the directions in the tables of macroblock_type of B pictures.
+    /// Returns the index of the directions in the tables of macroblock_type of B pictures.
     fn directions(self) -> usize {
         match self {
             Self::Intra => unreachable!("an intra macroblock has no direction"),
@@ -55,12 +55,13 @@ pub(crate) struct Macroblock {
 }
 
 impl Macroblock {
-    /// Squared error of all blocks, with twice [`dct::COEFFICIENT_BITS`](crate::dct::COEFFICIENT_BITS) fractional bits.
+    /// Returns the squared error of all blocks, with twice [`dct::COEFFICIENT_BITS`](crate::dct::COEFFICIENT_BITS) fractional
+    /// bits.
     pub fn error(&self) -> i64 {
         self.blocks.iter().map(|block| block.error).sum()
     }
 
-    /// pattern_code as a number, with the first block as the highest bit (6.3.17.4).
+    /// Returns pattern_code as a number, with the first block as the highest bit (6.3.17.4).
     pub fn coded_block_pattern(&self) -> usize {
         self.blocks.iter().fold(0, |pattern, block| 2 * pattern + usize::from(block.is_coded()))
     }
@@ -105,7 +106,7 @@ pub(crate) struct SliceState {
 }
 
 impl SliceState {
-    /// State at the start of a slice (7.2.1, 7.6.3.4), which begins with the first macroblock of its row.
+    /// Returns the state at the start of a slice (7.2.1, 7.6.3.4), which begins with the first macroblock of its row.
     pub fn new(slice: &SliceParameters) -> Self {
         Self {
             motion_prediction: [HalfSample::ZERO; 2],
@@ -116,9 +117,10 @@ impl SliceState {
         }
     }
 
-    /// Mode in which a macroblock without coefficients may be skipped (7.6.6); `None` if it must be written.
+    /// Returns the mode in which a macroblock without coefficients may be skipped (7.6.6); `None` if it must be written.
     ///
-    /// In a P picture it is a zero vector. In a B picture it is the previous macroblock's mode, unless that was intra.
+    /// In a P picture, this mode is a zero vector. In a B picture, it is the previous macroblock's mode, unless that macroblock
+    /// was intra.
     pub fn skipped_mode(&self, slice: &SliceParameters, column: usize) -> Option<Mode> {
         if column == 0 || column == slice.last_column {
             return None;
@@ -140,7 +142,7 @@ impl SliceState {
     ) -> (bool, MacroblockBits) {
         let mut bits = MacroblockBits::default();
         let pattern = macroblock.coded_block_pattern();
-        // Skipped macroblocks reset predictors, and only increase the address increment.
+        // Skipped macroblocks reset predictors and only increase the address increment.
         if pattern == 0 && self.skipped_mode(slice, column) == Some(macroblock.mode) {
             self.increment += 1;
             if slice.picture_type == PictureType::P {
@@ -202,7 +204,7 @@ impl SliceState {
         }
     }
 
-    /// Number of bits that `macroblock` would take here.
+    /// Returns the number of bits that `macroblock` would take at this position.
     pub fn count(&self, slice: &SliceParameters, column: usize, macroblock: &Macroblock) -> u64 {
         let mut counter = BitCounter::default();
         self.clone().put_macroblock(&mut counter, slice, column, macroblock);
@@ -210,7 +212,7 @@ impl SliceState {
     }
 }
 
-/// macroblock_type (Tables B.2, B.3, B.4).
+/// Returns macroblock_type (Tables B.2, B.3, B.4).
 fn macroblock_type(picture_type: PictureType, mode: Mode, coded: bool, new_quantiser: bool) -> crate::bits::Vlc {
     let choose = |plain, with_quantiser| if new_quantiser { with_quantiser } else { plain };
     match (picture_type, mode) {

@@ -33,16 +33,17 @@ pub(crate) struct Estimate<'a> {
     pub coarse: Option<CoarseSearch<'a>>,
     pub quantiser_scale: u32,
     pub f_code_max: [u32; 2],
-    /// Best effort compares half-sample positions by transformed differences; fast effort takes given vectors.
+    /// Best effort compares half-sample positions by transformed differences; fast effort uses given vectors.
     pub effort: Effort,
 }
 
 /// Maximum motion of highlights and shadows over a surface with known motion, in half samples. Vectors of the previous picture
 /// that differ more belong to other objects.
 const LIGHT_MOVES: i32 = 8;
-/// Mean absolute difference per sample above which more vectors are tried. Each step of quantiser_scale adds eighths, because
-/// coding noise in the reference has about this size. Tuned with the example `mpeg2enc`.
+/// Mean absolute difference per sample above which more vectors are tried, at quantiser_scale 0. The value was tuned with the
+/// example `mpeg2enc`.
 const POOR_MATCH: u32 = 2;
+/// Increase of [`POOR_MATCH`] per step of quantiser_scale, in eighths, because coding noise in the reference has about this size.
 const POOR_MATCH_EIGHTHS: u32 = 1;
 impl Estimate<'_> {
     /// Returns the vector of every macroblock in raster order; rows are independent of each other.
@@ -125,7 +126,7 @@ mod tests {
     use super::*;
     use plane::{Correspondence, Plane};
 
-    /// Aperiodic noise of two scales, interpolated between integer positions.
+    /// Returns aperiodic noise of two scales, interpolated between integer positions.
     fn texture(x: f64, y: f64) -> u8 {
         let hash = |x: i64, y: i64| {
             let mixed = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0x2545_f491_4f6c_dd1d);

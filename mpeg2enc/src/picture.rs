@@ -214,7 +214,7 @@ impl PictureCoder<'_> {
         CodedSlice { bytes: writer.into_bytes(), quantiser_scales, macroblocks, statistics, luma_error }
     }
 
-    /// Sum of squared errors of a row of luma macroblocks, without padding; computed here while the row is in the cache.
+    /// Returns the sum of squared errors of a row of luma macroblocks, without padding. The row is still in the cache.
     fn luma_error(&self, row: usize, shown: &[u8]) -> u64 {
         let (width, height) = self.size;
         let rows = 16 * row..(16 * row + 16).min(height);

@@ -10,7 +10,7 @@ use plane::Plane;
 /// The six blocks of a macroblock in coding order: four luma blocks, Cb, Cr (6.1.3), each in raster order.
 pub(crate) type MacroblockSamples = [[u8; 64]; 6];
 
-/// Plane of a block of a macroblock, and the position of its upper left sample there.
+/// Returns the plane of a block of a macroblock, and the position of the block's upper left sample in the plane.
 #[cfg(test)]
 fn place(frame: &Picture, block: usize, column: usize, row: usize) -> (&Plane<u8>, usize, usize) {
     match block {
@@ -20,7 +20,7 @@ fn place(frame: &Picture, block: usize, column: usize, row: usize) -> (&Plane<u8
     }
 }
 
-/// Samples of macroblock `(column, row)` of a frame in whole macroblocks.
+/// Returns the samples of macroblock `(column, row)` of a frame in whole macroblocks.
 pub(crate) fn samples(frame: &Picture, column: usize, row: usize) -> MacroblockSamples {
     let mut out = [[0; 64]; 6];
     predict(frame, column, row, HalfSample::ZERO, &mut out);
@@ -37,7 +37,7 @@ pub(crate) fn mean(a: &MacroblockSamples, b: &MacroblockSamples, out: &mut Macro
 
 /// Predicts macroblock `(column, row)` from `reference` with `vector`.
 ///
-/// The chroma vector is half of it, rounded toward zero (7.6.3.7).
+/// The chroma vector is half of `vector`, rounded toward zero (7.6.3.7).
 pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: HalfSample, out: &mut MacroblockSamples) {
     let chroma = HalfSample { x: vector.x / 2, y: vector.y / 2 };
     let (x2, y2) = (32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
@@ -49,7 +49,7 @@ pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: Ha
     }
 }
 
-/// Start of a prediction with its upper left sample at `(x2, y2)` in half samples.
+/// Returns the source of a prediction with its upper left sample at `(x2, y2)` in half samples.
 ///
 /// The plane must contain the rectangle and the neighbors that half positions need.
 #[inline]
@@ -59,7 +59,7 @@ pub(crate) fn place_of(plane: &Plane<u8>, x2: i32, y2: i32) -> ReferenceBlock<'_
     ReferenceBlock { half, ..ReferenceBlock::whole(&plane.samples()[first..], plane.width()) }
 }
 
-/// Sums of squared differences of each block.
+/// Returns the sum of squared differences of each block.
 pub(crate) fn squared_errors(a: &MacroblockSamples, b: &MacroblockSamples) -> [u32; 6] {
     kernel::squared_differences(a, b)
 }

@@ -1,17 +1,17 @@
 //! Pulldown: 24 pictures per second in a stream of 30 frames per second, as on discs. Pictures are alternately displayed for
 //! three and two fields (repeat_first_field, 13818-2, 6.3.10).
 
-/// Number of fields in the time of `periods` pictures, starting with a picture of three fields.
+/// Returns the number of fields in the time of `periods` pictures, starting with a picture of three fields.
 pub(crate) fn fields(periods: u64) -> u64 {
     (5 * periods).div_ceil(2)
 }
 
-/// Display of a picture, as its picture coding extension states it.
+/// Display of a picture, as coded in the picture coding extension.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ShownFields {
-    /// top_field_first.
+    /// Whether the top field is displayed first (top_field_first).
     pub top_field_first: bool,
-    /// repeat_first_field.
+    /// Whether the first field is displayed again after the second one (repeat_first_field).
     pub repeat_first_field: bool,
 }
 
@@ -23,7 +23,7 @@ pub(crate) fn shown(number: u64, reorder: u64) -> ShownFields {
     ShownFields { top_field_first: before.is_multiple_of(2), repeat_first_field: own == 3 }
 }
 
-/// Number of fields displayed before picture `number`.
+/// Returns the number of fields displayed before picture `number`.
 pub(crate) fn fields_before(number: u64, reorder: u64) -> u64 {
     fields(number + reorder) - fields(reorder)
 }

@@ -36,7 +36,7 @@ impl QuantiserParameters {
         Codes { table, standard: self.standard }
     }
 
-    /// DC prediction at the start of a slice (7.2.1): half of the range.
+    /// Returns the DC prediction at the start of a slice (7.2.1): half of the range.
     pub fn dc_reset(&self) -> i32 {
         1 << (self.intra_dc_precision - 1)
     }
@@ -54,7 +54,7 @@ impl Quantisers {
         Self { parameters, by_code: (1..=31).map(|code| Quantiser::new(scale(code), &parameters)).collect() }
     }
 
-    /// Quantiser of quantiser_scale_code `code`, 1 to 31.
+    /// Returns the quantiser of quantiser_scale_code `code`, 1 to 31.
     #[inline]
     pub fn of(&self, code: u8) -> &Quantiser {
         &self.by_code[usize::from(code) - 1]
@@ -103,7 +103,7 @@ impl Weights {
     }
 }
 
-/// Converts between raster position and storage index, in both directions.
+/// Converts a raster position to a storage index; the inverse is the same function.
 fn turned(i: usize) -> usize {
     i % 8 * 8 + i / 8
 }
@@ -122,7 +122,7 @@ pub(crate) enum Rounding {
 pub(crate) struct Transformed<'a> {
     /// Coefficients from [`dct::forward`].
     pub coefficients: &'a [i32; 64],
-    /// Sum of their squares, without the DC of an intra block: the error if all become zero.
+    /// Sum of the squared coefficients, without the DC of an intra block. It is the error if all become zero.
     pub energy: i64,
 }
 
@@ -153,10 +153,10 @@ impl Quantiser {
         let [intra_codes, inter_codes] = self.codes;
         let (weights, codes, zero_256ths) = match (kind, rounding) {
             (BlockKind::Intra, Rounding::Trellis { .. }) => (&self.intra, intra_codes, 128),
-            // 3/8, as in ffmpeg and others: near the centroid of a Laplacian interval.
+            // Add 3/8, as in ffmpeg and other encoders: this is near the centroid of a Laplacian interval.
             (BlockKind::Intra, Rounding::DeadZone) => (&self.intra, intra_codes, 96),
-            // (2·QF+1)·quantiser_scale/2 is already in the middle of its interval: no rounding, and the zero interval is twice
-            // as wide.
+            // Do not round, because (2·QF+1)·quantiser_scale/2 is already in the middle of its interval. The zero interval is
+            // twice as wide.
             (BlockKind::Inter, _) => (&self.inter, inter_codes, 0),
         };
         let mut levels = [0; 64];
@@ -208,7 +208,7 @@ impl Quantiser {
         block.bits = block_bits(codes, block, kind == BlockKind::Intra);
     }
 
-    /// Whether the squared error of a non-intra block is less than this number of quarters of quantiser_scale².
+    /// Returns whether the squared error of a non-intra block is less than this number of quarters of quantiser_scale².
     ///
     /// No coefficient exceeds the square root of the sum, and coefficients below quantiser_scale become zero. With
     /// [`CERTAIN`](Self::CERTAIN) quarters no level remains; the fourth quarter covers rounding.
@@ -240,8 +240,8 @@ impl Quantiser {
         out
     }
 
-    /// Inverse quantisation of one coefficient except the intra DC. In MPEG-1 even values are made odd, toward zero (11172-2,
-    /// 2.4.4.1 and 2.4.4.2).
+    /// Restores one coefficient except the intra DC. In MPEG-1 even values are made odd, toward zero (11172-2, 2.4.4.1 and
+    /// 2.4.4.2).
     #[inline]
     fn inverse_quantise(&self, level: i32, kind: BlockKind, scaled_weight: i32) -> i32 {
         let value = inverse_quantise(level, kind, scaled_weight);
@@ -256,7 +256,7 @@ fn odd_sum(coefficients: &mut [i32; 64], sum: i32) {
     }
 }
 
-/// Inverse quantisation of one coefficient (7.4.2.3) except the intra DC.
+/// Restores one coefficient (7.4.2.3) except the intra DC.
 ///
 /// ```text
 /// F'' = (2·QF + k) · W · quantiser_scale / 32      "/" truncates toward zero

@@ -17,7 +17,7 @@ pub struct QuantiserScaleCode {
     pub code: u8,
 }
 
-/// quantiser_scale of a code (Table 7-6).
+/// Returns the quantiser_scale of a code (Table 7-6).
 pub(crate) fn quantiser_scale_of(code: QuantiserScaleCode) -> u32 {
     if code.q_scale_type { NON_LINEAR[usize::from(code.code) - 1] } else { 2 * u32::from(code.code) }
 }
@@ -41,15 +41,15 @@ pub(crate) fn neighbors(q_scale_type: bool, scale_x16: u32) -> Option<[u32; 2]> 
     Some([below, scales.filter(|&scale| scale >= scale_x16).min()?])
 }
 
-/// Returns the neighbor that a row uses for a scale between the two.
+/// Returns the neighbor that a row uses for a scale between two existing scales.
 pub(crate) fn one_of([below, above]: [u32; 2], scale_x16: u32, row: usize) -> u32 {
     // This order separates neighboring rows: 0, 128, 64, 192, …
     let order = u32::from((row as u8).reverse_bits());
     if 256 * (scale_x16 - below) > order * (above - below) { above } else { below }
 }
 
-/// Returns the code of a quantiser_scale (7.4.2.2, Table 7-6): even values to 62 from the linear table, others from the
-/// non-linear.
+/// Returns the code of a quantiser_scale (7.4.2.2, Table 7-6). Even values to 62 use the linear table, other values the
+/// non-linear one.
 ///
 /// ```
 /// use mpeg2enc::quantiser_scale_code;

@@ -4,9 +4,9 @@ mod passes;
 
 pub use passes::Passes;
 
-/// Fullness of the buffer at the beginning, and again at the end of each window, in 16ths. It leaves room for the first I
-/// picture and for later pictures. The two must be equal, because a film spends any difference over its length. With 13 and 10
-/// a second of film exceeded its rate by 9 %.
+/// Fullness of the buffer at the beginning, and again at the end of each window, in 16ths. It leaves room for the first I picture
+/// and for later pictures. Both must be equal, because a film spends any difference over its length. With 13 at the beginning and
+/// 10 at the end, a second of film exceeded its rate by 9 %.
 const LEVEL_SIXTEENTHS: i64 = 11;
 
 /// Mode of rate control.
@@ -14,17 +14,17 @@ const LEVEL_SIXTEENTHS: i64 = 11;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Rate {
-    /// The quantiser_scale of the settings; no bound on bits.
+    /// Constant quantiser_scale from the settings; bits are not bounded.
     #[default]
     ConstantQuantiser,
-    /// Constant bit rate. vbv_delay states when each picture is due, and the buffer never overflows.
+    /// Constant bit rate. vbv_delay codes when each picture is due, and the buffer never overflows.
     Constant {
         /// Bits per second, rounded up to a multiple of 400.
         bits_per_second: u32,
         /// Size of the decoder's buffer in bits, rounded down to a multiple of 16384.
         buffer_bits: u32,
     },
-    /// The quantiser_scale of the settings; coarser only where a decoder that reads at this maximum rate would underflow.
+    /// Maximum bit rate. The quantiser_scale of the settings becomes coarser only where a decoder at this rate would underflow.
     Capped {
         /// Maximum bits per second.
         bits_per_second: u32,
@@ -34,7 +34,7 @@ pub enum Rate {
 }
 
 impl Rate {
-    /// bit_rate in units of 400 bits per second and vbv_buffer_size in units of 16 384 bits, if they are bounded.
+    /// Returns bit_rate in units of 400 bits per second and vbv_buffer_size in units of 16 384 bits, if they are bounded.
     pub(crate) fn stated(self) -> Option<(u32, u32)> {
         match self {
             Self::ConstantQuantiser => None,
@@ -45,7 +45,7 @@ impl Rate {
     }
 }
 
-/// Bits in a buffer of `size` bits when the first picture is removed.
+/// Returns the number of bits in a buffer of `size` bits when the first picture is removed.
 pub(crate) fn starting_fullness(rate: Rate, size: i64) -> i64 {
     match rate {
         Rate::Constant { .. } => size * LEVEL_SIXTEENTHS / 16,

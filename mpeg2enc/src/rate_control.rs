@@ -11,9 +11,9 @@
 //! ```
 //! e(u) approximates e^u: if q is large compared with the mean difference cost/n, nearly all levels are zero.
 //!
-//! All waiting frames get one quantiser_scale, found by bisection. It is the finest with which the buffer does not underflow
-//! and the total of bits is right at the end. After the buffer is full, later pictures no longer depend on earlier ones. The
-//! search is repeated for each picture.
+//! All waiting frames use one quantiser_scale, found by bisection. It is the finest one that prevents underflow and meets the
+//! total number of bits at the end. After the buffer is full, later pictures no longer depend on earlier ones. The search is
+//! repeated for each picture.
 
 use crate::{
     CoefficientTable, Config, PictureStatistics, PictureType, Rate, RestoreError, rate::starting_fullness,
@@ -31,22 +31,22 @@ pub(crate) struct Upcoming {
 const FINEST_X16: u32 = 16;
 /// Coarsest quantiser_scale, in sixteenths.
 const COARSEST_X16: u32 = 112 * 16;
-/// Initial f of I, P and B pictures, in bits per macroblock. Like c and κ, these are middle values over the clips of the rate
+/// Initial f of I, P and B pictures, in bits per macroblock. Like c and κ, these are medium values over the clips of the rate
 /// table of README.md, at quantiser_scale 1 to 48 and every effort.
 const FIRST_FLOOR: [i64; 3] = [45, 8, 8];
 /// Initial c of I, P and B pictures, in 256ths.
 const FIRST_C: [i64; 3] = [750, 2500, 2000];
-/// κ of I, P and B pictures.
+/// Factor κ of I, P and B pictures.
 const KAPPA: [i64; 3] = [0, 2, 6];
-/// Maximum of u, in 256ths: no levels remain there.
+/// Maximum of u, in 256ths; at this value no levels remain.
 const MOST_U: i64 = 32 << 8;
-/// Maximum ratio of c to its initial value, and of the initial value to c. Noise in a static scene predicts little about the
-/// next scene. With 16 that next scene lost up to 1.1 dB (a title, then action, at most 300 kbit/s).
+/// Maximum ratio of c to its initial value, and of the initial value to c. Noise in a static scene predicts little about the next
+/// scene. With a ratio of 16, the next scene lost up to 1.1 dB (a title, then action, at most 300 kbit/s).
 const C_RANGE: i64 = 4;
 /// Minimum mean cost of a macroblock from which c is learned. Lower costs are noise that even the finest quantiser removes.
 const LEAST_COST: u64 = 2;
-/// c is learned only if levels take, or are predicted to take, more than this fraction of the floor, as an inverse. Chosen, not
-/// tuned.
+/// Inverse of a fraction of the floor. c is learned only if levels take, or are predicted to take, more than this fraction. The
+/// value was chosen, not tuned.
 const LEVELS_OF_FLOOR: i64 = 8;
 /// Minimum ratio of a quantiser to the previous one, in thirds, at a constant rate. Compared with no limit, 2 gains 0.8 dB on a
 /// clip of slow waves after dark static frames (effort fast, 70 kbit/s). The clips of the rate table gain 0.04 dB on average at
@@ -156,8 +156,8 @@ impl RateControl {
         Taken { floor, levels: 16 * c * cost / divisor }
     }
 
-    /// Returns quantiser_scale in sixteenths for the first of `upcoming`. `tried` is its quantiser and bits, if it was coded
-    /// already.
+    /// Returns quantiser_scale in sixteenths for the first of `upcoming`. `tried` contains quantiser and bits of its previous
+    /// attempt, if any.
     pub fn quantiser_x16(&self, upcoming: &[Upcoming], tried: Option<(u32, Taken)>) -> u32 {
         let (finest, left) = match self.rate {
             Rate::ConstantQuantiser => return self.quantiser_x16,
@@ -180,8 +180,8 @@ impl RateControl {
         Taken { levels: (i128::from(levels) * i128::from(tried) / i128::from(wanted)) as i64, ..taken }
     }
 
-    /// Whether the buffer becomes full before these pictures empty it. If neither happens, whether at least `left` bits remain
-    /// at the end.
+    /// Returns whether the buffer becomes full before these pictures empty it. If neither happens, returns whether at least
+    /// `left` bits remain at the end.
     fn fits(&self, pictures: impl Iterator<Item = Taken>, left: i64) -> bool {
         let mut buffer = self.buffer;
         let reserve = buffer.size * RESERVE_SIXTEENTHS / 16;
@@ -189,7 +189,7 @@ impl RateControl {
         for picture in pictures {
             let bits = picture.bits();
             (floors, all_levels) = (floors + picture.floor, all_levels + picture.levels);
-            // Few levels offer no bits to save.
+            // If levels are few, a coarser quantiser saves no bits.
             if buffer.bits() - bits < reserve && all_levels > floors / LEVELS_OF_FLOOR {
                 return false;
             }
@@ -201,7 +201,7 @@ impl RateControl {
         buffer.bits() >= left || all_levels <= floors / LEVELS_OF_FLOOR
     }
 
-    /// Returns the model that explains the bits of a picture with this quantiser.
+    /// Returns the model that predicts the actual bits of a picture with this quantiser.
     fn measured(&self, picture: Upcoming, quantiser_x16: u32, taken: Taken) -> Model {
         let index = picture.picture_type as usize - 1;
         let Taken { floor, levels } = taken;
@@ -241,7 +241,7 @@ impl RateControl {
         self.last_x16 = quantiser_x16;
     }
 
-    /// Whether the model of this type has learned from a picture.
+    /// Returns whether the model of this type has learned from a picture.
     pub fn knows(&self, picture_type: PictureType) -> bool {
         self.models[picture_type as usize - 1].is_learnt
     }
@@ -270,7 +270,7 @@ fn power_x16(picture_type: PictureType, quantiser_x16: u32) -> i64 {
     }
 }
 
-/// Finest quantiser from `finest` on for which `fits` is true, or the coarsest if there is none.
+/// Returns the finest quantiser from `finest` on for which `fits` is true, or the coarsest if there is none.
 fn least(finest: u32, fits: impl Fn(u32) -> bool) -> u32 {
     if fits(finest) {
         return finest;
@@ -288,7 +288,7 @@ mod tests {
     use super::*;
     use crate::FrameRate;
 
-    /// Rate control of 100 macroblocks at 1 Mbit/s.
+    /// Returns the rate control of 100 macroblocks at 1 Mbit/s.
     fn control() -> RateControl {
         let rate = Rate::Constant { bits_per_second: 1_000_000, buffer_bits: 500_000 };
         let config = Config::new(160, 160, FrameRate::FPS_25).with_lookahead(30).with_rate(rate);

@@ -12,7 +12,7 @@ pub enum RestoreError {
     /// The state is inconsistent or contradicts its settings.
     #[error("the encoder state is damaged: invalid {what}")]
     Damaged {
-        /// The invalid element of the state.
+        /// Name of the invalid element of the state.
         what: &'static str,
     },
 }
@@ -22,7 +22,7 @@ pub(crate) fn ensure(holds: bool, what: &'static str) -> Result<(), RestoreError
     if holds { Ok(()) } else { Err(RestoreError::Damaged { what }) }
 }
 
-/// Whether a frame consists of exactly this many whole macroblocks.
+/// Returns whether a frame consists of exactly this many whole macroblocks.
 pub(crate) fn is_whole(frame: &Picture, columns: usize, rows: usize) -> bool {
     (frame.width(), frame.height()) == (16 * columns, 16 * rows)
 }

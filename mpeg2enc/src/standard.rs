@@ -8,7 +8,8 @@ pub enum Standard {
     ///
     /// Pictures are coded with the same tools, but without extensions. The size is at most 4095×2800, and quantiser_scale is an
     /// even value up to 62 (twice MPEG-1's own value). All coefficients use Table B.14, and intra DC has 8 bits. Levels are at
-    /// most ±255, with shorter escapes. Each restored coefficient is made odd, instead of their sum.
+    /// most ±255, with shorter escapes. Mismatch control makes each restored coefficient odd, instead of the sum of all
+    /// coefficients.
     Mpeg1,
     /// ISO/IEC 13818-2 Main Profile (MPEG-2).
     #[default]
@@ -16,7 +17,8 @@ pub enum Standard {
 }
 
 impl Standard {
-    /// Maximum level of a coefficient: 12 bits without −2048 (7.2.2.3), or 8 bits and a sign (11172-2, Annex B).
+    /// Returns the maximum level of a coefficient. It has 12 bits without −2048 (7.2.2.3), or 8 bits and a sign (11172-2, Annex
+    /// B).
     pub(crate) fn level_max(self) -> i32 {
         match self {
             Self::Mpeg1 => 255,
@@ -24,7 +26,7 @@ impl Standard {
         }
     }
 
-    /// Maximum f_code at any level: MPEG-1 has three bits for it.
+    /// Returns the maximum f_code at any level; MPEG-1 codes it in three bits.
     pub(crate) fn f_code_max(self) -> u32 {
         match self {
             Self::Mpeg1 => 7,

@@ -97,7 +97,7 @@ mod tests {
 
     const CODES: Codes = Codes { table: CoefficientTable::Zero, standard: Standard::Mpeg2 };
 
-    /// Levels chosen from the levels of an inter block.
+    /// Returns the levels that the trellis chooses from the levels of an inter block.
     fn chosen(
         magnitudes: &[i32; 64],
         levels: &[i32; 64],
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn no_choice_of_a_small_block_is_cheaper() {
-        // All combinations of level, level − 1 and zero over five coefficients.
+        // Try all combinations of level, level − 1 and zero over five coefficients.
         let lambda = 700;
         let restore = |_: usize, level: i32| (2 * level + 1) * 4;
         for seed in 0..200 {

@@ -10,7 +10,7 @@ const FULLNESS_MIN: i64 = -(1 << 44);
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Buffer {
-    /// Bits per second, as stated by the sequence header.
+    /// Bits per second, as coded in the sequence header.
     pub bit_rate: i64,
     /// Size in bits.
     pub size: i64,
@@ -35,7 +35,7 @@ impl Buffer {
         Self { is_long: pulldown.then_some(true), ..self }
     }
 
-    /// Bits that arrive between the next picture and the one after it, times the numerator.
+    /// Returns the number of bits that arrive between the next picture and the following one, times the numerator.
     fn filling(&self) -> i64 {
         let periods = match self.is_long {
             None => 1,
@@ -45,24 +45,24 @@ impl Buffer {
         self.bit_rate * self.frame_rate.1 * periods
     }
 
-    /// Whether both are the same buffer, at any time of a film.
+    /// Returns whether `other` is the same buffer, possibly at another time of the film, and the fullness of `self` is possible.
     pub fn is_like(&self, other: &Self) -> bool {
         let same = |of: &Self| (of.bit_rate, of.size, of.frame_rate, of.pauses, of.is_long.is_some());
         // Pictures that are too large even with the coarsest quantiser make the fullness negative.
         same(self) == same(other) && self.bits() <= self.size && self.bits() >= FULLNESS_MIN
     }
 
-    /// Bits in the buffer just before the next picture is removed.
+    /// Returns the number of bits in the buffer just before the next picture is removed.
     pub fn bits(&self) -> i64 {
         self.fullness / self.frame_rate.0
     }
 
-    /// vbv_delay of the next picture, if headers up to its picture_start_code take `ahead` bits (6.3.9).
+    /// Returns vbv_delay of the next picture, if headers up to its picture_start_code take `ahead` bits (6.3.9).
     pub fn delay(&self, ahead: i64) -> u32 {
         ((self.bits() - ahead).max(0) * 90_000 / self.bit_rate).min(0xfffe) as u32
     }
 
-    /// Minimum bits of the next picture that avoid an overflow before the one after it.
+    /// Returns the minimum bits of the next picture that prevent an overflow before the following picture is removed.
     pub fn least(&self) -> i64 {
         if self.pauses {
             return 0;
@@ -71,7 +71,7 @@ impl Buffer {
         (after + self.frame_rate.0 - 1).div_euclid(self.frame_rate.0).max(0)
     }
 
-    /// Whether the buffer fills before the picture after one of `bits`, so that stuffing is added or reading pauses.
+    /// Returns whether the buffer fills before the following picture is removed, so that stuffing is added or reading pauses.
     pub fn is_full_after(&self, bits: i64) -> bool {
         let after = self.fullness + self.filling() - bits * self.frame_rate.0;
         after > self.size * self.frame_rate.0

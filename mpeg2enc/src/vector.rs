@@ -17,7 +17,7 @@ impl HalfSample {
         Self { x: self.x + x, y: self.y + y }
     }
 
-    /// Whether the length is possible for a sum of a few vectors over the largest picture.
+    /// Returns whether the vector may be a sum of a few vectors over the largest picture.
     pub fn is_plausible(&self) -> bool {
         self.x.unsigned_abs().max(self.y.unsigned_abs()) <= 1 << 24
     }
@@ -54,7 +54,7 @@ impl Range {
         (self.x.0..=self.x.1).contains(&vector.x) && (self.y.0..=self.y.1).contains(&vector.y)
     }
 
-    /// Whether the range contains all vectors up to `distance` away in each component.
+    /// Returns whether the range contains all vectors that differ from `vector` by at most `distance` in each component.
     pub fn contains_around(&self, vector: HalfSample, distance: i32) -> bool {
         self.contains(vector.offset(-distance, -distance)) && self.contains(vector.offset(distance, distance))
     }

@@ -5,7 +5,7 @@ use crate::{Config, rate_control::RateControl, vbv::Buffer};
 /// Upper bound on the bits of any picture.
 const BITS_MAX: u64 = 1 << 40;
 
-/// The video buffering verifier (Annex C): tracks the buffer that a stream states, picture by picture.
+/// The video buffering verifier (Annex C), which tracks the decoder's buffer of a stream, picture by picture.
 ///
 /// An encoder respects the buffer as long as the coarsest quantiser is coarse enough. Otherwise pictures are late, and the
 /// verifier reports which.

@@ -33,8 +33,8 @@ pub(crate) struct Codes {
     pub standard: Standard,
 }
 
-/// Bits of an escape-coded coefficient. They are the escape code, a run of 6 bits and the level: 12 bits (7.2.2.3), or 8 or 16
-/// bits (11172-2, Annex B).
+/// Returns the bits of an escape-coded coefficient. They are the escape code, a run of 6 bits, and the level. The level has 12
+/// bits (7.2.2.3), or 8 or 16 bits in MPEG-1 (11172-2, Annex B).
 const fn escape_bits(standard: Standard, level: u32) -> u32 {
     ESCAPE.length
         + 6
@@ -56,7 +56,7 @@ pub(crate) fn put_macroblock_address_increment(sink: &mut impl BitSink, mut incr
 
 /// Writes motion_code and motion_residual of one vector component (6.2.5.2.1, 7.6.3.1).
 ///
-/// `delta` is the vector minus its prediction in half samples; it is wrapped to the range of `f_code` here.
+/// `delta` is the vector minus its prediction in half samples; this function wraps it to the range of `f_code`.
 pub(crate) fn put_motion_component(sink: &mut impl BitSink, delta: i32, f_code: u32) {
     let r_size = f_code - 1;
     let f = 1 << r_size;
@@ -90,7 +90,7 @@ fn put_dc(sink: &mut impl BitSink, differential: i32, luminance: bool) {
     }
 }
 
-/// Code of a coefficient without its sign; [`Vlc::NONE`] if it needs an escape.
+/// Returns the code of a coefficient without its sign; [`Vlc::NONE`] if it needs an escape.
 #[inline]
 fn coefficient_code(table: CoefficientTable, run: usize, level: u32) -> Vlc {
     if run < RUNS && (level as usize) < LEVELS {
@@ -125,7 +125,7 @@ const fn all_coefficient_bits(standard: Standard) -> [[[u8; LEVELS]; 64]; 2] {
     bits
 }
 
-/// Bits of a coefficient, except the first one of a non-intra block.
+/// Returns the number of bits of a coefficient, except the first one of a non-intra block.
 #[inline]
 pub(crate) fn coefficient_bits(codes: Codes, run: usize, level: u32) -> u32 {
     if (level as usize) < LEVELS {
@@ -135,13 +135,13 @@ pub(crate) fn coefficient_bits(codes: Codes, run: usize, level: u32) -> u32 {
     }
 }
 
-/// Bits of the first coefficient of a non-intra block.
+/// Returns the number of bits of the first coefficient of a non-intra block.
 #[inline]
 pub(crate) fn first_coefficient_bits(codes: Codes, run: usize, level: u32) -> u32 {
     if run == 0 && level == 1 { FIRST_COEFFICIENT_ONE.length + 1 } else { coefficient_bits(codes, run, level) }
 }
 
-/// Bits of End of block.
+/// Returns the number of bits of End of block.
 #[inline]
 pub(crate) fn end_of_block_bits(codes: Codes) -> u32 {
     END_OF_BLOCK[codes.table as usize].length
@@ -204,7 +204,7 @@ fn put_coefficients(sink: &mut impl BitSink, codes: Codes, block: &Block, start:
     sink.put_code(END_OF_BLOCK[codes.table as usize]);
 }
 
-/// Bits of the coefficients of a block and its End of block, without the intra DC.
+/// Returns the number of bits of a block's coefficients and its End of block, without the intra DC.
 pub(crate) fn block_bits(codes: Codes, block: &Block, intra: bool) -> u32 {
     let start = usize::from(intra);
     let (mut bits, mut next) = (0, start);

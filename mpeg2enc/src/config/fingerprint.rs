@@ -4,7 +4,7 @@ use super::Config;
 use std::hash::{Hash, Hasher};
 
 impl Config {
-    /// Hash of all settings but the quantiser.
+    /// Returns a hash of all settings except the quantiser.
     pub(crate) fn fingerprint(&self) -> u64 {
         let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
         Self { quantiser_scale: 0, mean_quantiser_x256: None, raised: None, ..self.clone() }.hash(&mut hash);
@@ -12,7 +12,7 @@ impl Config {
     }
 }
 
-/// The hash of Fowler, Noll and Vo (FNV-1a), which is the same in every build.
+/// FNV-1a hash (Fowler, Noll and Vo), which is equal in every build.
 struct Fnv(u64);
 
 impl Hasher for Fnv {

@@ -3,20 +3,20 @@
 use super::Config;
 use crate::{Standard, quantiser_scale::quantiser_scale_code};
 
-/// Returns the size that horizontal_size or vertical_size states. The low 12 bits must not be zero (6.3.3), so a multiple of
-/// 4096 is coded one sample larger. The display size states the true size.
+/// Returns the value of horizontal_size or vertical_size. Its low 12 bits must not be zero (6.3.3), so a multiple of 4096 is
+/// coded one sample larger. The display size contains the requested size.
 pub(crate) fn coded_size(size: usize) -> u32 {
     let size = size as u32;
     if size.is_multiple_of(4096) { size + 1 } else { size }
 }
 
 impl Config {
-    /// Width and height as horizontal_size and vertical_size state them (6.3.3).
+    /// Returns horizontal_size and vertical_size (6.3.3).
     pub(crate) fn coded_size(&self) -> (u32, u32) {
         (coded_size(self.width), coded_size(self.height))
     }
 
-    /// Width and height in whole macroblocks: mb_width and mb_height (6.3.3).
+    /// Returns the width and height in whole macroblocks: mb_width and mb_height (6.3.3).
     pub(crate) fn macroblock_counts(&self) -> (usize, usize) {
         let (width, height) = self.coded_size();
         // In sequences that are not progressive, each field has whole macroblocks.
@@ -24,7 +24,7 @@ impl Config {
         (width.div_ceil(16) as usize, rows as usize)
     }
 
-    /// Finest quantiser_scale of the standard that is at least `least`, or the coarsest if there is none.
+    /// Returns the finest quantiser_scale of the standard that is at least `least`, or the coarsest one if all are finer.
     pub(crate) fn quantiser_at_least(&self, least: u32) -> u32 {
         let coarsest = match self.standard {
             Standard::Mpeg1 => 62,
@@ -37,7 +37,7 @@ impl Config {
         (least..=coarsest).find(exists).unwrap_or(coarsest)
     }
 
-    /// Width and height of the requested picture in macroblocks, rounded up.
+    /// Returns the width and height of the requested picture in macroblocks, rounded up.
     pub(crate) fn shown_macroblocks(&self) -> (usize, usize) {
         (self.width.div_ceil(16), self.height.div_ceil(16))
     }

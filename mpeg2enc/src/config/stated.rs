@@ -1,4 +1,4 @@
-//! The level, bit rate and buffer size that a stream states.
+//! The level, bit rate and buffer size in the headers of a stream.
 
 use super::Config;
 use crate::{FrameRate, Level, level::Limits};
@@ -6,26 +6,26 @@ use crate::{FrameRate, Level, level::Limits};
 const LEVELS: [Level; 4] = [Level::Low, Level::Main, Level::High1440, Level::High];
 
 impl Config {
-    /// Frame rate that the stream states; with pulldown it exceeds the picture rate.
+    /// Returns the frame rate in the sequence header; with pulldown it exceeds the picture rate.
     pub(crate) fn stated_frame_rate(&self) -> FrameRate {
         if self.pulldown { self.frame_rate.after_pulldown().unwrap_or(self.frame_rate) } else { self.frame_rate }
     }
 
-    /// Periods per second at which the decoder's buffer is emptied: the frame rate, or with pulldown the field rate, as a
-    /// fraction.
+    /// Returns the number of periods per second of the decoder's buffer, as a fraction. A period is a frame, or a field with
+    /// pulldown.
     pub(crate) fn buffer_rate(&self) -> (u32, u32) {
         let (numerator, denominator) = self.stated_frame_rate().fraction();
         if self.pulldown { (2 * numerator, denominator) } else { (numerator, denominator) }
     }
 
-    /// Delay in pictures between decoding and display: 1 if B pictures are allowed, otherwise 0 (low_delay, 6.3.5).
+    /// Returns the delay in pictures between decoding and display: 1 if B pictures are allowed, otherwise 0 (low_delay, 6.3.5).
     pub(crate) fn reorder(&self) -> u64 {
         u64::from(self.b_pictures > 0)
     }
 
-    /// Level that the stream states; pictures beyond High Level also state High.
+    /// Returns the level of the stream; pictures beyond High Level are coded as High Level.
     ///
-    /// At a constant quantiser the encoder states a higher level if the first picture is too large for this one.
+    /// At a constant quantiser the encoder chooses a higher level if the first picture is too large for this one.
     pub fn level(&self) -> Level {
         let (rate, buffer) = self.rate.stated().unwrap_or_default();
         let holds_rate = |level: &Level| {
@@ -39,8 +39,8 @@ impl Config {
             .unwrap_or(Level::High)
     }
 
-    /// States the level that allows pictures of `bits` bits each, unless a level is requested. The first picture then has no
-    /// influence. Use it for chunks of a stream that are coded separately and must state the same level.
+    /// Sets the level that allows pictures of `bits` bits each, unless a level is requested. The first picture then has no
+    /// influence. Use this function for chunks of a stream that are coded separately and must have the same level.
     pub fn with_level_for(mut self, bits: u64) -> Self {
         let has_level = Level::lowest(self.width, self.height, self.stated_frame_rate().fps()).is_some();
         if self.level.is_none() && has_level {
@@ -63,8 +63,8 @@ impl Config {
         }
     }
 
-    /// bit_rate in units of 400 bits per second and vbv_buffer_size in units of 16 384 bits, as the stream states them. Without
-    /// a bit rate these are the limits of the level.
+    /// Returns bit_rate in units of 400 bits per second and vbv_buffer_size in units of 16 384 bits, as coded in the headers.
+    /// Without a bit rate, these are the limits of the level.
     pub(crate) fn stated_rate(&self) -> (u32, u32) {
         self.rate.stated().unwrap_or_else(|| {
             let limits = self.level().limits();

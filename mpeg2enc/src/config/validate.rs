@@ -11,7 +11,7 @@ impl Config {
     /// Checks all settings.
     ///
     /// # Errors
-    /// If a setting is not possible in the standard or in this encoder. The error contains the first of these settings and its
+    /// If the standard or this encoder does not support a setting. The error contains the first unsupported setting and its
     /// allowed range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
@@ -85,7 +85,7 @@ fn check_standard(config: &Config) -> Result<(), ConfigError> {
     }
 }
 
-/// Minimum bits of every picture: its headers, and a slice of one macroblock per row.
+/// Returns the minimum bits of a picture: its headers, and a slice of one macroblock per row.
 fn least_bits(config: &Config) -> u64 {
     // picture_header() of a P picture and picture_coding_extension() take 66 bits each, and both are padded to whole bytes.
     let headers = match config.standard {
@@ -108,7 +108,7 @@ fn check_rate(config: &Config) -> Result<(), ConfigError> {
             return Err(ConfigError::Rate { bits_per_second, buffer_bits, rate_max, buffer_max, level });
         }
 
-        // Even pictures without any change take bits.
+        // Even a picture equal to the previous one takes bits.
         let picture_bits = least_bits(config);
         let rate_least = (picture_bits as f64 * config.frame_rate.fps()).ceil() as u64;
         if 400 * u64::from(rate) < rate_least || 16_384 * u64::from(buffer) < picture_bits {

@@ -1,4 +1,4 @@
-//! Description of a container's video: all stated properties except the pictures.
+//! Description of a container's video: all properties in the headers except the pictures.
 
 use super::{clock::CLOCK, pes::StreamPicture};
 use crate::{ColorDescription, Config, Standard, header::GROUP_START_CODE};
@@ -15,7 +15,7 @@ pub(super) struct Description {
     pub coded: (u32, u32),
     /// Width and height of a sample, as a ratio.
     pub sample: (u32, u32),
-    /// Color description; `None` for MPEG-1, which cannot state it.
+    /// Color description; `None` for MPEG-1, which has none.
     pub color: Option<ColorDescription>,
     /// Standard that the stream follows.
     pub standard: Standard,
@@ -51,20 +51,20 @@ impl Description {
         }
     }
 
-    /// Width of the picture in square samples, rounded.
+    /// Returns the width of the picture in square samples, rounded.
     pub fn display_width(&self) -> u32 {
         let (width, height) = self.sample;
         (f64::from(self.width) * f64::from(width) / f64::from(height)).round() as u32
     }
 
-    /// Duration of a picture, in units of 1/27 000 000 s.
+    /// Returns the duration of a picture, in units of 1/27 000 000 s.
     pub fn period(&self) -> u64 {
         let (numerator, denominator) = self.frame_rate;
         CLOCK * denominator / numerator
     }
 }
 
-/// Width and height of a sample, as a ratio.
+/// Returns the width and height of a sample, as a ratio.
 fn sample(config: &Config) -> (u32, u32) {
     let Some((wide, high)) = config.aspect.of_display() else { return (1, 1) };
     let ratio = reduced((u64::from(wide) * config.height as u64, u64::from(high) * config.width as u64));
@@ -75,7 +75,7 @@ fn sample(config: &Config) -> (u32, u32) {
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct SeekPoint {
-    /// Display time of the I picture there, in the file's own units.
+    /// Display time of the I picture at this position, in the file's own units.
     pub time: u64,
     /// Byte offset of the fragment or cluster that contains the picture.
     pub place: u64,

@@ -32,8 +32,9 @@ const TRACK: u64 = 1;
 const TIMESTAMP_SCALE: u64 = 1_000_000;
 /// Units of the system clock per millisecond.
 const MILLISECOND: u64 = CLOCK / 1000;
-/// Flags of a SimpleBlock (10.2): decoding can begin here, or no other picture depends on it.
+/// Flag of a SimpleBlock (10.2): decoding can begin at the picture.
 const KEYFRAME: u8 = 0x80;
+/// Flag of a SimpleBlock (10.2): no other picture depends on the picture.
 const DISCARDABLE: u8 = 0x01;
 
 /// Writes a Matroska file.
@@ -56,12 +57,12 @@ impl Writer {
         Self { description, length: 0, segment: 0, group: Vec::new(), entries: Vec::new() }
     }
 
-    /// Sets the number of pictures to state.
+    /// Sets the number of pictures for the duration in the header.
     pub fn set_pictures(&mut self, count: u64) {
         self.description.pictures = Some(count);
     }
 
-    /// Takes a picture; if it begins a group, returns the cluster of the previous group.
+    /// Accepts a picture; if it begins a group, returns the cluster of the previous group.
     pub fn put(&mut self, picture: StreamPicture) -> Vec<u8> {
         let out = if picture.is_entry { self.flush() } else { Vec::new() };
         self.group.push(picture);
@@ -95,7 +96,7 @@ impl Writer {
         out
     }
 
-    /// Info (5.1.2). The program's version is omitted, so files depend only on settings and pictures.
+    /// Returns the Info element (5.1.2). It omits the program's version, so files depend only on settings and pictures.
     fn info(&self) -> Vec<u8> {
         let duration = self.description.pictures.map_or(Vec::new(), |count| {
             let milliseconds = count as f64 * self.description.period() as f64 / MILLISECOND as f64;
@@ -112,7 +113,7 @@ impl Writer {
         )
     }
 
-    /// TrackEntry (5.1.4.1), with the headers of the stream for the decoder.
+    /// Returns the TrackEntry element (5.1.4.1), which contains the stream headers for the decoder.
     fn track(&self, headers: &[u8]) -> Vec<u8> {
         let codec: &[u8] = match self.description.standard {
             Standard::Mpeg1 => b"V_MPEG1",
@@ -136,7 +137,7 @@ impl Writer {
         )
     }
 
-    /// Video (5.1.4.1.28).
+    /// Returns the Video element (5.1.4.1.28).
     fn video(&self) -> Vec<u8> {
         let Description { width, height, coded, color, .. } = &self.description;
         let color = color.map_or(Vec::new(), |color| {
@@ -166,7 +167,7 @@ impl Writer {
         )
     }
 
-    /// DisplayUnit, DisplayWidth and DisplayHeight as a ratio; empty for square samples, the default.
+    /// Returns DisplayUnit, DisplayWidth and DisplayHeight as a ratio; empty for square samples, the default.
     fn shape(&self) -> Vec<u8> {
         let Description { width, height, sample, .. } = self.description;
         if sample == (1, 1) {
@@ -176,7 +177,7 @@ impl Writer {
         [number(0x54b2, 3), number(0x54b0, ratio.0), number(0x54ba, ratio.1)].concat()
     }
 
-    /// Cluster (5.1.3) of the group.
+    /// Returns the Cluster element (5.1.3) of the group.
     fn cluster(&self) -> Vec<u8> {
         let times = self.group.iter().map(|picture| milliseconds(picture.times.presentation));
         let begin = times.min().unwrap_or(0);
@@ -195,7 +196,7 @@ impl Writer {
         element(CLUSTER, &[&blocks])
     }
 
-    /// Cues (5.1.5): positions of the clusters, each of which begins with an I picture.
+    /// Returns the Cues element (5.1.5): positions of the clusters, each of which begins with an I picture.
     fn cues(&self) -> Vec<u8> {
         let points = self.entries.iter().map(|entry| {
             let position = element(CUE_TRACK_POSITIONS, &[&number(0xf7, TRACK), &number(0xf1, entry.place)]);
@@ -206,7 +207,7 @@ impl Writer {
     }
 }
 
-/// Header of any EBML document (RFC 8794, 11.2).
+/// Returns the header of an EBML document (RFC 8794, 11.2).
 fn ebml_header() -> Vec<u8> {
     element(
         EBML,
@@ -222,7 +223,7 @@ fn ebml_header() -> Vec<u8> {
     )
 }
 
-/// Element with these contents (RFC 8794, 5 and 6).
+/// Returns an element with these contents (RFC 8794, 5 and 6).
 fn element(id: u32, contents: &[&[u8]]) -> Vec<u8> {
     let size: usize = contents.iter().map(|bytes| bytes.len()).sum();
     let mut out = without_zeros(id.into());
@@ -231,25 +232,25 @@ fn element(id: u32, contents: &[&[u8]]) -> Vec<u8> {
     out
 }
 
-/// Element that contains an unsigned integer.
+/// Returns an element that contains an unsigned integer.
 fn number(id: u32, value: u64) -> Vec<u8> {
     element(id, &[&without_zeros(value)])
 }
 
-/// Element with a number of coded but hidden samples; empty for 0.
+/// Returns an element with a number of coded but hidden samples; empty for 0.
 fn crop(id: u32, samples: u32) -> Vec<u8> {
     if samples > 0 { number(id, samples.into()) } else { Vec::new() }
 }
 
-/// Big-endian bytes of a number without leading zero bytes; at least one byte.
+/// Returns the big-endian bytes of a number without leading zero bytes, but at least one byte.
 fn without_zeros(value: u64) -> Vec<u8> {
     let zeros = value.leading_zeros() as usize / 8;
     value.to_be_bytes()[zeros.min(7)..].to_vec()
 }
 
-/// Variable-length number with as few bytes as possible; its leading zero bits encode the length (RFC 8794, 4).
+/// Returns a variable-length number with as few bytes as possible; its leading zero bits encode its length (RFC 8794, 4).
 fn size_of(value: u64) -> Vec<u8> {
-    // All ones are reserved for unknown sizes.
+    // All ones are reserved for unknown sizes, so they need a longer code.
     let bytes = (1..8).find(|bytes| value < (1 << (7 * bytes)) - 1).unwrap_or(8);
     (value | 1 << (7 * bytes)).to_be_bytes()[8 - bytes..].to_vec()
 }
@@ -263,7 +264,7 @@ fn milliseconds(time: u64) -> u64 {
 mod tests {
     use super::*;
 
-    /// Lengths from RFC 8794, 4.4, and values around the maximum of each length.
+    /// Checks lengths from RFC 8794, 4.4, and values around the maximum of each length.
     #[test]
     fn sizes_take_few_bytes() {
         assert_eq!(size_of(2), [0x82]);

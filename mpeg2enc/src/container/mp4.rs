@@ -2,9 +2,9 @@
 //!
 //! Clause numbers in this file refer to 14496-12, unless another standard is named.
 //!
-//! An unfragmented file needs the sizes of all pictures in one table, without which nothing plays. A fragmented file is written
-//! sequentially: each group of pictures is a `moof` with its sizes and times, and a `mdat`. The final table, `mfra`, only
-//! contains their positions.
+//! An unfragmented file cannot be played without one table with the sizes of all pictures. A fragmented file is written
+//! sequentially: each group of pictures is a `moof` with sizes and times, and a `mdat`. The final table, `mfra`, only contains
+//! the positions of the groups.
 
 use super::{
     clock::CLOCK,
@@ -17,19 +17,19 @@ use crate::Standard;
 const TRACK: u32 = 1;
 /// Minimum timescale in Hz; many players expect a finer one than 24.
 const TIMESCALE_LEAST: u64 = 1000;
-/// The unit matrix of video headers (8.2.2): 16.16 and, in the last column, 2.30.
+/// Unit matrix of video headers (8.2.2), in 16.16 format; the last column has 2.30 format.
 const MATRIX: [u32; 9] = [0x1_0000, 0, 0, 0, 0x1_0000, 0, 0, 0, 0x4000_0000];
 /// Flags of default-base-is-moof and default-sample-duration-present (8.8.7).
 const FRAGMENT_HEADER_FLAGS: u32 = 0x02_0008;
 /// Flags of data-offset, sample-size, sample-flags and sample-composition-time-offsets (8.8.8).
 const RUN_FLAGS: u32 = 0x00_0e01;
-/// sample_depends_on: no other picture (8.6.4.3, 8.8.3.1).
+/// sample_flags of a picture that depends on no other picture (sample_depends_on; 8.6.4.3, 8.8.3.1).
 const FLAGS_ENTRY: u32 = 2 << 24;
-/// sample_depends_on: other pictures; sample_is_non_sync_sample.
+/// sample_flags of a picture that depends on other pictures (sample_depends_on, sample_is_non_sync_sample).
 const FLAGS_PREDICTED: u32 = 1 << 24 | 1 << 16;
-/// sample_is_depended_on: no other picture.
+/// sample_flags of a picture on which no other picture depends (sample_is_depended_on).
 const FLAGS_DISPOSABLE: u32 = 2 << 22;
-/// is_leading: displayed before its preceding I picture, and dependent on the previous group.
+/// sample_flags of a picture that depends on the previous group and is displayed before its own group's I picture (is_leading).
 const FLAGS_LEADING: u32 = 1 << 26;
 
 /// Writes a fragmented MP4 file.
@@ -37,7 +37,7 @@ const FLAGS_LEADING: u32 = 1 << 26;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Writer {
     description: Description,
-    /// Display time of the first picture, in units of 1/27 000 000 s; the edit list skips all earlier time.
+    /// Display time of the first picture, in units of 1/27 000 000 s; the edit list skips the time before it.
     begin: u64,
     /// Bytes written so far.
     length: u64,
@@ -52,17 +52,17 @@ impl Writer {
         Self { description, begin, length: 0, group: Vec::new(), entries: Vec::new() }
     }
 
-    /// Sets the number of pictures to state.
+    /// Sets the number of pictures for the duration in the header.
     pub fn set_pictures(&mut self, count: u64) {
         self.description.pictures = Some(count);
     }
 
-    /// Sets the decoder's buffer to state, in units of 16 384 bits.
+    /// Sets the size of the decoder's buffer for the header, in units of 16 384 bits.
     pub fn restate(&mut self, buffer_size: u32) {
         self.description.buffer = buffer_size.saturating_mul(2048);
     }
 
-    /// Takes a picture; if it begins a group, returns the fragment of the previous group.
+    /// Accepts a picture; if it begins a group, returns the fragment of the previous group.
     pub fn put(&mut self, picture: StreamPicture) -> Vec<u8> {
         let out = if picture.is_entry { self.flush() } else { Vec::new() };
         self.group.push(picture);
@@ -88,14 +88,14 @@ impl Writer {
         out
     }
 
-    /// `ftyp` and `moov` (4.3, 8.2.1).
+    /// Returns `ftyp` and `moov` (4.3, 8.2.1).
     fn headers(&self) -> Vec<u8> {
         let mut out = atom(b"ftyp", &[b"iso6", &[0, 0, 2, 0], b"iso6iso5mp41"]);
         out.extend(atom(b"moov", &[&self.movie_header(), &self.track(), &self.extends()]));
         out
     }
 
-    /// `mvhd` (8.2.2).
+    /// Returns `mvhd` (8.2.2).
     fn movie_header(&self) -> Vec<u8> {
         let mut body = words(&[0, 0, self.timescale() as u32, 0]); // times of creation and modification, timescale, duration
         body.extend(words(&[0x1_0000])); // rate
@@ -106,7 +106,7 @@ impl Writer {
         full_atom(b"mvhd", 0, 0, &[&body])
     }
 
-    /// `trak` (8.3.1).
+    /// Returns `trak` (8.3.1).
     fn track(&self) -> Vec<u8> {
         let Description { height, .. } = self.description;
         let mut header = words(&[0, 0, TRACK, 0, 0]); // times of creation and modification, track_ID, reserved, duration
@@ -117,8 +117,8 @@ impl Writer {
         atom(b"trak", &[&header, &self.edits(), &self.media()])
     }
 
-    /// `edts` (8.6.5): from the first displayed picture to the end. Empty without B pictures, because the display then starts
-    /// at 0.
+    /// Returns `edts` (8.6.5), which plays from the first displayed picture to the end. It is empty without B pictures, because
+    /// the display then starts at 0.
     fn edits(&self) -> Vec<u8> {
         if self.begin == 0 {
             return Vec::new();
@@ -128,12 +128,12 @@ impl Writer {
         atom(b"edts", &[&full_atom(b"elst", 0, 0, &[&list])])
     }
 
-    /// `mdia` (8.4.1).
+    /// Returns `mdia` (8.4.1).
     fn media(&self) -> Vec<u8> {
-        let header = words(&[0, 0, self.timescale() as u32, 0, 0x55c4_0000]); // times as above, timescale, duration, language: und
-        // Programs display any other name as a title.
+        let header = words(&[0, 0, self.timescale() as u32, 0, 0x55c4_0000]); // times, timescale, duration, language: und
+        // Use this name, because programs display any other name as a title.
         let handler: [&[u8]; 4] = [&[0; 4], b"vide", &[0; 12], b"VideoHandler\0"];
-        let reference = full_atom(b"dref", 0, 0, &[&words(&[1]), &full_atom(b"url ", 0, 1, &[])]); // data is in this file
+        let reference = full_atom(b"dref", 0, 0, &[&words(&[1]), &full_atom(b"url ", 0, 1, &[])]); // the data are in this file
         let none = words(&[0]);
         let samples = atom(
             b"stbl",
@@ -151,7 +151,7 @@ impl Writer {
         atom(b"mdia", &[&header, &full_atom(b"hdlr", 0, 0, &handler), &information])
     }
 
-    /// `mp4v` (12.1.3; 14496-14, 5.6), with sample aspect ratio and color.
+    /// Returns `mp4v` (12.1.3; 14496-14, 5.6), with sample aspect ratio and color.
     fn sample_entry(&self) -> Vec<u8> {
         let Description { width, height, sample, color, .. } = &self.description;
         let size = [*width as u16, *height as u16].map(u16::to_be_bytes).concat();
@@ -174,7 +174,7 @@ impl Writer {
         atom(b"mp4v", &[&fields.concat(), &shape, &color])
     }
 
-    /// `esds`: ES_Descriptor (14496-1, 7.2.6.5).
+    /// Returns `esds`, which contains an ES_Descriptor (14496-1, 7.2.6.5).
     fn stream_descriptor(&self) -> Vec<u8> {
         let Description { standard, is_high, buffer, bit_rate, .. } = self.description;
         // objectTypeIndication (14496-1, Table 5).
@@ -188,21 +188,21 @@ impl Writer {
         decoder.extend(words(&[bit_rate, 0])); // maxBitrate, avgBitrate: variable
         let mut stream = vec![0, 0, 0]; // ES_ID, flags and streamPriority
         stream.extend(descriptor(4, &decoder)); // DecoderConfigDescriptor (7.2.6.6)
-        stream.extend(descriptor(6, &[2])); // SLConfigDescriptor: as required by 14496-14
+        stream.extend(descriptor(6, &[2])); // SLConfigDescriptor, with the value that 14496-14 requires
         full_atom(b"esds", 0, 0, &[&descriptor(3, &stream)])
     }
 
-    /// `mvex` (8.8.1): announces fragments and their total duration.
+    /// Returns `mvex` (8.8.1), which announces fragments and their total duration.
     fn extends(&self) -> Vec<u8> {
         let length = self.description.pictures.map_or(Vec::new(), |count| {
             let duration = self.ticks(count.saturating_mul(self.description.period()));
             full_atom(b"mehd", 1, 0, &[&duration.to_be_bytes()])
         });
-        let defaults = words(&[TRACK, 1, 0, 0, 0]); // sample description 1; duration, size and flags are stated below
+        let defaults = words(&[TRACK, 1, 0, 0, 0]); // sample description 1; fragments contain duration, size and flags
         atom(b"mvex", &[&length, &full_atom(b"trex", 0, 0, &[&defaults])])
     }
 
-    /// `moof` and `mdat` of the group (8.8.4, 8.1.1).
+    /// Returns `moof` and `mdat` of the group (8.8.4, 8.1.1).
     fn fragment(&self) -> Vec<u8> {
         let size: u64 = self.group.iter().map(|picture| picture.data.len() as u64).sum();
         let data_header = match u32::try_from(size + 8) {
@@ -217,7 +217,7 @@ impl Writer {
         out
     }
 
-    /// `moof`; `offset` is the distance from its first byte to the data.
+    /// Returns `moof`; `offset` is the distance from its first byte to the data.
     fn fragment_header(&self, offset: u32) -> Vec<u8> {
         let number = full_atom(b"mfhd", 0, 0, &[&words(&[self.entries.len() as u32])]);
         let duration = self.ticks(self.description.period()) as u32;
@@ -235,7 +235,7 @@ impl Writer {
         atom(b"moof", &[&number, &atom(b"traf", &[&header, &time, &run])])
     }
 
-    /// Dependencies between a picture of the group and other pictures, in both directions (8.8.3.1).
+    /// Returns sample_flags of a picture of the group, which contain its dependencies in both directions (8.8.3.1).
     fn flags(&self, picture: &StreamPicture) -> u32 {
         let entry = self.group.first().map_or(0, |first| first.times.presentation);
         match picture {
@@ -248,7 +248,7 @@ impl Writer {
         }
     }
 
-    /// `mfra` (8.8.9 to 8.8.11).
+    /// Returns `mfra` (8.8.9 to 8.8.11).
     fn random_access(&self) -> Vec<u8> {
         let mut table = words(&[TRACK, 0, self.entries.len() as u32]); // traf, trun and sample numbers take a byte each
         for SeekPoint { time, place } in &self.entries {
@@ -257,12 +257,12 @@ impl Writer {
             table.extend([1, 1, 1]); // traf_number, trun_number, sample_number
         }
         let table = full_atom(b"tfra", 1, 0, &[&table]);
-        // Total size of the box's header, the table and the final box, which states it.
+        // Total size of the box: header, table, and the final box that contains this size.
         let size = 8 + table.len() as u32 + 16;
         atom(b"mfra", &[&table, &full_atom(b"mfro", 0, 0, &[&words(&[size])])])
     }
 
-    /// Timescale in Hz: the frame rate's numerator, or a thousand times it.
+    /// Returns the timescale in Hz: the frame rate's numerator, or a thousand times this numerator.
     fn timescale(&self) -> u64 {
         match self.description.frame_rate.0 {
             numerator if numerator < TIMESCALE_LEAST => numerator * TIMESCALE_LEAST,
@@ -276,24 +276,24 @@ impl Writer {
     }
 }
 
-/// Box with these contents (4.2).
+/// Returns a box with these contents (4.2).
 fn atom(kind: &[u8; 4], contents: &[&[u8]]) -> Vec<u8> {
     let contents = contents.concat();
     [&words(&[contents.len() as u32 + 8])[..], kind, &contents].concat()
 }
 
-/// Box with version and flags (4.2).
+/// Returns a box with version and flags (4.2).
 fn full_atom(kind: &[u8; 4], version: u8, flags: u32, contents: &[&[u8]]) -> Vec<u8> {
     let head = words(&[u32::from(version) << 24 | flags]);
     atom(kind, &[&head, &contents.concat()])
 }
 
-/// Descriptor of fewer than 128 bytes (14496-1, 8.3.3).
+/// Returns a descriptor of fewer than 128 bytes (14496-1, 8.3.3).
 fn descriptor(tag: u8, contents: &[u8]) -> Vec<u8> {
     [&[tag, contents.len() as u8], contents].concat()
 }
 
-/// Big-endian bytes of 32-bit numbers.
+/// Returns the big-endian bytes of 32-bit numbers.
 fn words(numbers: &[u32]) -> Vec<u8> {
     numbers.iter().flat_map(|number| number.to_be_bytes()).collect()
 }

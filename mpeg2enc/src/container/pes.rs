@@ -18,9 +18,9 @@ const STAMP: u64 = CLOCK / 90_000;
 pub(super) struct StreamPicture {
     pub data: Vec<u8>,
     pub times: Times,
-    /// Whether decoding can begin here.
+    /// Whether decoding can begin at this picture.
     pub is_entry: bool,
-    /// Whether it is a B picture, on which no other picture depends.
+    /// Whether the picture is a B picture, on which no other picture depends.
     pub is_disposable: bool,
 }
 
@@ -72,7 +72,7 @@ impl Header {
             }
         }
         if let Some(kib) = self.buffer_kib {
-            writer.put(0b0001, 4); // of five optional fields only P-STD_buffer
+            writer.put(0b0001, 4); // flags of five optional fields; only P-STD_buffer is present
             writer.put(0b1110, 4); // reserved, PES_extension_flag_2
             writer.put(0b01, 2);
             writer.put(1, 1); // P-STD_buffer_scale: KiB

@@ -1,4 +1,4 @@
-//! Program streams: packs of at most 2048 bytes, with one PES packet of video each (2.5.3).
+//! Program streams: packs of at most 2048 bytes, each with one PES packet of video (2.5.3).
 //!
 //! On discs each pack fills a sector. The last pack of a picture is filled with a padding packet, or with stuffing if the gap
 //! is too small. Files have no padding. DVD-Video also has a navigation pack before each I picture, which authoring programs
@@ -13,7 +13,7 @@ use crate::bits::{BitSink, BitWriter};
 
 /// MPEG_program_end_code (2.5.3.1).
 pub(super) const END: [u8; 4] = [0, 0, 1, 0xb9];
-/// Maximum size of a pack in bytes: a sector of a disc. [`END`] takes the last four bytes of the last pack.
+/// Maximum size of a pack in bytes: a sector of a disc. [`END`] occupies the last four bytes of the last pack.
 const PACK: usize = 2048;
 const PACK_HEADER: usize = 14;
 /// Stream identifiers of system_header() (2.5.3.5, Table 2-18): all video, all audio, private streams 1 and 2.
@@ -52,7 +52,7 @@ impl Writer {
         writer
     }
 
-    /// Adapts to the stated bit rate and buffer size. Returns the decoding time of the first picture.
+    /// Adapts to the bit rate and buffer size of the stream. Returns the decoding time of the first picture.
     pub fn restate(&mut self, bit_rate: u32, buffer_size: u32) -> u64 {
         self.schedule = Schedule::of_stated(bit_rate, buffer_size);
         self.bound();
@@ -63,8 +63,8 @@ impl Writer {
     fn bound(&mut self) {
         let (schedule, is_disc) = (&self.schedule, self.is_disc);
         // Full packs have the smallest headers. Each picture may end in a partial pack with the largest headers. Small
-        // consecutive pictures are in time if two partial packs fit in a frame period. A single picture is in time if one fits
-        // within SLACK.
+        // consecutive pictures are in time if two partial packs fit in a frame period. A single picture is in time if one partial
+        // pack fits within SLACK.
         let full = (schedule.bytes_per_second as usize * PACK).div_ceil(PACK - HEADERS_LEAST);
         let packs_in_period = if is_disc { 3 } else { 2 };
         let partial = (packs_in_period * self.fps as usize).max((CLOCK / SLACK) as usize) * (PACK + HEADERS);
@@ -101,7 +101,7 @@ impl Writer {
             let left = if self.is_disc { room - data.len() - tail.len() } else { 0 };
             let stuffing = if left < PADDING_LEAST { left } else { 0 };
 
-            // The next pack arrives only after this one.
+            // Delay the next pack until this one has arrived.
             let arrival = self.schedule.arrive(data.len() as u64).max(self.passed);
             let before = out.len();
             out.extend(self.pack_header(arrival));

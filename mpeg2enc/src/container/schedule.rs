@@ -23,7 +23,7 @@ pub(super) struct Schedule {
     fullness: u64,
     /// Decoding time and number of bytes of each picture in the buffer.
     pictures: VecDeque<(u64, u64)>,
-    /// Earliest arrival of the next byte, in units of 1/27 000 000 s, times the rate.
+    /// Earliest arrival time of the next byte, in units of 1/27 000 000 s, multiplied by the rate.
     next: u128,
 }
 
@@ -40,7 +40,7 @@ impl Schedule {
         }
     }
 
-    /// Makes a schedule for a variable rate with the stated bit_rate and vbv_buffer_size.
+    /// Makes a schedule for a variable rate with this bit_rate and vbv_buffer_size.
     pub fn of_stated(bit_rate: u32, buffer_size: u32) -> Self {
         let (bytes_per_second, buffer) = in_bytes(bit_rate, buffer_size);
         Self::filled(bytes_per_second, buffer, buffer.min(bytes_per_second / 2))
@@ -58,7 +58,7 @@ impl Schedule {
         }
     }
 
-    /// Decoding time of the first picture, after the initial filling.
+    /// Returns the decoding time of the first picture, after the initial buffer fill, in units of 1/27 000 000 s.
     pub fn start(&self) -> u64 {
         self.start
     }
@@ -74,8 +74,8 @@ impl Schedule {
         self.not_before(decoding.saturating_sub(LONGEST_WAIT.max(self.start)));
     }
 
-    /// Adds `bytes` of the current picture and returns the arrival time of the first. They wait for room if earlier pictures
-    /// can free it.
+    /// Adds `bytes` of the current picture and returns the arrival time of the first byte. The bytes wait for room if the removal
+    /// of earlier pictures can free it.
     pub fn arrive(&mut self, bytes: u64) -> u64 {
         let now = self.wait(bytes);
         self.take(bytes);
@@ -104,7 +104,7 @@ impl Schedule {
         self.next = self.next.max(u128::from(time) * u128::from(self.bytes_per_second));
     }
 
-    /// Earliest arrival of the next byte.
+    /// Returns the earliest arrival of the next byte.
     pub fn now(&self) -> u64 {
         (self.next / u128::from(self.bytes_per_second)) as u64
     }
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
     use crate::FrameRate;
 
-    /// Schedule of 1 Mbit/s with a buffer of half a megabit, at 25 frames per second.
+    /// Returns a schedule of 1 Mbit/s with a buffer of half a megabit, at 25 frames per second.
     fn schedule() -> Schedule {
         let rate = Rate::Constant { bits_per_second: 1_000_000, buffer_bits: 500_000 };
         Schedule::new(&Config::new(64, 48, FrameRate::FPS_25).with_rate(rate))
@@ -145,7 +145,7 @@ mod tests {
         for picture in 0..4 {
             schedule.begin(start + 100 * CLOCK + picture * period);
             let arrives = schedule.arrive(buffer / 2 - 10);
-            // The third waits for the first, the fourth for the second.
+            // The third picture waits for the first one to leave the buffer, and the fourth for the second.
             if picture >= 2 {
                 assert_eq!(arrives, start + 100 * CLOCK + (picture - 2) * period);
             } else {

@@ -8,7 +8,7 @@ const SEQUENCE_EXTENSION: [u8; 5] = [0, 0, 1, 0xb5, 0x10];
 const BIT_RATE_VARIABLE: u32 = 0x3_ffff;
 
 /// Reads bit_rate in units of 400 bits per second and vbv_buffer_size in units of 16 384 bits from the `data` of the first
-/// picture. MPEG-1 states no value for a variable rate; the rate of the level with this buffer is used then.
+/// picture. MPEG-1 codes no value for a variable rate; the rate of the level with this buffer is used instead.
 pub(super) fn stated_rate(data: &[u8]) -> Option<(u32, u32)> {
     if !data.starts_with(&[0, 0, 1, SEQUENCE_HEADER_CODE]) {
         return None;

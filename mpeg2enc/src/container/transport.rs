@@ -12,11 +12,15 @@ use crate::{
 
 const PACKET: usize = 188;
 const SYNC_BYTE: u32 = 0x47;
-/// Packet identifiers; those below 0x10 are reserved (Table 2-3).
+/// Packet identifier of the program association table. Identifiers below 0x10 are reserved (Table 2-3).
 const PAT_PID: u32 = 0;
+/// Packet identifier of the program map table.
 const PMT_PID: u32 = 0x1000;
+/// Packet identifier of the video.
 const VIDEO_PID: u32 = 0x100;
+/// Packet identifier of null packets (Table 2-3).
 const NULL_PID: u32 = 0x1fff;
+/// program_number of the only program.
 const PROGRAM: u32 = 1;
 /// Index of the packet byte with the last bit of program_clock_reference_base.
 const REFERENCE_BYTE: usize = 10;
@@ -26,7 +30,7 @@ const CLOCK_INTERVAL: u64 = CLOCK / 30;
 /// Maximum interval between clock references, 0.04 s, as in DVB (ETSI TS 101 154, 4.1.5.3). The standard allows 0.1 s (2.7.2).
 const CLOCK_INTERVAL_MOST: u64 = CLOCK / 25;
 const TABLE_INTERVAL: u64 = CLOCK / 10;
-/// Minimum number of packets: ffmpeg does not recognize streams below 2040 bytes, ten times the largest packet.
+/// Minimum number of packets: ffmpeg does not recognize streams of less than 2040 bytes, ten times the largest packet.
 const LEAST_PACKETS: usize = 11;
 
 #[derive(Clone)]
@@ -36,16 +40,17 @@ pub(super) struct Writer {
     standard: Standard,
     /// continuity_counter of PAT, PMT and video.
     counters: [u32; 3],
-    /// Times of the last tables and of the last clock reference.
+    /// Time at which the tables were last sent.
     tables_sent: Option<u64>,
+    /// Time at which a clock reference was last sent.
     clock_sent: Option<u64>,
     /// Number of packets so far.
     packets: usize,
-    /// Packet times at a constant rate.
+    /// Times of the packets at a constant rate; `None` at a variable rate.
     slots: Option<Slots>,
 }
 
-/// Consecutive packets at a constant rate.
+/// Times of consecutive packets at a constant rate.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Slots {
@@ -53,7 +58,7 @@ struct Slots {
 }
 
 impl Slots {
-    /// Packet rate for video at `bytes_per_second` and `fps`.
+    /// Returns the packet times for video at `bytes_per_second` and `fps`.
     fn new(bytes_per_second: u64, fps: f64) -> Self {
         // Each picture may add two tables, one partial packet, and timestamps.
         let extra = (4 * fps.ceil() as u64 + CLOCK / CLOCK_INTERVAL * 2).max(4 * CLOCK / SLACK);
@@ -61,12 +66,13 @@ impl Slots {
         Self { bytes_per_second: full + extra * PACKET as u64 }
     }
 
-    /// Arrival time of a packet's first byte, rounded down.
+    /// Returns the arrival time of a packet's first byte, rounded down.
     fn begin(self, number: usize) -> u64 {
         self.time(number, 0)
     }
 
-    /// program_clock_reference in a packet: the arrival time of the byte that ends its base (2.4.2.2).
+    /// Returns the program_clock_reference in a packet: the arrival time of the byte that ends program_clock_reference_base
+    /// (2.4.2.2).
     fn reference_after(self, number: usize) -> u64 {
         self.time(number, REFERENCE_BYTE)
     }
@@ -79,7 +85,7 @@ impl Slots {
 /// Adaptation field before the payload of a packet (2.4.3.4).
 #[derive(Clone, Copy, Default)]
 struct Adaptation {
-    /// Whether decoding can begin here.
+    /// Whether decoding can begin at this packet.
     random_access: bool,
     /// program_clock_reference, in units of 1/27 000 000 s.
     clock: Option<u64>,
@@ -110,7 +116,7 @@ impl Writer {
         Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None, packets: 0, slots }
     }
 
-    /// Adapts to the stated bit rate and buffer size. Returns the decoding time of the first picture.
+    /// Adapts to the bit rate and buffer size of the stream. Returns the decoding time of the first picture.
     pub fn restate(&mut self, bit_rate: u32, buffer_size: u32) -> u64 {
         self.schedule = Schedule::of_stated(bit_rate, buffer_size);
         self.schedule.bound(most_waiting(400 * u64::from(bit_rate), buffer_size.into()));
@@ -155,7 +161,7 @@ impl Writer {
         out
     }
 
-    /// Interval after which the next packet has a clock reference.
+    /// Returns the interval after which the next packet has a clock reference.
     fn clock_interval(&self) -> u64 {
         // Tables in between delay the next reference.
         if self.slots.is_some() { CLOCK_INTERVAL / 2 } else { CLOCK_INTERVAL }
@@ -185,7 +191,7 @@ impl Writer {
         }
     }
 
-    /// Writes a packet with only a clock reference; it does not advance the counter (2.4.3.3).
+    /// Writes a packet with only a clock reference, which does not advance continuity_counter (2.4.3.3).
     fn put_clock(&mut self, out: &mut Vec<u8>, clock: u64) {
         let adaptation = Adaptation { random_access: false, clock: Some(clock) };
         let mut counter = (self.counters[2] + 15) % 16;
@@ -193,7 +199,7 @@ impl Writer {
         self.clock_sent = Some(clock);
     }
 
-    /// Returns null packets (Table 2-3) if the stream is too short for programs to recognize it.
+    /// Returns null packets (Table 2-3) if the stream is too short for programs to recognize it as a transport stream.
     pub fn finish(self) -> Vec<u8> {
         let mut out = Vec::new();
         for _ in self.packets..LEAST_PACKETS {
@@ -228,8 +234,8 @@ impl Writer {
     }
 }
 
-/// Maximum bytes that may wait in a decoder (2.4.2.3): 4 ms of the level's bit rate, a 750th of it for headers, and
-/// `buffer_size` in units of 16 384 bits.
+/// Returns the maximum number of bytes that may wait in a decoder (2.4.2.3). They are 4 ms and 1/750 s of the level's bit rate,
+/// and `buffer_size` in units of 16 384 bits.
 fn most_waiting(bits_per_second: u64, buffer_size: u64) -> u64 {
     (bits_per_second / 250 + bits_per_second / 750 + 16_384 * buffer_size) / 8
 }
@@ -312,7 +318,7 @@ fn put_packet(
     taken
 }
 
-/// CRC_32 (Annex A), most significant bit first, with the polynomial
+/// Returns the CRC_32 (Annex A), most significant bit first, with the polynomial
 /// `x³² + x²⁶ + x²³ + x²² + x¹⁶ + x¹² + x¹¹ + x¹⁰ + x⁸ + x⁷ + x⁵ + x⁴ + x² + x + 1`.
 fn crc_32(bytes: &[u8]) -> u32 {
     const POLYNOMIAL: u32 = 0x04c1_1db7;

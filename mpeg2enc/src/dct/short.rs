@@ -21,7 +21,8 @@ const EXACT_ERROR: f32 = 1e-4;
 /// Each pass rounds it 6 times (cosine, product, four sums) by at most 2⁻²⁴, which makes 1.8·10⁻⁷.
 const SHORT_ERROR: f32 = 2.2e-7;
 
-/// Maximum distance of a sample from an integer that ensures exact rounding, given the sum of the coefficients' magnitudes.
+/// Returns the maximum distance between a sample and an integer that ensures exact rounding, for this sum of coefficient
+/// magnitudes.
 pub(super) fn certain(magnitude: i32) -> f32 {
     0.5 - EXACT_ERROR - SHORT_ERROR * magnitude as f32
 }
@@ -67,7 +68,7 @@ impl Kernel for ShortInverse<'_> {
     }
 }
 
-/// One-dimensional inverse transforms of columns in parallel.
+/// Computes one-dimensional inverse transforms of columns in parallel.
 #[inline(always)]
 fn inverse_1d<L: Lanes>(lanes: L, c: [L::F; LANES]) -> [L::F; LANES] {
     let mut cosine = [lanes.splat(0.0); LANES];

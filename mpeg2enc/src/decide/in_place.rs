@@ -1,5 +1,5 @@
-//! Quick decision for a macroblock of a P picture: it is predicted directly into the output. Each block is then coded only if
-//! it is worth its bits.
+//! Quick decision for a macroblock of a P picture: the macroblock is predicted directly into the output. A block is then coded
+//! only if it is worth its bits.
 //!
 //! Samples are read once, in place, and no alternatives are coded for comparison. Poor predictions may need intra coding and
 //! are left to the full decision.
@@ -79,7 +79,7 @@ impl InPlace<'_> {
         true
     }
 
-    /// Codes the difference of block `i` from its prediction, if that is worth its bits.
+    /// Codes the difference between block `i` and its prediction, if it is worth its bits.
     fn code(&self, i: usize, error: u32, block: &mut Block, out: &mut RowMut) -> bool {
         let width = self.source.width();
         let (stride, x, y) = if i < 4 { (width, 8 * (i & 1), 8 * (i >> 1)) } else { (width / 2, 0, 0) };
@@ -114,7 +114,7 @@ impl InPlace<'_> {
         true
     }
 
-    /// Copies the macroblock at the same position of the reference, if its squared error is at most `allowed`.
+    /// Copies the macroblock at the same position of the reference if the squared error is at most `allowed`.
     fn stay(&self, allowed: i64, out: &mut RowMut) -> bool {
         let still = HalfSample::ZERO;
         // The sum of 256 squares is at least the squared sum divided by 256.
@@ -144,26 +144,26 @@ impl InPlace<'_> {
         kernel::predict_onto::<16>(source, reference, out, stride)
     }
 
-    /// Predicts Cb (0) or Cr (1) into `out` and returns the squared error. The vector is half of luma's, rounded toward zero
-    /// (7.6.3.7).
+    /// Predicts Cb (0) or Cr (1) into `out` and returns the squared error. The vector is half of the luma vector, rounded toward
+    /// zero (7.6.3.7).
     fn predict_chroma(&self, vector: HalfSample, which: usize, out: &mut [u8], stride: usize) -> u32 {
         let vector = HalfSample { x: vector.x / 2, y: vector.y / 2 };
         let source = self.chroma(self.source, which, HalfSample::ZERO);
         kernel::predict_onto::<8>(source, self.chroma(self.reference, which, vector), out, stride)[0]
     }
 
-    /// Luma samples at the macroblock's position plus `vector`.
+    /// Returns the luma samples at the macroblock's position plus `vector`.
     fn luma<'a>(&self, frame: &'a Picture, vector: HalfSample) -> ReferenceBlock<'a> {
         place_of(frame.luma(), 32 * self.column as i32 + vector.x, 32 * self.row as i32 + vector.y)
     }
 
-    /// Samples of Cb (0) or Cr (1) at the macroblock's position plus `vector`.
+    /// Returns the samples of Cb (0) or Cr (1) at the macroblock's position plus `vector`.
     fn chroma<'a>(&self, frame: &'a Picture, which: usize, vector: HalfSample) -> ReferenceBlock<'a> {
         let plane = if which == 0 { frame.cb() } else { frame.cr() };
         place_of(plane, 16 * self.column as i32 + vector.x, 16 * self.row as i32 + vector.y)
     }
 
-    /// Squared error of the blocks from their means, the starting point of intra coding.
+    /// Returns the squared error of the blocks from their means, which estimates the cost of intra coding.
     fn activity(&self) -> u32 {
         kernel::deviation(&crate::predict::samples(self.source, self.column, self.row))
     }

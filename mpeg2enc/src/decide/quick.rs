@@ -1,5 +1,5 @@
-//! Quick decision for a macroblock of a B picture: the prediction with the least error. Each block is coded only if it is worth
-//! its bits. [`in_place`](super::in_place) does the same in P pictures.
+//! Quick decision for a macroblock of a B picture: the prediction with the least error. A block is coded only if it is worth its
+//! bits. [`in_place`](super::in_place) is the counterpart for P pictures.
 //!
 //! No alternatives are coded for comparison. Poor predictions may need intra coding and are left to the full decision.
 
@@ -11,14 +11,14 @@ use crate::{PictureType, block::Block, dct, kernel, macroblock::Mode, quant::Tra
 pub(super) const INTRA_BITS: i64 = 150;
 
 /// Price in bits of a macroblock with only a vector. It is below the true value because later pictures inherit the error of a
-/// skipped one. With 8, plain walls take 5 % more bits.
+/// skipped macroblock. With a price of 8, plain walls take 5 % more bits.
 pub(super) const VECTOR_BITS: i64 = 2;
 
 /// Largest quantiser_scale at which rounding to integer samples matters.
 pub(super) const FINE: i32 = 6;
 
 impl Decision<'_> {
-    /// Decides, or returns false if the full decision is needed.
+    /// Decides quickly; returns false if the full decision is needed.
     pub(super) fn decide_quickly(&self, [forward, backward]: [HalfSample; 2], work: &mut Workspace) -> bool {
         work.predictions.order.clear();
         let quantiser = self.quantisers.of(self.quantiser);

@@ -63,7 +63,7 @@ impl Ahead {
         }
     }
 
-    /// Takes the next frame, and `weights` as factors of quantiser_scale in 256ths.
+    /// Accepts the next frame, and `weights` as factors of quantiser_scale in 256ths.
     pub fn push(
         &mut self,
         coder: &mut Coder,
@@ -85,12 +85,12 @@ impl Ahead {
         self.code(coder, 0)
     }
 
-    /// Whether a frame begins a group; see [`Encoder::begins_group`](crate::Encoder::begins_group).
+    /// Returns whether a frame begins a group; see [`Encoder::begins_group`](crate::Encoder::begins_group).
     pub fn begins_group(&self, index: usize, gop: usize) -> Option<bool> {
         self.lookahead.begins_group(index, gop)
     }
 
-    /// quantiser_scale of the waiting frames if no others followed; see
+    /// Returns the quantiser_scale of the waiting frames if no frames followed them; see
     /// [`Encoder::planned_quantiser_scale`](crate::Encoder::planned_quantiser_scale).
     pub fn planned_quantiser_scale(&mut self, config: &Config) -> Option<f32> {
         let last = self.last_anchor();
@@ -98,7 +98,7 @@ impl Ahead {
         let spans = self.lookahead.plan(config, last);
         let mut upcoming = self.lookahead.upcoming(last, &spans);
 
-        // Later pictures pay for an I picture, so future frames are assumed to resemble the waiting predicted ones.
+        // An I picture borrows bits from later pictures. Assume that these resemble the waiting predicted ones.
         let is_predicted = |picture: &&Upcoming| picture.picture_type != PictureType::I;
         let predicted: Vec<Upcoming> = upcoming.iter().rev().filter(is_predicted).copied().collect();
         let missing = config.delay().saturating_sub(upcoming.len());
@@ -130,12 +130,12 @@ impl Ahead {
         }
     }
 
-    /// Display index of the last coded I or P picture.
+    /// Returns the display index of the last coded I or P picture.
     fn last_anchor(&self) -> Option<usize> {
         self.anchors[1].as_ref().map(|anchor| anchor.index)
     }
 
-    /// Codes the first of `spans`: its anchor, then its B pictures. `complete` if no frame follows the spans.
+    /// Codes the first of `spans`: its anchor, then its B pictures. `complete` is true if no frame follows the spans.
     fn code_span(&mut self, coder: &mut Coder, spans: &[Span], complete: bool, packets: &mut Vec<Packet>) {
         let span = spans[0];
         let last = self.last_anchor();
@@ -259,7 +259,7 @@ impl Ahead {
         coder.group_headers(self.group_start as u64, is_closed)
     }
 
-    /// Sets the level of `config` to the level that the stream already states.
+    /// Sets the level of `config` to the level in the stream's existing headers.
     pub fn restate(&self, config: &mut Config) {
         self.bounds.restate(config);
     }
@@ -290,7 +290,7 @@ impl Ahead {
             }
         }
         let source = &self.lookahead.get(index).source;
-        // Without a coarse search: the look-ahead has supplied all candidates.
+        // Skip the coarse search, because the look-ahead has supplied all candidates.
         coder.code(&PictureJob {
             picture_type,
             display_index: index as u64,
@@ -330,20 +330,21 @@ impl Ahead {
     }
 }
 
-/// Display index of the frame after the last anchor.
+/// Returns the display index of the frame after the last anchor.
 fn next_after(anchor: Option<usize>) -> usize {
     anchor.map_or(0, |anchor| anchor + 1)
 }
 
-/// A picture is coded again if its bits miss their prediction by more than this fraction of the buffer, as an inverse. It
-/// equals the reserve of the planning.
+/// Inverse of a fraction of the buffer. A picture is coded again if its bits miss their prediction by more than this fraction,
+/// which equals the reserve of the planning.
 const SURPRISE_OF_BUFFER: i64 = 16;
-/// Maximum attempts at a picture because of a wrong prediction of its bits. Chosen, not tuned: the second attempt corrects the
-/// prediction, the third corrects an overshoot of the second.
+/// Maximum number of attempts at a picture if the prediction of its bits was wrong. The value was chosen, not tuned: the second
+/// attempt corrects the prediction, and the third corrects an overshoot of the second.
 const MOST_LOOKS: u32 = 3;
-/// Factor of quantiser_scale of I pictures without a macroblock tree; finer, because other pictures inherit from them. Not from
-/// the standard: tuned on the clips of README.md. With 190, moving clips take more bits and static ones fewer.
+/// Factor of quantiser_scale of I pictures without a macroblock tree. It is below 1 because other pictures inherit their quality.
+/// The standard does not define this value; it was tuned on the clips of README.md. With 190, moving clips take more bits and
+/// static ones fewer.
 const INTRA_FACTOR_256THS: u32 = 208;
-/// Factor of quantiser_scale of B pictures; coarser, because no picture predicts from them. Not from the standard: tuned on the
-/// clips of README.md.
+/// Factor of quantiser_scale of B pictures. It is above 1 because no picture predicts from them. The standard does not define
+/// this value; it was tuned on the clips of README.md.
 const B_SCALE_SIXTEENTHS: u32 = 18;

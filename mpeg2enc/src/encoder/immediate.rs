@@ -104,7 +104,7 @@ impl Immediate {
         self.push(coder, &last, None, None)
     }
 
-    /// Sets the level of `config` to the level that the stream already states.
+    /// Sets the level of `config` to the level in the stream's existing headers.
     pub fn restate(&self, config: &mut Config) {
         self.bounds.restate(config);
     }

@@ -4,13 +4,13 @@
 //! scale = existing scale next to base · weight     weight  factor of quantiser_scale, from `weights::given`
 //!                                                  base    gives all scales the geometric mean quantiser_scale
 //! ```
-//! The row decides between the two neighbors, as with a mean quantiser. Rounding to the nearest scale could miss the mean by
-//! half a step of the table if few weights occur. Without a look-ahead no later stage corrects the bits. Integer arithmetic
-//! gives the same result on every processor.
+//! The row selects one of the two neighboring scales, as with a mean quantiser. Rounding to the nearest scale could miss the mean
+//! by half a step of the table if few weights occur. Without a look-ahead no later stage corrects the bits. Integer arithmetic
+//! produces the same result on every processor.
 
 use crate::quantiser_scale::{QuantiserScaleCode, neighbors, one_of, quantiser_scale_of};
 
-/// Maximum of `base`, in 4096ths: it maps the least factor, a sixteenth, to scale 112.
+/// Maximum of `base`, in 4096ths, which maps the least factor, a sixteenth, to scale 112.
 const BASE_MAX: u64 = 112 * 16 * 4096;
 
 /// Returns quantiser_scale of all macroblocks in sixteenths, for their `factors` in 256ths. Equal factors change nothing.
@@ -48,7 +48,7 @@ impl Table {
         }
     }
 
-    /// Scale of a macroblock in this row, in sixteenths.
+    /// Returns the scale of a macroblock in this row, in sixteenths.
     fn scale_x16(&self, base: u64, factor: u32, row: usize) -> u32 {
         let wanted = (base * u64::from(factor) / 65_536) as u32;
         let place = (wanted.saturating_sub(self.finest_x16) as usize).min(self.neighbors.len() - 1);
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn the_geometric_mean_stays() {
-        // Weights over two octaves, all different.
+        // Use weights over two octaves, all different.
         let factors: Vec<u32> = (0..400).map(|i| 128 + (i * 149) % 389).collect();
         for (scale, q_scale_type) in [(8, false), (16, false), (30, false), (3, true), (16, true), (64, true)] {
             let scales = scales_x16(&factors, 20, scale, q_scale_type);

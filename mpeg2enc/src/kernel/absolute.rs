@@ -7,7 +7,7 @@ use super::{
 use lanes::{Bytes, Choice, Kernel, Lanes, Samples, Sum, Window};
 use std::marker::PhantomData;
 
-/// Sum of absolute differences between N×N samples at a whole position and their prediction; N is 8 or 16.
+/// Returns the sum of absolute differences between N×N samples at a whole position and their prediction; N is 8 or 16.
 #[inline]
 pub(crate) fn absolute_difference<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::best().run(One::<N> { source: &source, reference: &reference })
@@ -66,7 +66,7 @@ impl<const N: usize> Kernel for Four<'_, N> {
     }
 }
 
-/// Sums of absolute differences of [`Four`]. A source of eight groups stays in registers.
+/// Returns the sums of absolute differences of [`Four`]. A source of eight groups stays in registers.
 #[inline(always)]
 fn four<const N: usize, S: Samples>(Four { source, references }: Four<'_, N>) -> [u32; 4] {
     let source = whole::<N, N>(source);
@@ -81,7 +81,7 @@ fn four<const N: usize, S: Samples>(Four { source, references }: Four<'_, N>) ->
     sums
 }
 
-/// Work that sums absolute differences to samples in memory.
+/// Work that sums absolute differences between the prediction and samples in memory.
 struct ToWindow<'a, const N: usize, S>(Window<'a, N, N, false, false>, PhantomData<S>);
 
 impl<const N: usize, S: Samples> BlockWork<N, N> for ToWindow<'_, N, S> {
@@ -97,7 +97,7 @@ impl<const N: usize, S: Samples> BlockWork<N, N> for ToWindow<'_, N, S> {
     }
 }
 
-/// Work that sums absolute differences to groups of samples.
+/// Work that sums absolute differences between the prediction and groups of samples.
 struct ToGroups<'a, S>(&'a [S; 16]);
 
 impl<const N: usize, S: Samples> BlockWork<N, N> for ToGroups<'_, S> {

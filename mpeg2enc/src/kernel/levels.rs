@@ -55,7 +55,7 @@ const LEVEL_MAX: u32 = 2047;
 
 vectorized! {
     /// Restores the coefficients of a non-intra block from its levels, like an MPEG-2 decoder (7.4.2.3, 7.4.3), but without
-    /// mismatch control. Their signs are the signs of the original coefficients:
+    /// mismatch control. The restored coefficients have the signs of the original ones:
     ///
     /// ```text
     /// F'' = ±(2·|QF| + 1) · W · quantiser_scale / 32, or 0 for QF = 0      F' = F'' clamped to −2048 … 2047

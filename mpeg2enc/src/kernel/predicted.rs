@@ -8,11 +8,11 @@ pub(super) trait BlockWork<const N: usize, const R: usize> {
     /// Result of the work.
     type Output;
 
-    /// Does the work, with half positions to the right (`H`) and below (`V`).
+    /// Processes the prediction, with half positions to the right (`H`) and below (`V`).
     fn on<const H: bool, const V: bool>(self, predicted: Window<'_, N, R, H, V>) -> Self::Output;
 }
 
-/// Does `work` on the prediction at `place`.
+/// Applies `work` to the prediction at `place`.
 #[inline(always)]
 pub(super) fn predicted<const N: usize, const R: usize, W: BlockWork<N, R>>(
     place: &ReferenceBlock,
@@ -27,14 +27,14 @@ pub(super) fn predicted<const N: usize, const R: usize, W: BlockWork<N, R>>(
     }
 }
 
-/// R rows of N samples at a whole position.
+/// Returns R rows of N samples at a whole position.
 #[inline(always)]
 pub(super) fn whole<'a, const N: usize, const R: usize>(source: &ReferenceBlock<'a>) -> Window<'a, N, R, false, false> {
     debug_assert!(source.half == (false, false));
     Window::new(source.samples, source.stride)
 }
 
-/// Passes the predicted samples of N rows of N (7.6.4) to `each` in groups, starting at the upper left; N is 8 or 16.
+/// Calls `each` with groups of the predicted samples of N rows of N (7.6.4), starting at the upper left; N is 8 or 16.
 #[inline(always)]
 pub(super) fn for_predicted<const N: usize>(place: &ReferenceBlock, each: impl FnMut(usize, Bytes)) {
     struct Each<F>(F);

@@ -6,7 +6,7 @@ use super::{
 };
 use lanes::{Bytes, Choice, Differences, Kernel, Lanes, Samples, Window, Words};
 
-/// Sum of absolute transformed differences between N×N samples and their prediction; N is 8 or 16.
+/// Returns the sum of absolute transformed differences between N×N samples and their prediction; N is 8 or 16.
 ///
 /// Each block of 8×8 differences is Hadamard transformed, and the sum of magnitudes is divided by eight. The single coefficient
 /// of a flat difference d then counts 8·d. This is about the same as 64 plain differences spread over many coefficients.
@@ -40,7 +40,7 @@ impl<const N: usize> Kernel for Transformed<'_, N> {
     }
 }
 
-/// Work on the differences to a single block.
+/// Work on the differences between the prediction and a single block.
 struct SingleBlock<'a>(Window<'a, 8, 8, false, false>);
 
 impl BlockWork<8, 8> for SingleBlock<'_> {
@@ -56,7 +56,7 @@ impl BlockWork<8, 8> for SingleBlock<'_> {
     }
 }
 
-/// Work on the differences to four blocks.
+/// Work on the differences between the prediction and four blocks.
 struct Macroblock<'a, L>(Window<'a, 16, 16, false, false>, L);
 
 impl<L: Lanes> BlockWork<16, 16> for Macroblock<'_, L> {
@@ -72,7 +72,7 @@ impl<L: Lanes> BlockWork<16, 16> for Macroblock<'_, L> {
     }
 }
 
-/// An eighth of the sum of magnitudes of transformed differences, rounded for each block.
+/// Returns an eighth of the sum of magnitudes of transformed differences, rounded for each block.
 #[inline(always)]
 fn hadamard_sum<W: Differences>(mut rows: [W; 8]) -> u32 {
     butterflies::<W, 4>(&mut rows);
@@ -89,7 +89,7 @@ fn hadamard_sum<W: Differences>(mut rows: [W; 8]) -> u32 {
     eighth(0) + eighth(1)
 }
 
-/// Computes sums and differences of rows at this distance: a third of an eight-point Hadamard transform.
+/// Computes sums and differences of rows at this distance: one of the three stages of an eight-point Hadamard transform.
 #[inline(always)]
 fn butterflies<W: Differences, const DISTANCE: usize>(rows: &mut [W; 8]) {
     for k in 0..4 {

@@ -9,7 +9,7 @@ use crate::{
     vector::{HalfSample, Range},
 };
 
-/// quantiser_scale that prices vector bits here, as for [`Search::new`]; a medium quality.
+/// quantiser_scale, a medium quality, from which [`Search::new`] derives the price of vector bits in the look-ahead.
 const SEARCH_QUANTISER_SCALE: u32 = 8;
 /// Mean absolute difference per sample above which a wider search is made.
 const POOR_MATCH: u32 = 6;
@@ -27,7 +27,8 @@ pub(super) struct BlockSearch<'a> {
 }
 
 impl BlockSearch<'_> {
-    /// Best match of a block. `left` is the vector of the block to the left, `before` the block's vector in the previous frame.
+    /// Returns the best match of a block. `left` is the vector of the block to the left, and `before` the block's vector in the
+    /// previous frame.
     pub fn best(
         &self,
         block: BlockPosition,
@@ -40,12 +41,12 @@ impl BlockSearch<'_> {
         let range = Range::of_block(reference.half(), BLOCK, column, row, REACH);
         let mut search =
             Search::<BLOCK>::new([frame.half(), reference.half()], block, range, left, SEARCH_QUANTISER_SCALE);
-        // Candidates have full-size units.
+        // Candidates are in units of the full-size picture.
         search.try_vector(HalfSample::ZERO);
         for vector in candidates.vectors() {
             search.try_vector(HalfSample { x: (vector.x + 1) >> 1, y: (vector.y + 1) >> 1 });
         }
-        // Without a uniform motion search around the best candidate, and widely if it matches poorly.
+        // If motion is not uniform, search around the best candidate, and widely if it matches poorly.
         if !candidates.one_motion && search.best_error > 0 {
             search.try_vector(left);
             if let Some(before) = before {

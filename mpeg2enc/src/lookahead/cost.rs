@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Width and height of a block in the half-size picture.
 pub(super) const BLOCK: usize = 8;
 
-/// Sum of absolute differences to the mean of two predictions, transformed or plain.
+/// Returns the sum of absolute differences between a block and the mean of two predictions, transformed or plain.
 pub(super) fn mean_cost(
     source: &Plane<u8>,
     references: [&Plane<u8>; 2],
@@ -31,7 +31,7 @@ pub(super) fn mean_cost(
     difference(place_of(source, x2, y2), whole(&mean), transformed)
 }
 
-/// Sum of absolute differences of two blocks, transformed or plain.
+/// Returns the sum of absolute differences between two blocks, transformed or plain.
 fn difference(source: ReferenceBlock, reference: ReferenceBlock, transformed: bool) -> u32 {
     if transformed {
         kernel::transformed_difference::<BLOCK>(source, reference)
@@ -45,7 +45,7 @@ fn whole(block: &[[u8; BLOCK]; BLOCK]) -> ReferenceBlock<'_> {
     ReferenceBlock::whole(block.as_flattened(), BLOCK)
 }
 
-/// Sums of absolute differences of every block to its mean, transformed or plain.
+/// Returns the sums of absolute differences between every block and its mean, transformed or plain.
 pub(super) fn intra_costs(half: &Plane<u8>, transformed: bool) -> Arc<[u32]> {
     let (columns, rows) = (half.width() / BLOCK, half.height() / BLOCK);
     (0..columns * rows)

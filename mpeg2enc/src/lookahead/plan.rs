@@ -13,8 +13,8 @@ pub(crate) struct Span {
     pub b_pictures: usize,
 }
 
-/// Weight of B picture costs, in sixteenths of other costs. It is lower because no picture predicts from B pictures, and they
-/// are coded with a coarser quantiser. Not from the standard: tuned on the clips of README.md.
+/// Weight of B picture costs, in sixteenths of other costs. It is lower because no picture predicts from B pictures, and they are
+/// coded with a coarser quantiser. The standard does not define this value; it was tuned on the clips of README.md.
 const B_WEIGHT_SIXTEENTHS: u64 = 13;
 
 impl Lookahead {
@@ -30,9 +30,9 @@ impl Lookahead {
             return spans;
         };
         let count = end - anchor - 1;
-        // By distance from `anchor`: whether a frame must be an I picture. The anchor itself is coded already.
+        // Whether a frame must be an I picture, by distance from `anchor`, which is coded already.
         let is_intra: Vec<bool> = (anchor..end).map(|index| index > anchor && self.get(index).begins_group).collect();
-        // By distance from `anchor`: the least cost of all frames up to an anchor there, and the number of B pictures before
+        // Least cost of all frames up to an anchor, by distance of that anchor from `anchor`, and the number of B pictures before
         // it.
         let mut best = vec![(0u64, 0usize); count + 1];
         for j in 1..=count {
@@ -46,7 +46,7 @@ impl Lookahead {
                 let cost = if config.adapts_types() {
                     best[from].0 + self.span_cost(anchor + from, anchor + j, is_intra[j])
                 } else {
-                    // Prefer few anchors: as many B pictures as allowed.
+                    // Prefer few anchors, and therefore long runs of B pictures.
                     best[from].0 + 1
                 };
                 if cost < best[j].0 {
@@ -66,7 +66,7 @@ impl Lookahead {
         spans
     }
 
-    /// Costs of the individual pictures of `spans`, in the order of coding.
+    /// Returns the costs of the individual pictures of `spans`, in the order of coding.
     pub fn upcoming(&mut self, last_anchor: Option<usize>, spans: &[Span]) -> Vec<Upcoming> {
         let mut out = Vec::new();
         let mut from = last_anchor;
@@ -100,7 +100,7 @@ impl Lookahead {
         found.iter().zip(intra.iter()).map(|(t, &intra)| u64::from(t.cost.min(intra))).sum()
     }
 
-    /// Cost of the frames after `from` up to `anchor`, with B pictures between them.
+    /// Returns the cost of the frames after `from` up to `anchor`, with B pictures between them.
     fn span_cost(&mut self, from: usize, anchor: usize, is_intra: bool) -> u64 {
         let span = Span { anchor, is_intra, b_pictures: anchor - from - 1 };
         let mut cost = self.anchor_cost(Some(from), &span);

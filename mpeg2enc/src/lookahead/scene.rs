@@ -7,21 +7,21 @@ use crate::{
     vector::Range,
 };
 
-/// Fraction of the intra cost above which the cost predicted from the previous frame means a shot change, in quarters.
+/// Fraction of the intra cost in quarters. A cost above it, predicted from the previous frame, means a shot change.
 const SCENE_CUT_QUARTERS: u64 = 3;
 /// Step between measured macroblocks for quick measurements with given motion. 7 has no common factor with usual widths in
 /// macroblocks, like 32 and 45, so the samples form diagonals.
 const SAMPLED: usize = 7;
 
 impl Lookahead {
-    /// Whether a shot change precedes this frame.
+    /// Returns whether a shot change precedes this frame.
     pub fn is_scene_cut(&mut self, index: usize) -> bool {
         let (predicted, total) =
             if self.quick { self.sampled_costs(index) } else { None }.unwrap_or_else(|| self.all_costs(index));
         predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0
     }
 
-    /// Total costs of all macroblocks: the cheaper of predicted and intra, and intra alone.
+    /// Returns two total costs of all macroblocks: the cheaper of predicted and intra, and intra alone.
     fn all_costs(&mut self, index: usize) -> (u64, u64) {
         let matches = self.matches(index, -1);
         let intra = self.intra_costs(index);
@@ -29,7 +29,7 @@ impl Lookahead {
         (matches.iter().zip(intra.iter()).map(|(m, &cost)| u64::from(m.cost.min(cost))).sum(), total)
     }
 
-    /// Total costs of sampled macroblocks with their first given vectors, in the same order; `None` without given motion.
+    /// Returns both total costs of sampled macroblocks, predicted with their first given vectors; `None` without given motion.
     fn sampled_costs(&self, index: usize) -> Option<(u64, u64)> {
         let known = self.is_known(index, -1)?;
         let (source, reference) = (self.get(index).source.luma(), self.get(away(index, -1)).source.luma());

@@ -1,8 +1,8 @@
 //! Macroblock tree: better quality for macroblocks that later pictures inherit.
 //!
-//! Finer quantisation pays off in a macroblock from which others are predicted. Its quality is inherited along the motion, as
-//! far as predictions match. After F. Glaser, "A macroblock-tree algorithm for high-performance optimization of dependent video
-//! coding in H.264/AVC":
+//! Finer quantisation pays off in a macroblock from which others are predicted. Later pictures inherit its quality along the
+//! motion, as far as predictions match. After F. Glaser, "A macroblock-tree algorithm for high-performance optimization of
+//! dependent video coding in H.264/AVC":
 //!
 //! ```text
 //! passed by a block = (intra + inherited) · (1 − inter / intra)
@@ -10,14 +10,14 @@
 //! ```
 //!
 //! # Differences from the paper
-//! The factor of quantiser_scale follows the y262 encoder: a root instead of a power of two. All arithmetic is integer.
+//! The factor of quantiser_scale follows the y262 encoder: a root replaces a power of two. All arithmetic is integer.
 
 use super::{Lookahead, plan::Span};
 use crate::vector::HalfSample;
 use std::collections::BTreeMap;
 
-/// Strength of the effect: factor = 1 / (1 + STRENGTH·(√(1 + inherited / intra) − 1)), in 256ths. Not from the standard: tuned
-/// on the clips of README.md. Static scenes would benefit from a higher value, moving ones from a lower.
+/// Strength of the effect: factor = 1 / (1 + STRENGTH·(√(1 + inherited / intra) − 1)), in 256ths. The standard does not define
+/// this value; it was tuned on the clips of README.md. Static scenes would benefit from a higher value, moving ones from a lower.
 const STRENGTH_256THS: u64 = 125;
 /// Minimum factor of the requested quantiser, in 256ths.
 const FACTOR_MIN_256THS: u64 = 100;
@@ -31,11 +31,11 @@ impl Lookahead {
         let columns = self.columns();
         let mut inherited: BTreeMap<usize, Vec<u64>> = BTreeMap::new();
         let distance = |a: usize, b: usize| b as isize - a as isize;
-        // In reverse order of coding: a picture passes costs on only after its dependants.
+        // Process pictures in reverse order of coding, so that each has received the costs from its dependants.
         for (i, span) in spans.iter().enumerate().rev() {
             let from = if i > 0 { Some(spans[i - 1].anchor) } else { last_anchor };
             let Some(from) = from else { continue };
-            // B pictures inherit nothing, and pass their gain on to both anchors.
+            // B pictures inherit nothing and pass their gain to both anchors.
             for index in from + 1..span.anchor {
                 let (back, ahead) = (distance(index, from), distance(index, span.anchor));
                 let found = self.two_sided(index, back, ahead);
@@ -56,7 +56,7 @@ impl Lookahead {
                 continue;
             }
             let matches = self.matches(span.anchor, distance(span.anchor, from));
-            // P pictures also pass on the fraction of their inheritance that they predict.
+            // P pictures also pass the fraction of their inheritance that they predict.
             let intra = self.intra_costs(span.anchor).clone();
             let own = inherited.remove(&span.anchor).unwrap_or_else(|| vec![0; count]);
             let amounts = inherited.entry(from).or_insert_with(|| vec![0; count]);
@@ -95,7 +95,7 @@ fn pass(amounts: &mut [u64], columns: usize, block: usize, vector: HalfSample, a
     }
 }
 
-/// Factor of quantiser_scale, in 256ths.
+/// Returns the factor of quantiser_scale, in 256ths.
 fn factor(inherited: u64, intra: u64) -> u32 {
     let root_256ths = (65536 * (intra + inherited) / intra).isqrt();
     let factor = 256 * 256 * 256 / (256 * 256 + STRENGTH_256THS * (root_256ths - 256));

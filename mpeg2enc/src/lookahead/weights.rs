@@ -9,16 +9,16 @@
 
 use plane::Plane;
 
-/// Exponent in 256ths. Not from the standard: tuned by SSIM on the clips of README.md.
+/// Exponent in 256ths. The standard does not define this value; it was tuned by SSIM on the clips of README.md.
 const STRENGTH_256THS: i64 = 48;
 /// Offset of the energy, below which noise and rounding dominate.
 const FLOOR: u64 = 256;
 /// Minimum and maximum factor, in 256ths.
 const FACTORS: (u32, u32) = (128, 512);
-/// Minimum and maximum factor given by a caller, in 256ths.
+/// Minimum and maximum factor that a caller may request, in 256ths.
 const GIVEN: (u32, u32) = (16, 4096);
 
-/// Factors of quantiser_scale, in 256ths, of all macroblocks of a picture in raster order.
+/// Returns the factors of quantiser_scale, in 256ths, of all macroblocks of a picture in raster order.
 pub(crate) fn by_activity(luma: &Plane<u8>) -> Vec<u32> {
     let (columns, rows) = (luma.width() / 16, luma.height() / 16);
     let logarithms: Vec<i64> = (0..columns * rows)
@@ -43,7 +43,7 @@ pub(crate) fn given(weights: &Plane<f32>, counts: (usize, usize)) -> Vec<u32> {
     Plane::from_fn(counts.0, counts.1, |x, y| factor(at(x, y))).samples().to_vec()
 }
 
-/// Whether a factor in 256ths is within the limits of the encoder.
+/// Returns whether a factor in 256ths is within the limits of the encoder.
 pub(crate) fn is_plausible(factor: &u32) -> bool {
     (GIVEN.0..=GIVEN.1).contains(factor)
 }
@@ -55,7 +55,7 @@ fn variance(samples: [u8; 64]) -> u64 {
     squares - sum * sum / 64
 }
 
-/// Logarithm to base 2, in 256ths.
+/// Returns the logarithm to base 2, in 256ths.
 fn logarithm(value: u64) -> i64 {
     let whole = value.ilog2();
     256 * i64::from(whole) + ((value << 8 >> whole) & 255) as i64

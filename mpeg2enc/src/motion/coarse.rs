@@ -16,7 +16,7 @@ const REACH: i32 = 16;
 const WINDOW: usize = 8;
 
 impl CoarseSearch<'_> {
-    /// Best vector for macroblock `(column, row)`; it may point outside the picture.
+    /// Returns the best vector for macroblock `(column, row)`; it may point outside the picture.
     pub fn search(&self, column: usize, row: usize) -> HalfSample {
         let (width, height) = (self.source.width() as i32, self.source.height() as i32);
         let window = WINDOW as i32;
@@ -30,7 +30,7 @@ impl CoarseSearch<'_> {
         let mut best = (u32::MAX, HalfSample::ZERO);
         for dy in (-REACH).max(-y)..=REACH.min(height - window - y) {
             for dx in (-REACH).max(-x)..=REACH.min(width - window - x) {
-                // In flat areas shorter vectors win.
+                // In flat areas, prefer shorter vectors.
                 let difference = kernel::absolute_difference::<WINDOW>(source, place(x + dx, y + dy));
                 let error = (dx.abs() + dy.abs()) as u32 + difference;
                 if error < best.0 {

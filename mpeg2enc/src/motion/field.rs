@@ -24,7 +24,7 @@ impl Candidates {
         &self.vectors[..self.count]
     }
 
-    /// Whether the number and lengths of the vectors are possible.
+    /// Returns whether the number and lengths of the vectors are possible.
     pub fn is_plausible(&self) -> bool {
         self.count <= CANDIDATES && self.vectors().iter().all(HalfSample::is_plausible)
     }
@@ -190,7 +190,7 @@ vectorized! {
 /// Reduces the horizontal and the vertical components of sixteen vectors by `f`.
 #[inline(always)]
 fn fold<T: Copy>(mut values: [T; 32], f: fn(T, T) -> T) -> [T; 2] {
-    // Halving suits vector instructions.
+    // Reduce by halving, which suits vector instructions.
     for half in [16, 8, 4, 2] {
         for k in 0..half {
             values[k] = f(values[k], values[k + half]);

@@ -13,7 +13,7 @@ pub(super) const CROSS: [(i32, i32); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 const NEIGHBORS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 /// Steps of one sample in four directions.
 const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
-/// Length of the longest of these steps, in half samples.
+/// Length of the longest step in these tables, in half samples.
 const FARTHEST_STEP: i32 = 2;
 /// A vector's transformed difference is computed if its plain difference is less than this many eighths of the best one's. With
 /// 9, the compared vectors and the result depend on the starting point.
@@ -28,9 +28,9 @@ const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
 };
 /// Maximum rounds of [`Search::settle`]; after two, searches from different vectors sometimes still have different results.
 const SETTLED: usize = 4;
-/// Fractions of the error of a poor match, for quick searches. With at most the first, a given vector is accepted immediately.
-/// With more than the second, the block may show moving light. Tuned on the clips of README.md: accepting everything below a
-/// poor match costs 12 % more bits on plain walls.
+/// Fractions of the error of a poor match, for quick searches. Up to the first fraction, a given vector is accepted immediately.
+/// Above the second fraction, the block may show moving light. The fractions were tuned on the clips of README.md: accepting
+/// everything below a poor match takes 12 % more bits on plain walls.
 const TRUSTED_16THS: u32 = 2;
 const LIGHT_16THS: u32 = 4;
 
@@ -131,7 +131,7 @@ impl<'a, const N: usize> Search<'a, N> {
         false
     }
 
-    /// Price of the bits of a vector.
+    /// Returns the price of the bits of a vector.
     fn price_of(&self, vector: HalfSample) -> u32 {
         let bits = component_bits(vector.x - self.predicted.x) + component_bits(vector.y - self.predicted.y);
         (self.price * bits) >> 4
@@ -215,18 +215,18 @@ impl<'a, const N: usize> Search<'a, N> {
         place_of(self.reference, self.x2 + vector.x, self.y2 + vector.y)
     }
 
-    /// Sum of absolute differences.
+    /// Returns the sum of absolute differences between the block and its prediction.
     fn plain_error(&self, vector: HalfSample) -> u32 {
         kernel::absolute_difference::<N>(self.source, self.place(vector))
     }
 
-    /// Sum of absolute transformed differences.
+    /// Returns the sum of absolute transformed differences between the block and its prediction.
     fn transformed_error(&self, vector: HalfSample) -> u32 {
         kernel::transformed_difference::<N>(self.source, self.place(vector))
     }
 }
 
-/// Approximate bits of a vector difference, for a medium f_code.
+/// Returns the approximate number of bits of a vector difference, for a medium f_code.
 fn component_bits(delta: i32) -> u32 {
     2 * (32 - delta.unsigned_abs().leading_zeros()) + 1
 }

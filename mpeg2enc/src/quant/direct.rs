@@ -51,7 +51,7 @@ mod tests {
     use crate::{dct, quant::QuantiserParameters, vlc::CoefficientTable};
     use plane::matrices::DEFAULT_INTRA_MATRIX;
 
-    /// Coefficients of random differences, which decrease with frequency unless `flat`.
+    /// Returns the coefficients of random differences; they decrease with frequency unless `flat`.
     fn coefficients(state: &mut u32, flat: bool) -> [i32; 64] {
         let mut random = || {
             *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -13,7 +13,7 @@ struct Pass {
 }
 
 impl Pass {
-    /// Logarithm of the ratio of this pass's rate to `rate`.
+    /// Returns the logarithm of the ratio of this pass's rate to `rate`.
     fn excess(&self, rate: f64) -> f64 {
         (self.bits_per_second / rate).ln()
     }
@@ -22,7 +22,7 @@ impl Pass {
 /// Searches for the quantiser_scale with which a film has a given mean bit rate.
 ///
 /// Each pass codes the film at constant quality. A good first guess needs two passes, and more than four are rare. Constant
-/// quality is the best use of bits if no channel of constant rate and small buffer limits them.
+/// quality is the best use of bits unless a channel with constant rate and small buffer limits them.
 /// [`Rate::Capped`](crate::Rate::Capped) additionally limits a decoder's reading rate.
 ///
 /// ```
@@ -59,7 +59,7 @@ impl Passes {
     pub const NEAR: f64 = 0.005;
     /// Maximum number of passes.
     const MOST: usize = 8;
-    /// Relative difference of two quantisers below which the codes are the same.
+    /// Relative difference between two quantisers below which their codes are equal.
     const SAME: f64 = 1.0 / 4096.0;
 
     /// Starts a search for this rate.
@@ -115,7 +115,7 @@ impl Passes {
 mod tests {
     use super::*;
 
-    /// Passes over a film with the bit rate `rate(quantiser_scale)`.
+    /// Runs passes over a film with the bit rate `rate(quantiser_scale)`.
     fn search(wanted: u32, rate: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
         let (mut passes, mut next, mut all) = (Passes::new(wanted), Some(8.0), Vec::new());
         while let Some(scale) = next {
@@ -139,13 +139,13 @@ mod tests {
 
     #[test]
     fn what_bends_and_has_steps_is_come_near() {
-        // A constant rate of headers, and quantisers in steps of a 64th.
+        // Test a constant rate of headers, and quantisers in steps of a 64th.
         let rate = |q: f64| 2e5 + 6e6 / (64.0 * q).round() * 64.0;
         for wanted in [300_000, 500_000, 2_000_000, 5_000_000] {
             let passes = search(wanted, rate);
             assert!((passes.last().unwrap().1 / f64::from(wanted) - 1.0).abs() <= 0.016, "{passes:?}");
         }
-        // Integer quantisers only: the last pass uses the nearest of those tried.
+        // With integer quantisers only, the last pass uses the nearest one tried.
         let whole = |q: f64| 6e6 / q.round();
         let passes = search(1_400_000, whole);
         assert_eq!(passes.last().unwrap().1, whole(4.0), "{passes:?}");
