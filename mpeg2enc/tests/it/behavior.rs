@@ -88,7 +88,7 @@ fn finer_quantisers_give_better_pictures_and_more_bits() {
     }
 }
 
-/// Root mean square difference of two planes, in code values.
+/// Returns the root mean square difference between two planes, in code values.
 fn root_mean_square(a: &Plane<u8>, b: &Plane<u8>) -> f64 {
     let squares = a.samples().iter().zip(b.samples()).map(|(&a, &b)| f64::from(a.abs_diff(b)).powi(2));
     (squares.sum::<f64>() / a.samples().len() as f64).sqrt()
@@ -122,7 +122,8 @@ proptest! {
             let error = root_mean_square(frame.luma(), packet.reconstruction.luma());
             let told = 255.0 / 10f64.powf(packet.psnr_y / 20.0);
             prop_assert!((error - told).abs() <= 1e-6 * error, "an error of {error} is reported as {} dB", packet.psnr_y);
-            // At most 1.48 in a quarter of a million pictures; pictures of a few pixels come closest to the limit.
+            // The difference was at most 1.48 in a quarter of a million pictures; pictures of a few pixels are closest to the
+            // limit.
             prop_assert!(error <= 2.0 * f64::from(scale + 1), "quantiser_scale {scale}: an error of {error}");
         }
     }

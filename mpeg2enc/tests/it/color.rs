@@ -6,12 +6,12 @@ use mpeg2enc::{
     TransferCharacteristics,
 };
 
-/// Stream of one picture.
+/// Returns a stream of one picture.
 fn stream(config: Config, (width, height): (usize, usize)) -> Vec<u8> {
     encode(config, [moving(width, height, 0)].into_iter()).0
 }
 
-/// Values that ffprobe reads from a stream, one for each entry.
+/// Returns the values that ffprobe reads from a stream, one for each entry.
 fn probed(stream: &[u8], entries: &str) -> Vec<String> {
     let file = StreamFile::new(stream);
     let shown = format!("stream={entries}");
@@ -20,7 +20,7 @@ fn probed(stream: &[u8], entries: &str) -> Vec<String> {
     String::from_utf8(listed).expect("text").lines().map(str::to_owned).collect()
 }
 
-/// Bytes after extension_start_code with this identifier.
+/// Returns the bytes after extension_start_code with this identifier.
 fn extension(stream: &[u8], identifier: u8) -> &[u8] {
     let found = stream.windows(5).position(|bytes| bytes[..4] == [0, 0, 1, 0xb5] && bytes[4] >> 4 == identifier);
     &stream[found.expect("an extension") + 4..]

@@ -9,7 +9,7 @@ use std::{
     sync::atomic::{AtomicU32, Ordering},
 };
 
-/// Aperiodic texture with detail, at a position in pixels.
+/// Returns an aperiodic texture with detail, at a position in pixels.
 pub fn texture(x: f64, y: f64) -> f64 {
     let smooth = |x: f64, y: f64| {
         let hash = |x: i64, y: i64| {
@@ -17,7 +17,7 @@ pub fn texture(x: f64, y: f64) -> f64 {
             f64::from((mixed >> 40) as u8) - 127.5
         };
         let (i, j) = (x.floor() as i64, y.floor() as i64);
-        // Smooth interpolation between integer positions, without edges that vectors cannot follow.
+        // Interpolate smoothly between integer positions, without edges that vectors cannot follow.
         let soft = |t: f64| t * t * (3.0 - 2.0 * t);
         let (u, v) = (soft(x - x.floor()), soft(y - y.floor()));
         let upper = hash(i, j) * (1.0 - u) + hash(i + 1, j) * u;
@@ -30,7 +30,7 @@ pub fn texture(x: f64, y: f64) -> f64 {
         + 0.2 * smooth(x / 4.0, y / 4.0 + 70.0)
 }
 
-/// Picture of the texture with its upper left corner at `(x, y)`.
+/// Returns a picture of the texture with its upper left corner at `(x, y)`.
 pub fn pan(width: usize, height: usize, x: f64, y: f64) -> Picture {
     let at = |scale: f64, phase: f64| {
         move |i: usize, j: usize| {
@@ -46,7 +46,7 @@ pub fn pan(width: usize, height: usize, x: f64, y: f64) -> Picture {
     .expect("the planes must match")
 }
 
-/// Frame `time` of moving content: a pan, a faster disc, flicker in a corner, and a shot change at frame 60.
+/// Returns frame `time` of moving content: a pan, a faster disc, flicker in a corner, and a shot change at frame 60.
 pub fn moving(width: usize, height: usize, time: usize) -> Picture {
     let t = time as f64 + if time >= 60 { 5000.0 } else { 0.0 };
     let mut frame = pan(width, height, 1.7 * t, -0.6 * t);
@@ -65,7 +65,7 @@ pub fn moving(width: usize, height: usize, time: usize) -> Picture {
     frame
 }
 
-/// Full-range noise with a seed.
+/// Returns a picture of full-range noise with a seed.
 pub fn noise(width: usize, height: usize, seed: u64) -> Picture {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut plane = |width: usize, height: usize| Plane::from_fn(width, height, |_, _| random.u8(..));
@@ -74,7 +74,7 @@ pub fn noise(width: usize, height: usize, seed: u64) -> Picture {
         .expect("the planes must match")
 }
 
-/// Motion field with the same vector everywhere.
+/// Returns a motion field with the same vector everywhere.
 pub fn uniform_motion(width: usize, height: usize, x: f32, y: f32) -> Correspondence {
     Correspondence::from_motion(Plane::filled(width, height, [x, y]))
 }
@@ -163,7 +163,7 @@ pub fn measure_distances(stream: &[u8], packets: &[Packet], what: &str, distance
     }
 }
 
-/// Number of predictions between each picture and an I picture, in display order.
+/// Returns the number of predictions between each picture and an I picture, in display order.
 fn predictions(packets: &[Packet]) -> Vec<usize> {
     let mut depths = vec![0; packets.len()];
     let mut last = 0;
@@ -231,14 +231,14 @@ pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> 
     let (body, end) = stream.split_at(stream.len() - 4);
     assert_eq!(end, [0, 0, 1, 0xb7], "the stream must end with sequence_end_code");
     let common = ["-nostdin", "-v", "warning", "-xerror", "-threads", "1", "-idct", idct, "-f", "mpegvideo"];
-    // Enough for a few pictures of noise; with less ffmpeg cannot estimate their rate and warns.
+    // Probe enough bytes for a few pictures of noise; with fewer, ffmpeg cannot estimate their rate and warns.
     let common = [&common[..], &["-probesize", "100M"]].concat();
     let decode = |stream: &[u8], flags: &[&str], output: &[&str]| {
         let file = StreamFile::new(stream);
         let input = ["-i", file.path(), "-fps_mode", "passthrough"];
         let (bytes, messages) = run("ffmpeg", &[&common[..], flags, &input, output, &["-"]].concat());
-        // Warnings that do not concern the stream: about ffmpeg's own raw output of tiny pictures, and about the duration of a
-        // file with a stated bit rate.
+        // Ignore two warnings that do not concern the stream: about ffmpeg's own raw output of tiny pictures, and about the
+        // duration of a file that contains a bit rate.
         let elsewhere = ["The bitrate parameter is set too low", "Estimating duration from bitrate"];
         let is_about_stream = |line: &&str| !elsewhere.iter().any(|text| line.contains(text));
         let messages: Vec<&str> = messages.lines().filter(is_about_stream).collect();
@@ -273,7 +273,7 @@ pub fn decode_mpeg2dec(stream: &[u8], width: usize, height: usize) -> Vec<Pictur
     let mut rest = &bytes[..];
     let mut frames = Vec::new();
     while !rest.is_empty() {
-        // A grayscale map with luma above both chroma planes, which are side by side, in whole macroblocks.
+        // mpeg2dec writes a grayscale map in whole macroblocks: luma above both chroma planes, which are side by side.
         let (header, start) = pgm_header(rest);
         let [map_width, map_height] = header;
         let samples = &rest[start..start + map_width * map_height];
@@ -305,10 +305,10 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
     ([words[1], words[2]].map(|word| word.parse().expect("a number")), position)
 }
 
-/// Minimum PSNR of the three planes, in dB.
+/// Returns the minimum PSNR of the three planes, in dB.
 pub fn agreement(a: &Picture, b: &Picture) -> f64 {
     let of_plane = |a: &Plane<u8>, b: &Plane<u8>| {
-        // With few samples a single difference of one would violate any limit in dB.
+        // If there are few samples, a single difference of one would violate any limit in dB.
         let few = a.samples().len() < 256;
         let near = a.samples().iter().zip(b.samples()).all(|(&a, &b)| a.abs_diff(b) <= 1);
         if few && near { f64::INFINITY } else { psnr(a, b) }

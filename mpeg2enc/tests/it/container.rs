@@ -4,7 +4,7 @@ use crate::common::*;
 use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Packet, PictureType, Rate, Standard};
 use std::process::{Command, Stdio};
 
-/// Packets of an encoder in the order of coding, and its sequence_end_code.
+/// Returns the packets of an encoder in the order of coding, and its sequence_end_code.
 fn packets(config: &Config, frames: usize) -> (Vec<Packet>, Vec<u8>) {
     let mut encoder = config.clone().with_lookahead(Config::LOOKAHEAD_MAX).encoder().expect("a valid configuration");
     let mut packets: Vec<Packet> =
@@ -14,7 +14,7 @@ fn packets(config: &Config, frames: usize) -> (Vec<Packet>, Vec<u8>) {
     (packets, finish.end)
 }
 
-/// The file, and the elementary stream inside.
+/// Returns the file, and the elementary stream inside.
 fn wrapped(container: Container, config: &Config, packets: &[Packet], end: &[u8]) -> (Vec<u8>, Vec<u8>) {
     let mut multiplexer = Multiplexer::new(container, config);
     let mut file: Vec<u8> = packets.iter().flat_map(|packet| multiplexer.push(packet.clone())).collect();
@@ -33,7 +33,7 @@ fn output_of(program: &str, arguments: &[&str]) -> Vec<u8> {
     output.stdout
 }
 
-/// Settings for both containers, with names.
+/// Returns settings for both containers, with names.
 fn configurations() -> Vec<(Config, &'static str)> {
     let config = |fps| Config::new(96, 80, FrameRate::from_fps(fps).expect("a rate of Table 6-4"));
     let constant = Rate::Constant { bits_per_second: 400_000, buffer_bits: 200_000 };
@@ -102,7 +102,7 @@ fn ffmpeg_finds_the_elementary_stream_and_nothing_to_complain_about() {
             let input = ["-nostdin", "-v", "warning", "-xerror", "-err_detect", "explode", "-i", file.path()];
             let copied = output_of("ffmpeg", &[&input[..], &["-c", "copy", "-f", "mpeg2video", "-"]].concat());
             assert!(copied == stream, "{container:?} {what}: {} bytes, not {}", copied.len(), stream.len());
-            // mpeg2dec has its own demultiplexer.
+            // Check with mpeg2dec too, which has its own demultiplexer.
             let md5 = |of: &[&str], file: &StreamFile| {
                 let arguments = [of, &["-o", "md5", file.path()]].concat();
                 Command::new("mpeg2dec").args(arguments).output().expect("mpeg2dec can be run").stdout
@@ -189,7 +189,7 @@ fn packs_come_one_after_the_other_and_in_time() {
         let mut sizes: Vec<usize> = packets.iter().map(|packet| packet.data.len()).collect();
         *sizes.last_mut().unwrap() += end.len();
         let mut ends = 0;
-        // Bytes of the stream that must have arrived when each picture is decoded.
+        // Count the bytes of the stream that must have arrived when each picture is decoded.
         let needed: Vec<usize> = sizes
             .iter()
             .map(|size| {
@@ -215,7 +215,7 @@ fn packs_come_one_after_the_other_and_in_time() {
                 _ => 475_136 / 8,
             };
             assert!(held <= read.buffer, "{what}: {held} bytes in a buffer of {}", read.buffer);
-            // The headers explain only a hundredth of a second at the rate, and two packs.
+            // The headers only account for a hundredth of a second at the rate, and for two packs.
             assert!(
                 read.buffer <= buffer + (0.01 * read.mux_rate) as usize + 5120,
                 "{what}: a buffer of {}",

@@ -42,8 +42,8 @@ fn groups_of_one() {
     check_decoders(&stream, &packets, AGREEMENT_DB);
 }
 
-/// The longest group, with persistent mismatch: none for an exact inverse transform. The errors of the decoders accumulate like
-/// a random walk, with a step size given by their precision.
+/// Codes the longest group, in which mismatch persists. An exact inverse transform has no mismatch. The errors of the decoders
+/// accumulate like a random walk, with a step size that depends on their precision.
 #[test]
 fn no_drift_over_131_predicted_pictures() {
     for quantiser_scale in [4, 16] {
@@ -110,7 +110,7 @@ fn a_stream_may_end_after_any_picture() {
 
 #[test]
 fn wide_vectors_at_every_level() {
-    // One long jump back and forth: vectors up to the limit of the level, in both directions.
+    // Jump far once in each direction: vectors are as long as the level allows, forward and backward.
     for (level, width, height) in [(Level::Low, 352, 64), (Level::Main, 720, 64), (Level::High, 64, 720)] {
         let mut encoder = config(width, height).with_level(level).with_gop(8).encoder().unwrap();
         let mut packets = Vec::new();
@@ -131,7 +131,7 @@ fn wide_vectors_at_every_level() {
 
 #[test]
 fn a_multiple_of_4096_is_coded_one_larger() {
-    // The low twelve bits of horizontal_size must not all be zero; the display size states the true size.
+    // The low twelve bits of horizontal_size must not all be zero; the display size contains the requested size.
     let (stream, packets) = encode(config(4096, 20), (0..3).map(|time| moving(4096, 20, time)));
     for frames in [decode_ffmpeg(&stream, 4097, 20, "auto"), decode_mpeg2dec(&stream, 4096, 20)] {
         assert_eq!(frames.len(), packets.len());

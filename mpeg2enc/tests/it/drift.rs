@@ -6,7 +6,7 @@ use mpeg2enc::Picture;
 /// Difference that counts as equal, in dB.
 const EQUAL_DB: f64 = 0.02;
 
-/// PSNR of luma over all pictures, in dB.
+/// Returns the PSNR of luma over all pictures, in dB.
 fn psnr_of_all<'a>(shown: impl Iterator<Item = &'a Picture>, sources: &[Picture]) -> f64 {
     let (mut squares, mut samples) = (0u64, 0);
     for (shown, source) in shown.zip(sources) {

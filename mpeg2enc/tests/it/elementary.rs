@@ -3,7 +3,7 @@
 use crate::common::*;
 use mpeg2enc::{AccessUnit, Config, ElementaryStream, FrameRate, KnownMotion, Standard, StreamError};
 
-/// Packets of moving pictures as access units, and the bytes of the whole stream.
+/// Returns the packets of moving pictures as access units, and the bytes of the whole stream.
 fn stream(config: &Config, frames: usize) -> (Vec<AccessUnit>, Vec<u8>) {
     let mut encoder = config.clone().encoder().expect("a valid configuration");
     let mut units: Vec<AccessUnit> = Vec::new();

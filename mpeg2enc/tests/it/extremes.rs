@@ -1,6 +1,6 @@
-//! Limits of the syntax, checked by ffmpeg at its strictest and by mpeg2dec. They include the largest levels, every escape
-//! code, the longest vectors, and the smallest and widest pictures. Streams of one picture, long durations and full buffers
-//! complete them.
+//! Limits of the syntax, checked by ffmpeg at its strictest and by mpeg2dec. They include the largest levels, every escape code,
+//! the longest vectors, and the smallest and widest pictures. Other tests cover streams of one picture, long durations and full
+//! buffers.
 //!
 //! Checks in `decode.rs`, `lookahead.rs` and `container.rs` are not repeated here.
 
@@ -11,14 +11,15 @@ use mpeg2enc::{
 use plane::Plane;
 use std::process::{Command, Stdio};
 
-/// Picture with the same pattern in all three planes.
+/// Returns a picture with the same pattern in all three planes.
 fn patterned(width: usize, height: usize, at: impl Fn(usize, usize) -> u8) -> Picture {
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
     let plane = |width, height| Plane::from_fn(width, height, &at);
     Picture::new(plane(width, height), plane(chroma_width, chroma_height), plane(chroma_width, chroma_height)).unwrap()
 }
 
-/// Black and white blocks by the sign of a DCT basis function: the largest coefficient of 8-bit samples, for 64 frequencies.
+/// Returns black and white blocks by the sign of a DCT basis function: the largest coefficient of 8-bit samples, for 64
+/// frequencies.
 fn wave(u: usize, v: usize, inverted: bool) -> Picture {
     let cosine = |k: usize, f: usize| ((2 * k + 1) as f64 * f as f64 * std::f64::consts::PI / 16.0).cos();
     patterned(32, 32, |x, y| if (cosine(x % 8, u) * cosine(y % 8, v) > 0.0) != inverted { 255 } else { 0 })
@@ -38,7 +39,7 @@ fn levels_at_their_limit() {
                 .with_matrices(flat, [1; 64])
                 .with_quantiser_scale(scale)
                 .with_effort(effort)
-                // Only one prediction: for samples half-way between two values the decoders' rounding errors accumulate.
+                // Predict only once: for samples half-way between two values, the decoders' rounding errors accumulate.
                 .with_gop(2);
             let frames = (0..64).flat_map(|k| [wave(k % 8, k / 8, k % 3 == 0), wave(k % 8, k / 8, k % 3 != 0)]);
             let (stream, packets) = encode(settings, frames);
@@ -58,7 +59,7 @@ fn the_finest_quantiser_is_nearly_lossless_for_the_worst_blocks() {
     }
 }
 
-/// Random blocks for all scans, tables, efforts and precisions; most of their runs and levels need escapes.
+/// Codes random blocks for all scans, tables, efforts and precisions; most of their runs and levels need escapes.
 #[test]
 fn escape_codes_in_every_table_and_scan() {
     for (k, (zero, alternate)) in [(false, false), (false, true), (true, false), (true, true)].into_iter().enumerate() {
@@ -81,7 +82,7 @@ fn escape_codes_in_every_table_and_scan() {
     }
 }
 
-/// Vectors out of the picture on every side, and NaN vectors: the stream only refers to existing samples.
+/// Tests vectors out of the picture on every side, and NaN vectors. The stream only refers to existing samples.
 #[test]
 fn vectors_beyond_the_picture() {
     let (width, height) = (48, 32);
@@ -104,7 +105,7 @@ fn vectors_beyond_the_picture() {
     }
 }
 
-/// A film of one picture, with settings that expect more.
+/// Codes a film of one picture, with settings that expect more pictures.
 #[test]
 fn streams_of_one_picture() {
     for (width, height) in [(1, 1), (16, 16), (33, 7)] {
@@ -123,7 +124,7 @@ fn streams_of_one_picture() {
     }
 }
 
-/// A film without frames: nothing is coded, and nothing fails.
+/// Ends a film without frames: nothing is coded, and nothing fails.
 #[test]
 fn streams_of_no_picture() {
     let settings = config(16, 16).with_b_pictures(2);
@@ -140,8 +141,8 @@ fn output_of(program: &str, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// A hundred thousand pictures: temporal_reference and time codes wrap many times, and the 90 kHz timestamps exceed 31 bits.
-/// All timestamps follow the frame rate to one tick.
+/// Codes a hundred thousand pictures: temporal_reference and time codes wrap many times, and the 90 kHz timestamps exceed 31
+/// bits. All timestamps follow the frame rate to one tick.
 #[test]
 fn a_hundred_thousand_pictures_keep_their_times() {
     const COUNT: usize = 100_000;
@@ -175,8 +176,8 @@ fn a_hundred_thousand_pictures_keep_their_times() {
     }
 }
 
-/// Noise, which cannot be predicted and hardly compressed, with the smallest buffers at low and high rates. Decoders accept the
-/// stream. Where a picture would exceed the buffer, its quantiser is coarser and the stream stays playable.
+/// Codes noise, which can be neither predicted nor compressed much, with the smallest buffers at low and high rates. Decoders
+/// accept the stream. Where a picture would exceed the buffer, its quantiser is coarser and the stream stays playable.
 #[test]
 fn buffers_at_their_edge() {
     let (width, height) = (64, 48);
@@ -189,7 +190,7 @@ fn buffers_at_their_edge() {
             for b_pictures in [0, 2] {
                 let settings =
                     config(width, height).with_rate(rate).with_b_pictures(b_pictures).with_quantiser_scale(1);
-                // Black, then noise, then black: no bits could be saved in advance.
+                // Code black, then noise, then black: no bits could be saved in advance.
                 let frames = (0..40)
                     .map(|n| if n / 10 % 2 == 1 { noise(width, height, n) } else { Picture::black(width, height) });
                 let mut encoder = settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().unwrap();
@@ -208,8 +209,8 @@ fn buffers_at_their_edge() {
     }
 }
 
-/// Checks a decoder's buffer by its definition (C.3): bits arrive at the rate while there is room, and each picture leaves when
-/// due. The initial fullness is the maximum, or at a constant rate the value of the first vbv_delay.
+/// Checks a decoder's buffer by its definition (C.3): bits arrive at the rate while there is room, and each picture is removed
+/// when due. The initial fullness is the maximum, or at a constant rate the value of the first vbv_delay.
 fn never_runs_dry(packets: &[Packet], rate: Rate, what: &str) {
     let (Rate::Constant { bits_per_second, buffer_bits } | Rate::Capped { bits_per_second, buffer_bits }) = rate else {
         panic!("a bounded rate")
@@ -246,7 +247,7 @@ fn containers_of_impossible_rates() {
     }
 }
 
-/// Look-aheads longer than the film, with and without given motion.
+/// Tests look-aheads longer than the film, with and without given motion.
 #[test]
 fn short_films_with_many_b_pictures() {
     for count in 1..=9 {

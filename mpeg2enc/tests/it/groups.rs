@@ -28,14 +28,14 @@ impl Film {
         Self { config, packets, end: finish.end }
     }
 
-    /// The elementary stream.
+    /// Returns the elementary stream.
     fn stream(&self) -> Vec<u8> {
         let mut stream: Vec<u8> = self.packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
         stream.extend(&self.end);
         stream
     }
 
-    /// A multiplexer that states the duration of all pictures, and the file after the first `count` packets with its ending.
+    /// Returns a multiplexer with the duration of all pictures, and the file after the first `count` packets with its ending.
     fn begun(&self, container: Container, count: usize) -> (Multiplexer, Vec<u8>) {
         let mut multiplexer = Multiplexer::new(container, &self.config).with_pictures(self.packets.len() as u64);
         let packets = self.packets[..count].iter();
@@ -50,7 +50,7 @@ impl Film {
     }
 }
 
-/// Output of a program that must not print warnings.
+/// Returns the output of a program that must not print warnings.
 fn told_by(program: &str, arguments: &[&str]) -> String {
     let (output, messages) = run(program, arguments);
     assert!(messages.is_empty(), "{program} {arguments:?}: {messages}");
@@ -126,7 +126,7 @@ fn the_elementary_stream_comes_out_again() {
     }
 }
 
-/// Pictures decoded by ffmpeg, with options before the file.
+/// Returns the pictures decoded by ffmpeg, with options before the file.
 fn decode(file: &StreamFile, options: &[&str]) -> Vec<u8> {
     let input = [&["-nostdin", "-v", "error"], options, &["-i", file.path()]].concat();
     let output = ["-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "yuv420p", "-"];
@@ -142,7 +142,7 @@ fn films_are_sought_in() {
         for container in BOTH {
             let file = film.file(container);
             for place in [count / 3, count / 2, count - 1] {
-                // Half a picture before it is due, because Matroska rounds times.
+                // Seek to half a picture before the display time, because Matroska rounds times.
                 let seconds = ((place as f64 - 0.5) / fps).max(0.0);
                 let rest = decode(&file, &["-ss", &format!("{seconds:.6}")]);
                 assert!(rest == all[place * PICTURE..], "{container:?}, {fps}: not the pictures from {place} on");
@@ -201,7 +201,7 @@ fn color_and_shape_are_stated() {
     }
 }
 
-/// Top-level boxes of an MP4 file from its first byte to its last.
+/// Reads the top-level boxes of an MP4 file from its first byte to its last.
 #[test]
 fn fragments_begin_with_an_i_picture_and_are_listed() {
     let film = Film::new(Config::new(96, 80, FrameRate::FPS_25).with_b_pictures(2).with_gop(6), 20);

@@ -7,12 +7,12 @@ use mpeg2enc::{
 };
 use plane::Plane;
 
-/// Random element of a non-empty list.
+/// Returns a random element of a non-empty list.
 fn choose<T: Copy>(random: &mut Rng, list: &[T]) -> T {
     list[random.usize(..list.len())]
 }
 
-/// Random settings, sizes and content. `MPEG2ENC_STREAMS` sets the number of streams and `MPEG2ENC_SEED` the first seed. A
+/// Tests random settings, sizes and content. `MPEG2ENC_STREAMS` sets the number of streams and `MPEG2ENC_SEED` the first seed. A
 /// failure prints its seed; `--nocapture` prints the decoders' differences from the reconstructions.
 #[test]
 fn random_streams_are_understood() {
@@ -73,8 +73,8 @@ fn random_streams_are_understood() {
     for (decoder, distance) in ["ffmpeg", "mpeg2dec"].into_iter().zip(distances) {
         let mean_square = distance.squares as f64 / distance.samples as f64;
         println!("{decoder}: {count} streams, largest difference {}, mean square {mean_square:.4}", distance.largest);
-        // ffmpeg uses a floating-point transform here, practically exact; mpeg2dec's larger differences come from its integer
-        // transform.
+        // ffmpeg uses its floating-point transform, which is practically exact; mpeg2dec's larger differences come from its
+        // integer transform.
         assert!(decoder != "ffmpeg" || distance.largest <= 1 && mean_square < 1e-3, "{decoder}: {mean_square}");
     }
 }
@@ -147,7 +147,7 @@ fn more_effort_takes_fewer_bits_for_as_good_a_picture() {
     }
 }
 
-/// The decoder's buffer of Annex C, parsed only from the bytes of the stream: stated rate and size, and its pictures.
+/// The decoder's buffer of Annex C, parsed only from the bytes of the stream: rate, size and pictures.
 struct Verifier {
     bit_rate: f64,
     buffer: f64,
@@ -256,7 +256,7 @@ fn a_rate_that_no_level_allows_is_an_error() {
 #[test]
 fn weights_move_quantisers_and_bits() {
     let (width, height) = (96, 64);
-    // Finer on the left, coarser on the right.
+    // Request finer quantisers on the left and coarser ones on the right.
     let weights = Plane::from_fn(6, 4, |x, _| if x < 3 { 0.5 } else { 2.0 });
     let mut encoder = config(width, height).with_quantiser_scale(16).with_lookahead(30).encoder().unwrap();
     let mut packets = Vec::new();
@@ -299,7 +299,7 @@ fn passes_reach_the_requested_rate() {
     }
 }
 
-/// With an even buffer, bits are spent only slightly worse than at constant quality. With too short a look-ahead, an I picture
+/// With an even buffer, quality is only slightly worse than with a constant quantiser. With too short a look-ahead, an I picture
 /// would take all bits and leave none for the others.
 #[test]
 fn a_constant_rate_costs_little_quality() {

@@ -29,7 +29,7 @@ fn quantisers_efforts_and_sizes() {
     }
 }
 
-/// Noise has levels that need long escapes, and arbitrary vectors.
+/// Codes noise, which has arbitrary vectors and levels that need long escapes.
 #[test]
 fn levels_up_to_255() {
     let settings = mpeg1(64, 48).with_b_pictures(1).with_quantiser_scale(2).with_gop(6);

@@ -12,8 +12,9 @@ use std::{
 #[path = "../../examples/mpeg2enc/program/mod.rs"]
 mod example;
 
-/// Width and height of clips in pixels, and bytes of a frame with its marker.
+/// Width and height of clips in pixels.
 const SIZE: (usize, usize) = (32, 24);
+/// Number of bytes of a frame with its marker.
 const FRAME: usize = 6 + 32 * 24 * 3 / 2;
 const HEADER: &str = "YUV4MPEG2 W32 H24 F25:1 Ip A1:1 C420jpeg";
 
@@ -29,7 +30,7 @@ impl Folder {
         Self(path)
     }
 
-    /// Path of a file, as text.
+    /// Returns the path of a file, as text.
     fn path(&self, name: &str) -> String {
         self.0.join(name).to_str().expect("a path of text").into()
     }
@@ -91,7 +92,7 @@ impl Called {
     }
 }
 
-/// Clip with this header.
+/// Returns a clip with this header.
 fn clip_of(header: &str, frames: impl IntoIterator<Item = Picture>) -> Vec<u8> {
     let mut clip = format!("{header}\n").into_bytes();
     for mut frame in frames {
@@ -105,7 +106,7 @@ fn clip(header: &str, count: usize) -> Vec<u8> {
     clip_of(header, (0..count).map(|time| moving(SIZE.0, SIZE.1, time)))
 }
 
-/// Number of pictures in a file, which must be complete.
+/// Returns the number of pictures in a file, which must be complete.
 fn pictures_in(path: impl AsRef<Path>) -> usize {
     let stream = std::fs::read(path).expect("a file");
     let stream = ElementaryStream::parse(&stream).expect("a stream");
@@ -269,7 +270,7 @@ fn two_passes_leave_one_film() {
     assert_eq!((folder.names(), pictures_in(&output)), (vec!["clip.y4m".into(), "film.m2v".into()], 10));
 }
 
-/// aspect_ratio_information of the stream from a clip with this header, or the failed call.
+/// Returns aspect_ratio_information of the stream from a clip with this header, or the failed call.
 fn aspect_of(header: &str, options: &[&str]) -> Result<u8, Called> {
     let called = call_with(&[&["-", "-o", "-"], options].concat(), &clip(header, 1)[..]);
     if called.code == DONE { Ok(called.output[7] >> 4) } else { Err(called) }
@@ -329,7 +330,7 @@ fn full_range_becomes_limited_range() {
     assert!(full != of("XOTHER=FULLY", frames().collect()));
 }
 
-/// YUV4MPEG2 states no matrix, and programs that write it assume BT.601.
+/// YUV4MPEG2 contains no matrix, and programs that write it assume BT.601.
 #[test]
 fn the_matrix_of_a_clip_is_that_of_bt601() {
     let called = call_with(&["-", "-o", "-"], &clip(HEADER, 1)[..]).succeeds();

@@ -32,7 +32,7 @@ impl Film {
         self.bits.iter().sum()
     }
 
-    /// Initial, minimum and final fullness of a decoder's buffer at this rate, in bits.
+    /// Returns the initial, minimum and final fullness of a decoder's buffer at this rate, in bits.
     fn fullness(&self, rate: Rate) -> [f64; 3] {
         let (bits_per_second, buffer_bits, start) = match rate {
             Rate::Constant { bits_per_second, buffer_bits } => (bits_per_second, buffer_bits, 11.0 / 16.0),
@@ -52,25 +52,25 @@ impl Film {
         self.fullness(rate)[1] >= 0.0
     }
 
-    /// Whether the buffer never underflows and, at a constant rate, is finally at least as full as initially.
+    /// Returns whether the buffer never underflows and, at a constant rate, is finally at least as full as initially.
     fn is_held(&self, rate: Rate) -> bool {
         let [start, _, end] = self.fullness(rate);
         self.never_runs_dry(rate) && (matches!(rate, Rate::Capped { .. }) || end >= start)
     }
 }
 
-/// This constant rate in kbit/s, with a buffer of half a second.
+/// Returns this constant rate in kbit/s, with a buffer of half a second.
 fn constant(kbps: u32) -> Rate {
     Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: 500 * kbps }
 }
 
-/// This maximum rate in kbit/s, with a buffer of half a second.
+/// Returns this maximum rate in kbit/s, with a buffer of half a second.
 fn capped(kbps: u32) -> Rate {
     Rate::Capped { bits_per_second: 1000 * kbps, buffer_bits: 500 * kbps }
 }
 
 /// Checks that a film at a bounded rate is at most 0.3 dB worse than with a constant quantiser. The reference is the finest
-/// quantiser that takes no more bits and respects the buffer equally well.
+/// quantiser that takes no more bits and fits the same buffer.
 fn check_rates(frames: &[Picture], rates: &[Rate]) {
     for &effort in Effort::ALL {
         let settings = config(SIZE.0, SIZE.1).with_effort(effort);
@@ -89,7 +89,7 @@ fn check_rates(frames: &[Picture], rates: &[Rate]) {
     }
 }
 
-/// Slow waves, with an amplitude of `light` sixteenths and noise of at most one, which depends on `seed`.
+/// Returns slow waves, with an amplitude of `light` sixteenths and noise of at most one, which depends on `seed`.
 fn waves(time: usize, light: usize, seed: usize) -> Picture {
     let hash = |x: usize, y: usize| (x * 7919 + y * 104_729 + seed * 1_299_709 + x * y % 31 * 17) >> 3;
     let wave = |x: usize, y: usize| {

@@ -5,7 +5,7 @@ use mpeg2enc::{MacroblockKind, Packet, Picture};
 use plane::Plane;
 use std::f64::consts::PI;
 
-/// One DCT basis function in every block, on middle gray; `u` is the horizontal and `v` the vertical frequency.
+/// Returns one DCT basis function in every block, on middle gray; `u` is the horizontal and `v` the vertical frequency.
 fn wave(u: usize, v: usize) -> Picture {
     let cosine = |x: usize, u: usize| ((2 * (x % 8) + 1) as f64 * u as f64 * PI / 16.0).cos();
     let luma = Plane::from_fn(64, 48, |x, y| (126.0 + 60.0 * cosine(x, u) * cosine(y, v)).round() as u8);

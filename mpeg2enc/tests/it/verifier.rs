@@ -5,7 +5,7 @@ use mpeg2enc::{BufferVerifier, Config, ConfigError, Picture, Rate, Standard};
 
 #[test]
 fn rates_below_the_smallest_pictures_are_refused() {
-    // 5 rows of macroblocks: 144 + 5·48 bits per picture in MPEG-2, 72 + 5·48 in MPEG-1.
+    // There are 5 rows of macroblocks: 144 + 5·48 bits per picture in MPEG-2, 72 + 5·48 bits in MPEG-1.
     for (standard, picture_bits) in [(Standard::Mpeg2, 384), (Standard::Mpeg1, 312)] {
         let settings = |bits_per_second| {
             let rate = Rate::Constant { bits_per_second, buffer_bits: 100_000 };
@@ -40,7 +40,7 @@ fn pictures_are_no_smaller_than_the_bound() {
     }
 }
 
-/// Delay of each packet in seconds, in the order of coding.
+/// Returns the delay of each packet in seconds, in the order of coding.
 fn lateness(settings: Config, frames: impl Iterator<Item = Picture>) -> Vec<f64> {
     let mut verifier = BufferVerifier::new(&settings).expect("a bounded rate");
     let mut encoder = settings.encoder().expect("a valid configuration");

@@ -1,4 +1,4 @@
-//! Weights without a look-ahead: their effect on quality and bits, and their reports in packets.
+//! Weights without a look-ahead: their effect on quality and bits, and the scales that packets report.
 
 use crate::common::*;
 use mpeg2enc::{Config, Effort, KnownMotion, MacroblockKind, Packet, Picture, Standard};
@@ -8,12 +8,12 @@ use plane::Plane;
 const COUNTS: (usize, usize) = (11, 9);
 const SIZE: (usize, usize) = (16 * COUNTS.0, 16 * COUNTS.1);
 
-/// Whether a macroblock is in the weighted rectangle.
+/// Returns whether a macroblock is in the weighted rectangle.
 fn is_inside(column: usize, row: usize) -> bool {
     (3..8).contains(&column) && (2..7).contains(&row)
 }
 
-/// One factor inside the rectangle, another one outside.
+/// Returns one factor inside the rectangle and another one outside.
 fn rectangle(inside: f32, outside: f32) -> Plane<f32> {
     Plane::from_fn(COUNTS.0, COUNTS.1, |column, row| if is_inside(column, row) { inside } else { outside })
 }
@@ -31,7 +31,7 @@ fn encode_weighted(settings: Config, clip: &[Picture], weights: Option<&Plane<f3
     (stream, packets)
 }
 
-/// PSNR of luma decoded by ffmpeg, inside and outside the rectangle, in dB.
+/// Returns the PSNR of luma decoded by ffmpeg, inside and outside the rectangle, in dB.
 fn psnr_by_place(stream: &[u8], clip: &[Picture]) -> [f64; 2] {
     let mut sums = [(0u64, 0u64); 2];
     for (shown, source) in decode_ffmpeg(stream, SIZE.0, SIZE.1, "faani").iter().zip(clip) {
@@ -44,7 +44,7 @@ fn psnr_by_place(stream: &[u8], clip: &[Picture]) -> [f64; 2] {
     sums.map(|(squares, samples)| 10.0 * (255f64.powi(2) * samples as f64 / squares as f64).log10())
 }
 
-/// Two clips: moving objects, and a slow pan.
+/// Returns two clips: moving objects, and a slow pan.
 fn clips() -> [Vec<Picture>; 2] {
     let (width, height) = SIZE;
     [
@@ -57,8 +57,8 @@ fn settings(quantiser_scale: u32) -> Config {
     config(SIZE.0, SIZE.1).with_quantiser_scale(quantiser_scale)
 }
 
-/// Twice the weight in a rectangle, as a factor of 2 to the power of −1/4 or −1/6. Bits then change by less than 1 %. With −1
-/// they grow by 1 to 8 %: finer quantisers cost more bits than coarser ones elsewhere save.
+/// Weights a rectangle with a factor of 2 to the power of −1/4 or −1/6. Bits then change by less than 1 %. With −1 they grow by 1
+/// to 8 %: finer quantisers cost more bits than coarser ones elsewhere save.
 #[test]
 fn a_rectangle_gets_better_for_the_same_bits() {
     for (c, clip) in clips().iter().enumerate() {
@@ -116,7 +116,8 @@ fn equal_weights_change_no_byte() {
     }
 }
 
-/// quantiser_scale of all macroblocks of all pictures, as ffmpeg reads the stream: two characters each, on separate lines.
+/// Returns quantiser_scale of all macroblocks of all pictures, as ffmpeg reads the stream: two characters each, on separate
+/// lines.
 fn scales_by_ffmpeg(stream: &[u8]) -> Vec<u8> {
     let file = StreamFile::new(stream);
     let options =
@@ -128,12 +129,12 @@ fn scales_by_ffmpeg(stream: &[u8]) -> Vec<u8> {
     rows.filter(is_row).flat_map(|row| row.chunks(2)).map(|text| number(text).expect("a number")).collect()
 }
 
-/// Packets report the quantisers that ffmpeg reads from the stream. The masking model gets the quantisers that produced the
+/// Packets report the quantisers that ffmpeg reads from the stream. The masking model receives the quantisers that produced the
 /// levels.
 #[test]
 fn packets_tell_the_scale_of_every_macroblock() {
     let frame = moving(SIZE.0, SIZE.1, 0);
-    // The second picture repeats the first: with an equal quantiser nothing of it is written.
+    // The second picture repeats the first: if the quantiser is equal, nothing is written.
     let clip = [frame.clone(), frame, moving(SIZE.0, SIZE.1, 1), moving(SIZE.0, SIZE.1, 2)];
     let weights = Plane::from_fn(COUNTS.0, COUNTS.1, |x, y| [0.4, 1.0, 2.0][(x / 2 + y) % 3]);
     for (quantiser_scale, standard) in [(7, Standard::Mpeg2), (16, Standard::Mpeg2), (16, Standard::Mpeg1)] {
