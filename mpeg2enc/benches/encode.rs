@@ -1,4 +1,4 @@
-//! Whole panned pictures of 512×512: `cargo bench -p mpeg2enc`.
+//! Benchmarks that encode whole panned pictures of 512×512: `cargo bench -p mpeg2enc`.
 
 use divan::{Bencher, counter::ItemsCount};
 use mpeg2enc::{Config, Encoder, FrameRate, Picture};

@@ -16,12 +16,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Maximum kbit/s or kbit for which the number of bits fits a setting.
+/// Maximum kbit/s or kbit of an option; the value in bits still fits a setting.
 const KILOBITS_MAX: i64 = (u32::MAX / 1000) as i64;
-/// Minimum buffer that a stream can state, in kbit.
+/// Minimum size of the decoder's buffer that a stream can code, in kbit.
 const BUFFER_MIN: u32 = 17;
 
-/// An error of the arguments, with its own exit code.
+/// An error in the arguments, with its own exit code.
 #[derive(Debug)]
 pub struct WrongArguments(pub String);
 
@@ -98,17 +98,17 @@ pub struct Arguments {
     /// Aspect ratio of the displayed picture, or square samples; the default comes from the clip
     #[arg(long, value_parser = named(AspectRatio::ALL, AspectRatio::name))]
     aspect: Option<AspectRatio>,
-    /// colour_primaries to state; YUV4MPEG2 does not contain them
+    /// colour_primaries of the stream; YUV4MPEG2 does not contain them
     #[arg(long, value_parser = named(ColorPrimaries::ALL, ColorPrimaries::name), default_value_t = ColorPrimaries::Bt709)]
     primaries: ColorPrimaries,
-    /// transfer_characteristics to state
+    /// transfer_characteristics of the stream
     #[arg(
         long,
         value_parser = named(TransferCharacteristics::ALL, TransferCharacteristics::name),
         default_value_t = TransferCharacteristics::Bt709
     )]
     transfer: TransferCharacteristics,
-    /// matrix_coefficients to state; the default is BT.601, which programs assume for YUV4MPEG2
+    /// matrix_coefficients of the stream; the default is BT.601, which programs assume for YUV4MPEG2
     #[arg(long, value_parser = named(MatrixCoefficients::ALL, MatrixCoefficients::name))]
     matrix: Option<MatrixCoefficients>,
     /// Motion to the previous frame: i16 pairs per pixel, little endian, in 64ths of a pixel, frame by frame
@@ -155,7 +155,7 @@ impl Arguments {
             .with_color(color)
             .with_rate(self.rate()?)
             .with_effort(self.effort);
-        // The size comes from the clip; all other errors are wrong arguments.
+        // The clip determines the size, so a wrong size is not an argument error. All other errors are wrong arguments.
         config.validate().map_err(|error| match error {
             ConfigError::Size { .. } => anyhow::Error::new(error).context(clip.to_owned()),
             _ => WrongArguments(error.to_string()).into(),
@@ -194,7 +194,7 @@ impl Arguments {
     }
 }
 
-/// Makes a parser of the names of `values`.
+/// Returns a parser for the names of `values`.
 fn named<T>(values: &'static [T], name: fn(T) -> &'static str) -> impl TypedValueParser<Value = T>
 where
     T: Copy + Send + Sync + 'static,
@@ -204,13 +204,13 @@ where
     PossibleValuesParser::new(values.iter().map(|&value| name(value))).map(parsed)
 }
 
-/// Makes a parser of file extensions of containers.
+/// Returns a parser for file extensions of containers.
 fn container() -> impl TypedValueParser<Value = Container> {
     let parsed = |ending: String| Container::of(Path::new(&format!("film.{ending}"))).expect("a known extension");
     PossibleValuesParser::new(["m2v", "mpg", "vob", "ts", "mp4", "mkv"]).map(parsed)
 }
 
-/// Parses quantiser_scale.
+/// Parses a quantiser_scale.
 fn quantiser_scale(text: &str) -> Result<u32> {
     let value = text.parse()?;
     quantiser_scale_code(value)?;

@@ -32,7 +32,7 @@ struct Motion {
     file: File,
 }
 
-/// Whether this is standard input, by any of its names.
+/// Returns whether `path` is standard input, under any of its names.
 pub fn is_standard_input(path: &Path) -> bool {
     ["-", "/dev/stdin", "/dev/fd/0", "/proc/self/fd/0"].iter().any(|name| path == Path::new(name))
 }
@@ -59,7 +59,7 @@ impl<'a> Clip<'a> {
         &self.reader.format
     }
 
-    /// Name in messages.
+    /// Returns the name of the clip for messages.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -85,7 +85,8 @@ impl<'a> Clip<'a> {
 }
 
 impl Motion {
-    /// Reads the motion of a frame, in 64ths of a pixel. The first frame has no previous one; its zeros do no harm.
+    /// Reads the motion of a frame, in 64ths of a pixel. The first frame has no previous frame; zeros in its place have no
+    /// effect.
     fn read(&mut self, frame: u64, (width, height): (usize, usize)) -> Result<Correspondence> {
         let mut motion = Plane::filled(width, height, [0i16; 2]);
         let components = motion.samples_mut().as_flattened_mut();

@@ -37,7 +37,7 @@ pub fn encode(arguments: &Arguments, streams: &mut Streams) -> Result<()> {
     Ok(())
 }
 
-/// Encodes in several passes; each replaces the previous output.
+/// Encodes the clip in several passes; each replaces the previous output.
 fn encode_in_passes(arguments: &Arguments, bits_per_second: u32, streams: &mut Streams) -> Result<Totals> {
     check_passes(arguments)?;
     let mut passes = Passes::new(bits_per_second);
@@ -99,7 +99,7 @@ fn encode_once<'a>(
         totals: Totals::new(&clip),
     };
 
-    // An output error ends the film immediately. After a clip error, the frames before it are still written.
+    // An output error ends the film immediately. After a clip error, frames before the error are still written.
     let mut encoder = config.encoder()?;
     let read = loop {
         match clip.next() {
@@ -142,7 +142,7 @@ struct Totals {
     error: f64,
     /// Number of late pictures, and their maximum delay in seconds.
     late: (u64, f64),
-    /// Name of the clip if its range was converted.
+    /// Name of the clip, if its sample range was converted.
     full_range: Option<String>,
 }
 
@@ -157,7 +157,7 @@ impl Totals {
         self.bits as f64 / self.count.max(1) as f64 * self.fps
     }
 
-    /// Lines about deviations from the request.
+    /// Returns lines that report deviations from the request.
     fn notes(&self) -> Vec<String> {
         let full_range = self.full_range.as_ref().map(|clip| {
             format!("{clip} has full range, which MPEG-2 does not support: its samples were converted to limited range")

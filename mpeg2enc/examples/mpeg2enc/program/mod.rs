@@ -1,4 +1,4 @@
-//! The program without its process, so that tests can call it with their own arguments and streams.
+//! Main function of the program, which tests can call with their own arguments and streams.
 
 mod arguments;
 mod clip;

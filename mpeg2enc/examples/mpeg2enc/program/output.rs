@@ -15,12 +15,12 @@ pub struct Output<'a> {
     part: Option<(PathBuf, PathBuf)>,
 }
 
-/// Whether this is standard output, by any of its names.
+/// Returns whether `path` is standard output, under any of its names.
 fn is_standard_output(path: &Path) -> bool {
     ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }
 
-/// Whether this is a pipe, a device or a standard stream, which cannot be rewritten from the beginning.
+/// Returns whether `path` is a pipe, a device or a standard stream. None of them can be rewritten from the beginning.
 pub fn is_stream(path: &Path) -> bool {
     // These names refer to open files of unknown path, which no other file can replace.
     let is_open = ["/dev/stdin", "/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
@@ -30,8 +30,8 @@ pub fn is_stream(path: &Path) -> bool {
 }
 
 impl<'a> Output<'a> {
-    /// Opens the output. A file is named `NAME.part` until [`finish`](Self::finish) renames it. Standard output is `standard`,
-    /// if available.
+    /// Opens the output. A file is named `NAME.part` until [`finish`](Self::finish) renames it. `standard` is standard output, if
+    /// available.
     pub fn create(path: &Path, standard: Option<&'a mut (dyn Write + Send)>) -> Result<Self> {
         let name = path.display().to_string();
         let fail = |path: &Path| format!("{} cannot be written", path.display());
@@ -42,7 +42,7 @@ impl<'a> Output<'a> {
                 (Box::new(File::options().append(true).open(path).with_context(|| fail(path))?), None)
             }
             None => {
-                // Keep a link and replace the file that it refers to.
+                // Keep a symbolic link and replace its target.
                 let target = fs::canonicalize(path).unwrap_or_else(|_| path.into());
                 let mut part = target.clone().into_os_string();
                 part.push(".part");

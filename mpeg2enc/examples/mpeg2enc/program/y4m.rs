@@ -1,17 +1,18 @@
 //! Reader of YUV4MPEG2 frames.
 //!
-//! Lines are read up to [`LINE_MAX`] bytes, so that a file of another type takes no memory.
+//! A line has at most [`LINE_MAX`] bytes, so that a file of another type takes no memory.
 
 use anyhow::{Context, Result, bail, ensure};
 use mpeg2enc::{AspectRatio, FrameRate, Picture};
 use std::io::{BufRead, Read};
 
-/// Maximum bytes of a line, including its end; usual headers have about a hundred.
+/// Maximum length of a line in bytes, including its end; usual headers have about a hundred bytes.
 const LINE_MAX: u64 = 1024;
-/// First word of a file and of each frame.
+/// First word of a file.
 const MAGIC: &str = "YUV4MPEG2";
+/// First word of a frame.
 const FRAME: &str = "FRAME";
-/// Suggestion for clips that cannot be encoded.
+/// Suggested remedy for clips that cannot be encoded.
 pub const MAKE: &str = "make a clip with ffmpeg -i FILM -pix_fmt yuv420p clip.y4m";
 
 /// Fields of a file's first line.
@@ -27,7 +28,7 @@ pub struct Format {
 }
 
 impl Format {
-    /// Returns the aspect ratio in the standard for these pictures; the default is square samples.
+    /// Returns the aspect ratio of the standard for these pictures; the default is square samples.
     pub fn aspect(&self) -> Result<AspectRatio> {
         let Some((width, height)) = self.sample else { return Ok(AspectRatio::SquareSamples) };
         AspectRatio::of_samples(self.width, self.height, (width, height)).with_context(|| {
@@ -64,7 +65,7 @@ impl<R: BufRead> Reader<R> {
         Ok(Self { input, format, at: line.len() as u64, frame: 0, line })
     }
 
-    /// Number of frames read.
+    /// Returns the number of frames read.
     pub fn count(&self) -> u64 {
         self.frame
     }
@@ -132,7 +133,7 @@ fn parse_header(line: &str) -> Result<Format> {
         parts.with_context(|| format!("{tag}{text} is not a ratio of two numbers; {MAKE}"))
     };
 
-    // This encoder only supports progressive pictures, 4:2:0, 8 bits.
+    // This encoder supports only progressive 4:2:0 pictures with 8 bits per sample.
     match value("I") {
         None | Some("p" | "?" | "") => {}
         Some(kind @ ("t" | "b" | "m")) => bail!(
