@@ -108,7 +108,7 @@ mod tests {
         bounds.begin(&mut config, 475_136);
         assert_eq!(bounds.coarser(256, 475_136), None, "a picture as large as the buffer");
         bounds.take(475_136);
-        // After the first picture, 160 000 bits have arrived.
+        // Since the first picture was removed, 160 000 bits have arrived.
         assert_eq!(bounds.coarser(256, 160_000), None);
         assert_eq!(bounds.coarser(256, 300_000), Some(512));
         assert_eq!(bounds.coarser(112 * 256, 300_000), None);

@@ -69,7 +69,7 @@ pub(crate) struct PictureJob<'a> {
     pub display_index: u64,
     pub temporal_reference: u32,
     pub vbv_delay: u32,
-    /// Picture in whole macroblocks.
+    /// Picture extended to whole macroblocks.
     pub source: &'a Picture,
     /// Forward and backward direction.
     pub directions: [Option<Direction<'a>>; 2],
@@ -99,7 +99,7 @@ impl Macroblocks {
 /// A packet without sequence and group headers, and data for coding the next picture.
 pub(crate) struct CodedPacket {
     pub packet: Packet,
-    /// Reconstruction in whole macroblocks; `None` for a B picture, because no picture predicts from it.
+    /// Reconstruction extended to whole macroblocks; `None` for a B picture, because no picture predicts from it.
     pub reference: Option<Arc<Picture>>,
     /// Forward and backward vectors.
     pub vectors: [Vec<HalfSample>; 2],

@@ -157,7 +157,7 @@ fn inverse_onto_with(choice: Choice, coefficients: &[i32; 64], predicted: &[u8; 
 
 fn add(predicted: &[u8; 64], added: &[i32; 64], out: &mut [u8; 64]) {
     for i in 0..64 {
-        // Beyond −256 … 255 the sum saturates in any case.
+        // Outside −256 … 255 any difference saturates the sum.
         out[i] = (i32::from(predicted[i]) + added[i]).clamp(0, 255) as u8;
     }
 }
@@ -290,7 +290,7 @@ mod tests {
         let float = rows(coefficients).map(|row| row.map(|c| c as f32));
         let bound = certain(coefficients.iter().map(|c| c.abs()).sum());
         let out = inverse_short_1d(&transposed(&inverse_short_1d(&float)));
-        // The sum with 3·2²² has no fractional bits, so it rounds.
+        // Adding 3·2²² rounds, because the sum has no fractional bits.
         const ROUNDING: f32 = 12_582_912.0;
         let (mut rounded, mut farthest) = ([0; 64], 0.0f32);
         for (rounded, &value) in rounded.iter_mut().zip(out.as_flattened()) {

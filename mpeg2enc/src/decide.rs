@@ -37,7 +37,7 @@ pub(crate) struct Tools {
     pub trials: usize,
     /// Threshold of the prediction error, in halves of the intra `activity`, above which intra coding is tried.
     pub intra_halves: u32,
-    /// Whether other quantisers than the requested one are tried.
+    /// Whether quantisers other than the requested one are tried.
     pub quantiser_choice: bool,
     /// Squared error in quarters of quantiser_scale² below which a predicted block is not transformed, because its few levels are
     /// not worth their bits.
@@ -193,7 +193,7 @@ impl Predictions {
                 let mut both = [[[0; 64]; 6]; 2];
                 let modes = [Mode::Forward(forward), Mode::Backward(backward)];
                 let [forward, backward] = std::array::from_fn(|s| {
-                    // Usually the one-sided prediction exists already.
+                    // The one-sided prediction usually exists already.
                     let place = self.order.iter().find(|entry| entry.0 == modes[s]).map(|entry| entry.2);
                     if place.is_none() {
                         decision.predict(s, [forward, backward][s], &mut both[s]);
@@ -383,7 +383,7 @@ impl Decision<'_> {
         trial.is_transformed = [true; 6];
         for (i, source) in self.source.iter().enumerate() {
             trial.coefficients[i] = dct::forward_difference(source, &[0; 64]);
-            // The energy of the samples is unsuitable: the squared DC is so large that its rounding alone causes an error.
+            // Do not use the energy of the samples: the squared DC is so large that its rounding alone causes an error.
             trial.energies[i] = trial.coefficients[i][1..].iter().map(|&c| c * c).sum::<i32>().into();
             let block = &mut trial.macroblock.blocks[i];
             let transformed = Transformed { coefficients: &trial.coefficients[i], energy: trial.energies[i] };

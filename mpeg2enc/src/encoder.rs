@@ -51,7 +51,7 @@ enum CodingMode {
 #[must_use = "the stream is incomplete without these packets and its end"]
 #[non_exhaustive]
 pub struct Finish {
-    /// Waiting pictures, in the order of coding.
+    /// Packets of the waiting pictures, in the order of coding.
     pub packets: Vec<Packet>,
     /// Bytes after the last packet: sequence_end_code.
     pub end: Vec<u8>,

@@ -121,7 +121,7 @@ vectorized! {
 }
 
 vectorized! {
-    /// Sum of squared differences of a block.
+    /// Returns the sum of squared differences between two blocks.
     fn squared_difference, squared_difference_plain(a: &[u8; 64], b: &[u8; 64]) -> u32 {
         let mut sum = 0;
         for k in 0..64 {
@@ -133,7 +133,7 @@ vectorized! {
 }
 
 vectorized! {
-    /// Sums of squared differences of each block.
+    /// Returns the sums of squared differences for each of six blocks.
     fn squared_differences, squared_differences_plain(a: &[[u8; 64]; 6], b: &[[u8; 64]; 6]) -> [u32; 6] {
         let mut sums = [0; 6];
         for block in 0..6 {
@@ -144,7 +144,7 @@ vectorized! {
 }
 
 vectorized! {
-    /// Sum of the squared deviations of blocks from their means.
+    /// Returns the sum of the squared deviations of blocks from their means.
     fn deviation, deviation_plain(blocks: &[[u8; 64]; 6]) -> u32 {
         let mut deviation = 0;
         for samples in blocks {

@@ -30,9 +30,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Only integer arithmetic over fixed slices determines the stream, so the same frames produce the same bits on every processor
-//! and with any number of threads. The threads belong to the `rayon` pool in which `push` is called. Clause and table numbers in
-//! this crate refer to the 2000 edition.
+//! Only integer arithmetic over fixed slices determines the stream. The same frames therefore produce the same bits on every
+//! processor and with any number of threads. The threads belong to the `rayon` pool in which `push` is called. Clause and table
+//! numbers in this crate refer to the 2000 edition.
 #![forbid(unsafe_code)]
 
 #[macro_use]

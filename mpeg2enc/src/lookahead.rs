@@ -70,8 +70,8 @@ impl Lookahead {
         &self.frames[index - self.first]
     }
 
-    /// Accepts the next frame in whole macroblocks, and the factors of quantiser_scale of its macroblocks. Decides whether the
-    /// frame begins a group.
+    /// Accepts the next frame extended to whole macroblocks, and the factors of quantiser_scale of its macroblocks. Decides
+    /// whether the frame begins a group.
     pub fn push(&mut self, config: &Config, source: Arc<Picture>, motion: KnownMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known = [motion.to_previous, motion.to_next]
@@ -166,7 +166,7 @@ impl Lookahead {
         if delta == step {
             return near;
         }
-        // Follow the motion to the neighbor, and continue from there.
+        // Follow the motion to the neighbor, and continue from the end of the vector.
         let (first, rest) = (self.matches(index, step), self.matches(neighbor, delta - step));
         let columns = self.columns();
         let rows = rest.len() / columns;
@@ -325,7 +325,7 @@ impl Lookahead {
             .map(|i| {
                 let mut out = near[i];
                 out.add(full_size(matches[i].vector));
-                // A single motion needs no candidates from neighboring macroblocks.
+                // Uniform motion needs no candidates from neighboring macroblocks.
                 if out.one_motion {
                     return out;
                 }

@@ -21,7 +21,7 @@ use search::CROSS;
 
 /// Motion search of one picture in one reference picture.
 pub(crate) struct Estimate<'a> {
-    /// Picture to be coded, in whole macroblocks.
+    /// Picture to be coded, extended to whole macroblocks.
     pub source: &'a Picture,
     /// Reconstructed reference picture.
     pub reference: &'a Picture,
@@ -84,7 +84,7 @@ impl Estimate<'_> {
         for &vector in candidates.vectors() {
             search.try_vector(vector);
         }
-        // If all pixels moved alike, no other vector predicts better. Highlights and shadows move differently from their
+        // If all pixels had equal motion, no other vector predicts better. Highlights and shadows move differently from their
         // surface, so poor matches still try nearby vectors.
         let known = candidates.one_motion;
         if search.best_error > poor / 4 {

@@ -49,7 +49,7 @@ impl std::ops::AddAssign for PictureStatistics {
 /// Input for coding a picture.
 pub(crate) struct PictureCoder<'a> {
     pub header: PictureHeader,
-    /// Picture in whole macroblocks.
+    /// Picture extended to whole macroblocks.
     pub source: &'a Picture,
     pub references: References<'a>,
     /// Forward and backward vector of every macroblock, or empty.
@@ -101,7 +101,7 @@ pub(crate) type Scales = (u8, u8);
 pub(crate) type CodedMacroblock = (MacroblockKind, [u64; 4]);
 
 impl PictureCoder<'_> {
-    /// Codes picture_data() (6.2.3): all slices. `reconstruction` receives the decoded picture in whole macroblocks.
+    /// Codes picture_data() (6.2.3): all slices. `reconstruction` receives the decoded picture extended to whole macroblocks.
     pub fn code(&self, reconstruction: &mut Picture) -> CodedPicture {
         let width = self.source.width();
         // Slices only share the source and the references, so rows are independent.

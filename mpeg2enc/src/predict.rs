@@ -20,7 +20,7 @@ fn place(frame: &Picture, block: usize, column: usize, row: usize) -> (&Plane<u8
     }
 }
 
-/// Returns the samples of macroblock `(column, row)` of a frame in whole macroblocks.
+/// Returns the samples of macroblock `(column, row)` of a frame extended to whole macroblocks.
 pub(crate) fn samples(frame: &Picture, column: usize, row: usize) -> MacroblockSamples {
     let mut out = [[0; 64]; 6];
     predict(frame, column, row, HalfSample::ZERO, &mut out);
@@ -82,7 +82,7 @@ mod tests {
                 let (plane, x, y) = place(&frame, block, 1, 2);
                 let v = if block < 4 { vector } else { HalfSample { x: vector.x / 2, y: vector.y / 2 } };
                 for (i, &sample) in samples.iter().enumerate() {
-                    // The mean of the four nearest samples; at whole positions two or four of them are the same.
+                    // Compute the mean of the four nearest samples; at whole positions two or four of them coincide.
                     let (x2, y2) = (2 * (x + i % 8) as i32 + v.x, 2 * (y + i / 8) as i32 + v.y);
                     let at = |x2: i32, y2: i32| u32::from(plane.get((x2 >> 1) as usize, (y2 >> 1) as usize));
                     let sum = at(x2, y2) + at(x2 + 1, y2) + at(x2, y2 + 1) + at(x2 + 1, y2 + 1);

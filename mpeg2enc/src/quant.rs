@@ -91,7 +91,7 @@ impl Weights {
         let steps = matrix.map(|weight| i32::from(weight) * scale);
         // The intra DC, which has the smallest weight, is quantised separately.
         let least = *steps[1..].iter().min().expect("63 weights") as u64;
-        // The largest reciprocal has 17 bits, so its product with a 14-bit coefficient has at most 32.
+        // The largest reciprocal has 17 bits, so its product with a 14-bit coefficient has at most 32 bits.
         let shift = (least << 16).ilog2();
         let reciprocal = |i: usize| ((2u64 << shift) / steps[turned(i)] as u64 + 1).min(1 << 17) as u32;
         Self {

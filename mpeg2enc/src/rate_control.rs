@@ -117,7 +117,7 @@ impl RateControl {
             last_x16: FINEST_X16,
             start,
             macroblocks,
-            // dct_dc_size of zero has 3 bits in a luma block and 2 in a chroma block; End of block has 2 or 4.
+            // A dct_dc_size of zero has 3 bits in a luma block and 2 bits in a chroma block; End of block has 2 or 4 bits.
             empty_intra_bits: 4 * 3 + 2 * 2 + 6 * if config.intra_table == CoefficientTable::Zero { 2 } else { 4 },
             models: std::array::from_fn(first),
         })
@@ -205,7 +205,7 @@ impl RateControl {
     fn measured(&self, picture: Upcoming, quantiser_x16: u32, taken: Taken) -> Model {
         let index = picture.picture_type as usize - 1;
         let Taken { floor, levels } = taken;
-        // Levels that are few compared with the floor, as predicted, give no information about c.
+        // Levels that are few compared with the floor, as predicted, contain no information about c.
         let is_quiet = picture.cost < LEAST_COST * self.macroblocks as u64;
         if is_quiet || levels.max(self.predicted(picture, quantiser_x16).levels) < floor / LEVELS_OF_FLOOR {
             return Model { floor, ..self.models[index] };

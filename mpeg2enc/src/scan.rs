@@ -7,7 +7,7 @@ pub(crate) const ZIGZAG: [usize; 64] = {
     let mut i = 0;
     while i < 64 {
         order[i] = 8 * v + u;
-        // Even diagonals run up to the right, odd ones down to the left.
+        // Even diagonals run up to the right, and odd diagonals run down to the left.
         if (u + v) % 2 == 0 {
             if u == 7 {
                 v += 1;

@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn escapes_of_mpeg_1_are_the_printed_ones() {
-        // ISO/IEC 11172-2, Annex B: level, and digits after escape code and run.
+        // From ISO/IEC 11172-2, Annex B: levels, and the digits after escape code and run.
         for (level, digits) in [
             (-255, "1000 0000 0000 0001"),
             (-128, "1000 0000 1000 0000"),
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn motion_residual_restores_the_difference() {
-        // Checks the written codes by the decoding process of 7.6.3.1.
+        // Check the written codes by the decoding process of 7.6.3.1.
         struct Words(Vec<(u32, u32)>);
         impl BitSink for Words {
             fn put(&mut self, value: u32, length: u32) {

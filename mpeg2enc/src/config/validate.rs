@@ -16,7 +16,7 @@ impl Config {
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
         let stated = self.stated_frame_rate().fps();
-        // Check ranges of single settings first, combinations later.
+        // Check ranges of single settings first, then combinations.
         if !(1..=SIZE_MAX).contains(&width) || !(1..=SIZE_MAX).contains(&height) {
             return Err(ConfigError::Size { width, height });
         }

@@ -87,7 +87,7 @@ impl Writer {
             let begins = times.is_some();
             let buffer_kib = self.is_first.then_some(self.buffer_kib);
             let header = Header { times: times.take(), buffer_kib, stuffing: 0 };
-            // Decoding may begin at any I picture, so describe the streams there.
+            // Decoding may begin at any I picture, so describe the streams before each one.
             let is_announced = begins && picture.is_entry && !self.is_disc;
             let system_header = if is_announced { self.system_header() } else { Vec::new() };
             let room = PACK - PACK_HEADER - system_header.len() - header.bytes(Some(0)).len();

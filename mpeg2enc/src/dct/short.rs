@@ -48,7 +48,7 @@ impl Kernel for ShortInverse<'_> {
             *row = lanes.to_f(coefficients);
         }
         let rows = inverse_1d(lanes, lanes.transposed(inverse_1d(lanes, rows)));
-        // The sum with 3·2²² has no fractional bits, so it rounds.
+        // Adding 3·2²² rounds, because the sum has no fractional bits.
         let rounding = lanes.splat(12_582_912.0);
         let mut farthest = lanes.splat(0.0);
         let mut sums = [lanes.splat_i(0); LANES];
@@ -75,7 +75,7 @@ fn inverse_1d<L: Lanes>(lanes: L, c: [L::F; LANES]) -> [L::F; LANES] {
     for (wide, &cosine) in cosine.iter_mut().zip(&FLOAT_COSINE) {
         *wide = lanes.splat(cosine);
     }
-    // Products and two-term sums, in a fixed order.
+    // Compute products and two-term sums in a fixed order.
     macro_rules! times {
         ($k:literal, $x:expr) => {
             lanes.mul(cosine[$k], $x)

@@ -14,7 +14,7 @@ pub(super) const INTRA_BITS: i64 = 150;
 /// skipped macroblock. With a price of 8, plain walls take 5 % more bits.
 pub(super) const VECTOR_BITS: i64 = 2;
 
-/// Largest quantiser_scale at which rounding to integer samples matters.
+/// Maximum quantiser_scale at which the error of rounding to integer samples is considered.
 pub(super) const FINE: i32 = 6;
 
 impl Decision<'_> {

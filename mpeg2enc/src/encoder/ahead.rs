@@ -226,7 +226,7 @@ impl Ahead {
                 None => break coded,
             }
         };
-        // Pad too small pictures, so that the buffer does not overflow.
+        // Pad pictures that are too small, so that the buffer does not overflow.
         coded.fill_to(rate.buffer.least() - header_bits);
         coded.packet.prepend(turn.headers);
         rate.take(coded.packet.bits as i64, base_x16);
@@ -247,7 +247,7 @@ impl Ahead {
                 None => break coded,
             }
         };
-        // The first picture has now determined the level that the headers state.
+        // The first picture has now determined the level in the headers.
         let is_first = !turn.headers.is_empty();
         let headers = if is_first { self.group_headers(coder, turn.is_closed) } else { Vec::new() };
         coded.packet.prepend(headers);
@@ -277,7 +277,7 @@ impl Ahead {
             if spreads { spread_over_rows(q_scale_type, scale_x16, i / columns) } else { scale_x16 }
         };
         let scales_x16: Vec<u32> = factors.iter().enumerate().map(scale_x16).collect();
-        // P pictures predict from the newest anchor, B pictures from the last two.
+        // P pictures predict from the newest anchor, and B pictures from the last two anchors.
         let references = match picture_type {
             PictureType::I => [None, None],
             PictureType::P => [self.anchors[1].as_ref(), None],

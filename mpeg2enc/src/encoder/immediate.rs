@@ -19,7 +19,7 @@ use std::sync::Arc;
 pub(super) struct Immediate {
     /// Number of pictures coded so far.
     count: u64,
-    /// Reconstruction of the last picture, in whole macroblocks.
+    /// Reconstruction of the last picture, extended to whole macroblocks.
     reference: Option<Arc<Picture>>,
     /// Vectors of the last picture, or empty.
     vectors: Vec<HalfSample>,

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! scale = existing scale next to base · weight     weight  factor of quantiser_scale, from `weights::given`
-//!                                                  base    gives all scales the geometric mean quantiser_scale
+//!                                                  base    sets the geometric mean of all scales to quantiser_scale
 //! ```
 //! The row selects one of the two neighboring scales, as with a mean quantiser. Rounding to the nearest scale could miss the mean
 //! by half a step of the table if few weights occur. Without a look-ahead no later stage corrects the bits. Integer arithmetic

@@ -19,7 +19,7 @@ pub(super) fn absolute_difference_plain<const N: usize>(source: ReferenceBlock, 
     Choice::SCALAR.run(One::<N> { source: &source, reference: &reference })
 }
 
-/// Sums of absolute differences between N×N samples at a whole position and each of four predictions; N is 8 or 16.
+/// Returns the sums of absolute differences between N×N samples at a whole position and each of four predictions; N is 8 or 16.
 ///
 /// The source samples are read once and the instruction set is chosen once. This takes half the time of four calls of
 /// [`absolute_difference`].

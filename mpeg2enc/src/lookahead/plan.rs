@@ -32,8 +32,8 @@ impl Lookahead {
         let count = end - anchor - 1;
         // Whether a frame must be an I picture, by distance from `anchor`, which is coded already.
         let is_intra: Vec<bool> = (anchor..end).map(|index| index > anchor && self.get(index).begins_group).collect();
-        // Least cost of all frames up to an anchor, by distance of that anchor from `anchor`, and the number of B pictures before
-        // it.
+        // Least cost of all frames up to a later anchor, and the number of B pictures before that anchor, by distance from
+        // `anchor`.
         let mut best = vec![(0u64, 0usize); count + 1];
         for j in 1..=count {
             best[j].0 = u64::MAX;

@@ -13,14 +13,14 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-/// Upper bound on the sum of differences of a block, transformed or plain.
+/// Upper bound on the sum of absolute differences of a block, transformed or plain.
 const COST_MAX: u32 = 1 << 20;
 
 /// A frame waiting to be coded.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Waiting {
-    /// The frame in whole macroblocks.
+    /// The frame extended to whole macroblocks.
     pub source: Arc<Picture>,
     /// Luma at half and a quarter of the width and height, computed on demand.
     #[cfg_attr(feature = "serde", serde(skip))]
@@ -36,9 +36,9 @@ pub(crate) struct Waiting {
     pub begins_group: bool,
     /// Factors of quantiser_scale of the macroblocks in 256ths, unless all are equal.
     pub weights: Option<Vec<u32>>,
-    /// Matches of every macroblock, by distance of the reference frame.
+    /// Match of every macroblock, for each distance to a reference frame.
     pub matches: BTreeMap<isize, Arc<[Match]>>,
-    /// Best prediction of every macroblock in a B picture, by the distances of both reference frames.
+    /// Best prediction of every macroblock in a B picture, for each pair of distances to the reference frames.
     pub two_sided: BTreeMap<(isize, isize), Arc<[TwoSided]>>,
 }
 

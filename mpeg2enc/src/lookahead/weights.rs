@@ -4,7 +4,7 @@
 //! factor = (energy / mean)^STRENGTH      energy  variance of the four luma blocks of a macroblock
 //!                                        mean    geometric mean of the energies in the picture
 //! ```
-//! Integer arithmetic gives the same result on every processor. Logarithms and powers of two are linear between integers, with
+//! Integer arithmetic produces the same result on every processor. Logarithms and powers of two are linear between integers, with
 //! errors of at most 6 %. One function inverts the other.
 
 use plane::Plane;

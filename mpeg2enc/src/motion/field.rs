@@ -92,7 +92,7 @@ fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
                 unknown += 1;
                 continue;
             };
-            // Neighboring vectors are usually equal, so compare with the latest first.
+            // Neighboring vectors are usually equal, so compare with the latest vector first.
             count += 1;
             sum = [sum[0] + parts[0], sum[1] + parts[1]];
             let vector = HalfSample { x: half_of(parts[0]), y: half_of(parts[1]) };
@@ -108,7 +108,7 @@ fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
             counts[latest].1 += 1;
         }
     }
-    // The most frequent vectors come first; sorting ties makes the order unique.
+    // Sort the most frequent vectors to the front; sorting ties makes the order unique.
     let counts = &mut counts[..distinct];
     counts.sort_unstable_by_key(|&(vector, count)| (std::cmp::Reverse(count), vector));
     let mut out = Candidates { is_uncovered: unknown > 0, ..Candidates::NONE };
@@ -124,7 +124,7 @@ fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
     out
 }
 
-/// Converts a component to 64ths of a pixel. The sum with 3·2²² has no fractional bits, so it rounds.
+/// Converts a component to 64ths of a pixel. Adding 3·2²² rounds, because the sum has no fractional bits.
 #[inline(always)]
 fn in_64ths(component_px: f32) -> i32 {
     const ROUNDING: f32 = 12_582_912.0;

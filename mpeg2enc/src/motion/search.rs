@@ -96,7 +96,7 @@ impl<'a, const N: usize> Search<'a, N> {
         if may_be_light {
             self.try_vector(self.predicted);
         }
-        // If no half-sample step helps, no whole-sample step will.
+        // If no half-sample step improves the vector, no whole-sample step will.
         if self.try_around(CROSS) && may_be_light && self.try_around(DIAMOND) {
             self.descend();
             self.try_around(CROSS);
@@ -185,7 +185,7 @@ impl<'a, const N: usize> Search<'a, N> {
     /// Moves repeatedly to the best of `steps` from the best vector; no vector is tried twice.
     fn follow<const STEPS: usize>(&mut self, steps: [(i32, i32); STEPS], rounds: usize) {
         let start = self.best;
-        // One bit for each vector around the start, beyond the reach of the rounds.
+        // Keep one bit for each vector around the start, beyond the reach of the rounds.
         let mut tried = [0u32; 32];
         for _ in 0..rounds {
             let center = self.best;

@@ -102,7 +102,8 @@ fn the_error_and_bits_of_a_block_are_what_the_stream_has() {
                     .sum();
                 let last = i64::from(coefficients[63] - 8).pow(2).max(i64::from(coefficients[63] + 8).pow(2));
                 assert!((block.error - error).abs() <= last, "{} is not {error}", block.error);
-                // The written bits must equal the counted ones; intra blocks have 3 more, for a DC without difference.
+                // The number of written bits must equal the counted number. Intra blocks have 3 more bits, for a DC without
+                // difference.
                 let mut counter = crate::bits::BitWriter::default();
                 match kind {
                     BlockKind::Intra => {

@@ -91,13 +91,13 @@ impl Passes {
 
     fn estimate(&self) -> f64 {
         let excess = |pass: &Pass| pass.excess(self.bits_per_second);
-        // Coarsest quantiser that took too many bits, and finest that took too few.
+        // Find the coarsest quantiser that took too many bits, and the finest one that took too few.
         let too_fine = self.done.iter().filter(|pass| excess(pass) > 0.0).map(|pass| pass.quantiser_scale);
         let too_coarse = self.done.iter().filter(|pass| excess(pass) <= 0.0).map(|pass| pass.quantiser_scale);
         let (low, high) = (too_fine.reduce(f64::max), too_coarse.reduce(f64::min));
         let mut nearest = self.done.clone();
         nearest.sort_by(|a, b| excess(a).abs().total_cmp(&excess(b).abs()));
-        // Until two passes exist, assume bits inversely proportional to the quantiser.
+        // Until two passes exist, assume that bits are inversely proportional to the quantiser.
         let slope = match nearest[..] {
             [a, b, ..] => (excess(&a) - excess(&b)) / (a.quantiser_scale / b.quantiser_scale).ln(),
             _ => -1.0,

@@ -42,7 +42,7 @@ fn a_still_sequence_is_skipped() {
                 assert!(statistics.skipped * 20 >= most * 19, "picture {i} at {quantiser_scale}: {statistics:?}");
             }
         }
-        // Only headers remain, and the first and last macroblock of each slice.
+        // Only headers and the first and last macroblock of each slice remain.
         let headers = 200 + 8 * 80;
         assert!(
             predicted[2..].iter().all(|packet| packet.bits < headers.max(intra[0].bits / 20)),

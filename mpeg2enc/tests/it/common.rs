@@ -137,7 +137,7 @@ pub fn check(stream: &[u8], packets: &[Packet], what: &str) {
     measure_distances(stream, packets, what, &mut Default::default());
 }
 
-/// Maximum difference of a sample.
+/// Maximum difference between a decoded sample and the reconstruction.
 const FARTHEST: usize = 2;
 
 /// Runs [`check`], and adds the differences of ffmpeg and mpeg2dec to `distances`.

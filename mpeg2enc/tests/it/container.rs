@@ -66,7 +66,7 @@ fn pictures_are_due_at_the_frame_rate() {
                 })
                 .collect();
             assert_eq!(times.len(), packets.len(), "{container:?} {what}: {listed}");
-            // Timestamps are multiples of 1/90 kHz, so allow one unit of rounding.
+            // Timestamps are multiples of 1/90 000 s, so allow one unit of rounding.
             let fps = config_fps(what);
             let reorder = u64::from(packets.iter().any(|packet| packet.picture_type == PictureType::B));
             let at = |frames: u64| times[0][1] as f64 + 90_000.0 * frames as f64 / fps;
@@ -240,7 +240,7 @@ fn packs_of_discs_are_sectors_whatever_is_left_in_them() {
             if is_disc {
                 assert_eq!(file.len() % 2048, 0, "{size} bytes");
             } else {
-                // Only headers are added: of packs and packets, and one system header.
+                // The file adds only headers: pack headers, packet headers and one system header.
                 assert!(file.len() - stream.len() <= 15 + 40 * read.packs.len(), "{size} bytes in {}", file.len());
             }
         }

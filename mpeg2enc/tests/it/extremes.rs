@@ -71,7 +71,7 @@ fn escape_codes_in_every_table_and_scan() {
                 .with_intra_dc_precision(8 + k as u32)
                 .with_quantiser_scale(scale)
                 .with_gop(3);
-            // Sparse noise has long runs before large levels, dense noise has short ones.
+            // Sparse noise has long runs before large levels; dense noise has short runs.
             let sparse = |seed: usize| {
                 patterned(48, 32, move |x, y| if (x * 31 + y * 17 + seed * 7).is_multiple_of(53) { 255 } else { 16 })
             };

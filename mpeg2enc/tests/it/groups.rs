@@ -165,7 +165,7 @@ fn files_end_anywhere() {
             let told = probed(&file, "packet=size");
             assert_eq!(told.len(), count, "{container:?}, {count}: {told:?}");
         }
-        // After the last picture the ending is the same as the regular end.
+        // After the last picture, the ending equals the regular end of the file.
         let (multiplexer, _) = film.begun(container, film.packets.len());
         assert!(multiplexer.ending() == multiplexer.finish(&film.end), "{container:?}");
     }

@@ -134,7 +134,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 
 #[test]
 fn more_effort_takes_fewer_bits_for_as_good_a_picture() {
-    // Compare bits at equal quality, with 6 dB for each halving of quantiser_scale and doubling of bits.
+    // Compare bits at equal quality, assuming 6 dB for each halving of quantiser_scale and doubling of bits.
     let mut last = f64::INFINITY;
     for effort in [Effort::Fast, Effort::Balanced, Effort::Best] {
         let settings = config(176, 144).with_gop(15).with_b_pictures(2).with_effort(effort);
@@ -212,8 +212,8 @@ fn a_constant_rate_keeps_buffer_and_delays() {
         let finest = packets.iter().any(|packet| packet.quantiser_scale == 1);
         assert_eq!(finest, kbps == 3000);
         assert!(reached < 1.01 && (finest || reached > 0.99), "{kbps} kbit/s are reached to {reached}");
-        // In the longest of these groups libmpeg2's rounding errors accumulate to 3 in a sample. The mean limit is the same as
-        // for a group of 15.
+        // In the longest of these groups libmpeg2's rounding errors accumulate to 3 in a sample. The limit of the mean equals the
+        // limit for a group of 15.
         let (width, height) = (176, 144);
         check_agreement("ffmpeg", &decode_ffmpeg(&stream, width, height, "faani"), &packets, 55.0);
         check_agreement("mpeg2dec", &decode_mpeg2dec(&stream, width, height), &packets, 55.0);
@@ -233,7 +233,7 @@ fn a_capped_rate_never_runs_dry() {
         fullness = (fullness + v.bit_rate / 25.0 - bits).min(v.buffer);
     }
     assert!(packets.iter().any(|packet| packet.quantiser_scale > 2), "the cap must have an effect");
-    // With a high cap the quantiser is the requested one.
+    // If the cap is high, the quantiser is the requested one.
     let rate = Rate::Capped { bits_per_second: 14_000_000, buffer_bits: 1_800_000 };
     let settings = config(176, 144).with_b_pictures(2).with_quantiser_scale(8).with_rate(rate);
     let (_, packets) = encode_ahead(settings, (0..20).map(|time| moving(176, 144, time)), None);

@@ -252,7 +252,7 @@ fn standard_streams_and_devices_are_written_as_they_are() {
     call_with(&["-", "-o", &output, "-b", "100", "--two-pass"], &clip[..]).fails(WRONG_ARGUMENTS, &words);
     call(&[&input, "-o", "-", "-b", "100", "--two-pass"]).fails(WRONG_ARGUMENTS, &words);
 
-    // A link is kept, and its target is replaced.
+    // A symbolic link is kept, and its target is replaced.
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink(folder.path("film.m2v"), folder.path("link.m2v")).expect("a link");

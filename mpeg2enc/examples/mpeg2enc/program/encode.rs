@@ -21,7 +21,7 @@ pub fn encode(arguments: &Arguments, streams: &mut Streams) -> Result<()> {
         }
     };
 
-    // Use standard error for the summary if the film takes standard output.
+    // Print the summary to standard error if the film is written to standard output.
     let report: &mut dyn Write = if is_stream(&arguments.output) { streams.messages } else { streams.output };
     writeln!(
         report,
@@ -86,7 +86,7 @@ fn encode_once<'a>(
         config = config.with_mean_quantiser_scale(quantiser_scale);
     }
 
-    // Keep the report out of the film.
+    // Keep the report out of a film on standard output.
     let (report, standard): (&mut (dyn Write + Send), _) = match is_stream(&arguments.output) {
         true => (streams.messages, Some(streams.output)),
         false => (streams.output, None),

@@ -40,7 +40,7 @@ impl Format {
     }
 }
 
-/// A file after its header was read.
+/// Open file, with the header already read.
 pub struct Reader<R> {
     input: R,
     pub format: Format,
