@@ -54,7 +54,7 @@ impl Bounds {
         }
     }
 
-    /// Checks that these are limits of a stream with these settings; `has_pictures` if pictures were coded.
+    /// Checks that these limits belong to a stream with these settings. `has_pictures` is true if pictures were coded.
     pub fn check(&self, config: &Config, has_pictures: bool) -> Result<(), RestoreError> {
         let mut stated = config.clone();
         self.restate(&mut stated);

@@ -49,7 +49,7 @@ pub struct Packet {
     pub reconstruction: Arc<Picture>,
     /// PSNR of luma against the source frame, in dB; infinite if they are equal.
     pub psnr_y: f64,
-    /// Numbers of macroblocks and use of bits.
+    /// Numbers of macroblocks, and bits by purpose.
     pub statistics: PictureStatistics,
 }
 
@@ -57,7 +57,7 @@ pub struct Packet {
 #[derive(Clone, Copy)]
 pub(crate) struct Direction<'a> {
     pub reference: &'a Picture,
-    /// Candidates of every macroblock, or empty.
+    /// Candidate vectors of every macroblock, or an empty list.
     pub candidates: &'a [Candidates],
     pub before: &'a [HalfSample],
     pub coarse: Option<CoarseSearch<'a>>,
@@ -86,7 +86,7 @@ struct Macroblocks {
 }
 
 impl Macroblocks {
-    /// Crops one sample per coded macroblock to the shown macroblocks.
+    /// Makes a plane of the shown macroblocks from one sample per coded macroblock.
     fn plane<T: Copy>(&self, samples: Vec<T>) -> Plane<T> {
         let coded = Plane::from_vec(self.coded.0, self.coded.1, samples);
         if self.shown == self.coded {

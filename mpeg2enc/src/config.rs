@@ -153,7 +153,7 @@ impl Config {
     /// With 0 every frame is coded immediately, as an I or P picture with one quantiser or with given weights. A look-ahead
     /// allows B pictures, new groups at shot changes, mean quantisers and bit rates. It also allows finer quantisers in areas
     /// from which later pictures are predicted. 30 frames produce the best quality. At a constant quantiser, [`Effort::Fast`]
-    /// waits only for the maximum number of consecutive B pictures.
+    /// shortens the look-ahead to the maximum number of consecutive B pictures.
     pub fn with_lookahead(self, frames: u32) -> Self {
         Self { lookahead: frames, ..self }
     }

@@ -87,7 +87,7 @@ pub(crate) struct Workspace {
     best: Box<Trial>,
     /// Trial in progress.
     other: Box<Trial>,
-    /// A predicted macroblock without coefficients.
+    /// Macroblock that is predicted without coefficients.
     uncoded: Macroblock,
     /// Decoded macroblock.
     pub reconstruction: MacroblockSamples,
@@ -128,7 +128,7 @@ impl Workspace {
     }
 }
 
-/// Input of a decision.
+/// Input of the decision for a macroblock.
 pub(crate) struct Decision<'a> {
     pub slice: &'a SliceParameters,
     pub state: &'a SliceState,
@@ -149,7 +149,7 @@ pub(crate) fn lambda(scale_x16: u32) -> i64 {
     (LAMBDA * i64::from(scale_x16) * i64::from(scale_x16) / 256).max(1)
 }
 
-/// Maximum number of predictions: the skipped one, and six of a B picture.
+/// Upper bound on the number of predictions: one for a skipped macroblock, and six in a B picture.
 const PREDICTIONS: usize = 8;
 
 /// Predictions to choose from.
@@ -392,7 +392,7 @@ impl Decision<'_> {
         self.price(trial);
     }
 
-    /// Tries quantisers in steps from the requested one, in the same mode, as long as the cost decreases.
+    /// Tries quantisers in steps from the requested one, without a change of mode, as long as the cost decreases.
     fn choose_quantiser(&self, work: &mut Workspace) {
         let mode = work.best.macroblock.mode;
         let kind = if mode == Mode::Intra { BlockKind::Intra } else { BlockKind::Inter };

@@ -13,7 +13,7 @@ use crate::{
 pub struct ElementaryStream {
     /// Pictures in the order of coding; their display indices count from 0.
     pub units: Vec<AccessUnit>,
-    /// Sequence header and its extensions, which are the same before every group of pictures.
+    /// Sequence header and its extensions, which are equal before every group of pictures.
     pub sequence_header: Vec<u8>,
     /// Hours, minutes, seconds and pictures of the first group's time code (6.3.8).
     pub time_code: [u32; 4],

@@ -1,4 +1,4 @@
-//! The encoder: pictures in, packets out, immediately or after a look-ahead.
+//! The encoder: accepts pictures and returns packets, immediately or after a look-ahead.
 
 mod ahead;
 mod immediate;
@@ -160,8 +160,8 @@ impl Encoder {
         self.push_frame(frame, motion, Some(weights))
     }
 
-    /// Repeats the last frame as a new one. Without a look-ahead all of its macroblocks are skipped, as far as the standard
-    /// allows. With a look-ahead, `frame` is coded normally, and only its changes take bits.
+    /// Repeats the last frame as a new one. Without a look-ahead, all macroblocks are skipped as far as the standard allows. With
+    /// a look-ahead, `frame` is coded normally, and only its changes take bits.
     ///
     /// # Panics
     /// If [`Encoder::push`] would panic, or no frame was pushed before.

@@ -1,8 +1,8 @@
 //! Innermost loops.
 //!
 //! All loops are kernels of the crate [`lanes`], compiled from one source for AVX2 and for any processor, with identical results.
-//! Difference and prediction kernels use its sample types, level kernels its integers. The other kernels are plain loops of fixed
-//! size that the compiler vectorizes if possible. Tests compare both versions of every kernel.
+//! Difference and prediction kernels use sample types of the crate, and level kernels use its integers. The other kernels are
+//! plain loops of fixed size that the compiler vectorizes if possible. Tests compare both versions of every kernel.
 
 mod absolute;
 mod levels;

@@ -35,7 +35,7 @@ const MOST_FRAMES: usize = 1 << 30;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Lookahead {
     frames: VecDeque<Waiting>,
-    /// Display index of the first of these frames.
+    /// Display index of the first waiting frame.
     first: usize,
     /// Display index of the last frame that begins a group.
     last_group: usize,
@@ -105,7 +105,7 @@ impl Lookahead {
         index.checked_sub(self.first).map_or_else(since_last_group, |place| Some(self.frames[place].begins_group))
     }
 
-    /// Checks that this is a look-ahead of an encoder with these settings.
+    /// Checks that this look-ahead belongs to an encoder with these settings.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
         let fresh = Self::new(config.effort);
         ensure((self.quick, self.transformed) == (fresh.quick, fresh.transformed), "effort of the look-ahead")?;
@@ -126,7 +126,7 @@ impl Lookahead {
         )
     }
 
-    /// Drops the frames before this one.
+    /// Drops all frames before this frame.
     pub fn drop_before(&mut self, index: usize) {
         while self.first < index {
             self.frames.pop_front();

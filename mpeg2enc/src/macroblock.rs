@@ -16,7 +16,7 @@ pub(crate) enum Mode {
     Forward(HalfSample),
     /// Prediction from the later reference picture, in B pictures.
     Backward(HalfSample),
-    /// Prediction from the mean of both, in B pictures.
+    /// Prediction from the mean of both reference pictures, in B pictures.
     Both(HalfSample, HalfSample),
 }
 

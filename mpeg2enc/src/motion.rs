@@ -25,9 +25,9 @@ pub(crate) struct Estimate<'a> {
     pub source: &'a Picture,
     /// Reconstructed reference picture.
     pub reference: &'a Picture,
-    /// Vectors worth trying in every macroblock, or empty.
+    /// Vectors worth trying in every macroblock, or an empty list.
     pub candidates: &'a [Candidates],
-    /// Vectors of the previous picture, or empty.
+    /// Vectors of the previous picture, or an empty list.
     pub before: &'a [HalfSample],
     /// Quarter-size pictures for macroblocks without good candidates.
     pub coarse: Option<CoarseSearch<'a>>,

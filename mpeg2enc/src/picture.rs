@@ -20,7 +20,7 @@ use crate::{
 };
 use rayon::prelude::*;
 
-/// Numbers of macroblocks and use of bits in a picture.
+/// Numbers of macroblocks in a picture, and bits by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PictureStatistics {
@@ -30,9 +30,9 @@ pub struct PictureStatistics {
     pub inter: u32,
     /// Number of predicted macroblocks that take no bits.
     pub skipped: u32,
-    /// Bits of the types and vectors of predicted macroblocks.
+    /// Number of bits of the types and vectors of predicted macroblocks.
     pub motion_bits: u64,
-    /// Bits of coefficients and coded block patterns.
+    /// Number of bits of coefficients and coded block patterns.
     pub coefficient_bits: u64,
 }
 
@@ -52,7 +52,7 @@ pub(crate) struct PictureCoder<'a> {
     /// Picture extended to whole macroblocks.
     pub source: &'a Picture,
     pub references: References<'a>,
-    /// Forward and backward vector of every macroblock, or empty.
+    /// Forward and backward vector of every macroblock, or an empty list.
     pub vectors: [&'a [HalfSample]; 2],
     pub quantisers: &'a Quantisers,
     /// Requested quantiser_scale of every macroblock, in sixteenths.
@@ -85,7 +85,7 @@ struct CodedSlice {
 /// Coding of a macroblock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MacroblockKind {
-    /// Intra coded.
+    /// Intra coded, without other pictures.
     Intra,
     /// Predicted from other pictures.
     Inter,

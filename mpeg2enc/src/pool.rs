@@ -5,13 +5,13 @@
 use crate::Picture;
 use std::sync::Arc;
 
-/// Frames handed out, some of which may be free again.
+/// Frames returned by `filled`, some of which may be free again.
 #[derive(Default)]
 pub(crate) struct Pool {
     given: Vec<Arc<Picture>>,
 }
 
-/// Maximum number of frames tracked: the waiting ones and some in use by the caller.
+/// Maximum number of tracked frames: the waiting frames and some in use by the caller.
 const REMEMBERED: usize = 64;
 /// Maximum number of free frames kept.
 const SPARE: usize = 4;

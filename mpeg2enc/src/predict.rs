@@ -27,7 +27,7 @@ pub(crate) fn samples(frame: &Picture, column: usize, row: usize) -> MacroblockS
     out
 }
 
-/// Reference pictures: the earlier and the later one in display order.
+/// Reference pictures: the earlier and the later picture in display order.
 pub(crate) type References<'a> = [Option<&'a Picture>; 2];
 
 /// Averages two predictions, rounding up (7.6.7.1).

@@ -57,12 +57,12 @@ const RESERVE_SIXTEENTHS: i64 = 1;
 /// Upper bound on the bits of any picture.
 const MOST_BITS: i64 = 1 << 40;
 
-/// Bits of a coded picture, by kind.
+/// Bits of a coded picture, split into floor and levels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Taken {
-    /// Bits that hardly depend on the quantiser.
+    /// Number of bits that hardly depend on the quantiser.
     pub floor: i64,
-    /// Bits of the quantised levels.
+    /// Number of bits of the quantised levels.
     pub levels: i64,
 }
 
@@ -80,7 +80,7 @@ struct Model {
     floor: i64,
     /// Factor c, in 256ths.
     c: i64,
-    /// Whether a picture has contributed.
+    /// Whether the model has learned from a picture.
     is_learnt: bool,
 }
 
@@ -95,7 +95,7 @@ pub(crate) struct RateControl {
     last_x16: u32,
     start: i64,
     macroblocks: i64,
-    /// Bits of an intra macroblock with only zeros, without its type.
+    /// Number of bits of an intra macroblock with only zeros, without its type.
     empty_intra_bits: i64,
     /// Models of I, P and B pictures.
     models: [Model; 3],
@@ -172,7 +172,7 @@ impl RateControl {
         })
     }
 
-    /// Predicts the bits of a picture with another quantiser from the bits with a tried one.
+    /// Predicts the bits of a picture with another quantiser from the bits with an already tried one.
     fn rescaled(&self, picture: Upcoming, tried_x16: u32, taken: Taken, quantiser_x16: u32) -> Taken {
         let [(tried, _), (wanted, _)] = [tried_x16, quantiser_x16].map(|q| self.divisor(picture, q));
         // Zero levels may become many with a finer quantiser.
@@ -215,7 +215,7 @@ impl RateControl {
         Model { floor, c: bounded_c(c, FIRST_C[index]), is_learnt: true }
     }
 
-    /// Updates the model by a picture coded with this quantiser.
+    /// Updates the model with a picture coded with this quantiser.
     pub fn learn(&mut self, picture: Upcoming, quantiser_x16: u32, taken: Taken) {
         let measured = self.measured(picture, quantiser_x16, taken);
         let model = &mut self.models[picture.picture_type as usize - 1];
@@ -256,7 +256,7 @@ impl RateControl {
     }
 }
 
-/// Clamps c to the allowed range about its initial value.
+/// Clamps c to the allowed range around its initial value.
 fn bounded_c(c: i64, first: i64) -> i64 {
     c.clamp(first / C_RANGE, first * C_RANGE)
 }

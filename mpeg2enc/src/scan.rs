@@ -30,7 +30,7 @@ pub(crate) const ZIGZAG: [usize; 64] = {
     order
 };
 
-/// Figure 7-3, alternate_scan = 1: the index in transmission order of each raster position, as printed.
+/// Figure 7-3 (alternate_scan = 1), as printed: the index in transmission order of each raster position.
 #[rustfmt::skip]
 const ALTERNATE_PRINTED: [usize; 64] = [
      0,  4,  6, 20, 22, 36, 38, 52,

@@ -16,7 +16,7 @@ struct PathNode {
     /// Price of the bits minus the error saved, compared with all zeros.
     cost: i64,
     level: i32,
-    /// Position after the level.
+    /// Position that follows the level.
     next: u8,
     /// Index of the previous node.
     from: u8,

@@ -14,13 +14,13 @@ pub(crate) struct Buffer {
     pub bit_rate: i64,
     /// Size in bits.
     pub size: i64,
-    /// Numerator and denominator of the frame rate.
+    /// Numerator and denominator of the frame rate or, with pulldown, of the field rate.
     frame_rate: (i64, i64),
-    /// Bits just before the next picture is removed, times the numerator.
+    /// Number of bits just before the next picture is removed, times the numerator.
     fullness: i64,
     /// Whether filling pauses when the buffer is full (variable rate). At a constant rate a full buffer is an error.
     pauses: bool,
-    /// With pulldown, whether the next period has three fields instead of two; `frame_rate` is then the field rate.
+    /// With pulldown, whether the next period has three fields instead of two; otherwise `None`.
     is_long: Option<bool>,
 }
 

@@ -8,7 +8,7 @@ const BITS_MAX: u64 = 1 << 40;
 /// The video buffering verifier (Annex C), which tracks the decoder's buffer of a stream, picture by picture.
 ///
 /// An encoder respects the buffer as long as the coarsest quantiser is coarse enough. Otherwise pictures are late, and the
-/// verifier reports which.
+/// verifier reports them.
 ///
 /// ```
 /// use mpeg2enc::{BufferVerifier, Config, FrameRate, Rate};

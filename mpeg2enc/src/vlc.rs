@@ -45,7 +45,7 @@ const fn escape_bits(standard: Standard, level: u32) -> u32 {
         }
 }
 
-/// Writes macroblock_escape as often as needed, then macroblock_address_increment (6.2.5, 6.3.17).
+/// Writes macroblock_escape as many times as needed, then macroblock_address_increment (6.2.5, 6.3.17).
 pub(crate) fn put_macroblock_address_increment(sink: &mut impl BitSink, mut increment: usize) {
     while increment > 33 {
         sink.put_code(MACROBLOCK_ESCAPE);
@@ -147,7 +147,7 @@ pub(crate) fn end_of_block_bits(codes: Codes) -> u32 {
     END_OF_BLOCK[codes.table as usize].length
 }
 
-/// Writes one run and level (7.2.2.1), with an escape if the table has no code (7.2.2.3).
+/// Writes one run and level (7.2.2.1), as an escape if the table has no code (7.2.2.3).
 #[inline]
 fn put_coefficient(sink: &mut impl BitSink, codes: Codes, run: usize, level: i16) {
     let code = coefficient_code(codes.table, run, level.unsigned_abs().into());

@@ -1,4 +1,4 @@
-//! Description of a container's video: all properties in the headers except the pictures.
+//! Description of a container's video, for the headers of the container.
 
 use super::{clock::CLOCK, pes::StreamPicture};
 use crate::{ColorDescription, Config, Standard, header::GROUP_START_CODE};

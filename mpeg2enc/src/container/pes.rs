@@ -12,7 +12,7 @@ pub(super) const PADDING_LEAST: usize = 7;
 /// Units of the system clock per unit of a timestamp, at 90 kHz.
 const STAMP: u64 = CLOCK / 90_000;
 
-/// A picture's bytes of the elementary stream.
+/// A picture, as bytes of the elementary stream.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct StreamPicture {

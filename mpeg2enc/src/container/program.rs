@@ -23,9 +23,9 @@ const PRIVATE_STREAM_1: u8 = 0xbd;
 const PRIVATE_STREAM_2: u8 = 0xbf;
 /// program_mux_rate of DVD-Video: 10.08 Mbit/s.
 const DISC_MUX_RATE: u64 = 25_200;
-/// Maximum bytes of headers in a pack: pack_header(), system_header(), PES header with both times and the buffer.
+/// Maximum number of header bytes in a pack: pack_header(), system_header(), PES header with both times and the buffer size.
 const HEADERS: usize = PACK_HEADER + 15 + 9 + 10 + 3;
-/// Minimum bytes of headers, in packs in the middle of a picture.
+/// Minimum number of header bytes in a pack, for packs in the middle of a picture.
 const HEADERS_LEAST: usize = PACK_HEADER + 9;
 
 #[derive(Clone)]

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 /// Margin by which bytes are sent before the buffer requires them, in units of 1/27 000 000 s. It covers the time of pack and
 /// packet headers.
 pub(super) const SLACK: u64 = CLOCK / 100;
-/// Maximum time of a byte in the buffer (2.4.2.6), unless filling the buffer takes longer.
+/// Maximum time that a byte waits in the buffer (2.4.2.6), unless filling the buffer takes longer.
 const LONGEST_WAIT: u64 = CLOCK;
 
 /// A buffer that fills at a given rate while it has room.

@@ -30,7 +30,7 @@ const CLOCK_INTERVAL: u64 = CLOCK / 30;
 /// Maximum interval between clock references, 0.04 s, as in DVB (ETSI TS 101 154, 4.1.5.3). The standard allows 0.1 s (2.7.2).
 const CLOCK_INTERVAL_MOST: u64 = CLOCK / 25;
 const TABLE_INTERVAL: u64 = CLOCK / 10;
-/// Minimum number of packets: ffmpeg does not recognize streams of less than 2040 bytes, ten times the largest packet.
+/// Minimum number of packets: ffmpeg does not recognize streams of less than 2040 bytes, ten packets of the largest size.
 const LEAST_PACKETS: usize = 11;
 
 #[derive(Clone)]
@@ -96,7 +96,7 @@ struct Adaptation {
 struct PacketHeader {
     /// Packet identifier.
     pid: u32,
-    /// Whether a picture or section begins here: payload_unit_start_indicator.
+    /// Whether a picture or section begins in this packet (payload_unit_start_indicator).
     begins: bool,
     adaptation: Adaptation,
 }

@@ -45,7 +45,7 @@ struct Turn<'a> {
     headers: Vec<u8>,
     /// Whether the group that begins with the picture is closed.
     is_closed: bool,
-    /// This picture and the known ones after it, in the order of coding; empty if bits are not bounded.
+    /// This picture and the known pictures that follow it, in the order of coding; empty if bits are not bounded.
     upcoming: &'a [Upcoming],
     /// Whether `upcoming` extends to the end of the film.
     complete: bool,

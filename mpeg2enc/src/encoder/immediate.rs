@@ -21,7 +21,7 @@ pub(super) struct Immediate {
     count: u64,
     /// Reconstruction of the last picture, extended to whole macroblocks.
     reference: Option<Arc<Picture>>,
-    /// Vectors of the last picture, or empty.
+    /// Vectors of the last picture, or an empty list.
     vectors: Vec<HalfSample>,
     bounds: Bounds,
 }

@@ -1,4 +1,4 @@
-//! Predictions written to their final position, with their errors.
+//! Predictions written to their final position, and the errors of these predictions.
 
 use super::{
     ReferenceBlock,
@@ -8,7 +8,7 @@ use lanes::{Choice, Kernel, Lanes, Samples, Sum, Window, WindowMut};
 use std::marker::PhantomData;
 
 /// Predicts W rows of W samples (7.6.4) to the start of `out`, with rows `stride` apart. Returns the squared errors of its 8×8
-/// blocks against the source at a whole position, upper before lower. W is 16, or 8 for a single block.
+/// blocks against the source at a whole position, in the order upper, lower. W is 16, or 8 for a single block.
 #[inline]
 pub(crate) fn predict_onto<const W: usize>(
     source: ReferenceBlock,

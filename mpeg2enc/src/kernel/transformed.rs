@@ -9,7 +9,7 @@ use lanes::{Bytes, Choice, Differences, Kernel, Lanes, Samples, Window, Words};
 /// Returns the sum of absolute transformed differences between N×N samples and their prediction; N is 8 or 16.
 ///
 /// Each block of 8×8 differences is Hadamard transformed, and the sum of magnitudes is divided by eight. The single coefficient
-/// of a flat difference d then counts 8·d. This is about the same as 64 plain differences spread over many coefficients.
+/// of a flat difference d then counts 8·d. This roughly equals 64 plain differences spread over many coefficients.
 #[inline]
 pub(crate) fn transformed_difference<const N: usize>(source: ReferenceBlock, reference: ReferenceBlock) -> u32 {
     Choice::best().run(Transformed::<N> { source: &source, reference: &reference })

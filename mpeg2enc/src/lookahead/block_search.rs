@@ -13,7 +13,7 @@ use crate::{
 const SEARCH_QUANTISER_SCALE: u32 = 8;
 /// Mean absolute difference per sample above which a wider search is made.
 const POOR_MATCH: u32 = 6;
-/// Reach in half-size pictures, like the limits of High Level. The true range is enforced later.
+/// Maximum reach of vectors in half-size pictures, similar to the limits of High Level. The true range is enforced later.
 pub(super) const REACH: [u32; 2] = [9, 8];
 
 /// Search for the blocks of one frame in another.
@@ -22,7 +22,7 @@ pub(super) struct BlockSearch<'a> {
     pub reference: &'a Waiting,
     /// Whether poor matches trigger a wider search.
     pub wide: bool,
-    /// Whether costs are transformed differences.
+    /// Whether costs are transformed differences instead of plain ones.
     pub transformed: bool,
 }
 

@@ -9,7 +9,7 @@ pub(crate) struct Span {
     /// Display index of the I or P picture.
     pub anchor: usize,
     pub is_intra: bool,
-    /// Number of B pictures before it in display order.
+    /// Number of B pictures that precede the I or P picture in display order.
     pub b_pictures: usize,
 }
 

@@ -10,7 +10,7 @@ use crate::{
 /// Fraction of the intra cost in quarters. A cost above it, predicted from the previous frame, means a shot change.
 const SCENE_CUT_QUARTERS: u64 = 3;
 /// Step between measured macroblocks for quick measurements with given motion. 7 has no common factor with usual widths in
-/// macroblocks, like 32 and 45, so the samples form diagonals.
+/// macroblocks (32 or 45, for example), so the samples form diagonals.
 const SAMPLED: usize = 7;
 
 impl Lookahead {

@@ -19,9 +19,9 @@ use std::collections::BTreeMap;
 /// Strength of the effect: factor = 1 / (1 + STRENGTH·(√(1 + inherited / intra) − 1)), in 256ths. The standard does not define
 /// this value; it was tuned on the clips of README.md. Static scenes would benefit from a higher value, moving ones from a lower.
 const STRENGTH_256THS: u64 = 125;
-/// Minimum factor of the requested quantiser, in 256ths.
+/// Minimum factor on the requested quantiser, in 256ths.
 const FACTOR_MIN_256THS: u64 = 100;
-/// Offset of every block's cost. It avoids division by zero in flat blocks and suppresses their noise.
+/// Offset that is added to every block's cost. It avoids division by zero in flat blocks and suppresses their noise.
 const FLOOR: u64 = 16;
 
 impl Lookahead {

@@ -32,7 +32,7 @@ pub(crate) struct Waiting {
     /// Cost of every macroblock without prediction.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub intra_costs: OnceLock<Arc<[u32]>>,
-    /// Whether this is the I picture of a group.
+    /// Whether the frame is the I picture of a group.
     pub begins_group: bool,
     /// Factors of quantiser_scale of the macroblocks in 256ths, unless all are equal.
     pub weights: Option<Vec<u32>>,
@@ -89,6 +89,6 @@ pub(crate) struct Match {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct TwoSided {
     pub cost: u32,
-    /// Fractions predicted forward and backward, in halves.
+    /// Fractions that are predicted forward and backward, in halves.
     pub shares: [u32; 2],
 }

@@ -11,7 +11,7 @@ use plane::Plane;
 
 /// Exponent in 256ths. The standard does not define this value; it was tuned by SSIM on the clips of README.md.
 const STRENGTH_256THS: i64 = 48;
-/// Offset of the energy, below which noise and rounding dominate.
+/// Offset that is added to the energy; below it, noise and rounding dominate.
 const FLOOR: u64 = 256;
 /// Minimum and maximum factor, in 256ths.
 const FACTORS: (u32, u32) = (128, 512);

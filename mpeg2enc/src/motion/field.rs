@@ -42,7 +42,7 @@ impl Candidates {
 const CANDIDATES: usize = 8;
 /// Number of most frequent vectors taken from a field.
 const FREQUENT: usize = 4;
-/// Maximum number of different vectors counted in one macroblock; any more affect only the mean.
+/// Maximum number of different vectors counted in one macroblock; all others affect only the mean.
 const DISTINCT: usize = 24;
 /// Length in pixels above which a vector is ignored. It exceeds every picture, and sums of 64ths still fit in the integer type.
 const FARTHEST_PX: f32 = 16384.0;
@@ -187,7 +187,7 @@ vectorized! {
     }
 }
 
-/// Reduces the horizontal and the vertical components of sixteen vectors by `f`.
+/// Reduces the horizontal and the vertical components of sixteen vectors with `f`.
 #[inline(always)]
 fn fold<T: Copy>(mut values: [T; 32], f: fn(T, T) -> T) -> [T; 2] {
     // Reduce by halving, which suits vector instructions.

@@ -26,7 +26,8 @@ const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
     last.copy_from_slice(&DIAMOND);
     steps
 };
-/// Maximum rounds of [`Search::settle`]; after two, searches from different vectors sometimes still have different results.
+/// Maximum number of rounds of [`Search::settle`]. After two rounds, searches from different vectors sometimes still have
+/// different results.
 const SETTLED: usize = 4;
 /// Fractions of the error of a poor match, for quick searches. Up to the first fraction, a given vector is accepted immediately.
 /// Above the second fraction, the block may show moving light. The fractions were tuned on the clips of README.md: accepting
@@ -52,7 +53,7 @@ pub(crate) struct Search<'a, const N: usize> {
     price: u32,
     pub best: HalfSample,
     best_cost: u32,
-    /// Sum of absolute differences: plain at first, later transformed.
+    /// Sum of absolute differences: plain at first, transformed later.
     pub best_error: u32,
     best_plain: u32,
     transformed: bool,
@@ -175,9 +176,9 @@ impl<'a, const N: usize> Search<'a, N> {
 
     /// Follows half- and whole-sample steps until none improves the vector.
     ///
-    /// Half-sample positions smooth the reference and its noise; whole ones do not. One kind of position therefore has lower
-    /// differences. Steps of half a sample all lead to the other kind, so a search could end at any position of the better
-    /// kind. Whole-sample steps to the same kind avoid this.
+    /// Half-sample positions smooth the reference and its noise; whole-sample positions do not. One kind of position therefore
+    /// has lower differences. Steps of half a sample all lead to the other kind, so a search could end at any position of the
+    /// better kind. Whole-sample steps lead to the same kind and avoid this.
     pub fn settle(&mut self) {
         self.follow(NEIGHBORS_AND_DIAMOND, SETTLED);
     }

@@ -1,4 +1,4 @@
-//! Finds the quantiser with which a whole film has a bit rate, by coding it several times.
+//! Finds the quantiser with which a whole film has a given bit rate, by coding the film several times.
 //!
 //! ```text
 //! ln(rate) is nearly a linear function of ln(quantiser_scale). The next pass is where the line through the two nearest passes
@@ -55,7 +55,7 @@ pub struct Passes {
 }
 
 impl Passes {
-    /// Relative deviation from the requested rate that is acceptable.
+    /// Acceptable relative deviation from the requested rate.
     pub const NEAR: f64 = 0.005;
     /// Maximum number of passes.
     const MOST: usize = 8;
@@ -67,8 +67,8 @@ impl Passes {
         Self { bits_per_second: f64::from(bits_per_second.max(1)), done: Vec::new() }
     }
 
-    /// Records the bit rate of a pass and returns the quantiser_scale of the next one. `None` ends the search: the last pass
-    /// was near enough, or no better one exists.
+    /// Records the bit rate of a pass and returns the quantiser_scale of the next one. `None` ends the search: the last pass was
+    /// near enough, or no better pass exists.
     pub fn next(&mut self, quantiser_scale: f64, bits_per_second: f64) -> Option<f64> {
         let pass = Pass { quantiser_scale, bits_per_second: bits_per_second.max(1.0) };
         self.done.push(pass);

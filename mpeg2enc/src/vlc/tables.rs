@@ -1,6 +1,6 @@
 //! Code tables of ISO/IEC 13818-2, Annex B, in the digits of the standard.
 //!
-//! The trailing `s` of the standard, the sign, is omitted; [`Vlc::signed`] adds it.
+//! The sign, a trailing `s` in the standard, is omitted; [`Vlc::signed`] adds it.
 
 use crate::bits::Vlc;
 
@@ -30,38 +30,38 @@ pub(crate) const MACROBLOCK_ADDRESS_INCREMENT: [Vlc; 33] = [
     vlc("0000 0011 100"), vlc("0000 0011 011"), vlc("0000 0011 010"), vlc("0000 0011 001"), vlc("0000 0011 000"),
 ];
 
-/// Table B.1: macroblock_escape, 33 more macroblocks.
+/// Table B.1: macroblock_escape, which represents 33 more macroblocks.
 pub(crate) const MACROBLOCK_ESCAPE: Vlc = vlc("0000 0001 000");
 
 /// Table B.2: macroblock_type of an intra macroblock in an I picture.
 pub(crate) const I_INTRA: Vlc = vlc("1");
-/// Table B.2: intra, with quantiser_scale_code.
+/// Table B.2: macroblock_type of an intra macroblock with quantiser_scale_code, in an I picture.
 pub(crate) const I_INTRA_QUANT: Vlc = vlc("01");
 
-/// Table B.3: macroblock_type in a P picture: vector and coefficients.
+/// Table B.3: macroblock_type with vector and coefficients, in a P picture.
 pub(crate) const P_MOTION_CODED: Vlc = vlc("1");
-/// Table B.3: coefficients with a zero vector.
+/// Table B.3: macroblock_type with coefficients and a zero vector.
 pub(crate) const P_CODED: Vlc = vlc("01");
-/// Table B.3: only a vector.
+/// Table B.3: macroblock_type with only a vector.
 pub(crate) const P_MOTION: Vlc = vlc("001");
-/// Table B.3: intra.
+/// Table B.3: macroblock_type of an intra macroblock.
 pub(crate) const P_INTRA: Vlc = vlc("0001 1");
-/// Table B.3: vector and coefficients, with quantiser_scale_code.
+/// Table B.3: macroblock_type with vector, coefficients and quantiser_scale_code.
 pub(crate) const P_MOTION_CODED_QUANT: Vlc = vlc("0001 0");
-/// Table B.3: coefficients, with quantiser_scale_code.
+/// Table B.3: macroblock_type with coefficients, a zero vector and quantiser_scale_code.
 pub(crate) const P_CODED_QUANT: Vlc = vlc("0000 1");
-/// Table B.3: intra, with quantiser_scale_code.
+/// Table B.3: macroblock_type of an intra macroblock with quantiser_scale_code.
 pub(crate) const P_INTRA_QUANT: Vlc = vlc("0000 01");
 
-/// Table B.4: macroblock_type in a B picture without coefficients: forward, backward, both.
+/// Table B.4: macroblock_type without coefficients, in a B picture: forward, backward, both.
 pub(crate) const B_MOTION: [Vlc; 3] = [vlc("0010"), vlc("010"), vlc("10")];
-/// Table B.4: with coefficients: forward, backward, both.
+/// Table B.4: macroblock_type with coefficients: forward, backward, both.
 pub(crate) const B_MOTION_CODED: [Vlc; 3] = [vlc("0011"), vlc("011"), vlc("11")];
-/// Table B.4: with coefficients and quantiser_scale_code: forward, backward, both.
+/// Table B.4: macroblock_type with coefficients and quantiser_scale_code: forward, backward, both.
 pub(crate) const B_MOTION_CODED_QUANT: [Vlc; 3] = [vlc("0000 11"), vlc("0000 10"), vlc("0001 0")];
-/// Table B.4: intra.
+/// Table B.4: macroblock_type of an intra macroblock.
 pub(crate) const B_INTRA: Vlc = vlc("0001 1");
-/// Table B.4: intra, with quantiser_scale_code.
+/// Table B.4: macroblock_type of an intra macroblock with quantiser_scale_code.
 pub(crate) const B_INTRA_QUANT: Vlc = vlc("0000 01");
 
 /// Table B.9: coded_block_pattern, as (pattern, code).
@@ -80,7 +80,7 @@ const CODED_BLOCK_PATTERN_PRINTED: [(u8, &str); 64] = [
     (39, "0000 0001 0"), (0, "0000 0000 1"),
 ];
 
-/// Table B.9, indexed by pattern.
+/// Table B.9: coded_block_pattern, indexed by pattern.
 pub(crate) const CODED_BLOCK_PATTERN: [Vlc; 64] = {
     let mut table = [Vlc::NONE; 64];
     let mut i = 0;
@@ -197,7 +197,7 @@ pub(crate) const DCT_COEFFICIENTS_ONE_PRINTED: [(u8, u8, &str); 111] = [
 
 /// Number of runs for which Tables B.14 and B.15 may contain codes.
 pub(crate) const RUNS: usize = 32;
-/// One more than the largest level for which Tables B.14 and B.15 contain codes.
+/// Maximum level for which Tables B.14 and B.15 contain codes, plus one.
 pub(crate) const LEVELS: usize = 41;
 
 /// Tables B.14 and B.15, indexed by run and level; [`Vlc::NONE`] where escape coding is used.

@@ -224,9 +224,9 @@ pub fn run(program: &str, arguments: &[&str]) -> (Vec<u8>, String) {
 
 /// Decodes with ffmpeg at its strictest; any message is a failure.
 ///
-/// With `aggressive`, ffmpeg considers the four bytes of a sequence_end_code excess data of a slice. This check therefore runs
-/// without them, and a second one, only of warnings, with them. `idct` is the inverse transform: `auto`, or `faani` for the
-/// floating-point one nearest to the definition.
+/// With `aggressive`, ffmpeg treats the four bytes of a sequence_end_code as excess data of a slice. This check therefore runs
+/// without these bytes. A second check, only of warnings, includes them. `idct` is the inverse transform: `auto`, or `faani` for
+/// the floating-point one nearest to the definition.
 pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> Vec<Picture> {
     let (body, end) = stream.split_at(stream.len() - 4);
     assert_eq!(end, [0, 0, 1, 0xb7], "the stream must end with sequence_end_code");

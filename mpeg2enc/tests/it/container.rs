@@ -118,7 +118,7 @@ fn ffmpeg_finds_the_elementary_stream_and_nothing_to_complain_about() {
     }
 }
 
-/// Packs of a program stream (arrival of the first byte, and payload sizes), and decoding times of pictures.
+/// Packs of a program stream (arrival of the first byte, payload sizes), and decoding times of pictures.
 #[derive(Default)]
 struct Read {
     packs: Vec<(f64, usize, usize)>,
@@ -247,7 +247,7 @@ fn packs_of_discs_are_sectors_whatever_is_left_in_them() {
     }
 }
 
-/// Short films have few packets, which ffmpeg misdetected or did not detect.
+/// Tests short films, which have few packets: ffmpeg misdetected them or did not detect them.
 #[test]
 fn short_transport_streams_are_recognized() {
     let config = config(96, 80).with_quantiser_scale(62);

@@ -1,11 +1,11 @@
-//! Decoded pictures equal the encoder's reconstructions.
+//! Tests that decoded pictures equal the encoder's reconstructions.
 
 use crate::common::*;
 use mpeg2enc::{KnownMotion, Level, Packet};
 use plane::Plane;
 
-/// Minimum agreement in a group of 15, in dB. In each picture both decoders' integer transforms are off by one in 1 to 2 % of
-/// the samples, and later pictures inherit these errors.
+/// Minimum agreement in a group of 15 pictures, in dB. In each picture both decoders' integer transforms are off by one in 1 to 2
+/// % of the samples, and later pictures inherit these errors.
 const AGREEMENT_DB: f64 = 55.0;
 
 #[test]

@@ -1,4 +1,4 @@
-//! Long films: the quality of decoded pictures equals the encoder's reconstruction.
+//! Tests over long films: the quality of decoded pictures equals the quality of the encoder's reconstruction.
 
 use crate::common::*;
 use mpeg2enc::Picture;
@@ -18,8 +18,8 @@ fn psnr_of_all<'a>(shown: impl Iterator<Item = &'a Picture>, sources: &[Picture]
 }
 
 /// Over the longest groups, decoders with an exact transform lose no quality. The integer transforms of ffmpeg's default and of
-/// mpeg2dec are sometimes off by one. Coarse quantisers hide this; the finest common one shows the effect of these decoders on
-/// any stream. No decoder loses more at the end than at the beginning.
+/// mpeg2dec are sometimes off by one. Coarse quantisers hide these errors; the finest common quantiser shows their effect on any
+/// stream. No decoder loses more at the end than at the beginning.
 #[test]
 fn three_hundred_pictures_lose_no_quality_in_decoders() {
     let (width, height, count) = (64, 48, 300);

@@ -40,7 +40,7 @@ fn its_pictures_are_the_packets() {
     }
 }
 
-/// 6.3.8 counts pictures within seconds; 29.97 frames per second are numbered like 30.
+/// Time codes count pictures within seconds (6.3.8); 29.97 frames per second are numbered like 30.
 #[test]
 fn time_codes_go_on_from_the_first_number() {
     for (fps, number, time_code) in [

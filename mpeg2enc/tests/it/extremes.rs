@@ -1,8 +1,8 @@
 //! Limits of the syntax, checked by ffmpeg at its strictest and by mpeg2dec. They include the largest levels, every escape code,
-//! the longest vectors, and the smallest and widest pictures. Other tests cover streams of one picture, long durations and full
+//! the longest vectors, and the smallest and widest pictures. Further limits are streams of one picture, long durations and full
 //! buffers.
 //!
-//! Checks in `decode.rs`, `lookahead.rs` and `container.rs` are not repeated here.
+//! This file does not repeat the checks in `decode.rs`, `lookahead.rs` and `container.rs`.
 
 use crate::common::*;
 use mpeg2enc::{

@@ -8,7 +8,7 @@ use mpeg2enc::{
 
 const BOTH: [Container; 2] = [Container::Mp4, Container::Matroska];
 
-/// A film of `frames` pictures.
+/// An encoded film: settings, packets and the end of the stream.
 struct Film {
     config: Config,
     /// Packets in the order of coding.
@@ -57,7 +57,7 @@ fn told_by(program: &str, arguments: &[&str]) -> String {
     String::from_utf8(output).expect("text")
 }
 
-/// Entries read by ffprobe, one line for each packet, stream or file.
+/// Returns the entries that ffprobe reads, one line for each packet, stream or file.
 fn probed(file: &StreamFile, entries: &str) -> Vec<String> {
     let arguments = ["-v", "error", "-err_detect", "explode", "-show_entries", entries, "-of", "csv=p=0", file.path()];
     let text = told_by("ffprobe", &arguments);

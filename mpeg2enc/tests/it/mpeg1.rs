@@ -1,4 +1,4 @@
-//! MPEG-1: decoded pictures equal the encoder's reconstructions in streams of ISO/IEC 11172-2.
+//! Tests that decoded pictures equal the encoder's reconstructions in MPEG-1 streams (ISO/IEC 11172-2).
 
 use crate::common::*;
 use mpeg2enc::{Config, Effort, FrameRate, Rate, Standard};

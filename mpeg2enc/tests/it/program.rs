@@ -1,4 +1,4 @@
-//! The example program, called like its process: exit codes, messages, files and streams.
+//! Tests of the example program, called with arguments like its process: exit codes, messages, files and streams.
 
 use crate::common::*;
 use example::{DONE, FAILED, Streams, WRONG_ARGUMENTS};

@@ -1,4 +1,4 @@
-//! Rates and buffers too small for the pictures: refused, or their late pictures reported.
+//! Tests of rates and buffers that are too small for the pictures: they are refused, or late pictures are reported.
 
 use crate::common::*;
 use mpeg2enc::{BufferVerifier, Config, ConfigError, Picture, Rate, Standard};

@@ -79,7 +79,7 @@ fn a_rectangle_gets_better_for_the_same_bits() {
     }
 }
 
-/// With half the scale, the rectangle is better than in a film with finer quantisers everywhere and more bits.
+/// With half the scale, the rectangle has better quality than in a film with finer quantisers everywhere and more bits.
 #[test]
 fn half_the_scale_beats_a_finer_film() {
     for (c, clip) in clips().iter().enumerate() {
