@@ -50,7 +50,7 @@ impl Tools {
         2 * u64::from(error) > u64::from(activity) * u64::from(self.intra_halves)
     }
 
-    /// Returns how levels are chosen if a bit has the price `lambda`.
+    /// Returns the method of choosing levels if the price of a bit is `lambda`.
     fn rounding(self, lambda: i64) -> Rounding {
         if self.trellis { Rounding::Trellis { lambda } } else { Rounding::DeadZone }
     }
@@ -157,7 +157,7 @@ struct Predictions {
     samples: [MacroblockSamples; PREDICTIONS],
     /// Squared error of each block of each prediction.
     errors: [[u32; 6]; PREDICTIONS],
-    /// Mode, squared error and index in `samples`, in order of error.
+    /// Mode, squared error and index in `samples` of each prediction, in order of error.
     order: Vec<(Mode, u32, usize)>,
 }
 

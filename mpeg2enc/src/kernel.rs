@@ -111,7 +111,7 @@ pub(crate) fn mean(a: &[u8], b: &[u8], out: &mut [u8]) {
 }
 
 vectorized! {
-    /// Averages 2×2 samples of two rows, rounded.
+    /// Averages blocks of 2×2 samples from two rows, rounded.
     fn means_of_four, means_of_four_plain(upper: &[u8], lower: &[u8], out: &mut [u8]) {
         let (upper, lower) = (upper.as_chunks::<2>().0, lower.as_chunks::<2>().0);
         for ((upper, lower), out) in upper.iter().zip(lower).zip(out) {

@@ -13,7 +13,7 @@ pub(crate) struct Pool {
 
 /// Maximum number of tracked frames: the waiting frames and some in use by the caller.
 const REMEMBERED: usize = 64;
-/// Maximum number of free frames kept.
+/// Maximum number of free frames that are kept.
 const SPARE: usize = 4;
 
 impl Pool {

@@ -197,9 +197,9 @@ impl Ahead {
             _ => VBV_DELAY_VARIABLE,
         };
         let mut base_x16 = rate.quantiser_x16(upcoming, None);
-        // Pictures are coded again if better knowledge of their bits changes the quantiser by more than a sixteenth. I
-        // pictures, the first picture of each type and the last four pictures get one attempt. Others get one only if the
-        // prediction was wrong by a sixteenth of the buffer. A third attempt follows only a prediction that was too low again.
+        // A second attempt follows if the actual bits change the quantiser by more than a sixteenth. It is made for I pictures,
+        // the first picture of each type and the last four pictures. Other pictures need a prediction that was wrong by a
+        // sixteenth of the buffer. A third attempt follows only if the prediction was too low again.
         let is_looked_at =
             !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;
         let mut looks = 0;

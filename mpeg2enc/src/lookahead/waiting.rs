@@ -27,7 +27,7 @@ pub(crate) struct Waiting {
     pub half: OnceLock<Plane<u8>>,
     #[cfg_attr(feature = "serde", serde(skip))]
     pub quarter: OnceLock<Plane<u8>>,
-    /// Given candidates of every macroblock: to the previous and to the next frame.
+    /// Given candidate vectors of every macroblock, to the previous frame and to the next frame.
     pub known: [Option<Arc<[Candidates]>>; 2],
     /// Cost of every macroblock without prediction.
     #[cfg_attr(feature = "serde", serde(skip))]

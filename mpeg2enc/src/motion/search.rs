@@ -183,7 +183,7 @@ impl<'a, const N: usize> Search<'a, N> {
         self.follow(NEIGHBORS_AND_DIAMOND, SETTLED);
     }
 
-    /// Moves repeatedly to the best of `steps` from the best vector; no vector is tried twice.
+    /// Moves from the best vector to the best of `steps`, repeatedly; no vector is tried twice.
     fn follow<const STEPS: usize>(&mut self, steps: [(i32, i32); STEPS], rounds: usize) {
         let start = self.best;
         // Keep one bit for each vector around the start, beyond the reach of the rounds.

@@ -1,4 +1,4 @@
-//! Output: a file that is named only when complete, or a stream.
+//! Output: a file that receives its final name when complete, or a stream.
 
 use anyhow::{Context, Result};
 use std::{
