@@ -314,9 +314,9 @@ fn parameters(config: &Config) -> QuantiserParameters {
 }
 
 fn tools(effort: Effort, varies: bool) -> Tools {
-    // For quick decisions a fixed threshold replaces the trellis. Its values were tuned on the clips of README.md. Without B
+    // For quick decisions a fixed threshold replaces the trellis. The thresholds were tuned on the clips of README.md. Without B
     // pictures, 80 quarters take 2 % more bits than 60 quarters, and 40 quarters take 2 % fewer. Each step changes the time by 3
-    // to 5 %. With the trellis, 20 quarters take 0.1 % more bits; with quick decisions they take no more bits.
+    // to 5 %. With the trellis, 20 quarters take 0.1 % more bits, or no more bits if decisions are also quick.
     let (quick, thorough) = (60, 10);
     match effort {
         Effort::Fast => Tools {

@@ -71,7 +71,7 @@ impl Macroblock {
 #[derive(Clone, Copy)]
 pub(crate) struct SliceParameters {
     pub picture_type: PictureType,
-    /// f_code\[s\]\[t\]: forward and backward, horizontal and vertical.
+    /// f_code\[s\]\[t\]: forward and backward, horizontal and vertical reach of vectors.
     pub f_code: [[u32; 2]; 2],
     /// Value of the DC predictors after a reset (7.2.1).
     pub dc_reset: i32,

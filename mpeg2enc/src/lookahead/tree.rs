@@ -17,7 +17,8 @@ use crate::vector::HalfSample;
 use std::collections::BTreeMap;
 
 /// Strength of the effect: factor = 1 / (1 + STRENGTH·(√(1 + inherited / intra) − 1)), in 256ths. The standard does not define
-/// this value; it was tuned on the clips of README.md. Static scenes would benefit from a higher value, moving ones from a lower.
+/// this value; it was tuned on the clips of README.md. Static scenes would benefit from a higher value, and moving scenes from a
+/// lower value.
 const STRENGTH_256THS: u64 = 125;
 /// Minimum factor on the requested quantiser, in 256ths.
 const FACTOR_MIN_256THS: u64 = 100;
