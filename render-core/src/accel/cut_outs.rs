@@ -1,8 +1,8 @@
-//! Opacity of triangles: where they stop rays and where rays pass through.
+//! Opacity of triangles, which determines whether they stop rays.
 //!
-//! A mask has holes where its opacity is below the cutoff. Where a ray's cone covers several texels, the opacity of a
-//! mask is the fraction of texels that are not holes. A blended surface blocks a fraction of the light behind it, equal
-//! to its opacity.
+//! A mask has holes where its opacity is below the cutoff. If the cone of a ray covers several texels, the opacity of a
+//! mask is the fraction of texels outside holes. A blended surface blocks a fraction of the light behind it that equals
+//! its opacity.
 //!
 //! Photons and rays of indirect light cannot be split, so they hit blended surfaces stochastically. A point stops a ray
 //! if its opacity exceeds a threshold. The threshold is drawn once for each small cell of the object's local space
@@ -19,13 +19,13 @@ use glam::{Vec2, Vec3, Vec3A};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Cells across the scene: small enough that each ray hits another cell, large enough that rounding keeps a point in
-/// its cell.
+/// Number of cells across the scene: cells are so small that rays rarely share one, and so large that rounding keeps a
+/// point in its cell.
 const CELLS: f32 = 131_072.0;
-/// Offset of the cell borders from round coordinates, where flat surfaces often lie.
+/// Offset of the cell borders from round coordinates, where flat surfaces often lie, in cells.
 const OFF_ROUND: f32 = 0.381_966;
 
-/// Rule by which sheets stop the rays of an [`Accelerator`](super::Accelerator).
+/// Rule that determines whether sheets stop the rays of an [`Accelerator`](super::Accelerator).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sheets {
     /// Masks stop rays outside their holes; blended surfaces stop them stochastically, in proportion to their opacity.
@@ -34,30 +34,31 @@ pub(super) enum Sheets {
     AsWholes,
 }
 
-/// The opacity of all instances with holes.
+/// Opacity of all instances with holes.
 pub(crate) struct CutOuts {
     /// For each instance, its sheet and the number of cells per unit length of its mesh.
     sheets: Vec<Option<(Arc<Sheet>, f32)>>,
 }
 
-/// The opacity of a mesh. Lists are indexed by triangle, and empty where they are not needed.
+/// Opacity of a mesh. Lists are indexed by triangle and may be empty if they are not needed.
 #[derive(Clone)]
 struct Sheet {
-    /// Index of its material if that is animated, and the texture coordinates before their transform.
+    /// Index of the material if it is animated, and the texture coordinates before the texture transform.
     changing: Option<(usize, Vec<[Vec2; 3]>)>,
     alpha: Alpha,
     opacity: f32,
     texture: Option<Texture>,
-    /// For a mask: fraction of areas without holes, for areas two texels wide and wider.
+    /// For a mask, the fraction of the area outside holes. Used for areas at least two texels wide.
     far: Option<Texture>,
     coordinates: Vec<[Vec2; 3]>,
     vertex_opacity: Vec<[f32; 3]>,
-    /// Undeformed corners in the mesh's local space, for the cells.
+    /// Undeformed corners in the mesh's local space, which determine the cells.
     places: Vec<[Vec3; 3]>,
 }
 
 impl CutOuts {
-    /// Collects the holes of all instances of `scene`; returns `None` if it has none. Sizes are measured in `pose`.
+    /// Collects the holes of all instances of `scene`, or returns `None` if no instance has holes. Sizes are measured
+    /// in `pose`.
     pub(super) fn new(scene: &Scene, pose: &Pose, extent: f32) -> Option<Self> {
         let changing = scene.changing_materials();
         let mut of_mesh: HashMap<usize, Option<Arc<Sheet>>> = HashMap::new();
@@ -68,7 +69,7 @@ impl CutOuts {
                 let mesh = &scene.meshes[index];
                 let new = || Sheet::new(scene, mesh, changing[mesh.material], &mut far).map(Arc::new);
                 let sheet = of_mesh.entry(index).or_insert_with(new).clone()?;
-                // Size of the shape in the world, relative to its mesh: skins often change the scale.
+                // Measure the scale of the shape between mesh and world, because skins often change it.
                 let world = scene.instance_world(pose, instance);
                 let shape = pose.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
                 let placed = diagonal(shape.iter().map(|&p| world.transform_point3a(p.into())));
@@ -80,7 +81,7 @@ impl CutOuts {
         sheets.iter().any(Option::is_some).then_some(Self { sheets })
     }
 
-    /// Returns the holes with these `materials`; `None` if they are unchanged.
+    /// Returns the holes with these `materials`, or `None` if no hole has changed.
     pub(super) fn at(&self, materials: &[Material]) -> Option<Self> {
         let changes = |(sheet, _): &(Arc<Sheet>, f32)| sheet.changing.is_some();
         if materials.is_empty() || !self.sheets.iter().flatten().any(changes) {
@@ -94,12 +95,12 @@ impl CutOuts {
         Some(Self { sheets: sheets.collect() })
     }
 
-    /// Returns whether the holes of `instance` are animated.
+    /// Returns whether the holes of `instance` depend on animated materials.
     pub(super) fn has_changing_holes(&self, instance: usize) -> bool {
         self.sheets[instance].as_ref().is_some_and(|(sheet, _)| sheet.changing.is_some())
     }
 
-    /// Returns whether rays may pass through `instance` somewhere.
+    /// Returns whether `instance` has points through which rays may pass.
     pub(super) fn has_holes(&self, instance: usize) -> bool {
         self.sheets[instance].is_some()
     }
@@ -109,8 +110,8 @@ impl CutOuts {
         self.sheets[instance].as_ref().is_some_and(|(sheet, _)| sheet.alpha == Alpha::Blend)
     }
 
-    /// Returns whether a point of a triangle stops a ray, under the rule `sheets`. `at` contains the barycentric
-    /// weights of the second and third corner.
+    /// Returns whether a point of a triangle stops a ray under the rule `sheets`. `at` contains the barycentric weights
+    /// of the second and third corner.
     pub(super) fn stops(&self, owner: Owner, at: [f32; 2], sheets: Sheets) -> bool {
         let Some((sheet, cells)) = &self.sheets[owner.instance as usize] else { return true };
         let triangle = owner.triangle as usize;
@@ -122,8 +123,8 @@ impl CutOuts {
         }
     }
 
-    /// Returns the opacity of a triangle around a point, 0…1, filtered over an area. The area is a fraction `share` of
-    /// the parallelogram of two of its sides.
+    /// Returns the opacity of a triangle around a point, 0…1, filtered over an area. The area is the fraction `share`
+    /// of the parallelogram spanned by two sides of the triangle.
     pub(super) fn opacity(&self, owner: Owner, at: [f32; 2], share: f32) -> f32 {
         let Some((sheet, _)) = &self.sheets[owner.instance as usize] else { return 1.0 };
         let triangle = owner.triangle as usize;
@@ -135,14 +136,14 @@ impl CutOuts {
         }
     }
 
-    /// Returns the opacity of a blended surface at a point, 0…1; 0 for all other sheets.
+    /// Returns the opacity of a blended surface at a point, 0…1. Returns 0 for all other sheets.
     pub(super) fn blended_opacity(&self, owner: Owner, at: [f32; 2]) -> f32 {
         let sheet = self.sheets[owner.instance as usize].as_ref().filter(|(sheet, _)| sheet.alpha == Alpha::Blend);
         sheet.map_or(0.0, |(sheet, _)| sheet.opacity(owner.triangle as usize, at, 0.0).clamp(0.0, 1.0))
     }
 }
 
-/// Coverage images of masks, indexed by texture and by the bits of the minimum opacity outside holes.
+/// Coverage images of masks. The keys are the texture and the bits of the minimum opacity outside holes.
 #[derive(Default)]
 struct FarMasks(HashMap<(usize, u32), Texture>);
 
@@ -160,7 +161,7 @@ fn diagonal(points: impl Iterator<Item = Vec3A>) -> f32 {
 }
 
 impl Sheet {
-    /// Returns the opacity of a mesh; `None` for a mesh without holes.
+    /// Returns the opacity of a mesh, or `None` for a mesh without holes.
     fn new(scene: &Scene, mesh: &Mesh, changes: bool, far: &mut FarMasks) -> Option<Self> {
         let material = &scene.materials[mesh.material];
         let needed = match material.alpha {
@@ -168,13 +169,13 @@ impl Sheet {
             Alpha::Mask { cutoff } => cutoff,
             Alpha::Blend => 1.0,
         };
-        // A texture without transparent texels needs no coordinates.
+        // Skip the coordinates of a texture without transparent texels.
         let has_coordinates = |slot: &TextureSlot| !mesh.uvs[slot.uv_set].is_empty();
         let textured = material.base_color_texture.filter(has_coordinates).and_then(|slot| {
             let texture = &scene.textures[slot.texture];
             (texture.least_opacity() < 1.0).then_some((slot, texture.clone()))
         });
-        // A mesh needs a sheet only if some point may be transparent.
+        // Create a sheet only if some point may be transparent.
         let by_vertex = mesh.colors.iter().map(|color| color.w).fold(1.0, f32::min);
         let least = material.opacity * by_vertex * textured.as_ref().map_or(1.0, |(_, t)| t.least_opacity());
         if least >= needed && !changes {
@@ -188,7 +189,7 @@ impl Sheet {
             triangles().map(|t| t.map(|vertex| mesh.uvs[slot.uv_set][vertex as usize])).collect()
         };
         let changing = changes.then(|| (mesh.material, textured.as_ref().map_or_else(Vec::new, of_file)));
-        // Opacity by vertex, and undeformed corners for the cells of blended surfaces.
+        // Store opacity by vertex, and undeformed corners for the cells of blended surfaces.
         let vertex_opacity = if by_vertex < 1.0 {
             triangles().map(|t| t.map(|vertex| mesh.colors[vertex as usize].w)).collect()
         } else {
@@ -199,7 +200,8 @@ impl Sheet {
         } else {
             Vec::new()
         };
-        // If vertices have their own opacities or the cutoff is animated, no image represents the coverage.
+        // Build no coverage image if opacity varies by vertex or the cutoff is animated: no image represents the
+        // coverage then.
         let far = match (&textured, material.alpha) {
             (Some((slot, _)), Alpha::Mask { cutoff })
                 if vertex_opacity.is_empty() && material.opacity > 0.0 && !changes =>
@@ -220,7 +222,7 @@ impl Sheet {
         })
     }
 
-    /// Returns the same mesh with another material.
+    /// Returns the sheet of the mesh with another material.
     fn with(&self, material: &Material) -> Self {
         let mut sheet = Self { alpha: material.alpha, opacity: material.opacity, far: None, ..self.clone() };
         if let (Some(slot), Some((_, of_file))) = (&material.base_color_texture, &self.changing)
@@ -231,15 +233,14 @@ impl Sheet {
         sheet
     }
 
-    /// Returns the width \[texels\] of an area that is a fraction `share` of the parallelogram of two sides of a
-    /// triangle.
+    /// Returns the width \[texels\] of the fraction `share` of the parallelogram spanned by two sides of a triangle.
     fn texels(&self, triangle: usize, share: f32) -> f32 {
         let (Some(texture), Some([a, b, c])) = (&self.texture, self.coordinates.get(triangle)) else { return 0.0 };
         let size = texture.size();
         (share * ((*b - *a) * size).perp_dot((*c - *a) * size).abs()).sqrt()
     }
 
-    /// Returns the opacity of the material at a point, over a width in the texture \[texels\].
+    /// Returns the opacity of the material at a point, filtered over a width of `texels`.
     fn opacity(&self, triangle: usize, [u, v]: [f32; 2], texels: f32) -> f32 {
         let w = 1.0 - u - v;
         let mut opacity = self.opacity;
@@ -252,8 +253,8 @@ impl Sheet {
         opacity
     }
 
-    /// Returns the coverage of a mask around a point. It is 0 or 1 within a texel, and the fraction of the area without
-    /// holes over two texels or more.
+    /// Returns the coverage of a mask around a point. Coverage is 0 or 1 for widths within a texel. For widths of two
+    /// texels or more, it is the fraction of the area outside holes.
     fn mask(&self, triangle: usize, at: [f32; 2], texels: f32, cutoff: f32) -> f32 {
         let sharp = || if self.opacity(triangle, at, 0.0) >= cutoff { 1.0 } else { 0.0 };
         let far = self.far.as_ref().filter(|_| texels > 1.0).zip(self.coordinates_at(triangle, at));
@@ -267,11 +268,11 @@ impl Sheet {
         self.coordinates.get(triangle).map(|[a, b, c]| *a * (1.0 - u - v) + *b * u + *c * v)
     }
 
-    /// Returns the threshold at a point, 0…1.
+    /// Returns the opacity threshold at a point, 0…1.
     fn threshold(&self, triangle: usize, [u, v]: [f32; 2], cells: f32) -> f32 {
         let [a, b, c] = self.places[triangle];
         let cell = ((a * (1.0 - u - v) + b * u + c * v) * cells + OFF_ROUND).floor();
-        // Each axis has 21 bits; the pattern repeats far outside of the scene.
+        // Use 21 bits per axis, so the pattern repeats only far outside the scene.
         let bits = |x: f32| (x as i64 as u64) & 0x1f_ffff;
         hash_unit(0, bits(cell.x) | bits(cell.y) << 21 | bits(cell.z) << 42, 0)
     }

@@ -1,8 +1,8 @@
-//! The bottom-level trees. Static geometry is one tree, and each moving mesh has its own; these are built once.
-//! Deforming instances are rebuilt each frame.
+//! Bottom-level trees. Static geometry has one tree and each moving mesh has its own. These trees are built once, but
+//! trees of deforming instances are rebuilt each frame.
 //!
 //! Surfaces with holes have separate trees, so that rays need not test other surfaces for holes. Instances of one mesh
-//! share its tree if they move, or if they are static and have many triangles together.
+//! share a tree if they move, or if they are static and have many triangles in total.
 
 use super::cut_outs::CutOuts;
 use super::group::Group;
@@ -17,11 +17,11 @@ use obvhs::{BvhBuildParams, triangle::Triangle};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Build settings of trees that are kept. On Sponza, splitting large triangles saves a quarter of the visited leaves
-/// and a tenth of the visited nodes.
+/// Build settings for trees that are built once. On Sponza, splitting large triangles reduces the number of visited
+/// leaves by a quarter and of visited nodes by a tenth.
 const QUALITY: BvhBuildParams = BvhBuildParams { pre_split: true, ..BvhBuildParams::medium_build() };
 
-/// The trees and holes of a scene that stay constant while it is rendered.
+/// Trees and holes of a scene that stay constant during rendering.
 pub struct Geometry {
     parts: Vec<Part>,
     /// Opacity of all instances with holes.
@@ -38,15 +38,17 @@ impl std::fmt::Debug for Geometry {
 
 /// Triangles with a common transform or deformation.
 enum Part {
-    /// Static geometry in the scaled world.
+    /// Static geometry, in the scaled world.
     Fixed(PlacedGroup),
-    /// The tree of a mesh in its local space, and the node that moves it; no node for a skin that keeps its shape.
+    /// Tree of a mesh in its local space, and the node that moves the mesh. The node is `None` for a skin that keeps
+    /// its shape.
     Carried { group: Arc<Group>, instance: usize, node: Option<usize> },
-    /// A tree built for each pose: the instance, and its parent node unless a skin positions it.
+    /// Instance with a tree that is rebuilt for each pose. `node` is the parent node, or `None` if a skin positions the
+    /// instance.
     Deforming { instance: usize, node: Option<usize> },
 }
 
-/// Triangles collected for a tree.
+/// Triangles that are collected for a tree.
 #[derive(Default)]
 struct Soup {
     triangles: Vec<Triangle>,
@@ -57,7 +59,8 @@ impl Soup {
     fn add(&mut self, instance: usize, to_tree: &Affine3A, corners: impl Iterator<Item = [Vec3; 3]>) {
         for (t, corners) in corners.enumerate() {
             let [v0, v1, v2] = corners.map(|corner| to_tree.transform_point3a(corner.into()));
-            // Triangles without area can never be hit and only degrade the tree. Infinite triangles cannot be in it.
+            // Skip triangles without area: no ray hits them, and they degrade the tree. Skip infinite triangles, which
+            // the tree cannot contain.
             let area = (v1 - v0).cross(v2 - v0).length_squared();
             if area > 0.0 && area.is_finite() {
                 self.triangles.push(Triangle { v0, v1, v2 });
@@ -66,9 +69,9 @@ impl Soup {
         }
     }
 
-    /// Builds the tree, or returns `None` without triangles. Drops triangles that duplicate an earlier one: they are
-    /// never hit, but every ray would test them. Duplicates stay with `cut_outs`, because the earlier triangle may have
-    /// a hole, and where their `sides` differ.
+    /// Builds the tree, or returns `None` if there are no triangles. Drops duplicates of earlier triangles, because
+    /// each ray would test them and never hit them. Keeps duplicates if `cut_outs` exist, because the earlier triangle
+    /// may have a hole, and duplicates with different `sides`.
     fn group(mut self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>, sides: &AllSides) -> Option<Arc<Group>> {
         if cut_outs.is_none() {
             let is_copy = copies(&self.triangles, |index| sides.code(self.owners[index].instance));
@@ -81,15 +84,15 @@ impl Soup {
     }
 }
 
-/// Returns, for each triangle, whether an earlier one has the same corners in the same order and the same code of its
-/// sides.
+/// Returns, for each triangle, whether it duplicates an earlier one: equal corners in the same order and equal codes of
+/// its sides.
 fn copies(triangles: &[Triangle], sides: impl Fn(usize) -> u32) -> Vec<bool> {
     let bits = |index: u32| {
         let Triangle { v0, v1, v2 } = &triangles[index as usize];
         let corners = [v0, v1, v2].map(|corner| corner.to_array().map(f32::to_bits));
         (corners, sides(index as usize))
     };
-    // A short key is compared first, so that few pairs are compared in full.
+    // Compare a short key first, so that few pairs are compared in full.
     let mut order: Vec<(u32, u32)> = Vec::with_capacity(triangles.len());
     for index in 0..triangles.len() as u32 {
         let key = bits(index).0.into_iter().flatten().fold(0u32, |key, bits| key.rotate_left(5).wrapping_add(bits));
@@ -114,18 +117,18 @@ fn corners<'a>(mesh: &'a Mesh, pose: &'a Pose, instance: usize) -> impl Iterator
 }
 
 impl Geometry {
-    /// Builds the trees of everything in `scene` that keeps its shape. Instances under a moving node get one tree each.
+    /// Builds the trees of all rigid geometry in `scene`. Each instance under a moving node has its own tree.
     pub fn new(scene: &Scene) -> Self {
         let pose = scene.pose(0.0);
         let (moving, deforming) = (scene.moving_instances(), scene.deforming_instances());
-        // Lengths are scaled by a power of two, so that the scene spans 64…128 units.
+        // Scale lengths by a power of two, so that the scene spans 64…128 units.
         let extent = scene.bounds(&pose).map_or(1.0, |(min, max)| (max - min).max_element());
         let extent = if extent > 0.0 && extent.is_finite() { extent } else { 64.0 };
         let scale = (64.0 / extent).log2().ceil().exp2();
         let cut_outs = CutOuts::new(scene, &pose, extent).map(Arc::new);
         let holes_of = |instance| cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(instance));
         let (sharing, sides) = (Sharing::of(scene, &pose), AllSides::new(scene, &pose));
-        // The tree of each mesh in its local space; `None` for a mesh without triangles.
+        // Cache the tree of each mesh in its local space, or `None` for a mesh without triangles.
         let mut of_mesh: HashMap<usize, Option<Arc<Group>>> = HashMap::new();
         let mut own_tree = |index: usize, mesh: usize| {
             let build = || {
@@ -133,11 +136,11 @@ impl Geometry {
                 own.add(index, &Affine3A::IDENTITY, corners(&scene.meshes[mesh], &pose, index));
                 own.group(QUALITY, holes_of(index), &sides)
             };
-            // A skin or morph weights deform each instance differently.
+            // Build a tree per deformed instance, because a skin or morph weights deform each instance differently.
             if pose.deformed(index).is_some() { build() } else { of_mesh.entry(mesh).or_insert_with(build).clone() }
         };
 
-        // Static triangles go into three common trees: without holes, masks, and blended surfaces.
+        // Collect static triangles in three common trees: opaque surfaces, masks and blended surfaces.
         let [mut whole, mut masked, mut blended] = [(); 3].map(|()| Soup::default());
         let mut parts = Vec::new();
         for (index, &Instance { mesh, .. }) in scene.instances.iter().enumerate() {
@@ -166,8 +169,8 @@ impl Geometry {
         Self { parts, cut_outs, sides: Arc::new(sides), scale }
     }
 
-    /// Returns the number of triangles in the trees of `scene` at the first frame. A mesh shared by several instances
-    /// counts once. Builds no tree.
+    /// Returns the number of triangles in the trees of `scene` at the first frame, without building them. A mesh shared
+    /// by several instances counts once.
     #[must_use]
     pub fn triangles_to_hold(scene: &Scene) -> usize {
         let pose = scene.pose(0.0);
@@ -191,11 +194,11 @@ impl Geometry {
         Accelerator::new(still.collect(), self.sides.clone(), self.scale)
     }
 
-    /// Places the trees for `pose`, builds the trees of deforming instances, and builds the top-level tree over all.
+    /// Places the trees for `pose`, builds the trees of deforming instances and builds the top-level tree.
     #[must_use]
     pub fn place(&self, pose: &Pose) -> Accelerator {
         let scaling = Affine3A::from_scale(Vec3::splat(self.scale));
-        // Animated materials have holes that depend on the pose.
+        // Update the holes of animated materials, which depend on the pose.
         let changed = self.cut_outs.as_ref().and_then(|cut_outs| cut_outs.at(pose.animated_materials()).map(Arc::new));
         let cut_outs = changed.clone().or(self.cut_outs.clone());
         let with_holes = |group: &Arc<Group>, instance: usize| match &changed {
@@ -221,7 +224,7 @@ impl Geometry {
         Accelerator::new(groups, self.sides.clone(), self.scale)
     }
 
-    /// Returns the number of triangles in all trees that are built once.
+    /// Returns the total number of triangles in the trees that are built once.
     #[cfg(test)]
     pub(super) fn triangles_held(&self) -> usize {
         let mut groups = HashMap::new();

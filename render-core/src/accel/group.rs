@@ -1,4 +1,4 @@
-//! A tree of triangles with a common transform, and its intersection with rays.
+//! Tree of triangles with a common transform, and the intersection of rays with these triangles.
 
 use super::cut_outs::{CutOuts, Sheets};
 use super::ray::Ray;
@@ -9,20 +9,20 @@ use lanes::{LANES, Lanes};
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
 use std::{sync::Arc, time::Duration};
 
-/// Costs of leaves in units of a node visit. For a single ray, eight triangles cost no more than two, but the rays of a
-/// packet test them one by one. On Sponza, values of 0.3…1.5 per leaf and 0…0.12 per triangle change the number of
-/// visited nodes and leaves by at most 3 %.
+/// Costs of leaves, in units of a node visit. A single ray tests eight triangles as fast as two, but a packet tests
+/// them one by one. On Sponza, values of 0.3…1.5 per leaf and 0…0.12 per triangle change the number of visited nodes
+/// and leaves by at most 3 %.
 const COSTS: Costs = Costs { leaf: 0.6, primitive: 0.12, most: LANES };
 
 /// Maximum mean number of pieces per triangle. Large triangles are split, so a triangle may be in several leaves.
 const MOST_PARTS: usize = 2;
 
-/// A bottom-level tree and the owners of its triangles.
+/// Bottom-level tree, with the owners of its triangles.
 pub(super) struct Group {
-    /// Tree with leaves that are indices into `blocks`, see [`Group::leaf`].
+    /// Tree with leaf contents that are indices into `blocks`, see [`Group::leaf`].
     pub(super) tree: Tree,
     pub(super) blocks: Vec<TriangleBlock>,
-    /// The owner of each triangle in the scene. The instance is ignored where a mesh is shared, see [`Group::owner`].
+    /// Owner of each triangle in the scene. The instance is ignored if the mesh is shared, see [`Group::owner`].
     pub(super) owners: Vec<Owner>,
     pub(super) bounds: Aabb,
     /// Opacity of the triangles; `None` if all of them are opaque.
@@ -31,10 +31,10 @@ pub(super) struct Group {
     pub(super) is_blended: bool,
 }
 
-/// A triangle hit by a ray.
+/// Triangle hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Met {
-    /// Distance in lengths of the direction.
+    /// Distance, in lengths of the ray's direction.
     pub(super) t: f32,
     /// Index into [`Group::owners`].
     pub(super) triangle: u32,
@@ -44,7 +44,7 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// No hit.
+    /// Value that represents no hit.
     pub(super) const NOTHING: Self = Self { t: f32::MAX, triangle: NO_TRIANGLE, u: 0.0, v: 0.0 };
 
     pub(super) fn is_something(&self) -> bool {
@@ -52,16 +52,16 @@ impl Met {
     }
 }
 
-/// The largest index, also if read as a signed number.
+/// Index that represents no triangle: the maximum index, also if read as a signed number.
 pub(super) const NO_TRIANGLE: u32 = u32::MAX >> 1;
-/// Less than every index if read as a signed number.
+/// Index that is less than every other index if read as a signed number.
 pub(super) const BEFORE_ALL: u32 = u32::MAX;
 
-/// The nearest hit of a traversal so far.
+/// Nearest hit of a traversal so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
     pub(super) met: Met,
-    /// Whether another triangle was hit within `reach` of it.
+    /// Whether the ray hits another triangle within `reach` of the nearest hit.
     pub(super) contested: bool,
     pub(super) reach: Reach,
 }
@@ -73,7 +73,7 @@ impl Nearest {
         Self { met: Met::NOTHING, contested: false, reach }
     }
 
-    /// Updates the nearest hit with another hit within its reach.
+    /// Updates the nearest hit with another hit within reach.
     #[inline(always)]
     fn take(&mut self, met: Met) {
         let best = self.met;
@@ -91,7 +91,8 @@ impl Nearest {
 }
 
 impl Group {
-    /// Builds the tree. `owners` are the owners of the `triangles` in the scene; all coordinates must be finite.
+    /// Builds the tree. `owners` contains the owner of each of the `triangles` in the scene. All coordinates must be
+    /// finite.
     pub(super) fn new(
         triangles: &[Triangle],
         owners: Vec<Owner>,
@@ -100,7 +101,7 @@ impl Group {
     ) -> Self {
         let params = BvhBuildParams { max_prims_per_leaf: 1, ..params };
         let build = |params| build_bvh2_from_tris(triangles, params, &mut Duration::default());
-        // Triangles are not split if that would multiply them too much.
+        // Rebuild without splitting if splitting multiplies the triangles too much.
         let mut binary = build(params);
         if params.pre_split && binary.primitive_indices.len() > MOST_PARTS * triangles.len() {
             binary = build(BvhBuildParams { pre_split: false, ..params });
@@ -108,7 +109,7 @@ impl Group {
         let mut blocks = Vec::new();
         let tree = Tree::new(&binary, &COSTS, |members| {
             let first = blocks.len();
-            // Pieces of a split triangle may be in one leaf.
+            // Remove duplicates: a leaf may contain several pieces of a split triangle.
             let mut members = members.to_vec();
             members.sort_unstable();
             members.dedup();
@@ -128,20 +129,21 @@ impl Group {
         Self { tree, blocks, owners, bounds, cut_outs, is_blended }
     }
 
-    /// Returns the same triangles with other holes.
+    /// Returns the group with different holes.
     pub(super) fn with_cut_outs(&self, cut_outs: Arc<CutOuts>) -> Self {
         let Self { tree, blocks, owners, bounds, is_blended, .. } = self;
         let (tree, blocks, owners) = (tree.clone(), blocks.clone(), owners.clone());
         Self { tree, blocks, owners, bounds: *bounds, cut_outs: Some(cut_outs), is_blended: *is_blended }
     }
 
-    /// Returns the triangles of a leaf of the tree.
+    /// Returns the triangles of a leaf with this content.
     #[inline(always)]
     pub(super) fn leaf(&self, content: u32) -> Leaf<'_> {
         Leaf::new(&self.blocks[content as usize / LANES..], content as usize % LANES + 1)
     }
 
-    /// Returns the owner of a triangle in the scene. `shown` replaces its instance if the group shows one instance.
+    /// Returns the owner of a triangle in the scene. `shown` replaces the instance of the owner if the group represents
+    /// one instance.
     #[inline(always)]
     pub(super) fn owner(&self, triangle: u32, shown: Option<u32>) -> Owner {
         let owner = self.owners[triangle as usize];
@@ -149,7 +151,7 @@ impl Group {
     }
 
     /// Returns the first triangle before `best` that stops the ray ([`Group::is_there`]). `shown` contains the instance
-    /// shown by the group, if any, and the rule for sheets.
+    /// of the group, if it represents one, and the rule for sheets.
     #[inline(always)]
     pub(super) fn closest<L: Lanes>(
         &self,
@@ -166,14 +168,14 @@ impl Group {
         }
     }
 
-    /// Returns whether a triangle stops a ray at a point, under the rule `sheets`. `at` contains the barycentric
-    /// weights of the second and third corner.
+    /// Returns whether a triangle stops a ray at a point under the rule `sheets`. `at` contains the barycentric weights
+    /// of the second and third corner.
     #[inline(always)]
     pub(super) fn is_there(&self, triangle: u32, at: [f32; 2], shown: Option<u32>, sheets: Sheets) -> bool {
         self.cut_outs.as_ref().is_none_or(|cut_outs| cut_outs.stops(self.owner(triangle, shown), at, sheets))
     }
 
-    /// Returns whether a triangle stops the ray ([`Group::is_there`]) before `limit`.
+    /// Returns whether any triangle stops the ray ([`Group::is_there`]) before `limit`.
     #[inline(always)]
     pub(super) fn blocks<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, shown: (Option<u32>, Sheets)) -> bool {
         match &self.cut_outs {
@@ -184,7 +186,7 @@ impl Group {
         }
     }
 
-    /// Returns the first triangle before `best` for which `accept` (leaf, lane, u, v) is true.
+    /// Returns the first triangle before `best` for which `accept(leaf, lane, u, v)` is true.
     #[inline(always)]
     pub(super) fn closest_where<L: Lanes>(
         &self,
@@ -198,7 +200,8 @@ impl Group {
         visitor.best
     }
 
-    /// Calls `each` (leaf, lane, hit) for all triangles hit within `limit`. Each call returns the new limit.
+    /// Calls `each(leaf, lane, hit)` for all triangles hit within `limit`. The return value of each call is the new
+    /// limit.
     #[inline(always)]
     pub(super) fn each_within<L: Lanes>(
         &self,
@@ -210,7 +213,7 @@ impl Group {
         self.tree.walk(lanes, ray, limit, &mut EachOf { group: self, ray, each });
     }
 
-    /// Returns whether a triangle for which `accept` (index, u, v) is true is hit before `limit`.
+    /// Returns whether the ray hits a triangle before `limit` for which `accept(index, u, v)` is true.
     #[inline(always)]
     fn blocks_where<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, accept: impl Fn(u32, f32, f32) -> bool) -> bool {
         let mut visitor = AnyOf { group: self, ray, accept, found: false };

@@ -1,14 +1,14 @@
-//! Ray queries: two levels of bounding volumes over the triangles of the scene.
+//! Ray queries by a bounding volume hierarchy of two levels over the triangles of the scene.
 //!
-//! Static geometry is one tree in world space, built once. Each moving mesh, and each static mesh with many instances,
-//! has a tree in its local space, also built once. Trees of deforming meshes are rebuilt each frame. Surfaces with
-//! holes have trees of their own. A small top-level tree over all of these is rebuilt each frame.
+//! Static geometry has one tree in world space. Each moving mesh, and each static mesh with many instances, has a tree
+//! in its local space. All these trees are built once. Trees of deforming meshes are rebuilt each frame. Surfaces with
+//! holes have separate trees. A small top-level tree over all other trees is rebuilt each frame.
 //!
-//! `obvhs` builds binary trees. [`tree`] widens them to eight boxes a node and traverses them with single rays or with
-//! a [`packet`] of up to 64.
+//! The crate `obvhs` builds binary trees. The module [`tree`] widens them to eight boxes per node. It traverses them
+//! with single rays or with a [`packet`] of at most 64 rays.
 //!
 //! Internally, lengths are scaled by a power of two, so that the scene spans 64…128 units. Products of four lengths
-//! then neither overflow nor underflow, in any unit of the scene.
+//! then neither overflow nor underflow, regardless of the scene's unit.
 
 mod cut_outs;
 mod found;
@@ -43,7 +43,7 @@ use ties::AllSides;
 use tree::{Costs, Tree};
 use triangles::Owner;
 
-/// Intersection of a ray with a surface.
+/// Intersection of a ray with a surface triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance along the ray \[m\].
@@ -58,18 +58,17 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// Acceleration structure of the scene at one time, ready for ray queries.
+/// Acceleration structure for ray queries in the scene at one time.
 ///
-/// A ray has the same hit to the last bit in all cases: traced alone or in a packet, with or without vector
-/// instructions.
+/// A ray has bit-identical hits whether it is traced alone or in a packet, with or without vector instructions.
 pub struct Accelerator {
     groups: Vec<PlacedGroup>,
-    /// Top-level tree; its leaves are indices into `groups`.
+    /// Top-level tree with leaf contents that are indices into `groups`.
     top: Tree,
     sides: Arc<AllSides>,
-    /// Rule by which sheets stop rays.
+    /// Rule that determines whether sheets stop rays.
     sheets: Sheets,
-    /// The scene with and without its sheets; `None` if it has no sheets.
+    /// Accelerators of subsets of the scene with and without sheets. `None` if the scene has no sheets.
     views: Option<Arc<Views>>,
     scale: f32,
     lanes: lanes::Choice,
@@ -81,13 +80,13 @@ impl std::fmt::Debug for Accelerator {
     }
 }
 
-/// Slack of the boxes of groups, as a fraction of the largest coordinate.
+/// Slack of the bounding boxes of groups, as a fraction of the largest coordinate.
 const GROUP_SLACK: f32 = 1e-5;
 
 #[derive(Clone)]
 struct PlacedGroup {
     group: Arc<Group>,
-    /// The instance shown by this group; `None` if each triangle of the group has its own instance.
+    /// Instance represented by this group, or `None` if each triangle has its own instance.
     instance: Option<u32>,
     /// Transforms between local space and the scaled world; `None` for the identity.
     to_world: Option<Affine3A>,
@@ -96,12 +95,12 @@ struct PlacedGroup {
 }
 
 impl PlacedGroup {
-    /// Returns a group with triangles in the scaled world.
+    /// Creates a group with triangles in the scaled world.
     fn in_world(group: Arc<Group>) -> Self {
         Self { bounds: group.bounds, instance: None, to_world: None, to_local: None, group }
     }
 
-    /// Returns a group in the local space of a mesh, shown as `instance`. Returns `None` for a transform that flattens
+    /// Creates a group in the local space of a mesh, placed as `instance`. Returns `None` for a transform that flattens
     /// the mesh or is not finite.
     fn carried(group: Arc<Group>, instance: usize, to_world: Affine3A) -> Option<Self> {
         if to_world.matrix3.determinant() == 0.0 || !to_world.is_finite() {
@@ -115,8 +114,8 @@ impl PlacedGroup {
         Some(Self { group, instance, to_world: Some(to_world), to_local, bounds })
     }
 
-    /// Transforms a ray to the group's local space. The direction is not normalized again, so that its lengths have the
-    /// same meaning in both spaces.
+    /// Transforms a ray to the group's local space. The direction is not normalized again, so distances along the ray
+    /// are equal in both spaces.
     #[inline(always)]
     fn local(&self, origin: Vec3A, direction: Vec3A) -> (Vec3A, Vec3A) {
         match &self.to_local {
@@ -134,7 +133,8 @@ impl Accelerator {
     }
 
     fn of_part(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, sheets: Sheets, scale: f32) -> Self {
-        // In world space, rounding can put a box entry slightly beyond a triangle hit computed in local space.
+        // Add slack: a box entry is computed in world space and a triangle hit in local space, so rounding can swap
+        // their order.
         let boxes: Vec<Aabb> = groups
             .iter()
             .map(|PlacedGroup { bounds: Aabb { min, max }, .. }| {
@@ -151,10 +151,10 @@ impl Accelerator {
         Self { groups, top, sides, sheets, views: None, scale, lanes: lanes::Choice::best() }
     }
 
-    /// Returns the first surface along the ray from `origin` in the unit `direction`.
+    /// Returns the first surface along the ray from `origin` in the unit direction `direction`.
     ///
-    /// Among surfaces at distances that differ only by rounding, fronts win, then emissive surfaces, then the first in
-    /// the file.
+    /// Among surfaces at distances that differ only by rounding, fronts win, then emissive surfaces, then the first
+    /// surface in the file.
     #[must_use]
     pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let origin = origin * self.scale;
@@ -170,21 +170,22 @@ impl Accelerator {
         self.hit(self.settled::<true>(origin, direction, found))
     }
 
-    /// Resolves a contested hit: selects one of the hits as near as `found`. `origin` is in the scaled world.
+    /// Resolves a contested hit: selects one of the hits at about the distance of `found`. `origin` is in the scaled
+    /// world.
     #[inline]
     fn settled<const SHOWN: bool>(&self, origin: Vec3A, direction: Vec3A, found: Found) -> Found {
         if found.contested { self.settle::<SHOWN>(origin, direction, found) } else { found }
     }
 
-    /// Resolves one contested hit. Few hits are contested, so this code is kept out of the common path.
+    /// Resolves one contested hit. This function is separate because few hits are contested.
     #[cold]
     #[inline(never)]
     fn settle<const SHOWN: bool>(&self, origin: Vec3A, direction: Vec3A, nearest: Found) -> Found {
         self.lanes.run(Settle::<SHOWN> { scene: self, origin, direction, nearest })
     }
 
-    /// Stores the result of [`Accelerator::closest`] for each of the unit `directions` in the same slot of `hits`.
-    /// Traces [`PACKET`] rays at a time, which is much faster where neighbors in the list have similar directions.
+    /// Stores the result of [`Accelerator::closest`] for each of the unit `directions` at the same index in `hits`.
+    /// Traces [`PACKET`] rays at a time, which is much faster if adjacent directions are similar.
     pub fn closest_packet(&self, origin: Vec3A, directions: &[Vec3A], hits: &mut [Option<Hit>]) {
         assert_eq!(directions.len(), hits.len(), "a place for the hit of each direction");
         for (directions, hits) in directions.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
@@ -210,8 +211,9 @@ impl Accelerator {
         self.lanes.run(Blocked { scene: self, origin: from * self.scale, direction, limit: 1.0 })
     }
 
-    /// Tests the segments from one point to at most [`PACKET`] others as [`Accelerator::occluded`] does. Bit i of the
-    /// result is set if `to[i]` is hidden. Segments with bit 0 in `active` are not traced and count as visible.
+    /// Tests the segments from one point to at most [`PACKET`] others, with the result of [`Accelerator::occluded`] for
+    /// each. Bit i of the returned mask is set if `to[i]` is hidden. Segments with a bit of 0 in `active` are not
+    /// traced and count as visible.
     ///
     /// All segments must have one end in common: either a light or a lit point.
     #[must_use]
@@ -229,14 +231,14 @@ impl Accelerator {
         self.lanes.run(Together::<false> { scene: self, origin, rays: &rays[..count], found: &mut [] })
     }
 
-    /// Returns whether a surface lies in the unit `direction` from `from`, at any distance.
+    /// Returns whether a surface lies at any distance from `from` in the unit direction `direction`.
     #[inline]
     #[must_use]
     pub fn occluded_towards(&self, from: Vec3A, direction: Vec3A) -> bool {
         self.lanes.run(Blocked { scene: self, origin: from * self.scale, direction, limit: f32::MAX })
     }
 
-    /// Returns the same scene without vector instructions: the reference for tests and measurements.
+    /// Returns an accelerator of the scene without vector instructions, as a reference for tests and measurements.
     #[must_use]
     pub fn without_vector_instructions(mut self) -> Self {
         self.lanes = lanes::Choice::SCALAR;
@@ -252,7 +254,8 @@ impl Accelerator {
         })
     }
 
-    /// Tests every triangle in double precision: the reference for tests of [`Accelerator::closest`].
+    /// Returns the closest hit by testing every triangle in double precision, as a reference for tests of
+    /// [`Accelerator::closest`].
     pub fn closest_by_exhaustion(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let mut best: Option<(f64, Hit)> = None;
         for placed in &self.groups {
@@ -281,7 +284,8 @@ impl Accelerator {
     }
 }
 
-/// Returns the distance and the barycentric weights of the second and third corner (Möller & Trumbore 1997).
+/// Returns the distance and the barycentric weights of the second and third corner, by the test of Möller & Trumbore
+/// (1997).
 fn meet_exactly(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, f64, f64)> {
     let (e1, e2, to) = (b - a, c - a, origin - a);
     let (p, q) = (direction.cross(e2), to.cross(e1));

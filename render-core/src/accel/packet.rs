@@ -1,9 +1,9 @@
-//! Traversal of a tree by up to 64 rays with a common origin.
+//! Traversal of a tree by a packet of up to 64 rays with a common origin.
 //!
-//! Eight rays form a row, one register wide. First, interval arithmetic on the inverse directions tests the eight boxes
-//! of a node against the whole packet (Boulos, Wald & Shirley 2006). When the traversal reaches one of these boxes,
-//! rows are tested, starting with the first row inside the parent box (Wald, Boulos & Shirley 2007). Triangles are
-//! tested against all rows that enter their leaf.
+//! Eight rays form a row in one register. Interval arithmetic on the inverse directions first tests the eight boxes of
+//! a node against the whole packet (Boulos, Wald & Shirley 2006). When the traversal reaches a box, the packet tests
+//! its rows, starting with the first row inside the parent box (Wald, Boulos & Shirley 2007). Triangles are tested
+//! against all rows that enter their leaf.
 
 use super::group::{Group, Met, NO_TRIANGLE, Nearest};
 use super::ray::{LEAST_COMPONENT, LENGTHENING, Octant};
@@ -18,7 +18,7 @@ pub const PACKET: usize = 64;
 
 pub(super) const ROWS: usize = PACKET / LANES;
 
-/// A ray of a packet.
+/// Single ray of a packet.
 #[derive(Clone, Copy)]
 pub(super) struct PacketRay {
     /// Index of the ray in the caller's list.
@@ -33,7 +33,7 @@ pub(super) struct PacketRay {
 impl PacketRay {
     pub(super) const NONE: Self = Self { index: 0, direction: Vec3A::ZERO, limit: -1.0, triangle: 0 };
 
-    /// Returns the hit that a single ray must beat to give the same result.
+    /// Returns the hit that a single ray must beat for an identical result.
     #[inline(always)]
     pub(super) fn to_beat(self, reach: Reach) -> Nearest {
         let met = Met { t: self.limit, triangle: self.triangle, ..Met::NOTHING };
@@ -41,7 +41,7 @@ impl PacketRay {
     }
 }
 
-/// Eight rays side by side.
+/// Row of eight rays.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 struct PacketRow {
@@ -49,11 +49,11 @@ struct PacketRow {
     inverse_near: [[f32; LANES]; 3],
     inverse_far: [[f32; LANES]; 3],
     shear: [[f32; LANES]; 2],
-    /// Maximum distance of each ray: [`Reach`] of t. Negative for rays that need no further tracing.
+    /// Maximum distance of each ray: [`Reach`] of t. Negative for rays that are finished.
     reach: [f32; LANES],
-    /// Nearest hit of each ray so far, as in [`Met`].
+    /// Distance of each ray's nearest hit so far, as in [`Met`].
     t: [f32; LANES],
-    /// Index of the triangle, stored as bits.
+    /// Index of each ray's nearest triangle, stored as bits.
     triangle: [f32; LANES],
     u: [f32; LANES],
     v: [f32; LANES],
@@ -67,23 +67,23 @@ pub(super) struct Packet {
     axes: [usize; 3],
     near_plane: [usize; 3],
     rows: [PacketRow; ROWS],
-    /// Number of rows with rays.
+    /// Number of rows that contain rays.
     used: usize,
-    /// Minimum and maximum of 1 / component, plain and lengthened.
+    /// Minimum and maximum of 1 / component over all rays, for each axis. `far_range` contains the lengthened values.
     near_range: [[f32; 3]; 2],
     far_range: [[f32; 3]; 2],
-    /// Reach of the longest ray.
+    /// Maximum reach of any ray.
     farthest: f32,
     reach: Reach,
 }
 
-/// A visitor of the leaves of a [`Packet::walk`].
+/// Visitor of the leaves in [`Packet::walk`].
 pub(super) trait VisitTogether {
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered);
 }
 
-/// Finds the first triangles of a group that the rays hit. If `CLOSEST` is false, rays that hit any triangle get a
-/// negative limit.
+/// Visitor that finds the first triangle of a group along each ray. If `CLOSEST` is false, the limit of each ray that
+/// hits a triangle becomes negative.
 pub(super) struct Triangles<'a, const CLOSEST: bool>(pub(super) &'a Group);
 
 impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
@@ -95,14 +95,15 @@ impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
     }
 }
 
-/// The rays that enter a leaf's box: the distance to the box, ∞ for rays that miss it, and the mask of rows with hits.
+/// Rays that enter the box of a leaf: the distances to the box (∞ for rays that miss it) and the mask of rows with
+/// hits.
 pub(super) struct Entered {
     near: [[f32; LANES]; ROWS],
     rows: u32,
 }
 
 impl Entered {
-    /// Returns the mask of the rays that enter.
+    /// Returns the mask of the rays that enter the box.
     pub(super) fn rays(&self) -> u64 {
         (0..ROWS).filter(|row| self.rows >> row & 1 == 1).fold(0, |bits, row| {
             (0..LANES)
@@ -137,10 +138,10 @@ impl Packet {
             farthest: reach.of(rays.iter().fold(-1.0, |farthest: f32, ray| farthest.max(ray.limit))),
             reach,
         };
-        // Rows without rays never enter a box: their limits stay negative.
+        // Initialize all limits as negative, so rows without rays never enter a box.
         let mut range = [[lanes.splat(f32::INFINITY), lanes.splat(f32::NEG_INFINITY)]; 3];
         for (row, rays) in packet.rows.iter_mut().zip(rays.chunks(LANES)) {
-            // Unused lanes repeat the direction of the row's first ray.
+            // Fill unused lanes with the direction of the row's first ray.
             let mut components = rays[0].direction.to_array().map(|x| [x; LANES]);
             for (lane, ray) in rays.iter().enumerate() {
                 for (column, x) in components.iter_mut().zip(ray.direction.to_array()) {
@@ -169,7 +170,7 @@ impl Packet {
             let low = lanes.store(low).into_iter().fold(f32::INFINITY, f32::min);
             let high = lanes.store(high).into_iter().fold(f32::NEG_INFINITY, f32::max);
             (packet.near_range[0][axis], packet.near_range[1][axis]) = (low, high);
-            // Rounding is monotonic, so no lengthened inverse lies outside this range.
+            // Lengthen the ends of the range. Rounding is monotonic, so no lengthened inverse lies outside it.
             (packet.far_range[0][axis], packet.far_range[1][axis]) = (low * LENGTHENING, high * LENGTHENING);
         }
         packet
@@ -204,18 +205,18 @@ impl Packet {
         self.rows[index / LANES].reach[index % LANES] < 0.0
     }
 
-    /// Visits the leaves with boxes that the rays enter.
+    /// Visits each leaf with a box that any ray enters.
     #[inline(always)]
     pub(super) fn walk<L: Lanes>(&mut self, lanes: L, tree: &Tree, visitor: &mut impl VisitTogether) {
         let origin = lanes.splat3(self.origin);
         let (near_low, near_high) = (lanes.splat3(self.near_range[0]), lanes.splat3(self.near_range[1]));
         let (far_low, far_high) = (lanes.splat3(self.far_range[0]), lanes.splat3(self.far_range[1]));
         let mut entered = Entered { near: [[f32::INFINITY; LANES]; ROWS], rows: 0 };
-        // Distance to the box, its node and lane, and the rows that may enter it.
+        // Each entry contains the distance to the box, its node and lane, and the rows that may enter it.
         let mut stack = Stack::<(u32, u32, u32)>::new();
         let (mut at, mut rows) = (0, (1u32 << self.used) - 1);
         loop {
-            // No ray of the packet enters earlier than `near`, and none leaves later than `far`.
+            // Bound the packet: no ray enters earlier than `near`, and none leaves later than `far`.
             let (near, far) = tree.nodes[at].slabs(lanes, self.near_plane);
             let (near, far) = (lanes.sub3(near, origin), lanes.sub3(far, origin));
             let near = lanes.min3(lanes.mul3(near, near_low), lanes.mul3(near, near_high));
@@ -234,7 +235,7 @@ impl Packet {
                 if f32::from_bits(near) > self.farthest {
                     continue;
                 }
-                // Rows are only tested against boxes that the packet may enter.
+                // Test rows only against boxes that the packet may enter.
                 let (node, lane) = (&tree.nodes[place as usize / LANES], place as usize % LANES);
                 let [x, y, z] = self.near_plane;
                 let [from_x, from_y, from_z] = self.origin;
@@ -283,7 +284,8 @@ impl Packet {
         }
     }
 
-    /// Tests the triangles of a leaf against the rays that entered it. Returns whether any ray's limit changed.
+    /// Tests the triangles of a leaf against the rays that entered its box. Returns whether the limit of any ray
+    /// changed.
     #[inline(always)]
     pub(super) fn meet_block<L: Lanes, const CLOSEST: bool>(
         &mut self,
@@ -297,7 +299,7 @@ impl Packet {
         let mut changed = false;
         for k in 0..leaf.count {
             let (block, k) = leaf.place(k);
-            // Corners are relative to the common origin, in the order of the axes.
+            // Make corners relative to the common origin, in the order of the axes.
             let [x, y, z] = self.axes;
             let [a, b, c] = &block.corners;
             let from = [self.origin[x], self.origin[y], self.origin[z]];
@@ -334,8 +336,8 @@ impl Packet {
 }
 
 impl PacketRow {
-    /// Returns the mask of rays that enter a box before their limits, and their distances to it. The arithmetic is the
-    /// same as in [`Tree::walk`].
+    /// Returns the mask of rays that enter a box before their limits, and their distances to the box. The arithmetic is
+    /// identical to [`Tree::walk`].
     #[inline(always)]
     fn enters<L: Lanes>(&self, lanes: L, to_near: [L::F; 3], to_far: [L::F; 3]) -> (L::Mask, L::F) {
         let [near_x, near_y, near_z] = &self.inverse_near;
@@ -345,8 +347,8 @@ impl PacketRow {
         (lanes.le(entry, exit), entry)
     }
 
-    /// Updates the nearest hits of eight rays, as [`Nearest::take`] does for one. `met.inside` is the mask of rays that
-    /// hit `triangle` within their reach. Returns whether it is now the nearest hit of any ray.
+    /// Updates the nearest hits of eight rays, by the rule of [`Nearest::take`]. `met.inside` is the mask of rays that
+    /// hit `triangle` within their reach. Returns whether the triangle is now the nearest hit of any ray.
     #[inline(always)]
     fn take<L: Lanes>(&mut self, lanes: L, met: Meeting<L>, triangle: L::F, reach: Reach) -> bool {
         let Meeting { t, u, v, inside: met } = met;
@@ -356,7 +358,7 @@ impl PacketRow {
         let new_reach = reach.of_eight(lanes, t);
         let (nearer_bits, mut close) = (lanes.bits(nearer), lanes.bits(lanes.and(met, lanes.le(limit, new_reach))));
 
-        // Pieces of a split triangle do not contest each other.
+        // Exclude pieces of one split triangle, which do not contest each other.
         let (mut left, mut same) = (close, 0);
         while left != 0 {
             let lane = left.trailing_zeros() as usize & (LANES - 1);

@@ -12,7 +12,7 @@ use glam::Vec3A;
 use lanes::{Kernel, Lanes};
 
 impl Accelerator {
-    /// Returns the only group, if the scene has just one, in world space and without holes.
+    /// Returns the only group if the scene has exactly one, in world space and without holes.
     #[inline(always)]
     fn sole_group(&self) -> Option<&Group> {
         match &self.groups[..] {
@@ -22,9 +22,9 @@ impl Accelerator {
     }
 }
 
-/// Finds the first surface along a ray in a unit direction, from `origin` in the scaled world.
+/// Query for the first surface along a ray in a unit direction, from `origin` in the scaled world.
 ///
-/// `SHOWN`: passes through the backs of single-sided surfaces.
+/// If `SHOWN` is true, the ray passes through the backs of single-sided surfaces.
 pub(super) struct Closest<'a, const SHOWN: bool> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -80,9 +80,9 @@ impl<const SHOWN: bool> Visit for ClosestGroup<'_, SHOWN> {
     }
 }
 
-/// Selects one of all hits within reach of the `nearest` by the rule of [`choose`].
+/// Query that selects one of all hits within reach of the `nearest`, by the rule of [`choose`].
 ///
-/// `SHOWN`: passes through the backs of single-sided surfaces.
+/// If `SHOWN` is true, the ray passes through the backs of single-sided surfaces.
 pub(super) struct Settle<'a, const SHOWN: bool> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -130,7 +130,7 @@ impl Visit for Rivals<'_> {
     }
 }
 
-/// Tests whether a surface lies between `origin`, in the scaled world, and `limit` lengths of `direction`.
+/// Query for any surface between `origin`, in the scaled world, and `limit` lengths of `direction`.
 pub(super) struct Blocked<'a> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -172,13 +172,14 @@ impl Visit for AnyGroup<'_> {
     }
 }
 
-/// Minimum number of shadow rays for a packet: setting up a packet takes as long as several single traversals.
+/// Minimum number of shadow rays in a packet: setting up a packet takes as long as several single traversals.
 const WORTH_A_PACKET: usize = 8;
 
-/// Traces at most [`PACKET`] rays from one `origin` in the scaled world.
+/// Query with at most [`PACKET`] rays from one `origin` in the scaled world.
 ///
-/// `CLOSEST`: sets `found` (indexed by [`PacketRay::index`]) to the first surface along each ray. Otherwise `found` is
-/// not used, and the output is the mask (by [`PacketRay::index`]) of the rays that hit a surface within their limits.
+/// If `CLOSEST` is true, sets `found` (indexed by [`PacketRay::index`]) to the first surface along each ray. Otherwise
+/// `found` is unused, and the result is the mask (by [`PacketRay::index`]) of the rays that hit a surface within their
+/// limits.
 pub(super) struct Together<'a, const CLOSEST: bool> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -194,7 +195,7 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
         let Self { scene, origin, rays, found } = self;
         let mut blocked = 0;
         let reach = if CLOSEST { Reach::from(origin) } else { Reach::NONE };
-        // A packet needs rays of one octant; few shadow rays are faster as single rays.
+        // Split the rays by octant, as packets require. Trace few shadow rays singly, which is faster.
         let mut octants = Octants::of(rays);
         while let Some((octant, rays)) = octants.next() {
             if !CLOSEST && rays.len() < WORTH_A_PACKET {
@@ -226,11 +227,11 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
     }
 }
 
-/// Traces the rays of a packet through the groups with boxes that they enter.
+/// Visitor that traces the rays of a packet through each group with a box that they enter.
 struct Groups<'a, const CLOSEST: bool> {
     scene: &'a Accelerator,
     origin: Vec3A,
-    /// The rays in the packet's order.
+    /// Rays in the packet's order.
     rays: &'a [PacketRay],
     found: &'a mut [Found],
     reach: Reach,
@@ -242,11 +243,12 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         let place = content as usize;
         let placed = &self.scene.groups[place];
         if !CLOSEST && placed.to_local.is_none() && !self.scene.may_pass(placed) {
-            // The packet itself can traverse this group. It does not matter which group stops a ray.
+            // Traverse this group with the packet itself. Only whether a ray is blocked counts, so the hit stores no
+            // group.
             packet.walk(lanes, &placed.group.tree, &mut Triangles::<false>(&placed.group));
             return;
         }
-        // The rays that enter are transformed to the group's local space.
+        // Transform the rays that enter to the group's local space.
         let (mut local, mut count) = ([PacketRay::NONE; PACKET], 0);
         let mut bits = entered.rays();
         while bits != 0 {
@@ -264,7 +266,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         }
         let origin = placed.local(self.origin, Vec3A::X).0;
         if self.scene.may_pass(placed) || !CLOSEST && count < WORTH_A_PACKET {
-            // Each hit must be tested for holes, and few rays are faster as single rays.
+            // Trace single rays if each hit must be tested for holes, or if few rays enter.
             let shown = (placed.instance, self.scene.sheets);
             for local in &local[..count] {
                 let ray = Ray::new(origin, local.direction);
@@ -278,7 +280,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             packet.measure(lanes);
             return;
         }
-        // Transformed rays may have other octants, so they form new packets.
+        // Form new packets, because transformed rays may have other octants.
         let mut octants = Octants::of(&local[..count]);
         while let Some((octant, rays)) = octants.next() {
             let mut within = Packet::new(lanes, origin, octant, rays, self.reach);
@@ -296,7 +298,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
 }
 
 impl<const CLOSEST: bool> Groups<'_, CLOSEST> {
-    /// Stores the result of a ray of `packet` in group `place`. `local` is the ray in the group's space.
+    /// Stores the result of a ray of `packet` in group `place`. `local` is the ray in the group's local space.
     #[inline(always)]
     fn take(&mut self, packet: &mut Packet, place: usize, local: &PacketRay, nearest: &Nearest) {
         let found = &mut self.found[self.rays[local.index].index];
@@ -306,13 +308,13 @@ impl<const CLOSEST: bool> Groups<'_, CLOSEST> {
     }
 }
 
-/// Rays sorted by octant. Camera rays mostly share one octant and are passed on without a copy.
+/// Rays sorted by octant. Camera rays mostly share one octant and are returned without a copy.
 pub(super) struct Octants<'a> {
     all: &'a [PacketRay],
     /// Mask of the remaining rays.
     left: u64,
     octants: [Octant; PACKET],
-    /// Copies of the rays that the last call returned, if octants were mixed.
+    /// Copies of the rays that the last call returned. Used only if the octants are mixed.
     together: Vec<PacketRay>,
 }
 
@@ -327,7 +329,7 @@ impl<'a> Octants<'a> {
         Self { all: rays, left, octants, together: Vec::new() }
     }
 
-    /// Returns the rays in the same octant as the first remaining one.
+    /// Returns the rays in the octant of the first remaining ray.
     #[inline(always)]
     pub(super) fn next(&mut self) -> Option<(Octant, &[PacketRay])> {
         if self.left == 0 {

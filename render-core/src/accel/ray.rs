@@ -1,16 +1,17 @@
-//! Values of a ray that are computed once, before the first box and triangle test.
+//! Values of a ray that are computed before the first box or triangle test.
 
 use glam::Vec3A;
 
-/// Minimum magnitude of a direction component; smaller ones are replaced by it. Otherwise, rays within a plane would
-/// compute 0 · ∞. Over the length of a scene (2⁷ units, see [`super`]) the displacement is below any rounding error.
+/// Minimum magnitude of a direction component. It replaces smaller components, because rays within a plane would
+/// otherwise compute 0 · ∞. Over the length of a scene (2⁷ units, see [`super`]) the displacement is below any rounding
+/// error.
 pub(super) const LEAST_COMPONENT: f32 = 1e-20;
 
-/// Factor on the distances to the far planes of boxes. It makes them no shorter than the exact distances (Ize 2013,
+/// Factor on the distances to the far planes of boxes. The product is never shorter than the exact distance (Ize 2013,
 /// section 3: three roundings each way).
 pub(super) const LENGTHENING: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// Octant and main axis of a direction. The rays of a packet must have the same.
+/// Octant and main axis of a direction. All rays of a packet have the same octant and main axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Octant {
     /// Bits 0…2: signs of x, y and z (1 = negative). Bits 3…4: index of the largest component.
@@ -36,19 +37,19 @@ impl Octant {
         self.code >> axis & 1 == 1
     }
 
-    /// Indices of the planes of a [`super::tree::WideNode`] that a ray crosses first on each axis.
+    /// Returns the indices of the planes of a [`super::tree::WideNode`] that a ray crosses first, by axis.
     #[inline(always)]
     pub(super) fn near_planes(self) -> [usize; 3] {
         std::array::from_fn(|axis| axis + if self.goes_down(axis) { 3 } else { 0 })
     }
 
-    /// The axes in cyclic order, the main axis last.
+    /// Returns the axes in cyclic order, with the main axis last.
     #[inline(always)]
     pub(super) fn axes(self) -> [usize; 3] {
         Self::axes_of(usize::from(self.code >> 3))
     }
 
-    /// The axes in cyclic order, with axis `main` last.
+    /// Returns the axes in cyclic order, with axis `main` last.
     #[inline(always)]
     pub(super) fn axes_of(main: usize) -> [usize; 3] {
         match main {
@@ -59,7 +60,7 @@ impl Octant {
     }
 }
 
-/// A single ray with its precomputed values.
+/// Single ray with precomputed values.
 pub(super) struct Ray {
     pub(super) origin: Vec3A,
     /// Reciprocals of the direction's components.
@@ -71,7 +72,7 @@ pub(super) struct Ray {
     /// Result of [`Octant::axes`].
     pub(super) axes: [usize; 3],
     /// Shear that maps the direction to the last of `axes` with length 1 (Woop, Benthin & Wald 2013). It contains the
-    /// slopes of the first two axes over the last, and 1 / the last component.
+    /// ratios of the first two components to the last, and 1 / the last component.
     pub(super) shear: [f32; 3],
 }
 

@@ -1,17 +1,18 @@
-//! Static instances that share the tree of their mesh.
+//! Static instances that share a tree because they show the same mesh.
 //!
 //! Rays are fastest with one tree over all static geometry. But a small file may show one mesh a million times, and one
-//! tree over all its copies would take memory for each.
+//! tree would store the triangles of every copy.
 
 use crate::scene::{Instance, Pose, Scene};
 use glam::Affine3A;
 
-/// Maximum number of triangles of meshes with several static instances in the common tree, counted over all instances.
-/// Building this tree takes 400 MB.
+/// Maximum number of triangles in the common tree from meshes with several static instances, counted over all
+/// instances. Building a tree of this size takes 400 MB.
 const MOST_TOGETHER: usize = 1 << 20;
-/// Minimum number of triangles of a shared mesh: an instance takes as much memory as this many triangles.
+/// Minimum number of triangles of a shared mesh: an instance takes the memory of this number of triangles.
 const LEAST_TRIANGLES: usize = 16;
-/// Minimum volume of a transformed unit cube, relative to the product of its edges. Flatter meshes get no local space.
+/// Minimum volume of a transformed unit cube, relative to the product of its edge lengths. Flatter meshes have no local
+/// space.
 const LEAST_VOLUME: f32 = 1e-3;
 
 /// For each mesh, whether its static instances share a tree.
@@ -26,7 +27,7 @@ impl Sharing {
             shown[mesh] += usize::from(!moving[index] && pose.deformed(index).is_none());
         }
 
-        // Trees are shared where this saves memory, and only if the total is large.
+        // Share trees only if the total is large and sharing saves memory.
         let mut shared = Vec::with_capacity(shown.len());
         let mut together = 0usize;
         for (&times, mesh) in shown.iter().zip(&scene.meshes) {
@@ -41,14 +42,14 @@ impl Sharing {
         Self(shared)
     }
 
-    /// Returns whether a static `instance` uses the tree of its mesh.
+    /// Returns whether `instance` is static and uses the tree of its mesh.
     pub(crate) fn shares(&self, scene: &Scene, pose: &Pose, instance: usize) -> bool {
         let world = scene.instance_world(pose, instance);
         self.0[scene.instances[instance].mesh] && pose.deformed(instance).is_none() && has_volume(&world)
     }
 }
 
-/// Returns whether the image of a cube has volume.
+/// Returns whether a transformed cube has a volume above the minimum.
 fn has_volume(world: &Affine3A) -> bool {
     let m = &world.matrix3;
     let edges = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
@@ -67,7 +68,7 @@ mod tests {
         Vec3::new(hash_unit(key, dimension, 0), hash_unit(key, dimension, 1), hash_unit(key, dimension, 2))
     }
 
-    /// Returns a cloud of `triangles` in the unit cube.
+    /// Returns a cloud of `triangles` triangles in the unit cube.
     fn cloud(triangles: u32) -> Mesh {
         let corner = |k| random(u64::from(k / 3), 0) + random(u64::from(k), 1) * 0.1;
         Mesh {
@@ -77,7 +78,7 @@ mod tests {
         }
     }
 
-    /// Returns `times` clouds, rotated and scaled, at random positions in a cube.
+    /// Returns `times` clouds at random positions in a cube, rotated and scaled.
     fn many(triangles: u32, times: usize) -> Scene {
         let mut scene = Scene::of_mesh(cloud(triangles), Material::default());
         scene.instances.clear();
@@ -101,7 +102,7 @@ mod tests {
         assert_eq!(Geometry::triangles_to_hold(&scene), 2000);
         let accelerator = geometry.place(&scene.pose(0.0));
         for key in 0..24 {
-            // The ray aims at the middle of a triangle, so it hits that triangle or one before it.
+            // Aim the ray at the center of a triangle, so it hits that triangle or one in front of it.
             let (origin, instance) = (Vec3A::from(random(key, 5) * 40.0), 25 * key as usize);
             let middle = scene.meshes[0].corners(key as usize).into_iter().sum::<Vec3>() / 3.0;
             let towards = scene.instance_world(&scene.pose(0.0), instance).transform_point3a(middle.into());
@@ -129,11 +130,11 @@ mod tests {
             mesh.triangles = mesh.triangles.repeat(copies);
             Scene::of_mesh(mesh, Material::default())
         };
-        // Sorting takes some n log n comparisons. No other work per triangle is allowed.
+        // Allow n log n comparisons for sorting, but no other work per triangle.
         let steps = steps::taken(|| assert_eq!(Geometry::new(&pile(30_000)).triangles_held(), 3));
         assert!(steps < 90_000 * 20, "{steps} steps");
 
-        // Rays hit the first triangle of each pile.
+        // Check that rays hit the first triangle of each pile.
         let scene = pile(100);
         let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
         for t in 0..3 {

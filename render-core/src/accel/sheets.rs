@@ -1,6 +1,6 @@
-//! Sheets (surfaces with holes or partial opacity): all sheets along a ray, front to back.
+//! List of all sheets (surfaces with holes or partial opacity) along a ray, front to back.
 //!
-//! Camera rays and shadow rays are not stochastic: the surfaces along them are listed, each with its opacity αᵢ.
+//! Camera rays and shadow rays are not stochastic. The surfaces along them are listed, each with an opacity αᵢ:
 //!
 //! ```text
 //! wᵢ = αᵢ Π_{j<i} (1 − αⱼ)        share of the pixel that layer i fills, front to back
@@ -17,17 +17,18 @@ use crate::sampling::hash_unit;
 use glam::Vec3A;
 use lanes::{Kernel, Lanes};
 
-/// Subsets of a scene with sheets, each with a top-level tree over its groups.
+/// Accelerators of subsets of a scene with sheets, each with a top-level tree over its groups.
 #[derive(Debug)]
 pub(super) struct Views {
     /// The groups without holes, and the groups with holes.
     solid: [Accelerator; 2],
-    /// The groups of opaque surfaces and masks, and the groups of blended surfaces; `None` without blended surfaces.
+    /// The groups of opaque surfaces and masks, and the groups of blended surfaces. `None` without blended surfaces.
     blends: Option<[Accelerator; 2]>,
 }
 
 impl Views {
-    /// Splits the groups of a scene; returns `None` without sheets. `build` makes the accelerator of a subset.
+    /// Splits the groups of a scene, or returns `None` if it has no sheets. `build` creates the accelerator of a
+    /// subset.
     pub fn of(groups: &[PlacedGroup], build: impl Fn(Vec<PlacedGroup>, Sheets) -> Accelerator) -> Option<Self> {
         let part = |is_in: fn(&Group) -> bool, sheets| {
             let groups = groups.iter().filter(|placed| is_in(&placed.group));
@@ -47,10 +48,10 @@ impl Views {
     }
 }
 
-/// A sheet hit by a ray.
+/// Sheet hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetHit {
-    /// Position of the hit.
+    /// Intersection of the ray with the sheet.
     pub hit: Hit,
     /// Fraction of the ray's light that the sheet blocks, 0…1.
     pub opacity: f32,
@@ -63,7 +64,8 @@ pub(crate) struct RayCone {
     pub slope: f32,
 }
 
-/// Opacity below which a layer is ignored. Layers behind a surface that transmits less than this are ignored too.
+/// Minimum opacity of a layer; layers below it are ignored. Layers behind a surface that transmits less than this
+/// fraction are also ignored.
 const LEAST_SHARE: f32 = 1.0 / 512.0;
 
 impl Accelerator {
@@ -73,15 +75,15 @@ impl Accelerator {
         placed.group.cut_outs.is_some() && self.sheets != Sheets::AsWholes
     }
 
-    /// Returns the scene without its sheets, and the sheets alone; `None` without sheets. The first stops rays only at
-    /// fully opaque surfaces.
+    /// Returns the scene without its sheets and the sheets alone, or `None` if the scene has no sheets. The scene
+    /// without sheets stops rays only at fully opaque surfaces.
     pub(crate) fn without_sheets(&self) -> Option<&[Self; 2]> {
         self.views.as_ref().map(|views| &views.solid)
     }
 
-    /// Returns the sheets along the ray from `origin` in the unit `direction` up to `distance` \[m\], front to back.
-    /// The accelerator must contain only sheets. Opacity is filtered over the `cone`. Rays pass through the backs of
-    /// single-sided surfaces. The list ends at the first opaque layer.
+    /// Returns the sheets along the ray from `origin` in the unit direction `direction` up to `distance` \[m\], front
+    /// to back. The accelerator must contain only sheets. Opacity is filtered over the `cone`. Rays pass through the
+    /// backs of single-sided surfaces. The list ends at the first opaque layer.
     pub(crate) fn layers(&self, origin: Vec3A, direction: Vec3A, distance: f32, cone: RayCone) -> Vec<SheetHit> {
         let origin = origin * self.scale;
         let reach = Reach::from(origin);
@@ -91,7 +93,7 @@ impl Accelerator {
         let mut met = self.lanes.run(list);
         sort(&mut met, reach);
 
-        // Layers are listed front to back until one is opaque.
+        // List layers front to back until a layer is opaque.
         let mut layers = Vec::new();
         for Passed { met, place, opacity, .. } in met {
             let placed = &self.groups[place];
@@ -107,8 +109,8 @@ impl Accelerator {
         layers
     }
 
-    /// Returns the fraction of light that blended surfaces transmit within `limit` lengths of `direction`, in the
-    /// scaled world.
+    /// Returns the fraction of light that blended surfaces transmit from `origin` up to `limit` lengths of `direction`,
+    /// in the scaled world.
     fn transmitted(&self, origin: Vec3A, direction: Vec3A, limit: f32) -> f32 {
         let mut met = self.lanes.run(Listing { scene: self, origin, direction, limit, kind: SheetKind::Blended });
         let length = direction.length().max(f32::MIN_POSITIVE);
@@ -117,11 +119,11 @@ impl Accelerator {
     }
 }
 
-/// A scene for shadow rays, in which blended surfaces transmit some of the light.
+/// Scene for shadow rays, in which blended surfaces transmit some light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shadows<'a> {
     scene: &'a Accelerator,
-    /// The scene without its blended surfaces, and the blended surfaces alone; `None` without blended surfaces.
+    /// The scene without its blended surfaces, and the blended surfaces alone. `None` without blended surfaces.
     apart: Option<&'a [Accelerator; 2]>,
 }
 
@@ -130,17 +132,17 @@ impl<'a> Shadows<'a> {
         Self { scene, apart: scene.views.as_ref().and_then(|views| views.blends.as_ref()) }
     }
 
-    /// Returns the surfaces that block light completely.
+    /// Returns the accelerator of the surfaces that block light completely.
     pub fn opaque(&self) -> &'a Accelerator {
         self.apart.map_or(self.scene, |[opaque, _]| opaque)
     }
 
-    /// Returns the surfaces that block light partially, if the scene has any.
+    /// Returns the accelerator of the surfaces that block light partially, if the scene has any.
     pub fn blends(&self) -> Option<&'a Accelerator> {
         self.apart.map(|[_, blends]| blends)
     }
 
-    /// Returns the fraction of light from `from` that arrives at `to`, 0…1, where no opaque surface blocks it.
+    /// Returns the fraction of light from `from` that blended surfaces transmit to `to`, 0…1. Ignores opaque surfaces.
     pub fn passed(&self, from: Vec3A, to: Vec3A) -> f32 {
         let Accelerator { scale, .. } = *self.scene;
         self.blends().map_or(1.0, |blends| blends.transmitted(from * scale, (to - from) * scale, 1.0))
@@ -151,7 +153,7 @@ impl<'a> Shadows<'a> {
         if self.opaque().occluded(from, to) { 0.0 } else { self.passed(from, to) }
     }
 
-    /// Returns the fraction of light that arrives at `from` from infinity in the unit direction `towards`, 0…1.
+    /// Returns the fraction of light from infinity in the unit direction `towards` that arrives at `from`, 0…1.
     pub fn visible_towards(&self, from: Vec3A, towards: Vec3A) -> f32 {
         if self.opaque().occluded_towards(from, towards) {
             return 0.0;
@@ -161,21 +163,22 @@ impl<'a> Shadows<'a> {
 }
 
 impl Accelerator {
-    /// Tests the segments from `place` to `lamps` as [`Accelerator::occluded_packet`] does; returns the mask of hidden
-    /// lamps. Blended surfaces hide a lamp stochastically. The threshold depends only on the lamp's position, so
-    /// neighboring points are lit alike.
+    /// Tests the segments from `place` to `lamps`, with the result of [`Accelerator::occluded_packet`]: the mask of
+    /// hidden lamps. Blended surfaces hide a lamp stochastically. The threshold depends only on the lamp's position, so
+    /// that adjacent points have consistent light.
     #[must_use]
     pub fn hidden_lamps(&self, place: Vec3A, lamps: &[Vec3A], active: u64) -> u64 {
         self.hidden_by_chance(place, lamps, active, |end| lamps[end])
     }
 
-    /// Tests one `lamp` from at most [`PACKET`](super::PACKET) `places` as [`Accelerator::hidden_lamps`] does.
+    /// Tests one `lamp` from at most [`PACKET`](super::PACKET) `places`. Returns the mask of the places from which the
+    /// lamp is hidden.
     #[must_use]
     pub fn lamp_hidden(&self, lamp: Vec3A, places: &[Vec3A], active: u64) -> u64 {
         self.hidden_by_chance(lamp, places, active, |_| lamp)
     }
 
-    /// Returns whether one `lamp` is hidden from one `place`, with the same threshold as [`Accelerator::hidden_lamps`].
+    /// Returns whether one `lamp` is hidden from one `place`. Uses the threshold of [`Accelerator::hidden_lamps`].
     #[inline]
     #[must_use]
     pub fn hides_lamp(&self, lamp: Vec3A, place: Vec3A) -> bool {
@@ -207,16 +210,16 @@ fn number_of(place: Vec3A) -> f32 {
     hash_unit(x, y, z)
 }
 
-/// Which sheets are listed, and how their opacity is sampled.
+/// Selection of the listed sheets, and sampling of their opacity.
 #[derive(Clone, Copy)]
 enum SheetKind {
-    /// All sheets visible to a camera ray, filtered over its cone in the scaled world.
+    /// Lists all sheets visible to a camera ray. Opacity is filtered over the ray's cone, in the scaled world.
     Shown(RayCone),
-    /// Blended surfaces, sampled at points.
+    /// Lists blended surfaces. Opacity is sampled at points.
     Blended,
 }
 
-/// A sheet that a ray passes through.
+/// Sheet that a ray passes through.
 struct Passed {
     met: Met,
     place: usize,
@@ -224,8 +227,8 @@ struct Passed {
     opacity: f32,
 }
 
-/// Sorts by distance. Among hits of one instance at the same distance, keeps one: triangles share edges, and large
-/// triangles are split.
+/// Sorts by distance. Keeps one of several hits of the same instance at the same distance, because triangles share
+/// edges and large triangles are split.
 fn sort(met: &mut Vec<Passed>, reach: Reach) {
     met.sort_by(|a, b| {
         let by_place = || (b.instance, b.place, b.met.triangle).cmp(&(a.instance, a.place, a.met.triangle));
@@ -234,7 +237,7 @@ fn sort(met: &mut Vec<Passed>, reach: Reach) {
     met.dedup_by(|later, kept| later.instance == kept.instance && later.met.t <= reach.of(kept.met.t));
 }
 
-/// Kernel that lists the sheets along a ray.
+/// Query that lists the sheets along a ray.
 struct Listing<'a> {
     scene: &'a Accelerator,
     /// Origin in the scaled world.
@@ -287,7 +290,7 @@ impl Visit for SheetGroups<'_> {
                 let instance = owner.instance;
                 self.passed.push(Passed { met, place, instance, opacity });
             }
-            // Surfaces behind an opaque one are not needed.
+            // Skip surfaces behind an opaque surface.
             if opacity > 1.0 - LEAST_SHARE {
                 nearest = nearest.min(met.t);
             }
@@ -298,10 +301,10 @@ impl Visit for SheetGroups<'_> {
 }
 
 impl RayCone {
-    /// Returns the area where the cone intersects a triangle at the distance `t`, as a fraction of a parallelogram. The
-    /// parallelogram is spanned by two sides of the triangle, with the cross product `area_vector`.
+    /// Returns the area in which the cone intersects a triangle at the distance `t`, as a fraction of a parallelogram.
+    /// Two sides of the triangle, with the cross product `area_vector`, span the parallelogram.
     fn share(self, t: f32, direction: Vec3A, area_vector: Vec3A) -> f32 {
-        // w² / cos θ / |n|, where n · ω = |n| cos θ
+        // The area is w² / cos θ, divided by |n|, where n · ω = |n| cos θ.
         let width = self.at_origin + self.slope * t;
         let facing = area_vector.dot(direction).abs();
         if facing > 0.0 { width * width / facing } else { 0.0 }

@@ -1,18 +1,20 @@
-//! Coincident surfaces: selection among hits with distances that differ only by rounding.
+//! Coincident surfaces: selection among hits at distances that differ only by rounding.
 //!
-//! Sheets in one plane, back to back or on top of each other, are hit at distances that differ by rounding errors. The
-//! nearest would vary from ray to ray. A traversal therefore notes whether another surface lies close behind the
-//! nearest hit, which is rare. Only then, a second traversal lists all hits there and selects one by a rule independent
-//! of their order:
+//! A ray hits sheets in one plane, back to back or on top of each other, at distances that differ by rounding errors.
+//! The nearest sheet would vary from ray to ray. A traversal therefore detects another surface close behind the nearest
+//! hit, which is rare. Only then, a second traversal lists all hits near this distance. A rule independent of their
+//! order selects one:
 //!
 //! ```text
 //! (t − t₁) ≤ τ m (1/cos θ + 1/cos θ₁)        a hit as near as the nearest, t₁
 //!   m   largest coordinate of the ray's origin and both triangles        θ   angle between ray and normal
 //! ```
 //!
-//! 1. Among surfaces in one plane, backs of single-sided surfaces lose. Then emissive surfaces win, so that a lamp in
-//!    the plane of a ceiling is visible. Then the lower indices of instance and triangle win: the first in the file.
-//! 2. If the selected surface is a back, a front at an angle to it wins: the near side of a body along its outline.
+//! 1. Among surfaces in one plane, fronts and double-sided surfaces win over backs of single-sided surfaces. Next,
+//!    emissive surfaces win, so that a lamp in the plane of a ceiling is visible. Finally, the lower indices of
+//!    instance and triangle win: the first in the file.
+//! 2. If the selected surface is a back, a front at an angle to it wins. This is the near side of a body along its
+//!    outline.
 
 use super::found::Found;
 use super::group::Met;
@@ -21,9 +23,9 @@ use super::{Accelerator, PlacedGroup};
 use crate::scene::{Pose, Scene};
 use glam::Vec3A;
 
-/// τ: eight rounding errors, from the corners, the origin and the terms of a distance.
+/// τ: eight rounding errors of the corners, the origin and the terms of a distance.
 const ROUNDINGS: f32 = 8.0 * f32::EPSILON / 2.0;
-/// Minimum cosine between the normals of triangles in one plane: 0.26°.
+/// Minimum cosine of the angle between normals of triangles in one plane. The angle is 0.26°.
 const PARALLEL: f32 = 1.0 - 1e-5;
 
 /// Properties of the sides of an instance.
@@ -31,11 +33,11 @@ const PARALLEL: f32 = 1.0 - 1e-5;
 struct Sides {
     double_sided: bool,
     glows: bool,
-    /// Whether its transform reverses the orientation of triangles.
+    /// Whether the transform of the instance reverses the orientation of triangles.
     mirrored: bool,
 }
 
-/// The sides of all instances. Whether a moving instance is mirrored may change over time.
+/// Sides of all instances. A moving instance may be mirrored at some times only.
 #[derive(Clone, Debug)]
 pub(super) struct AllSides(Vec<Sides>);
 
@@ -57,30 +59,30 @@ impl AllSides {
     }
 }
 
-/// A hit that may be as near as the nearest one.
+/// Hit at about the distance of the nearest hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rival {
     pub(super) found: Found,
     owner: Owner,
-    /// Unit normal in world space, towards the front as defined by the file.
+    /// Unit normal in world space, towards the front as defined in the file.
     normal: Vec3A,
-    /// Cosine between normal and ray, 0…1.
+    /// Cosine of the angle between normal and ray, 0…1.
     cosine: f32,
-    /// Largest coordinate in the computation of its distance.
+    /// Largest coordinate in the computation of the hit's distance.
     largest: f32,
     pub(super) is_back: bool,
     glows: bool,
 }
 
 impl Rival {
-    /// Returns the sort key among hits in one plane; the least is visible.
+    /// Returns the sort key of a hit among hits in one plane. The hit with the least key is visible.
     fn rank(&self) -> (bool, bool, u32, u32) {
         (self.is_back, !self.glows, self.owner.instance, self.owner.triangle)
     }
 }
 
 impl Accelerator {
-    /// Returns a hit of group `place`; `corners` are in the local space of the group.
+    /// Returns the rival for a hit of group `place`. `corners` are in the local space of the group.
     pub(super) fn rival(&self, met: Met, place: usize, corners: [Vec3A; 3], direction: Vec3A) -> Rival {
         let placed = &self.groups[place];
         let owner = placed.group.owner(met.triangle, placed.instance);
@@ -88,7 +90,7 @@ impl Accelerator {
         let Sides { double_sided, glows, mirrored } = self.sides.0[owner.instance as usize];
         let mirrored = placed.to_world.map_or(mirrored, |m| m.matrix3.determinant() < 0.0);
 
-        // The arithmetic is the same as in `Interaction`, so both use the same side.
+        // Compute the normal with the arithmetic of `Interaction`, so that both select the same side.
         let area_vector = (b - a).cross(c - a);
         let normal = (area_vector * if mirrored { -1.0 } else { 1.0 }).try_normalize().unwrap_or(-direction);
         let towards = normal.dot(direction);
@@ -98,8 +100,8 @@ impl Accelerator {
         Rival { found, owner, normal, cosine: towards.abs(), largest, is_back: towards > 0.0 && !double_sided, glows }
     }
 
-    /// Returns whether a ray in the unit `direction` hits the back of a single-sided triangle. `corners` are in the
-    /// local space of the group.
+    /// Returns whether a ray in the unit direction `direction` hits the back of a single-sided triangle. `corners` are
+    /// in the local space of the group.
     pub(super) fn is_back(&self, triangle: u32, place: usize, corners: [Vec3A; 3], direction: Vec3A) -> bool {
         let met = Met { triangle, ..Met::NOTHING };
         self.rival(met, place, corners, direction).is_back
@@ -107,7 +109,7 @@ impl Accelerator {
 }
 
 impl PlacedGroup {
-    /// Returns the corners in the scaled world: bit for bit the scaled [`crate::Surfaces::corners`].
+    /// Returns the corners in the scaled world, bit-identical to the scaled [`crate::Surfaces::corners`].
     pub(super) fn world_corners(&self, corners: [Vec3A; 3]) -> [Vec3A; 3] {
         match &self.to_world {
             None => corners,
@@ -116,7 +118,7 @@ impl PlacedGroup {
     }
 }
 
-/// Selects one of the `rivals`. They include `nearest`; `origin` is the ray's origin.
+/// Selects one of the `rivals`, which include `nearest`. `origin` is the ray's origin.
 pub(super) fn choose(nearest: Found, origin: Vec3A, rivals: &[Rival]) -> Found {
     let is_nearest =
         |rival: &&Rival| (rival.found.place, rival.found.met.triangle) == (nearest.place, nearest.met.triangle);
@@ -128,7 +130,7 @@ pub(super) fn choose(nearest: Found, origin: Vec3A, rivals: &[Rival]) -> Found {
     };
     let parallel = |rival: &&Rival| rival.normal.dot(first.normal).abs() >= PARALLEL;
 
-    // Pieces of a split triangle count as one; the nearest is used.
+    // Merge pieces of one split triangle by keeping the nearest piece.
     let nearer = |a: &&Rival, b: &&Rival| a.found.met.t.total_cmp(&b.found.met.t);
     let in_plane = rivals.iter().filter(as_near).filter(parallel);
     let seen = in_plane.min_by(|a, b| a.rank().cmp(&b.rank()).then(nearer(a, b))).unwrap_or(&first);

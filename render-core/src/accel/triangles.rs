@@ -1,4 +1,4 @@
-//! Blocks of four triangles, and their intersection with rays.
+//! Blocks of four triangles, and the intersection of rays with these triangles.
 
 use super::ray::Ray;
 use glam::Vec3A;
@@ -7,7 +7,7 @@ use lanes::{LANES, Lanes};
 /// Number of triangles in a block.
 pub(super) const BLOCK: usize = LANES / 2;
 
-/// A triangle of the scene.
+/// Identification of a triangle in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Owner {
     /// Index into [`crate::scene::Scene::instances`].
@@ -16,14 +16,14 @@ pub(super) struct Owner {
     pub(super) triangle: u32,
 }
 
-/// Block of triangles, half the capacity of a leaf. Most leaves need only one block, and blocks of eight would double
-/// the memory that a ray loads.
+/// Block of triangles with half the capacity of a leaf. Most leaves need only one block. Blocks of eight triangles
+/// would double the memory that a ray loads.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct TriangleBlock {
     /// Coordinates by corner, axis and triangle. Empty slots contain NaN, which no ray hits.
     pub(super) corners: [[[f32; BLOCK]; 3]; 3],
-    /// Indices of the triangles in the group.
+    /// Index of each triangle in the group.
     pub(super) triangles: [u32; BLOCK],
 }
 
@@ -39,17 +39,17 @@ impl TriangleBlock {
         self.triangles[lane] = triangle;
     }
 
-    /// Returns the corners of one of the triangles.
+    /// Returns the corners of the triangle in slot `lane`.
     pub(super) fn corners(&self, lane: usize) -> [Vec3A; 3] {
         std::array::from_fn(|c| Vec3A::from_array(std::array::from_fn(|axis| self.corners[c][axis][lane])))
     }
 }
 
-/// The triangles of a leaf: one block, or two.
+/// Triangles of a leaf, in one or two blocks.
 #[derive(Clone, Copy)]
 pub(super) struct Leaf<'a> {
     low: &'a TriangleBlock,
-    /// The second block; the first one again if the leaf has only one.
+    /// Second block, or the first one if the leaf has only one block.
     high: &'a TriangleBlock,
     /// Number of triangles, 1…8.
     pub(super) count: usize,
@@ -57,15 +57,16 @@ pub(super) struct Leaf<'a> {
 
 /// Intersections of eight rays with a triangle, or of one ray with eight triangles.
 pub(super) struct Meeting<L: Lanes> {
-    /// Distance in lengths of the direction; NaN if the ray lies in the triangle's plane.
+    /// Distance, in lengths of the direction. NaN if the ray lies in the triangle's plane.
     pub(super) t: L::F,
-    /// Barycentric weights of the second and third corner.
+    /// Barycentric weight of the second corner; `v` is the weight of the third corner.
     pub(super) u: L::F,
     pub(super) v: L::F,
     pub(super) inside: L::Mask,
 }
 
-/// The watertight test of Woop, Benthin & Wald (2013): no ray slips between triangles that share an edge or a corner.
+/// Runs the watertight test of Woop, Benthin & Wald (2013): no ray passes between triangles that share an edge or a
+/// corner.
 ///
 /// `corners` are relative to the ray's origin, in the order of [`Ray::axes`]; `shear` is [`Ray::shear`].
 ///
@@ -78,7 +79,8 @@ pub(super) struct Meeting<L: Lanes> {
 /// # Differs from the paper
 ///
 /// An edge function that rounds to 0 counts as either sign; the paper recomputes it in double precision. A ray may then
-/// hit both neighboring triangles, but never neither: a nonzero difference of products keeps its sign under rounding.
+/// hit both adjacent triangles, but always hits at least one. A nonzero difference of products keeps its sign under
+/// rounding.
 #[inline(always)]
 pub(super) fn meet<L: Lanes>(lanes: L, corners: [[L::F; 3]; 3], shear: [L::F; 3]) -> Option<Meeting<L>> {
     let [a, b, c] = corners;
@@ -110,14 +112,14 @@ fn slant<L: Lanes>(lanes: L, x: L::F, z: L::F, slope: L::F) -> L::F {
 }
 
 impl<'a> Leaf<'a> {
-    /// Returns a leaf of `count` triangles, starting with the first of `blocks`.
+    /// Creates a leaf of `count` triangles, starting with the first of `blocks`.
     #[inline(always)]
     pub(super) fn new(blocks: &'a [TriangleBlock], count: usize) -> Self {
         let low = &blocks[0];
         Self { low, high: if count > BLOCK { &blocks[1] } else { low }, count }
     }
 
-    /// Returns the block that contains a triangle, and its slot in the block.
+    /// Returns the block that contains a triangle, and the slot of the triangle in the block.
     #[inline(always)]
     pub(super) fn place(&self, lane: usize) -> (&'a TriangleBlock, usize) {
         (if lane < BLOCK { self.low } else { self.high }, lane % BLOCK)
@@ -130,8 +132,8 @@ impl<'a> Leaf<'a> {
         block.triangles[lane]
     }
 
-    /// Intersects one ray with the leaf's triangles, at distances from `near` to `limit`. Returns the mask of the lanes
-    /// with hits.
+    /// Intersects one ray with the leaf's triangles at distances from `near` to `limit`. Returns the intersections and
+    /// the mask of the lanes with hits.
     #[inline(always)]
     pub(super) fn meet<L: Lanes>(&self, lanes: L, ray: &Ray, near: f32, limit: f32) -> Option<(u32, Meeting<L>)> {
         let axes = ray.axes;
@@ -166,7 +168,7 @@ impl<'a> Leaf<'a> {
         (1 << self.count) - 1
     }
 
-    /// Returns the corners of one of the triangles.
+    /// Returns the corners of the triangle in slot `lane`.
     pub(super) fn corners(&self, lane: usize) -> [Vec3A; 3] {
         let (block, lane) = self.place(lane);
         block.corners(lane)

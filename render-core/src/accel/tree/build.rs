@@ -1,42 +1,44 @@
-//! Conversion of a binary tree to eight boxes per node at the least expected cost.
+//! Conversion of a binary tree to a tree with eight boxes per node, at minimum expected cost.
 //!
-//! For each subtree of the binary tree, the cost as a forest of at most i trees is computed, i = 1…7. A node with eight
-//! children is the best distribution of its eight slots over two of these forests. The cost is by surface area. The
-//! method is described by Ylitie, Karras & Laine (2017, section 3.1), after Wald, Benthin & Boulos (2008).
+//! For each subtree of the binary tree, the minimum cost as a forest of at most i trees is computed for i = 1…7. A node
+//! with eight children is the cheapest distribution of its eight slots over the forests of both children. Costs are
+//! weighted by surface area. Ylitie, Karras & Laine (2017, section 3.1) describe the method, after Wald, Benthin &
+//! Boulos (2008).
 
 use super::{Child, LANES, Tree, WideNode};
 use obvhs::{aabb::Aabb, bvh2::Bvh2};
 
-/// Cost of a leaf with a given number of primitives, in units of the cost of a node.
+/// Costs of a leaf, in units of the cost of a node.
 pub(in super::super) struct Costs {
-    /// Cost of a leaf without its primitives.
+    /// Cost of a leaf without primitives.
     pub(in super::super) leaf: f32,
-    /// Cost of each primitive in the leaf.
+    /// Cost of each primitive in a leaf.
     pub(in super::super) primitive: f32,
     /// Maximum number of primitives in a leaf.
     pub(in super::super) most: usize,
 }
 
-/// Costs of a subtree of the binary tree.
+/// Minimum costs of a subtree of the binary tree.
 #[derive(Clone, Copy)]
 struct Subtree {
     primitives: u32,
-    /// Least cost as a forest of at most i + 1 trees.
+    /// Minimum cost as a forest of at most i + 1 trees, for each i.
     cost: [f32; LANES],
-    /// Number of the i + 1 slots that the first child gets; 0 if the forest is the same as with one slot less.
+    /// Number of the i + 1 slots that the first child receives. It is 0 if the forest for i slots is used.
     first_share: [u8; LANES],
-    /// Whether the subtree is a leaf if it is one tree.
+    /// Whether the subtree becomes a leaf when it is converted to one tree.
     leaf: bool,
-    /// Number of the node's eight slots that the first child gets.
+    /// Number of the node's eight slots that the first child receives.
     node_share: u8,
 }
 
-/// Slack of boxes as a fraction of the largest coordinate: the maximum error of the arithmetic in
+/// Slack of boxes, as a fraction of the largest coordinate. It equals the maximum error of the arithmetic in
 /// [`super::super::triangles`].
 const SLACK: f32 = 1.0 / (1 << 20) as f32;
 
 impl Tree {
-    /// Widens `binary`. `leaf` receives the primitives of each leaf and returns its content, below 2³¹.
+    /// Converts the `binary` tree. `leaf` accepts the primitives of each leaf and returns the content of the leaf,
+    /// below 2³¹.
     pub(in super::super) fn new(binary: &Bvh2, costs: &Costs, mut leaf: impl FnMut(&[u32]) -> u32) -> Self {
         let mut tree = Self { nodes: Vec::new() };
         if binary.primitive_indices.is_empty() {
@@ -47,7 +49,7 @@ impl Tree {
         let slack = root.min.abs().max(root.max.abs()).max_element() * SLACK;
         let subtrees = subtrees(binary, costs);
         let mut primitives = Vec::new();
-        // Subtrees to convert, each with the slot of the node that will refer to it.
+        // List the subtrees to convert, each with the slot of the node that will refer to it.
         let mut open: Vec<(u32, Option<(usize, usize)>)> = vec![(0, None)];
         while let Some((top, place)) = open.pop() {
             let index = tree.nodes.len();
@@ -92,12 +94,12 @@ impl WideNode {
     }
 }
 
-/// Returns the binary nodes that become the children of the wide node for subtree `top`.
+/// Returns the binary nodes that become the children of the wide node for the subtree `top`.
 fn children(binary: &Bvh2, subtrees: &[Subtree], top: u32) -> Vec<u32> {
     let mut out = Vec::with_capacity(LANES);
     let subtree = &subtrees[top as usize];
     if subtree.leaf {
-        // Only the root can be visited as a node and still be a leaf.
+        // Stop at a root that is a leaf: only the root can be visited as a node and still be a leaf.
         out.push(top);
     } else {
         let first = binary.nodes[top as usize].first_index;
@@ -107,7 +109,7 @@ fn children(binary: &Bvh2, subtrees: &[Subtree], top: u32) -> Vec<u32> {
     out
 }
 
-/// Collects the roots of the best forest of at most `places` trees for subtree `top`.
+/// Collects the roots of the cheapest forest of at most `places` trees for the subtree `top`.
 fn roots(binary: &Bvh2, subtrees: &[Subtree], top: u32, places: u8, out: &mut Vec<u32>) {
     let share = subtrees[top as usize].first_share[places as usize - 1];
     match places {
@@ -134,7 +136,7 @@ fn gather(binary: &Bvh2, top: u32, out: &mut Vec<u32>) {
     }
 }
 
-/// Returns the costs of all subtrees, computed bottom-up.
+/// Returns the minimum costs of all subtrees, computed bottom-up.
 fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
     let mut order = Vec::with_capacity(binary.nodes.len());
     let mut open = vec![0u32];
@@ -148,7 +150,7 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
     let unknown =
         Subtree { primitives: 0, cost: [f32::INFINITY; LANES], first_share: [0; LANES], leaf: true, node_share: 1 };
     let mut subtrees = vec![unknown; binary.nodes.len()];
-    // Parents precede their children in this order, so the reverse order visits children first.
+    // Visit children before parents, in the reverse of this order.
     for &index in order.iter().rev() {
         let node = &binary.nodes[index as usize];
         let area = node.aabb().half_area();
@@ -158,7 +160,7 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
         } else {
             let (a, b) = (subtrees[node.first_index as usize], subtrees[node.first_index as usize + 1]);
             let mut own = Subtree { primitives: a.primitives + b.primitives, ..unknown };
-            // Cheapest distribution of the slots over both children.
+            // Find the cheapest distribution of the slots over both children.
             let best_share = |places: usize| {
                 (1..places)
                     .map(|share| (a.cost[share - 1] + b.cost[places - share - 1], share as u8))

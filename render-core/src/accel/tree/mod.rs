@@ -1,17 +1,19 @@
-//! BVH with eight boxes per node, and its traversal by one ray.
+//! BVH with eight boxes per node, and the traversal by a single ray.
 //!
-//! The boxes of a node are stored side by side: one step tests a ray against all eight (Wald, Benthin & Boulos 2008).
+//! The boxes of a node are stored next to each other. One step tests a ray against all eight (Wald, Benthin & Boulos
+//! 2008).
 //!
 //! # Why all traversals return the same hit
 //!
-//! A single ray, a ray in a packet and a ray without vector instructions visit boxes in different orders. Each skips
-//! boxes beyond its nearest hit so far. They agree to the last bit for four reasons:
+//! A single ray, a ray in a packet and a ray without vector instructions visit boxes in different orders. Each
+//! traversal skips boxes beyond the nearest hit so far. The hits are bit-identical for four reasons:
 //!
 //! - A ray enters a box no later than any box inside it: subtraction, multiplication, minimum and maximum are monotonic
 //!   under rounding.
-//! - The distance of a hit is never less than the ray's entry into its leaf's box.
-//! - Among equally near hits, the one with the lower index wins.
-//! - Where other hits lie within rounding errors, [`super::ties`] selects one by a rule independent of the order of visits.
+//! - The distance of a hit is never less than the distance at which the ray enters the box of the leaf.
+//! - Among equally near hits, the hit with the lower index wins.
+//! - If the distances of other hits differ only by rounding, [`super::ties`] selects one hit by a rule independent of
+//!   the order of visits.
 
 mod build;
 
@@ -20,11 +22,11 @@ pub(super) use build::Costs;
 use super::ray::Ray;
 use lanes::{LANES, Lanes};
 
-/// Eight boxes and their contents.
+/// Tree node: eight boxes and their contents.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct WideNode {
-    /// Minimum x, y, z and maximum x, y, z. An empty slot has minimum = ∞ and maximum = −∞, so no ray hits it.
+    /// Minimum x, y, z and maximum x, y, z of each box. An empty slot has minimum ∞ and maximum −∞, so no ray hits it.
     pub(super) planes: [[f32; LANES]; 6],
     pub(super) children: [Child; LANES],
 }
@@ -51,20 +53,20 @@ impl Child {
     }
 }
 
-/// The tree; node 0 is the root.
+/// Tree with the root at node 0.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     pub(super) nodes: Vec<WideNode>,
 }
 
-/// Capacity of a [`Stack`] without allocation.
+/// Number of entries in a [`Stack`] before it allocates memory.
 const COMMON: usize = 32;
 
-/// Stack of the boxes still to be visited. It is nearly always short, and it grows if needed.
+/// Stack of unvisited boxes. It is nearly always short, and it grows if needed.
 pub(super) struct Stack<T> {
     entries: [T; COMMON],
     length: usize,
-    /// Overflow entries; only trees of adversarial scenes are this deep.
+    /// Overflow entries, which only trees of adversarial scenes need.
     spill: Vec<T>,
 }
 
@@ -97,7 +99,7 @@ impl<T: Copy + Default> Stack<T> {
     }
 }
 
-/// Returns sort keys of the boxes in `bits`, farthest first, and their count. Nonnegative distances have the same order
+/// Returns sort keys of the boxes in `bits`, farthest first, and the number of boxes. Nonnegative distances are ordered
 /// as their bit patterns.
 #[inline(always)]
 pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES], usize) {
@@ -117,15 +119,16 @@ pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES
     (keys, count)
 }
 
-/// A visitor of the leaves of a [`Tree::walk`].
+/// Visitor of the leaves in [`Tree::walk`].
 pub(super) trait Visit {
-    /// Receives a leaf, the distance to its box and the current limit. Returns the new limit; a negative one ends the
+    /// Receives a leaf, the distance to its box and the current limit. Returns the new limit. A negative limit ends the
     /// traversal.
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32;
 }
 
 impl WideNode {
-    /// Returns the near and the far planes of the eight boxes, for a ray with these near planes.
+    /// Returns the near and the far planes of the eight boxes. `near_plane` contains the indices of the planes that a
+    /// ray crosses first.
     #[inline(always)]
     pub(super) fn slabs<L: Lanes>(&self, lanes: L, near_plane: [usize; 3]) -> ([L::F; 3], [L::F; 3]) {
         let [x, y, z] = near_plane;
@@ -137,7 +140,7 @@ impl WideNode {
 }
 
 impl Tree {
-    /// Visits every leaf with a box that the ray enters within `limit`, the nearer ones first.
+    /// Visits every leaf with a box that the ray enters within `limit`, nearer leaves first.
     #[inline(always)]
     pub(super) fn walk<L: Lanes>(&self, lanes: L, ray: &Ray, mut limit: f32, visitor: &mut impl Visit) {
         let from = lanes.splat3(ray.origin.to_array());
@@ -155,11 +158,11 @@ impl Tree {
             let mut next = if bits == 0 {
                 stack.pop()
             } else if bits & (bits - 1) == 0 {
-                // Usually only one box is hit, which needs no sorting.
+                // Skip sorting if only one box is hit, as usual.
                 let lane = bits.trailing_zeros() as usize & (LANES - 1);
                 Some((near[lane].to_bits(), node.children[lane]))
             } else if bits.count_ones() == 2 {
-                // Two boxes need one comparison.
+                // Sort two boxes by one comparison.
                 let entry = |lane: usize| (near[lane].to_bits(), node.children[lane]);
                 let a = entry(bits.trailing_zeros() as usize & (LANES - 1));
                 let b = entry((31 - bits.leading_zeros()) as usize & (LANES - 1));
