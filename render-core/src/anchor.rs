@@ -1,7 +1,7 @@
-//! Anchor lights: virtual point lights with fixed positions on their surfaces.
+//! Anchor lights: virtual point lights at fixed positions on surfaces.
 //!
-//! Fixed anchors are distributed evenly by area over static surfaces, dynamic anchors over moving ones. Photons
-//! determine their flux in each frame ([`crate::photon`]): an anchor has the flux of the surfels that it owns
+//! Fixed anchors are distributed evenly by area over static surfaces, dynamic anchors over moving surfaces. Photons
+//! determine the flux of anchors in each frame ([`crate::photon`]). An anchor has the flux of the surfels that it owns
 //! ([`surfels`]).
 
 mod exposure;
@@ -31,7 +31,7 @@ use glam::{Vec3, Vec3A};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Number of area shares in the bound of an anchor's geometry term if there is bias compensation.
+/// Number of area shares in the bound of an anchor's geometry term, if bias compensation is on.
 ///
 /// The light near an anchor depends on the random position of the anchor. Final gathering does not depend on it, and
 /// uses the denser surfels. The table shows the relative MSE against path tracing, for all lights at 128×128 pixels.
@@ -44,30 +44,30 @@ use std::sync::Arc;
 /// | 8 | 2.6e-4 | 1.3e-3 | 1.4e-3 |
 pub(crate) const SHARES: f32 = 8.0;
 
-/// Number of rays that measure the exposure of an anchor. With 16, pictures are as close to Mitsuba's as with 32.
+/// Number of rays that measure the exposure of an anchor. With 16 rays, pictures are as close to Mitsuba's as with 32.
 const OUTLOOK_RAYS: u8 = 16;
 /// Number of anchors that estimate the exposed fraction of a scene.
 const PROBES: usize = 4000;
 
 /// Minimum flux of an anchor that is split, relative to the mean of all anchors. Measured in an office with a 60 W desk
-/// lamp, in a shade as large as an anchor's area share. The light reflected twice is 1.9 % too dark without splitting
-/// and 0.2 % too bright with a threshold of 8. It is no better with 4, which adds six times as many lights.
+/// lamp under a shade as large as an anchor's area share. The light reflected twice is 1.9 % too dark without splitting
+/// and 0.2 % too bright with a threshold of 8. A threshold of 4 is no better and adds six times as many lights.
 const BRIGHT: f32 = 8.0;
 
-/// Seed of the positions of points on their patches. The fraction of pixels within the error threshold of lightcuts
-/// depends on them. In `cornell`, 99.984 % of the pixels are within three times the threshold of 2 % with seed 4. Seeds
-/// 5 to 22 give 99.953 to 99.989 %.
+/// Seed of the positions of points on their patches. The positions affect the fraction of pixels within the error
+/// threshold of lightcuts. In `cornell`, 99.984 % of the pixels are within three times the threshold of 2 % with seed
+/// 4. Seeds 5 to 22 yield 99.953 to 99.989 %.
 const PLACEMENT: u64 = 4;
 
-/// Minimum factor by which zones must increase the number of anchors. Below it, a picture gains less than it may lose
-/// at the border of a zone.
+/// Minimum factor by which zones must increase the number of anchors. Below this factor, a picture improves less than
+/// it may degrade at the border of a zone.
 const GAIN: f32 = 2.0;
 
-/// Minimum length of a ray from an anchor that counts as free, in sides of an anchor's area share. Nearer surfaces
-/// separate the anchor from the neighbors that it shares energy with.
+/// Minimum length of a ray from an anchor that counts as free, as a multiple of the side of an anchor's area share.
+/// Nearer surfaces separate the anchor from the neighbors with which it shares energy.
 const NEAR: f32 = 0.1;
 
-/// A virtual point light, which represents the light reflected by its share of the surface.
+/// Virtual point light that represents the light reflected by its area share of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anchor {
     /// Position slightly off the surface, in world space.
@@ -78,7 +78,7 @@ pub struct Anchor {
     pub instance: u32,
 }
 
-/// A dynamic anchor: bound to a point of a triangle while its mesh moves or deforms.
+/// Dynamic anchor, attached to a point of a triangle while the mesh moves or deforms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DynamicAnchor {
     /// Index into [`Scene::instances`].
@@ -87,13 +87,13 @@ pub struct DynamicAnchor {
     pub triangle: u32,
     /// Barycentric weights of the second and the third corner.
     pub barycentric: (f32, f32),
-    /// Whether it reflects on the front side.
+    /// Whether the anchor reflects on the front side.
     pub front: bool,
-    /// Distance off the surface \[m\].
+    /// Offset of the anchor from the surface \[m\].
     pub offset: f32,
 }
 
-/// The anchors of a scene.
+/// Fixed and dynamic anchors of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Anchors {
     /// Anchors on static surfaces, in world space.
@@ -115,16 +115,16 @@ impl Anchor {
 }
 
 impl Anchors {
-    /// Distributes `fixed` anchors over static surfaces and `dynamic` anchors over moving ones.
+    /// Distributes `fixed` anchors over static surfaces and `dynamic` anchors over moving surfaces.
     #[must_use]
     pub fn spread(surfaces: &Surfaces, units: &Units, fixed: usize, dynamic: usize) -> Self {
         let anchors = Self::without_surfels(surfaces, units, &Zones::default(), [fixed, dynamic]);
         Self { surfels: Surfels::of(&anchors, surfaces, units), ..anchors }
     }
 
-    /// Distributes anchors as [`Anchors::spread`] does, but the fixed ones only over exposed static surfaces. About
-    /// `fixed` anchors are placed there, each with the same share of the exposed area. Dynamic geometry does not affect
-    /// exposure, because the surfaces it covers now will receive light later.
+    /// Distributes anchors as [`Anchors::spread`] does, but places fixed anchors only on exposed static surfaces. There
+    /// are about `fixed` of them, each with an equal share of the exposed area. Dynamic geometry does not affect
+    /// exposure, because the surfaces that it covers now will receive light later.
     #[must_use]
     pub fn spread_exposed(
         surfaces: &Surfaces,
@@ -133,27 +133,27 @@ impl Anchors {
         zones: &Zones,
         [fixed, dynamic]: [usize; 2],
     ) -> Self {
-        // Exposure is measured in the static geometry only.
+        // Measure exposure in the static geometry only.
         let accelerator = &geometry.place_still();
         let outlooks_of = |anchors: &Self, places: &[Anchor]| {
             Eye::of(anchors, surfaces, accelerator, NEAR, OUTLOOK_RAYS).outlooks(places)
         };
 
-        // A first distribution over all surfaces provides probes, which measure the exposed fraction.
+        // Distribute anchors over all surfaces first, as probes that measure the exposed fraction.
         let zones = &worth_it(zones, surfaces);
         let mut anchors = Self::without_surfels(surfaces, units, zones, [fixed, dynamic]);
-        // The step is odd because points within a triangle follow a sequence of base 2.
+        // Use an odd step, because points within a triangle follow a sequence of base 2.
         let every = (anchors.fixed.len() / PROBES) | 1;
         let probes: Vec<Anchor> = anchors.fixed.iter().step_by(every).copied().collect();
         let exposed = outlooks_of(&anchors, &probes).iter().filter(|outlook| outlook.exposed).count();
 
-        // Divided by this fraction, the count leaves about the requested number of anchors.
+        // Divide the count by this fraction, so that about the requested number of anchors remains.
         if exposed > 0 && exposed < probes.len() {
             let count = (fixed as f64 * probes.len() as f64 / exposed as f64).round();
             anchors = Self::without_surfels(surfaces, units, zones, [count as usize, dynamic]);
         }
 
-        // Anchors that are not exposed would take energy from their neighbors and lose it.
+        // Drop anchors that are not exposed: they would receive energy from their neighbors and lose it.
         let outlooks = outlooks_of(&anchors, &anchors.fixed);
         let (places, outlooks) = exposure::exposed(&anchors.fixed, outlooks);
         anchors.fixed = places;
@@ -161,19 +161,19 @@ impl Anchors {
         anchors
     }
 
-    /// Returns no anchors, but the area share for `count` fixed ones. It bounds the geometry terms of lamps that are
-    /// virtual lights too.
+    /// Returns no anchors, but the area share of `count` fixed anchors. It bounds the geometry terms of lamps that are
+    /// also virtual lights.
     #[must_use]
     pub fn none(surfaces: &Surfaces, count: usize) -> Self {
         let area = Patches::of(surfaces, false, &Zones::default()).map_or(0.0, |patches| patches.area());
         Self { area_share: area / count.max(1) as f32, ..Self::default() }
     }
 
-    /// Splits fixed anchors with a `flux` of at least `BRIGHT` (8) times the mean into the surfels that they own. A
-    /// lampshade or a sunlit patch then has lights in proportion to its brightness; by area alone, it would have one or
-    /// two. The number of anchors grows by at most three eighths.
+    /// Splits fixed anchors with a `flux` of at least `BRIGHT` (8) times the mean into the surfels that they own. The
+    /// number of lights on a lampshade or a sunlit patch then depends on its brightness; by area alone, it would be one
+    /// or two. The number of anchors grows by at most three eighths.
     pub fn split_bright(&mut self, flux: &[Vec3]) {
-        // The sum is in f64: a few bright anchors are added to tens of thousands of dark ones.
+        // Sum in f64: a few bright anchors are added to tens of thousands of dark anchors.
         let total: f64 = flux.iter().map(|&flux| f64::from(luminance(flux))).sum();
         let least = f64::from(BRIGHT) * total / flux.len().max(1) as f64;
         let is_bright: Vec<bool> =
@@ -181,7 +181,8 @@ impl Anchors {
         Arc::make_mut(&mut self.surfels.fixed).promote(&mut self.fixed, &is_bright);
     }
 
-    /// Prepares for moving geometry within the `swept` space: light near it is distributed by visibility in each frame.
+    /// Prepares for moving geometry within the `swept` space: light near this space is distributed by visibility in
+    /// each frame.
     pub fn expect_movement(&mut self, swept: &SweptVolume) {
         let shares = self.shares();
         Arc::make_mut(&mut self.surfels.fixed).expect_movement(swept, &self.fixed, &shares);
@@ -212,23 +213,24 @@ impl Anchors {
         anchors
     }
 
-    /// Returns the bound s of the geometry term of fixed anchors \[m²\]: `cos θ cos θ_l / (r² + s)` replaces `/ r²`.
+    /// Returns the bound s of the geometry term of fixed anchors \[m²\]. The term is `cos θ cos θ_l / (r² + s)` instead
+    /// of `cos θ cos θ_l / r²`.
     ///
-    /// With bias compensation ([`crate::FinalGather`]), it is the bound of a disc of eight area shares, otherwise of
-    /// one.
+    /// The bound is that of a disc of eight area shares with bias compensation ([`crate::FinalGather`]), otherwise of
+    /// one area share.
     #[must_use]
     pub fn geometry_term_bound(&self, compensated: bool) -> f32 {
         self.area_share / PI * if compensated { SHARES } else { 1.0 }
     }
 
-    /// Returns the bound of the geometry term of dynamic anchors \[m²\]: always of one area share, because few surfaces
-    /// are near them.
+    /// Returns the bound of the geometry term of dynamic anchors \[m²\]. It is always that of one area share, because
+    /// few surfaces are near dynamic anchors.
     #[must_use]
     pub fn dynamic_geometry_term_bound(&self) -> f32 {
         self.dynamic_area_share / PI
     }
 
-    /// Returns the dynamic anchors in world space at the pose of `surfaces`.
+    /// Returns the dynamic anchors in world space, at the pose of `surfaces`.
     #[must_use]
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> Vec<Anchor> {
         self.dynamic.iter().map(|anchor| anchor.in_world(surfaces)).collect()
@@ -236,20 +238,21 @@ impl Anchors {
 
     /// Returns the default number of fixed anchors for a scene: 4000 for a box, 40 000 for a building.
     ///
-    /// Table 1 of \[Herzog08\] has 2000 and 9000. The error (FLIP) against converged paths by Mitsuba was measured in
-    /// matte scenes at 256×256. With 40 000, it falls from 0.17 to 0.15 on Sponza, and from 0.08 to 0.06 on the
-    /// conference room of McGuire's archive. Four times as many lights make lightcuts only a seventh to a half larger,
-    /// because most lights are far away.
+    /// Table 1 of \[Herzog08\] lists 2000 and 9000. The error (FLIP) against converged paths by Mitsuba was measured in
+    /// matte scenes at 256×256. With 40 000 anchors, it falls from 0.17 to 0.15 on Sponza, and from 0.08 to 0.06 on the
+    /// conference room of McGuire's archive. Four times as many lights increase the size of lightcuts by only a seventh
+    /// to a half, because most lights are far away.
     #[must_use]
     pub fn default_count(scene: &Scene) -> usize {
         let triangles = scene.triangle_count().max(1) as f64;
-        // 1000 triangles → 4000, 64 000 and more → 40 000: a factor of ten in six doublings.
+        // Map 1000 triangles to 4000 anchors, and 64 000 or more to 40 000: a factor of ten in six doublings.
         let doublings = (triangles / 1000.0).log2().clamp(0.0, 6.0);
         (4000.0 * 10f64.powf(doublings / 6.0)).round() as usize
     }
 }
 
-/// Returns the `zones` if they increase the anchors of zone 0 by more than `GAIN` (2); otherwise a single zone.
+/// Returns the `zones` if they increase the number of anchors in zone 0 more than `GAIN`-fold (2); otherwise a single
+/// zone.
 fn worth_it(zones: &Zones, surfaces: &Surfaces) -> Zones {
     let area = |zones| Patches::of(surfaces, false, zones).map_or(0.0, |patches| patches.area());
     let is_worth_it = !zones.is_one() && area(&Zones::default()) > GAIN * area(zones);
@@ -257,15 +260,15 @@ fn worth_it(zones: &Zones, surfaces: &Surfaces) -> Zones {
 }
 
 impl DynamicAnchor {
-    /// Returns the anchor at the pose of `surfaces`.
+    /// Returns the anchor in world space, at the pose of `surfaces`.
     fn in_world(&self, surfaces: &Surfaces) -> Anchor {
-        // The normal of the reflecting side. A mirrored instance reverses the order of corners.
+        // Compute the normal of the reflecting side. A mirrored instance reverses the order of corners.
         let [a, b, c] = surfaces.corners(self.instance as usize, self.triangle as usize);
         let mirrored = surfaces.world(self.instance as usize).matrix3.determinant() < 0.0;
         let turn = if self.front != mirrored { 1.0 } else { -1.0 };
         let normal = ((b - a).cross(c - a) * turn).normalize_or_zero();
 
-        // x = a + u (b − a) + v (c − a), slightly off the surface.
+        // Compute x = a + u (b − a) + v (c − a), slightly off the surface.
         let (u, v) = self.barycentric;
         let position = a + (b - a) * u + (c - a) * v + normal * self.offset;
         Anchor { position, normal, instance: self.instance }

@@ -3,8 +3,8 @@
 //! Camera rays and shadow rays are not stochastic. The surfaces along them are listed, each with an opacity αᵢ:
 //!
 //! ```text
-//! wᵢ = αᵢ Π_{j<i} (1 − αⱼ)        share of the pixel that layer i fills, front to back
-//! T  = Π (1 − αᵢ)                 share of a light that arrives
+//! wᵢ = αᵢ Π_{j<i} (1 − αⱼ)        fraction of the pixel that layer i fills, front to back
+//! T  = Π (1 − αᵢ)                 fraction of a light that arrives
 //! ```
 
 use super::cut_outs::Sheets;

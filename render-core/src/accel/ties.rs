@@ -6,7 +6,7 @@
 //! order selects one:
 //!
 //! ```text
-//! (t − t₁) ≤ τ m (1/cos θ + 1/cos θ₁)        a hit as near as the nearest, t₁
+//! (t − t₁) ≤ τ m (1/cos θ + 1/cos θ₁)        criterion for a hit that coincides with the nearest, t₁
 //!   m   largest coordinate of the ray's origin and both triangles        θ   angle between ray and normal
 //! ```
 //!

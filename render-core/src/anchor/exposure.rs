@@ -1,7 +1,7 @@
-//! Exposure: whether light can leave a point of a surface, and how far it travels.
+//! Exposure of surface points: whether light can leave a point, and how far it travels.
 //!
-//! Much of the area of a modeled scene is enclosed: the floor under a column, a wall behind its molding, the outside of
-//! a shell. An anchor there would take a share of the energy of photons around it and lose it.
+//! Many surfaces of a modeled scene are enclosed: the floor under a column, a wall behind its molding, the outside of a
+//! shell. An anchor on an enclosed surface would receive energy of photons around it and lose this energy.
 
 use super::{Anchor, Anchors, Shares};
 use crate::accel::Accelerator;
@@ -11,50 +11,52 @@ use glam::Vec2;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// A point is exposed if at least one ray in this number is free.
+/// Maximum number of rays per free ray at an exposed point.
 const ONE_IN: u64 = 8;
 
-/// Lengths of cosine-distributed rays from a point.
+/// Distribution of the lengths of cosine-distributed rays from a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Outlook {
-    /// Fraction of light beyond the range of the geometry term's bound s: mean of r² / (r² + s).
+    /// Fraction of light from beyond the range of the geometry term's bound s: mean of r² / (r² + s) over rays of
+    /// length r.
     pub openness: f32,
-    /// Whether enough rays are free.
+    /// Whether a sufficient fraction of the rays is free.
     pub exposed: bool,
-    /// Number of rays.
+    /// Number of rays traced.
     rays: u8,
-    /// Histogram of ray lengths, [`OCTAVES`] per bin; the last bin counts rays without a hit.
+    /// Histogram of ray lengths with [`OCTAVES`] octaves per bin. The last bin counts rays without a hit.
     lengths: [u8; BINS],
 }
 
 const BINS: usize = 12;
 /// Width of a bin in octaves of distance.
 const OCTAVES: f32 = 2.0;
-/// log₂ of the minimum length in the second bin, in kernel radii of surfels. A surfel is only exposed if it sees four
-/// times as far.
+/// log₂ of the minimum length in the second bin, in kernel radii of surfels. A surfel is exposed only if its free rays
+/// are at least four times as long.
 const FIRST: f32 = -6.0;
-/// Weight of light from a distance that no ray of a point has, as a fraction of the rays.
+/// Weight of light from a distance at which no ray of a point ends, as a fraction of the rays.
 const UNLIKELY: f32 = 1.0 / 256.0;
 
 impl Outlook {
-    /// Returns the bin of a length, in kernel radii of surfels: the radius of a disc with the area of an anchor.
+    /// Returns the bin of a `length`, in kernel radii of surfels. The kernel radius is the radius of a disc with the
+    /// area of an anchor.
     #[inline]
     pub fn bin(length: f32) -> usize {
-        // Negative values become 0; infinity becomes the last bin.
+        // Casts map negative values to 0 and infinity to the maximum.
         (((length.log2() - FIRST) / OCTAVES + 1.0) as usize).min(BINS - 1)
     }
 
     /// Returns an unnormalized likelihood of light from about the distance of `bin`: the number of rays in this bin and
-    /// its neighbors. It is never zero.
+    /// its neighbors. The likelihood is never zero.
     #[inline]
     pub fn likelihood_of(&self, bin: usize) -> f32 {
-        // Single bins have few rays; including the neighbors makes the count smoother.
+        // Include the adjacent bins, because single bins contain few rays.
         let about = &self.lengths[bin.saturating_sub(1)..(bin + 2).min(BINS)];
         about.iter().map(|&rays| f32::from(rays)).sum::<f32>() + UNLIKELY * f32::from(self.rays)
     }
 }
 
-/// Returns the exposed ones of `places`, with their `outlooks`.
+/// Returns the exposed points among `places`, with their `outlooks`.
 pub(super) fn exposed(places: &[Anchor], outlooks: Vec<Outlook>) -> (Vec<Anchor>, Vec<Outlook>) {
     let (mut kept, mut seen) = (Vec::new(), Vec::new());
     for (&place, outlook) in places.iter().zip(outlooks) {
@@ -66,7 +68,7 @@ pub(super) fn exposed(places: &[Anchor], outlooks: Vec<Outlook>) -> (Vec<Anchor>
     (kept, seen)
 }
 
-/// Ray tracing settings for measuring exposure.
+/// Ray tracing settings for exposure measurements.
 pub(super) struct Eye<'a> {
     pub surfaces: &'a Surfaces<'a>,
     pub accelerator: &'a Accelerator,
@@ -74,14 +76,14 @@ pub(super) struct Eye<'a> {
     pub shares: Shares,
     /// Bound of the anchors' geometry term \[m²\].
     pub bound: f32,
-    /// Minimum length of a free ray, in sides of an area share.
+    /// Minimum length of a free ray, as a multiple of the side of an area share.
     pub near: f32,
     /// Number of rays per point.
     pub rays: u8,
 }
 
 impl<'a> Eye<'a> {
-    /// Returns the settings for `rays` rays from each point, with distances relevant to `anchors`. A ray is free if it
+    /// Creates the settings for `rays` rays from each point, with distances relevant to `anchors`. A ray is free if it
     /// is longer than `near` times the side of an anchor's area share.
     pub fn of(
         anchors: &Anchors,
@@ -98,24 +100,24 @@ impl<'a> Eye<'a> {
         places.par_iter().enumerate().map(|(index, place)| self.outlook(place, index as u64)).collect()
     }
 
-    /// Measures the outlook from `place`. `index` determines a rotation of the rays. Light that ends on a side without
-    /// reflection is lost.
+    /// Measures the outlook from `place`. `index` determines a rotation of the rays. Light that arrives at a side
+    /// without reflection is lost.
     fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
-        // The disc of this radius has the area of an anchor. All points use the same ray pattern, each with its
-        // own rotation.
+        // Compute the radius of the disc with an anchor's area. All points use one ray pattern with different
+        // rotations.
         let side = self.shares.at(place.position).sqrt();
         let (near, radius) = (self.near * side, side / PI.sqrt());
         let turn = hash_unit(index, 0, 0);
         let (mut found, mut out, mut openness) = (Outlook { rays: self.rays, ..Outlook::default() }, 0, 0.0);
         for u in centered_sobol(self.rays.into()) {
             let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
-            // A ray without a hit is free. A ray that hits a back side, for example inside a shell, is not.
+            // Count a ray without a hit as free. Exclude a ray that hits a back side, for example inside a shell.
             let (length, reflects) = match self.accelerator.closest(place.position, direction) {
                 None => (f32::INFINITY, true),
                 Some(hit) => (hit.distance, !self.surfaces.meet(&hit, direction, 0.0).is_back()),
             };
 
-            // o is the mean of 1 / (1 + s / r²) = r² / (r² + s). An infinite r counts as 1.
+            // Compute o as the mean of 1 / (1 + s / r²) = r² / (r² + s). An infinite r counts as 1.
             if reflects {
                 out += u64::from(length >= near);
                 openness += 1.0 / (1.0 + self.bound / (length * length));
@@ -123,7 +125,7 @@ impl<'a> Eye<'a> {
             }
         }
 
-        // A point is exposed if at least one ray in eight is free.
+        // Mark a point as exposed if at least one ray in eight is free.
         found.openness = openness / f32::from(self.rays);
         found.exposed = out * ONE_IN >= u64::from(self.rays);
         found

@@ -1,4 +1,4 @@
-//! Search for anchors or surfels near a point of a surface, on the same side.
+//! Search for anchors or surfels near a surface point, on the same side of the surface.
 
 mod around;
 mod nearest;
@@ -14,7 +14,7 @@ use nearest::Boxes;
 use std::sync::OnceLock;
 use walls::Walls;
 
-/// Grid over the bounding box of anchors or surfels, with cells at least as wide as a kernel's radius.
+/// Grid over the bounding box of anchors or surfels. Cells are at least as wide as a kernel's radius.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Grid {
     points: Vec<Anchor>,
@@ -23,7 +23,8 @@ pub(crate) struct Grid {
     walls: Walls,
     /// Original index of each point.
     index: Vec<u32>,
-    /// First point of each cell, and the end of the last. Cells are ordered by x, then y, then z.
+    /// Index of the first point of each cell, and the total number of points at the end. Cells are ordered by x, then
+    /// y, then z.
     first: Vec<u32>,
     low: Vec3A,
     size: [usize; 3],
@@ -31,63 +32,67 @@ pub(crate) struct Grid {
     /// Radius of the kernel in zone 0 \[m\].
     radius: f32,
     zones: Zones,
-    /// Largest scale of the zones with points.
+    /// Largest scale of any zone that contains points.
     largest_scale: f32,
     /// Index for [`Grid::nearest`], built on first use.
     boxes: OnceLock<Boxes>,
 }
 
-/// A point on a surface with light to distribute among its neighbors.
+/// Surface point with light to distribute among neighboring points.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
     pub position: Vec3A,
     pub normal: Vec3A,
-    /// Index into [`Scene::instances`](crate::scene::Scene::instances) of the surface. Points on the same instance are
+    /// Index into [`Scene::instances`](crate::scene::Scene::instances) of the surface. Points on this instance are
     /// preferred, because another sheet may lie just behind with the same orientation.
     pub instance: u32,
     /// Whether points of other instances are excluded.
     pub only_own: bool,
     /// Distance that the arriving light has traveled \[m\]. Points without surfaces at about this distance receive
-    /// almost nothing.
+    /// little.
     pub came: Option<f32>,
 }
 
 /// Working memory of [`Grid::splat_all`], reused across calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SplatScratch {
-    /// Cell and index of each spot.
+    /// Cell and index of each spot, sorted by cell.
     order: Vec<(u32, u32)>,
     around: Around,
 }
 
 /// Expected number of points in a kernel: enough for smoothness, few enough for locality.
 const POINTS_PER_KERNEL: f32 = 8.0;
-/// Maximum number of cells per point, and the lower limit of the total maximum. A cell takes 4 bytes.
+/// Maximum number of cells per point. A cell takes 4 bytes.
 const CELLS_FOR_EACH_POINT: usize = 8;
+/// Lower limit of the maximum number of cells.
 const FEW_CELLS: usize = 1 << 16;
-/// Factor between successive cell widths that are tried.
+/// Factor between successive trial cell widths.
 const WIDER: f32 = 1.25;
-/// Minimum cosine between normals on the same wall (about 45°), and maximum height above the plane in radii.
+/// Minimum cosine of the angle between normals on the same wall (about 45°).
 pub(super) const LEAST_COSINE: f32 = 0.7;
+/// Maximum height of a point above the plane of the wall, in kernel radii.
 const MOST_HEIGHT: f32 = 0.3;
-/// Maximum height of a wall that does not block distribution, in radii. Light passes over it except at its foot.
+/// Maximum height of a wall that does not block distribution, in kernel radii. Light passes over such a wall except at
+/// its foot.
 const LOW_WALL: f32 = 0.75;
-/// Weight of points of other instances. With 1, a lampshade of two sheets keeps a third of its light between them.
+/// Weight of points on other instances. With a weight of 1, a lampshade of two sheets traps a third of its light
+/// between them.
 const OTHER_INSTANCE: f32 = 1.0 / 256.0;
-/// Factor on squared distances to points of other instances in searches for the nearest point: they count as eight
+/// Factor on squared distances to points on other instances in nearest-point searches. These points count as eight
 /// times as far away.
 const OTHER_FARTHER: f32 = 64.0;
-/// Maximum distance of a point of the same instance that is preferred to all others, in radii.
+/// Maximum distance at which a point on the same instance is preferred to all other points, in kernel radii.
 const OWN_REACH: f32 = 2.0;
 
-/// Returns the radius R \[m\] of the kernel over points that represent `area_share` m² each.
+/// Returns the radius R \[m\] of the kernel for points that represent `area_share` m² each.
 pub(super) fn kernel_radius(area_share: f32) -> f32 {
-    // The disc of radius R contains POINTS_PER_KERNEL points:  π R² = POINTS_PER_KERNEL · share.
+    // The disc of radius R contains POINTS_PER_KERNEL points: π R² = POINTS_PER_KERNEL · share.
     (POINTS_PER_KERNEL * area_share / std::f32::consts::PI).sqrt().max(f32::MIN_POSITIVE)
 }
 
 impl Grid {
-    /// Builds a grid of `points` with these area `shares`, and with their `outlooks` if measured.
+    /// Builds a grid of `points` with these area `shares`. `outlooks` may be empty if they were not measured.
     pub fn new(points: &[Anchor], outlooks: &[Outlook], shares: impl Into<Shares>) -> Self {
         let shares = shares.into();
         let (radius, zones) = (kernel_radius(shares.area), shares.zones().clone());
@@ -100,8 +105,8 @@ impl Grid {
         }
         let extent = if points.is_empty() { Vec3A::ZERO } else { high - low };
 
-        // Cells are as wide as the kernel's radius, or wider to limit their number: points lie on surfaces, so most
-        // cells are empty.
+        // Make cells as wide as the kernel's radius, or wider to limit the number of cells. Points lie on surfaces, so
+        // most cells are empty.
         let cells = |cell: f32| (extent / cell).to_array().map(|cells| (cells as usize).saturating_add(1));
         let most = FEW_CELLS.max(CELLS_FOR_EACH_POINT * points.len()) as f64;
         let count = |[x, y, z]: [usize; 3]| x as f64 * y as f64 * z as f64;
@@ -111,7 +116,7 @@ impl Grid {
         }
         let size = cells(cell);
 
-        // Points are sorted by cell; within a cell they keep their order.
+        // Sort points by cell, and keep their order within a cell.
         let mut grid = Self { low, size, cell, radius, zones, largest_scale, ..Self::default() };
         let mut order = Vec::with_capacity(points.len());
         for (index, point) in (0u32..).zip(points) {
@@ -129,7 +134,7 @@ impl Grid {
         grid
     }
 
-    /// Returns the largest radius of a kernel \[m\].
+    /// Returns the maximum radius of a kernel in the grid \[m\].
     pub fn reach(&self) -> f32 {
         self.radius * self.largest_scale
     }
@@ -140,20 +145,20 @@ impl Grid {
         self.radius * self.zones.scale(position)
     }
 
-    /// Returns the height at `position` below which walls do not block distribution \[m\].
+    /// Returns the maximum height of walls at `position` that do not block distribution \[m\].
     pub fn height_at(&self, position: Vec3A) -> f32 {
         LOW_WALL * self.radius_at(position)
     }
 
-    /// Returns the number of points.
+    /// Returns the number of points in the grid.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Returns the cell of a point; outside of the box, the nearest cell.
+    /// Returns the cell of a point. Outside the bounding box, returns the nearest cell.
     fn cell_of(&self, position: Vec3A) -> [usize; 3] {
         let at = ((self.zones.unfolded(position, self.radius) - self.low) / self.cell).to_array();
-        // Negative values and NaN become 0.
+        // Casts map negative values and NaN to 0.
         std::array::from_fn(|axis| (at[axis] as usize).min(self.size[axis] - 1))
     }
 
@@ -161,12 +166,12 @@ impl Grid {
         (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// Calls `give(point, weight)` for the points near `spot` on the same wall; the weights sum to 1. Returns false if
-    /// no point can receive anything.
+    /// Calls `give(point, weight)` for the points near `spot` on the same wall, with weights that sum to 1. Returns
+    /// false if no point can receive light.
     ///
-    /// The weights are an Epanechnikov kernel over the points within the radius. If it contains no suitable point, the
-    /// nearest one with the same orientation receives everything. This occurs on details smaller than a point's area
-    /// share.
+    /// The weights are an Epanechnikov kernel over the points within the radius. If the radius contains no suitable
+    /// point, the nearest point with the same orientation receives all light. This occurs on details smaller than a
+    /// point's area share.
     pub fn splat(&self, spot: &Spot, sight: Option<&Sight>, mut give: impl FnMut(usize, f32)) -> bool {
         let mut near = NearPoints::default();
         self.near(spot, |p, weight| near.add(self, p, weight, self.points[p as usize].instance == spot.instance));
@@ -177,12 +182,12 @@ impl Grid {
         !parts.is_empty()
     }
 
-    /// Distributes many spots as [`Grid::splat`] does. `share(what, parts)` receives the payload of each spot, and the
-    /// same weights. Points are given by their position in the grid ([`Grid::by_index`] converts them). `parts` is
-    /// empty if there is no point.
+    /// Distributes many spots with the weights of [`Grid::splat`]. `share(what, parts)` receives the payload of each
+    /// spot and its weighted points. Points are identified by their position in the grid, which [`Grid::by_index`]
+    /// converts. `parts` is empty if no point can receive light.
     ///
-    /// Spots are processed by cell: the neighborhood of a cell is loaded once for all its spots, and the receivers are
-    /// close together in memory. In random order, photons would wait for memory most of the time.
+    /// Spots are processed by cell. The neighborhood of a cell is loaded once for all spots in it, and the receivers
+    /// are adjacent in memory. In random order, distribution would wait for memory most of the time.
     pub fn splat_all<T: Copy>(
         &self,
         spots: &[(Spot, T)],
@@ -190,7 +195,7 @@ impl Grid {
         scratch: &mut SplatScratch,
         mut share: impl FnMut(T, &[(u32, f32)]),
     ) {
-        // Spots are sorted by cell; within a cell they keep their order.
+        // Sort spots by cell, and keep their order within a cell.
         let SplatScratch { order, around } = scratch;
         order.clear();
         for (index, (spot, _)) in (0..).zip(spots) {
@@ -200,12 +205,12 @@ impl Grid {
 
         let mut here = Vec::new();
         for same_cell in order.chunk_by(|a, b| a.0 == b.0) {
-            // Loading all spots of the cell first overlaps their memory accesses.
+            // Load all spots of the cell first, so that their memory accesses overlap.
             here.clear();
             here.extend(same_cell.iter().map(|&(_, index)| spots[index as usize]));
             around.find(self, self.cell_of(here[0].0.position));
 
-            // Each spot is distributed among the points around the cell, by the kernel and the likelihood of its light.
+            // Distribute each spot among the points around the cell, by the kernel and the likelihood of its light.
             for &(spot, what) in &here {
                 let radius = self.radius_at(spot.position);
                 around.weigh(&spot, radius);
@@ -226,7 +231,7 @@ impl Grid {
         self.by_index(&self.points)
     }
 
-    /// Reorders values, one per point, from grid order to the original order of points.
+    /// Reorders per-point values from grid order to the original order of points.
     pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
         let mut place = vec![0; self.index.len()];
         for (p, &index) in self.index.iter().enumerate() {
@@ -235,7 +240,7 @@ impl Grid {
         place.into_iter().map(|p| by_place[p].clone()).collect()
     }
 
-    /// Returns the likelihood that light from the distance of a bin arrives at a point; 1 if unknown.
+    /// Returns the likelihood that light from the distance of a bin arrives at a point. Returns 1 if it is unknown.
     #[inline]
     fn likelihood(&self, p: u32, about: Option<usize>) -> f32 {
         match (about, self.outlooks.get(p as usize)) {
@@ -244,9 +249,9 @@ impl Grid {
         }
     }
 
-    /// Returns the point on the same wall as `spot` with the largest product of kernel and `rating(point)`. If there is
-    /// none, returns the nearest point with the same orientation. Points hidden by a wall are excluded, as tested with
-    /// `sight`.
+    /// Returns the point on the same wall as `spot` with the largest product of kernel and `rating(point)`. If no such
+    /// point exists, returns the nearest point with the same orientation. Points behind a wall, as tested with `sight`,
+    /// are excluded.
     pub fn best(&self, spot: &Spot, sight: Option<&Sight>, rating: impl Fn(usize) -> f32) -> Option<usize> {
         let mut near = NearPoints::default();
         self.near(spot, |p, weight| {
@@ -256,8 +261,8 @@ impl Grid {
         near.best(self, spot, sight).map(|p| self.index[p] as usize)
     }
 
-    /// Returns whether a point belongs to the instance of `spot` and is near. The points of a detail may be slightly
-    /// beyond the kernel.
+    /// Returns whether a point is near `spot` and on the same instance. Points on a small detail may be slightly beyond
+    /// the kernel.
     fn is_own_beside(&self, p: usize, spot: &Spot) -> bool {
         let Anchor { instance, position, .. } = self.points[p];
         instance == spot.instance
@@ -267,7 +272,7 @@ impl Grid {
     /// Calls `found(p, weight)` with the index in `points` and the kernel weight of each receiver of `spot`.
     #[inline]
     fn near(&self, spot: &Spot, mut found: impl FnMut(u32, f32)) {
-        // A kernel around the spot reaches at most the adjacent cells.
+        // Visit the adjacent cells only, because a kernel reaches no farther.
         let Spot { position, normal, instance, only_own, came } = *spot;
         if self.points.is_empty() {
             return;
@@ -276,7 +281,7 @@ impl Grid {
         let about = came.map(|length| Outlook::bin(length / radius));
         self.rows(self.cell_of(position)).for_each(|row| {
             for p in row {
-                // Points on the same wall are near, have the same orientation, and lie at the same height.
+                // Select points on the same wall: near, with similar orientation, and at similar height.
                 let point = &self.points[p as usize];
                 let d2 = point.position.distance_squared(position) / (radius * radius);
                 let is_own = instance == point.instance;
@@ -285,7 +290,7 @@ impl Grid {
                     && normal.dot(point.position - position).abs() < MOST_HEIGHT * radius
                     && (is_own || !only_own);
 
-                // w = 1 − d² / R², less for points of other instances.
+                // Weight: w = 1 − d² / R², reduced for points on other instances.
                 if same_wall {
                     let share = if is_own { 1.0 } else { OTHER_INSTANCE };
                     found(p, (1.0 - d2) * share * self.likelihood(p, about));
@@ -294,7 +299,8 @@ impl Grid {
         });
     }
 
-    /// Returns the points of a cell and its neighbors. The cells of a row are adjacent, so their points form one range.
+    /// Returns the points of a cell and its adjacent cells. The cells of a row are consecutive, so their points form
+    /// one range.
     #[inline]
     fn rows(&self, center: [usize; 3]) -> impl Iterator<Item = std::ops::Range<u32>> {
         let [xs, ys, zs] =
@@ -345,7 +351,7 @@ mod tests {
         let points: Vec<Anchor> = (0..400)
             .map(|k| {
                 let at = random(k) * Vec3A::new(1.0, 0.0, 1.0);
-                // The scene has two floors, one above the other, facing up and down.
+                // Build two floors, one above the other, facing up and down.
                 let up = k % 2 == 0;
                 Anchor {
                     position: at + Vec3A::Y * if up { 0.0 } else { 0.02 },
@@ -369,7 +375,7 @@ mod tests {
         assert!(!none.splat(&spot(Vec3A::ZERO), None, |_, _| unreachable!("there is no anchor")));
     }
 
-    /// Two sheets have the same orientation and are closer together than their points: each keeps its own light.
+    /// Two sheets have the same orientation and are closer together than their points. Each sheet keeps its own light.
     #[test]
     fn nothing_is_given_to_a_sheet_behind() {
         let points: Vec<Anchor> = (0..400)

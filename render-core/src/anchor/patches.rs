@@ -1,4 +1,4 @@
-//! The surfaces over which anchors and surfels are distributed by area.
+//! Surfaces over which anchors and surfels are distributed by area.
 
 use super::grid::kernel_radius;
 use super::zones::Zones;
@@ -10,8 +10,8 @@ use crate::surface::Surfaces;
 use glam::{Vec2, Vec3A};
 use std::collections::HashMap;
 
-/// Maximum number of points in a cube with edges of the kernel's radius. A wall has three points there; the densest
-/// foliage of the tested scenes has a few tens.
+/// Maximum number of points in a cube with edges as long as the kernel's radius. A wall has three points in this cube;
+/// the densest foliage of the tested scenes has a few tens.
 const CROWD: usize = 256;
 
 /// All reflecting sides of the static or of the moving triangles. They are enumerated rather than stored, because a
@@ -20,33 +20,33 @@ pub(super) struct Patches<'a> {
     surfaces: &'a Surfaces<'a>,
     on_moving: bool,
     zones: Zones,
-    /// Total area \[m²\], above 0; farther zones have less weight.
+    /// Total area \[m²\], above 0. Farther zones have less weight.
     area: f64,
 }
 
-/// A side of a triangle, or of a piece of one.
+/// Side of a triangle, or of a piece of a triangle.
 struct Patch {
-    /// Number of patches before it.
+    /// Number of preceding patches.
     number: usize,
     instance: usize,
     triangle: usize,
     front: bool,
     piece: Piece,
-    /// Area \[m²\]; farther zones have less weight.
+    /// Area \[m²\]. Farther zones have less weight.
     area: f64,
 }
 
-/// Barycentric weights of the second and third corner of a triangle, at the corners of a piece of it.
+/// Piece of a triangle: at each corner of the piece, the barycentric weights of the triangle's second and third corner.
 type Piece = [Vec2; 3];
 
-/// A whole triangle as a single piece.
+/// Piece that covers a whole triangle.
 const WHOLE: Piece = [Vec2::ZERO, Vec2::X, Vec2::Y];
 
-/// Maximum number of times that a triangle is subdivided along its edges.
+/// Maximum number of times that a triangle is subdivided.
 const MOST_HALVINGS: u32 = 12;
 
 impl<'a> Patches<'a> {
-    /// Enumerates the patches; returns `None` if their total area is zero.
+    /// Enumerates the patches. Returns `None` if their total area is zero.
     pub fn of(surfaces: &'a Surfaces<'a>, on_moving: bool, zones: &Zones) -> Option<Self> {
         let mut patches = Self { surfaces, on_moving, zones: zones.clone(), area: 0.0 };
         let mut area = 0.0;
@@ -64,7 +64,8 @@ impl<'a> Patches<'a> {
             if moving[instance] != self.on_moving {
                 continue;
             }
-            // Both sides of a sheet reflect and have their own anchors; unlit surfaces reflect nothing.
+            // Add both sides of a double-sided surface, each with its own anchors. Skip unlit surfaces, which reflect
+            // nothing.
             let mesh = &scene.meshes[*mesh];
             let material = &scene.materials[mesh.material];
             let sides: &[bool] = match (material.unlit, material.double_sided) {
@@ -73,7 +74,7 @@ impl<'a> Patches<'a> {
                 (false, true) => &[true, false],
             };
 
-            // The probability of each side is proportional to its area:  |(b − a) × (c − a)| / 2.
+            // Select each side with a probability proportional to its area: |(b − a) × (c − a)| / 2.
             for triangle in 0..mesh.triangles.len() {
                 let [a, b, c] = self.surfaces.corners(instance, triangle);
                 let area = f64::from((b - a).cross(c - a).length() / 2.0);
@@ -89,20 +90,20 @@ impl<'a> Patches<'a> {
     }
 
     /// Subdivides the `piece` of a triangle with these `corners` at the borders of zones. Calls `visit` with each
-    /// resulting piece, and with its weighted fraction of the triangle's area.
+    /// resulting piece and its weighted fraction of the triangle's area.
     fn pieces(&self, corners: [Vec3A; 3], piece: Piece, halvings: u32, visit: &mut impl FnMut(Piece, f64)) {
         let [a, b, c] = corners;
         let center = (a + b + c) / 3.0;
         let radius = corners.map(|corner| corner.distance(center)).into_iter().fold(0.0, f32::max);
         let is_cut = self.zones.part_ball(center, radius) && halvings > 0 && radius.is_finite();
         if !is_cut {
-            // The point density of zone z is 1 / 8^z of the density in zone 0.
+            // Weight by the point density: in zone z, it is 1 / 8^z of the density in zone 0.
             let scale = f64::from(self.zones.scale(center));
             visit(piece, 0.25f64.powi((MOST_HALVINGS - halvings) as i32) / (scale * scale));
             return;
         }
 
-        // Four pieces: at the corners, and between the middles of the edges.
+        // Create four pieces: three at the corners, and one between the middles of the edges.
         let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
         let [p, q, r] = piece;
         let [pq, qr, rp] = [(p + q) / 2.0, (q + r) / 2.0, (r + p) / 2.0];
@@ -112,16 +113,16 @@ impl<'a> Patches<'a> {
         self.pieces([ab, bc, ca], [pq, qr, rp], halvings - 1, visit);
     }
 
-    /// Returns the total area \[m²\]; farther zones have less weight.
+    /// Returns the total area \[m²\]. Farther zones have less weight.
     pub fn area(&self) -> f32 {
         self.area as f32
     }
 
-    /// Distributes `count` points evenly by area. Returns fewer points where sheets are so close together that their
+    /// Distributes `count` points evenly by area. Returns fewer points if sheets are so close together that their
     /// points would be too dense.
     pub fn spread(&self, count: usize, units: &Units) -> Vec<DynamicAnchor> {
         let mut points = Vec::with_capacity(count);
-        // Points are at regular steps of the cumulative area, so the points of a patch are consecutive and one pass
+        // Step regularly through the cumulative area. The points of a patch are then consecutive, and one pass
         // suffices.
         let step = |i: usize| (i as f64 + 0.5) / count as f64 * self.area;
         let (mut sum, mut last) = (0.0, None);
@@ -135,7 +136,7 @@ impl<'a> Patches<'a> {
                 last = Some((patch, first));
             }
         });
-        // Steps rounded up to the total area belong to the last patch.
+        // Assign steps rounded up to the total area to the last patch.
         if let Some((patch, first)) = last {
             while points.len() < count {
                 points.push(patch.point(points.len() - first, count, units));
@@ -150,9 +151,9 @@ impl<'a> Patches<'a> {
     }
 }
 
-/// Returns for each of the `places` whether `CROWD` (256) earlier ones are in the same cell, in a grid as wide as the
-/// kernel's `radius`. Searches visit all points of a cell, so their number is limited; the remaining points receive the
-/// light of all.
+/// Returns, for each of the `places`, whether `CROWD` (256) earlier places are in the same cell. Cells of the grid are
+/// as wide as the kernel's `radius`. Searches visit all points of a cell, so their number is limited. The remaining
+/// points receive the light of all.
 fn crowded(places: &[Vec3A], radius: f32) -> Vec<bool> {
     let mut counts: HashMap<[i64; 3], usize> = HashMap::new();
     let mut is_crowded = Vec::with_capacity(places.len());
@@ -165,10 +166,10 @@ fn crowded(places: &[Vec3A], radius: f32) -> Vec<bool> {
 }
 
 impl Patch {
-    /// Returns point number `within` of the patch; all patches together have `count` points.
+    /// Returns the point with index `within` on the patch. All patches together have `count` points.
     fn point(&self, within: usize, count: usize, units: &Units) -> DynamicAnchor {
-        // Each patch has its own sequence. A common one would correlate positions with patch numbers. With one point
-        // per side, all front sides would have it in the same half of their triangles.
+        // Use one sequence per patch, because a common sequence would correlate positions with patch numbers. With one
+        // point per side, all front sides would have a point in the same half of their triangles.
         let key = hash(count as u64, self.number as u64, PLACEMENT);
         let (u, v) = triangle(owen_sobol_point(within as u32, key));
         let [p, q, r] = self.piece;
@@ -190,7 +191,7 @@ mod tests {
     use crate::scene::{Material, Mesh, Scene};
     use glam::Vec3;
 
-    /// Returns `copies` of two triangles; the second is four times as large as the first.
+    /// Returns `copies` of two triangles. The second triangle is four times as large as the first.
     fn pile(copies: usize) -> Scene {
         let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [3.0, 0.0], [5.0, 0.0], [3.0, 2.0]];
         let mesh = Mesh {
@@ -223,7 +224,7 @@ mod tests {
 
     #[test]
     fn points_on_many_sheets_in_one_place_are_no_crowd() {
-        // All sheets lie within a few cells. Each cell contains a limited number of points, for any number of sheets.
+        // Test sheets within a few cells: each cell contains a limited number of points for any number of sheets.
         for copies in [1000, 4000] {
             let scene = pile(copies);
             let surfaces = Surfaces::new(&scene, &scene.pose(0.0));

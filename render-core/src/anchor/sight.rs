@@ -1,11 +1,11 @@
-//! Visibility between points of a surface: light is distributed among neighbors that no wall separates.
+//! Visibility between points on a surface. Light is distributed among neighboring points that no wall separates.
 //!
-//! The points of a kernel are close together, with similar normal and height. They may still be on two sides of a wall
-//! that stands on the surface. A point y therefore receives light from x only along a free path:
+//! The points of a kernel are close together, with similar normal and height. A wall on the surface may still separate
+//! them. A point y therefore receives light from x only along a free path:
 //!
 //! ```text
-//! x —— y                straight, both a little off the surface, or
-//! x —— (x + y) / 2 + n · h —— y        over what is lower than h: a bump, the curve of the surface itself
+//! x —— y                straight path slightly off the surface, or
+//! x —— (x + y) / 2 + n · h —— y        path over obstacles lower than h: a bump, a curved surface
 //! ```
 //!
 //! Light therefore stays in its room, regardless of how the walls are modeled.

@@ -1,19 +1,19 @@
 //! Surfels: the receivers of photon energy.
 //!
-//! Anchors are few, because each is a light. Light varies on a finer scale: at the edge of a sunlit patch, in the fold
-//! of a molding, in the gap above a lamp. Photon energy is therefore distributed among surfels, which are denser:
+//! Anchors are few, because each anchor is a light. Light varies on a finer scale: at the edge of a sunlit patch, in
+//! the fold of a molding, in the gap above a lamp. Photon energy is therefore distributed among surfels, which are
+//! denser:
 //!
 //! ```text
-//! Φ_a = Σ Φ_j · o_j / o_a                    over the surfels j that belong to anchor a
+//! Φ_a = Σ Φ_j · o_j / o_a                    sum over the surfels j that anchor a owns
 //! L_j = Σ w_jk Φ_k / (π Σ w_jk A_k)          radiance around surfel j, from the surfels k around it
-//!   o     share of the light that gets out of the neighborhood: mean of r² / (r² + s) over all directions
+//!   o     fraction of light that leaves the neighborhood: mean of r² / (r² + s) over rays of length r
 //!   s     bound of the geometry term
-//!   w_jk  kernel            A_k  area that surfel k takes from, Σ_i A_i w_ik
+//!   w_jk  kernel            A_k  area from which surfel k receives photons, Σ_i A_i w_ik
 //! ```
 //!
-//! Distant surfaces are lit by anchors; nearby surfaces use the surfels directly ([`crate::gather`]). The ratio of
-//! openness accounts for light trapped in folds and gaps. Without it, an anchor outside of the fold would emit this
-//! light.
+//! Anchors light distant surfaces; nearby surfaces use the surfels directly ([`crate::gather`]). The ratio o_j / o_a
+//! accounts for light trapped in folds and gaps. Without it, an anchor outside a fold would emit this light.
 
 mod moved;
 
@@ -31,18 +31,18 @@ use std::sync::Arc;
 use moved::Movable;
 pub use moved::Moved;
 
-/// Number of surfels per anchor. A kernel is expected to contain eight surfels, which is the area of two anchors.
+/// Number of surfels per anchor. The expected number of surfels in a kernel is eight, which is the area of two anchors.
 ///
-/// With 40 000 anchors, 8 instead of 4 take twice the memory. They bring pictures of Sponza, a conference room and an
-/// office no closer to path tracing. With 2, FLIP is a tenth to a fifth larger.
+/// With 40 000 anchors, 8 surfels per anchor take twice the memory of 4. They do not bring pictures of Sponza, a
+/// conference room and an office closer to path tracing. With 2, FLIP is a tenth to a fifth larger.
 const PER_ANCHOR: f32 = 4.0;
-/// Maximum ratio of an anchor's light to a surfel's, if the anchor is deeper in a fold.
+/// Maximum ratio of the light of an anchor to the light of a surfel, if the anchor is deeper in a fold.
 const MOST_RATIO: f32 = 2.0;
-/// Minimum length of a ray from a surfel that counts as free, in sides of an anchor's area share. The value for anchors
-/// is scaled to the smaller area of surfels.
+/// Minimum length of a ray from a surfel that counts as free, as a multiple of the side of an anchor's area share. It
+/// is the value for anchors, scaled to the smaller area of surfels.
 const NEAR: f32 = 0.03;
 
-/// Number of rays that measure the exposure of a surfel. Few suffice because kernels average over eight surfels.
+/// Number of rays that measure the exposure of a surfel. Eight suffice because kernels average over eight surfels.
 const OUTLOOK_RAYS: u8 = 8;
 
 /// The surfels of a scene.
@@ -55,31 +55,31 @@ pub(crate) struct Surfels {
     dynamic_owners: Vec<Owner>,
 }
 
-/// Surfels at one time.
+/// Surfels at a given time.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SurfelMap {
     grid: Grid,
     owners: Vec<Owner>,
-    /// First entry of each surfel in `around`, and the end of the last.
+    /// First entry of each surfel in `around`, and the total number of entries at the end.
     first: Vec<u32>,
     /// Neighboring surfels, and their contributions to the radiance per unit of flux \[m⁻²·sr⁻¹\].
     around: Vec<(u32, f32)>,
-    /// A_k of each surfel \[m²\].
+    /// A_k of each surfel k \[m²\].
     areas: Vec<f32>,
-    /// A at each position \[m²\].
+    /// Area A_i of each surfel i, by position \[m²\].
     shares: Shares,
-    /// Surfels near moving geometry, if any.
+    /// Surfels near the paths of moving geometry, if any.
     movable: Option<Arc<Movable>>,
 }
 
-/// Positions of surfels, and the outlook of each if measured.
+/// Positions of surfels, and the outlook from each position if measured.
 #[derive(Clone, Copy)]
 struct SurfelPoints<'a> {
     points: &'a [Anchor],
     outlooks: &'a [Outlook],
 }
 
-/// The anchor that emits a surfel's energy.
+/// Anchor that emits the energy of a surfel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Owner {
     anchor: Option<u32>,
@@ -97,8 +97,8 @@ impl Surfels {
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
-    /// Creates surfels on the exposed surfaces. `outlooks` belong to the fixed anchors. Adds anchors in rooms without
-    /// any.
+    /// Creates surfels on the exposed surfaces. `outlooks` are the outlooks of the fixed anchors. Adds anchors in rooms
+    /// without anchors.
     pub fn of_exposed(
         anchors: &mut Anchors,
         outlooks: &[Outlook],
@@ -112,7 +112,7 @@ impl Surfels {
         let (points, seen) = exposed(&points, seen);
         let surfels = SurfelPoints { points: &points, outlooks: &seen };
 
-        // The owner of a surfel must be in the same room, and light is distributed within the room.
+        // Restrict owners and distribution to one room: a surfel and its owner must not be separated by walls.
         let sight = Some(&Sight { accelerator, epsilon: units.epsilon });
         let mut owners = Self::owners(anchors, surfels, outlooks, sight);
         add_anchors(&mut owners, surfels, anchors, &Sight { accelerator, epsilon: units.epsilon });
@@ -120,7 +120,7 @@ impl Surfels {
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
-    /// Distributes points over static surfaces; returns none without anchors.
+    /// Distributes points over static surfaces. Returns no points if there are no anchors.
     fn points(surfaces: &Surfaces, units: &Units, anchors: &Anchors) -> Vec<Anchor> {
         let Some(patches) = Patches::of(surfaces, false, &anchors.zones).filter(|_| !anchors.fixed.is_empty()) else {
             return Vec::new();
@@ -141,14 +141,15 @@ impl Surfels {
         surfels.points.par_iter().enumerate().map(owner).collect()
     }
 
-    /// Combines the `fixed` surfels with new ones on moving or deforming surfaces.
+    /// Combines the `fixed` surfels with new surfels on moving or deforming surfaces.
     fn with_dynamic(fixed: SurfelMap, anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
-        // Distribute points over moving surfaces, if these have anchors.
+        // Distribute points over the moving surfaces if these have anchors.
         let count = (PER_ANCHOR * anchors.dynamic.len() as f32) as usize;
         let patches = Patches::of(surfaces, true, &Zones::default()).filter(|_| !anchors.dynamic.is_empty());
         let dynamic = patches.map_or(Vec::new(), |patches| patches.spread(count, units));
 
-        // The owner is the best anchor on the same instance. It is kept, because both move with the surface.
+        // Select the best anchor on the surfel's instance as owner. It stays the owner, because both move with the
+        // surface.
         let grid = Grid::new(&anchors.dynamic_in_world(surfaces), &[], anchors.dynamic_area_share);
         let mut dynamic_owners = Vec::with_capacity(dynamic.len());
         for point in &dynamic {
@@ -177,18 +178,19 @@ fn openness(outlooks: &[Outlook], i: usize) -> f32 {
     outlooks.get(i).map_or(1.0, |outlook| outlook.openness)
 }
 
-/// Makes anchors of surfels without a visible anchor nearby, as in a room smaller than an anchor's area share.
+/// Creates anchors at surfels without a visible anchor nearby, for example in a room smaller than an anchor's area
+/// share.
 fn add_anchors(owners: &mut [Owner], surfels: SurfelPoints, anchors: &mut Anchors, sight: &Sight) {
     let SurfelPoints { points, outlooks } = surfels;
     let radius_in_zone_0 = kernel_radius(anchors.area_share);
-    // Surfels that became anchors, with the anchors' indices.
+    // List the surfels that became anchors, with the indices of these anchors.
     let mut added: Vec<(usize, usize)> = Vec::new();
     for (j, (owner, point)) in owners.iter_mut().zip(points).enumerate() {
         if owner.anchor.is_some() {
             continue;
         }
 
-        // An anchor added earlier may be in the same room.
+        // Try the anchors added earlier, which may be in the same room.
         let spot = Spot::of(point, false);
         let radius = radius_in_zone_0 * anchors.zones.scale(point.position);
         let is_near = |(surfel, _): &&(usize, usize)| {
@@ -208,7 +210,7 @@ fn add_anchors(owners: &mut [Owner], surfels: SurfelPoints, anchors: &mut Anchor
 impl Owner {
     /// Selects the owner in `grid` for a surfel at `point` with openness `own`.
     fn of(point: &Anchor, own: f32, grid: &Grid, seen_by_anchors: &[Outlook], sight: Option<&Sight>) -> Self {
-        // Prefer an anchor as open as the surfel to one deep in a fold nearby.
+        // Prefer an anchor with the surfel's openness to an anchor deep in a fold nearby.
         let rating = |a: usize| (openness(seen_by_anchors, a) / own.max(f32::MIN_POSITIVE)).min(1.0);
         let anchor = grid.best(&Spot::of(point, false), sight, rating);
 
@@ -216,20 +218,20 @@ impl Owner {
         anchor.map_or(nobody, |a| Self::with_openness(a, own, openness(seen_by_anchors, a)))
     }
 
-    /// Returns the owner of a surfel with openness `own`, for an anchor with openness `of_anchor`.
+    /// Creates the owner of a surfel with openness `own`. `of_anchor` is the openness of the anchor.
     fn with_openness(anchor: usize, own: f32, of_anchor: f32) -> Self {
-        // o_j / o_a: most light of a surfel deep in a fold stays there, so it adds little to an open anchor.
+        // Scale by o_j / o_a: most light of a surfel deep in a fold stays in it and adds little to an open anchor.
         Self { anchor: Some(anchor as u32), share: (own / of_anchor).min(MOST_RATIO) }
     }
 }
 
 impl Spot {
-    /// Returns whether `point` is within `radius` meters and has the orientation of the surface here.
+    /// Returns whether `point` is within `radius` meters of the spot and has the orientation of its surface.
     fn is_beside(&self, point: &Anchor, radius: f32) -> bool {
         point.position.distance_squared(self.position) < radius * radius && point.normal.dot(self.normal) > LEAST_COSINE
     }
 
-    /// Returns the spot at `point`, restricted to its own instance if `only_own`.
+    /// Returns the spot at `point`, restricted to the point's instance if `only_own`.
     pub(super) fn of(point: &Anchor, only_own: bool) -> Self {
         let Anchor { position, normal, instance } = *point;
         Self { position, normal, instance, only_own, came: None }
@@ -244,7 +246,7 @@ impl SurfelMap {
         own_instance: bool,
         sight: Option<&Sight>,
     ) -> Self {
-        // w_jk of the surfels k around each surfel j, without surfels hidden by walls.
+        // Collect w_jk of the surfels k around each surfel j, without surfels hidden by walls.
         let SurfelPoints { points, outlooks } = surfels;
         let mut grid = Grid::new(points, outlooks, shares.clone());
         grid.find_walls(sight);
@@ -255,7 +257,7 @@ impl SurfelMap {
         };
         let weights: Vec<Vec<(u32, f32)>> = points.par_iter().map(weights_of).collect();
 
-        // A_k = Σ_i A_i w_ik: surfel k receives the photons of this area.
+        // Compute A_k = Σ_i A_i w_ik, the area from which surfel k receives photons.
         let mut areas = vec![0.0f32; points.len()];
         for (point, near) in points.iter().zip(&weights) {
             let share = shares.at(point.position);
@@ -264,7 +266,7 @@ impl SurfelMap {
             }
         }
 
-        // L_j = Σ w_jk Φ_k / (π Σ w_jk A_k). All factors but Φ_k are constant and stored as one.
+        // Prepare L_j = Σ w_jk Φ_k / (π Σ w_jk A_k). All factors except Φ_k are constant and stored as one.
         let (mut first, mut around) = (vec![0], Vec::new());
         for near in &weights {
             let area: f32 = near.iter().map(|&(k, weight)| weight * areas[k as usize]).sum();
@@ -277,7 +279,7 @@ impl SurfelMap {
         Self { grid, owners, first, around, areas, shares, movable: None }
     }
 
-    /// Returns the largest distance over which energy is distributed \[m\].
+    /// Returns the maximum distance over which energy is distributed \[m\].
     pub fn reach(&self) -> f32 {
         self.grid.reach()
     }
@@ -287,20 +289,20 @@ impl SurfelMap {
         self.grid.len()
     }
 
-    /// Calls `give(surfel, weight)` for the surfels that receive energy from `spot`; the weights sum to 1. Returns
-    /// false if there are none.
+    /// Calls `give(surfel, weight)` for the surfels that receive energy from `spot`, with weights that sum to 1.
+    /// Returns false if no surfel receives energy.
     #[inline]
     pub fn splat(&self, spot: &Spot, sight: Option<&Sight>, give: impl FnMut(usize, f32)) -> bool {
         self.grid.splat(spot, sight, give)
     }
 
-    /// Returns the surfel that would receive most energy from `spot`.
+    /// Returns the surfel that would receive the most energy from `spot`.
     #[inline]
     pub fn nearest(&self, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
         self.grid.best(spot, sight, |_| 1.0)
     }
 
-    /// Distributes the energy of all `spots`, see [`Grid::splat_all`].
+    /// Distributes the energy of all `spots` by [`Grid::splat_all`].
     pub fn splat_all<T: Copy>(
         &self,
         spots: &[(Spot, T)],
@@ -316,8 +318,8 @@ impl SurfelMap {
         self.grid.by_index(by_place)
     }
 
-    /// Turns the surfels of `bright` anchors into anchors. The first one replaces the old anchor; the others are
-    /// appended.
+    /// Replaces each of the `bright` anchors by anchors at its surfels. The first new anchor takes the index of the old
+    /// anchor; the others are appended.
     pub fn promote(&mut self, anchors: &mut Vec<Anchor>, bright: &[bool]) {
         let points = self.grid.points_by_index();
         let mut is_taken = vec![false; bright.len()];
@@ -327,7 +329,7 @@ impl SurfelMap {
                 continue;
             }
 
-            // The first surfel takes the index of the old anchor, so that other indices stay valid.
+            // Store the first surfel at the index of the old anchor, so that other indices stay valid.
             let anchor = if std::mem::replace(&mut is_taken[old], true) {
                 anchors.push(point);
                 anchors.len() - 1
@@ -335,13 +337,13 @@ impl SurfelMap {
                 anchors[old] = point;
                 old
             };
-            // The surfel now owns itself and emits exactly its own energy.
+            // Make the surfel its own owner, so that the anchor emits exactly the surfel's energy.
             *owner = Owner { anchor: Some(anchor as u32), share: 1.0 };
         }
         self.take_anchors(anchors);
     }
 
-    /// Returns the flux of each of `anchors` anchors \[W\], from the flux of the surfels. `moved` replaces the owners
+    /// Returns the flux of each of `anchors` anchors \[W\], from the `flux` of the surfels. `moved` replaces the owners
     /// of some surfels.
     pub fn anchor_flux(&self, flux: &[Vec3], moved: &Moved, anchors: usize) -> Vec<Vec3> {
         let mut sums = vec![Vec3::ZERO; anchors];
@@ -360,15 +362,15 @@ impl SurfelMap {
         sums
     }
 
-    /// Returns the radiance around each surfel \[W·m⁻²·sr⁻¹\] from the flux of all \[W\], with the visibility changes
-    /// in `moved`.
+    /// Returns the radiance around each surfel \[W·m⁻²·sr⁻¹\], from the `flux` of all surfels \[W\] and the visibility
+    /// changes in `moved`.
     pub fn radiance(&self, flux: &[Vec3], moved: &Moved) -> Vec<Vec3> {
         let mut radiance = self.radiance_at_rest(flux);
         self.set_moved_radiance(flux, moved, &mut radiance);
         radiance
     }
 
-    /// Returns the radiance without moving occluders.
+    /// Returns the radiance around each surfel without moving occluders.
     fn radiance_at_rest(&self, flux: &[Vec3]) -> Vec<Vec3> {
         let one = |bounds: &[u32]| {
             let around = &self.around[bounds[0] as usize..bounds[1] as usize];

@@ -1,16 +1,16 @@
 //! Zones around the cameras of a film: distant surfaces have fewer anchors.
 //!
-//! If anchors are distributed evenly by area, a room in a plain of 200 m gets only one in fifty of them. Zones correct
-//! this:
+//! If anchors are distributed evenly by area, a room in a plain of 200 m has only one anchor in fifty. Zones
+//! increase this fraction:
 //!
 //! ```text
-//! z(x) = 0 where d(x) < D,   ⌈log₂ (d(x) / D)⌉ elsewhere        zone of a place
-//! A(x) = A · 8^z(x)           R(x) = R · √8^z(x)                 share of a point there, and radius of its kernel
-//!   d  distance to the nearest camera          D  distance that is seen in detail
+//! z(x) = 0 where d(x) < D,   ⌈log₂ (d(x) / D)⌉ elsewhere        zone of a point
+//! A(x) = A · 8^z(x)           R(x) = R · √8^z(x)                 area share and kernel radius of a point
+//!   d  distance to the nearest camera          D  distance within which surfaces are seen in detail
 //! ```
 //!
-//! On a plain, each zone has half as many points as the previous one, although its area is four times as large. If all
-//! of a scene is seen in detail, it has one zone and its anchors are unchanged.
+//! On a plain, each zone has half as many points as the previous zone, although its area is four times as large. If a
+//! whole scene is seen in detail, it has one zone and its anchors are unchanged.
 
 use crate::PosedScene;
 use crate::gbuffer::CameraRay;
@@ -18,27 +18,27 @@ use crate::scene::View;
 use glam::{Vec2, Vec3A};
 use std::sync::Arc;
 
-/// D as a factor on the distance within which nine of ten camera rays end.
+/// Ratio of D to the distance within which nine of ten camera rays end.
 const BEYOND_SEEN: f32 = 1.5;
 const SEEN: f32 = 0.9;
-/// Number of rays of a camera along each side of its picture.
+/// Number of camera rays along each side of a picture.
 const SIDE: u16 = 24;
-/// The last zone: beyond half a million times D.
+/// Index of the last zone, which begins at half a million times D.
 const LAST: u32 = 20;
-/// Minimum radius of a piece of surface that is split between zones, as a fraction of the distance to the camera.
+/// Minimum radius of a piece of surface that is subdivided between zones, as a fraction of its distance to the camera.
 const NARROW: f32 = 0.05;
 
-/// Zones around the cameras of a film; a single zone without cameras.
+/// Zones around the cameras of a film. There is a single zone without cameras.
 #[derive(Clone, Debug, Default)]
 pub struct Zones {
     cameras: Arc<[Vec3A]>,
-    /// D \[m\].
+    /// Distance D within which surfaces are seen in detail \[m\].
     near: f32,
-    /// Largest distance between the first camera and any other \[m\].
+    /// Maximum distance between the first camera and any other camera \[m\].
     spread: f32,
 }
 
-/// The views of a film, from which [`Zones`] are computed.
+/// Camera positions and visible distances of a film, from which [`Zones`] are computed.
 #[derive(Clone, Debug, Default)]
 pub struct ZoneSearch {
     cameras: Vec<Vec3A>,
@@ -55,7 +55,7 @@ pub(crate) struct Shares {
 }
 
 impl ZoneSearch {
-    /// Adds the surfaces visible in `view`.
+    /// Adds the camera of `view` and the distances of the surfaces visible to it.
     pub fn look(&mut self, scene: PosedScene, view: &View) {
         let (center, _) = view.ray(view.size() * 0.5);
         self.cameras.push(center);
@@ -70,7 +70,7 @@ impl ZoneSearch {
         }
     }
 
-    /// Returns the zones; a single zone if no surface was visible.
+    /// Returns the zones, or a single zone if no surface was visible.
     #[must_use]
     pub fn finish(mut self) -> Zones {
         self.distances.sort_unstable_by(f32::total_cmp);
@@ -90,13 +90,13 @@ impl Zones {
         self.cameras.is_empty()
     }
 
-    /// Returns √8^z at `position`.
+    /// Returns √8^z in the zone z at `position`.
     #[inline]
     pub(super) fn scale(&self, position: Vec3A) -> f32 {
         if self.is_one() { 1.0 } else { scale_of(self.zone(self.distance(position))) }
     }
 
-    /// Returns whether the ball spans several zones and is not small.
+    /// Returns whether the ball spans several zones and is large enough to be subdivided.
     pub(super) fn part_ball(&self, center: Vec3A, radius: f32) -> bool {
         if self.is_one() {
             return false;
@@ -105,8 +105,8 @@ impl Zones {
         radius > NARROW * distance && self.zone(distance - radius) != self.zone(distance + radius)
     }
 
-    /// Maps a position to a space where all zones have the same kernel radius, `radius` \[m\]. Different zones are out
-    /// of reach of each other there.
+    /// Maps a position to a space in which all zones have the kernel radius `radius` \[m\]. In this space, the kernels
+    /// of different zones do not overlap.
     #[inline]
     pub(super) fn unfolded(&self, position: Vec3A, radius: f32) -> Vec3A {
         let Some(&center) = self.cameras.first() else { return position };
@@ -115,7 +115,7 @@ impl Zones {
         (position - center) / scale_of(zone) + Vec3A::X * (apart * zone as f32)
     }
 
-    /// Returns d \[m\].
+    /// Returns the distance d from `position` to the nearest camera \[m\].
     fn distance(&self, position: Vec3A) -> f32 {
         let mut least = f32::INFINITY;
         for camera in self.cameras.iter() {
@@ -124,14 +124,14 @@ impl Zones {
         least.sqrt()
     }
 
-    /// Returns z at a distance \[m\].
+    /// Returns the zone z at a `distance` from the nearest camera \[m\].
     fn zone(&self, distance: f32) -> u32 {
-        // Negative values and NaN become 0.
+        // Casts map negative values and NaN to 0.
         ((distance / self.near).log2().ceil() as u32).min(LAST)
     }
 }
 
-/// Returns √8^z.
+/// Returns √8^z for the zone z.
 fn scale_of(zone: u32) -> f32 {
     8f32.powi(zone as i32).sqrt()
 }
@@ -149,7 +149,7 @@ impl Shares {
         Self { area, zones: zones.clone() }
     }
 
-    /// Returns A(x) \[m²\].
+    /// Returns the area share A(x) at position x \[m²\].
     #[inline]
     pub fn at(&self, position: Vec3A) -> f32 {
         let scale = self.zones.scale(position);
@@ -196,20 +196,20 @@ mod tests {
         assert!(shares.at(Vec3A::NAN).is_finite() && shares.at(Vec3A::INFINITY).is_finite());
     }
 
-    /// Rings of a plain have a weighted area of π D² (1 + 3/8 + 3/16 + …) while they lie completely within it.
+    /// Rings within a plain have a weighted area of π D² (1 + 3/8 + 3/16 + …).
     #[test]
     fn the_area_of_a_plain_is_that_of_its_rings() {
         let scene = plain();
         let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
         let found = Patches::of(&surfaces, false, &zones(&[Vec3A::ZERO])).unwrap().area();
-        // Beyond 80 m, the rest of the square is in zone 4; its corners are within 160 m.
+        // Beyond 80 m, the rest of the square is in zone 4, because its corners are closer than 160 m.
         let (near, reach) = (f64::from(NEAR), f64::from(REACH));
         let rings = PI * near * near * (1.0 + 3.0 / 8.0 + 3.0 / 16.0 + 3.0 / 32.0);
         let corners = (4.0 * reach * reach - PI * 64.0 * near * near) / 4096.0;
         assert!((f64::from(found) / (rings + corners) - 1.0).abs() < 0.01, "{found} instead of {}", rings + corners);
     }
 
-    /// The anchors of each ring represent its whole area.
+    /// The anchors of each ring represent the ring's whole area.
     #[test]
     fn anchors_of_each_ring_stand_for_its_area() {
         let scene = plain();
@@ -229,7 +229,7 @@ mod tests {
         }
     }
 
-    /// A kernel in a zone that lies completely within the plain contains some points, and its weights sum to 1.
+    /// A kernel in a zone within the plain contains some points, and its weights sum to 1.
     #[test]
     fn places_of_all_zones_have_neighbors() {
         let scene = plain();

@@ -1,13 +1,13 @@
-//! Points around a cell, and the distribution of light among them.
+//! Points around a cell, and the distribution of a spot's light among these points.
 
 use super::walls::Doubt;
 use super::{Grid, LEAST_COSINE, MOST_HEIGHT, OTHER_INSTANCE, Sight, Spot};
 use crate::accel::PACKET;
 
-/// Maximum number of points that share the light of one spot: one packet of rays tests their visibility.
+/// Maximum number of points that share the light of one spot. One packet of rays tests the visibility of these points.
 const MOST_NEAR: usize = PACKET;
 
-/// The points of a cell and its neighbors, in structure-of-arrays layout.
+/// Points of a cell and its adjacent cells, in structure-of-arrays layout.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Around {
     /// Indices into [`Grid::points`].
@@ -20,9 +20,9 @@ pub(super) struct Around {
 }
 
 impl Around {
-    /// Collects the points in a cell of `grid` and in its neighbors.
+    /// Collects the points in a cell of `grid` and in its adjacent cells.
     pub fn find(&mut self, grid: &Grid, cell: [usize; 3]) {
-        // The memory of the previous cell is reused.
+        // Reuse the memory of the previous cell.
         let Self { places, position, normal, instance, weights } = self;
         places.clear();
         instance.clear();
@@ -34,7 +34,7 @@ impl Around {
             grid.rows(cell).for_each(|row| places.extend(row));
         }
 
-        // In this layout, one instruction processes a coordinate of many points.
+        // Copy coordinates by axis, so that one instruction processes many points.
         for &p in places.iter() {
             let point = &grid.points[p as usize];
             for axis in 0..3 {
@@ -46,9 +46,10 @@ impl Around {
         weights.resize(places.len(), 0.0);
     }
 
-    /// Computes the kernel weight of each point around `spot`, with the arithmetic of [`Grid::near`] but vectorized.
+    /// Computes the kernel weight of each point around `spot`. The arithmetic is that of [`Grid::near`], but
+    /// vectorized.
     pub fn weigh(&mut self, spot: &Spot, radius: f32) {
-        // Slices of equal length avoid bounds checks in the loop.
+        // Use slices of equal length to avoid bounds checks in the loop.
         let ([x, y, z], [n_x, n_y, n_z]) = (spot.position.to_array(), spot.normal.to_array());
         let (others, instance) = (if spot.only_own { 0.0 } else { OTHER_INSTANCE }, spot.instance);
         let count = self.weights.len();
@@ -56,13 +57,13 @@ impl Around {
         let [m_x, m_y, m_z] = self.normal.each_ref().map(|axis| &axis[..count]);
         let instances = &self.instance[..count];
 
-        // w = 1 − d² / R² on the same wall, 0 elsewhere; less for points of other instances.
+        // Weight: w = 1 − d² / R² on the same wall and 0 elsewhere, reduced for points on other instances.
         for (i, weight) in self.weights.iter_mut().enumerate() {
             let (d_x, d_y, d_z) = (p_x[i] - x, p_y[i] - y, p_z[i] - z);
             let d2 = (d_x * d_x + d_y * d_y + d_z * d_z) / (radius * radius);
             let cosine = m_x[i] * n_x + m_y[i] * n_y + m_z[i] * n_z;
             let height = n_x * d_x + n_y * d_y + n_z * d_z;
-            // No branches, so that the loop is vectorized.
+            // Avoid branches, so that the loop is vectorized.
             let same_wall = (d2 < 1.0) & (cosine > LEAST_COSINE) & (height.abs() < MOST_HEIGHT * radius);
             let share = if instances[i] == instance { 1.0 } else { others };
             *weight = if same_wall { (1.0 - d2) * share } else { 0.0 };
@@ -70,14 +71,14 @@ impl Around {
     }
 }
 
-/// The points that share the light of one spot, and their weights.
+/// Points that share the light of one spot, with their weights.
 pub(super) struct NearPoints {
     parts: [(u32, f32); MOST_NEAR],
     count: usize,
     sum: f32,
     /// Mask of the points on the instance of the spot.
     own: u64,
-    /// Largest doubt of any of these points.
+    /// Maximum doubt over these points.
     doubt: Doubt,
 }
 
@@ -100,17 +101,17 @@ impl NearPoints {
         }
     }
 
-    /// Returns the points with weights that sum to 1: the points of the kernel that no wall hides, as tested with
-    /// `sight`. If none belongs to the instance of the spot, a single point nearby may replace them. The result is
-    /// empty if no point can receive anything.
+    /// Returns the points with weights that sum to 1. These are the points of the kernel that no wall hides, as tested
+    /// with `sight`. If no such point is on the instance of the spot, a single point nearby may replace them. The
+    /// result is empty if no point can receive light.
     #[inline]
     pub fn parts(&mut self, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> &[(u32, f32)] {
         if let Some(sight) = sight.filter(|_| self.doubt != Doubt::Nothing) {
             self.drop_hidden(grid, spot, sight);
         }
 
-        // A kernel without points of its own instance would give all light to another sheet, although an own point may
-        // be near.
+        // Search for the nearest point on the spot's instance if the kernel contains none. Otherwise, another sheet
+        // would receive all light.
         if self.own == 0
             && let Some(p) = nearest(grid, spot, sight)
             && (self.sum <= 0.0 || grid.is_own_beside(p, spot))
@@ -124,8 +125,8 @@ impl NearPoints {
         parts
     }
 
-    /// Returns the visible point of the largest weight. Points of the own instance are preferred, even slightly beyond
-    /// the kernel.
+    /// Returns the visible point with the largest weight. Points on the spot's instance are preferred, even slightly
+    /// beyond the kernel.
     pub fn best(&self, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
         let mut left = u64::MAX >> (MOST_NEAR - self.count.max(1));
         if let Some(p) = self.best_seen(left & self.own, grid, spot, sight) {
@@ -133,7 +134,7 @@ impl NearPoints {
         }
         left &= !self.own;
 
-        // Points of the own instance slightly beyond the kernel precede other points within it.
+        // Prefer points on the spot's instance slightly beyond the kernel to other points within it.
         let nearest = nearest(grid, spot, sight);
         if let Some(p) = nearest.filter(|&p| grid.is_own_beside(p, spot)) {
             return Some(p);
@@ -141,7 +142,7 @@ impl NearPoints {
         self.best_seen(left, grid, spot, sight).or(nearest)
     }
 
-    /// Returns the visible point of the largest weight in the mask `left`.
+    /// Returns the visible point with the largest weight in the mask `left`.
     fn best_seen(&self, mut left: u64, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
         loop {
             let mut best: Option<usize> = None;
@@ -160,7 +161,7 @@ impl NearPoints {
         }
     }
 
-    /// Removes the points hidden by a wall.
+    /// Removes the points that a wall hides from `spot`.
     fn drop_hidden(&mut self, grid: &Grid, spot: &Spot, sight: &Sight) {
         let hidden = grid.hidden(spot, sight, &self.parts[..self.count], self.doubt);
         if hidden == 0 {
@@ -175,7 +176,7 @@ impl NearPoints {
     }
 }
 
-/// Returns the nearest point with the orientation of `spot`, unless a wall hides it.
+/// Returns the nearest point with the orientation of `spot`, or `None` if a wall hides this point.
 fn nearest(grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
     let p = grid.nearest(spot)?;
     let hides = |sight: &Sight| grid.hidden(spot, sight, &[(p as u32, 1.0)], Doubt::Anything) != 0;

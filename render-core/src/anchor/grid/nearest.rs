@@ -1,4 +1,4 @@
-//! Search for the nearest point with a given orientation. A bounding volume hierarchy over the points skips distant
+//! Search for the nearest point with a given orientation. A bounding volume hierarchy over the points excludes distant
 //! points and points that face away.
 
 use super::{Grid, OTHER_FARTHER, Spot};
@@ -12,9 +12,9 @@ const LEAF: usize = 8;
 /// Bounding volume hierarchy over the points of a grid.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Boxes {
-    /// Indices into [`Grid::points`]; the points of a node are contiguous.
+    /// Indices into [`Grid::points`]. The points of a node are contiguous.
     order: Vec<u32>,
-    /// Parents precede children; the first child of a node directly follows it.
+    /// Nodes with parents before children. The first child of a node directly follows it.
     nodes: Vec<PointNode>,
 }
 
@@ -24,17 +24,17 @@ struct PointNode {
     positions: [Vec3A; 2],
     normals: [Vec3A; 2],
     instances: [u32; 2],
-    /// Range of its points in [`Boxes::order`].
+    /// Range of the node's points in [`Boxes::order`].
     points: std::ops::Range<u32>,
-    /// Index of the second child in [`Boxes::nodes`]; 0 for a leaf.
+    /// Index of the second child in [`Boxes::nodes`], or 0 for a leaf.
     second: u32,
 }
 
 impl Boxes {
-    /// Builds the hierarchy: splits the points at the median of their widest axis, down to leaves.
+    /// Builds the hierarchy by splitting the points at the median of their widest axis.
     pub fn over(points: &[Anchor]) -> Self {
         let mut boxes = Self { order: (0..points.len() as u32).collect(), nodes: Vec::new() };
-        // Ranges without a node, each with its parent if it is a second child.
+        // List the ranges without a node, each with its parent if it is a second child.
         let mut open = vec![(0..points.len(), None)];
         while let Some((range, parent)) = open.pop() {
             if range.is_empty() {
@@ -49,7 +49,7 @@ impl Boxes {
             let node = PointNode::around(points, own, range.start as u32);
             let extent = (node.positions[1] - node.positions[0]).to_array();
             boxes.nodes.push(node);
-            // The lower half is pushed last, so that its node follows this one.
+            // Push the lower half last, so that its node follows this node.
             if own.len() > LEAF {
                 let axis = (1..3).fold(0, |widest, axis| if extent[axis] > extent[widest] { axis } else { widest });
                 let along = |&p: &u32| points[p as usize].position[axis];
@@ -62,8 +62,8 @@ impl Boxes {
         boxes
     }
 
-    /// Returns the nearest of the `grid`'s points that `spot` may use. It faces the side of `spot`, or away from it if
-    /// `facing` is false. At equal distances, the first point wins.
+    /// Returns the nearest of the `grid`'s points that `spot` may use. The point faces the side of `spot`, or away from
+    /// it if `facing` is false. At equal distances, the first point wins.
     fn nearest(&self, grid: &Grid, spot: &Spot, facing: bool) -> Option<usize> {
         let mut best: Option<(f32, u32)> = None;
         let mut open = vec![0u32];
@@ -76,7 +76,7 @@ impl Boxes {
                 continue;
             }
 
-            // Visit the nearer child first: its points may exclude the other child.
+            // Visit the nearer child first, because its points may exclude the other child.
             if node.second != 0 {
                 let children = [place + 1, node.second];
                 let [a, b] = children.map(|child| self.nodes[child as usize].distance2(spot));
@@ -101,7 +101,7 @@ impl Boxes {
 }
 
 impl PointNode {
-    /// Returns a leaf with the points `own`.
+    /// Creates a leaf with the points `own`.
     fn around(points: &[Anchor], own: &[u32], first: u32) -> Self {
         let mut node = Self {
             positions: [Vec3A::INFINITY, Vec3A::NEG_INFINITY],
@@ -123,16 +123,17 @@ impl PointNode {
         (self.instances[0]..=self.instances[1]).contains(&spot.instance)
     }
 
-    /// Returns a lower bound of the squared distance of its points; other instances count as farther.
+    /// Returns a lower bound of the squared distance of the node's points. Points on other instances count as farther.
     fn distance2(&self, spot: &Spot) -> f32 {
         let closest = spot.position.clamp(self.positions[0], self.positions[1]);
         closest.distance_squared(spot.position) * farther(self.may_hold_own(spot))
     }
 
-    /// Returns whether it may contain a point that faces the side of `spot` (or away from it) and that `spot` may use.
+    /// Returns whether the node may contain a point that faces the side of `spot` (or away from it) and that `spot` may
+    /// use.
     fn may_hold(&self, spot: &Spot, facing: bool) -> bool {
-        // For all normals m in a box, n · m lies between the sums of the smallest and of the largest terms. This also
-        // holds under rounding.
+        // Bound n · m for all normals m in a box by the sums of the smallest and of the largest terms. The bounds are
+        // also valid under rounding.
         let (a, b) = (spot.normal * self.normals[0], spot.normal * self.normals[1]);
         let (least, greatest) = (a.min(b).element_sum(), a.max(b).element_sum());
         let faces = if facing { greatest > 0.0 } else { least <= 0.0 };
@@ -140,14 +141,15 @@ impl PointNode {
     }
 }
 
-/// Returns the factor on the squared distance: another sheet may be nearer than the next point on the same sheet.
+/// Returns the factor on the squared distance to a point. Another sheet may be nearer than the next point on the spot's
+/// sheet.
 fn farther(is_own: bool) -> f32 {
     if is_own { 1.0 } else { OTHER_FARTHER }
 }
 
 impl Grid {
-    /// Returns the nearest point that faces the side of `spot`, or else the nearest point. Other instances count as
-    /// farther.
+    /// Returns the nearest point that faces the side of `spot`, or the nearest point if none faces this side. Points on
+    /// other instances count as farther.
     pub(super) fn nearest(&self, spot: &Spot) -> Option<usize> {
         let boxes = self.boxes.get_or_init(|| Boxes::over(&self.points));
         boxes.nearest(self, spot, true).or_else(|| boxes.nearest(self, spot, false))
@@ -176,8 +178,8 @@ mod tests {
 
     #[test]
     fn searches_look_at_few_of_many_points() {
-        // The plane faces up; searches view it from above, from below and from the side. Half of the searches are for
-        // one instance, and one in five of these for an instance without points.
+        // Search from above, below and the side of a plane that faces up. Half of the searches are for one instance,
+        // and one in five of these for an instance without points.
         for normal in [Vec3A::Y, Vec3A::NEG_Y, Vec3A::X] {
             let mean_steps = |count| {
                 let grid = Grid::new(&points(count, |_| Vec3A::Y), &[], 1.0 / count as f32);
@@ -185,7 +187,7 @@ mod tests {
                 let search = || assert_eq!((0..200).filter_map(|k| grid.nearest(&spot(k, normal))).count(), 180);
                 steps::taken(search) / 200
             };
-            // Points of four instances are mixed, so four times as many are visited as of one.
+            // Mix points of four instances, so that searches visit four times as many points as with one instance.
             let (few, many) = (mean_steps(1000), mean_steps(64_000));
             assert!(many <= few + 400 && many < 600, "{normal}: {few} and {many} steps");
         }

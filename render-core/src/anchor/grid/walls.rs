@@ -1,7 +1,7 @@
-//! Walls between neighboring points, which hide them from each other.
+//! Walls that hide neighboring points from each other.
 //!
-//! Most points have no wall near them. Each point therefore has a list of the points in its kernel that a wall hides.
-//! Light is distributed without rays where all these lists are empty.
+//! Most points are not near a wall. Each point therefore has a list of the points in its kernel that a wall hides.
+//! Light is distributed without rays if all these lists are empty.
 
 use super::{Grid, Spot};
 use crate::accel::PACKET;
@@ -15,22 +15,22 @@ pub(super) enum Doubt {
     Nothing,
     /// A static wall.
     Wall,
-    /// A moving occluder, or an untested pair.
+    /// A moving occluder, or an unknown result.
     Anything,
 }
 
-/// The lists of a grid, by the indices of its points.
+/// Lists of hidden points for the points of a grid.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Walls {
     doubts: Vec<Doubt>,
-    /// First list entry of each point, and the end of the last list.
+    /// First list entry of each point, and the total number of entries at the end.
     first: Vec<u32>,
-    /// Points hidden by a wall, ascending for each point.
+    /// Indices of points hidden by a wall, ascending within each list.
     hidden: Vec<u32>,
 }
 
 impl Walls {
-    /// Returns the state before any test between `count` points.
+    /// Returns the state of `count` points before any test.
     pub fn unknown(count: usize) -> Self {
         Self { doubts: vec![Doubt::Anything; count], first: vec![0; count + 1], hidden: Vec::new() }
     }
@@ -40,9 +40,9 @@ impl Walls {
         Self { doubts: vec![Doubt::Nothing; count], ..Self::unknown(count) }
     }
 
-    /// Tests the pairs of neighboring points of `grid` by rays.
+    /// Tests all pairs of neighboring points of `grid` by rays.
     fn between(grid: &Grid, sight: &Sight) -> Self {
-        // Each pair is tested once, from its first point.
+        // Test each pair once, from its first point.
         let later_hidden = |p: u32| {
             let spot = Spot::of(&grid.points[p as usize], false);
             let (mut later, mut places) = (Vec::new(), Vec::new());
@@ -57,7 +57,7 @@ impl Walls {
         };
         let later: Vec<Vec<u32>> = (0..grid.points.len() as u32).into_par_iter().map(later_hidden).collect();
 
-        // Visibility is symmetric.
+        // Add each hidden pair to both lists, because visibility is symmetric.
         let mut lists = vec![Vec::new(); later.len()];
         for (p, later) in (0u32..).zip(&later) {
             for &k in later {
@@ -76,7 +76,7 @@ impl Walls {
         walls
     }
 
-    /// Marks the neighbors of points near a wall too. A spot may be close to the other side of the wall, where the
+    /// Marks also the neighbors of points near a wall. A spot may be close to the other side of the wall, where the
     /// points are too far from the wall to have lists.
     fn doubt_neighbors(&mut self, grid: &Grid) {
         let is_near_wall = |p: u32| {
@@ -93,7 +93,7 @@ impl Walls {
         self.doubts[p as usize]
     }
 
-    /// Returns whether a wall separates points `p` and `k`. One must be within the kernel around the other.
+    /// Returns whether a wall separates points `p` and `k`. One point must be within the kernel around the other.
     fn stand_between(&self, p: u32, k: u32) -> bool {
         let list = &self.hidden[self.first[p as usize] as usize..self.first[p as usize + 1] as usize];
         list.binary_search(&k).is_ok()
@@ -101,7 +101,7 @@ impl Walls {
 }
 
 impl Grid {
-    /// Finds the walls between the points by rays; without `sight`, assumes that there are none.
+    /// Finds the walls between the points by rays. Without `sight`, assumes that no walls exist.
     pub fn find_walls(&mut self, sight: Option<&Sight>) {
         self.walls = match sight {
             Some(sight) => Walls::between(self, sight),
@@ -109,7 +109,7 @@ impl Grid {
         };
     }
 
-    /// Marks the points that moving geometry may come near: `may_meet` is true for their index.
+    /// Marks the points that moving geometry may approach. `may_meet` is true for their indices.
     pub fn expect_movement(&mut self, may_meet: &[bool]) {
         for (doubt, &index) in self.walls.doubts.iter_mut().zip(&self.index) {
             if may_meet[index as usize] {
@@ -118,7 +118,8 @@ impl Grid {
         }
     }
 
-    /// Returns the mask of the points of `parts` that are hidden from `spot`. `doubt` is their largest doubt.
+    /// Returns the mask of the points in `parts` that are hidden from `spot`. `doubt` is the maximum doubt of these
+    /// points.
     pub(super) fn hidden(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)], doubt: Doubt) -> u64 {
         match doubt {
             Doubt::Nothing => 0,
@@ -135,8 +136,8 @@ impl Grid {
         sight.hidden(spot.position, spot.normal, &points[..parts.len()], self.height_at(spot.position))
     }
 
-    /// Tests visibility by the list of the nearest visible point: points visible from there are visible from `spot`.
-    /// Rays find this nearest point, and test points outside of its kernel.
+    /// Tests visibility by the list of the nearest visible point, because points visible from there are visible from
+    /// `spot`. Rays find this nearest point and test points outside its kernel.
     fn hidden_by_lists(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)]) -> u64 {
         let is_hidden = |i: usize| self.hidden_by_rays(spot, sight, &parts[i..=i]) != 0;
         let all = u64::MAX >> (PACKET - parts.len().max(1));
@@ -181,7 +182,7 @@ mod tests {
     use crate::scene::{Material, Mesh, Scene};
     use glam::{Vec3, Vec3A};
 
-    /// Returns a floor of 4×4 m with a wall along x = 0 and a curb of 1 cm along x = 1.
+    /// Returns a floor of 4×4 m with a wall along x = 0 and a curb of 1 cm height along x = 1.
     fn parted_floor() -> Scene {
         let mut mesh = Mesh::default();
         for [corner, a, b] in [
@@ -228,7 +229,7 @@ mod tests {
             by_rays.splat(spot, Some(&sight), |point, weight| of_rays.push((point, weight)));
             of_lists.sort_by_key(|part| part.0);
             of_rays.sort_by_key(|part| part.0);
-            // Across a low curb, one point may see another that its neighbor does not see.
+            // Allow differences across the low curb, where only one of two adjacent points may see a third.
             let near_curb = (spot.position.x - 1.0).abs() < 2.0 * by_lists.radius;
             let is_same = of_lists.iter().map(|part| part.0).eq(of_rays.iter().map(|part| part.0));
             differing += usize::from(!is_same && !near_curb);

@@ -1,7 +1,8 @@
-//! Dynamic geometry among static surfels: for example, a closing door separates the light of two rooms.
+//! Effects of dynamic geometry on static surfels. For example, a closing door separates the light of two rooms.
 //!
-//! Moving geometry hides surfels from each other. Near its path, rays determine in each frame which surfels k around a
-//! surfel j are visible, and w_jk is restricted to these. They also test whether a surfel still sees its owner.
+//! Moving geometry hides surfels from each other. Near the path of moving geometry, rays determine in each frame which
+//! surfels k around a surfel j are visible, and w_jk is restricted to these surfels. Rays also test whether a surfel
+//! still sees its owner.
 
 use super::{Owner, SurfelMap};
 use crate::anchor::grid::{Grid, Spot};
@@ -22,23 +23,23 @@ pub(super) struct Movable {
     points: Vec<Anchor>,
     anchors: Vec<Anchor>,
     anchor_grid: Grid,
-    /// Areas represented by anchors \[m²\].
+    /// Area shares of the anchors \[m²\].
     anchor_shares: Shares,
 }
 
-/// Changes by moving geometry in one frame.
+/// Changes that moving geometry causes in one frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Moved {
     /// Changed surfels, ascending by index.
     pub(super) changes: Vec<Change>,
 }
 
-/// A surfel near moving geometry.
+/// Change at a surfel near moving geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Change {
     pub surfel: u32,
     pub owner: Owner,
-    /// Mask of the neighboring surfels that are hidden from it.
+    /// Mask of the neighboring surfels that are hidden from the surfel.
     hidden: u64,
 }
 
@@ -57,7 +58,7 @@ impl SurfelMap {
         });
     }
 
-    /// Replaces the anchors after the surfels have received new owners.
+    /// Replaces the anchors after surfels have received new owners.
     pub(super) fn take_anchors(&mut self, anchors: &[Anchor]) {
         if let Some(movable) = &mut self.movable {
             let movable = Arc::make_mut(movable);
@@ -79,7 +80,7 @@ impl SurfelMap {
         let around: Vec<Anchor> = self.row(surfel).iter().map(|&(k, _)| movable.points[k as usize]).collect();
         let hidden = sight.hidden(spot.position, spot.normal, &around, self.grid.height_at(spot.position));
 
-        // Test whether the owner is visible; otherwise select another anchor that is.
+        // Test whether the owner is visible; otherwise select a visible anchor.
         let mut owner = self.owners[surfel as usize];
         let sees = |anchor: u32| {
             let anchor = &movable.anchors[anchor as usize..=anchor as usize];
@@ -94,14 +95,14 @@ impl SurfelMap {
         is_changed.then_some(Change { surfel, owner, hidden })
     }
 
-    /// Returns the neighbors of a surfel, with their contributions per unit of flux.
+    /// Returns the neighbors of a surfel, with their contributions to its radiance per unit of flux.
     fn row(&self, surfel: u32) -> &[(u32, f32)] {
         &self.around[self.first[surfel as usize] as usize..self.first[surfel as usize + 1] as usize]
     }
 
     /// Updates L_j of the changed surfels with w_jk and A_k of this frame.
     pub(super) fn set_moved_radiance(&self, flux: &[Vec3], moved: &Moved, radiance: &mut [Vec3]) {
-        // w_jk is normalized over the visible surfels: these receive the photons of the hidden ones.
+        // Normalize w_jk over the visible surfels, which receive the photons of the hidden surfels.
         let rows: Vec<(u32, Vec<(u32, f32)>)> = moved
             .changes
             .iter()
@@ -115,7 +116,7 @@ impl SurfelMap {
             })
             .collect();
 
-        // A_k = Σ_i A_i w_ik, updated by the changes only.
+        // Update A_k = Σ_i A_i w_ik by the changes only.
         let Some(movable) = &self.movable else { return };
         let mut areas: HashMap<u32, f32> = HashMap::new();
         for (surfel, row) in &rows {
@@ -135,7 +136,7 @@ impl SurfelMap {
                 light += flux[k as usize] * weight;
                 area += weight * (self.areas[k as usize] + areas.get(&k).copied().unwrap_or(0.0));
             }
-            // A completely covered surfel is invisible.
+            // Set completely covered surfels to zero, because they are invisible.
             radiance[*surfel as usize] = if area > 0.0 { light / (PI * area) } else { Vec3::ZERO };
         }
     }
