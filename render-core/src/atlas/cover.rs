@@ -1,31 +1,31 @@
-//! The texels that bilinear samples at a triangle's points may read.
+//! Texels that bilinear samples on a triangle may read.
 //!
-//! A sample reads the four texels with centers around the point. A texel may therefore be read if the triangle
-//! intersects a square around the texel's center, with sides of two texels.
+//! A sample reads the four texels with centers around its position. A sample may therefore read a texel if the triangle
+//! intersects a square around the texel's center with sides of two texels.
 
 use glam::Vec2;
 
-/// Enlargement of the squares on each side \[texels\]: far more than rounding errors of positions.
+/// Enlargement of the squares on each side \[texels\]. It far exceeds the rounding errors of positions.
 const SLACK: f32 = 1.0 / 64.0;
 
-/// The rectangle of texels of a chart.
+/// Rectangle of texels for a chart.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChartRect {
     pub columns: u32,
     pub rows: u32,
-    /// Texels per meter on each axis.
+    /// Number of texels per meter on each axis.
     density: Vec2,
 }
 
 impl ChartRect {
-    /// Returns the rectangle for a chart of this size \[m\], at a density in texels per meter.
+    /// Returns the rectangle for a chart of `size` \[m\] at a `density` \[texels/m\].
     ///
-    /// On each axis, a chart of width w is stretched so that its edges are at texel centers. Lengths are in texels at
-    /// the given density:
+    /// On each axis, a chart of width w is stretched until its edges are at texel centers. Lengths are in texels at the
+    /// given density:
     ///
     /// ```text
-    /// n = ⌊w + ½⌋ + 1                 one column for what is narrower than half a texel
-    /// density' = (n − 1) / w          from two thirds of the density to twice, and 0 for one column
+    /// n = ⌊w + ½⌋ + 1                 one column for a chart narrower than half a texel
+    /// density' = (n − 1) / w          two thirds to twice the density, or 0 for one column
     /// ```
     ///
     /// Every texel of a rectangular chart then has its center on the chart. Without stretching, a chart would need one
@@ -44,7 +44,7 @@ impl ChartRect {
         point * self.density + 0.5
     }
 
-    /// Calls `row(y, first, last)` for the texels that samples of a triangle may read, once per row.
+    /// Calls `row(y, first, last)` for each row of texels that samples of a triangle may read.
     pub fn rows_of(&self, corners: [Vec2; 3], mut row: impl FnMut(u32, u32, u32)) {
         let [a, b, c] = corners;
         let (first, last) = texels(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), self.rows);
@@ -58,15 +58,15 @@ impl ChartRect {
     }
 }
 
-/// Returns the first and last of `count` texels along an axis with squares that overlap the interval from `low` to
-/// `high`.
+/// Returns the indices of the first and last texel along an axis with squares that overlap the interval from `low` to
+/// `high`. The axis has `count` texels.
 fn texels(low: f32, high: f32, count: u32) -> (u32, u32) {
     let last = count - 1;
     let first = (low - 1.5 - SLACK).ceil().max(0.0) as u32;
     (first.min(last), ((high + 0.5 + SLACK).floor().max(0.0) as u32).min(last))
 }
 
-/// Returns the minimum and maximum x of a triangle between y = `low` and `high`; `None` if the triangle is outside.
+/// Returns the minimum and maximum x of a triangle between y = `low` and `high`, or `None` if the triangle is outside.
 pub(super) fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f32)> {
     let mut extent = (f32::INFINITY, f32::NEG_INFINITY);
     for k in 0..3 {
@@ -88,12 +88,12 @@ pub(super) fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f3
     (extent.0 <= extent.1).then_some(extent)
 }
 
-/// A bit for each texel of a rectangle, reused for one chart after another.
+/// Bit per texel of a rectangle. The memory is reused for all charts.
 #[derive(Default)]
 pub(super) struct Bits(Vec<u64>);
 
 impl Bits {
-    /// Returns the number of texels of `frame` that samples of these triangles may read.
+    /// Returns the number of texels of `frame` that samples of the `triangles` may read.
     pub fn count(&mut self, frame: &ChartRect, triangles: impl Iterator<Item = [Vec2; 3]>) -> usize {
         let words = frame.columns.div_ceil(64) as usize;
         self.0.clear();

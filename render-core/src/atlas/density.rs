@@ -4,21 +4,21 @@ use super::cover::{Bits, ChartRect};
 use super::flatten::{AtlasError, FlatChart, FlatMesh};
 use rayon::prelude::*;
 
-/// Maximum length of a chart \[texels\]: positions in it are accurate to 0.001 texels.
+/// Maximum length of a chart \[texels\]. Positions in a chart of this length are accurate to 0.001 texels.
 const LONGEST: f32 = 8192.0;
 /// Maximum total number of texels in the rectangles of charts.
 const MOST_AREA: u64 = 1 << 28;
 /// Maximum number of texels that can be requested.
 const MOST_TEXELS: usize = 1 << 26;
-/// Maximum relative difference from the requested number.
+/// Maximum relative difference between the used and the requested number of texels.
 const NEAR: f64 = 0.01;
 /// Maximum number of bisection steps.
 const STEPS: usize = 24;
 
-/// A chart, and the number of its sides that need texels.
+/// Chart, and the number of its sides that need texels.
 type Needed<'a> = (&'a FlatChart, usize);
 
-/// Returns the density at which `meshes` use about `wish` texels \[1/m\], or fewer if a limit is reached.
+/// Returns the density \[1/m\] at which `meshes` use about `wish` texels, or fewer if a limit is reached.
 pub(super) fn fitting(meshes: &[FlatMesh], wish: usize) -> Result<f32, AtlasError> {
     let mut charts: Vec<Needed> = Vec::new();
     for mesh in meshes {
@@ -32,14 +32,14 @@ pub(super) fn fitting(meshes: &[FlatMesh], wish: usize) -> Result<f32, AtlasErro
         return Err(AtlasError::TooManyTexels { texels: wish, most: MOST_TEXELS });
     }
 
-    // The number of texels is at least the area in texels, so this density is an upper bound. The longest chart gives
-    // another.
+    // Bound the density from above: the number of texels is at least the area in texels. The longest chart provides
+    // another bound.
     let area = |(chart, sides): &Needed| chart.size.as_dvec2().element_product() * *sides as f64;
     let longest = charts.iter().map(|(chart, _)| chart.size.x).fold(f32::MIN_POSITIVE, f32::max);
     let most = f64::from(LONGEST / longest).min(f64::from(f32::MAX));
     let mut low = (wish as f64 / charts.iter().map(area).sum::<f64>()).sqrt().min(most);
 
-    // Find bounds on both sides, a factor of two apart.
+    // Find bounds with a ratio of two.
     while low < most && !is_over(&charts, low, wish) {
         low = (2.0 * low).min(most);
     }
@@ -48,7 +48,7 @@ pub(super) fn fitting(meshes: &[FlatMesh], wish: usize) -> Result<f32, AtlasErro
         (low, high) = (low / 2.0, low);
     }
 
-    // Between them, the number of texels grows with the density, except for a few texels.
+    // Bisect between the bounds. The number of texels increases with the density, except for a few texels.
     for _ in 0..STEPS {
         if low == high || (texels(&charts, low) as f64) >= (1.0 - NEAR) * wish as f64 {
             break;
@@ -59,7 +59,7 @@ pub(super) fn fitting(meshes: &[FlatMesh], wish: usize) -> Result<f32, AtlasErro
     Ok(low as f32)
 }
 
-/// Returns whether charts at this density use more texels than requested, or rectangles exceed their limit.
+/// Returns whether charts at this `density` use more texels than requested, or their rectangles exceed a limit.
 fn is_over(charts: &[Needed], density: f64, wish: usize) -> bool {
     let mut area = 0;
     for (chart, sides) in charts {
@@ -69,7 +69,7 @@ fn is_over(charts: &[Needed], density: f64, wish: usize) -> bool {
     area > MOST_AREA || texels(charts, density) > wish
 }
 
-/// Returns the number of texels that the charts use at this density.
+/// Returns the number of texels that the charts use at this `density`.
 fn texels(charts: &[Needed], density: f64) -> usize {
     let count = |bits: &mut Bits, &(chart, sides): &Needed| {
         let frame = ChartRect::new(chart.size, density as f32);

@@ -1,4 +1,4 @@
-//! A finer image of the atlas: the nearest point of a chart for each of its texels.
+//! Finer image of the atlas: the nearest chart point for each texel of the image.
 
 use super::cover::extent;
 use super::nearest::Nearest;
@@ -8,44 +8,45 @@ use crate::accel::Hit;
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// Maximum distance of a texel with a point from a chart \[fine texels\]. Bilinear samples reach at most one texel.
+/// Maximum distance between a texel with a point and its chart \[fine texels\]. Bilinear samples reach at most one
+/// texel.
 const REACH: f32 = 4.0;
-/// Number of rows that are filled together.
+/// Number of rows that are filled in one task.
 const BAND: usize = 32;
 
-/// An image of the whole atlas at a higher density.
+/// Image of the whole atlas at a higher density.
 #[derive(Clone, Debug)]
 pub struct FineTexels<'a> {
     atlas: &'a Atlas,
     scale: f32,
     width: u32,
     height: u32,
-    /// For each texel, the triangle nearest to its center: index into the atlas's triangles, or [`NONE`].
+    /// For each texel, the triangle nearest to the texel's center, as an index into the atlas's triangles, or [`NONE`].
     owners: Vec<u32>,
 }
 
-/// The point of a chart that a fine texel represents.
+/// Chart point that a fine texel represents.
 #[derive(Clone, Copy, Debug)]
 pub struct FinePoint {
-    /// Triangle and barycentric weights of the point; the distance is 0.
+    /// Triangle and barycentric weights of the point. The distance of the hit is 0.
     pub hit: Hit,
-    /// The texels of the atlas around it.
+    /// Atlas texels around the point, with their bilinear weights.
     pub blend: TexelBlend,
 }
 
-/// A triangle in the fine image.
+/// Triangle in the fine image.
 struct DrawnTriangle {
     index: u32,
-    /// Corners in fine texels.
+    /// Positions of the corners \[fine texels\].
     corners: [Vec2; 3],
 }
 
 impl Atlas {
-    /// Returns an image of the atlas with `scale` texels per atlas texel along both sides, 1 or more.
+    /// Returns an image of the atlas with `scale` ≥ 1 texels per atlas texel along both sides.
     ///
     /// # Panics
     ///
-    /// If `scale` is less than 1: charts would not stay separate.
+    /// If `scale` is less than 1, because charts would not stay separate.
     #[must_use]
     pub fn fine(&self, scale: f32) -> FineTexels<'_> {
         assert!(scale >= 1.0, "{scale} texels to a texel");
@@ -53,7 +54,7 @@ impl Atlas {
         let side = |texels: u32| ((texels as f32 * scale).ceil() as u32).max(1);
         let (width, height) = (side(columns), side(rows));
 
-        // Each triangle is added to the bands of rows that it may be near.
+        // Add each triangle to the bands of rows that it may be near.
         let mut bands: Vec<Vec<DrawnTriangle>> = Vec::new();
         bands.resize_with((height as usize).div_ceil(BAND), Vec::new);
         for (index, placed) in self.triangles.iter().enumerate().filter(|(_, placed)| placed.chart != NONE) {
@@ -64,13 +65,13 @@ impl Atlas {
                 .fold((f32::INFINITY, 0.0f32), |(low, high), corner| (low.min(corner.y), high.max(corner.y)));
             let band = |y: f32| (y.max(0.0) as usize / BAND).min(bands.len() - 1);
             let (first, last) = (band(low - REACH - 1.0), band(high + REACH + 1.0));
-            // Triangles with NaN coordinates are in no band.
+            // Skip triangles with NaN coordinates, which are in no band.
             for band in bands.get_mut(first..=last).into_iter().flatten() {
                 band.push(DrawnTriangle { index: index as u32, corners });
             }
         }
 
-        // Bands are filled in parallel. Among triangles at the same distance, the first wins.
+        // Fill the bands in parallel. Among triangles at equal distances, the first wins.
         let mut owners = vec![NONE; width as usize * height as usize];
         owners.par_chunks_mut(BAND * width as usize).zip(bands).enumerate().for_each(|(band, (owners, triangles))| {
             fill(owners, (band * BAND) as u32, width, &triangles);
@@ -79,7 +80,7 @@ impl Atlas {
     }
 }
 
-/// Finds the owners of a band of rows, starting at row `top` of the image.
+/// Finds the owners of the texels in a band of rows. `top` is the first row.
 fn fill(owners: &mut [u32], top: u32, width: u32, triangles: &[DrawnTriangle]) {
     let mut nearest = vec![REACH * REACH; owners.len()];
     for DrawnTriangle { index, corners } in triangles {
@@ -113,21 +114,21 @@ impl FineTexels<'_> {
         self.height
     }
 
-    /// Returns the width of a texel on flat surfaces \[m\].
+    /// Returns the width of a fine texel on flat surfaces \[m\].
     #[must_use]
     pub fn texel_width(&self) -> f32 {
         1.0 / (self.atlas.texels_per_meter * self.scale)
     }
 
-    /// Returns the texture coordinates of a position in the atlas, see [`Atlas::triangle_places`]. They are 0 at the
-    /// image's left and upper edges, and 1 at its right and lower edges.
+    /// Returns the texture coordinates of a position in the atlas, see [`Atlas::triangle_places`]. The coordinates are
+    /// 0 at the image's left and upper edges, and 1 at the right and lower edges.
     #[must_use]
     pub fn uv(&self, place: Vec2) -> Vec2 {
         place * self.scale / Vec2::new(self.width as f32, self.height as f32)
     }
 
-    /// Returns the point of the charts nearest to the center of a texel. Returns `None` if it is more than four texels
-    /// away, or if the texel is outside of the image.
+    /// Returns the chart point nearest to the center of a texel. Returns `None` if this point is more than four texels
+    /// away, or if the texel is outside the image.
     #[must_use]
     pub fn point(&self, x: u32, y: u32) -> Option<FinePoint> {
         let place = (x < self.width).then_some(y as usize * self.width as usize + x as usize)?;
@@ -152,7 +153,7 @@ mod tests {
     use crate::scene::{Material, Mesh, Scene};
     use glam::Vec3;
 
-    /// Returns two separate double-sided squares.
+    /// Returns a scene with two separate double-sided squares.
     fn squares() -> Scene {
         let mut mesh = Mesh::default();
         for (corner, size) in [(Vec3::ZERO, 1.0), (Vec3::Z, 0.37)] {
@@ -164,8 +165,8 @@ mod tests {
         Scene::of_mesh(mesh, Material { double_sided: true, ..Material::default() })
     }
 
-    /// Every texel read by bilinear samples in a triangle represents a point of the same chart. Texels within the chart
-    /// represent the sampled position itself.
+    /// Every texel that bilinear samples in a triangle read represents a point of the triangle's chart. Texels within
+    /// the chart represent the sampled position itself.
     #[test]
     fn look_ups_stay_in_their_charts() {
         let scene = squares();
@@ -190,7 +191,7 @@ mod tests {
                         let wanted = a + (b - a) * u + (c - a) * v;
                         let texels = found.distance(wanted) / fine.texel_width();
                         assert!(texels < 1.5, "scale {scale}: {texels} texels off");
-                        // The other side has its own position.
+                        // Check that the other side has a different position in the atlas.
                         let first = atlas.place(point.blend.texels[0] as usize);
                         let apart = (Vec2::new(first.0 as f32, first.1 as f32) - place).abs().max_element();
                         assert!(apart < 2.0 + 1.5 / scale, "scale {scale}: texel {first:?} for {place}");

@@ -1,10 +1,11 @@
-//! Unwrapping of surfaces into flat charts by `uvunwrap`, one instance at a time, in world space.
+//! Unwrapping of surfaces into flat charts by `uvunwrap`. Each instance is unwrapped separately, in world space.
 
 use crate::Surfaces;
 use glam::{DVec2, Vec2, Vec3, dvec2};
 use rayon::prelude::*;
 
-/// Width of the atlas that `uvunwrap` packs for one instance \[texels\]. This packing is not used; few texels are fast.
+/// Width of the atlas that `uvunwrap` packs for one instance \[texels\]. The packing is not used, and a small atlas is
+/// fast.
 const SIDE: f32 = 256.0;
 
 /// Reasons why an atlas cannot be made.
@@ -17,48 +18,48 @@ pub enum AtlasError {
     /// Fewer texels than charts; each chart needs at least one.
     #[error("{texels} texels are too few for {charts} charts of surfaces; ask for {charts} or more")]
     TooFewTexels {
-        /// The requested number.
+        /// Requested number of texels.
         texels: usize,
-        /// Number of charts: the smallest number that can be requested.
+        /// Number of charts, which is the minimum number of texels that can be requested.
         charts: usize,
     },
     /// More texels than an atlas can have.
     #[error("{texels} texels are more than an atlas takes; ask for {most} or less")]
     TooManyTexels {
-        /// The requested number.
+        /// Requested number of texels.
         texels: usize,
-        /// The largest number that can be requested.
+        /// Maximum number of texels that can be requested.
         most: usize,
     },
     /// Surfaces that cannot be flattened.
     #[error("surfaces of instance {instance} cannot be laid out flat ({reason}); export the scene without it")]
     Unwrap {
-        /// Index into the scene's instances.
+        /// Index of the instance in the scene.
         instance: usize,
-        /// The reason reported by `uvunwrap`.
+        /// Reason reported by `uvunwrap`.
         reason: String,
     },
 }
 
-/// A triangle in its chart.
+/// Triangle in its chart.
 pub(super) struct FlatTriangle {
     /// Index into the mesh's triangles.
     pub index: u32,
-    /// Positions of the corners \[m\], from the chart's corner.
+    /// Positions of the corners relative to the chart's corner \[m\].
     pub corners: [Vec2; 3],
-    /// Whether it has an area in the chart. `uvunwrap` maps triangles thinner than a millionth of their instance to a
-    /// point.
+    /// Whether the triangle has an area in the chart. `uvunwrap` maps triangles thinner than a millionth of their
+    /// instance to a point.
     pub has_area: bool,
 }
 
-/// A flattened piece of surface, no higher than wide.
+/// Flattened piece of surface with a height of at most its width.
 pub(super) struct FlatChart {
     /// Width and height \[m\].
     pub size: Vec2,
     pub triangles: Vec<FlatTriangle>,
 }
 
-/// The flattened surfaces of an instance.
+/// Flattened surfaces of an instance.
 pub(super) struct FlatMesh {
     pub instance: u32,
     /// Number of sides that need texels: 2 for double-sided materials, otherwise 1.
@@ -68,7 +69,7 @@ pub(super) struct FlatMesh {
     pub charts: Vec<FlatChart>,
 }
 
-/// Flattens all static lit surfaces.
+/// Flattens all static lit surfaces, by instance.
 pub(super) fn standing(surfaces: &Surfaces) -> Result<Vec<FlatMesh>, AtlasError> {
     let (scene, moving) = (surfaces.scene(), surfaces.moving());
     let is_baked = |instance: &usize| {
@@ -124,7 +125,7 @@ fn flattened(surfaces: &Surfaces, instance: usize) -> Result<FlatMesh, AtlasErro
     Ok(FlatMesh { instance, sides, count, charts: charts.into_iter().filter_map(chart).collect() })
 }
 
-/// Returns the longest side of the bounding box of points \[m\], clamped to the range of finite densities.
+/// Returns the longest side of the bounding box of `positions` \[m\], clamped to the range of finite densities.
 fn length(positions: &[[f32; 3]]) -> f32 {
     let mut corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for &position in positions {
@@ -133,7 +134,8 @@ fn length(positions: &[[f32; 3]]) -> f32 {
     (corners.1 - corners.0).max_element().clamp(1e-30, 1e30)
 }
 
-/// Returns the chart of coplanar triangles, rotated to be no higher than wide; `None` if it is empty.
+/// Returns the chart of coplanar triangles, rotated so that its height is at most its width. Returns `None` for an
+/// empty chart.
 fn chart(mut triangles: Vec<(u32, [DVec2; 3])>) -> Option<FlatChart> {
     let (mut least, mut most) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for corner in triangles.iter().flat_map(|(_, corners)| corners) {

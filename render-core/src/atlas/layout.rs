@@ -8,13 +8,13 @@ use super::tiles::Marks;
 use super::{Atlas, ChartTriangle, NONE, Sheet};
 use glam::Vec2;
 
-/// Maximum squared distance of a texel center that lies on a triangle: rounding may put it between two triangles
-/// \[square texels\].
+/// Maximum squared distance between a texel center on a triangle and the triangle \[square texels\]. Rounding may put
+/// the center between two triangles.
 const ON_CHART: f32 = 1e-6;
 
-/// Builds the atlas of these surfaces at a density in texels per meter.
+/// Builds the atlas of `meshes` at a `density` in texels per meter.
 pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
-    // Each side of a chart has its own rectangle.
+    // Create a rectangle for each side of a chart.
     let mut frames = Vec::new();
     for mesh in meshes {
         for _ in 0..mesh.sides {
@@ -56,7 +56,7 @@ pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
     Atlas { texels_per_meter: density, covered, sheets, charts, triangles, tiles, owners }
 }
 
-/// The triangles of all sides.
+/// Triangles of all sides, in the order of the sides.
 #[derive(Default)]
 struct Sheets {
     sheets: Vec<Sheet>,
@@ -86,7 +86,7 @@ fn placed(meshes: &[FlatMesh], frames: &[ChartRect]) -> Sheets {
     placed
 }
 
-/// Returns the point of a triangle nearest to the center of a texel, both in the rectangle of its chart.
+/// Returns the point of a triangle nearest to the center of a texel. Both are in the rectangle of the triangle's chart.
 fn from_center(corners: [Vec2; 3], x: u32, y: u32) -> Nearest {
     Nearest::in_plane(corners, Vec2::new(x as f32 + 0.5, y as f32 + 0.5))
 }

@@ -1,17 +1,17 @@
 //! Texture atlas of all static surfaces, for baked light.
 //!
-//! The modules are steps of its construction and use:
+//! The modules are steps in the construction and use of the atlas:
 //!
 //! - `flatten` unwraps the surfaces into flat charts.
-//! - `density` finds the scale at which these use the requested number of texels.
+//! - `density` finds the scale at which the charts use the requested number of texels.
 //! - `pack` assigns a rectangle to each chart.
-//! - `cover` finds the texels in use: a sample at some point of a chart reads them.
+//! - `cover` finds the texels in use, which samples on a chart may read.
 //! - `tiles` numbers the texels in use.
 //! - `point` converts texels to surface points and back.
 //! - `fine` converts texels of a finer image of the atlas to surface points.
 //!
-//! Each side of a double-sided surface has its own charts, because the light differs between them. Other surfaces have
-//! charts for the front only. Unlit surfaces have no charts.
+//! Each side of a double-sided surface has separate charts, because the light on the two sides differs. Single-sided
+//! surfaces have charts for the front only. Unlit surfaces have no charts.
 
 mod cover;
 mod density;
@@ -35,48 +35,48 @@ use tiles::Tiles;
 /// Index of an absent item.
 const NONE: u32 = u32::MAX;
 
-/// Texture atlas: a position, in texels, for each point of the static surfaces.
+/// Texture atlas that maps each point of the static surfaces to a position in texels.
 ///
-/// Texels in use have the indices 0 … [`Atlas::len`] − 1. The order depends only on the scene and the requested number.
-/// The texels of two charts are separated by at least two unused texels in rows, columns and diagonals.
+/// Texels in use have the indices 0 … [`Atlas::len`] − 1. The indices depend only on the scene and the requested
+/// number. Along rows, columns and diagonals, at least two unused texels separate the texels of two charts.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Atlas {
     texels_per_meter: f32,
-    /// Number of texels with centers on a chart.
+    /// Number of texels in use with centers on a chart.
     covered: u32,
-    /// Sides of the instances, ordered by instance, fronts before backs.
+    /// Sides of the instances, ordered by instance, with fronts before backs.
     sheets: Vec<Sheet>,
-    /// For each chart, the column and row of its first texel.
+    /// Column and row of each chart's first texel.
     charts: Vec<[u32; 2]>,
     /// Triangles of all sheets, in the order of `sheets`.
     triangles: Vec<ChartTriangle>,
-    /// The texels in use.
+    /// Tiles with texels in use.
     tiles: Tiles,
-    /// For each texel in use, the triangle of its chart nearest to its center: index into `triangles`.
+    /// For each texel in use, the triangle of the chart nearest to the texel's center, as an index into `triangles`.
     owners: Vec<u32>,
 }
 
-/// One side of an instance.
+/// Side of an instance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Sheet {
     instance: u32,
     back: bool,
-    /// Index of its first triangle in [`Atlas::triangles`].
+    /// Index of the side's first triangle in [`Atlas::triangles`].
     first: u32,
-    /// Number of triangles of its mesh.
+    /// Number of triangles of the mesh.
     count: u32,
 }
 
-/// A triangle in its chart.
+/// Triangle in its chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct ChartTriangle {
-    /// Positions of the corners in texels, from the upper left corner of the chart's rectangle. Triangles without area
-    /// are one point.
+    /// Positions of the corners in texels, from the upper left corner of the chart's rectangle. The corners of
+    /// triangles without area coincide.
     corners: [[f32; 2]; 3],
-    /// Index into [`Atlas::charts`]; [`NONE`] if neither this triangle nor any near it has an area.
+    /// Index into [`Atlas::charts`], or [`NONE`] if neither this triangle nor any triangle near it has an area.
     chart: u32,
 }
 
@@ -89,10 +89,10 @@ impl ChartTriangle {
 }
 
 impl Atlas {
-    /// Makes an atlas of the instances of a scene that never move or deform, with about `texels` texels in use.
+    /// Builds an atlas of all instances in a scene that never move or deform, with about `texels` texels in use.
     ///
-    /// The number is met within a few percent, except in scenes with one chart that would be longer than 8192 texels.
-    /// `surfaces` may be at any time.
+    /// The number of texels in use is within a few percent of `texels`, unless a chart would be longer than 8192
+    /// texels. `surfaces` may be at any time.
     ///
     /// # Errors
     ///
@@ -110,43 +110,43 @@ impl Atlas {
         self.owners.len()
     }
 
-    /// Returns whether no texel is in use; never true after [`Atlas::new`].
+    /// Returns whether no texel is in use. This is never the case after [`Atlas::new`].
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.owners.is_empty()
     }
 
-    /// Returns the number of charts: contiguous pieces of surface in the atlas.
+    /// Returns the number of charts. A chart is a contiguous piece of surface.
     #[must_use]
     pub fn charts(&self) -> usize {
         self.charts.len()
     }
 
-    /// Returns the number of tiles (16×16 texels) with a texel in use.
+    /// Returns the number of tiles (16×16 texels) that contain a texel in use.
     #[must_use]
     pub fn tiles(&self) -> usize {
         self.tiles.len()
     }
 
-    /// Returns the number of texels in use with centers on a chart; the others are around charts.
+    /// Returns the number of texels in use with centers on a chart. The other texels in use surround charts.
     #[must_use]
     pub fn covered(&self) -> usize {
         self.covered as usize
     }
 
-    /// Returns the texel density on flat surfaces \[1/m\]; on curved surfaces it varies.
+    /// Returns the texel density on flat surfaces \[1/m\]. On curved surfaces, the density varies.
     #[must_use]
     pub fn texels_per_meter(&self) -> f32 {
         self.texels_per_meter
     }
 
-    /// Returns the width and height of the atlas \[texels\], including unused texels; multiples of 16.
+    /// Returns the width and height of the atlas \[texels\], including unused texels. Both are multiples of 16.
     #[must_use]
     pub fn size(&self) -> (u32, u32) {
         self.tiles.size()
     }
 
-    /// Returns the column and row of a texel in use. Its center is half a texel farther on both axes.
+    /// Returns the column and row of a texel in use. The texel's center is half a texel farther on both axes.
     ///
     /// # Panics
     ///
@@ -157,7 +157,7 @@ impl Atlas {
         self.tiles.place(texel as u32)
     }
 
-    /// Returns the texel in this column and row; `None` if it is not in use.
+    /// Returns the index of the texel in this column and row, or `None` if the texel is not in use.
     #[must_use]
     pub fn texel(&self, x: u32, y: u32) -> Option<u32> {
         self.tiles.index(x, y)
@@ -173,8 +173,8 @@ impl Atlas {
         self.triangles[self.owners[texel] as usize].chart
     }
 
-    /// Returns the neighboring texels in use of the same chart. They are ordered by rows: three above, left and right,
-    /// three below.
+    /// Returns the adjacent texels that are in use and on the same chart. The order is by rows: three above, left and
+    /// right, three below.
     ///
     /// # Panics
     ///
@@ -189,7 +189,7 @@ impl Atlas {
         })
     }
 
-    /// Returns the positions of the corners of a triangle's front or back, in texels from the upper left corner of the
+    /// Returns the positions of a triangle's corners on its front or back, in texels from the upper left corner of the
     /// atlas. Returns `None` for a triangle without a chart.
     #[must_use]
     pub fn triangle_places(&self, instance: u32, triangle: u32, front: bool) -> Option<[Vec2; 3]> {
@@ -198,7 +198,7 @@ impl Atlas {
         Some(placed.corners().map(|corner| corner + Vec2::new(left as f32, top as f32)))
     }
 
-    /// Returns one side of a triangle, if it has a chart.
+    /// Returns one side of a triangle, or `None` if it has no chart.
     fn placed(&self, instance: u32, triangle: u32, back: bool) -> Option<&ChartTriangle> {
         let found = self.sheets.binary_search_by_key(&(instance, back), |sheet| (sheet.instance, sheet.back));
         let sheet = self.sheets[found.ok()?];

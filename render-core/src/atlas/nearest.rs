@@ -1,21 +1,21 @@
-//! The point of a triangle nearest to another point.
+//! Point of a triangle nearest to a given point.
 
 use glam::{Vec2, Vec3A};
 
-/// The point of a triangle nearest to a query point.
+/// Point of a triangle nearest to a query point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
-    /// Barycentric weights of the corners; they sum to 1.
+    /// Barycentric weights of the corners, which sum to 1.
     pub weights: [f32; 3],
-    /// Squared distance within the triangle's plane: exactly 0 if the query point projects into the triangle.
+    /// Squared distance within the triangle's plane. It is exactly 0 if the query point projects into the triangle.
     pub distance2: f32,
 }
 
 impl Nearest {
-    /// Finds the nearest point. Triangles may be degenerate: points or lines.
+    /// Finds the nearest point. The triangle may be degenerate: a point or a line.
     pub fn new(corners: [Vec3A; 3], point: Vec3A) -> Self {
-        // If the point projects into the triangle, the weights are fractions of its area along its normal, none
-        // negative.
+        // Use fractions of the signed area along the normal as weights. All are nonnegative if the point projects into
+        // the triangle.
         let [a, b, c] = corners.map(|corner| corner - point);
         let normal = (b - a).cross(c - a);
         let shares = [b.cross(c), c.cross(a), a.cross(b)].map(|area| area.dot(normal));
@@ -24,12 +24,12 @@ impl Nearest {
             return Self { weights: shares.map(|share| share / whole), distance2: 0.0 };
         }
 
-        // Otherwise, the nearest point is on an edge. Among equally near edges, use the mean. A triangle degenerated to
-        // a line then yields an inner point rather than an end.
+        // Otherwise, find the nearest point on an edge, or the mean if several edges are equally near. A triangle
+        // degenerated to a line then yields an inner point rather than an end.
         let (corners, mut nearest) = ([a, b, c], Self { weights: [1.0, 0.0, 0.0], distance2: f32::INFINITY });
         let mut count = 0.0;
         for k in 0..3 {
-            // The point p + t (q − p) nearest to the origin:  t = −p · (q − p) / |q − p|², in 0…1.
+            // The point p + t (q − p) nearest to the origin has t = −p · (q − p) / |q − p|², clamped to 0…1.
             let (p, q) = (corners[k], corners[(k + 1) % 3]);
             let way = q - p;
             let t = (-p.dot(way) / way.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
@@ -53,7 +53,7 @@ impl Nearest {
         Self::new(corners.map(|corner| corner.extend(0.0).into()), point.extend(0.0).into())
     }
 
-    /// Returns the mean of values at the corners, with the barycentric weights.
+    /// Returns the mean of values at the corners, weighted by the barycentric weights.
     pub fn mix<T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>>(&self, [a, b, c]: [T; 3]) -> T {
         a * self.weights[0] + b * self.weights[1] + c * self.weights[2]
     }

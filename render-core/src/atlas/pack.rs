@@ -3,15 +3,15 @@
 use super::cover::ChartRect;
 use std::cmp::Reverse;
 
-/// Unused texels between rectangles.
+/// Minimum distance between rectangles \[texels\].
 const GAP: u32 = 2;
 
-/// Packs the rectangles; returns the column and row of the first texel of each.
+/// Packs the rectangles `frames`, and returns the column and row of the first texel of each.
 ///
-/// Rectangles are placed in order of decreasing height. Each goes to the position where its upper edge is as far up as
+/// Rectangles are placed in order of decreasing height. Each rectangle is placed with its upper edge as far up as
 /// possible, below the rectangles already placed.
 pub(super) fn packed(frames: &[ChartRect]) -> Packed {
-    // The square fits all rectangles if it can be filled to nine tenths.
+    // Choose the side so that the rectangles cover at most 90 % of the square.
     let with_gap = |frame: &ChartRect| (frame.columns + GAP, frame.rows + GAP);
     let area: u64 = frames.iter().map(with_gap).map(|(width, height)| u64::from(width) * u64::from(height)).sum();
     let widest = frames.iter().map(|frame| frame.columns).max().unwrap_or(0);
@@ -31,29 +31,29 @@ pub(super) fn packed(frames: &[ChartRect]) -> Packed {
     packed
 }
 
-/// Positions of packed rectangles, and the size of their bounding box.
+/// Positions of packed rectangles, and the size of the bounding box.
 pub(super) struct Packed {
     pub corners: Vec<[u32; 2]>,
     pub width: u32,
     pub height: u32,
 }
 
-/// Columns filled down to the same row.
+/// Adjacent columns that are filled down to the same row.
 #[derive(Clone, Copy)]
 struct Step {
     left: u32,
     right: u32,
-    /// First free row.
+    /// First free row below the step.
     top: u32,
 }
 
-/// Lower edge of the filled area, from left to right.
+/// Lower edge of the filled area, as steps from left to right.
 struct Skyline(Vec<Step>);
 
 impl Skyline {
-    /// Places a rectangle, which must not be wider than all steps together.
+    /// Places a rectangle, and returns its position. The rectangle must not be wider than all steps together.
     fn add(&mut self, width: u32, height: u32) -> [u32; 2] {
-        // The best position starts at the left end of a step.
+        // Try the left end of each step: the best position starts at one.
         let end = self.0.last().map_or(0, |step| step.right);
         let (mut best, mut best_top) = (0, u32::MAX);
         for first in 0..self.0.len() {
@@ -68,7 +68,7 @@ impl Skyline {
             }
         }
 
-        // The steps under the rectangle become one; the last of them may extend beyond it.
+        // Merge the steps under the rectangle into one. The last step may extend beyond it.
         let left = self.0[best].left;
         let right = left + width;
         let after = self.0.partition_point(|step| step.left < right);
@@ -81,7 +81,7 @@ impl Skyline {
         [left, best_top]
     }
 
-    /// Joins a step with adjacent steps of the same height.
+    /// Merges a step with adjacent steps at the same height.
     fn merge(&mut self, step: usize) {
         for left in [Some(step), step.checked_sub(1)].into_iter().flatten() {
             if left + 1 < self.0.len() && self.0[left].top == self.0[left + 1].top {

@@ -1,4 +1,4 @@
-//! Conversion of texels to points on surfaces, and back.
+//! Conversion between texels and points on surfaces.
 
 use super::nearest::Nearest;
 use super::{Atlas, ChartTriangle};
@@ -6,7 +6,7 @@ use crate::accel::Hit;
 use crate::{PixelSurface, Surface, Surfaces};
 use glam::{Vec2, Vec3A};
 
-/// A point on one side of a surface.
+/// Point on one side of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AtlasPoint {
     /// Index into the scene's instances.
@@ -15,7 +15,7 @@ pub struct AtlasPoint {
     pub triangle: u32,
     /// Position in world space \[m\].
     pub position: Vec3A,
-    /// Normal of the triangle, of any length, on the side of the point.
+    /// Normal of the triangle on the side of the point, of any length.
     pub geometric_normal: Vec3A,
 }
 
@@ -30,7 +30,7 @@ impl From<&PixelSurface> for AtlasPoint {
     }
 }
 
-/// A surface point that a texel may represent.
+/// Surface point that a texel may represent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexelSite {
     /// Index into the scene's instances.
@@ -41,12 +41,12 @@ pub struct TexelSite {
     pub position: Vec3A,
     /// Unit normal of the triangle, on the texel's side.
     pub geometric_normal: Vec3A,
-    /// Unit shading normal: smooth, and bent by the normal map, which is filtered over a texel.
+    /// Unit shading normal: interpolated, and perturbed by the normal map, which is filtered over a texel.
     pub shading_normal: Vec3A,
 }
 
 impl TexelSite {
-    /// Returns the point for sampling the atlas.
+    /// Returns the point at which to sample the atlas.
     #[must_use]
     pub fn point(&self) -> AtlasPoint {
         let &Self { instance, triangle, position, geometric_normal, .. } = self;
@@ -54,17 +54,18 @@ impl TexelSite {
     }
 }
 
-/// The four texels around a point.
+/// Four texels around a point, with bilinear weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexelBlend {
-    /// The upper left texel, its right neighbor, and the two below. Texels repeat where the other one would have no
-    /// weight.
+    /// The upper left texel, the texel to its right, and the two texels below. An index is repeated if the other texel
+    /// would have no weight.
     pub texels: [u32; 4],
-    /// Bilinear weights, 0…1; they sum to 1.
+    /// Bilinear weights, 0…1, which sum to 1.
     pub weights: [f32; 4],
 }
 
-/// Maximum distance to the center of a texel, on each axis, that counts as zero: the edges of charts \[texels\].
+/// Maximum distance from the center of a texel that counts as zero, on each axis \[texels\]. The edges of charts are at
+/// texel centers.
 const AT_CENTER: f32 = 1e-3;
 
 /// Sample positions in a texel, relative to its center \[texels\].
@@ -82,29 +83,29 @@ const LATTICE: [Vec2; 9] = {
         Vec2::new(0.0, THIRD),
     ]
 };
-/// Maximum squared distance of a position that lies on a chart \[square texels\].
+/// Maximum squared distance between a position on a chart and the nearest point of the chart \[square texels\].
 const ON_CHART: f32 = 1e-6;
-/// Maximum distance of sites that count as one \[texels\].
+/// Maximum distance between sites that count as one site \[texels\].
 const SAME_PLACE: f32 = 0.01;
-/// Minimum cosine between the normals of sites that count as one.
+/// Minimum cosine of the angle between the normals of sites that count as one site.
 const SAME_NORMAL: f32 = 0.999;
 
 impl Atlas {
     /// Returns the surface points that a texel may represent, 1 to 10.
     ///
-    /// All sites are near points of the texel, on the triangles nearest to its center or to its neighbors' centers. The
-    /// first site is near the middle of the texel's area on the chart. Half of a texel at the edge of a chart is
-    /// outside, and edges often lie in corners of a room. The other sites are near the points of a 3×3 lattice, points
-    /// on the chart first.
+    /// All sites are near points of the texel. They are on the triangles nearest to the texel's center or to the
+    /// centers of adjacent texels. The first site is near the middle of the texel's area on the chart: half of a texel
+    /// at the edge of a chart is outside, and edges often lie in corners of a room. The other sites are near the points
+    /// of a 3×3 lattice, with points on the chart first.
     ///
-    /// `surfaces` must belong to the scene that the atlas was made for or validated with.
+    /// `surfaces` must belong to the scene for which the atlas was made or validated.
     ///
     /// # Panics
     ///
     /// If `texel` is not below [`Atlas::len`].
     #[must_use]
     pub fn sites(&self, texel: usize, surfaces: &Surfaces) -> Vec<TexelSite> {
-        // Candidate triangles, without repeats.
+        // List the candidate triangles without repetitions.
         let mut owners = vec![self.owners[texel]];
         for neighbor in self.neighbors(texel).into_iter().flatten() {
             let owner = self.owners[neighbor as usize];
@@ -113,7 +114,7 @@ impl Atlas {
             }
         }
 
-        // The point nearest to a position, over the candidate triangles.
+        // Find the point nearest to a position over all candidate triangles.
         let (x, y) = self.place(texel);
         let [left, top] = self.charts[self.chart(texel) as usize];
         let center = Vec2::new(x.wrapping_sub(left) as f32 + 0.5, y.wrapping_sub(top) as f32 + 0.5);
@@ -122,7 +123,8 @@ impl Atlas {
             owners.iter().map(of_owner).min_by(|a, b| a.1.distance2.total_cmp(&b.1.distance2))
         };
 
-        // The middle of the lattice points on the chart comes first, then these points, then the points outside.
+        // Put the middle of the lattice points on the chart first, then these points, then the points outside the
+        // chart.
         let is_on_chart =
             |offset: &Vec2| nearest(center + *offset).is_some_and(|(_, nearest)| nearest.distance2 <= ON_CHART);
         let (on_chart, beside): (Vec<Vec2>, Vec<Vec2>) = LATTICE.into_iter().partition(is_on_chart);
@@ -143,12 +145,12 @@ impl Atlas {
         apart < SAME_PLACE && one.geometric_normal.dot(other.geometric_normal) > SAME_NORMAL
     }
 
-    /// Returns a point of a triangle of [`Atlas::triangles`] as a site.
+    /// Returns a site at a point of the triangle with this `index` in [`Atlas::triangles`].
     fn site(&self, index: u32, nearest: Nearest, surfaces: &Surfaces) -> Option<TexelSite> {
         let sheet = self.sheets[self.sheets.partition_point(|sheet| sheet.first <= index).checked_sub(1)?];
         let (instance, triangle) = (sheet.instance, index - sheet.first);
 
-        // The site is the hit of a ray perpendicular to this side, one texel wide.
+        // Create the site as the hit of a ray perpendicular to this side, one texel wide.
         let outward = outward(surfaces, instance, triangle).try_normalize().unwrap_or(Vec3A::Y);
         let direction = if sheet.back { outward } else { -outward };
         let [_, u, v] = nearest.weights;
@@ -163,8 +165,8 @@ impl Atlas {
         })
     }
 
-    /// Returns the surface at one of a texel's [`sites`](Atlas::sites), seen along its normal. Textures are filtered
-    /// over a texel.
+    /// Returns the surface at one of a texel's [`sites`](Atlas::sites), viewed along the site's normal. Textures are
+    /// filtered over a texel.
     #[must_use]
     pub fn surface(&self, site: &TexelSite, surfaces: &Surfaces) -> Surface {
         let &TexelSite { instance, triangle, position, geometric_normal, .. } = site;
@@ -174,17 +176,17 @@ impl Atlas {
         surfaces.at(&hit, -geometric_normal, 1.0 / self.texels_per_meter)
     }
 
-    /// Returns the four texels around a point, and their weights. All are in use and belong to the point's chart.
+    /// Returns the four texels around a point, with their weights. All four are in use and belong to the point's chart.
     ///
-    /// Returns `None` for moving instances, for unlit surfaces and for backs of single-sided ones. A point outside of
-    /// its triangle counts as the triangle's nearest one. Points of triangles thinner than a millionth of their
-    /// instance count as one of its corners; `None` if an instance has only such triangles there. `surfaces` as for
-    /// [`Atlas::sites`].
+    /// Returns `None` for moving instances, unlit surfaces and backs of single-sided surfaces. A point outside its
+    /// triangle is replaced by the nearest point of the triangle. A point of a triangle thinner than a millionth of its
+    /// instance is replaced by a corner of the triangle. If all triangles around such a point are this thin, returns
+    /// `None`. `surfaces` must belong to the scene for which the atlas was made or validated.
     #[must_use]
     pub fn bilinear(&self, surfaces: &Surfaces, at: &AtlasPoint) -> Option<TexelBlend> {
         let is_known = surfaces.scene().instances.len() > at.instance as usize;
         let placed_on = |back| self.placed(at.instance, at.triangle, back).filter(|_| is_known);
-        // A triangle with a back always has a front.
+        // Return early if the front has no chart, because the back has none then either.
         placed_on(false)?;
         let outward = outward(surfaces, at.instance, at.triangle);
         let placed = placed_on(at.geometric_normal.dot(outward) < 0.0)?;
@@ -194,14 +196,15 @@ impl Atlas {
 
     /// Returns the bilinear sample at a point of a triangle.
     pub(super) fn blend(&self, placed: &ChartTriangle, nearest: Nearest) -> Option<TexelBlend> {
-        // Texel centers are at half-integers. The point is f right of and below the center of the upper left texel.
+        // Subtract 0.5, because texel centers are at half-integers. The point is f right of and below the center of the
+        // upper left texel.
         let place = nearest.mix(placed.corners()) - 0.5;
         let first = (place + AT_CENTER).floor();
         let f = (place - first).max(Vec2::ZERO);
         let [left, top] = self.charts[placed.chart as usize];
         let (x, y) = (left.checked_add(first.x as u32)?, top.checked_add(first.y as u32)?);
 
-        // At a center, the texel on the other side may not exist.
+        // Repeat the texel if the point is at its center, because the next texel may not exist.
         let (right, f_x) = if f.x <= AT_CENTER { (x, 0.0) } else { (x.checked_add(1)?, f.x) };
         let (below, f_y) = if f.y <= AT_CENTER { (y, 0.0) } else { (y.checked_add(1)?, f.y) };
         let index = |x, y| self.tiles.index(x, y);
@@ -212,10 +215,11 @@ impl Atlas {
     }
 }
 
-/// Returns the normal of a triangle's front, as defined by the file. Its length is twice the area.
+/// Returns the normal of a triangle's front as defined in the file. The length of the normal is twice the triangle's
+/// area.
 fn outward(surfaces: &Surfaces, instance: u32, triangle: u32) -> Vec3A {
     let [a, b, c] = surfaces.corners(instance as usize, triangle as usize);
-    // A mirroring transform reverses the order of corners; the front stays the same.
+    // Reverse the normal under a mirroring transform, which reverses the order of corners but keeps the front.
     let mirrored = surfaces.world(instance as usize).matrix3.determinant() < 0.0;
     (b - a).cross(c - a) * if mirrored { -1.0 } else { 1.0 }
 }

@@ -1,21 +1,21 @@
-//! The texels in use in a large rectangle, and their indices.
+//! Texels in use within a large rectangle, and their indices.
 
 use super::NONE;
 
 /// Side of a tile \[texels\].
 const SIDE: u32 = 16;
-/// Words of a tile's mask.
+/// Number of words in a tile's mask.
 const WORDS: usize = 4;
 
-/// A square of 16×16 texels with some in use.
+/// Square of 16×16 texels with at least one texel in use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct TexelTile {
-    /// Index of the square, row by row.
+    /// Index of the square, in raster order.
     cell: u32,
-    /// Index of its first texel in use.
+    /// Index of the tile's first texel in use.
     first: u32,
-    /// A bit for each texel, row by row, starting with the lowest bit of the first word.
+    /// Mask of the texels in use, in raster order, starting with the lowest bit of the first word.
     mask: [u64; WORDS],
 }
 
@@ -25,19 +25,19 @@ impl TexelTile {
     }
 }
 
-/// The tiles with a texel in use, row by row. Texel indices follow the order of tiles, and are row by row within each
-/// tile.
+/// Tiles with a texel in use, in raster order. Texel indices follow the order of tiles, and the raster order within
+/// each tile.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Tiles {
     /// Number of squares in a row.
     columns: u32,
-    /// For each square, the index of its tile, or [`NONE`].
+    /// Index of each square's tile, or [`NONE`].
     grid: Vec<u32>,
     tiles: Vec<TexelTile>,
 }
 
-/// Marked texels, before they have indices.
+/// Marked texels, before indices are assigned.
 pub(super) struct Marks {
     columns: u32,
     masks: Vec<[u64; WORDS]>,
@@ -50,7 +50,7 @@ fn bit(x: u32, y: u32) -> (usize, u32) {
 }
 
 impl Marks {
-    /// Returns an unmarked rectangle of this many texels.
+    /// Returns a rectangle of `width` × `height` texels without marks.
     pub fn new(width: u32, height: u32) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         Self { columns, masks: vec![[0; WORDS]; columns as usize * rows as usize] }
@@ -85,19 +85,19 @@ impl Tiles {
         self.tiles.last().map_or(0, |last| (last.first + last.count()) as usize)
     }
 
-    /// Returns the width and height in texels.
+    /// Returns the width and height of the rectangle \[texels\].
     pub fn size(&self) -> (u32, u32) {
         (self.columns * SIDE, (self.grid.len() as u32).checked_div(self.columns).unwrap_or(0) * SIDE)
     }
 
-    /// Returns the index of a texel, if it is in use.
+    /// Returns the index of a texel, or `None` if it is not in use.
     pub fn index(&self, x: u32, y: u32) -> Option<u32> {
         let column = x / SIDE;
         let cell = (y / SIDE) as usize * self.columns as usize + column as usize;
         let tile = *self.grid.get(cell).filter(|&&tile| column < self.columns && tile != NONE)?;
         let TexelTile { first, mask, .. } = self.tiles[tile as usize];
 
-        // Texels before it are in the previous words, and in the lower bits of its own word.
+        // Count the preceding texels: in the previous words, and in the lower bits of the texel's word.
         let (word, bit) = bit(x, y);
         let before: u32 = mask[..word].iter().map(|word| word.count_ones()).sum();
         let lower = mask[word] & ((1 << bit) - 1);
@@ -112,7 +112,7 @@ impl Tiles {
             (word, rest) = (word + 1, rest - mask[word].count_ones());
         }
 
-        // Remove the lowest set bits before it.
+        // Clear the lowest set bits, which precede the texel.
         let mut bits = mask[word];
         for _ in 0..rest {
             bits &= bits - 1;
@@ -121,12 +121,12 @@ impl Tiles {
         (cell % self.columns * SIDE + bit % SIDE, cell / self.columns * SIDE + bit / SIDE)
     }
 
-    /// Returns whether grid and tiles are consistent, and tiles are numbered in order.
+    /// Returns whether grid and tiles are consistent and the tiles are numbered in order.
     pub fn is_valid(&self) -> bool {
         let is_rectangle = self.columns > 0 && self.grid.len().is_multiple_of(self.columns as usize);
         let mut next = (0u32, 0);
         for (cell, &tile) in self.grid.iter().enumerate().filter(|&(_, &tile)| tile != NONE) {
-            // `next` contains the index of the next tile, and the index of its first texel.
+            // Track the index of the next tile and of its first texel in `next`.
             let Some(found) = self.tiles.get(tile as usize) else { return false };
             let (index, first) = next;
             if tile != index || found.cell as usize != cell || found.first != first || found.count() == 0 {
@@ -138,7 +138,7 @@ impl Tiles {
         is_rectangle && next.0 as usize == self.tiles.len() && self.has_size()
     }
 
-    /// Returns whether the numbers of columns and rows are within limits.
+    /// Returns whether the numbers of columns and rows are within their limits.
     fn has_size(&self) -> bool {
         let rows = self.grid.len() / self.columns as usize;
         [self.columns as usize, rows].iter().all(|&side| side < (1 << 24))

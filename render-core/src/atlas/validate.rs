@@ -1,15 +1,15 @@
-//! Validation of an atlas from a file.
+//! Validation of an atlas read from a file.
 
 use super::{Atlas, ChartTriangle, NONE};
 use crate::scene::Scene;
 
-/// Upper bound of positions in charts \[texels\].
+/// Maximum position of a corner in its chart \[texels\].
 const FARTHEST: f32 = 16384.0;
 
 impl Atlas {
-    /// Returns whether all indices are in range for this scene, so that no sample panics: a file may be malicious.
+    /// Returns whether all indices are in range for this scene, so that no sample panics. A file may be malicious.
     ///
-    /// The positions of triangles are not compared with the positions that [`Atlas::new`] computes.
+    /// The positions of triangles are not compared with the positions computed by [`Atlas::new`].
     #[must_use]
     pub fn validate(&self, scene: &Scene) -> bool {
         let has_density = self.texels_per_meter.is_finite() && self.texels_per_meter > 0.0;
@@ -17,7 +17,7 @@ impl Atlas {
         has_density && has_counts && self.has_sheets_of(scene) && self.has_places() && self.has_owners()
     }
 
-    /// Returns whether sheets match the scene's static lit surfaces, in order and with all triangles.
+    /// Returns whether the sheets match the scene's static lit surfaces, in order and with all triangles.
     fn has_sheets_of(&self, scene: &Scene) -> bool {
         let (moving, mut next, mut before) = (scene.moving_instances(), 0u32, None);
         for sheet in &self.sheets {
@@ -25,7 +25,7 @@ impl Atlas {
             let mesh = &scene.meshes[instance.mesh];
             let material = &scene.materials[mesh.material];
 
-            // The order is by instance, each back after its front.
+            // Require order by instance, with each back after its front.
             let front = (sheet.instance, false);
             let follows = if sheet.back { before == Some(front) } else { before < Some(front) };
             let is_baked =
