@@ -180,8 +180,8 @@ impl Atlas {
     ///
     /// Returns `None` for moving instances, unlit surfaces and backs of single-sided surfaces. A point outside its
     /// triangle is replaced by the nearest point of the triangle. A point of a triangle thinner than a millionth of its
-    /// instance is replaced by a corner of the triangle. If all triangles around such a point are this thin, returns
-    /// `None`. `surfaces` must belong to the scene for which the atlas was made or validated.
+    /// instance is replaced by a corner of the triangle. Returns `None` if no triangle near such a
+    /// point has an area. `surfaces` must belong to the scene for which the atlas was made or validated.
     #[must_use]
     pub fn bilinear(&self, surfaces: &Surfaces, at: &AtlasPoint) -> Option<TexelBlend> {
         let is_known = surfaces.scene().instances.len() > at.instance as usize;

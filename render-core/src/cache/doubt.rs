@@ -1,8 +1,8 @@
-//! Contradictions between records: which records shrink, and which pixels get their own record.
+//! Contradictions between records, which determine the records that shrink and the pixels that receive a record.
 //!
-//! A record that differs from its neighbors keeps only a fraction of its radius. New records cover the area it loses.
-//! Finally, a pixel with records that predict different irradiance gets its own record. Records are therefore dense
-//! where irradiance changes unpredictably, and sparse where it is smooth. Where records are dense, pixels get no
+//! A record that differs from its neighbors keeps only a fraction of its radius. New records cover the area that it
+//! loses. Finally, a pixel receives a record if its records predict different irradiance. Records are therefore dense
+//! where irradiance changes unpredictably and sparse where it is smooth. Where records are dense, pixels receive no
 //! further record.
 
 use super::picture::{ShownSurface, SurfacePicture};
@@ -14,23 +14,23 @@ use rayon::prelude::*;
 
 /// Difference from its neighbors above which a record shrinks, in tolerances.
 const DOUBTED: f32 = 1.65;
-/// Root mean square difference between a pixel's predictions above which the pixel gets a record, in tolerances. In a
-/// simulation of `nave`, the same number of records leaves 3 % more error without this rule. In the scene itself, 1.55
-/// for [`DOUBTED`] and 2.0 here need 3 % more records than 1.75 and 2.1, and leave 3 % less error.
+/// Root mean square difference between a pixel's predictions above which the pixel receives a record, in tolerances. In
+/// a simulation of `nave`, this rule reduces the error by 3 % at an equal number of records. In the scene itself, 1.55
+/// for [`DOUBTED`] and 2.0 for this constant need 3 % more records than 1.75 and 2.1. They leave 3 % less error.
 const CONTRADICTED: f32 = 2.0;
 /// Minimum fraction of its radius that a contradicted record keeps.
 pub(super) const LEAST_SHARE: f32 = 0.25;
-/// Addend to every tolerance, as a fraction of the mean tolerance: it limits the effort in the dark.
+/// Value added to every tolerance, as a fraction of the mean tolerance. It limits the work in dark areas.
 const IN_THE_DARK: f32 = 0.5;
 
-/// Tolerated differences at records: luminance of irradiance \[W·m⁻²\].
+/// Tolerable differences at records, in luminance of irradiance \[W·m⁻²\].
 pub(super) struct Tolerances {
-    /// Addend for dark areas.
+    /// Value added to every tolerance \[W·m⁻²\].
     floor: f32,
 }
 
 impl Tolerances {
-    /// Computes the tolerances of a picture from its listed records.
+    /// Computes the tolerances of a picture from the records listed in `tiles`.
     pub fn of<R>(tiles: &Tiles, records: &[Record<R>]) -> Self {
         let sum: f64 = tiles.listed.iter().map(|&index| f64::from(records[index as usize].estimate.tolerance)).sum();
         Self { floor: IN_THE_DARK * (sum / tiles.listed.len().max(1) as f64) as f32 }
@@ -40,23 +40,23 @@ impl Tolerances {
         record.estimate.tolerance + self.floor
     }
 
-    /// Returns the fraction of its radius that a record keeps if its neighbors differ by `difference` from its
-    /// prediction.
+    /// Returns the fraction of its radius that a record keeps. `difference` is the difference between its prediction
+    /// and its neighbors.
     pub fn share<R>(&self, record: &Record<R>, difference: f32) -> f32 {
         let allowed = DOUBTED * self.at(record);
         if difference > allowed { (allowed / difference).max(LEAST_SHARE) } else { 1.0 }
     }
 }
 
-/// Returns the pixels for which records predict different irradiance, in the tiles reached by the records listed at
-/// `places`.
+/// Returns the pixels at which records predict different irradiance. Searches the tiles reached by the records listed
+/// at `places`.
 pub(super) fn contradicted_pixels<R: Send + Sync>(
     picture: &SurfacePicture,
     tiles: &Tiles,
     records: &[Record<R>],
     places: &[usize],
 ) -> Vec<(usize, usize)> {
-    // Skip tiles that none of these records reaches.
+    // Select the tiles that any of these records reaches.
     let mut is_chosen = vec![false; tiles.listed.len()];
     for &place in places {
         is_chosen[place] = true;
@@ -65,14 +65,14 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     let wanted = picture.wanted_tiles.iter().copied();
     let chosen: Vec<usize> = wanted.filter(|&index| is_reached(&tiles.all[index])).collect();
 
-    // Each record with a weight in these tiles is predicted once.
+    // Predict each record with a weight in these tiles once.
     let mut candidates = tiles.used_in(picture, &chosen);
     candidates.sort_unstable();
     candidates.dedup();
     let predicted =
         predictions(picture, tiles, records, &Vec::from_iter(candidates.iter().map(|&place| place as usize)));
 
-    // Predictions are in the order of `candidates`; tiles need them by position in the list.
+    // Map positions in the list, which tiles use, to indices of predictions in the order of `candidates`.
     let mut number = vec![0; tiles.listed.len()];
     for (k, &place) in candidates.iter().enumerate() {
         number[place as usize] = k;
@@ -84,18 +84,18 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     pixels.concat()
 }
 
-/// Predictions of records for the pixels around them.
+/// Predictions of records for the pixels around the records.
 struct Opinions<'a, R> {
     tiles: &'a Tiles,
     records: &'a [Record<R>],
     tolerances: Tolerances,
     predicted: Vec<Predicted>,
-    /// For each position in the list, the index into `predicted`.
+    /// Index into `predicted` for each position in the list.
     number: Vec<usize>,
 }
 
 impl<R> Opinions<'_, R> {
-    /// Returns the pixels of a tile for which its records predict different irradiance.
+    /// Returns the pixels of a tile at which records predict different irradiance.
     fn contradicted_in(&self, picture: &SurfacePicture, index: usize) -> Vec<(usize, usize)> {
         let tile = &self.tiles.all[index];
         let (mut contradicted, mut weights) = (Vec::new(), Vec::new());
@@ -112,7 +112,7 @@ impl<R> Opinions<'_, R> {
 
     /// Returns whether the candidates of `tile` with these `weights` at a pixel predict different irradiance.
     fn are_contradictory(&self, tile: &Tile, shown: &ShownSurface, weights: &[(usize, f32)]) -> bool {
-        // Σ w, Σ w v, Σ w v² of the predicted luminances v, and Σ w t of the tolerances t.
+        // Sum Σ w, Σ w v and Σ w v² over the predicted luminances v, and Σ w t over the tolerances t.
         let (mut whole, mut sum, mut squares, mut tolerance) = (0.0, 0.0, 0.0, 0.0);
         for &(k, weight) in weights {
             let place = tile.candidates[k] as usize;
@@ -123,12 +123,12 @@ impl<R> Opinions<'_, R> {
             tolerance += weight * self.tolerances.at(&self.records[self.tiles.listed[place] as usize]);
         }
 
-        // Where records are dense, further ones would not settle the contradiction.
+        // Accept the contradiction where records are dense, because another record would not resolve it.
         if whole >= DENSE {
             return false;
         }
 
-        // σ² = (Σ w v² − (Σ w v)² / Σ w) / Σ w  >  (CONTRADICTED · mean of t)²
+        // Test σ² = (Σ w v² − (Σ w v)² / Σ w) / Σ w > (CONTRADICTED · mean of t)².
         let variance = (squares - sum * sum / whole) / whole;
         variance > (CONTRADICTED * tolerance / whole).powi(2)
     }

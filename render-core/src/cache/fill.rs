@@ -14,18 +14,18 @@ use plane::Plane;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Steps of the pixel lattices \[pixels\].
+/// Steps of the pixel lattices, coarse to fine \[pixels\].
 const STEPS: [usize; 5] = [16, 8, 4, 2, 1];
-/// Minimum sum of weights that covers a pixel: one record reaches it at e = 0.67.
+/// Minimum sum of weights at a covered pixel. A single record reaches it at e = 0.67.
 const COVERED: f32 = 0.3;
-/// Distance within which a candidate can cover another one, with the least radius and seen head-on \[pixels\].
+/// Maximum distance at which a candidate with the least radius can cover another one, seen head-on \[pixels\].
 const NEIGHBORHOOD: usize = 3;
 
-/// Number of times that new records are compared with their neighbors.
+/// Number of comparisons of new records with their neighbors.
 const DOUBTS: usize = 3;
 
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Adds records until every pixel of the picture is covered and none is contradicted. Returns the number of new
+    /// Adds records until every pixel of the picture is covered and no pixel is contradicted. Returns the number of new
     /// records. The records listed at the positions `carried` have moved and may contradict their neighbors.
     pub(super) fn fill<I: Illumination<Recipe = R>>(
         &mut self,
@@ -34,14 +34,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
         carried: Vec<usize>,
         illumination: &I,
     ) -> usize {
-        // Records attached to moving geometry have new neighbors, which may contradict them.
+        // Compare records attached to moving geometry with their new neighbors.
         let (first, first_place) = (self.records.len(), tiles.listed.len());
         if !carried.is_empty() {
             self.doubt(picture, tiles, &carried);
             tiles.list_again(picture, &self.records, 0);
         }
 
-        // Add records in uncovered areas. Comparing them shrinks some and uncovers area again.
+        // Add records in uncovered areas. Comparisons shrink some records, which uncovers area again.
         let mut bare = vec![true; tiles.all.len()];
         for doubts_left in (0..=DOUBTS).rev() {
             let place = tiles.listed.len();
@@ -49,12 +49,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
             if doubts_left == 0 || tiles.listed.len() == place {
                 break;
             }
-            // The newest records have not been compared with their neighbors yet.
+            // Compare the newest records with their neighbors.
             self.doubt(picture, tiles, &Vec::from_iter(place..tiles.listed.len()));
             bare = tiles.list_again(picture, &self.records, place);
         }
 
-        // All pixels are covered. Pixels with contradictory predictions get their own small record.
+        // Add a small record at each pixel with contradictory predictions. All pixels are covered now.
         let unsettled: Vec<usize> = carried.into_iter().chain(first_place..tiles.listed.len()).collect();
         if !unsettled.is_empty() {
             let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled);
@@ -63,13 +63,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 record.share = LEAST_SHARE;
             }
             tiles.list(picture, &self.records, new);
-            // Drop records without weight at any pixel: the next frame ignores them, and it must get the same result.
+            // Drop records without weight at any pixel. The next frame ignores these records and must have an identical
+            // result.
             tiles.keep_used(picture, &self.records, first_place);
         }
         self.records.len() - first
     }
 
-    /// Compares the records listed at these `places` with their neighbors, and shrinks contradicted ones.
+    /// Compares the records listed at these `places` with their neighbors, and shrinks contradicted records.
     pub(super) fn doubt(&mut self, picture: &SurfacePicture, tiles: &Tiles, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
         let found = predictions(picture, tiles, &self.records, places);
@@ -81,8 +82,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
     /// Adds records until every pixel of the `bare` tiles is covered.
     ///
-    /// Each pass gives records to the uncovered pixels of its lattice. It skips pixels that a neighbor of the same pass
-    /// is certain to cover. After the last pass, all pixels are covered.
+    /// Each pass adds records at the uncovered pixels of its lattice. It skips pixels that a neighbor from this pass is
+    /// certain to cover. After the last pass, all pixels are covered.
     fn cover<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
@@ -97,21 +98,21 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
     }
 
-    /// Makes records at `pixels`, except at pixels that another of them is certain to cover. Returns the indices of the
-    /// records.
+    /// Creates records at `pixels`, except at pixels that another new record is certain to cover. Returns the indices
+    /// of the records.
     fn make<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
         pixels: Vec<(usize, usize)>,
         illumination: &I,
     ) -> Range<usize> {
-        // Numbers follow the order of the sites, independent of ranks and threads.
+        // Number the records in the order of the sites, independently of ranks and threads.
         let sites = picture.busy.measure(|| thinned(picture, pixels));
         let (ranks, before, made) = (picture.ranks(), self.records.len(), self.made);
         let number = |place: usize| made.wrapping_add(place as u32);
         let turns: Vec<Turn> = (0..sites.len()).map(|place| Turn::Golden(number(place))).collect();
 
-        // All ranks receive the light; the recipe stays on the rank that computed it.
+        // Send the light to all ranks, but keep the recipe on the rank that computed it.
         let mut recipes = Vec::new();
         let lights = share(ranks, &turns, |own, meter| {
             let compute = |scratch: &mut I::Scratch, &place: &usize| {
@@ -139,7 +140,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.records.push(record);
         }
 
-        // A surface close to one record is close to its neighbors too: clamp their radii.
+        // Clamp the radii of neighbors, because a surface close to one record is close to its neighbors too.
         self.made = number(sites.len());
         let among = self.parts.around();
         clamp_to_neighbors(&mut self.records, before, among, picture.busy);
@@ -147,8 +148,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 }
 
-/// Returns the uncovered pixels of the lattice with this step, in the tiles that may be `bare`. Tiles and their pixels
-/// are in raster order.
+/// Returns the uncovered pixels of the lattice with this `step`, in the tiles that may be `bare`. Tiles, and pixels
+/// within a tile, are in raster order.
 fn bare_pixels(picture: &SurfacePicture, tiles: &Tiles, bare: &[bool], step: usize) -> Vec<(usize, usize)> {
     let in_tile = |index: usize| {
         let mut pixels = Vec::new();
@@ -169,9 +170,9 @@ fn bare_pixels(picture: &SurfacePicture, tiles: &Tiles, bare: &[bool], step: usi
     pixels.concat()
 }
 
-/// Returns the sites of `pixels`, except sites that an earlier one is certain to cover.
+/// Returns the sites of `pixels`, except sites that an earlier site is certain to cover.
 fn thinned(picture: &SurfacePicture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
-    // The first pixel at each position gets a record and is marked.
+    // Mark the first pixel at each position, which receives a record.
     let (width, height) = picture.size();
     let mut taken = Plane::filled(width, height, false);
     let mut sites = Vec::new();
@@ -185,8 +186,8 @@ fn thinned(picture: &SurfacePicture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
     sites
 }
 
-/// Returns whether a record at one of the `taken` pixels around (x, y) is certain to cover the `site` there. The record
-/// is assumed to have the least radius.
+/// Returns whether a record at one of the `taken` pixels around (x, y) is certain to cover the `site` at (x, y). The
+/// record is assumed to have the least radius.
 fn is_covered_by_taken(picture: &SurfacePicture, taken: &Plane<bool>, x: usize, y: usize, site: &Site) -> bool {
     let (width, height) = picture.size();
     let around = |v: usize, end: usize| v.saturating_sub(NEIGHBORHOOD)..(v + NEIGHBORHOOD + 1).min(end);

@@ -1,4 +1,4 @@
-//! Error measure of groups of records, in structure-of-arrays layout for vector instructions.
+//! Error measure for groups of records in structure-of-arrays layout, which suits vector instructions.
 
 use super::Vec3A;
 use super::illumination::Site;
@@ -16,7 +16,7 @@ pub(super) struct RecordGroup {
 }
 
 impl RecordGroup {
-    /// A group of empty lanes, infinitely far from everything.
+    /// Group of empty lanes, infinitely far from every pixel.
     pub const NOWHERE: Self = Self {
         position: [[1e18; LANES]; 3],
         normal: [[0.0; LANES]; 3],
@@ -29,14 +29,14 @@ impl RecordGroup {
     ///
     /// ```text
     /// e² = (|d|² + k² (d · n̄)²) / R² + (1 − n · nᵢ) / c + (o − oᵢ)² / t²
-    ///   d  way from the record        n̄  mean of the two normals        k  ACROSS     c  NORMAL_TOLERANCE
+    ///   d  offset from the record        n̄  mean of the two normals        k  ACROSS     c  NORMAL_TOLERANCE
     ///   o  openness                                                                   t  OPENNESS_TOLERANCE
     /// ```
     #[inline(always)]
     fn error2(&self, shown: &ShownSurface) -> [f32; LANES] {
         let (p, n) = (shown.position().to_array(), shown.normal().to_array());
         let mut error2 = [0.0; LANES];
-        // |d|², d · (n + nᵢ) = 2 d · n̄, and n · nᵢ.
+        // Compute |d|², d · (n + nᵢ) = 2 d · n̄, and n · nᵢ.
         for (k, error2) in error2.iter_mut().enumerate() {
             let (mut d2, mut along, mut cosine) = (0.0, 0.0, 0.0);
             for axis in 0..3 {
@@ -45,7 +45,7 @@ impl RecordGroup {
                 along += d * (n[axis] + self.normal[axis][k]);
                 cosine += n[axis] * self.normal[axis][k];
             }
-            // A record on another instance has no weight: its e² is 2 or more.
+            // Add 2 to e² for a record on another instance, so that it has no weight.
             let other = if self.carrier[k] == shown.carrier { 0.0 } else { 2.0 };
             let opener = (shown.openness - self.openness[k]) * (1.0 / OPENNESS_TOLERANCE);
             *error2 = (d2 + ACROSS * ACROSS / 4.0 * along * along) * self.inverse_radius2[k]
@@ -57,14 +57,14 @@ impl RecordGroup {
     }
 }
 
-/// Returns the weight of a record from its e².
+/// Returns the weight of a record for an error measure of `error2` = e².
 #[inline(always)]
 pub(super) fn weight(error2: f32) -> f32 {
     let rest = (1.0 - error2).max(0.0);
     rest * rest
 }
 
-/// Returns the weight at `to` of a record at `from` with this radius, comparable with
+/// Returns the weight at `to` of a record at `from` with this `radius`. It is comparable with
 /// [`Tile::weights`](super::tile::Tile::weights).
 pub(super) fn weight_between(from: &Site, radius: f32, to: &Site) -> f32 {
     let mut group = RecordGroup::NOWHERE;
@@ -73,7 +73,7 @@ pub(super) fn weight_between(from: &Site, radius: f32, to: &Site) -> f32 {
 }
 
 impl RecordGroup {
-    /// Returns the squared distance of each record \[m²\].
+    /// Returns the squared distance of each record from `position` \[m²\].
     #[inline(always)]
     fn distance2(&self, position: [f32; 3]) -> [f32; LANES] {
         let mut distance2 = [0.0; LANES];
@@ -104,8 +104,8 @@ impl RecordGroup {
     }
 }
 
-// The loops over candidates are kernels although they use no vector types. Compiled for the vector instructions of the
-// processor, they take half the time.
+// The following loops over candidates are kernels although they use no vector types. Compiled for the processor's
+// vector instructions, they take half the time.
 
 /// Kernel of [`Tile::weights`](super::tile::Tile::weights).
 pub(super) struct Weigh<'a> {
@@ -120,7 +120,7 @@ impl Kernel for Weigh<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         for (g, group) in self.groups.iter().enumerate() {
-            // Most groups have no record with a weight, so weights are only computed for e² < 1.
+            // Compute weights only for e² < 1, because most groups contain no record with a weight.
             let error2 = group.error2(self.shown);
             let mut bits = below(&error2, 1.0);
             while bits != 0 {
@@ -147,7 +147,7 @@ impl Kernel for SumUpTo<'_> {
         let mut sum = 0.0;
         for group in self.groups {
             let error2 = group.error2(self.shown);
-            // Lanes without a weight add 0, without branches.
+            // Add 0 for lanes without a weight, without branches.
             if below(&error2, 1.0) != 0 {
                 for e in error2 {
                     sum += weight(e);
@@ -161,7 +161,7 @@ impl Kernel for SumUpTo<'_> {
     }
 }
 
-/// Factor on squared distances that are compared: callers may round differently.
+/// Factor on compared squared distances, because callers may round differently.
 pub(super) const ROUNDING: f32 = 1.0001;
 
 /// Kernel of [`Tile::candidates_near`](super::tile::Tile::candidates_near).
@@ -180,7 +180,7 @@ impl Kernel for NearRecords<'_> {
     fn run<L: Lanes>(self, _: L) {
         let position = self.position.to_array();
         for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
-            // Unused lanes are infinitely far away.
+            // Select the records within reach. Unused lanes are infinitely far away.
             let mut bits = below(&group.distance2(position), self.reach2);
             while bits != 0 {
                 self.near.push(candidates[bits.trailing_zeros() as usize % LANES]);
@@ -190,8 +190,8 @@ impl Kernel for NearRecords<'_> {
     }
 }
 
-/// Kernel of [`Tile::candidates_in_use`](super::tile::Tile::candidates_in_use) for one group. `all` is the mask of its
-/// used lanes.
+/// Kernel of [`Tile::candidates_in_use`](super::tile::Tile::candidates_in_use) for one group. `all` is the mask of the
+/// group's used lanes.
 pub(super) struct InUse<'a> {
     pub group: &'a RecordGroup,
     pub shown: &'a [ShownSurface],
@@ -205,7 +205,7 @@ impl Kernel for InUse<'_> {
     fn run<L: Lanes>(self, _: L) -> u32 {
         let mut used = 0;
         for shown in self.shown {
-            // When all records of the group are in use, no further pixels are needed.
+            // Stop when all records of the group are in use.
             used |= below(&self.group.error2(shown), 1.0);
             if used & self.all == self.all {
                 break;

@@ -1,10 +1,10 @@
-//! The light at a point on a surface, and the interface to its source.
+//! Light at a surface point, and the interface to the source of this light.
 
 use crate::scene::{Projected, View};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 use ranks::portable;
 
-/// A point on a surface.
+/// Point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Site {
@@ -12,20 +12,20 @@ pub struct Site {
     pub position: Vec3A,
     /// Unit shading normal.
     pub normal: Vec3A,
-    /// Unit normal of the triangle, on the same side.
+    /// Unit normal of the triangle, on the side of `normal`.
     pub geometric_normal: Vec3A,
-    /// Index of the instance if it ever moves; otherwise [`NOTHING`](crate::NOTHING).
+    /// Index of the instance if it ever moves, otherwise [`NOTHING`](crate::NOTHING).
     pub carrier: u32,
-    /// Openness: from 0 in a crack to 1 ([`Illumination::openness`]). Above 1 on emissive surfaces.
+    /// Openness ([`Illumination::openness`]), from 0 in a crack to 1. Values above 1 mark emissive surfaces.
     pub openness: f32,
-    /// Key for random numbers; a record keeps it.
+    /// Key of the random numbers, which is constant for a record.
     pub key: u64,
 }
 
 portable!(Site { position, normal, geometric_normal, carrier, openness, key });
 
 impl Site {
-    /// Applies the motion of its instance. The normal becomes zero if the transform flattens everything.
+    /// Applies the motion of the site's instance. The normal becomes zero if the transform flattens everything.
     pub(super) fn carried_by(&mut self, carry: &Affine3A) {
         let normals = crate::scene::normal_matrix(carry);
         self.position = carry.transform_point3a(self.position);
@@ -33,8 +33,8 @@ impl Site {
         self.geometric_normal = (normals * self.geometric_normal).normalize_or_zero();
     }
 
-    /// Returns the width of a pixel on the surface \[m\]. On oblique surfaces, this is the width of a square of equal
-    /// area.
+    /// Returns the width of a pixel on the surface \[m\]. On oblique surfaces, this is the width of a square with the
+    /// area of the pixel on the surface.
     pub(super) fn pixel_width(&self, view: &View) -> f32 {
         let Some(Projected { pixel, depth }) = view.project(self.position) else { return 0.0 };
         let cosine = view.ray(pixel).1.dot(self.geometric_normal).abs();
@@ -42,19 +42,19 @@ impl Site {
     }
 }
 
-/// The light at a site.
+/// Light at a site, with its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LocalIrradiance {
     /// Irradiance \[W·m⁻²\], linear RGB.
     pub irradiance: Vec3,
-    /// Derivative by the normal: one column per axis.
+    /// Derivative of the irradiance by the normal \[W·m⁻²\], with one column per axis.
     pub by_normal: Mat3A,
-    /// Derivative by the position \[W·m⁻³\]: one column per axis.
+    /// Derivative of the irradiance by the position \[W·m⁻³\], with one column per axis.
     pub by_position: Mat3A,
-    /// Harmonic mean distance of the surrounding surfaces \[m\]; may be infinite.
+    /// Harmonic mean of the distances to surrounding surfaces \[m\]. It may be infinite.
     pub harmonic_mean: f32,
-    /// Distance of the nearest surrounding surface \[m\]; may be infinite.
+    /// Distance to the nearest surrounding surface \[m\]. It may be infinite.
     pub nearest: f32,
     /// Tolerable error of the irradiance's luminance \[W·m⁻²\].
     pub tolerance: f32,
@@ -62,30 +62,30 @@ pub struct LocalIrradiance {
 
 portable!(LocalIrradiance { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance });
 
-/// The newly computed light of a record.
+/// Newly computed light of a record, with its recipe.
 #[derive(Clone, Debug)]
 pub struct Computed<R> {
     /// The computed light.
     pub light: LocalIrradiance,
-    /// Data for relighting at less cost than a new lightcut.
+    /// Recipe for relighting, which costs less than a new lightcut.
     pub recipe: R,
 }
 
-/// Source of the light at a site; called from many threads concurrently.
+/// Source of the light at sites. Many threads call it concurrently.
 pub trait Illumination: Sync {
-    /// Data stored with a record, which makes relighting cheaper than a new computation.
+    /// Recipe stored with a record, which makes relighting cheaper than a new computation.
     type Recipe: Send + Sync;
-    /// Memory that a thread reuses for its next record.
+    /// Working memory that a thread reuses for its next record.
     type Scratch: Default;
 
     /// Computes the light at `site`.
     fn compute(&self, site: &Site, scratch: &mut Self::Scratch) -> Computed<Self::Recipe>;
 
-    /// Updates the light at a `site` from its recipe. `known` is the time of its last update. Returns `None` if too
-    /// much has changed nearby and the light must be computed.
+    /// Updates the light at a `site` from its recipe. `known` is the time of the last update. Returns `None` if so much
+    /// has changed nearby that the light must be computed.
     fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: LastUpdate) -> Option<LocalIrradiance>;
 
-    /// Returns a number for this recipe, which is stored with the record on all ranks; 0 if unused.
+    /// Returns a number for this recipe, which is stored with the record on all ranks. Returns 0 if no number is used.
     fn note(&self, _recipe: &Self::Recipe) -> u32 {
         0
     }
@@ -97,7 +97,7 @@ pub trait Illumination: Sync {
         1.0
     }
 
-    /// Returns whether [`Illumination::openness`] is certain to be nearly unchanged since the previous frame.
+    /// Returns whether [`Illumination::openness`] is certain to have changed little since the previous frame.
     fn is_undisturbed(&self, _site: &Site, _scale: f32) -> bool {
         false
     }
@@ -106,8 +106,8 @@ pub trait Illumination: Sync {
 /// Time of the last update of a record's light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LastUpdate {
-    /// In the previous frame, at the same position: only the latest motion has changed anything.
+    /// Updated in the previous frame at the same position. Only the latest motion can have changed the light.
     LastFrame,
-    /// Earlier, or at another position: any surface may have come between it and a light.
+    /// Updated earlier or at another position. Any surface may now occlude a light.
     Earlier,
 }

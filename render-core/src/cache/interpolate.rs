@@ -7,8 +7,8 @@ use glam::Vec3A;
 use plane::Plane;
 use rayon::prelude::*;
 
-/// Interpolates the irradiance of every pixel from the predictions of the listed records. Also returns the indices of
-/// the records used, ascending.
+/// Interpolates the irradiance of every pixel from the predictions of the listed records. Returns the irradiance and
+/// the indices of the records used, ascending.
 pub(super) fn picture(
     picture: &SurfacePicture,
     tiles: &Tiles,
@@ -18,7 +18,7 @@ pub(super) fn picture(
     let light = |&index: &usize| picture.busy.measure(|| tile(picture, tiles, index, predicted));
     let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = picture.wanted_tiles.par_iter().map(light).collect();
 
-    // Tiles store their pixels row by row; copy the rows into the picture.
+    // Copy the pixels of each tile into the picture, row by row.
     let mut plane = Plane::filled(width, height, [0.0; 3]);
     let mut used = Vec::new();
     for (&index, (light, of_tile)) in picture.wanted_tiles.iter().zip(lit) {
@@ -32,7 +32,7 @@ pub(super) fn picture(
 }
 
 fn tile(picture: &SurfacePicture, tiles: &Tiles, index: usize, predicted: &[Predicted]) -> (Vec<[f32; 3]>, Vec<u32>) {
-    // Candidates that light any pixel are marked on the way.
+    // Mark the candidates that light any pixel.
     let tile = &tiles.all[index];
     let shown = picture.shown(index);
     let mut is_used = vec![false; tile.candidates.len()];
@@ -45,7 +45,7 @@ fn tile(picture: &SurfacePicture, tiles: &Tiles, index: usize, predicted: &[Pred
         }
         tile.weights(tiles.lanes, shown, &mut weights);
 
-        // E = Σ w E_i / Σ w over the records i
+        // Compute E = Σ w E_i / Σ w over the records i.
         let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
         for &(k, weight) in &weights {
             is_used[k] = true;

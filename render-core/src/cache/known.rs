@@ -1,20 +1,20 @@
-//! Regression sums over the neighbors of a frame's records, kept for further pictures of that frame. Further pictures
-//! sample other positions within the pixels: their records have the same neighbors and a few new ones.
+//! Regression sums over the neighbors of a frame's records, kept for further pictures of the frame. Further pictures
+//! sample other positions within the pixels. Their records have nearly the same neighbors, with a few new ones.
 
 use super::record::Record;
 use glam::{Mat3A, Vec3A};
 use ranks::portable;
 
-/// Sums of a record's regression over its neighbors.
+/// Regression sums of a record over its neighbors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taught {
     /// Radius of the record in the picture \[m\].
     pub radius: f32,
-    /// Σ w f fᵀ. f is the offset along both axes in radii and the change of openness in tolerances.
+    /// Σ w f fᵀ. f contains the offset along both axes in radii, and the difference of openness in tolerances.
     pub square: Mat3A,
-    /// Σ w f r: one column per component of f. r is the residual of the record's own prediction.
+    /// Σ w f r, with one column per component of f. r is the residual of the record's own prediction.
     pub unexplained: Mat3A,
-    /// Sums over all neighbors without outlier rejection: Σ w, and from luminance Σ w r², Σ w f fᵀ and Σ w f r.
+    /// Sums over all neighbors without outlier rejection: Σ w, and for luminance Σ w r², Σ w f fᵀ and Σ w f r.
     pub weights: f32,
     pub variance: f32,
     pub all_square: Mat3A,
@@ -24,7 +24,7 @@ pub(super) struct Taught {
 portable!(Taught { radius, square, unexplained, weights, variance, all_square, all_unexplained });
 
 impl Taught {
-    /// Returns the sums without neighbors.
+    /// Returns the sums of a record without neighbors.
     pub const fn nothing(radius: f32) -> Self {
         Self {
             radius,
@@ -38,22 +38,22 @@ impl Taught {
     }
 }
 
-/// The neighbors of a frame's records, from its pictures so far.
+/// Neighbors of a frame's records, from all pictures of the frame so far.
 #[derive(Default)]
 pub(super) struct KnownNeighbors {
     pictures: Vec<OfPicture>,
 }
 
-/// Sums of the records that were listed for one picture.
+/// Regression sums of the records that were listed for one picture.
 struct OfPicture {
-    /// Numbers of the records, ascending.
+    /// Creation numbers of the records, ascending.
     numbers: Vec<u32>,
     taught: Vec<Taught>,
     /// Number of the first record made after this picture.
     next: u32,
 }
 
-/// A listed record made after the first picture of the frame.
+/// Listed record that was made after the first picture of the frame.
 pub(super) struct Fresh {
     number: u32,
     position: Vec3A,
@@ -61,27 +61,27 @@ pub(super) struct Fresh {
     pub index: usize,
 }
 
-/// The earlier sums of a record, and the fresh records made since.
+/// Earlier sums of a record, and the fresh records made since.
 pub(super) struct Before<'a> {
     pub taught: &'a Taught,
     pub since: &'a [Fresh],
 }
 
 impl Fresh {
-    /// Returns whether it is less than `reach` from `position` \[m\].
+    /// Returns whether the record is less than `reach` meters from `position`.
     pub fn is_within(&self, reach: f32, position: Vec3A) -> bool {
         self.position.distance_squared(position) < reach * reach
     }
 }
 
 impl KnownNeighbors {
-    /// Stores the sums of the records with the indices `listed`. `next` is the number of the next record to be made.
+    /// Stores the sums of the records with the indices `listed`. `next` is the creation number of the next record.
     pub fn keep<R>(&mut self, listed: &[u32], records: &[Record<R>], taught: Vec<Taught>, next: u32) {
         let numbers = listed.iter().map(|&index| records[index as usize].number).collect();
         self.pictures.push(OfPicture { numbers, taught, next });
     }
 
-    /// Appends the sums of further pictures.
+    /// Appends the sums from further pictures of the frame.
     pub fn join(&mut self, further: Self) {
         self.pictures.extend(further.pictures);
     }
@@ -96,7 +96,7 @@ impl KnownNeighbors {
         listed.iter().map(of).filter(|fresh| is_since(fresh.number, first.next)).collect()
     }
 
-    /// Returns the latest sums of `record`, if its radius was the same then \[m\].
+    /// Returns the latest sums of `record`, if they were computed for this `radius` \[m\].
     pub fn of<'a, R>(&'a self, record: &Record<R>, radius: f32, fresh: &'a [Fresh]) -> Option<Before<'a>> {
         for picture in self.pictures.iter().rev() {
             let Ok(place) = picture.numbers.binary_search(&record.number) else { continue };

@@ -1,27 +1,27 @@
-//! Irradiance cache: indirect light varies slowly over a surface. It is computed at few points and interpolated between
-//! them, across pixels and frames.
+//! Irradiance cache. Indirect light varies slowly over a surface, so it is computed at few points and interpolated
+//! across pixels and frames.
 //!
-//! The method follows \[Ward88\] and \[WardHeckbert92\], with the practice of \[Krivanek08\]. An [`Illumination`]
-//! computes the light at a point.
+//! The method follows \[Ward88\] and \[WardHeckbert92\], with practical details from \[Krivanek08\]. An
+//! [`Illumination`] computes the light at a point.
 //!
-//! The steps of a frame:
+//! The steps of each frame:
 //!
-//! 1. Records on moving geometry move with it.
-//! 2. Records in use are updated.
-//! 3. Lattices of pixels, coarse to fine, are searched for uncovered pixels, which get records.
-//! 4. Contradicted records shrink, and contradicted pixels get records.
-//! 5. Every pixel gets the weighted mean of the predictions of its records.
+//! 1. Move the records on moving geometry.
+//! 2. Update the records in use.
+//! 3. Search lattices of pixels, coarse to fine, for uncovered pixels, and create records at these pixels.
+//! 4. Shrink contradicted records, and create records at contradicted pixels.
+//! 5. Set every pixel to the weighted mean of the predictions of its records.
 //!
 //! # Differs from the papers
 //!
-//! * The weight is `(1 − e²)²` of the error measure e. It is smooth at e = 1, so that a record has no visible border.
-//! * A record is made where the sum of weights is below a minimum, not only where it is zero. Each pass adds records
-//!   depending on earlier passes only, so the result does not depend on the number of threads.
-//! * A record is used only at points of similar openness, which is measured by a few rays at each point: see
-//!   `openness.rs`.
-//! * Derivatives by the position are fitted to neighboring records where these are more accurate: see `predict.rs`. The
-//!   residual of the fit limits the radius of the record: see `doubt.rs`.
-//! * Rotation of the normal is exact by the vector irradiance, as long as no light crosses the horizon.
+//! * The weight is `(1 − e²)²` of the error measure e. The weight is smooth at e = 1, so a record has no visible
+//!   border.
+//! * A record is made where the sum of weights is below a minimum, not only where it is zero. Each pass depends on
+//!   earlier passes only, so the result does not depend on the number of threads.
+//! * A record is used only at points of similar openness, which a few rays at each point measure: see `openness.rs`.
+//! * Derivatives by the position are fitted to neighboring records where the fit is more accurate: see `predict.rs`.
+//!   The residual of the fit limits the radius of the record: see `doubt.rs`.
+//! * Rotation of the normal is computed exactly from the vector irradiance, as long as no light crosses the horizon.
 
 mod doubt;
 mod fill;
@@ -60,25 +60,27 @@ use rayon::prelude::*;
 use record::{Record, RecordLight};
 use tile::Tiles;
 
-/// Number of frames that a record may stay unseen before it is dropped.
+/// Maximum number of frames for which an unseen record is kept.
 const PATIENCE: u32 = 50;
-/// Maximum number of records kept for each one in use, and number of pixels for each kept record if few are in use.
-/// Above the larger limit, the records unseen for longest are dropped.
+/// Maximum number of kept records per record in use.
 const KEPT_FOR_EACH_USED: usize = 3;
+/// Minimum number of pixels per kept record, unless [`KEPT_FOR_EACH_USED`] allows more records. Above the larger limit,
+/// the records unseen for longest are dropped.
 const PIXELS_FOR_EACH_KEPT: usize = 16;
-/// Refresh period \[frames\]: while geometry moves, each record in view is recomputed once in this period.
+/// Refresh period \[frames\]. While geometry moves, each record in view is recomputed once per period.
 const TURN: u32 = 32;
 
-/// Number of records that a thread takes at a time.
+/// Number of records per thread task.
 const CHUNK: usize = 16;
-/// Number of records that a thread takes at a time, for work without rays.
+/// Number of records per thread task, for work without rays.
 const LARGE_CHUNK: usize = 512;
 
-/// Irradiance records on surfaces, kept across frames. `R` is the recipe that an [`Illumination`] stores with each.
+/// Cache of irradiance records on surfaces across frames. `R` is the recipe that an [`Illumination`] stores with each
+/// record.
 ///
 /// With the feature `serde`, the cache can be written and read back without any effect on the results. If several ranks
-/// share the work, each stores the recipes of its own records. [`kept`](Self::kept) and [`complete`](Self::complete)
-/// collect them.
+/// share the work, each rank stores the recipes of its own records. [`kept`](Self::kept) and
+/// [`complete`](Self::complete) collect the recipes.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct IrradianceCache<R> {
     records: Vec<Record<R>>,
@@ -88,9 +90,9 @@ pub struct IrradianceCache<R> {
     made: u32,
     /// Transforms of the instances in the previous frame.
     world: Vec<Affine3A>,
-    /// Openness of the previous picture.
+    /// Openness of the previous picture's pixels.
     openness: Openness,
-    /// Neighbors of the records of this frame, for its further pictures.
+    /// Neighbors of the records of the current frame, for further pictures of the frame.
     #[cfg_attr(feature = "serde", serde(skip))]
     known: KnownNeighbors,
     /// State of a frame that is lit in regions.
@@ -116,14 +118,14 @@ pub struct Changes {
     pub geometry: bool,
 }
 
-/// Irradiance of a picture, and its cost.
+/// Irradiance of a picture, and the cost of its computation.
 #[derive(Clone, Debug)]
 pub struct CachedLight {
     /// Irradiance \[W·m⁻²\], linear RGB, on the side of each pixel's shading normal; zero where no surface reflects.
     pub irradiance: Plane<[f32; 3]>,
     /// Number of records that light any pixel.
     pub in_use: usize,
-    /// Number of records computed or recomputed.
+    /// Number of records that were computed or recomputed.
     pub computed: usize,
 }
 
@@ -143,9 +145,9 @@ impl<R> Default for IrradianceCache<R> {
 }
 
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Lights a picture.
+    /// Lights a picture, and returns its irradiance.
     ///
-    /// The result depends on the arguments of this call and of all previous calls, not on the number of threads.
+    /// The result depends on the arguments of this call and of all previous calls, but not on the number of threads.
     pub fn light<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
@@ -162,7 +164,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
         busy: &Busy,
     ) -> CachedLight {
-        // Measure the openness of the pixels. Records on moving geometry follow it.
+        // Measure the openness of the pixels, and update the openness of records.
         self.frame += 1;
         let seen = request.seen;
         let openness = Openness::new(&request, &self.openness, illumination, busy);
@@ -171,13 +173,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, request.ranks, busy);
 
-        // Hidden records, and records too far from every pixel, need no light.
+        // List the records. Hidden records, and records too far from every pixel, need no light.
         let mut tiles = Tiles::new(&picture);
         tiles.list(&picture, &self.records, 0..self.records.len());
         let needed = self.needed(&picture, &tiles, request.is_first_of_many);
         let needed = self.without_superfluous(&picture, &tiles, needed);
 
-        // Radii depend on the new light, so records are listed again before gaps between them are filled.
+        // List records again before gaps between them are filled, because radii depend on the new light.
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
         let update = self.update_by(changes);
         let mut computed = self.bring_up_to_date(&needed, &update, illumination, &picture);
@@ -204,8 +206,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         CachedLight { irradiance, in_use, computed }
     }
 
-    /// Lights a further picture of the frame of the last [`IrradianceCache::light`] call, such as one with other sample
-    /// positions. Uses the existing records and adds missing ones.
+    /// Lights a further picture of the frame of the last [`IrradianceCache::light`] call, for example with other sample
+    /// positions. Uses the existing records and adds missing records.
     pub fn light_more<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
@@ -224,7 +226,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut known = std::mem::take(&mut self.known);
         let picture = SurfacePicture::new(request, &openness, &known, busy);
 
-        // Records not updated in this frame have outdated light.
+        // Exclude records that were not updated in this frame, because their light is outdated.
         let mut tiles = Tiles::new(&picture);
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
         tiles.list(&picture, &self.records, current);
@@ -252,13 +254,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.records.iter().map(|record| &record.site)
     }
 
-    /// Returns the positions of the records used by the last picture, each with its [`note`](Illumination::note).
+    /// Returns the positions of the records that the last picture used, each with its [`note`](Illumination::note).
     pub fn records_in_use(&self) -> impl Iterator<Item = (Vec3A, u32)> {
         let frame = self.frame;
         self.records.iter().filter(move |record| record.seen == frame).map(|record| (record.site.position, record.note))
     }
 
-    /// Returns the recipes of this rank, in the order of their records.
+    /// Returns the recipes on this rank, in the order of their records.
     #[must_use]
     pub fn kept(&self) -> Vec<KeptRecipe<&R>> {
         let mut kept = Vec::new();
@@ -270,9 +272,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         kept
     }
 
-    /// Adds recipes from [`kept`](Self::kept) of another rank.
+    /// Adds the recipes that [`kept`](Self::kept) returned on another rank.
     pub fn complete(&mut self, kept: Vec<KeptRecipe<R>>) {
-        // Both lists are in the same order.
+        // Merge the lists, which are in the same order.
         let mut kept = kept.into_iter().peekable();
         for record in &mut self.records {
             if let Some(own) = kept.next_if(|kept| kept.number == record.number) {
@@ -290,8 +292,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
     }
 
-    /// Returns the indices of the listed records that light the picture. The first picture of a frame updates all
-    /// records of that frame, including records that only further pictures of the previous frame used.
+    /// Returns the indices of the listed records that light the picture. If more pictures may follow, includes records
+    /// that only further pictures of the previous frame used.
     fn needed(&self, picture: &SurfacePicture, tiles: &Tiles, is_first_of_many: bool) -> Vec<usize> {
         let mut needed = tiles.in_use(picture);
         if is_first_of_many {
@@ -304,14 +306,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
         needed
     }
 
-    /// Drops `needed` records that are superfluous next to others; returns the new indices of the remaining ones.
+    /// Drops `needed` records that are superfluous next to others. Returns the new indices of the remaining records.
     fn without_superfluous(&mut self, picture: &SurfacePicture, tiles: &Tiles, needed: Vec<usize>) -> Vec<usize> {
         let superfluous = tiles.superfluous(picture, &self.records, &needed);
         if superfluous.is_empty() {
             return needed;
         }
 
-        // The remaining records keep their order.
+        // Keep the order of the remaining records.
         let mut is_dropped = vec![false; self.records.len()];
         for &index in &superfluous {
             is_dropped[index] = true;
@@ -319,7 +321,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut dropped = is_dropped.into_iter();
         self.records.retain(|_| dropped.next() == Some(false));
 
-        // Each index decreases by the number of records dropped before it.
+        // Decrease each index by the number of records dropped before it.
         let mut left = Vec::with_capacity(needed.len());
         for index in needed {
             if let Err(dropped_before) = superfluous.binary_search(&index) {
@@ -329,10 +331,10 @@ impl<R: Send + Sync> IrradianceCache<R> {
         left
     }
 
-    /// Moves records on moving geometry with it.
+    /// Moves the records on moving geometry, or drops them if the geometry deforms.
     fn carry_along(&mut self, seen: &GBuffer) {
         if self.world.len() == seen.world.len() {
-            // Motion of each instance, M' M⁻¹; `None` if it has not moved.
+            // Compute the motion M' M⁻¹ of each instance, or `None` if the instance has not moved.
             let mut carry = Vec::with_capacity(seen.world.len());
             for (now, then) in seen.world.iter().zip(&self.world) {
                 carry.push((now != then).then(|| *now * then.inverse()));
@@ -347,7 +349,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 }
             }
 
-            // Points on deforming geometry do not stay in place, so its records are dropped and made again.
+            // Drop records on deforming geometry, because points on it do not keep their positions.
             let bends = |carrier: u32| matches!(seen.deformed.get(carrier as usize), Some(Some(_)));
             self.records.retain(|Record { site, .. }| {
                 site.position.is_finite()
@@ -358,9 +360,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.world.clone_from(&seen.world);
     }
 
-    /// Returns the update from the previous frame to this one, and notes the frame of the `changes`.
+    /// Returns the update from the previous frame to the current frame, and stores the frame of the `changes`.
     fn update_by(&mut self, changes: Changes) -> Update {
-        // A record that was current at the previous change has missed only the changes of this frame.
+        // Compare with the previous change: a record that was current then has missed only the changes of this frame.
         let update = Update { frame: self.frame, geometry: changes.geometry, changed_before: self.changed };
         if changes.light || changes.geometry {
             self.changed = self.frame;
@@ -368,7 +370,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         update
     }
 
-    /// Updates the `needed` records to the light of the picture's frame; returns the number of recomputed records.
+    /// Updates the `needed` records to the light of the picture's frame. Returns the number of recomputed records.
     fn bring_up_to_date<I: Illumination<Recipe = R>>(
         &mut self,
         needed: &[usize],
@@ -377,12 +379,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
         picture: &SurfacePicture,
     ) -> usize {
         let (ranks, busy) = (picture.ranks(), picture.busy);
-        // Records last lit before the last change are outdated.
+        // Select the records that were last lit before the last change.
         let is_outdated = |&index: &usize| self.records[index].current < self.changed;
         let outdated: Vec<usize> = needed.iter().copied().filter(is_outdated).collect();
         let turns: Vec<Turn> = outdated.iter().map(|&index| self.records[index].turn()).collect();
 
-        // This rank lights its own records in chunks: reading the clock for each would take longer than lighting some
+        // Light this rank's records in chunks: reading the clock for each record would take longer than lighting some
         // of them.
         let lights: Vec<RecordLight> = share(ranks, &turns, |places, meter| {
             let mut own = vec![Fate::Stays; self.records.len()];
@@ -398,7 +400,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             indices.map(|index| self.records[index].light(own[index] == Fate::WasComputed)).collect()
         });
 
-        // The light of the other records comes from their ranks.
+        // Receive the light of the other records from their ranks.
         let mut computed = 0;
         for ((&index, turn), light) in outdated.iter().zip(turns).zip(lights) {
             if turn.owner(ranks.count()) != ranks.rank() {
@@ -409,7 +411,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         computed
     }
 
-    /// Marks the records that the picture shows as seen: if only regions are lit, other regions will need them.
+    /// Marks the records that the picture shows as seen. If only regions are lit, other regions will need these
+    /// records.
     fn keep_shown(&mut self, picture: &SurfacePicture) {
         let frame = self.frame;
         self.records.par_chunks_mut(LARGE_CHUNK).for_each(|records| {
@@ -421,12 +424,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
         });
     }
 
-    /// Drops records that were unseen for too long. If too many remain, drops those unseen for longest.
+    /// Drops records that were unseen for too long. If too many records remain, drops the records unseen for longest.
     fn forget(&mut self, in_use: usize, pixels: usize) {
         let frame = self.frame;
         self.records.retain(|record| frame - record.seen <= PATIENCE);
 
-        // If too many remain, drop those seen longest ago, but none seen in this frame.
+        // Drop the records seen longest ago if too many remain, but keep all records seen in this frame.
         let most = (KEPT_FOR_EACH_USED * in_use).max(pixels / PIXELS_FOR_EACH_KEPT);
         if self.records.len() > most {
             let mut last_seen: Vec<u32> = self.records.iter().map(|record| record.seen).collect();
@@ -436,12 +439,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 }
 
-/// Returns the regression sums of predictions.
+/// Returns the regression sums of the predictions.
 fn taught(predicted: &[Predicted]) -> Vec<Taught> {
     predicted.iter().map(|predicted| predicted.taught).collect()
 }
 
-/// Progress of a record during an update.
+/// Result of updating a record.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fate {
     /// The record is up to date, not needed, or owned by another rank.
@@ -452,17 +455,17 @@ enum Fate {
     WasComputed,
 }
 
-/// The changes since the previous frame, which determine the update of a record.
+/// Changes since the previous frame, which determine the update of a record.
 struct Update {
     frame: u32,
     /// Whether geometry that blocks or reflects light has moved.
     geometry: bool,
-    /// Frame of the last change before this one.
+    /// Frame of the last change before this change.
     changed_before: u32,
 }
 
 impl Update {
-    /// Updates the outdated ones of `records` to this frame's light, and stores the result in their fates.
+    /// Updates the outdated records among `records` to this frame's light, and stores the result of each update.
     fn bring_all<'a, I: Illumination<Recipe: 'a>>(
         &self,
         records: impl Iterator<Item = (&'a mut Record<I::Recipe>, &'a mut Fate)>,
@@ -480,24 +483,24 @@ impl Update {
         }
     }
 
-    /// Stores the light computed by another rank.
+    /// Stores light that another rank computed.
     fn take<R>(&self, record: &mut Record<R>, light: RecordLight) {
         (record.current, record.carried) = (self.frame, false);
         record.relit(light.estimate);
         record.note = light.note;
     }
 
-    /// Updates a record to this frame's light; returns whether it was recomputed.
+    /// Updates a record to this frame's light. Returns whether it was recomputed.
     fn bring<I: Illumination>(
         &self,
         record: &mut Record<I::Recipe>,
         illumination: &I,
         scratch: &mut I::Scratch,
     ) -> bool {
-        // While geometry moves, each record is recomputed once per period, even if it could be relit.
+        // Recompute each record once per period while geometry moves, even if it could be relit.
         let is_its_turn = self.geometry && record.number.wrapping_add(self.frame).is_multiple_of(TURN);
 
-        // Relighting costs less; it costs least if only the latest motion can have changed anything.
+        // Relight the record if possible. Relighting costs least if only the latest motion can have changed the light.
         let kept_up = !record.carried && record.current >= self.changed_before;
         let known = if kept_up { LastUpdate::LastFrame } else { LastUpdate::Earlier };
         (record.current, record.carried) = (self.frame, false);

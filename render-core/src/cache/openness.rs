@@ -1,15 +1,15 @@
-//! Openness of the surroundings of each pixel, which distinguishes a groove from the wall next to it.
+//! Openness of the surroundings of each pixel, which distinguishes a groove from the wall around it.
 //!
-//! A record measures its own surroundings, not a groove one pixel wide next to it. Position and normal are too similar
-//! to separate the two, so a pixel in the groove would use the record. A few rays distinguish them:
+//! A record measures its own surroundings, not an adjacent groove one pixel wide. Position and normal are too similar
+//! to separate the two, so a pixel in the groove would use the record. A few rays distinguish the groove:
 //!
 //! ```text
-//! o(x) = mean of d / (d + D) over cosine-distributed rays, d long each      D  SCALE pixels
+//! o(x) = mean of d / (d + D) over cosine-distributed rays of length d      D  SCALE pixels
 //! ```
 //!
 //! The value varies smoothly from 0 in a crack to 1 in the open. Records are not used at points of different openness:
-//! see `OPENNESS_TOLERANCE` in `tolerance.rs`. If no surface around a pixel in the picture rises above the pixel's
-//! surface, the pixel counts as open without tracing rays.
+//! see `OPENNESS_TOLERANCE` in `tolerance.rs`. If no visible surface around a pixel rises above the pixel's surface,
+//! the pixel counts as open without rays.
 
 use super::illumination::{Illumination, Site};
 use super::record::Record;
@@ -23,36 +23,36 @@ use plane::Plane;
 use ranks::portable;
 use rayon::prelude::*;
 
-/// D, the distance of a surface that halves the contribution of a direction \[pixels\]. From 8 to 32, the simulated
-/// error of `nave` varies by at most 3 %.
+/// Distance D of a surface that halves the contribution of a direction \[pixels\]. From 8 to 32, the simulated error of
+/// `nave` varies by at most 3 %.
 const SCALE: f32 = 16.0;
-/// Offsets to all sides where surfaces are tested for rising above a pixel's own \[pixels\]. The alternative {3, 1}
-/// leaves 1 % more error on `nave`, with 6 % more records. {16, 6, 3, 1} leaves the same error with 1 % fewer records,
-/// for 7 % more rays.
+/// Offsets in all directions at which surfaces are tested for rising above a pixel's surface \[pixels\]. On `nave`, {3,
+/// 1} leaves 1 % more error with 6 % more records. With {16, 6, 3, 1}, the error is equal, with 1 % fewer records and 7
+/// % more rays.
 const LOOKED_AT: [usize; 3] = [10, 4, 1];
-/// Sine of the minimum angle above the surface that counts as rising.
+/// Sine of the minimum elevation angle of a rising surface.
 const RISES: f32 = 0.05;
-/// Maximum distance of a rising surface, in units of D: farther ones hide little. A value of 2 leaves 1 % more error on
-/// `nave`.
+/// Maximum distance of a rising surface, in units of D. Farther surfaces occlude little. A value of 2 leaves 1 % more
+/// error on `nave`.
 const NEAR: f32 = 8.0;
-/// Maximum ratio of two values of D for which one measurement is valid for both.
+/// Maximum ratio of two values of D for which one measurement is valid.
 const OTHER_SCALE: f32 = 1.25;
 
-/// Openness of an emissive surface, which excludes it from sharing records with others. Its emission outshines its
-/// reflected light, and surfaces very close to it may light it.
+/// Openness of an emissive surface, which prevents it from sharing records with other surfaces. Its emission outshines
+/// its reflected light, and surfaces very close to it may light it.
 const GLOWING: f32 = 2.0;
 
 /// Maximum distance, along and off the surface, at which an earlier measurement is reused \[pixels\]. Openness varies
-/// on a scale of [`SCALE`] pixels.
+/// over distances of [`SCALE`] pixels.
 const STILL_HOLDS: f32 = 1.0;
 const STILL_HOLDS_OFF_PLANE: f32 = 0.25;
 
-/// The openness of every pixel.
+/// Openness of every pixel of a picture.
 #[derive(Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Openness {
     pixels: Plane<Felt>,
-    /// View of the picture; `None` before the first picture.
+    /// View of the picture, or `None` before the first picture.
     view: Option<View>,
 }
 
@@ -60,10 +60,10 @@ pub(super) struct Openness {
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Felt {
-    /// Position, possibly in an earlier picture; NaN if no rays were traced.
+    /// Position of the measurement, possibly in an earlier picture. NaN if no rays were traced.
     position: [f32; 3],
     openness: f32,
-    /// D at the point \[m\].
+    /// Distance D at the point \[m\].
     scale: f32,
 }
 
@@ -76,10 +76,10 @@ impl Default for Felt {
 }
 
 impl Felt {
-    /// Returns whether the measurement is valid for `site`, with D = `scale`.
+    /// Returns whether the measurement is valid for `site` with D = `scale`.
     fn holds_at(&self, site: &Site, scale: f32) -> bool {
         let (way, pixel) = (Vec3A::from(self.position) - site.position, scale / SCALE);
-        // Comparisons with NaN are false.
+        // Comparisons with NaN are false, so a measurement without rays is never valid.
         way.length_squared() <= (STILL_HOLDS * pixel).powi(2)
             && way.dot(site.geometric_normal).abs() <= STILL_HOLDS_OFF_PLANE * pixel
             && is_alike(scale / self.scale)
@@ -87,8 +87,8 @@ impl Felt {
 }
 
 impl Openness {
-    /// Measures the openness of the wanted pixels of a picture. Reuses values of `before` from positions less than a
-    /// pixel away, if `illumination` reports the surroundings as undisturbed.
+    /// Measures the openness of the wanted pixels of a picture. Reuses values of `before` at distances below a pixel if
+    /// `illumination` reports the surroundings as undisturbed.
     pub fn new<I: Illumination>(request: &Request, before: &Self, illumination: &I, busy: &Busy) -> Self {
         let seen = request.seen;
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
@@ -98,13 +98,13 @@ impl Openness {
                 return Some(Felt { openness: GLOWING, ..Felt::default() });
             }
 
-            // Most pixels have no surface above them and need no rays.
+            // Skip rays for pixels without a surface above them, as for most pixels.
             let scale = || scale(&site, seen);
             if !is_below_something(seen, x, y, scale) {
                 return Some(Felt::default());
             }
 
-            // A value from the previous picture stays valid unless geometry has moved.
+            // Reuse the value of the previous picture unless geometry has moved.
             let scale = scale();
             let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
             known.filter(|_| illumination.is_undisturbed(&site, scale))
@@ -128,7 +128,7 @@ impl Openness {
         };
         let unknown = strips.map(look).collect::<Vec<_>>().concat();
 
-        // Each rank traces the rays of its own pixels.
+        // Trace the rays of this rank's pixels.
         let feel = |(): &mut (), place: usize| {
             let (x, y) = unknown[place];
             let site = request.bare_site(x, y).expect("rays are for places that reflect");
@@ -143,7 +143,7 @@ impl Openness {
         Self { pixels, view: Some(seen.view) }
     }
 
-    /// Returns the state before anything was measured for a picture.
+    /// Returns the state of a picture before any measurement.
     pub fn of_nothing(seen: &GBuffer) -> Self {
         Self {
             pixels: Plane::filled(seen.pixels.width(), seen.pixels.height(), Felt::default()),
@@ -151,7 +151,7 @@ impl Openness {
         }
     }
 
-    /// Copies the wanted pixels from another state of the same picture.
+    /// Copies the openness of the wanted pixels from another state of this picture.
     pub fn take_wanted(&mut self, request: &Request, other: &Self) {
         for (index, felt) in other.pixels.samples().iter().enumerate() {
             if request.wanted.is_none_or(|wanted| wanted.samples()[index]) {
@@ -160,7 +160,7 @@ impl Openness {
         }
     }
 
-    /// Returns the measurement at the pixel that a point projects to.
+    /// Returns the measurement at the pixel to which `point` projects.
     fn at(&self, point: Vec3A) -> Option<Felt> {
         let place = self.view.as_ref()?.project(point)?.pixel;
         let inside = place.x >= 0.0
@@ -170,14 +170,14 @@ impl Openness {
         inside.then(|| self.pixels.get(place.x as usize, place.y as usize))
     }
 
-    /// Returns the openness of a pixel, 0…1; [`GLOWING`] for emissive surfaces.
+    /// Returns the openness of a pixel, 0…1, or [`GLOWING`] for emissive surfaces.
     pub fn get(&self, x: usize, y: usize) -> f32 {
         self.pixels.get(x, y).openness
     }
 }
 
-/// Updates the openness of records for this picture. A record is measured again if it is seen from nearer or farther
-/// than before, or if geometry near it has moved.
+/// Updates the openness of records for this picture. A record is measured again if its viewing distance has changed, or
+/// if geometry near it has moved.
 pub(super) fn renew<R: Send + Sync, I: Illumination>(
     records: &mut [Record<R>],
     seen: &GBuffer,
@@ -185,15 +185,15 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     ranks: &dyn Ranks,
     busy: &Busy,
 ) {
-    // D for measuring the record again; `None` if its value stays valid.
+    // Return D for measuring the record again, or `None` if its value is still valid.
     let new_scale = |record: &Record<R>| {
         if record.site.openness >= OPEN {
             return None;
         }
 
-        // Measure again if the rays would have another length on screen, or may hit other surfaces.
+        // Measure again if the rays would have a different length on screen, or may hit different surfaces.
         let scale = scale(&record.site, seen);
-        // Records outside of the view keep their value.
+        // Keep the values of records outside the view.
         let is_known =
             || is_alike(scale / record.scale) && !record.carried && illumination.is_undisturbed(&record.site, scale);
         (scale > 0.0 && !is_known()).then_some(scale)
@@ -208,7 +208,7 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     let chunks = records.par_chunks(super::CHUNK).enumerate();
     let due = chunks.map(|chunk| busy.measure(|| look(chunk))).collect::<Vec<_>>().concat();
 
-    // Each rank traces the rays of its own records.
+    // Trace the rays of this rank's records.
     let feel = |(): &mut (), place: usize| {
         let (index, scale) = due[place];
         illumination.openness(&records[index].site, scale)
@@ -220,17 +220,17 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     }
 }
 
-/// Returns whether openness is about the same for two values of D with this ratio.
+/// Returns whether openness is about equal for two values of D with this `ratio`.
 fn is_alike(ratio: f32) -> bool {
     (OTHER_SCALE.recip()..OTHER_SCALE).contains(&ratio)
 }
 
-/// Returns D at a site \[m\].
+/// Returns the distance D at a site \[m\].
 pub(super) fn scale(site: &Site, seen: &GBuffer) -> f32 {
     SCALE * site.pixel_width(&seen.view)
 }
 
-/// Returns whether a visible surface around a pixel rises above the pixel's surface; `scale` returns D there.
+/// Returns whether a visible surface around a pixel rises above the pixel's surface. `scale` returns D at the pixel.
 fn is_below_something(seen: &GBuffer, x: usize, y: usize, scale: impl Fn() -> f32) -> bool {
     let (width, height) = (seen.pixels.width(), seen.pixels.height());
     let samples = seen.pixels.samples();
@@ -240,7 +240,7 @@ fn is_below_something(seen: &GBuffer, x: usize, y: usize, scale: impl Fn() -> f3
         let other = &samples[v * width + u];
         let way = Vec3A::from(other.position) - position;
         let (above, far2) = (way.dot(normal), way.length_squared());
-        // sin α = above / |way| > RISES, in squares. D is tested last because it costs most.
+        // Test sin α = above / |way| > RISES in squares. Test D last, because it costs most.
         above > 0.0
             && above * above > RISES * RISES * far2
             && other.instance != NOTHING

@@ -1,12 +1,12 @@
-//! Lighting of a picture in regions, such as tiles, one after the other.
+//! Lighting of a picture in regions, such as tiles, one region at a time.
 //!
 //! ```text
-//! begin_parts ──► light_part, light_more_of_part … for each part ──► end_parts
-//!                     └── records made since go to other caches: take_new ──► adopt
+//! begin_parts ──► light_part, light_more_of_part … for each region ──► end_parts
+//!                     └── new records for other caches: take_new ──► adopt
 //! ```
 //!
-//! A region uses the records of earlier regions, so the light of a picture depends on their order. A region also uses
-//! records around it, because neighbors contribute to the fits of its own records.
+//! A region uses the records of earlier regions, so the light of a picture depends on the order of regions. A region
+//! also uses records around it, because neighbors contribute to the fits of the region's records.
 
 use super::illumination::{Illumination, LocalIrradiance, Site};
 use super::interpolate;
@@ -23,30 +23,31 @@ use crate::ranks::Alone;
 use crate::{Busy, Timed};
 use ranks::portable;
 
-/// Width of the border around a region with records that contribute to its fits \[pixels\]. Neighbors count up to 12
-/// pixels away (`predict.rs`).
+/// Width of the border around a region with records that contribute to the region's fits \[pixels\]. Neighbors count up
+/// to a distance of 12 pixels (`predict.rs`).
 const MARGIN: usize = 12;
 
 /// State of a frame that is lit in regions.
 #[derive(Default)]
 pub(super) struct FrameParts {
     update: Option<Update>,
-    /// Openness of the regions so far.
+    /// Openness of all regions so far.
     openness: Openness,
     /// Indices of the records in and around the latest region.
     near: Vec<usize>,
-    /// Numbers of the records made here since the last [`take_new`](IrradianceCache::take_new), ascending.
+    /// Creation numbers of the records made by this cache since the last [`take_new`](IrradianceCache::take_new),
+    /// ascending.
     new: Vec<u32>,
 }
 
 impl FrameParts {
-    /// Returns the records around the current region; `None` if no frame was begun.
+    /// Returns the records around the current region, or `None` if no frame was begun.
     pub fn around(&self) -> Option<&[usize]> {
         self.update.is_some().then_some(&self.near)
     }
 }
 
-/// A record of another cache.
+/// Record that another cache shares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SharedRecord {
     site: Site,
@@ -55,14 +56,14 @@ pub struct SharedRecord {
     radius_by_neighbors: f32,
     share: f32,
     scale: f32,
-    /// Frame of its light.
+    /// Frame of the record's light.
     current: u32,
 }
 
 portable!(SharedRecord { site, estimate, note, radius_by_neighbors, share, scale, current });
 
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Begins the next frame, to be lit in regions; `seen` is the whole picture.
+    /// Begins the next frame, which is lit in regions. `seen` is the whole picture.
     pub fn begin_parts<I: Illumination<Recipe = R>>(
         &mut self,
         seen: &GBuffer,
@@ -75,7 +76,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             openness::renew(&mut self.records, seen, illumination, &Alone, busy);
             self.parts.update = Some(self.update_by(changes));
 
-            // Records without a recipe cannot be relit: after a change of light they are useless.
+            // Drop outdated records without a recipe: they cannot be relit after a change of light.
             let changed = self.changed;
             self.records.retain(|record| record.recipe.is_some() || record.current >= changed);
             self.parts.openness = Openness::of_nothing(seen);
@@ -92,7 +93,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
     ) -> Timed<CachedLight> {
         Timed::of(|busy| {
-            // List the records in and around the region, without superfluous ones.
+            // List the records in and around the region, without superfluous records.
             self.known = KnownNeighbors::default();
             let openness = Openness::new(&request, &self.openness, illumination, busy);
             let nothing_known = KnownNeighbors::default();
@@ -107,7 +108,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             }
             self.parts.near = tiles.candidates();
 
-            // Records used by the region's pixels are updated.
+            // Update the records that the region's pixels use.
             let carried: Vec<bool> = self.records.iter().map(|record| record.carried).collect();
             let update = self.parts.update.take().expect("the frame was begun");
             let computed = self.bring_up_to_date(&needed, &update, illumination, &picture);
@@ -120,7 +121,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         })
     }
 
-    /// Lights pixels of the same region again, at other sample positions.
+    /// Lights pixels of the same region again at other sample positions.
     pub fn light_more_of_part<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
@@ -133,7 +134,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             let tiles = Tiles::around(&picture, MARGIN);
             let lit = self.part_lit(&picture, tiles, &[], illumination);
 
-            // Sums of this picture are appended to the sums of earlier ones.
+            // Append the sums of this picture to the sums of earlier pictures.
             let mut known = known;
             known.join(std::mem::take(&mut self.known));
             self.known = known;
@@ -141,7 +142,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         })
     }
 
-    /// Ends a frame after all its regions were lit, by this cache or by others. Records visible in `seen` are kept.
+    /// Ends a frame after this cache or other caches have lit all regions. Records visible in `seen` are kept.
     pub fn end_parts(&mut self, seen: &GBuffer, moving: &[bool]) {
         let busy = Busy::default();
         let (openness, known) = (std::mem::take(&mut self.parts.openness), KnownNeighbors::default());
@@ -153,11 +154,11 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.parts.update = None;
     }
 
-    /// Returns the records made here since the last call, for other caches to [`adopt`](Self::adopt).
+    /// Returns the records that this cache made since the last call, for other caches to [`adopt`](Self::adopt).
     pub fn take_new(&mut self) -> Vec<SharedRecord> {
         let mut taken = Vec::new();
         for number in std::mem::take(&mut self.parts.new) {
-            // Some may have been dropped since.
+            // Skip records that were dropped in the meantime.
             let Ok(index) = self.records.binary_search_by_key(&number, |record| record.number) else { continue };
             let Record { site, estimate, note, radius_by_neighbors, share, scale, current, .. } = self.records[index];
             taken.push(SharedRecord { site, estimate, note, radius_by_neighbors, share, scale, current });
@@ -165,8 +166,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         taken
     }
 
-    /// Adds records that other caches have made of the same scene, without their recipes. The radii set by their
-    /// neighbors in the other cache are kept. Records are skipped if their light or position may have changed since.
+    /// Adds records that other caches have made in the same scene, without their recipes. Keeps the radii that
+    /// neighbors in the other cache have limited. Skips records if their light or position may have changed since.
     pub fn adopt(&mut self, shared: Vec<SharedRecord>) {
         for SharedRecord { site, estimate, note, radius_by_neighbors, share, scale, current } in shared {
             let is_late = current < self.changed || current < self.frame && site.carrier != NOTHING;
@@ -182,7 +183,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
     }
 
-    /// Lights a region with the current records near it and with new ones.
+    /// Lights a region with the current records near it and with new records.
     fn part_lit<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
@@ -190,7 +191,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         carried: &[bool],
         illumination: &I,
     ) -> CachedLight {
-        // Records near the region that have this frame's light.
+        // Select the records near the region that have this frame's light.
         let mut near = Vec::with_capacity(self.parts.near.len());
         for &index in &self.parts.near {
             if self.records[index].current >= self.changed {
@@ -202,13 +203,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         tiles.clear();
         tiles.list(picture, &self.records, near);
 
-        // New records where these leave pixels uncovered.
+        // Add records at pixels that these records leave uncovered.
         let (first, first_number) = (self.records.len(), self.made);
         let computed = self.fill(picture, &mut tiles, carried, illumination);
         self.parts.near.extend(first..self.records.len());
         self.parts.new.extend((0..computed as u32).map(|k| first_number.wrapping_add(k)));
 
-        // Only records that reach the region's pixels need predictions.
+        // Predict only records that reach the region's pixels.
         let places = tiles.places_in_use(picture);
         let found = predictions(picture, &tiles, &self.records, &places);
         let mut predicted = vec![Predicted::NOTHING; tiles.listed.len()];
@@ -217,7 +218,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
         let (irradiance, used) = interpolate::picture(picture, &tiles, &predicted);
 
-        // Keep the sums of these predictions for further samples.
+        // Keep the sums of these predictions for further pictures of the region.
         let mut known = KnownNeighbors::default();
         let listed: Vec<u32> = places.iter().map(|&place| tiles.listed[place]).collect();
         known.keep(&listed, &self.records, taught(&found), self.made);

@@ -1,4 +1,4 @@
-//! The picture to light, and the surface properties of each pixel that select its records.
+//! Picture to light, with the surface properties of each pixel that select records.
 
 use super::illumination::Site;
 use super::known::KnownNeighbors;
@@ -11,16 +11,16 @@ use glam::Vec3A;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Radius of the search for another layer of a pixel \[pixels\]. Of 4×4 pixel centers, one shows a layer that covers a
-/// sixteenth of each pixel.
+/// Radius of the search for another layer of a pixel \[pixels\]. If a layer covers a sixteenth of each pixel, it is
+/// visible at one in 4×4 pixel centers.
 const LAYERED: usize = 3;
-/// Maximum distance from a record at which a pixel counts as showing it \[pixels\].
+/// Maximum distance between a record and a pixel that counts as showing it \[pixels\].
 const NEARBY: f32 = 8.0;
 
-/// The picture to light.
+/// Picture to light.
 pub(super) struct SurfacePicture<'a> {
     pub seen: &'a GBuffer,
-    /// Timer of the work on the picture.
+    /// Timer that measures the work on the picture.
     pub busy: &'a Busy,
     request: Request<'a>,
     openness: &'a Openness,
@@ -33,7 +33,7 @@ pub(super) struct SurfacePicture<'a> {
     pub wanted_tiles: Vec<usize>,
 }
 
-/// The surface visible at a pixel.
+/// Surface visible at a pixel.
 #[derive(Clone, Copy)]
 pub(super) struct ShownSurface {
     position: [f32; 3],
@@ -43,7 +43,7 @@ pub(super) struct ShownSurface {
 }
 
 impl ShownSurface {
-    /// No reflecting surface: no record is near it.
+    /// Placeholder without a reflecting surface. No record is near it.
     const NOTHING: Self = Self { position: [f32::NAN; 3], openness: 0.0, normal: [0.0; 3], carrier: NOTHING };
 
     pub fn is_something(&self) -> bool {
@@ -72,7 +72,7 @@ impl<'a> SurfacePicture<'a> {
         let mut picture = Self { seen: request.seen, busy, request, openness, known, shown, wanted_tiles };
         picture.wanted_tiles = picture.tiles_around(0);
 
-        // Each macroblock has slots for all its pixels, even if it is clipped at the right or lower border.
+        // Allocate slots for all pixels of each macroblock, even if it is clipped at the right or lower border.
         let mut shown = vec![ShownSurface::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
         let mut is_wanted = vec![false; picture.tiles()];
         for &tile in &picture.wanted_tiles {
@@ -126,8 +126,8 @@ impl<'a> SurfacePicture<'a> {
         &self.shown[tile * MACROBLOCK * MACROBLOCK..][..columns.len() * rows.len()]
     }
 
-    /// Returns whether the pixel of a site shows the same surface, less than `apart` \[m\] from the site. Sites outside
-    /// of the picture count as shown. If the pixel shows several layers, the surrounding pixels are tested too.
+    /// Returns whether the pixel of a site shows the site's surface, less than `apart` \[m\] from the site. Sites
+    /// outside the picture count as shown. If the pixel shows several layers, the surrounding pixels are tested too.
     pub fn shows(&self, site: &Site, apart: f32) -> bool {
         let Some((x, y)) = self.pixel_of(site) else { return true };
         let (width, height) = self.size();
@@ -144,12 +144,12 @@ impl<'a> SurfacePicture<'a> {
         shown.is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
     }
 
-    /// Returns whether the pixel of a site shows its surface, within a few pixels of the site.
+    /// Returns whether the pixel of a site shows the site's surface within a few pixels of the site.
     pub fn has(&self, site: &Site) -> bool {
         self.pixel_of(site).is_some() && self.shows(site, NEARBY * site.pixel_width(&self.seen.view))
     }
 
-    /// Returns the pixel that a site projects to; `None` outside of the picture.
+    /// Returns the pixel to which a site projects, or `None` outside the picture.
     pub fn pixel_of(&self, site: &Site) -> Option<(usize, usize)> {
         let place = self.seen.view.project(site.position)?.pixel;
         let (width, height) = self.size();
@@ -157,7 +157,7 @@ impl<'a> SurfacePicture<'a> {
         inside.then_some((place.x as usize, place.y as usize))
     }
 
-    /// Returns the surface of any pixel, wanted or not, with openness 1.
+    /// Returns the surface of any pixel, whether wanted or not, with openness 1.
     pub fn surface(&self, x: usize, y: usize) -> Option<Site> {
         self.request.surface(x, y)
     }
@@ -188,7 +188,7 @@ impl<'a> SurfacePicture<'a> {
         (0..self.tiles()).filter(has_part).collect()
     }
 
-    /// Returns the site at a wanted pixel; `None` if no surface reflects there.
+    /// Returns the site at a wanted pixel, or `None` if no surface reflects at this pixel.
     pub fn site(&self, x: usize, y: usize) -> Option<Site> {
         self.request.bare_site(x, y).map(|site| Site { openness: self.openness.get(x, y), ..site })
     }

@@ -1,16 +1,16 @@
 //! Predictions of irradiance around records.
 //!
-//! A record's analytic derivatives ignore changes of visibility. Near occluders, irradiance changes mostly because they
-//! hide more or less of their surroundings. Neighboring records measure this change, so the derivatives are fitted to
-//! them:
+//! A record's analytic derivatives ignore changes of visibility. Near occluders, irradiance changes mostly because the
+//! visible fraction of the surroundings changes. Neighboring records measure this change, so the derivatives are fitted
+//! to the neighbors:
 //!
 //! ```text
 //! E(x) = Eᵢ + (∂E/∂n)ᵢ (n − nᵢ) + b · (x − xᵢ) + c (o − oᵢ)          o  openness
-//!   b, c minimize  Σⱼ wⱼ |E(xⱼ) − Eⱼ|² + ρ |(b − bᵢ) R|² + σ |c t|²      bᵢ  the record's own derivative     R  its radius
+//!   b, c minimize  Σⱼ wⱼ |E(xⱼ) − Eⱼ|² + ρ |(b − bᵢ) R|² + σ |c t|²      bᵢ  the record's own derivative     R  the record's radius
 //! ```
 //!
-//! This is one ridge regression per record, along the surface. wⱼ is the weight of neighbor j for record i at a radius
-//! larger than the record's own. The residual determines how far the record is used: see `doubt.rs`.
+//! Each record has one ridge regression along the surface. wⱼ is the weight of neighbor j for record i at a radius
+//! larger than the record's own radius. The residual limits the radius of the record: see `doubt.rs`.
 
 use super::group::weight;
 use super::illumination::Site;
@@ -28,22 +28,25 @@ use crate::{MACROBLOCK, luminance};
 use glam::{Mat3A, Vec3, Vec3A};
 use ranks::portable;
 
-/// Maximum distance of neighbors \[pixels\]. [`BY_RADIUS`] clamps it to a range of multiples of the record's radius. In a
-/// simulation of `nave`, a minimum of 2 instead of 1.25 leaves 4 % less error and needs 4 % more records. On `cornell`,
-/// it leaves 1.5 times the error.
+/// Maximum distance of neighbors \[pixels\]. [`BY_RADIUS`] clamps it to a range of multiples of the record's radius. In
+/// a simulation of `nave`, a minimum of 2 instead of 1.25 leaves 4 % less error and needs 4 % more records. On
+/// `cornell`, a minimum of 2 leaves 1.5 times the error.
 const ON_SCREEN: f32 = 12.0;
+/// Minimum and maximum of the maximum distance of neighbors, in radii of the record.
 const BY_RADIUS: (f32, f32) = (1.25, 2.0);
-/// ρ and σ. Three times the value of ρ leaves 1 % less error on the simulated `nave`, with 4 % more records.
+/// ρ, the stiffness of slopes. Three times this value leaves 1 % less error on the simulated `nave`, with 4 % more
+/// records.
 const STIFFNESS: f32 = 0.1;
+/// σ, the stiffness of the slope by openness.
 const STIFFNESS_BY_OPENNESS: f32 = 0.5;
-/// Residual of a neighbor at which its weight in the fit becomes zero, as a fraction of the record's luminance. Such a
-/// neighbor is across a border; smaller residuals reduce the weight smoothly.
+/// Residual of a neighbor at which its weight in the fit becomes zero, as a fraction of the record's luminance. A
+/// neighbor with this residual is across a border; smaller residuals reduce the weight smoothly.
 const OTHER_LIGHT: f32 = 0.7;
-/// Difference at which half of the fitted correction is applied, in tolerances. Below it, the record's own derivatives
-/// are more accurate than the chords to its neighbors.
+/// Difference at which half of the fitted correction is applied, in tolerances. Below this difference, the record's own
+/// derivatives are more accurate than the chords to its neighbors.
 const SETTLED: f32 = 0.5;
-/// Maximum change of luminance over the radius, as a fraction of the luminance. In a simulation of `cornell`, 0.4 left
-/// a quarter less error than no limit.
+/// Maximum change of luminance over the radius, as a fraction of the luminance. In a simulation of `cornell`, 0.4
+/// left a quarter less error than no limit.
 const MOST_CHANGE: f32 = 0.5;
 
 /// Model of the irradiance around a record.
@@ -87,13 +90,13 @@ impl Prediction {
 
 portable!(Prediction { position, normal, irradiance, by_position, by_normal, by_openness, openness });
 
-/// The prediction of a record for a picture, fitted to its neighbors.
+/// Prediction of a record for a picture, fitted to its neighbors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Predicted {
     pub prediction: Prediction,
-    /// Root mean square difference of the neighbors from the prediction, in luminance \[W·m⁻²\].
+    /// Root mean square difference between the neighbors and the prediction, in luminance \[W·m⁻²\].
     pub difference: f32,
-    /// Regression sums over its neighbors.
+    /// Regression sums over the record's neighbors.
     pub taught: Taught,
 }
 
@@ -117,7 +120,7 @@ impl Predicted {
 }
 
 /// Predicts the irradiance around the records listed at these `places`. If an earlier picture of the frame has found
-/// the neighbors of a record, only neighbors made since are searched for.
+/// the neighbors of a record, searches only for neighbors made since.
 pub(super) fn predictions<R: Send + Sync>(
     picture: &SurfacePicture,
     tiles: &Tiles,
@@ -146,7 +149,7 @@ pub(super) fn predictions<R: Send + Sync>(
 struct Neighbors<'a> {
     picture: &'a SurfacePicture<'a>,
     tiles: &'a Tiles,
-    /// For each position in the list, the position of the last record that it was found to be a neighbor of.
+    /// For each position in the list, the position of the last record for which it was found as a neighbor.
     met_by: Vec<u32>,
     /// Candidates of a tile near a record.
     near: Vec<u32>,
@@ -159,7 +162,7 @@ impl Neighbors<'_> {
         for tile in tiles_around(self.picture, tiles, site) {
             tile.candidates_near(tiles.lanes, site.position, fit.reach(), &mut self.near);
             for &candidate in &self.near {
-                // Most neighbors are listed by several tiles; add each once.
+                // Add each neighbor once, because most neighbors are listed by several tiles.
                 if std::mem::replace(&mut self.met_by[candidate as usize], place as u32) != place as u32 {
                     fit.add(&records[tiles.listed[candidate as usize] as usize]);
                 }
@@ -168,10 +171,10 @@ impl Neighbors<'_> {
     }
 }
 
-/// Minimum number of records that a thread takes at a time.
+/// Minimum number of records per thread task.
 const CHUNK: usize = 128;
 
-/// Returns the macroblock of a site and the macroblocks around it; none for a site outside of the picture.
+/// Returns the macroblock of a site and the macroblocks around it, or none for a site outside the picture.
 fn tiles_around<'a>(picture: &SurfacePicture, tiles: &'a Tiles, site: &Site) -> impl Iterator<Item = &'a Tile> {
     let (width, height) = picture.size();
     let (across, down) = (width.div_ceil(MACROBLOCK), height.div_ceil(MACROBLOCK));
@@ -183,16 +186,16 @@ fn tiles_around<'a>(picture: &SurfacePicture, tiles: &'a Tiles, site: &Site) -> 
     })
 }
 
-/// The regression of a record.
+/// Regression of a record over its neighbors.
 pub(super) struct Fit<'a, R> {
     record: &'a Record<R>,
     alone: Prediction,
     radius: f32,
-    /// Maximum distance of neighbors, in radii.
+    /// Maximum distance of neighbors, in radii of the record.
     widened: f32,
-    /// Axes along the surface.
+    /// Unit axes along the surface.
     axes: [Vec3A; 2],
-    /// Change over the radius along both axes, from the record's own derivatives.
+    /// Change of irradiance over the radius along both axes, from the record's own derivatives.
     own: [Vec3A; 2],
     taught: Taught,
 }
@@ -218,7 +221,7 @@ impl<'a, R> Fit<'a, R> {
         self.radius * self.widened
     }
 
-    /// Continues from the sums of an earlier picture.
+    /// Adds the sums of an earlier picture.
     fn go_on(&mut self, before: &Before, records: &[Record<R>]) {
         self.taught = *before.taught;
         let (reach, position) = (self.reach(), self.record.site.position);
@@ -230,7 +233,7 @@ impl<'a, R> Fit<'a, R> {
     }
 
     pub fn add(&mut self, neighbor: &Record<R>) {
-        // Only other records on the same instance and within reach count.
+        // Skip the record itself, records on other instances, and records out of reach.
         let (site, other) = (&self.record.site, &neighbor.site);
         if std::ptr::eq(self.record, neighbor) || site.carrier != other.carrier {
             return;
@@ -242,7 +245,7 @@ impl<'a, R> Fit<'a, R> {
             return;
         }
 
-        // w: the weight that the neighbor would have for this record if its radius were the reach.
+        // w is the weight that the neighbor would have for this record if the record's radius were the reach.
         let across = ACROSS / 2.0 * way.dot(site.normal + other.normal) / reach;
         let opener = (other.openness - site.openness) / OPENNESS_TOLERANCE;
         let turn = (1.0 - site.normal.dot(other.normal)) / NORMAL_TOLERANCE;
@@ -251,15 +254,15 @@ impl<'a, R> Fit<'a, R> {
             return;
         }
 
-        // r = Eⱼ − Eᵢ − (∂E/∂n)ᵢ (nⱼ − nᵢ) − bᵢ · (xⱼ − xᵢ), the residual of the record's own prediction.
+        // r = Eⱼ − Eᵢ − (∂E/∂n)ᵢ (nⱼ − nᵢ) − bᵢ · (xⱼ − xᵢ) is the residual of the record's own prediction.
         let f = Vec3A::new(way.dot(self.axes[0]) / self.radius, way.dot(self.axes[1]) / self.radius, opener);
         let r = Vec3A::from(neighbor.estimate.irradiance)
             - self.alone.irradiance
             - self.alone.by_normal * (other.normal - site.normal)
             - (self.own[0] * f.x + self.own[1] * f.y);
 
-        // Neighbors with very different light are across a border and get less weight in the fit. The last sums include
-        // all of them.
+        // Reduce the weight of neighbors with very different light, which are across a border. The last sums include
+        // all neighbors at full weight.
         let square = Mat3A::from_cols(f * f.x, f * f.y, f * f.z);
         let light = luminance(r.into());
         let border = OTHER_LIGHT * luminance(self.record.estimate.irradiance);
@@ -273,7 +276,7 @@ impl<'a, R> Fit<'a, R> {
         sums.all_unexplained += f * (w * light);
     }
 
-    /// Solves the regression; returns the prediction and the remaining difference of the neighbors.
+    /// Solves the regression. Returns the prediction and the remaining difference of the neighbors.
     pub fn solve(self) -> Predicted {
         let Self { alone, axes, own, taught, .. } = self;
         let Taught { square, unexplained, weights, variance, all_square, all_unexplained, .. } = taught;
@@ -281,15 +284,15 @@ impl<'a, R> Fit<'a, R> {
             return Predicted { prediction: alone, difference: 0.0, taught };
         }
 
-        // (Σ w f fᵀ + ρ) s = Σ w f r, with separate ridge terms for slopes and for openness.
+        // Solve (Σ w f fᵀ + ρ) s = Σ w f r, with separate ridge terms for slopes and for openness.
         let ridge = Vec3A::new(STIFFNESS, STIFFNESS, STIFFNESS_BY_OPENNESS);
-        // If the record's own derivatives agree with its neighbors, no correction is needed.
+        // Scale the correction down if the record's own derivatives agree with its neighbors.
         let mean_variance = variance / weights;
         let settled = (SETTLED * self.record.estimate.tolerance).powi(2);
         let open_to_learn = mean_variance / (mean_variance + settled).max(f32::MIN_POSITIVE);
         let learnt = unexplained * (square + Mat3A::from_diagonal(ridge.into())).inverse() * open_to_learn;
 
-        // Slopes along both axes, own and fitted, are limited to a fraction of the luminance over the radius.
+        // Limit the slopes along both axes to a fraction of the luminance over the radius.
         let along = [own[0] + learnt.x_axis, own[1] + learnt.y_axis];
         let light = |v: Vec3A| luminance(v.into());
         let (change, most) =
@@ -297,12 +300,12 @@ impl<'a, R> Fit<'a, R> {
         let followed = if change > most { most / change } else { 1.0 };
         let along = along.map(|slope| slope * followed);
 
-        // Remaining difference of neighbors, in luminance; s is the total correction of the record's own prediction:
-        // Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
+        // Compute the remaining difference of neighbors in luminance. s is the total correction of the record's own
+        // prediction: Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
         let s = Vec3A::new(light(along[0] - own[0]), light(along[1] - own[1]), light(learnt.z_axis));
         let left = variance - 2.0 * s.dot(all_unexplained) + s.dot(all_square * s);
 
-        // Convert changes over the radius along both axes to a derivative by x, y and z.
+        // Convert changes over the radius along both axes to derivatives by x, y and z.
         let by_axis = |k: usize| (along[0] * axes[0][k] + along[1] * axes[1][k]) / self.radius;
         let prediction = Prediction {
             by_position: Mat3A::from_cols(by_axis(0), by_axis(1), by_axis(2)),

@@ -1,60 +1,61 @@
-//! A record: its site, its light and its radius.
+//! Record of the cache: a site with its light and radius.
 
 use super::illumination::{Computed, LocalIrradiance, Site};
 use super::radius::radius;
 use crate::ranks::{Ranks, Turn};
 use ranks::portable;
 
-/// A site with its light.
+/// Record: a site with its light.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Record<R> {
     pub site: Site,
     pub estimate: LocalIrradiance,
-    /// Recipe of the light; `None` on ranks that do not own the record.
+    /// Recipe of the light, or `None` on ranks that do not own the record.
     pub recipe: Option<R>,
-    /// [`Illumination::note`](super::Illumination::note) of the recipe.
+    /// Number of the recipe, see [`Illumination::note`](super::Illumination::note).
     pub note: u32,
-    /// Radius before limits by the picture \[m\].
+    /// Radius before clamping by the view, in `radius_in_view` \[m\].
     pub radius: f32,
-    /// Maximum radius allowed by the neighbors when it was made \[m\].
+    /// Maximum radius that the neighbors allowed at the record's creation \[m\].
     pub radius_by_neighbors: f32,
-    /// Fraction of its radius that remains after contradictions by neighbors, 0…1 (`doubt.rs`).
+    /// Fraction of the radius that remains after contradictions by neighbors, 0…1 (`doubt.rs`).
     pub share: f32,
-    /// `scale` of the last call of [`openness`](super::Illumination::openness) \[m\].
+    /// Value of `scale` in the last call of [`openness`](super::Illumination::openness) \[m\].
     pub scale: f32,
-    /// Number in the order of creation.
+    /// Creation number of the record.
     pub number: u32,
-    /// Whether it has moved since its last update.
+    /// Whether the record has moved since its last update.
     pub carried: bool,
-    /// Frame of its last update.
+    /// Frame of the last update.
     pub current: u32,
-    /// Frame in which it last lit a pixel.
+    /// Frame in which the record last lit a pixel.
     pub seen: u32,
 }
 
-/// The recipe of a record, for transfer between ranks.
+/// Recipe of a record, for transfer between ranks.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct KeptRecipe<R> {
-    /// Number of the record.
+    /// Creation number of the record.
     pub number: u32,
     /// Recipe, see [`Illumination::Recipe`](super::Illumination::Recipe).
     pub recipe: R,
 }
 
-/// Light of a record, for transfer from its rank to all others.
+/// Light of a record, for transfer from its rank to all other ranks.
 #[derive(Clone, Copy)]
 pub(super) struct RecordLight {
     pub estimate: LocalIrradiance,
     pub note: u32,
-    /// Whether it was recomputed rather than relit.
+    /// Whether the light was recomputed rather than relit.
     pub afresh: bool,
 }
 
 portable!(RecordLight { estimate, note, afresh });
 
 impl<R> Record<R> {
-    /// Returns a record needed in `frame`, with the `scale` of its openness. The rank that computed it adds the recipe.
+    /// Returns a record needed in `frame`, with the `scale` of its openness. The rank that computed the light adds the
+    /// recipe.
     pub fn new(
         site: Site,
         scale: f32,
@@ -79,7 +80,7 @@ impl<R> Record<R> {
         }
     }
 
-    /// Sets new light and updates the radius. The limit by neighbors stays.
+    /// Sets new light and updates the radius. The limit by neighbors is unchanged.
     pub fn relit(&mut self, estimate: LocalIrradiance) {
         self.radius = radius(&estimate).min(self.radius_by_neighbors);
         self.estimate = estimate;
@@ -91,18 +92,18 @@ impl<R> Record<R> {
         self.recipe = Some(recipe);
     }
 
-    /// Returns the rank that computes its light and stores its recipe.
+    /// Returns the rank that computes the record's light and stores its recipe.
     pub fn owner(&self, ranks: &dyn Ranks) -> usize {
         self.turn().owner(ranks.count())
     }
 
-    /// Returns its owner assignment: a golden sequence over its number. It also spreads the records of one refresh
-    /// frame (every 32nd) evenly over the ranks.
+    /// Returns the owner assignment of the record: a golden sequence over creation numbers. The sequence also spreads
+    /// the records of one refresh frame (every 32nd) evenly over the ranks.
     pub fn turn(&self) -> Turn {
         Turn::Golden(self.number)
     }
 
-    /// Returns its light for transfer to other ranks.
+    /// Returns the record's light for transfer to other ranks.
     pub fn light(&self, afresh: bool) -> RecordLight {
         RecordLight { estimate: self.estimate, note: self.note, afresh }
     }

@@ -1,4 +1,4 @@
-//! Radius of a record in a picture and among its neighbors.
+//! Radius of a record in a picture and near other records.
 
 use super::illumination::Site;
 use super::picture::SurfacePicture;
@@ -11,49 +11,50 @@ use rayon::prelude::*;
 
 /// Minimum and maximum radius on screen \[pixels\] \[Tabellion04\].
 const ON_SCREEN: (f32, f32) = (8.0, 40.0);
-/// Minimum radius of a record with a surface nearer than this \[pixels\]: light must not leak through thin walls.
+/// Minimum radius of a record near a wall, and distance that counts as near \[pixels\]. Small radii prevent light from
+/// leaking through thin walls.
 const BESIDE_WALLS: f32 = 4.0;
 /// Minimum radius of a contradicted record \[pixels\].
 const DOUBTED: f32 = 2.2;
 
-/// Returns the expected maximum radius on screen of a record at `site` \[pixels\], from its surroundings. This is the
-/// region of the picture that it will light.
+/// Returns the expected maximum radius on screen of a record at `site` \[pixels\], from the site's surroundings. The
+/// record will light the region of the picture within this radius.
 #[must_use]
 pub fn footprint(site: &Site, harmonic_mean: f32, nearest: f32, view: &View) -> f32 {
     let radius = (BY_HARMONIC_MEAN * harmonic_mean).min(BY_NEAREST * nearest);
     (radius / site.pixel_width(view)).clamp(BESIDE_WALLS, ON_SCREEN.1)
 }
 
-/// Returns the smallest possible radius of a record at `site` in this view \[m\].
+/// Returns the minimum radius of a record at `site` in this view \[m\].
 pub(super) fn least_radius(site: &Site, view: &View) -> f32 {
     BESIDE_WALLS * site.pixel_width(view)
 }
 
 /// Returns the radius of `record` in this picture \[m\].
 ///
-/// The picture raises the radius if it shows the surroundings of the record. If another surface is visible in its
-/// position, for example after geometry has moved in front of it, the record keeps its own radius.
+/// The picture raises the radius if it shows the surroundings of the record. If another surface is visible at the
+/// record's position, for example after geometry has moved in front of it, the record keeps its own radius.
 pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &SurfacePicture) -> f32 {
-    // Near a wall, a record may be small on screen; elsewhere it would serve too few pixels.
+    // Allow a smaller minimum on screen near a wall. Elsewhere, such a small record would serve too few pixels.
     let pixel = record.site.pixel_width(&picture.seen.view);
     let beside_wall = record.estimate.nearest < BESIDE_WALLS * pixel;
     let least = pixel * if beside_wall { BESIDE_WALLS } else { ON_SCREEN.0 };
 
-    // The picture limits the radius where it shows the record. A hidden record, or one outside of the picture, may be
-    // in another room. Its rays detect a wall only if that is close.
+    // Limit the radius by the picture where the record is visible. A hidden record, or one outside the picture, may be
+    // in another room. Its rays detect a wall only if the wall is close.
     let shown = picture.shows(&record.site, least);
     let on_picture = shown && picture.pixel_of(&record.site).is_some();
     let most = if on_picture { ON_SCREEN.1 * pixel } else { least };
     let kept_up = record.radius >= least || shown;
     let radius = if kept_up { record.radius.clamp(least, most) } else { record.radius };
 
-    // A contradicted record keeps a fraction of its radius, but serves at least a few pixels.
+    // Keep a fraction of the radius of a contradicted record, but serve at least a few pixels.
     (radius * record.share).max(radius.min(DOUBTED * pixel))
 }
 
-/// Neighbor clamping \[Krivanek08, section 4.3.2\]: a surface near one record is also near the next one, even if its
-/// rays have missed it. Clamps the records from `first` on. They are compared with each other and with the records
-/// `among`, or all records:
+/// Clamps the radii of the records from `first` on to neighbors. A surface near one record is also near the next
+/// record, even if the rays of the next record have missed it \[Krivanek08, section 4.3.2\]. The records are compared
+/// with each other and with the records `among`, or with all records:
 ///
 /// ```text
 /// R_x ← min(R_x, min_y (|x − y| + R_y))
@@ -81,12 +82,12 @@ pub(super) fn clamp_to_neighbors<R: Send + Sync>(
     });
 }
 
-/// Number of records that a thread takes at a time.
+/// Number of records per thread task.
 const CHUNK: usize = 64;
-/// Number of spheres compared at a time.
+/// Number of spheres that are compared at a time.
 const TOGETHER: usize = 8;
 
-/// Positions and radii of records, the smallest radius first.
+/// Positions and radii of records, in ascending order of radius.
 struct Spheres {
     radii: Vec<f32>,
     /// x, y and z of the centers \[m\].
@@ -95,16 +96,16 @@ struct Spheres {
 
 impl Spheres {
     fn of<'a, R: 'a>(records: impl Iterator<Item = &'a Record<R>>) -> Self {
-        // In this order, the spheres that can clamp a radius are a prefix of the list.
+        // Sort by radius, so that the spheres that can clamp a radius are a prefix of the list.
         let mut sorted: Vec<(f32, Vec3A)> = records.map(|r| (r.radius, r.site.position)).collect();
         sorted.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
         let axis = |k: usize| sorted.iter().map(|(_, center)| center[k]).collect();
         Self { radii: sorted.iter().map(|&(radius, _)| radius).collect(), centers: [axis(0), axis(1), axis(2)] }
     }
 
-    /// Returns the minimum of |x − y| + R_y over the spheres with R_y below `radius`; infinite if there are none.
+    /// Returns the minimum of |x − y| + R_y over the spheres with R_y below `radius`, or ∞ if no sphere is that small.
     fn reach(&self, place: Vec3A, radius: f32) -> f32 {
-        // A sphere with R_y ≥ R_x cannot reduce R_x.
+        // Exclude spheres with R_y ≥ R_x, which cannot reduce R_x.
         let smaller = self.radii.partition_point(|&other| other < radius);
         let reach = |r: f32, x: f32, y: f32, z: f32| {
             let (dx, dy, dz) = (x - place.x, y - place.y, z - place.z);
@@ -139,7 +140,7 @@ mod tests {
     use super::*;
     use crate::sampling::{sobol_point, uniform_sphere};
 
-    /// The sorted, vectorized search gives the same minimum as a search over all spheres.
+    /// The sorted, vectorized search returns the minimum over all spheres.
     #[test]
     fn spheres_reach_as_far_as_one_by_one() {
         let place = |k: u64| Vec3A::from(uniform_sphere(sobol_point(k))) * (1.0 + (k % 7) as f32);

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const SIDE: usize = 64;
-/// Height of the tests' lamp above the floor \[m\].
+/// Height of the test lamp above the floor \[m\].
 const HEIGHT: f32 = 1.0;
 
 /// Returns gray light without derivatives, with all surfaces `distance` meters away.
@@ -28,12 +28,12 @@ fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
     }
 }
 
-/// Returns the floor y = 0 seen from straight above, 2 m wide; `split` changes the pixels beyond x = 0.
+/// Returns the floor y = 0, 2 m wide, seen from straight above. `split` modifies the pixels beyond x = 0.
 fn floor(split: impl Fn(&mut PixelSurface)) -> GBuffer {
     floor_from(Vec3::new(0.0, 5.0, 0.0), split)
 }
 
-/// Returns the floor seen from straight above at `eye`.
+/// Returns the floor seen from straight above, with the camera at `eye`.
 fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
     let above = Affine3A::from_rotation_translation(glam::Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2), eye);
     let view = View::new(above, Projection::Orthographic { ymag: 1.0 }, SIDE, SIDE);
@@ -59,12 +59,12 @@ fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
     GBuffer { pixels, view, world: vec![Affine3A::IDENTITY; 2], deformed: Vec::new(), layered: Arc::default() }
 }
 
-/// A lamp of intensity `1 W/sr` above the middle of the floor: E = cos θ / r².
+/// A lamp of intensity 1 W/sr above the middle of the floor. Its irradiance is E = cos θ / r².
 #[derive(Default)]
 struct Lamp {
-    /// Factor on its light; 1 if `None`.
+    /// Factor on the lamp's light, or 1 if `None`.
     power: Option<f32>,
-    /// Relative error that its light may have; 3 % if `None`.
+    /// Tolerable relative error of the lamp's light, or 3 % if `None`.
     tolerance: Option<f32>,
     /// Whether a thin wall at x = 0 darkens the far side. Rays of records may hit the wall.
     wall: bool,
@@ -131,8 +131,9 @@ fn largest_error(lit: &CachedLight, seen: &GBuffer, lamp: &Lamp) -> f32 {
         / brightest
 }
 
-/// The error is of second order. Below the lamp, half E″ is 1.5 E. A record of radius 0.6 m has an error of 0.05 E at
-/// 0.18 m. At its border, where its weight is zero, the error is up to 0.5 E. Measured: at most 4.7 %, with 52 records.
+/// The error is of second order. Below the lamp, half of E″ is 1.5 E. A record of radius 0.6 m has an error of 0.05 E
+/// at 0.18 m. At its border, where its weight is zero, the error is at most 0.5 E. The measured error is at most 4.7 %,
+/// with 52 records.
 #[test]
 fn a_smooth_light_is_interpolated() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());
@@ -145,7 +146,7 @@ fn a_smooth_light_is_interpolated() {
 }
 
 /// Light on a tilted normal follows from the vector irradiance, exactly if no light crosses the horizon. Records of the
-/// flat floor stay in use. A few new ones fill the gaps, where the tilt reduces the weights too much.
+/// flat floor stay in use. A few new records fill the gaps, where the tilt reduces the weights too much.
 #[test]
 fn turned_normals_are_exact() {
     let mut seen = floor(|_| ());
@@ -161,14 +162,14 @@ fn turned_normals_are_exact() {
     assert!(after < before + 0.01, "{before} became {after}");
 }
 
-/// A thin wall separates full light from darkness: light may mix only within the least radius of a record.
+/// A thin wall separates full light from darkness. Light may mix only within the least radius of a record.
 #[test]
 fn no_light_leaks_past_a_thin_wall() {
     let (seen, lamp) = (floor(|_| ()), Lamp { wall: true, ..Lamp::default() });
     let lit = light(&mut IrradianceCache::default(), &seen, NO_CHANGES, &lamp);
     for (e, pixel) in lit.irradiance.samples().iter().zip(seen.pixels.samples()) {
         let x = pixel.position[0];
-        // A pixel is 1/32 m wide.
+        // Test points more than three pixels from the wall. A pixel is 1/32 m wide.
         if x > 3.0 / 32.0 {
             assert_eq!(e[0], 0.0, "light {x} m behind the wall");
         } else if x < -3.0 / 32.0 {
@@ -178,7 +179,7 @@ fn no_light_leaks_past_a_thin_wall() {
     }
 }
 
-/// A step of a few centimeters, the underside of a sheet and a moving instance each count as another surface.
+/// Surfaces are separate across a step of a few centimeters, on the underside of a sheet and on a moving instance.
 #[test]
 fn other_surfaces_have_records_of_their_own() {
     let changes: [fn(&mut PixelSurface); 3] =
@@ -206,13 +207,14 @@ fn other_surfaces_have_records_of_their_own() {
     }
 }
 
-/// Light in a groove, which position and normal do not distinguish from the floor.
+/// Light in a groove that position and normal do not distinguish from the floor.
 struct Groove {
     openness: f32,
 }
 
 impl Groove {
-    /// Depth \[m\]. The groove is one pixel wide, and so shallow that records next to it would count in it.
+    /// Depth of the groove \[m\]. The groove is one pixel wide, and so shallow that records next to it would count in
+    /// it.
     const DEPTH: f32 = 0.005;
     const LIGHT: f32 = 0.1;
 
@@ -239,7 +241,8 @@ impl Illumination for Groove {
     }
 }
 
-/// A dark groove stays dark if its openness differs from the floor's; otherwise it takes the light next to it.
+/// A dark groove stays dark if its openness differs from the floor's. Otherwise, the light next to the groove leaks
+/// into it.
 #[test]
 fn a_groove_keeps_its_own_light() {
     let mut seen = floor(|_| ());
@@ -257,7 +260,7 @@ fn a_groove_keeps_its_own_light() {
     assert!(wrong(1.0) > SIDE / 2, "the same without openness");
 }
 
-/// Openness is measured again where surfaces are seen from much nearer than before, but not on open floor.
+/// Openness is measured again where surfaces are seen from a much smaller distance, but not on open floor.
 #[test]
 fn openness_follows_the_picture() {
     let mut seen = floor(|_| ());
@@ -281,7 +284,8 @@ fn openness_follows_the_picture() {
     assert!(cache.records.iter().filter(|r| r.site.position.y == 0.0).all(|r| r.site.openness == 1.0));
 }
 
-/// Without changes, no record is computed; after a change of light, all are relit at once, exactly as if they were new.
+/// Without changes, no record is computed. After a change of light, all records are relit at once, exactly as if they
+/// were new.
 #[test]
 fn light_that_changes_is_followed_at_once() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());
@@ -297,13 +301,13 @@ fn light_that_changes_is_followed_at_once() {
     for (now, before) in lit.irradiance.samples().iter().zip(first.irradiance.samples()) {
         assert!((now[0] - 10.0 * before[0]).abs() < 1e-3 * before[0], "{} after {}", now[0], before[0]);
     }
-    // While geometry moves, every record is recomputed within TURN frames.
+    // Require that every record is recomputed within TURN frames while geometry moves.
     let changes = Changes { light: true, geometry: true };
     let computed: usize = (0..TURN).map(|_| light(&mut cache, &seen, changes, &brighter).computed).sum();
     assert_eq!(computed, cache.records.len());
 }
 
-/// Records that light no pixel cost nothing, and are relit when they are needed.
+/// Records that light no pixel are not updated, and are relit when they are needed.
 #[test]
 fn only_what_is_needed_is_brought_up_to_date() {
     let seen = floor(|_| ());
@@ -320,7 +324,7 @@ fn only_what_is_needed_is_brought_up_to_date() {
     assert!(largest_error(&lit, &seen, &bright) < 0.05);
 }
 
-/// A wall that appears and disappears shrinks the records next to it only while it is present.
+/// A wall that appears and disappears shrinks the records next to it only while it exists.
 #[test]
 fn records_grow_again() {
     let (seen, open) = (floor(|_| ()), Lamp::default());
@@ -340,7 +344,7 @@ fn records_grow_again() {
     assert_eq!(radii(&cache, count), before);
 }
 
-/// Records on moving geometry move with it.
+/// Records on moving geometry move with the geometry.
 #[test]
 fn records_are_carried() {
     let lamp = Lamp { tolerance: Some(0.02), ..Lamp::default() };
@@ -362,7 +366,7 @@ fn records_are_carried() {
     assert!(error < 0.2, "{error}: light half a meter higher, four times as bright");
 }
 
-/// The records and the picture do not depend on the number of threads.
+/// The records and the picture are independent of the number of threads.
 #[test]
 fn threads_do_not_matter() {
     let film = |threads: usize| {
@@ -381,7 +385,7 @@ fn threads_do_not_matter() {
     assert!(alone == film(2) && alone == film(5));
 }
 
-/// Records that stay out of sight are dropped.
+/// Records that remain unseen are dropped.
 #[test]
 fn unseen_records_are_forgotten() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());
@@ -395,7 +399,7 @@ fn unseen_records_are_forgotten() {
     assert!(cache.records.is_empty());
 }
 
-/// Light along x that records cannot predict: each record contains only its local value.
+/// Light that varies along x and that records cannot predict, because each record contains only its local value.
 struct Unforeseen<F: Fn(f32) -> f32> {
     light: F,
 }
@@ -436,14 +440,14 @@ fn neighbors_teach_slopes() {
     assert!(learnt * 9.0 < blind, "{learnt} and {blind}");
 }
 
-/// A further picture that uses the known neighbors of its frame has the same result as a new search for neighbors.
-/// Slopes follow only from their light.
+/// A further picture that uses the known neighbors of its frame is identical to a picture after a new search for
+/// neighbors. Slopes follow only from the light of the neighbors.
 #[test]
 fn known_neighbors_change_nothing() {
     let rising = Unforeseen { light: |x: f32| 1.0 + 0.3 * x + 0.1 * (9.0 * x).sin() };
     let first = floor(|_| ());
     let beside = floor_from(Vec3::new(0.006, 5.0, 0.006), |_| ());
-    // Only a region of the first picture is lit; the second picture needs new records in the rest.
+    // Light only a region of the first picture, so that the second picture needs new records in the rest.
     let left = Plane::from_fn(SIDE, SIDE, |x, _| x < 40);
     let lit = |forgets: bool| {
         let mut cache = IrradianceCache::default();
@@ -462,10 +466,10 @@ fn known_neighbors_change_nothing() {
     }
 }
 
-/// Where irradiance changes unpredictably, records are at least three times as dense as where it is even.
+/// Where irradiance changes unpredictably, records are at least three times as dense as where irradiance is even.
 #[test]
 fn records_crowd_where_they_are_contradicted() {
-    // A soft step, a fifth of the floor wide.
+    // Use a soft step with a width of a fifth of the floor.
     let light = |x: f32| 1.5 + (x / 0.1).tanh() / 2.0;
     let seen = floor(|_| ());
     let mut cache = IrradianceCache::default();
@@ -479,7 +483,7 @@ fn records_crowd_where_they_are_contradicted() {
 }
 
 /// The light is unpredictable and varies by five tolerances within a few centimeters. After a walk of 80 frames, a
-/// picture uses hardly more records than after a few picture widths, and its mean is as accurate.
+/// picture uses hardly more records than after a few picture widths. The mean of the picture is as accurate.
 #[test]
 fn a_walk_does_not_gather_records() {
     let light = |x: f32| 1.0 + 0.1 * (x * 131.0).sin() * (x * 37.0).cos();

@@ -10,11 +10,12 @@ use crate::MACROBLOCK;
 use lanes::{Choice, LANES};
 use rayon::prelude::*;
 
-/// Minimum sum of the weights of records at a point where they count as dense: another record would settle nothing.
+/// Minimum sum of record weights at a point where records count as dense. Another record would not resolve a
+/// contradiction there.
 ///
 /// While the camera moves, every frame contradicts some records. Without this bound, each contradiction adds another
-/// record. Measured on 25 frames of `conference` at 160×160. The error is the relative MSE of indirect light against
-/// one lightcut per pixel; records in use and indirect time are from the last frame.
+/// record. The table shows 25 frames of `conference` at 160×160. The error is the relative MSE of indirect light
+/// against one lightcut per pixel. Records in use and indirect time are from the last frame.
 ///
 /// | bound | error | records in use | indirect time |
 /// |---|---|---|---|
@@ -22,25 +23,25 @@ use rayon::prelude::*;
 /// | 2 | 1.11e-2 | 13 400 | 1.6 s |
 /// | 1 | 1.21e-2 | 9 000 | 1.0 s |
 pub(super) const DENSE: f32 = 2.0;
-/// Sum of the weights at which a record is dropped, because a receding camera moves records closer together on screen.
-/// In a picture without previous frames, 1 % of the records exceed 2.3. With 4, `conference` at 160×160 has 19 900
-/// records after 150 frames. With 2.5 it has 18 500, and a frame takes four fifths of the time.
+/// Minimum sum of weights at which a record is dropped, because a receding camera moves records closer together on
+/// screen. In a picture without previous frames, 1 % of the records exceed 2.3. With 4, `conference` at 160×160 has 19
+/// 900 records after 150 frames. With 2.5, it has 18 500 records, and a frame takes four fifths of the time.
 const CROWDED: f32 = 2.5;
 
-/// A macroblock of the picture.
+/// Macroblock of the picture, with its candidate records.
 #[derive(Default)]
 pub(super) struct Tile {
-    /// Minimum corner of the box around its surfaces; the box is empty without surfaces.
+    /// Minimum corner of the box around the macroblock's surfaces. The box is empty without surfaces.
     low: Vec3A,
     high: Vec3A,
-    /// Groups of candidates; unused lanes of the last group are infinitely far away.
+    /// Groups of candidates. Unused lanes of the last group are infinitely far away.
     groups: Vec<RecordGroup>,
-    /// For each candidate, its position in [`Tiles::listed`], ascending.
+    /// Position of each candidate in [`Tiles::listed`], ascending.
     pub candidates: Vec<u32>,
 }
 
 impl Tile {
-    /// Sets `weights` to the candidates with a weight above zero at a pixel, in their order.
+    /// Sets `weights` to the candidates with a weight above zero at a pixel, in the order of candidates.
     #[inline]
     pub fn weights(&self, lanes: Choice, shown: &ShownSurface, weights: &mut Vec<(usize, f32)>) {
         weights.clear();
@@ -53,7 +54,7 @@ impl Tile {
         lanes.run(SumUpTo { groups: &self.groups, shown, enough })
     }
 
-    /// Sets `near` to the candidates less than `reach` meters from `position`; a few may be slightly farther away.
+    /// Sets `near` to the candidates less than `reach` meters from `position`. A few may be slightly farther away.
     #[inline]
     pub fn candidates_near(&self, lanes: Choice, position: Vec3A, reach: f32, near: &mut Vec<u32>) {
         near.clear();
@@ -70,9 +71,9 @@ impl Tile {
         self.candidates.push(place as u32);
     }
 
-    /// Removes the candidates at list positions from `place` on; returns whether it had any.
+    /// Removes the candidates at list positions from `place` on. Returns whether any candidate was removed.
     fn forget_from(&mut self, place: usize) -> bool {
-        // Candidates ascend, so the removed ones are last. Their lanes in the remaining group are cleared.
+        // Remove the last candidates, which have the highest positions, and clear their lanes in the remaining group.
         let (before, kept) = (self.candidates.len(), self.candidates.partition_point(|&c| (c as usize) < place));
         self.candidates.truncate(kept);
         self.groups.truncate(kept.div_ceil(LANES));
@@ -88,7 +89,7 @@ impl Tile {
     fn candidates_in_use(&self, lanes: Choice, shown: &[ShownSurface]) -> Vec<u32> {
         let mut used = Vec::new();
         for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
-            // Empty lanes are never in use.
+            // Exclude empty lanes by the mask.
             let bits = lanes.run(InUse { group, shown, all: (1 << candidates.len()) - 1 });
             for (lane, &candidate) in candidates.iter().enumerate() {
                 if bits >> lane & 1 == 1 {
@@ -100,22 +101,22 @@ impl Tile {
     }
 
     fn reached_by(&self, position: Vec3A, radius: f32) -> bool {
-        // Distance of the center from the box on each axis.
+        // Compute the distance of the center from the box on each axis.
         let outside = (self.low - position).max(position - self.high).max(Vec3A::ZERO);
         outside.length_squared() < radius * radius
     }
 }
 
-/// All macroblocks of a picture, in raster order.
+/// Macroblocks of a picture, in raster order.
 pub(super) struct Tiles {
     pub all: Vec<Tile>,
     pub lanes: Choice,
-    /// Index of each listed record.
+    /// Index of each listed record in the cache.
     pub listed: Vec<u32>,
 }
 
 impl Tiles {
-    /// Returns tiles without records.
+    /// Returns tiles for all macroblocks, without records.
     pub fn new(picture: &SurfacePicture) -> Self {
         let empty = |tile| {
             let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -181,7 +182,7 @@ impl Tiles {
         records: &[Record<R>],
         chosen: impl IntoIterator<Item = usize>,
     ) {
-        // The sphere in which each record may have a weight.
+        // Compute the sphere in which each record may have a weight.
         let first = self.listed.len();
         self.listed.extend(chosen.into_iter().map(|index| index as u32));
         let sphere = |&index: &u32| {
@@ -190,14 +191,14 @@ impl Tiles {
         };
         let spheres: Vec<(&Site, f32)> = picture.busy.measure(|| self.listed[first..].iter().map(sphere).collect());
 
-        // Tiles are processed in runs of eight. Their common box excludes records that none of them needs.
+        // Process tiles in runs of eight. The common box of a run excludes records that none of its tiles needs.
         let across = picture.size().0.div_ceil(MACROBLOCK).max(1);
         let add_to = |tiles: &mut [Tile]| picture.busy.measure(|| add_to_all(tiles, first, &spheres));
         self.all.par_chunks_mut(across.min(8)).for_each(add_to);
     }
 
-    /// Lists the records from position `place` on again, with their new radii. Returns for each tile whether it had any
-    /// of them.
+    /// Lists the records from position `place` on again with new radii. Returns, for each tile, whether it contained
+    /// any of these records.
     pub fn list_again<R: Sync + Send>(
         &mut self,
         picture: &SurfacePicture,
@@ -210,9 +211,9 @@ impl Tiles {
         had
     }
 
-    /// Keeps only the used ones of the records listed from position `place` on.
+    /// Keeps only the used records among the records listed from position `place` on.
     pub fn keep_used<R: Sync + Send>(&mut self, picture: &SurfacePicture, records: &[Record<R>], place: usize) {
-        // Late candidates that light any pixel of a tile. Tiles without late candidates are skipped.
+        // Find the late candidates that light any pixel of a tile. Skip tiles without late candidates.
         let is_late = |&candidate: &u32| candidate as usize >= place;
         let in_tile = |index: usize| {
             let mut used = if self.all[index].candidates.last().is_some_and(is_late) {
@@ -226,7 +227,7 @@ impl Tiles {
         let wanted = picture.wanted_tiles.par_iter();
         let used: Vec<Vec<u32>> = wanted.map(|&index| picture.busy.measure(|| in_tile(index))).collect();
 
-        // Remove all late records from the list, and add the used ones again.
+        // Remove all late records from the list, and add the used records again.
         let used = self.records(used.concat());
         for tile in &mut self.all {
             tile.forget_from(place);
@@ -252,9 +253,10 @@ impl Tiles {
         self.used_in(picture, &picture.wanted_tiles)
     }
 
-    /// Returns the candidates of the `chosen` tiles that light any of their pixels; some appear more than once.
+    /// Returns the candidates of the `chosen` tiles that light any of the tiles' pixels. Some candidates appear more
+    /// than once.
     pub fn used_in(&self, picture: &SurfacePicture, chosen: &[usize]) -> Vec<u32> {
-        // If only a region is wanted, most macroblocks show nothing.
+        // Skip macroblocks without surfaces, as most are if only a region is wanted.
         let in_tile = |&index: &usize| {
             let mut shown = picture.shown(index).to_vec();
             shown.retain(ShownSurface::is_something);
@@ -264,8 +266,8 @@ impl Tiles {
         used.concat()
     }
 
-    /// Returns the superfluous ones of the `chosen` records: at their positions, the weights of earlier records sum to
-    /// at least [`CROWDED`].
+    /// Returns the superfluous records among the `chosen`: at their positions, the weights of earlier records sum to at
+    /// least [`CROWDED`].
     ///
     /// A record outside of the picture is never superfluous, because the density of records there is unknown.
     pub fn superfluous<R>(&self, picture: &SurfacePicture, records: &[Record<R>], chosen: &[usize]) -> Vec<usize> {
@@ -279,7 +281,7 @@ impl Tiles {
             let tile = &self.all[y / MACROBLOCK * across + x / MACROBLOCK];
             tile.weights(self.lanes, &site.into(), &mut weights);
 
-            // Only kept records cover the position: two records close together must not exclude each other.
+            // Sum only over kept records, so that two records close together do not exclude each other.
             let mut covered = 0.0;
             for &(k, weight) in &weights {
                 if kept[self.listed[tile.candidates[k] as usize] as usize] {
@@ -295,7 +297,7 @@ impl Tiles {
         superfluous
     }
 
-    /// Returns the indices of the records of `candidates`, ascending and without duplicates.
+    /// Returns the indices of the records at the list positions `candidates`, ascending and without duplicates.
     pub fn records(&self, candidates: Vec<u32>) -> Vec<usize> {
         let mut records: Vec<usize> =
             candidates.into_iter().map(|candidate| self.listed[candidate as usize] as usize).collect();
@@ -305,8 +307,8 @@ impl Tiles {
     }
 }
 
-/// Adds records to the tiles that they reach. `spheres` are the sites and radii of the records listed from position
-/// `first` on.
+/// Adds records to the tiles that they reach. `spheres` contains the sites and radii of the records listed from
+/// position `first` on.
 fn add_to_all(tiles: &mut [Tile], first: usize, spheres: &[(&Site, f32)]) {
     let low = tiles.iter().fold(Vec3A::INFINITY, |low, tile| low.min(tile.low));
     let high = tiles.iter().fold(Vec3A::NEG_INFINITY, |high, tile| high.max(tile.high));

@@ -1,5 +1,5 @@
-//! Weights, radii, fits and interpolation of the cache, compared with the same definitions in `f64`. Distances range
-//! from contact to 10⁶ m, and light from very faint to very bright. Neighbors on a needle make the fit ill-conditioned.
+//! Comparison of the cache's weights, radii, fits and interpolation with definitions in `f64`. Distances range from
+//! contact to 10⁶ m, and light from very faint to very bright. Neighbors along a needle make the fit ill-conditioned.
 
 use crate::cache::group::weight_between;
 use crate::cache::illumination::{LocalIrradiance, Site};
@@ -11,7 +11,7 @@ use crate::sampling::{hash_unit, uniform_sphere};
 use crate::scene::{Projection, View};
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Quat, Vec2, Vec3, Vec3A};
 
-/// Sequence of random numbers from 0 to 1 for a key.
+/// Sequence of random numbers, 0…1, for a key.
 struct Random(u64, u64);
 
 impl Random {
@@ -20,12 +20,12 @@ impl Random {
         hash_unit(11, self.0, self.1)
     }
 
-    /// Returns a random number from −1 to 1.
+    /// Returns a random number, −1…1.
     fn signed(&mut self) -> f32 {
         2.0 * self.unit() - 1.0
     }
 
-    /// Returns a unit vector at most about `angle` from `axis`.
+    /// Returns a unit vector at an angle of at most about `angle` from `axis`.
     fn near(&mut self, axis: Vec3A, angle: f32) -> Vec3A {
         let way = Vec3A::from(uniform_sphere(Vec2::new(self.unit(), self.unit())));
         (axis + way * (angle * self.unit())).normalize()
@@ -44,8 +44,8 @@ fn matrix(m: &Mat3A) -> DMat3 {
     DMat3::from_cols(wide(m.x_axis), wide(m.y_axis), wide(m.z_axis))
 }
 
-/// Returns the weight at `to` of a record at `from`: the formula above `RecordGroup::error2`. Openness may differ by
-/// `tolerance`.
+/// Returns the weight at `to` of a record at `from`, by the formula above `RecordGroup::error2`. Openness may differ by
+/// at most `tolerance`.
 fn weight(from: &Site, radius: f64, tolerance: f64, to: &Site) -> f64 {
     let d = wide(to.position) - wide(from.position);
     let along = d.dot(wide(to.normal) + wide(from.normal)) / 2.0;
@@ -55,7 +55,8 @@ fn weight(from: &Site, radius: f64, tolerance: f64, to: &Site) -> f64 {
     (1.0 - e2).max(0.0).powi(2)
 }
 
-/// Returns a site about `radius` from `around`: anywhere on its surface, or on a needle of this thickness.
+/// Returns a site at a distance of about `radius` from `around`. It is anywhere on the surface, or on a `needle` of
+/// this thickness.
 fn place(random: &mut Random, around: &Site, radius: f32, needle: Option<f32>) -> Site {
     let (x, y) = crate::sampling::frame(around.normal.into());
     let spread = Vec3::new(1.0, needle.unwrap_or(1.0), 0.1 * needle.unwrap_or(1.0));
@@ -75,14 +76,14 @@ fn somewhere(random: &mut Random, radius: f32) -> Site {
     Site { position, normal, geometric_normal: normal, carrier: 0, openness: 0.5, key: 0 }
 }
 
-/// Returns light that varies by half between sites, with random derivatives. The derivative by position runs along the
-/// surface of `site`.
+/// Returns light that varies by half between sites, with random derivatives. The derivative by the position is along
+/// the surface of `site`.
 fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> LocalIrradiance {
     let color = |random: &mut Random| {
         let color = Vec3::new(1.0 + 0.2 * random.unit(), 1.0, 0.7 + 0.3 * random.unit());
         Vec3A::from(color * light * random.signed())
     };
-    // Σ c dᵀ over the directions d, along which the light changes by c.
+    // Sum c dᵀ over the directions d, along which the light changes by c.
     let slope = |directions: [Vec3A; 2], random: &mut Random| {
         let [c, d] = [color(random), color(random)];
         let by_axis = |k: usize| c * directions[0][k] + d * directions[1][k];
@@ -127,17 +128,17 @@ fn weights_are_those_of_f64_from_contact_to_far_away() {
         assert!((weight_between(&here, 0.0, &here) - 1.0).abs() < 1e-5, "a radius of 0 still has its own place");
     }
     println!("farthest from f64: {worst:.1e}");
-    // 1 − n · n′ has the rounding error of 1, and division makes it five times as large.
+    // The limit allows the rounding error of 1 in 1 − n · n′, which division makes five times as large.
     assert!(worst < 1e-5, "{worst:.1e}");
 }
 
-/// The radius is the minimum of three terms; each may be 0, infinite, or 0/0 in the dark.
+/// The radius is the minimum of three terms. Each term may be 0 or ∞, or 0/0 in the dark.
 #[test]
 fn radii_are_those_of_f64() {
     let mut worst = 0.0f64;
     for (key, length) in (0..).zip(decades(-12, 12)) {
         let mut random = Random(key, 1);
-        // The square of a derivative must be finite: above 10¹⁹ W/m³, the radius is 0.
+        // Keep the square of a derivative finite: above 10¹⁹ W/m³, the radius is 0.
         for light in decades(-12, 12).filter(|light| light / length < 1e18) {
             let site = somewhere(&mut random, length);
             let mut of = estimate(&mut random, &site, light, length);
@@ -165,8 +166,8 @@ fn radii_are_those_of_f64() {
     assert_eq!(radius(&LocalIrradiance { harmonic_mean: 0.0, ..dark }), 0.0, "contact");
 }
 
-/// Prediction of a record in `f64`: the minimum defined at the top of `predict.rs`. It is solved by elimination instead
-/// of an inverse, with other axes.
+/// Prediction of a record in `f64`: the minimum defined at the top of `predict.rs`. It is computed by elimination
+/// instead of an inverse, and with different axes.
 struct Exact {
     position: DVec3,
     normal: DVec3,
@@ -174,7 +175,7 @@ struct Exact {
     irradiance: DVec3,
     by_normal: DMat3,
     axes: [DVec3; 2],
-    /// Derivative along both axes \[W·m⁻³\].
+    /// Derivatives along both axes \[W·m⁻³\].
     along: [DVec3; 2],
     by_openness: DVec3,
 }
@@ -182,7 +183,7 @@ struct Exact {
 impl Exact {
     /// Returns the prediction from the record's own derivatives.
     fn alone(record: &Record<()>, radius: f64) -> Self {
-        // The derivatives are limited: they may change the light by a fraction of itself.
+        // Limit the derivatives, which may change the light by a fraction of itself.
         let Record { site, estimate, .. } = record;
         let light = luminance(estimate.irradiance.as_dvec3());
         let length = |m: &DMat3| DVec3::new(luminance(m.x_axis), luminance(m.y_axis), luminance(m.z_axis)).length();
@@ -190,7 +191,7 @@ impl Exact {
         let most = light * if radius > f64::from(record.radius) { 0.25 } else { 0.7 };
         let trust = (most / (length(&by_position) * radius).max(length(&by_normal) * 0.632)).min(1.0);
 
-        // This test uses its own axes.
+        // Use axes independent of the code under test.
         let normal = wide(site.normal).normalize();
         let x = normal.any_orthonormal_vector();
         let axes = [x, normal.cross(x)];
@@ -213,21 +214,21 @@ impl Exact {
         let mut exact = Self::alone(record, radius);
         let (axes, own) = (exact.axes, exact.along.map(|slope| slope * radius));
 
-        // Neighbors count within twelve pixels, clamped to 1.25…2 radii.
+        // Include neighbors within twelve pixels, clamped to 1.25…2 radii.
         let (widened, tolerance) = ((12.0 * pixel / radius).clamp(1.25, 2.0), f64::from(OPENNESS_TOLERANCE));
-        // The left side of the normal equations, with the ridge, and the right side.
+        // Build the left side of the normal equations, with the ridge, and the right side.
         let mut rows = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.5]];
         let mut right = [DVec3::ZERO; 3];
         let (mut weights, mut variance) = (0.0, 0.0);
         for neighbor in neighbors {
             let other = &neighbor.site;
             let way = wide(other.position) - exact.position;
-            // All tolerances are widened with the reach.
+            // Widen all tolerances with the reach.
             let w = weight(site, radius * widened, tolerance * widened, other);
             let opener = (f64::from(other.openness) - exact.openness) / tolerance;
             let f = [way.dot(axes[0]) / radius, way.dot(axes[1]) / radius, opener];
 
-            // r: the residual of the record's own prediction. Large residuals have less weight.
+            // Reduce the weight of large residuals. r is the residual of the record's own prediction.
             let alone = exact.irradiance + exact.by_normal * (wide(other.normal) - exact.normal);
             let r = neighbor.estimate.irradiance.as_dvec3() - alone - own[0] * f[0] - own[1] * f[1];
             let taught = w * (1.0 - (luminance(r) / (0.7 * light)).powi(2)).max(0.0).powi(2);
@@ -267,10 +268,11 @@ impl Exact {
     }
 }
 
-/// Solves three equations for three right sides, by Gaussian elimination with partial pivoting.
+/// Solves three equations with three right sides by Gaussian elimination with partial pivoting.
 fn eliminated(mut rows: [[f64; 3]; 3], mut right: [DVec3; 3]) -> [DVec3; 3] {
     for k in 0..3 {
-        // The largest remaining entry of column k is the pivot, so that no factor exceeds 1. The others become 0.
+        // Use the largest remaining entry of column k as the pivot, so that no factor exceeds 1. Eliminate the other
+        // entries.
         let pivot = (k..3).max_by(|&a, &b| rows[a][k].abs().total_cmp(&rows[b][k].abs())).expect("a row");
         rows.swap(k, pivot);
         right.swap(k, pivot);
@@ -285,7 +287,7 @@ fn eliminated(mut rows: [[f64; 3]; 3], mut right: [DVec3; 3]) -> [DVec3; 3] {
     [0, 1, 2].map(|k| right[k] / rows[k][k])
 }
 
-/// Returns a view from above with pixels of this width at the origin.
+/// Returns a view from above with pixels of width `pixel` at the origin.
 fn view(pixel: f32) -> View {
     let above = Affine3A::from_rotation_translation(Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2), Vec3::ZERO);
     View::new(above, Projection::Orthographic { ymag: 32.0 * pixel }, 64, 64)
@@ -293,7 +295,7 @@ fn view(pixel: f32) -> View {
 
 /// Returns the prediction of a record by the code under test and in `f64`, with the other `records` as neighbors.
 fn predicted(one: &Record<()>, records: &[Record<()>], radius: f32, view: &View) -> (Prediction, Exact) {
-    // A fit ignores its own record.
+    // Add all records, because a fit ignores its own record.
     let mut fit = Fit::new(one, radius, view);
     records.iter().for_each(|other| fit.add(other));
     let others = records.iter().filter(|other| !std::ptr::eq(*other, one));
@@ -301,8 +303,8 @@ fn predicted(one: &Record<()>, records: &[Record<()>], radius: f32, view: &View)
     (fit.solve().prediction, Exact::new(one, radius.into(), pixel, others))
 }
 
-/// Fits of up to sixty neighbors, and pixels interpolated from them. The neighbors are all around, or on a needle down
-/// to a millionth as thick as long.
+/// Fits of up to sixty neighbors, and pixels interpolated from the fits. The neighbors surround the record, or lie on a
+/// needle with a thickness down to a millionth of its length.
 #[test]
 fn predictions_and_what_is_interpolated_are_those_of_f64() {
     let tolerance = f64::from(OPENNESS_TOLERANCE);
@@ -321,18 +323,18 @@ fn predictions_and_what_is_interpolated_are_those_of_f64() {
                 }
                 let predictions: Vec<_> = records.iter().map(|one| predicted(one, &records, r, &view)).collect();
 
-                // The weighted mean of the predictions at a few pixels, in f32 and in f64.
+                // Compute the weighted mean of the predictions at a few pixels, in f32 and in f64.
                 for _ in 0..8 {
                     let pixel = place(&mut random, &middle, r, needle);
                     let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
                     let (mut exact_sum, mut exact_whole) = (DVec3::ZERO, 0.0);
                     for (record, (prediction, exact)) in records.iter().zip(&predictions) {
-                        // The code under test.
+                        // Accumulate by the code under test.
                         let w = weight_between(&record.site, r, &pixel);
                         let found = prediction.at(&(&pixel).into());
                         (sum, whole) = (sum + found * w, whole + w);
 
-                        // The same in f64.
+                        // Accumulate in f64.
                         let w = weight(&record.site, r.into(), tolerance, &pixel);
                         let of = exact.at(&pixel);
                         (exact_sum, exact_whole) = (exact_sum + of * w, exact_whole + w);
@@ -341,7 +343,7 @@ fn predictions_and_what_is_interpolated_are_those_of_f64() {
                         }
                     }
 
-                    // Pixels with less weight would get their own record.
+                    // Skip pixels with less weight, which would receive their own record.
                     if exact_whole > 0.3 {
                         let error = wide(sum / whole) - exact_sum / exact_whole;
                         worst_mean = worst_mean.max((error / f64::from(light)).abs().max_element());

@@ -1,11 +1,11 @@
-//! Several ranks together make the same records as one.
+//! Tests that several ranks together make the same records as a single rank.
 
 use super::*;
 use crate::PixelSurface;
 use crate::ranks::{Alone, LoggedAlone, ThreadRanks, Turn};
 use glam::Vec3;
 
-/// Unpredictable light; its recipe contains the position and the brightness of the computation.
+/// Unpredictable light. The recipe contains the position and the brightness of the computation.
 struct Shimmer {
     power: f32,
 }
@@ -35,24 +35,24 @@ impl Illumination for Shimmer {
     }
 }
 
-/// Makes grooves below the surface next to them.
+/// Turns pixels next to the surface into grooves below it.
 fn grooved(pixel: &mut PixelSurface) {
     if (9.0 * pixel.position[0]).sin() > 0.5 {
         pixel.position[1] -= 0.05;
     }
 }
 
-/// The visible results of a frame, bit by bit.
+/// Visible results of a frame, compared bit by bit.
 #[derive(Debug, PartialEq)]
 struct Outcome {
     irradiance: Vec<[u32; 3]>,
     counts: [usize; 2],
-    /// Position of each record; its note, share and openness.
+    /// Position of each record, and the record's note, share and openness.
     records: Vec<[[u32; 3]; 2]>,
 }
 
-/// Lights five pictures of a walk: constant light, changed light, moving geometry. Then the light changes again, with a
-/// further picture of the frame.
+/// Lights five pictures of a walk: with constant light, changed light and moving geometry. Then the light changes
+/// again, and the frame has a further picture.
 fn film(ranks: &dyn Ranks) -> (Vec<Outcome>, Vec<u32>) {
     let mut cache = IrradianceCache::default();
     let mut outcomes = Vec::new();
@@ -100,7 +100,7 @@ fn records_of_several_ranks_are_those_of_one() {
         let mut kept = Vec::new();
         for (rank, (outcomes, own)) in results.into_iter().enumerate() {
             assert!(outcomes == alone, "rank {rank} of {count}");
-            // Each rank stores the recipes of its own records.
+            // Check that each rank stores the recipes of its own records.
             assert!(own.iter().all(|&number| Turn::Golden(number).owner(count) == rank));
             kept.extend(own);
         }
@@ -109,7 +109,7 @@ fn records_of_several_ranks_are_those_of_one() {
     }
 }
 
-/// A log changes no result, and it contains a time for each result.
+/// A log changes no result, and contains a time for each result.
 #[test]
 fn records_are_the_same_with_a_log() {
     let logged = LoggedAlone::default();
@@ -129,7 +129,7 @@ fn records_are_the_same_with_a_log() {
     }
 }
 
-/// Records are spread evenly over ranks, also the records of one refresh frame, for any first number.
+/// Records are spread evenly over ranks, including the records of one refresh frame, for any first number.
 #[test]
 fn records_are_spread_evenly() {
     for count in [1, 2, 3, 4, 16] {
@@ -167,7 +167,7 @@ fn recipes_come_together_again() {
     halves[0].complete(other);
     assert_eq!(halves[0].kept(), alone.kept());
 
-    // A rank that receives all recipes keeps its own.
+    // Check that a rank that receives all recipes keeps its own.
     let ranks = ThreadRanks::new(2);
     halves[0].keep_own(&ranks[1]);
     assert_eq!(halves[0].kept(), halves[1].kept());

@@ -1,10 +1,10 @@
-//! Pictures lit in regions, compared with the whole picture and with light in closed form.
+//! Comparison of pictures lit in regions with the whole picture and with light in closed form.
 
 use super::*;
 use crate::ranks::Portable;
 use glam::{Mat3A, Vec3};
 
-/// Light of a lamp one meter above the floor: E = P cos θ / r², with its derivative by position.
+/// Light of a lamp one meter above the floor: E = P cos θ / r², with the derivative by the position.
 struct Lamp {
     power: f32,
 }
@@ -17,7 +17,7 @@ impl Lamp {
 }
 
 impl Illumination for Lamp {
-    /// Position and power of the computation.
+    /// Position and power at the computation.
     type Recipe = (Vec3A, f32);
     type Scratch = ();
 
@@ -41,18 +41,18 @@ type Cache = IrradianceCache<(Vec3A, f32)>;
 const STILL: Changes = Changes { light: false, geometry: false };
 const BRIGHTER: Changes = Changes { light: true, geometry: false };
 
-/// Returns the picture from `aside` meters to the side of the middle.
+/// Returns the picture from a camera `aside` meters to the side of the middle.
 fn seen(aside: f32) -> GBuffer {
     floor_from(Vec3::new(aside, 5.0, 0.0), |_| ())
 }
 
-/// Returns the mask of the k-th of `count` columns of a picture.
+/// Returns the mask of column `k` of `count` equal columns of a picture.
 fn column(seen: &GBuffer, k: usize, count: usize) -> Plane<bool> {
     let width = seen.pixels.width();
     Plane::from_fn(width, seen.pixels.height(), |x, _| x * count / width == k)
 }
 
-/// Lights a picture in columns, each by the next cache in rotation. If `shares` is set, the caches share their new
+/// Lights a picture in columns, each by the next cache in rotation. If `shares` is true, the caches share their new
 /// records.
 fn lit_in_columns(caches: &mut [Cache], shares: bool, seen: &GBuffer, changes: Changes, lamp: &Lamp) -> CachedLight {
     const COLUMNS: usize = 6;
@@ -76,7 +76,7 @@ fn lit_in_columns(caches: &mut [Cache], shares: bool, seen: &GBuffer, changes: C
             }
         }
 
-        // Records are transferred as bytes, as between processes.
+        // Transfer records as bytes, as between processes.
         let mut bytes = Vec::new();
         caches[own].take_new().put(&mut bytes);
         for other in (0..caches.len()).filter(|&other| shares && other != own) {
@@ -89,7 +89,7 @@ fn lit_in_columns(caches: &mut [Cache], shares: bool, seen: &GBuffer, changes: C
     whole
 }
 
-/// Returns the root mean square of the relative error of a picture.
+/// Returns the root mean square relative error of a picture.
 fn error(lit: &CachedLight, seen: &GBuffer, lamp: &Lamp) -> f32 {
     let mut sum = 0.0;
     for (pixel, light) in seen.pixels.samples().iter().zip(lit.irradiance.samples()) {
@@ -115,7 +115,7 @@ fn a_part_that_is_all_of_the_picture_is_lit_as_the_whole() {
     }
 }
 
-/// Tests three frames of a walk; the lamp becomes brighter in the second.
+/// Tests three frames of a walk. The lamp becomes brighter in the second frame.
 #[test]
 fn parts_are_as_exact_as_the_whole_whoever_lights_them() {
     let mut whole = Cache::default();
@@ -136,7 +136,7 @@ fn parts_are_as_exact_as_the_whole_whoever_lights_them() {
             *computed += lit.computed;
         }
     }
-    // Caches that share make fewer records than separate ones, and a single cache makes fewest.
+    // Require that caches that share records make fewer than separate caches, and that a single cache makes the fewest.
     let [alone, apart, together] = kinds.map(|(.., computed)| computed);
     assert!(alone <= together && together < apart, "{alone} {together} {apart}");
 }
@@ -154,13 +154,13 @@ fn records_that_come_too_late_are_left_out() {
     let made = first.take_new();
     assert!(made.len() > 10 && first.take_new().is_empty(), "each is taken once");
 
-    // Records that arrive in time leave none to be made.
+    // Require that no records are made if shared records arrive in time.
     let mut third = Cache::default();
     let _ = third.begin_parts(&picture, STILL, &lamp);
     third.adopt(made.clone());
     assert_eq!(third.light_part(request, &lamp).value.computed, 0);
 
-    // After a change of light they are rejected.
+    // Require that shared records are rejected after a change of light.
     let _ = second.begin_parts(&picture, BRIGHTER, &bright);
     second.adopt(made);
     assert_eq!(second.sites().count(), 0);
