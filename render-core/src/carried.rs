@@ -1,18 +1,18 @@
 //! Reprojection of irradiance from one picture to the next.
 //!
 //! The irradiance of a static matte surface does not depend on the viewer. Each pixel stores a sample: a point and its
-//! irradiance. The surface point of a pixel in the next picture is reprojected to the previous one. Its irradiance
-//! follows from the samples around this position:
+//! irradiance. The surface point of a pixel in the next picture is reprojected to the previous picture. The irradiance
+//! at this point follows from the samples around it:
 //!
 //! ```text
 //! E(x) ≈ E₀ + g · (x − x₀)      (x₀, E₀)  the nearest sample      g  slope of the plane fitted to the 3×3 samples around
 //! ```
 //!
 //! Samples are copied and never mixed, so light is not blurred over any number of frames \[Nehab07\], \[Walter99\]. The
-//! residual of the plane estimates the error. Next to another surface, a point may be outside of the samples' convex
-//! hull, where light may change. Its error is estimated from the distance to the hull. Audits determine which estimates
-//! are reliable ([`trust`]). A pixel is lit again if its estimated error exceeds the limit set by audits, as in
-//! penumbras. It is also lit if its surface was not visible before.
+//! residual of the plane estimates the error. Next to another surface, a point may be outside the samples' convex hull,
+//! where light may change. The error at such a point is estimated from the distance to the hull. Audits determine which
+//! estimates are reliable ([`trust`]). A pixel is lit again if its estimated error exceeds the limit set by audits, as
+//! in penumbras. A pixel is also lit if its surface was not visible before.
 
 mod near;
 mod sample;
@@ -28,16 +28,17 @@ use rayon::prelude::*;
 use sample::Sample;
 use trust::Trust;
 
-/// Maximum distance of a sample along the surface, and off it, at which it is used \[pixels\]. In `nave`, rows of
-/// benches lie a third of a pixel in front of other rows.
+/// Maximum distance along the surface at which a sample is used \[pixels\].
 const REACH: f32 = 3.0;
+/// Maximum distance off the surface at which a sample is used \[pixels\]. In `nave`, rows of benches lie a third of a
+/// pixel in front of other rows.
 const OFF_PLANE: f32 = 0.1;
 /// Minimum cosine of the angle between the normals of a sample and a pixel: 18°.
 const ALIKE_COSINE: f32 = 0.95;
-/// Lower limit of the cosine of the viewing angle: more oblique surfaces are treated alike.
+/// Minimum cosine of the viewing angle. More oblique surfaces are treated as if at this angle.
 const LEAST_COSINE: f32 = 0.05;
 
-/// Irradiance of the surfaces of a picture, and the audit results so far. Each pixel has a sample of 20 bytes.
+/// Irradiance of the surfaces in a picture, and the audit results so far. Each pixel has a sample of 20 bytes.
 #[derive(Clone, Debug, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CarriedLight {
@@ -45,42 +46,42 @@ pub struct CarriedLight {
     trust: Trust,
 }
 
-/// Whether a pixel may reuse the light of the previous picture.
+/// Permission for a pixel to reuse the light of the previous picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reuse {
-    /// Its light is unchanged.
+    /// The pixel's light is unchanged and is reused.
     Allowed,
-    /// Its light is unchanged, but the pixel is lit again for comparison.
+    /// The pixel's light is unchanged, but the pixel is lit again for comparison.
     Audited,
-    /// Its light may have changed.
+    /// The pixel's light may have changed.
     Forbidden,
 }
 
-/// Irradiance of a picture, as far as it could be reprojected.
+/// Irradiance of a picture after reprojection, with the pixels that remain to be lit.
 #[derive(Clone, Debug)]
 pub struct Carried {
-    /// Irradiance \[W·m⁻²\], linear RGB; zero where `missing`.
+    /// Irradiance \[W·m⁻²\], linear RGB. It is zero where `missing`.
     pub irradiance: Plane<[f32; 3]>,
-    /// Pixels that must be lit. Pixels without a surface are not missing.
+    /// Mask of the pixels that must be lit. Pixels without a surface are not missing.
     pub missing: Plane<bool>,
-    /// Reprojected light of the audited pixels.
+    /// Audits, with the reprojected light of the audited pixels.
     audits: Vec<Audit>,
 }
 
-/// Light that was reprojected for comparison only.
+/// Light that is reprojected for comparison only.
 #[derive(Clone, Copy, Debug)]
 struct Audit {
     /// Index of the pixel in raster order.
     pixel: u32,
     luminance: f32,
-    /// Estimated error.
+    /// Estimated error of the reprojected light's luminance \[W·m⁻²\].
     error: f32,
     tolerance: f32,
-    /// Whether the light would have been reused, by the current limit.
+    /// Whether the light would have been reused under the current limit.
     is_trusted: bool,
 }
 
-/// Irradiance of a whole picture, and the results of its audits.
+/// Irradiance of a whole picture, with the results of its audits.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Completed {
@@ -90,12 +91,12 @@ pub struct Completed {
     pub audits: AuditCounts,
 }
 
-/// Counts of audited pixels with light that would have been reused.
+/// Counts of audited pixels that would have been reused without the audit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AuditCounts {
-    /// Number of pixels with reprojection errors within their tolerance.
+    /// Number of counted pixels with reprojection errors within their tolerance.
     pub within: usize,
-    /// Number of all these pixels.
+    /// Number of counted pixels.
     pub all: usize,
 }
 
@@ -108,7 +109,7 @@ impl Carried {
         let Self { mut irradiance, missing, audits } = self;
         let lit = lit.samples();
 
-        // New light of missing pixels completes the picture and becomes the samples for the next one.
+        // Complete the picture with the new light of missing pixels, which becomes the samples for the next picture.
         let (surfaces, samples) = (seen.pixels.samples(), light.samples.samples_mut());
         let irradiances = irradiance.samples_mut();
         for (k, &is_missing) in missing.samples().iter().enumerate() {
@@ -118,8 +119,8 @@ impl Carried {
             }
         }
 
-        // Audited pixels were lit too, so the error of their reprojected light is measured. All of them train the trust
-        // in estimates. Only pixels that would have been reused without the audit are counted.
+        // Measure the errors of reprojected light at audited pixels, which were lit too. All errors train the trust in
+        // estimates. Count only pixels that would have been reused without the audit.
         let mut counts = AuditCounts::default();
         light.trust.forget();
         for Audit { pixel, luminance: carried, error, tolerance, is_trusted } in audits {
@@ -132,52 +133,53 @@ impl Carried {
     }
 }
 
-/// The picture to which light is reprojected.
+/// Picture to which light is reprojected.
 #[derive(Clone, Copy, Debug)]
 pub struct Destination<'a> {
     /// Surfaces of the picture.
     pub seen: &'a GBuffer,
-    /// Positions of its pixels in the source picture; `None` if no light can be reprojected.
+    /// Positions of the picture's pixels in the source picture, or `None` if no light can be reprojected.
     pub known: Option<&'a Correspondence>,
     /// Contrast of light between and beyond the samples around a pixel.
     pub unseen: Unseen,
-    /// Maximum mean square error of reprojected light, in squares of the tolerance. Audits adapt the reuse to it.
+    /// Maximum mean square error of reprojected light, in squares of the tolerance. Audits adapt the reuse to this
+    /// limit.
     pub allowed: f32,
 }
 
 /// Contrast of light beyond the outermost samples around a pixel, or between fewer than five samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unseen {
-    /// Contrast of the light around the pixel.
+    /// Use the contrast of the light around the pixel.
     Smooth,
-    /// Contrast of the whole picture: shadows may begin and end anywhere.
+    /// Use the contrast of the whole picture, because shadows may begin and end anywhere.
     Shadows,
 }
 
 impl CarriedLight {
-    /// Reprojects the light to the next picture, where `reuse(x, y)` allows it. `tolerance(x, y, E)` is the tolerable
-    /// error of luminance for an irradiance with luminance E \[W·m⁻²\].
+    /// Reprojects the light to the next picture where `reuse(x, y)` allows it. `tolerance(x, y, E)` is the tolerable
+    /// error of luminance \[W·m⁻²\] for an irradiance with luminance E \[W·m⁻²\].
     ///
-    /// Afterwards the samples belong to `to`. The samples of missing pixels are added by [`Carried::complete`].
+    /// Afterwards, the samples belong to `to`. [`Carried::complete`] adds the samples of missing pixels.
     pub fn carry(
         &mut self,
         to: Destination,
         reuse: impl Fn(usize, usize) -> Reuse + Sync,
         tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
     ) -> Timed<Carried> {
-        // The next picture, initially without light.
+        // Create the next picture without light.
         let (width, height) = (to.seen.pixels.width(), to.seen.pixels.height());
         let mut irradiance = Plane::filled(width, height, [0.0; 3]);
         let mut missing = Plane::filled(width, height, false);
         let mut samples = Plane::filled(width, height, Sample::NONE);
 
-        // Parameters common to all pixels.
+        // Compute the parameters common to all pixels.
         let (light, limit) = (&*self, self.trust.limit(to.allowed));
         let usual = (to.unseen == Unseen::Shadows).then(|| self.usual_luminance());
         let transfer = Transfer { light, to, reuse: &reuse, tolerance: &tolerance, limit, usual };
 
-        // Process rows of macroblocks in parallel. Each reads samples of the previous picture anywhere, and writes only
-        // its own pixels.
+        // Process rows of macroblocks in parallel. Each row reads samples anywhere in the previous picture, and writes
+        // its own pixels only.
         let strip = (MACROBLOCK * width).max(1);
         let strips = samples
             .samples_mut()
@@ -195,7 +197,7 @@ impl CarriedLight {
         audits.map(|audits| Carried { irradiance, missing, audits: audits.concat() })
     }
 
-    /// Returns the mean luminance of the samples with light.
+    /// Returns the mean luminance of the samples that are not black.
     fn usual_luminance(&self) -> f32 {
         let (mut sum, mut count) = (0.0, 0u32);
         for sample in self.samples.samples() {
@@ -210,13 +212,13 @@ impl CarriedLight {
     /// Estimates the light at the surface point of `pixel` from the samples around index `from` (raster order). `usual`
     /// is the luminance of light that may begin anywhere.
     fn light_at(&self, pixel: &PixelSurface, seen: &GBuffer, usual: Option<f32>, from: usize) -> Option<Estimate> {
-        // Before the first reprojection there are no samples, even if the pictures have surfaces.
+        // Return early before the first reprojection: samples do not exist, even if the pictures have surfaces.
         let (width, height) = (self.samples.width(), self.samples.height());
         if from >= width * height {
             return None;
         }
 
-        // If neither the camera nor the surface moved, the point has its own sample without error.
+        // Return the point's own sample without error if neither the camera nor the surface moved.
         let (column, row) = (from % width, from / width);
         let same = self.samples.get(column, row);
         let shading_normal = Vec3A::from(pixel.shading_normal);
@@ -224,7 +226,7 @@ impl CarriedLight {
             return Some(Estimate { sample: same, irradiance: same.irradiance(), error: 0.0 });
         }
 
-        // Distances are in pixel widths. On an oblique surface, a pixel is wider by 1 / cos.
+        // Measure distances in pixel widths. On an oblique surface, a pixel is wider by 1 / cos.
         let position = Vec3A::from(pixel.position);
         let normal = Vec3A::from(pixel.geometric_normal);
         let width_facing = seen.view.pixel_width(pixel.depth);
@@ -232,8 +234,8 @@ impl CarriedLight {
         let slant = to_viewer.dot(normal).abs().max(LEAST_COSINE).recip();
         let (reach, off_plane) = (REACH * width_facing * slant, OFF_PLANE * width_facing);
 
-        // Only the samples of the same surface among the 3×3 count, by their positions along it. The others still bound
-        // the brightness of the light next to it.
+        // Select the 3×3 samples on this surface, by their positions along it. The other samples bound the brightness
+        // of adjacent light.
         let axes = <[Vec3; 2]>::from(frame(normal.into())).map(Vec3A::from);
         let mut near = NearSamples::new(usual);
         for y in row.saturating_sub(1)..(row + 2).min(height) {
@@ -258,12 +260,12 @@ impl CarriedLight {
 struct Transfer<'a, R, T> {
     light: &'a CarriedLight,
     to: Destination<'a>,
-    /// Callback of [`CarriedLight::carry`].
+    /// Callback `reuse` of [`CarriedLight::carry`].
     reuse: &'a R,
     tolerance: &'a T,
-    /// Largest estimated error that is accepted, in tolerances.
+    /// Maximum estimated error that is accepted, in tolerances.
     limit: f32,
-    /// Luminance of light that may begin anywhere; `None` if light is smooth.
+    /// Luminance of light that may begin anywhere, or `None` if light is smooth.
     usual: Option<f32>,
 }
 
@@ -288,12 +290,12 @@ where
     R: Fn(usize, usize) -> Reuse,
     T: Fn(usize, usize, f32) -> f32,
 {
-    /// Reprojects light to a strip with the first row `top`; returns its audits.
+    /// Reprojects light to a strip with the first row `top`. Returns the audits of the strip.
     fn carry_strip(&self, top: usize, strip: Strip) -> Vec<Audit> {
         let pixels = &self.to.seen.pixels;
         let mut audits = Vec::new();
         for k in 0..strip.samples.len() {
-            // The sky and other pixels without reflection need no light.
+            // Skip pixels without reflection, for example in the sky.
             let (x, y) = (k % pixels.width(), top + k / pixels.width());
             let pixel = pixels.get(x, y);
             if !pixel.reflects() {
@@ -315,7 +317,7 @@ where
 
     /// Determines the result at pixel (x, y), which shows `pixel`.
     fn outcome(&self, x: usize, y: usize, pixel: &PixelSurface) -> Outcome {
-        // Surfaces that were not visible in the previous picture, and surfaces with changed light, cannot reuse light.
+        // Reject surfaces that were not visible in the previous picture, and surfaces with changed light.
         let Destination { seen, known, .. } = self.to;
         let Some(from) = known.and_then(|known| known.match_of(x, y)) else { return Outcome::Lost };
         let reuse = (self.reuse)(x, y);
@@ -323,7 +325,7 @@ where
             return Outcome::Lost;
         }
 
-        // Above the largest estimate with audit statistics, even an audit would be useless.
+        // Reject estimates above the maximum of the audit statistics, for which even an audit would be useless.
         let Some(estimate) = self.light.light_at(pixel, seen, self.usual, from as usize) else {
             return Outcome::Lost;
         };
@@ -333,7 +335,7 @@ where
             return Outcome::Lost;
         }
 
-        // Audits include estimates above the limit: otherwise it could never rise again.
+        // Audit estimates above the limit too: otherwise the limit could never rise again.
         let is_trusted = error <= self.limit * tolerance;
         if reuse == Reuse::Audited {
             let pixel = (y * seen.pixels.width() + x) as u32;

@@ -2,40 +2,43 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 
-/// Bits of each channel's mantissa, of their common exponent of 2, and of each coordinate of the normal.
+/// Number of bits of each channel's mantissa.
 const MANTISSA_BITS: u32 = 13;
+/// Number of bits of the exponent (base 2) that the channels share.
 const EXPONENT_BITS: u32 = 9;
+/// Number of bits of each coordinate of the normal.
 const NORMAL_BITS: u32 = 8;
 const _: () = assert!(3 * MANTISSA_BITS + EXPONENT_BITS + 2 * NORMAL_BITS == 64);
-/// Largest mantissa.
+/// Maximum mantissa.
 const WHOLE: f32 = ((1 << MANTISSA_BITS) - 1) as f32;
-/// Stored value of the exponent 0.
+/// Stored value that represents the exponent 0.
 const BIAS: i32 = 1 << (EXPONENT_BITS - 1);
-/// Largest coordinate of a normal, and the stored value of 0.
+/// Maximum coordinate of a stored normal.
 const NORMAL_SCALE: f32 = 127.0;
+/// Stored value that represents the coordinate 0 of a normal.
 const NORMAL_ZERO: f32 = 128.0;
 
 /// Irradiance \[W·m⁻²\] at a point \[m\] of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Sample {
-    /// Position \[m\]; NaN if no light is known.
+    /// Position \[m\], or NaN without known light.
     pub position: [f32; 3],
     /// Mantissas of R, G and B, exponent and normal (octahedral), from the lowest bits up.
     packed: [u32; 2],
 }
 
 impl Sample {
-    /// No known light.
+    /// Sample without known light.
     pub const NONE: Self = Self { position: [f32::NAN; 3], packed: [0; 2] };
 
     pub fn new(position: [f32; 3], normal: Vec3, irradiance: Vec3) -> Self {
-        // All channels share the exponent e of the brightest: E ≈ m 2^e / WHOLE. Black and non-finite values are stored
-        // as 0.
+        // Use the exponent e of the brightest channel for all channels: E ≈ m 2^e / WHOLE. Store black and non-finite
+        // values as 0.
         let most = irradiance.max_element();
         let mut packed = 0;
         if most.is_normal() && most > 0.0 {
-            // The exponent field of an f32 is the least e with most < 2^e, plus 126.
+            // Derive the least e with most < 2^e: the exponent field of an f32 is e + 126.
             let exponent = (most.to_bits() >> 23) as i32 - 126;
             let unit = exp2(-exponent) * WHOLE;
             for (k, channel) in (0..).zip(irradiance.to_array()) {
@@ -44,7 +47,7 @@ impl Sample {
             packed |= ((exponent + BIAS) as u64) << (3 * MANTISSA_BITS);
         }
 
-        // The normal's position on the unfolded octahedron follows the light. −1…1 is mapped to 1…255, so that 0 is
+        // Store the normal's position on the unfolded octahedron after the light. Map −1…1 to 1…255, so that 0 is
         // exact.
         for (k, coordinate) in (0..).zip(octahedral(normal).to_array()) {
             let stored = (coordinate * NORMAL_SCALE + NORMAL_ZERO).round() as u64;
@@ -58,7 +61,7 @@ impl Sample {
         ((u64::from(high) << 32 | u64::from(low)) >> from) as u32 & ((1 << count) - 1)
     }
 
-    /// Returns the unit normal, accurate to a degree.
+    /// Returns the unit normal, accurate to one degree.
     pub fn normal(&self) -> Vec3A {
         let coordinate = |k: u32| {
             let stored = self.bits(3 * MANTISSA_BITS + EXPONENT_BITS + k * NORMAL_BITS, NORMAL_BITS);
@@ -79,7 +82,8 @@ impl Default for Sample {
     }
 }
 
-/// Maps a unit vector to the square −1…1: the octahedron |x| + |y| + |z| = 1, with its lower half folded outwards.
+/// Maps a unit vector to the square −1…1. The map unfolds the octahedron |x| + |y| + |z| = 1, with its lower half
+/// folded outwards.
 fn octahedral(v: Vec3) -> Vec2 {
     let v = v / v.abs().element_sum().max(f32::MIN_POSITIVE);
     if v.z >= 0.0 { v.truncate() } else { folded(v.truncate()) }
@@ -94,7 +98,7 @@ fn folded(p: Vec2) -> Vec2 {
     (Vec2::ONE - Vec2::new(p.y, p.x).abs()) * Vec2::ONE.copysign(p)
 }
 
-/// Returns 2 to the power of `exponent`, exactly for −126…127; clamps other exponents.
+/// Returns 2 to the power of `exponent`, exactly for −126…127. Clamps other exponents.
 fn exp2(exponent: i32) -> f32 {
     f32::from_bits(((exponent.clamp(-126, 127) + 127) as u32) << 23)
 }

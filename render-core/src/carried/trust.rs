@@ -1,32 +1,34 @@
 //! Reliability of the estimated errors of reprojected light, measured by audits.
 //!
-//! The estimate is based on the samples around a pixel and ignores changes of light between them. It is also far too
-//! high where light only might change. Audit results are therefore kept in buckets by the estimate relative to the
-//! tolerance:
+//! The estimate is based on the samples around a pixel and ignores changes of light between the samples. The estimate
+//! is far too high if light might change but does not. Audit results are therefore stored in buckets by the ratio of
+//! estimate to tolerance:
 //!
 //! ```text
-//! m_k = mean of (|L − L_lit| / tolerance)²      of the audits whose estimate is in bucket k
-//! carried is up to the first bucket with m_k > allowed
+//! m_k = mean of (|L − L_lit| / tolerance)²      over the audits with an estimate in bucket k
+//! light is reused below the first bucket with m_k > allowed
 //! ```
 //!
-//! Audits continue beyond this limit, so that it can rise again. Estimates of several tolerances are accepted if audits
-//! show that they are too high.
+//! Audits continue beyond this limit, so that the limit can rise again. Estimates of several tolerances are accepted if
+//! audits show that these estimates are too high.
 
-/// Number of buckets, each one octave of the ratio of estimate to tolerance, and the number of buckets above 1.
+/// Number of buckets. Each bucket covers one octave of the ratio of estimate to tolerance.
 const BUCKETS: usize = 11;
+/// Number of buckets for estimates above the tolerance.
 const ABOVE: usize = 3;
-/// Largest estimate with audit statistics, in tolerances.
+/// Maximum estimate with audit statistics, in tolerances.
 pub(super) const LARGEST: f32 = (1 << ABOVE) as f32;
-/// Maximum square of an error: one outlier in a hundred audits may close a bucket, but not one in a thousand.
+/// Maximum square of an error, in squares of the tolerance. One outlier in a hundred audits may close a bucket, but not
+/// one in a thousand.
 const MOST: f32 = 64.0;
-/// Minimum total weight of the audits of a bucket.
+/// Minimum total weight of a bucket's audits for a decision.
 const ENOUGH: f32 = 32.0;
-/// Factor on the weight of an audit per frame: half of it remains after seven frames.
+/// Factor on the weight of an audit per frame. Half of the weight remains after seven frames.
 const MEMORY: f32 = 0.9;
-/// Number of open buckets before the first audits: estimates up to a quarter of the tolerance.
+/// Number of open buckets before the first audits. These contain estimates up to a quarter of the tolerance.
 const FIRST: usize = BUCKETS - ABOVE - 2;
 
-/// Audit statistics.
+/// Audit statistics by bucket.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Trust {
@@ -48,11 +50,11 @@ impl Default for Trust {
 }
 
 impl Trust {
-    /// Returns the largest estimate that is accepted, in tolerances; at most [`LARGEST`]. `allowed` is the maximum mean
+    /// Returns the maximum estimate that is accepted, in tolerances, at most [`LARGEST`]. `allowed` is the maximum mean
     /// square error of a bucket, in squares of the tolerance.
     pub fn limit(&self, allowed: f32) -> f32 {
         let is_bad = |found: &Audited| found.weight >= ENOUGH && found.squares > allowed * found.weight;
-        // Accept buckets up to the first that fails, and only those with audits.
+        // Accept the buckets below the first bad one, up to the last bucket with enough audits.
         let good = self.found.iter().position(is_bad).unwrap_or(BUCKETS);
         let known = self.found.iter().rposition(|found| found.weight >= ENOUGH).map_or(0, |last| last + 1);
         let buckets = good.min(known.max(FIRST));
@@ -66,20 +68,20 @@ impl Trust {
         }
     }
 
-    /// Adds an audit: estimate and error, relative to the tolerance.
+    /// Adds an audit with this `estimate` and `error`, both relative to the tolerance.
     pub fn note(&mut self, estimate: f32, error: f32) {
         let Audited { weight, squares } = &mut self.found[bucket(estimate)];
         let square = (error * error).min(MOST);
-        // 0/0 counts as no error.
+        // Count 0/0 as no error.
         *squares += if square.is_nan() { 0.0 } else { square };
         *weight += 1.0;
     }
 }
 
-/// Returns the bucket of an estimate up to [`LARGEST`].
+/// Returns the bucket of an `estimate` up to [`LARGEST`].
 fn bucket(estimate: f32) -> usize {
     let place = (BUCKETS - ABOVE) as f32 + estimate.log2().ceil() - 1.0;
-    // NaN (0/0) falls into bucket 0.
+    // Put NaN (0/0) in bucket 0.
     (place.max(0.0) as usize).min(BUCKETS - 1)
 }
 
@@ -91,17 +93,17 @@ fn upper_end(bucket: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// Mean square error allowed in these tests.
+    /// Mean square error that these tests allow.
     const QUARTER: f32 = 0.25;
 
     /// Returns the limit after a film of 40 frames with 275 audits each, over all estimates. `error(estimate, k)` is
-    /// the result of audit k.
+    /// the error in audit k.
     fn limit_after(error: impl Fn(f32, usize) -> f32) -> f32 {
         let mut trust = Trust::default();
         for _ in 0..40 {
             trust.forget();
             for k in 0..275 {
-                // The estimates are spaced evenly in octaves, from 8 to 1/256.
+                // Space the estimates evenly in octaves, from 8 to 1/256.
                 let estimate = LARGEST * (-11.0 * (k as f32 + 0.5) / 275.0).exp2();
                 trust.note(estimate, error(estimate, k));
             }
@@ -113,7 +115,7 @@ mod tests {
     fn light_is_carried_up_to_the_estimates_that_hold() {
         assert_eq!(Trust::default().limit(QUARTER), 0.25, "before the first audit");
         assert_eq!(limit_after(|_, _| 0.0), 8.0);
-        // The mean square over an octave up to x is 0.54 x²: at 0.25 for x = 0.68.
+        // The mean square over an octave up to x is 0.54 x², which is 0.25 for x = 0.68.
         assert_eq!(limit_after(|estimate, _| estimate), 0.5);
         assert_eq!(limit_after(|estimate, _| 4.0 * estimate), 0.125);
         assert_eq!(limit_after(|estimate, _| estimate / 8.0), 4.0, "estimates that are too high");
@@ -122,7 +124,7 @@ mod tests {
 
     #[test]
     fn few_large_errors_close_a_bucket_and_none_open_it_again() {
-        // Four in a hundred have errors of five tolerances: a mean square of 1.
+        // Four in a hundred audits have errors of five tolerances, which is a mean square of 1.
         let outliers = |estimate: f32, k: usize| if estimate > 0.125 && k.is_multiple_of(25) { 5.0 } else { 0.0 };
         assert_eq!(limit_after(outliers), 0.125);
         let mut trust = Trust::default();
