@@ -1,11 +1,12 @@
-//! Photon tracing: photons carry flux from the lights to surfels, which determine the flux of the anchors.
+//! Photon tracing. Photons transport flux from the lights to surfels, which determine the flux of the anchors.
 //!
-//! Every frame uses the same Halton numbers. Where the scene is static, the flux is identical to the last bit;
-//! elsewhere, it changes as little as the scene \[Herzog08, 4.1.1\].
+//! Every frame uses the same Halton numbers. Where the scene is static, the flux is bit-identical. Elsewhere, it
+//! changes as little as the scene \[Herzog08, 4.1.1\].
 //!
-//! Flux is counted in integer quanta. Integer sums do not depend on their order. Results therefore do not depend on
-//! threads, or on which photons are retraced. All paths are traced once, up to the first possible contact with moving
-//! geometry ([`Photons::with_swept_volume`]). The results are bit-identical to tracing all paths completely.
+//! Flux is counted in integer quanta, because integer sums do not depend on their order. Results are therefore
+//! independent of threads and of the selection of retraced photons. All paths are traced once, up to the first possible
+//! contact with moving geometry ([`Photons::with_swept_volume`]). The results are bit-identical to tracing all paths
+//! completely.
 
 mod aims;
 mod boxes;
@@ -28,23 +29,23 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Flux of the photons of one frame, by anchor and by surfel.
+/// Flux of the photons in one frame, by anchor and by surfel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnchorFlux {
     /// Flux of each fixed anchor \[W\], linear RGB: the flux of its surfels that leaves their neighborhood.
     pub fixed: Vec<Vec3>,
     /// Flux of each dynamic anchor \[W\], linear RGB.
     pub dynamic: Vec<Vec3>,
-    /// Flux reflected around each fixed surfel, then around each dynamic one \[W\].
+    /// Flux reflected around each fixed surfel, and around each dynamic surfel \[W\].
     pub surfels: [Vec<Vec3>; 2],
     /// Flux emitted by the lights \[W\].
     pub emitted: Vec3,
-    /// Flux reflected by all surfaces \[W\]: exactly the sum over the surfels.
+    /// Flux reflected by all surfaces \[W\]. It is exactly the sum over the surfels.
     pub reflected: Vec3,
     /// Flux that left the scene, hit the back of a surface, or was reflected at a point without surfels \[W\].
     pub lost: Vec3,
     /// Number of photons that this rank traced for the frame, completely or from the first segment that may have
-    /// changed. The flux of other photons is known from previous frames or from other ranks.
+    /// changed. The flux of all other photons comes from previous frames or from other ranks.
     pub traced: u64,
     /// Changes of visibility between surfels by moving geometry.
     pub moved: Moved,
@@ -65,20 +66,20 @@ pub struct Photons {
 /// Photon paths up to their first possible contact with moving geometry.
 #[derive(Clone, Debug)]
 struct Settled {
-    /// Powers of the lights when the paths were traced: they determine the light that each photon starts from.
+    /// Powers of the lights when the paths were traced. They determine the light at which each photon starts.
     powers: Vec<Vec3>,
     /// Flux of the segments that moving geometry cannot change.
     sums: Sums,
-    /// Segments from which this rank continues paths in every frame.
+    /// Photons that this rank traces in every frame, completely or from a segment.
     others: Vec<Other>,
 }
 
-/// A photon that moving geometry may affect.
+/// Photon that moving geometry may affect.
 #[derive(Clone, Copy, Debug)]
 enum Other {
-    /// The whole path, because its light moves.
+    /// The whole path of the photon with this index, because its light moves.
     Whole(u32),
-    /// The path from the first segment that moving geometry may block.
+    /// The path from the first segment that moving geometry may affect.
     From(Leg),
 }
 
@@ -93,7 +94,7 @@ impl Other {
     }
 }
 
-/// Number of photons that a thread takes at a time. Each surfel then gets several, which makes distribution efficient.
+/// Number of photons per thread task. Each surfel then receives several photons, which makes distribution efficient.
 const BATCH: u64 = 16_384;
 
 /// Returns the owner assignment of the batch of a photon.
@@ -102,7 +103,7 @@ fn turn_of(photon: u64) -> Turn {
 }
 
 impl Photons {
-    /// Returns a tracer of `count` photons per frame (at most 2³²), with random numbers derived from `seed`.
+    /// Returns a tracer of `count` photons per frame (at most 2³²), with random numbers that depend on `seed`.
     #[must_use]
     pub fn new(count: u64, seed: u64) -> Self {
         Self {
@@ -116,33 +117,32 @@ impl Photons {
         }
     }
 
-    /// Limits paths to `bounces` reflections; the default is 1024.
+    /// Limits paths to `bounces` reflections. The default is 1024.
     #[must_use]
     pub fn with_bounces(self, bounces: usize) -> Self {
         Self { bounces: bounces.min(LONGEST_PATH), ..self }
     }
 
-    /// Sets the `guide` for emission; without one, photons start in proportion to power.
+    /// Sets the `guide` for emission. Without a guide, photons start in proportion to power.
     #[must_use]
     pub fn with_guide(self, guide: Option<Guide>) -> Self {
         Self { guide: guide.map(Arc::new), ..self }
     }
 
-    /// Traces photons only in the first frame until they enter `swept`, the space that moving geometry passes through.
+    /// Traces photons only in the first frame until they enter `swept`, the space through which moving geometry passes.
     /// Later frames must have the same anchors, and moving geometry must not leave that space.
     #[must_use]
     pub fn with_swept_volume(self, swept: SweptVolume) -> Self {
         Self { swept: Some(swept), ..self }
     }
 
-    /// Shares the photons among `ranks`: of R ranks, rank b mod R traces batch b.
+    /// Distributes the photons among `ranks`. Of R ranks, rank b mod R traces batch b.
     #[must_use]
     pub fn with_ranks(self, ranks: Arc<dyn Ranks>) -> Self {
         Self { ranks, ..self }
     }
 
-    /// Traces one frame. The result is bit-identical for any number of threads and ranks, and with or without reused
-    /// paths.
+    /// Traces one frame. The result is bit-identical for any number of threads and ranks, with or without reused paths.
     pub fn trace(
         &mut self,
         PosedScene { accelerator, surfaces }: PosedScene,
@@ -153,12 +153,12 @@ impl Photons {
         Timed::of(|busy| {
             let dynamic = anchors.surfels.dynamic_in_world(surfaces);
             let surfels = [&anchors.surfels.fixed, &dynamic];
-            // Without emitters there is no flux.
+            // Return no flux if the scene has no emitters.
             let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
             let Some(source) = source else {
                 return Sums::new(surfels).anchor_flux(Quantum::default(), anchors, surfels, Moved::default());
             };
-            // Scene and settings are common to all photons of the frame.
+            // Collect the scene and settings that all photons of the frame share.
             let starts = Starts::new(&source, self.guide.clone());
             let walk = Walk {
                 accelerator,
@@ -166,15 +166,14 @@ impl Photons {
                 source: &source,
                 starts: &starts,
                 moving: surfaces.moving().clone(),
-                // Textures are averaged over an anchor's area, because anchors represent the mean of their
-                // neighborhood.
+                // Average textures over an anchor's area, because anchors represent the mean of their neighborhood.
                 footprint: anchors.area_share.sqrt(),
                 epsilon: units.epsilon,
                 count: self.count,
                 seed: self.seed,
                 bounces: self.bounces,
             };
-            // Trace the photons; their flux at surfels determines the flux of the anchors.
+            // Trace the photons. Their flux at surfels determines the flux of the anchors.
             let quantum = Quantum::of(source.powers());
             let ranks = self.ranks.clone();
             let emission = FrameEmission { walk, quantum, surfels, busy, ranks: &*ranks };
@@ -187,16 +186,16 @@ impl Photons {
     /// Returns the flux of all photons of a frame, and the number of photons that this rank traced for it.
     fn sums(&mut self, emission: &FrameEmission) -> (Sums, u64) {
         let powers = emission.walk.source.powers();
-        // With other powers, photons start elsewhere and no previous path is valid.
+        // Reuse previous paths only with unchanged powers: otherwise, photons start at different lights.
         if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == powers) {
             let others = emission.of_all_ranks(|meter| emission.trace_others(&settled.others, meter));
             let sums = others.plus(settled.sums.clone());
             return (sums, settled.others.len() as u64);
         }
-        // Without a swept volume, every frame traces all photons.
+        // Trace all photons in every frame if there is no swept volume.
         let count: u64 = emission.batches().map(|batch| batch.end - batch.start).sum();
         let Some(swept) = &self.swept else { return (emission.of_all_ranks(|meter| emission.trace_all(meter)), count) };
-        // The first reusable frame: paths that moving geometry cannot change are summed separately.
+        // Sum the paths that moving geometry cannot change separately, so that later frames reuse them.
         let swept = &Swept { entered: swept.clone(), near: swept.widened(emission.surfels[0].reach()) };
         let (mut change, mut others) = (emission.no_sums(), Vec::new());
         let stay = emission.of_all_ranks(|meter| {
@@ -211,34 +210,34 @@ impl Photons {
     }
 }
 
-/// The photon emission of one frame.
+/// Photon emission of one frame.
 struct FrameEmission<'a> {
     walk: Walk<'a>,
     quantum: Quantum,
-    /// The fixed surfels, and the dynamic ones at the pose of the frame.
+    /// Fixed surfels, and dynamic surfels at the pose of the frame.
     surfels: [&'a SurfelMap; 2],
     busy: &'a Busy,
     ranks: &'a dyn Ranks,
 }
 
-/// The space in which moving geometry affects photons.
+/// Space in which moving geometry affects photons.
 struct Swept {
     /// Cells that moving geometry enters.
     entered: SweptVolume,
-    /// Cells close enough that surfels receive energy across moving geometry.
+    /// Cells so close that surfels receive energy across moving geometry.
     near: SweptVolume,
 }
 
-/// Flux of whole paths, separated by whether moving geometry may change it.
+/// Flux of whole paths, split by whether moving geometry may change it.
 struct Parted {
     stay: Sums,
     change: Sums,
-    /// Segments from which `change` was traced.
+    /// Photons, completely or from a segment, that contribute to `change`.
     others: Vec<Other>,
 }
 
 impl Parted {
-    /// Returns the sum of both.
+    /// Returns the sum of `self` and `other`.
     fn plus(self, other: Self) -> Self {
         Self {
             stay: self.stay.plus(other.stay),
@@ -262,7 +261,7 @@ impl FrameEmission<'_> {
         of_this_rank.map(move |begin| begin..(begin + BATCH).min(count))
     }
 
-    /// Sums the results of all ranks.
+    /// Returns the sum of the results of all ranks.
     fn of_all_ranks(&self, trace: impl FnOnce(&Meter) -> Sums) -> Sums {
         sum_of_all(self.ranks, trace, Sums::plus)
     }
@@ -324,7 +323,7 @@ impl FrameEmission<'_> {
         fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
     }
 
-    /// Traces every photon, and splits its path where it first enters `swept`.
+    /// Traces every photon, and splits its path where the path first enters `swept`.
     fn trace_apart(&self, swept: &Swept, meter: &Meter) -> Parted {
         let nothing = || Parted { stay: self.no_sums(), change: self.no_sums(), others: Vec::new() };
         let fold = self.batches().fold(nothing, |mut parted, batch| {

@@ -1,4 +1,4 @@
-//! The space that moving geometry passes through, as a grid of cells.
+//! Space through which moving geometry passes, as a grid of cells.
 
 use crate::Units;
 use crate::scene::Scene;
@@ -7,24 +7,24 @@ use glam::{BVec3A, Vec3, Vec3A};
 /// Number of cells along each axis.
 const SIDE: i32 = 64;
 
-/// A grid of cells over the scene; each cell is marked if moving geometry enters it.
+/// Grid of cells over the scene. A cell is marked if moving geometry enters it.
 #[derive(Clone, Debug)]
 pub struct SweptVolume {
     low: Vec3A,
-    /// Cells per meter.
+    /// Number of cells per meter.
     density: f32,
-    /// One bit per cell in x, one word per (y, z).
+    /// Mask of marked cells: one bit per cell in x, and one word per (y, z).
     rows: Vec<u64>,
 }
 
 impl SweptVolume {
-    /// Length of a segment without an end: finite, but longer than any scene \[m\].
+    /// Length of a segment without an end \[m\]. It is finite, but longer than any scene.
     pub(crate) const FAR: f32 = 1e16;
 
-    /// Returns an empty grid over the scene with the bounds in `units`.
+    /// Returns an empty grid over the bounds of the scene in `units`.
     #[must_use]
     pub fn new(units: &Units) -> Self {
-        // The grid is slightly larger than the scene, so that moving geometry never touches its border.
+        // Make the grid slightly larger than the scene, so that moving geometry never touches the border of the grid.
         let side = 2.02 * units.radius;
         Self {
             low: units.center - Vec3A::splat(side / 2.0),
@@ -33,10 +33,10 @@ impl SweptVolume {
         }
     }
 
-    /// Returns the space that the moving instances of `scene` pass through at `times` \[s\].
+    /// Returns the space through which the moving instances of `scene` pass at `times` \[s\].
     pub fn of(scene: &Scene, units: &Units, times: impl IntoIterator<Item = f32>) -> Self {
         let mut swept = Self::new(units);
-        // Rigid shapes have the bounds of their mesh.
+        // Use the bounds of the mesh for rigid shapes.
         let around = |positions: &[Vec3]| {
             let empty = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
             positions.iter().fold(empty, |[low, high], &p| [low.min(p.into()), high.max(p.into())])
@@ -46,7 +46,7 @@ impl SweptVolume {
             .filter(|(_, moves)| *moves)
             .map(|(index, _)| (index, around(&scene.meshes[scene.instances[index].mesh].positions)))
             .collect();
-        // At each time, mark the world-space box of each moving shape.
+        // Mark the world-space box of each moving shape at each time.
         for time in times {
             let pose = scene.pose(time);
             for &(index, at_rest) in &moving {
@@ -66,7 +66,7 @@ impl SweptVolume {
 
     /// Marks the cells that the box from `low` to `high` touches.
     pub fn add(&mut self, low: Vec3A, high: Vec3A) {
-        // The box is enlarged by a thousandth of a cell, so that rounding cannot exclude cells.
+        // Enlarge the box by a thousandth of a cell, so that rounding cannot exclude cells.
         let first = self.cell((low - self.low) * self.density - 1e-3);
         let last = self.cell((high - self.low) * self.density + 1e-3);
         let bits = (u64::MAX << first[0]) & (u64::MAX >> (SIDE - 1 - last[0]));
@@ -77,7 +77,7 @@ impl SweptVolume {
         }
     }
 
-    /// Returns the space enlarged by at least `margin` meters: whole cells are added along each axis.
+    /// Returns the space enlarged by at least `margin` meters. Whole cells are added along each axis.
     #[must_use]
     pub fn widened(&self, margin: f32) -> Self {
         let cells = ((margin * self.density).ceil().max(0.0) as i32).min(SIDE);
@@ -87,7 +87,7 @@ impl SweptVolume {
                 *wide |= row.checked_shl(step as u32).unwrap_or(0) | row.checked_shr(step as u32).unwrap_or(0);
             }
         }
-        // A word is a row in x; combine neighboring words in y, then in z.
+        // Combine adjacent words in y, then in z. A word is a row in x.
         let beside = |from: &[u64], to: &mut [u64], stride: i32| {
             for place in 0..SIDE * SIDE {
                 let at = place / stride % SIDE;
@@ -101,7 +101,7 @@ impl SweptVolume {
         Self { rows, ..*self }
     }
 
-    /// Returns the fraction of marked cells.
+    /// Returns the fraction of cells that are marked.
     #[must_use]
     pub fn share(&self) -> f32 {
         self.rows.iter().map(|row| row.count_ones()).sum::<u32>() as f32 / (SIDE * SIDE * SIDE) as f32
@@ -115,26 +115,27 @@ impl SweptVolume {
     pub(crate) fn is_entered(&self, from: Vec3A, to: Vec3A) -> bool {
         let (from, way) = ((from - self.low) * self.density, (to - from) * self.density);
         let inverse = way.recip();
-        // Clip the segment to the grid by slabs; min and max ignore NaN (0 · ∞).
+        // Clip the segment to the grid by slabs. The functions min and max ignore NaN (0 · ∞).
         let (a, b) = (-from * inverse, (Vec3A::splat(SIDE as f32) - from) * inverse);
         let enter = a.min(b).max_element().max(0.0);
         let leave = a.max(b).min_element().min(1.0);
         if enter > leave {
             return false;
         }
-        // Step from cell to cell, beginning with the first one inside of the grid.
+        // Step from cell to cell, starting at the first cell in the grid.
         let start = from + way * enter;
         let mut cell = self.cell(start);
         let last = self.cell(from + way * leave);
         let step = way.to_array().map(|x| if x > 0.0 { 1 } else { -1 });
         let length = inverse.abs().to_array();
-        // Position where the segment crosses the next border on each axis: infinite if it runs parallel to the border.
+        // Compute where the segment crosses the next border on each axis. The value is infinite for an axis
+        // perpendicular to the segment.
         let along = way.to_array();
         let mut next: [f32; 3] = std::array::from_fn(|axis| {
             let border = (cell[axis] + i32::from(step[axis] > 0)) as f32;
             if along[axis] == 0.0 { f32::INFINITY } else { (border - from[axis]) * inverse[axis] }
         });
-        // A segment crosses at most as many cells as the three axes have together.
+        // Limit the number of steps: a segment crosses at most as many cells as the three axes have together.
         for _ in 0..3 * SIDE {
             if self.rows[(cell[2] * SIDE + cell[1]) as usize] >> cell[0] & 1 == 1 {
                 return true;
@@ -172,7 +173,7 @@ mod tests {
         Units { center: Vec3A::new(5.0, -3.0, 2.0), radius: 4.0, epsilon: 1e-4 }
     }
 
-    /// A segment through a box enters the cells of that box, from any direction.
+    /// A segment through a box enters the cells of this box from any direction.
     #[test]
     fn no_segment_through_a_box_is_missed() {
         let u = |a, b| hash_unit(5, a, b);

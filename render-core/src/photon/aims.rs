@@ -1,12 +1,12 @@
-//! Guided reflection: photons far from the visible region are aimed at it.
+//! Guided reflection: photons far from the visible region aim at it.
 //!
-//! Photons reflected by the ground outside a room rarely hit its window, and each that does has the flux of thousands.
-//! Camera paths find this connection from the other end. Light of an edge x → y of such a path travels from y to x, so
-//! photons at y aim at x:
+//! Photons reflected by the ground outside a room rarely hit its window, and each photon that hits it has the flux of
+//! thousands. Camera paths find this connection from the other end. Light along an edge x → y of a camera path travels
+//! from y to x, so photons at y aim at x:
 //!
 //! ```text
-//! p(ω) = ½ cos θ / π + ½ / Ω    within the cone Ω around a ball: most x of the edges whose y are close by lie in it
-//! p(ω) = ½ cos θ / π            beyond it
+//! p(ω) = ½ cos θ / π + ½ / Ω    within the cone Ω around a ball that contains most x of the edges with nearby y
+//! p(ω) = ½ cos θ / π            outside the cone
 //! ```
 //! The weight of a photon is the ratio of a cosine lobe to this density, `cos θ / π / p(ω)` ≤ 2. The expected light is
 //! unchanged.
@@ -17,14 +17,14 @@ use std::f32::consts::{PI, TAU};
 
 /// Maximum number of edges in a leaf.
 const LEAF: usize = 24;
-/// Radius of the ball in standard deviations of its positions.
+/// Radius of a ball, in standard deviations of the positions in it.
 const DEVIATIONS: f32 = 1.5;
-/// Minimum distance of a ball that is aimed at, in radii: a cosine lobe often hits nearer balls.
+/// Minimum distance of a target ball, in radii of the ball. A cosine lobe often hits nearer balls.
 const FAR: f32 = 2.0;
-/// Fraction of the photons that aim.
+/// Fraction of the photons that aim at a ball.
 const AIMED: f32 = 0.5;
 
-/// An edge of a camera path, in the direction of light.
+/// Edge of a camera path, in the direction of light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     /// Point y, where a photon is reflected.
@@ -35,19 +35,19 @@ pub(super) struct Edge {
     pub light: f64,
 }
 
-/// Balls to aim at, in a k-d tree over the start points of edges.
+/// Balls that photons aim at, in a k-d tree over the start points of edges.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Aims(Vec<AimNode>);
 
 #[derive(Clone, Debug)]
 enum AimNode {
-    /// Split at `at` along `axis`: the lower half is the next node.
+    /// Split at coordinate `at` along `axis`. The lower half is the next node; `upper` is the index of the upper half.
     Halves { axis: usize, at: f32, upper: u32 },
-    /// The ball to aim at.
+    /// Ball that photons aim at.
     Leaf { center: Vec3A, radius: f32 },
 }
 
-/// A cone of directions to aim into.
+/// Cone of directions that photons aim into.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AimCone {
     axis: Vec3A,
@@ -56,7 +56,7 @@ pub(super) struct AimCone {
 }
 
 impl Aims {
-    /// Builds the tree from these edges.
+    /// Builds the tree from the `edges`.
     pub fn new(mut edges: Vec<Edge>) -> Self {
         let mut aims = Self::default();
         if !edges.is_empty() {
@@ -65,7 +65,7 @@ impl Aims {
         aims
     }
 
-    /// Adds the node of these edges and all its descendants.
+    /// Adds the node of the `edges` and all its descendants.
     fn add(&mut self, edges: &mut [Edge]) {
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for edge in edges.iter() {
@@ -73,7 +73,7 @@ impl Aims {
         }
         let extent = (high - low).to_array();
         let axis = (1..3).fold(0, |widest, axis| if extent[axis] > extent[widest] { axis } else { widest });
-        // Stop at small sets, and at sets with a single start point.
+        // Stop at small sets and at sets with a single start point.
         if edges.len() <= LEAF || extent[axis] <= 0.0 {
             return self.0.push(ball(edges));
         }
@@ -88,7 +88,7 @@ impl Aims {
         self.add(upper);
     }
 
-    /// Returns the cone that photons at `place` aim into; `None` if a cosine lobe suffices.
+    /// Returns the cone that photons at `place` aim into, or `None` if a cosine lobe suffices.
     pub fn cone(&self, place: Vec3A) -> Option<AimCone> {
         let mut number = 0;
         loop {
@@ -102,7 +102,7 @@ impl Aims {
     }
 }
 
-/// Returns the mean and spread of the end points of `edges`, weighted by light.
+/// Returns the ball around the end points of `edges`, from their mean and spread weighted by light.
 fn ball(edges: &[Edge]) -> AimNode {
     let light: f64 = edges.iter().map(|edge| edge.light).sum();
     let mut center = Vec3A::ZERO;
@@ -117,16 +117,17 @@ fn ball(edges: &[Edge]) -> AimNode {
 }
 
 impl AimCone {
-    /// Returns the cone around a ball with its center at the end of `way`; `None` for a near ball.
+    /// Returns the cone around a ball with its center at the end of `way`, or `None` for a near ball.
     fn around(way: Vec3A, radius: f32) -> Option<Self> {
         let distance = way.length();
         let is_far = distance.is_finite() && radius > 0.0 && distance > FAR * radius;
-        // sin θ = radius / distance;  1 − cos θ = sin² θ / (1 + cos θ), which does not round to 0.
+        // Compute sin θ = radius / distance and 1 − cos θ = sin² θ / (1 + cos θ), which does not round to 0.
         let sine2 = (radius / distance).powi(2);
         is_far.then(|| Self { axis: way / distance, height: sine2 / (1.0 + (1.0 - sine2).sqrt()) })
     }
 
-    /// Draws a direction for a photon that leaves along `normal`, and its weight, from numbers in 0…1.
+    /// Draws the direction and the weight of a photon that leaves along `normal`. `which` and `point` are numbers in
+    /// 0…1.
     pub fn draw(&self, normal: Vec3, which: f32, point: Vec2) -> (Vec3, f32) {
         let is_aimed = which < AIMED;
         let direction = if is_aimed { self.within(point) } else { cosine_hemisphere(normal, point) };
@@ -152,7 +153,7 @@ mod tests {
     use super::*;
     use crate::sampling::hash_unit;
 
-    /// Returns edges from a ground of 100 m to a room of 2 m in its middle.
+    /// Returns the aims for edges from a ground of 100 m to a room of 2 m in its middle.
     fn aims() -> Aims {
         let edge = |k| {
             let u = |d| hash_unit(1, k, d) * 2.0 - 1.0;
@@ -162,8 +163,8 @@ mod tests {
         Aims::new((0..5000).map(edge).collect())
     }
 
-    /// Tests moments over a cosine lobe: ∫ cos θ / π dω = 1, of the direction's height 2/3, of its square 1/2. The
-    /// moments do not depend on the aim, for any target, even below the horizon.
+    /// Tests moments over a cosine lobe: ∫ cos θ / π dω = 1; the mean of the direction's height is 2/3, and of its
+    /// square 1/2. The moments do not depend on the aim, for any target, even below the horizon.
     #[test]
     fn aim_leaves_the_mean_as_it_is() {
         let normal = Vec3::Y;
@@ -190,7 +191,7 @@ mod tests {
         let aims = aims();
         for place in [Vec3A::new(40.0, 0.0, -30.0), Vec3A::new(-20.0, 0.0, 5.0), Vec3A::X * 1000.0] {
             let cone = aims.cone(place).expect("far enough");
-            // About half of them pass within 4 m of the middle of the room.
+            // Require that about half of the directions pass within 4 m of the middle of the room.
             let passes = |k| {
                 let (direction, _) = cone.draw(Vec3::Y, hash_unit(3, k, 2), Vec2::new(hash_unit(3, k, 0), 0.3));
                 let way = Vec3A::Y - place;

@@ -1,26 +1,26 @@
-//! A density over four numbers in 0…1, fitted to weighted samples: a tree of boxes.
+//! Probability density over the four-dimensional unit cube, fitted to weighted samples: a tree of boxes.
 //!
-//! A box is split where empty space begins. Otherwise it is split at half of its weight, if this makes the density more
-//! uneven than chance would. The density is positive everywhere: empty space keeps a small fraction.
+//! A box is split at the edge of empty space. Otherwise, it is split at its weighted median if that gains more than
+//! chance would. The density is positive everywhere: empty space keeps a small fraction of the weight.
 
 use glam::Vec4;
 
-/// Minimum number of samples in each half of a split box: by chance, their number deviates by a quarter.
+/// Minimum number of samples in each half of a split box. At this number, chance deviations are a quarter.
 const LEAF: usize = 16;
-/// Minimum side of a box that is split.
+/// Minimum side of a box that may be split.
 const NARROW: f32 = 1e-4;
-/// Minimum fraction of a side that is split off as empty.
+/// Minimum fraction of a side that may be split off as empty.
 const LARGE: f32 = 0.25;
-/// Fraction of the weight that empty space gets when it is split off.
+/// Fraction of the weight that empty space keeps when it is split off.
 const EMPTY: f32 = 0.03;
-/// Margin around the samples that counts as occupied, as a fraction of their spread. It is at least twice their mean
-/// distance.
+/// Margin around the samples that counts as occupied, as a fraction of the samples' spread. The margin is at least
+/// twice the mean distance between samples.
 const MARGIN: f32 = 0.1;
-/// Minimum gain of a split. The median of 32 uniformly distributed samples deviates from the middle by chance, with a
+/// Minimum gain of a split. By chance, the median of 32 uniformly distributed samples deviates from the middle, with a
 /// gain of 0.016.
 const LEAST_GAIN: f32 = 0.04;
 
-/// The boxes, which fill the four-dimensional unit cube.
+/// Boxes that fill the four-dimensional unit cube.
 #[derive(Clone, Debug)]
 pub(super) struct Boxes {
     nodes: Vec<BoxNode>,
@@ -28,22 +28,23 @@ pub(super) struct Boxes {
 
 #[derive(Clone, Copy, Debug)]
 enum BoxNode {
-    /// Split at `at` along `axis`. The lower half has the fraction `low` of the weight and the first of the `children`.
+    /// Split at coordinate `at` along `axis`. The lower half has the fraction `low` of the weight, and is the first of
+    /// the `children`.
     Halves { axis: usize, at: f32, low: f32, children: [u32; 2] },
-    /// Density in this box.
+    /// Density in a leaf box.
     Leaf(f32),
 }
 
-/// A box that has no node yet.
+/// Box without a node.
 struct Open {
     samples: Vec<(Vec4, f64)>,
     low: Vec4,
     high: Vec4,
-    /// Fraction of the total weight.
+    /// Fraction of the total weight in the box.
     share: f32,
 }
 
-/// Position where a box is split, and the fraction of its weight below.
+/// Position at which a box is split, and the fraction of the box's weight below it.
 struct Cut {
     axis: usize,
     at: f32,
@@ -51,7 +52,7 @@ struct Cut {
 }
 
 impl Boxes {
-    /// Builds the tree around weighted `samples`; returns `None` for too few samples.
+    /// Builds the tree around weighted `samples`, or returns `None` for too few samples.
     pub fn around(samples: Vec<(Vec4, f64)>) -> Option<Self> {
         if samples.len() < 2 * LEAF {
             return None;
@@ -61,7 +62,7 @@ impl Boxes {
         Some(boxes)
     }
 
-    /// Adds a box and all its descendants; returns its index.
+    /// Adds a box and all its descendants. Returns the index of the box's node.
     fn add(&mut self, open: Open) -> u32 {
         let number = self.nodes.len() as u32;
         let extent = open.high - open.low;
@@ -80,7 +81,7 @@ impl Boxes {
         number
     }
 
-    /// Returns the density at `point`; its mean over the cube is 1.
+    /// Returns the density at `point`. The mean density over the cube is 1.
     #[cfg(test)]
     fn density(&self, point: Vec4) -> f32 {
         let mut number = 0;
@@ -92,8 +93,8 @@ impl Boxes {
         }
     }
 
-    /// Draws a point with this density, and returns the density there. `which` in 0…1 selects the box, `place` the
-    /// point in it.
+    /// Draws a point with this density, and returns the point and its density. `which` in 0…1 selects the box, and
+    /// `place` the point in the box.
     pub fn draw(&self, mut which: f32, place: Vec4) -> (Vec4, f32) {
         let (mut number, mut begin, mut end) = (0, Vec4::ZERO, Vec4::ONE);
         loop {
@@ -111,14 +112,14 @@ impl Boxes {
 }
 
 impl Open {
-    /// Returns the split at the largest empty side, if that is large enough.
+    /// Returns the split at the largest empty side, if this side is large enough.
     fn empty_side(&self) -> Option<Cut> {
         let Self { samples, low, high, .. } = self;
         let (mut least, mut most) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
         for (point, _) in samples {
             (least, most) = (least.min(*point), most.max(*point));
         }
-        // Further samples may lie slightly outside of the box of these.
+        // Extend the box of the samples by a margin, because further samples may lie slightly outside it.
         let margin = ((most - least) * MARGIN.max(2.0 / samples.len() as f32)).max(Vec4::splat(NARROW));
         let (least, most) = (least - margin, most + margin);
         let (mut largest, mut cut) = (LARGE, None);
@@ -136,8 +137,8 @@ impl Open {
         cut
     }
 
-    /// Returns the split that makes the density most uneven:  gain = Σ s ln(s / v) over both halves. s is the fraction
-    /// of the weight and v the fraction of the volume.
+    /// Returns the split that makes the density most uneven. The gain is Σ s ln(s / v) over both halves, where s is the
+    /// fraction of the weight and v is the fraction of the volume.
     fn halves(&self) -> Option<Cut> {
         let Self { samples, low, high, .. } = self;
         let count = samples.len();
@@ -147,7 +148,7 @@ impl Open {
         }
         let (mut most, mut best) = (LEAST_GAIN, None);
         for axis in 0..4 {
-            // About half of the weight lies below the split; each sample is on one side.
+            // Split between samples, with about half of the weight below the split.
             let mut sorted: Vec<(f32, f64)> = samples.iter().map(|(point, weight)| (point[axis], *weight)).collect();
             sorted.sort_by(|(a, _), (b, _)| a.total_cmp(b));
             let (mut below, mut number) = (0.0, 0);
@@ -156,7 +157,7 @@ impl Open {
                 number += 1;
             }
             let at = (sorted[number - 1].0 + sorted[number].0) / 2.0;
-            // Skip splits through equal coordinates, and of narrow or degenerate boxes.
+            // Skip splits at equal coordinates, and splits of narrow or degenerate boxes.
             let (extent, share) = (high[axis] - low[axis], (below / total) as f32);
             let volume = (at - low[axis]) / extent;
             let parts = sorted[number - 1].0 < at && at <= sorted[number].0;
@@ -181,7 +182,7 @@ mod tests {
         Vec4::new(hash_unit(1, key, 0), hash_unit(1, key, 1), hash_unit(1, key, 2), hash_unit(1, key, 3))
     }
 
-    /// Half of the samples are in a corner with a ten-thousandth of the cube's volume.
+    /// Returns boxes for samples of which half are in a corner with a ten-thousandth of the cube's volume.
     fn crowded() -> Boxes {
         let samples = (0..2000).map(|k| (random(k) * if k % 2 == 0 { 1.0 } else { 0.1 }, 1.0));
         Boxes::around(samples.collect()).unwrap()
@@ -190,7 +191,7 @@ mod tests {
     #[test]
     fn densities_sum_to_one_and_are_those_of_the_draws() {
         let boxes = crowded();
-        // ∫ f dx = E[f / p] for points drawn with density p; f = 1, and f = x₀.
+        // Estimate ∫ f dx = E[f / p] from points drawn with density p, for f = 1 and f = x₀.
         let count = 100_000;
         let (mut volume, mut moment) = (0.0, 0.0);
         for k in 0..count {

@@ -1,18 +1,18 @@
 //! Guided emission: photons start where their light reaches the visible region.
 //!
-//! An infinitely distant light shines on a whole scene. If the camera is in a room with a window, few of its photons
-//! enter. A small lamp gets few photons compared with the sky, although it may be the only light of a room. Camera
-//! paths therefore record the light that reaches their vertices:
+//! An infinitely distant light illuminates a whole scene. If the camera is in a room with a window, few photons of this
+//! light enter. A small lamp emits few photons compared with the sky, although it may be the only light in a room.
+//! Camera paths therefore record the light that reaches their vertices:
 //!
 //! ```text
 //! p(ℓ)     = μ P_ℓ / Σ P + (1 − μ) I_ℓ / Σ I          probability of light ℓ
-//! p(u | ℓ) = g_ℓ(u)                                   density of the start of a photon from infinitely far away
-//!   P_ℓ  power          I_ℓ  share of the light that the paths found
-//!   u    the four numbers in 0…1 that its place and its way follow from          g_ℓ  density of the paths' light over u
+//! p(u | ℓ) = g_ℓ(u)                                   density of the start of a photon from a distant light ℓ
+//!   P_ℓ  power          I_ℓ  light from ℓ that the paths found
+//!   u    four numbers in 0…1 that determine the photon's position and direction          g_ℓ  density of the found light over u
 //! ```
 //! The flux of each photon is inversely proportional to p, so the expected light is unchanged. Light is weighted
-//! relative to its region of the picture, so dim corners get photons too. Far from the camera, reflected photons are
-//! aimed (`photon/aims.rs`). One guide serves all frames of a film.
+//! relative to its region of the picture, so that dim corners receive photons too. Photons reflected far from the
+//! camera aim at the visible region (`photon/aims.rs`). One guide serves all frames of a film.
 
 use super::aims::{AimCone, Aims, Edge};
 use super::boxes::Boxes;
@@ -27,22 +27,22 @@ use glam::{Vec2, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// μ: the weight of power in the choice of a light. A light that no path has found keeps at least a fifth of its
+/// μ: weight of power in the selection of a light. A light that no path has found keeps at least a fifth of its
 /// photons.
 const BY_POWER: f64 = 0.2;
-/// Number of paths from the camera, over all moments of a film.
+/// Number of paths from the camera over all moments of a film.
 const PATHS: usize = 8192;
 /// Maximum number of surfaces on a path after the surface visible to the camera.
 const VERTICES: usize = 3;
 /// Number of picture regions along each side.
 const PARTS: usize = 8;
 
-/// Distribution of photon starts in a film, denser where their light reaches the visible region.
+/// Distribution of photon starts in a film. It is denser where light from the starts reaches the visible region.
 #[derive(Clone, Debug)]
 pub struct Guide {
-    /// I_ℓ / Σ I for each light of the [`PhotonSource`]; empty if no light was found.
+    /// I_ℓ / Σ I for each light of the [`PhotonSource`], or empty if no light was found.
     shares: Vec<f64>,
-    /// g_ℓ of the infinitely distant lights, in the same order.
+    /// g_ℓ of each infinitely distant light, in the order of the [`PhotonSource`].
     distant: Vec<Option<Boxes>>,
     aims: Aims,
 }
@@ -59,34 +59,34 @@ pub struct GuideSearch {
     distant: usize,
 }
 
-/// Direct light at a vertex of a path.
+/// Direct light found at a vertex of a path.
 #[derive(Clone, Copy, Debug)]
 struct Found {
-    /// Index of the moment and the region of the picture.
+    /// Joint index of the moment and of the region in the picture.
     part: usize,
     light: usize,
-    /// Start of a photon that brings this light, in 0…1; used for infinitely distant lights.
+    /// Start of a photon that transports this light, in 0…1. Used for infinitely distant lights.
     start: Vec4,
-    /// Luminance received by the camera.
+    /// Luminance that the camera receives from this light.
     light_in_picture: f64,
 }
 
-/// An edge of a path.
+/// Edge of a path.
 #[derive(Clone, Copy, Debug)]
 struct PathEdge {
-    /// Index of the moment and the region of the picture.
+    /// Joint index of the moment and of the region in the picture.
     part: usize,
     edge: Edge,
 }
 
 impl GuideSearch {
-    /// Returns a search over this number of moments, which share the paths.
+    /// Returns a search over this number of `moments`, which share the paths.
     #[must_use]
     pub fn over(moments: usize) -> Self {
         Self { paths: PATHS.div_ceil(moments.max(1)), ..Self::default() }
     }
 
-    /// Traces paths from the camera at one moment, with its lights.
+    /// Traces paths from the camera at one moment, with the lights at this moment.
     pub fn look(&mut self, scene: PosedScene, emitters: &Emitters, view: &View, units: &Units) {
         let moment = self.moments;
         let from_camera = |index: u32| {
@@ -100,10 +100,10 @@ impl GuideSearch {
         self.follow(scene, emitters, units, from_camera);
     }
 
-    /// Traces paths from points all over the static surfaces, for light that may be viewed from anywhere.
+    /// Traces paths from points on all static surfaces, for light that may be viewed from anywhere.
     pub fn look_everywhere(&mut self, scene: PosedScene, emitters: &Emitters, anchors: &Anchors, units: &Units) {
         let from_anchor = |index: u32| {
-            // Consecutive anchors are mostly close together, so runs of them replace the regions.
+            // Use runs of anchors as regions, because consecutive anchors are mostly close together.
             let count = anchors.fixed.len();
             let Anchor { position, normal, .. } = anchors.fixed.get(index as usize * count / PATHS)?;
             let part = index as usize * PARTS * PARTS / PATHS;
@@ -112,7 +112,7 @@ impl GuideSearch {
         self.follow(scene, emitters, units, from_anchor);
     }
 
-    /// Traces the paths of a moment; `depart` returns the region and the first surface of each.
+    /// Traces the paths of a moment. `depart` returns the region and the first surface of each path.
     fn follow(
         &mut self,
         scene: PosedScene,
@@ -135,7 +135,7 @@ impl GuideSearch {
         (self.lights, self.distant) = (source.powers().len(), source.near_lights());
     }
 
-    /// Returns the guide; `None` if it would change nothing.
+    /// Returns the guide, or `None` if it would change nothing.
     #[must_use]
     pub fn finish(mut self) -> Option<Guide> {
         // Weight light relative to its region of the picture.
@@ -147,7 +147,7 @@ impl GuideSearch {
             return None;
         }
 
-        // Fractions of the lights, and start densities of the distant ones.
+        // Compute the fractions of the lights, and the start densities of the distant lights.
         let mut shares = vec![0.0; self.lights];
         self.found.iter().for_each(|found| shares[found.light] += found.light_in_picture / lit);
         let boxes = |light: usize| {
@@ -156,7 +156,7 @@ impl GuideSearch {
         };
         let distant = (self.distant..self.lights).map(boxes).collect();
 
-        // Only edges with light are kept.
+        // Keep only edges with light.
         let mut edges = Vec::new();
         for PathEdge { part, edge } in self.edges {
             if edge.light > 0.0 {
@@ -167,14 +167,14 @@ impl GuideSearch {
     }
 }
 
-/// Light and edges of a path.
+/// Light and edges found by one path.
 #[derive(Default)]
 struct Way {
     found: Vec<Found>,
     edges: Vec<PathEdge>,
 }
 
-/// The start of a path segment at a surface.
+/// Start of a path segment at a surface.
 struct Departure {
     /// Position slightly off the surface.
     origin: Vec3A,
@@ -190,7 +190,7 @@ impl Departure {
     }
 }
 
-/// Camera paths at one moment, traced against the direction of light.
+/// Camera paths at one moment. They are traced against the direction of light.
 struct Paths<'a> {
     scene: PosedScene<'a>,
     source: &'a PhotonSource<'a>,
@@ -199,7 +199,7 @@ struct Paths<'a> {
 }
 
 impl Paths<'_> {
-    /// Traces path `index`; returns its light and edges.
+    /// Traces the path with this `index`. Returns the light and the edges of the path.
     fn follow(&self, index: u32, part: usize, mut from: Departure) -> Way {
         let Way { mut found, mut edges } = Way::default();
         let mut dimension = 0;
@@ -209,7 +209,7 @@ impl Paths<'_> {
         };
         let mut throughput = Vec3::ONE;
         for _ in 0..VERTICES {
-            // The next surface, in a cosine-distributed direction.
+            // Find the next surface in a cosine-distributed direction.
             let direction = Vec3A::from(cosine_hemisphere(from.normal.into(), points()));
             if direction.dot(from.geometric_normal) <= 0.0 {
                 break;
@@ -221,12 +221,12 @@ impl Paths<'_> {
                 break;
             }
 
-            // Light at the new vertex is visible from the previous surface.
+            // Sample the light at the new vertex, which is visible from the previous surface.
             let (to, before) = (from.origin, found.len());
             from = Departure::from(&surface, self.units);
             self.light(&from, throughput, &mut points, &mut found);
 
-            // This light reaches the camera along all edges so far.
+            // Add this light to all edges so far, along which it reaches the camera.
             edges.push(PathEdge { part, edge: Edge { from: from.origin, to, light: 0.0 } });
             let gain: f64 = found[before..].iter().map(|found| found.light_in_picture).sum();
             edges.iter_mut().for_each(|PathEdge { edge, .. }| edge.light += gain);
@@ -235,7 +235,7 @@ impl Paths<'_> {
         Way { found, edges }
     }
 
-    /// Samples direct light at a surface: from one near light, and from all infinitely distant ones.
+    /// Samples direct light at a surface, from one near light and from all infinitely distant lights.
     fn light(&self, at: &Departure, throughput: Vec3, points: &mut impl FnMut() -> Vec2, found: &mut Vec<Found>) {
         let PosedScene { accelerator, surfaces } = self.scene;
         for (light, chance) in self.source.some_lights(points().x) {
@@ -255,7 +255,7 @@ impl Paths<'_> {
 }
 
 impl Guide {
-    /// Returns the weights for choosing lights, given their probabilities by power.
+    /// Returns the weights for selecting lights, from the probabilities of lights by power.
     fn weights(&self, by_power: &Distribution, count: usize) -> Vec<f64> {
         let weight = |light: usize| {
             let power = by_power.probability(light);
@@ -266,11 +266,11 @@ impl Guide {
     }
 }
 
-/// Distribution of lights and starts of photons.
+/// Distribution of the lights and start points of photons.
 pub(super) struct Starts {
     choice: Distribution,
     guide: Option<Arc<Guide>>,
-    /// Number of lights before the first infinitely distant one.
+    /// Number of lights before the first infinitely distant light.
     near: usize,
 }
 
@@ -282,13 +282,13 @@ impl Starts {
         Self { choice: choice.unwrap_or_else(|| by_power.clone()), guide, near: source.near_lights() }
     }
 
-    /// Returns the cone that photons reflected at `place` aim into; `None` if they need not aim.
+    /// Returns the cone that photons reflected at `place` aim into, or `None` if they need not aim.
     #[inline]
     pub fn cone(&self, place: Vec3A) -> Option<AimCone> {
         self.guide.as_ref()?.aims.cone(place)
     }
 
-    /// Draws a start from numbers in 0…1.
+    /// Draws a photon start from numbers in 0…1.
     pub fn draw(&self, which: f64, place: Vec2, way: Vec2) -> Start {
         let Pick { index: light, probability, rest } = self.choice.pick(which);
         let boxes = self

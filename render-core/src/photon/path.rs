@@ -1,4 +1,4 @@
-//! Path of one photon: emission, reflections with Russian roulette, end.
+//! Path of one photon: emission, reflections with Russian roulette, and end.
 
 use super::guide::Starts;
 use crate::accel::Accelerator;
@@ -15,21 +15,21 @@ use std::sync::Arc;
 /// Maximum number of reflections. Roulette normally ends paths much earlier, but in a box of perfect walls all paths
 /// have this length. The neglected light is 3·10⁻⁵ of all light at a reflectance of 0.99, and 0.6 % at 0.995.
 pub(super) const LONGEST_PATH: usize = 1024;
-/// Random dimensions per bounce: direction (2) and roulette (1).
+/// Number of random dimensions per bounce: two for the direction and one for the roulette.
 const BOUNCE_DIMENSIONS: usize = 3;
-/// Maximum number of aimed reflections per photon: each may double its flux.
+/// Maximum number of aimed reflections per photon. Each may double the photon's flux.
 const MOST_AIMS: usize = 2;
-/// Maximum number of directions drawn from a coat until one leaves the surface.
+/// Maximum number of directions drawn from a coat until a direction leaves the surface.
 const MOST_DRAWS: u64 = 8;
 
-/// Scene, source and settings of the photon paths of one frame.
+/// Scene, source and settings for the photon paths of one frame.
 pub(super) struct Walk<'a> {
     pub accelerator: &'a Accelerator,
     pub surfaces: &'a Surfaces<'a>,
     pub source: &'a PhotonSource<'a>,
-    /// Distribution of lights and starts.
+    /// Distribution of the lights and start points of photons.
     pub starts: &'a Starts,
-    /// For each instance, whether it moves.
+    /// Whether each instance moves, by instance.
     pub moving: Arc<[bool]>,
     /// Width over which textures are averaged \[m\].
     pub footprint: f32,
@@ -40,7 +40,7 @@ pub(super) struct Walk<'a> {
     pub bounces: usize,
 }
 
-/// A reflection of a photon.
+/// Reflection of a photon.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reflection {
     pub position: Vec3A,
@@ -49,57 +49,57 @@ pub(super) struct Reflection {
     pub flux: Vec3,
     /// Index of the reflecting instance.
     pub instance: u32,
-    /// Whether that instance moves.
+    /// Whether the reflecting instance moves.
     pub on_moving: bool,
     /// Distance from the previous reflection, or from the light \[m\].
     came: f32,
 }
 
 impl Reflection {
-    /// Returns the spot where its energy is distributed.
+    /// Returns the spot at which the energy of the reflection is distributed.
     pub fn spot(&self) -> Spot {
         let Self { position, normal, instance, on_moving, came, .. } = *self;
         Spot { position, normal, instance, only_own: on_moving, came: Some(came) }
     }
 }
 
-/// The start of a path segment, which determines the rest of the path. Many are kept, so it is small.
+/// Start of a path segment, which determines the rest of the path. Many are stored, so the type is small.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     index: u32,
-    /// Number of reflections before it.
+    /// Number of preceding reflections.
     bounce: u16,
-    /// Whether it starts at an infinitely distant light.
+    /// Whether the segment starts at an infinitely distant light.
     distant: bool,
     origin: Vec3,
     direction: Vec3,
-    /// Flux \[W\].
+    /// Flux along the segment \[W\].
     flux: Vec3,
 }
 
 impl Leg {
-    /// Returns the index of the photon.
+    /// Returns the index of the segment's photon.
     pub fn photon(&self) -> u32 {
         self.index
     }
 }
 
-/// A photon path, or the rest of one; reused for the next photon to keep its memory.
+/// Photon path, or the rest of a path. The value is reused for the next photon to keep its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Path {
-    /// Flux emitted by its light \[W\]; zero for the rest of a path.
+    /// Flux emitted by the light \[W\], or zero for the rest of a path.
     pub emitted: Vec3,
     pub reflections: Vec<Reflection>,
     /// Flux that left the scene or ended on the back of a surface \[W\].
     pub lost: Vec3,
-    /// Whether it starts at a moving light.
+    /// Whether the path starts at a moving light.
     pub from_moving: bool,
-    /// End of the last segment, if it continues beyond the last reflection.
+    /// End of the last segment, if the path continues beyond the last reflection.
     end: Option<Vec3A>,
 }
 
 impl Walk<'_> {
-    /// Traces photon `index` to its end; calls `each` with the start of each segment.
+    /// Traces the photon with this `index` to its end. Calls `each` with the start of each segment.
     pub fn follow(&self, index: u32, path: &mut Path, each: impl FnMut(Leg)) {
         let u = |dimension| halton(self.seed, index.into(), dimension);
         let start = self.starts.draw(f64::from(u(0)), Vec2::new(u(1), u(2)), Vec2::new(u(3), u(4)));
@@ -110,7 +110,7 @@ impl Walk<'_> {
         (path.emitted, path.from_moving) = (flux, from_moving);
     }
 
-    /// Traces a photon from the start of a segment.
+    /// Traces a photon from the start of a segment to its end. Calls `each` with the start of each further segment.
     pub fn follow_from(&self, mut leg: Leg, path: &mut Path, mut each: impl FnMut(Leg)) {
         path.reflections.clear();
         *path = Path { reflections: std::mem::take(&mut path.reflections), ..Path::default() };
@@ -118,7 +118,7 @@ impl Walk<'_> {
         for bounce in usize::from(leg.bounce)..self.bounces {
             each(leg);
             let (origin, direction, flux) = (Vec3A::from(leg.origin), Vec3A::from(leg.direction), leg.flux);
-            // A photon that leaves the scene or hits a back side is lost.
+            // End the path of a photon that leaves the scene or hits a back side. Its flux is lost.
             let Some(hit) = self.accelerator.closest(origin, direction) else {
                 path.lost = flux;
                 path.end = Some(origin + direction * SweptVolume::FAR);
@@ -130,7 +130,7 @@ impl Walk<'_> {
                 path.end = Some(surface.position);
                 return;
             }
-            // The albedo of a coat depends on the direction.
+            // Compute the albedo of a coat for this direction, because it depends on the direction.
             let coat = surface.coat();
             let albedo = match &coat {
                 Some((bsdf, normal)) => bsdf.directional_albedo(-direction.dot(*normal)),
@@ -146,17 +146,18 @@ impl Walk<'_> {
                 came: if leg.distant { f32::INFINITY } else { hit.distance },
             });
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
-            // Survival by the reflectance keeps the energy of photons constant. With a lower probability, long-lived
-            // photons would grow and a few would outshine all others: above √0.95, their variance is unbounded.
+            // Use the reflectance as survival probability, which keeps the energy of photons constant. With a lower
+            // probability, long-lived photons would grow and a few would outshine all others. Above √0.95, the variance
+            // of their energy is unbounded.
             let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 1.0);
-            // A photon without energy gives 0/0.
+            // End photons without energy, for which the survival probability is 0/0.
             if survival.is_nan() || u(2) >= survival {
                 return;
             }
-            // The next direction follows the lobes of a coat, or a cosine lobe that may be aimed.
+            // Draw the next direction from the lobes of a coat, or from a cosine lobe that may be aimed.
             let point = Vec2::new(u(0), u(1));
             let (direction, weight) = match coat {
-                // For surviving photons, u(2) / survival is uniform in 0…1.
+                // Reuse u(2) / survival, which is uniform in 0…1 for surviving photons.
                 Some((bsdf, normal)) => {
                     let again = |k| hash_unit(self.seed, index, (bounce as u64) << 32 | k);
                     leave(bsdf, normal, direction, u(2) / survival, |k| match k {
@@ -176,7 +177,7 @@ impl Walk<'_> {
                     }
                 }
             };
-            // Shading normals can send photons into the surface, where they end.
+            // End photons that shading normals send into the surface.
             if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;
             }
@@ -192,14 +193,14 @@ impl Walk<'_> {
     }
 }
 
-/// Draws the direction in which a photon from `direction` leaves a coat or the base below it, and its weight:
+/// Draws the direction in which a photon from `direction` leaves a coat or the base below it, and the photon's weight:
 ///
 /// ```text
-/// C/p  by the coat, with chance p        B/(1 − p)  by the base          p = Y(C) / Y(C + B)
-///   C, B  albedo of the coat's single scattering and of all else for light from there      Y  luminance
+/// C/p  if the coat reflects, with probability p        B/(1 − p)  if the base reflects          p = Y(C) / Y(C + B)
+///   C, B  albedo of the coat's single scattering, and of all other reflection, for this direction      Y  luminance
 /// ```
-/// Both weights have the luminance of the total albedo, so photons keep their energy. Weights by direction, F·G₂/G₁
-/// over its mean, would make a few photons outshine all others.
+/// Both weights have the luminance of the total albedo, so photons keep their energy. With weights by direction
+/// (F·G₂/G₁ over its mean), a few photons would outshine all others.
 fn leave(bsdf: Bsdf, normal: Vec3A, direction: Vec3A, choice: f32, point: impl Fn(u64) -> Vec2) -> (Vec3, Vec3) {
     let normal = Vec3::from(normal);
     let (x, y) = frame(normal);
@@ -217,7 +218,8 @@ fn leave(bsdf: Bsdf, normal: Vec3A, direction: Vec3A, choice: f32, point: impl F
 
 impl Path {
     /// Returns the index of the first segment that moving geometry may ever block or affect. `legs` are the starts of
-    /// the segments. Reflections within the `near` space count too, because moving geometry may hide their surfels.
+    /// the segments. Reflections within the `near` space are also affected, because moving geometry may hide their
+    /// surfels.
     pub fn first_met(&self, legs: &[Leg], swept: &SweptVolume, near: &SweptVolume) -> Option<usize> {
         let ends = self.reflections.iter().map(|reflection| reflection.position).chain(self.end);
         let meets = |(leg, end): (&Leg, Vec3A)| swept.is_entered(leg.origin.into(), end);
@@ -227,7 +229,7 @@ impl Path {
         entered.into_iter().chain(beside).min()
     }
 
-    /// Splits the path at a segment. The start stays here, and the rest is returned.
+    /// Splits the path at a segment. The start of the path remains in `self`, and the rest is returned.
     pub fn split_off(&mut self, segment: usize) -> Path {
         let reflections = self.reflections.split_off(segment);
         Path { reflections, lost: std::mem::take(&mut self.lost), end: self.end.take(), ..Path::default() }

@@ -1,4 +1,4 @@
-//! Flux in integer quanta, so that sums are independent of their order.
+//! Flux in integer quanta, which makes sums independent of their order.
 
 use super::AnchorFlux;
 use super::path::Path;
@@ -7,8 +7,8 @@ use crate::ranks::Portable;
 use glam::{DVec3, Vec3};
 use ranks::portable;
 
-/// Number of quanta in the power of all lights together. 2⁴⁸ leave room for sums of 2¹⁵ times as much. One of a million
-/// photons has 2²⁸ quanta, a finer resolution than `f32`.
+/// Number of quanta in the total power of all lights. With 2⁴⁸ quanta, sums may reach 2¹⁵ times this power. One of a
+/// million photons has 2²⁸ quanta, a finer resolution than `f32`.
 const QUANTA: f64 = (1u64 << 48) as f64;
 
 /// Size of a quantum \[W\].
@@ -32,7 +32,7 @@ impl Quantum {
         Quanta::round(self.exactly(flux))
     }
 
-    /// Returns the flux in quanta, not rounded.
+    /// Returns the flux in quanta, without rounding.
     fn exactly(self, flux: Vec3) -> DVec3 {
         flux.as_dvec3() / self.0
     }
@@ -42,7 +42,7 @@ impl Quantum {
     }
 }
 
-/// Quanta of red, green and blue.
+/// Flux of red, green and blue, in quanta.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Quanta([i64; 3]);
 
@@ -57,7 +57,7 @@ impl Portable for Quanta {
 }
 
 impl Quanta {
-    /// Rounds toward zero; saturates, and converts NaN to 0.
+    /// Rounds toward zero, saturates, and converts NaN to 0.
     fn round(exactly: DVec3) -> Self {
         Self(exactly.to_array().map(|count| count as i64))
     }
@@ -83,22 +83,22 @@ pub(super) struct Sums {
 
 portable!(Sums { held, emitted, reflected, lost });
 
-/// Surfels that receive the energy of photons: static and dynamic.
+/// Static and dynamic surfels that receive the energy of photons.
 pub(super) struct Receivers<'a> {
     pub surfels: [&'a SurfelMap; 2],
-    /// Visibility for the static surfels; dynamic surfels receive energy without tests.
+    /// Visibility tests for the static surfels. Dynamic surfels receive energy without tests.
     pub sight: Sight<'a>,
 }
 
-/// Flux of photons at surfaces, not distributed yet: at static and at moving surfaces.
+/// Flux of photons at static and at moving surfaces that is not distributed yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Left {
     kinds: [Vec<(Spot, Vec3)>; 2],
     scratch: SplatScratch,
 }
 
-/// Maximum number of reflections kept before they are distributed. A batch of photons in a white room, each reflected
-/// thousands of times, would take gigabytes.
+/// Maximum number of reflections that are stored before distribution. A batch of photons in a white room, each
+/// reflected thousands of times, would need gigabytes.
 const MOST_LEFT: usize = 1 << 18;
 
 impl Sums {
@@ -109,7 +109,7 @@ impl Sums {
     }
 
     /// Adds the flux of the photon of `path`. Its reflections are collected in `left` until [`Sums::settle`], because
-    /// distributing many at a time is faster.
+    /// distributing many reflections at a time is faster.
     pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left, receivers: &Receivers) {
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
@@ -121,7 +121,7 @@ impl Sums {
         }
     }
 
-    /// Distributes the flux in `left` among nearby surfels, and clears it.
+    /// Distributes the flux in `left` among nearby surfels, and clears `left`.
     pub fn settle(&mut self, left: &mut Left, quantum: Quantum, receivers: &Receivers) {
         let Left { kinds, scratch } = left;
         let Receivers { surfels, sight } = receivers;
@@ -136,7 +136,7 @@ impl Sums {
                     held[surfel as usize].add(part);
                     rest.subtract(part);
                 }
-                // The last surfel gets the remainder, including rounding errors, so that no flux is lost.
+                // Assign the remainder, including rounding errors, to the last surfel, so that no flux is lost.
                 held[last as usize].add(rest);
                 self.reflected.add(whole);
             });
@@ -144,7 +144,7 @@ impl Sums {
         }
     }
 
-    /// Returns the sum of both.
+    /// Returns the sum of `self` and `other`.
     pub fn plus(mut self, other: Sums) -> Sums {
         for (mine, theirs) in self.held.iter_mut().zip(&other.held) {
             mine.iter_mut().zip(theirs).for_each(|(sum, part)| sum.add(*part));
@@ -155,7 +155,7 @@ impl Sums {
         self
     }
 
-    /// Converts the sums to watts; the number of traced photons is left at 0.
+    /// Converts the sums to watts. The number of traced photons in the result is 0.
     pub fn anchor_flux(
         &self,
         quantum: Quantum,
