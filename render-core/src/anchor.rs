@@ -85,7 +85,7 @@ pub struct DynamicAnchor {
     pub instance: u32,
     /// Index into the mesh's triangles.
     pub triangle: u32,
-    /// Barycentric weights of the second and the third corner.
+    /// Barycentric weights of the second and third corner.
     pub barycentric: (f32, f32),
     /// Whether the anchor reflects on the front side.
     pub front: bool,
@@ -122,7 +122,7 @@ impl Anchors {
         Self { surfels: Surfels::of(&anchors, surfaces, units), ..anchors }
     }
 
-    /// Distributes anchors as [`Anchors::spread`] does, but places fixed anchors only on exposed static surfaces. There
+    /// Distributes anchors like [`Anchors::spread`], but places fixed anchors only on exposed static surfaces. There
     /// are about `fixed` of them, each with an equal share of the exposed area. Dynamic geometry does not affect
     /// exposure, because the surfaces that it covers now will receive light later.
     #[must_use]
@@ -161,17 +161,17 @@ impl Anchors {
         anchors
     }
 
-    /// Returns no anchors, but the area share of `count` fixed anchors. It bounds the geometry terms of lamps that are
-    /// also virtual lights.
+    /// Returns no anchors, but the area share for `count` fixed anchors. This area share bounds the geometry terms of
+    /// lamps that are also virtual lights.
     #[must_use]
     pub fn none(surfaces: &Surfaces, count: usize) -> Self {
         let area = Patches::of(surfaces, false, &Zones::default()).map_or(0.0, |patches| patches.area());
         Self { area_share: area / count.max(1) as f32, ..Self::default() }
     }
 
-    /// Splits fixed anchors with a `flux` of at least `BRIGHT` (8) times the mean into the surfels that they own. The
-    /// number of lights on a lampshade or a sunlit patch then depends on its brightness; by area alone, it would be one
-    /// or two. The number of anchors grows by at most three eighths.
+    /// Splits fixed anchors with a `flux` of at least `BRIGHT` (8) times the mean into the surfels that they own. A
+    /// lampshade or a sunlit patch then has lights in proportion to its brightness. By area alone, it would have one or
+    /// two. The number of anchors grows by at most three eighths.
     pub fn split_bright(&mut self, flux: &[Vec3]) {
         // Sum in f64: a few bright anchors are added to tens of thousands of dark anchors.
         let total: f64 = flux.iter().map(|&flux| f64::from(luminance(flux))).sum();
@@ -216,15 +216,15 @@ impl Anchors {
     /// Returns the bound s of the geometry term of fixed anchors \[m²\]. The term is `cos θ cos θ_l / (r² + s)` instead
     /// of `cos θ cos θ_l / r²`.
     ///
-    /// The bound is that of a disc of eight area shares with bias compensation ([`crate::FinalGather`]), otherwise of
-    /// one area share.
+    /// The bound belongs to a disc of eight area shares with bias compensation ([`crate::FinalGather`]), otherwise to a
+    /// disc of one area share.
     #[must_use]
     pub fn geometry_term_bound(&self, compensated: bool) -> f32 {
         self.area_share / PI * if compensated { SHARES } else { 1.0 }
     }
 
-    /// Returns the bound of the geometry term of dynamic anchors \[m²\]. It is always that of one area share, because
-    /// few surfaces are near dynamic anchors.
+    /// Returns the bound of the geometry term of dynamic anchors \[m²\]. It always belongs to a disc of one area share,
+    /// because few surfaces are near dynamic anchors.
     #[must_use]
     pub fn dynamic_geometry_term_bound(&self) -> f32 {
         self.dynamic_area_share / PI
@@ -239,9 +239,9 @@ impl Anchors {
     /// Returns the default number of fixed anchors for a scene: 4000 for a box, 40 000 for a building.
     ///
     /// Table 1 of \[Herzog08\] lists 2000 and 9000. The error (FLIP) against converged paths by Mitsuba was measured in
-    /// matte scenes at 256×256. With 40 000 anchors, it falls from 0.17 to 0.15 on Sponza, and from 0.08 to 0.06 on the
-    /// conference room of McGuire's archive. Four times as many lights increase the size of lightcuts by only a seventh
-    /// to a half, because most lights are far away.
+    /// matte scenes at 256×256. With 40 000 anchors, it falls from 0.17 to 0.15 on Sponza. On the conference room of
+    /// McGuire's archive, it falls from 0.08 to 0.06. Four times as many lights make lightcuts only a seventh to a half
+    /// larger, because most lights are far away.
     #[must_use]
     pub fn default_count(scene: &Scene) -> usize {
         let triangles = scene.triangle_count().max(1) as f64;

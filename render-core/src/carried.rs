@@ -35,7 +35,7 @@ const REACH: f32 = 3.0;
 const OFF_PLANE: f32 = 0.1;
 /// Minimum cosine of the angle between the normals of a sample and a pixel: 18°.
 const ALIKE_COSINE: f32 = 0.95;
-/// Minimum cosine of the viewing angle. More oblique surfaces are treated as if at this angle.
+/// Minimum cosine of the viewing angle. More oblique surfaces count as being at this angle.
 const LEAST_COSINE: f32 = 0.05;
 
 /// Irradiance of the surfaces in a picture, and the audit results so far. Each pixel has a sample of 20 bytes.
@@ -234,8 +234,8 @@ impl CarriedLight {
         let slant = to_viewer.dot(normal).abs().max(LEAST_COSINE).recip();
         let (reach, off_plane) = (REACH * width_facing * slant, OFF_PLANE * width_facing);
 
-        // Select the 3×3 samples on this surface, by their positions along it. The other samples bound the brightness
-        // of adjacent light.
+        // Select the 3×3 samples on the surface of `pixel`, by their positions along it. The other samples bound the
+        // brightness of adjacent light.
         let axes = <[Vec3; 2]>::from(frame(normal.into())).map(Vec3A::from);
         let mut near = NearSamples::new(usual);
         for y in row.saturating_sub(1)..(row + 2).min(height) {

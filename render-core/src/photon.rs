@@ -1,7 +1,7 @@
 //! Photon tracing. Photons transport flux from the lights to surfels, which determine the flux of the anchors.
 //!
-//! Every frame uses the same Halton numbers. Where the scene is static, the flux is bit-identical. Elsewhere, it
-//! changes as little as the scene \[Herzog08, 4.1.1\].
+//! Every frame uses the same Halton numbers. Where the scene is static, the flux is bit-identical in all frames.
+//! Elsewhere, it changes as little as the scene \[Herzog08, 4.1.1\].
 //!
 //! Flux is counted in integer quanta, because integer sums do not depend on their order. Results are therefore
 //! independent of threads and of the selection of retraced photons. All paths are traced once, up to the first possible
@@ -195,7 +195,7 @@ impl Photons {
         // Trace all photons in every frame if there is no swept volume.
         let count: u64 = emission.batches().map(|batch| batch.end - batch.start).sum();
         let Some(swept) = &self.swept else { return (emission.of_all_ranks(|meter| emission.trace_all(meter)), count) };
-        // Sum the paths that moving geometry cannot change separately, so that later frames reuse them.
+        // Sum separately the flux that moving geometry cannot change, so that later frames reuse the sums.
         let swept = &Swept { entered: swept.clone(), near: swept.widened(emission.surfels[0].reach()) };
         let (mut change, mut others) = (emission.no_sums(), Vec::new());
         let stay = emission.of_all_ranks(|meter| {

@@ -19,13 +19,14 @@ use glam::{Vec2, Vec3, Vec3A};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Number of cells across the scene: cells are so small that rays rarely share one, and so large that rounding keeps a
-/// point in its cell.
+/// Number of cells across the scene. Cells are so small that two rays rarely share a cell, and so large that rounding
+/// keeps a point in its cell.
 const CELLS: f32 = 131_072.0;
-/// Offset of the cell borders from round coordinates, where flat surfaces often lie, in cells.
+/// Offset of the cell borders from round coordinates, at which flat surfaces often lie \[cells\].
 const OFF_ROUND: f32 = 0.381_966;
 
-/// Rule that determines whether sheets stop the rays of an [`Accelerator`](super::Accelerator).
+/// Rule for sheets, which are surfaces with holes or partial opacity. It determines whether they stop the rays of an
+/// [`Accelerator`](super::Accelerator).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sheets {
     /// Masks stop rays outside their holes; blended surfaces stop them stochastically, in proportion to their opacity.
@@ -40,7 +41,7 @@ pub(crate) struct CutOuts {
     sheets: Vec<Option<(Arc<Sheet>, f32)>>,
 }
 
-/// Opacity of a mesh. Lists are indexed by triangle and may be empty if they are not needed.
+/// Opacity of a mesh. Lists are indexed by triangle. Unused lists are empty.
 #[derive(Clone)]
 struct Sheet {
     /// Index of the material if it is animated, and the texture coordinates before the texture transform.
@@ -48,7 +49,7 @@ struct Sheet {
     alpha: Alpha,
     opacity: f32,
     texture: Option<Texture>,
-    /// For a mask, the fraction of the area outside holes. Used for areas at least two texels wide.
+    /// Fraction of the area outside holes, for masks. Used for areas at least two texels wide.
     far: Option<Texture>,
     coordinates: Vec<[Vec2; 3]>,
     vertex_opacity: Vec<[f32; 3]>,
@@ -169,7 +170,7 @@ impl Sheet {
             Alpha::Mask { cutoff } => cutoff,
             Alpha::Blend => 1.0,
         };
-        // Skip the coordinates of a texture without transparent texels.
+        // Ignore the coordinates of a texture without transparent texels.
         let has_coordinates = |slot: &TextureSlot| !mesh.uvs[slot.uv_set].is_empty();
         let textured = material.base_color_texture.filter(has_coordinates).and_then(|slot| {
             let texture = &scene.textures[slot.texture];
@@ -200,8 +201,8 @@ impl Sheet {
         } else {
             Vec::new()
         };
-        // Build no coverage image if opacity varies by vertex or the cutoff is animated: no image represents the
-        // coverage then.
+        // Build no coverage image if opacity varies by vertex or the cutoff is animated, because no single image
+        // represents the coverage.
         let far = match (&textured, material.alpha) {
             (Some((slot, _)), Alpha::Mask { cutoff })
                 if vertex_opacity.is_empty() && material.opacity > 0.0 && !changes =>
@@ -233,7 +234,8 @@ impl Sheet {
         sheet
     }
 
-    /// Returns the width \[texels\] of the fraction `share` of the parallelogram spanned by two sides of a triangle.
+    /// Returns the width \[texels\] of an area around a point. The area is the fraction `share` of the parallelogram
+    /// spanned by two sides of the triangle.
     fn texels(&self, triangle: usize, share: f32) -> f32 {
         let (Some(texture), Some([a, b, c])) = (&self.texture, self.coordinates.get(triangle)) else { return 0.0 };
         let size = texture.size();
@@ -272,7 +274,7 @@ impl Sheet {
     fn threshold(&self, triangle: usize, [u, v]: [f32; 2], cells: f32) -> f32 {
         let [a, b, c] = self.places[triangle];
         let cell = ((a * (1.0 - u - v) + b * u + c * v) * cells + OFF_ROUND).floor();
-        // Use 21 bits per axis, so the pattern repeats only far outside the scene.
+        // Use 21 bits per axis. The pattern then repeats only far outside the scene.
         let bits = |x: f32| (x as i64 as u64) & 0x1f_ffff;
         hash_unit(0, bits(cell.x) | bits(cell.y) << 21 | bits(cell.z) << 42, 0)
     }

@@ -9,7 +9,7 @@ pub(super) struct Found {
     pub(super) met: Met,
     /// Index into [`Accelerator::groups`].
     pub(super) place: usize,
-    /// Whether the ray hits another triangle within reach of this one.
+    /// Whether the ray hits another triangle within reach of this triangle.
     pub(super) contested: bool,
 }
 

@@ -1,5 +1,5 @@
-//! Bottom-level trees. Static geometry has one tree and each moving mesh has its own. These trees are built once, but
-//! trees of deforming instances are rebuilt each frame.
+//! Bottom-level trees. Static geometry has one tree, and each moving mesh has a separate tree. These trees are built
+//! once. Trees of deforming instances are rebuilt each frame.
 //!
 //! Surfaces with holes have separate trees, so that rays need not test other surfaces for holes. Instances of one mesh
 //! share a tree if they move, or if they are static and have many triangles in total.
@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Build settings for trees that are built once. On Sponza, splitting large triangles reduces the number of visited
-/// leaves by a quarter and of visited nodes by a tenth.
+/// leaves by a quarter and the number of visited nodes by a tenth.
 const QUALITY: BvhBuildParams = BvhBuildParams { pre_split: true, ..BvhBuildParams::medium_build() };
 
 /// Trees and holes of a scene that stay constant during rendering.
@@ -69,9 +69,9 @@ impl Soup {
         }
     }
 
-    /// Builds the tree, or returns `None` if there are no triangles. Drops duplicates of earlier triangles, because
-    /// each ray would test them and never hit them. Keeps duplicates if `cut_outs` exist, because the earlier triangle
-    /// may have a hole, and duplicates with different `sides`.
+    /// Builds the tree, or returns `None` if there are no triangles. Drops triangles that duplicate an earlier
+    /// triangle: rays would test the duplicate but never hit it. Keeps duplicates if `cut_outs` exist, because the
+    /// earlier triangle may have a hole. Also keeps duplicates with different `sides`.
     fn group(mut self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>, sides: &AllSides) -> Option<Arc<Group>> {
         if cut_outs.is_none() {
             let is_copy = copies(&self.triangles, |index| sides.code(self.owners[index].instance));
@@ -84,15 +84,15 @@ impl Soup {
     }
 }
 
-/// Returns, for each triangle, whether it duplicates an earlier one: equal corners in the same order and equal codes of
-/// its sides.
+/// Returns, for each triangle, whether it duplicates an earlier triangle, with equal corners in the same order and with
+/// an equal code of its sides.
 fn copies(triangles: &[Triangle], sides: impl Fn(usize) -> u32) -> Vec<bool> {
     let bits = |index: u32| {
         let Triangle { v0, v1, v2 } = &triangles[index as usize];
         let corners = [v0, v1, v2].map(|corner| corner.to_array().map(f32::to_bits));
         (corners, sides(index as usize))
     };
-    // Compare a short key first, so that few pairs are compared in full.
+    // Compare a short key first, so that few triangles are compared in full.
     let mut order: Vec<(u32, u32)> = Vec::with_capacity(triangles.len());
     for index in 0..triangles.len() as u32 {
         let key = bits(index).0.into_iter().flatten().fold(0u32, |key, bits| key.rotate_left(5).wrapping_add(bits));
@@ -117,7 +117,7 @@ fn corners<'a>(mesh: &'a Mesh, pose: &'a Pose, instance: usize) -> impl Iterator
 }
 
 impl Geometry {
-    /// Builds the trees of all rigid geometry in `scene`. Each instance under a moving node has its own tree.
+    /// Builds the trees of all rigid geometry in `scene`. Each instance under a moving node has a separate placement.
     pub fn new(scene: &Scene) -> Self {
         let pose = scene.pose(0.0);
         let (moving, deforming) = (scene.moving_instances(), scene.deforming_instances());

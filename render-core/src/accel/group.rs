@@ -19,15 +19,16 @@ const MOST_PARTS: usize = 2;
 
 /// Bottom-level tree, with the owners of its triangles.
 pub(super) struct Group {
-    /// Tree with leaf contents that are indices into `blocks`, see [`Group::leaf`].
+    /// Tree over the triangles. The contents of the leaves are indices into `blocks`, see [`Group::leaf`].
     pub(super) tree: Tree,
     pub(super) blocks: Vec<TriangleBlock>,
-    /// Owner of each triangle in the scene. The instance is ignored if the mesh is shared, see [`Group::owner`].
+    /// Owner of each triangle in the scene. The instance of an owner is ignored if the mesh is shared, see
+    /// [`Group::owner`].
     pub(super) owners: Vec<Owner>,
     pub(super) bounds: Aabb,
-    /// Opacity of the triangles; `None` if all of them are opaque.
+    /// Opacity of the triangles, or `None` if all of them are opaque.
     pub(super) cut_outs: Option<Arc<CutOuts>>,
-    /// Whether all triangles belong to blended surfaces. A group never mixes these with others.
+    /// Whether all triangles belong to blended surfaces. A group contains either blended surfaces only, or none.
     pub(super) is_blended: bool,
 }
 
@@ -38,7 +39,7 @@ pub(super) struct Met {
     pub(super) t: f32,
     /// Index into [`Group::owners`].
     pub(super) triangle: u32,
-    /// Barycentric weights of the second and third corner.
+    /// Barycentric weight of the second corner; `v` is the weight of the third corner.
     pub(super) u: f32,
     pub(super) v: f32,
 }
@@ -101,7 +102,7 @@ impl Group {
     ) -> Self {
         let params = BvhBuildParams { max_prims_per_leaf: 1, ..params };
         let build = |params| build_bvh2_from_tris(triangles, params, &mut Duration::default());
-        // Rebuild without splitting if splitting multiplies the triangles too much.
+        // Rebuild without splitting if splitting increases the number of triangles too much.
         let mut binary = build(params);
         if params.pre_split && binary.primitive_indices.len() > MOST_PARTS * triangles.len() {
             binary = build(BvhBuildParams { pre_split: false, ..params });
@@ -136,7 +137,7 @@ impl Group {
         Self { tree, blocks, owners, bounds: *bounds, cut_outs: Some(cut_outs), is_blended: *is_blended }
     }
 
-    /// Returns the triangles of a leaf with this content.
+    /// Returns the triangles of a leaf with the given `content`.
     #[inline(always)]
     pub(super) fn leaf(&self, content: u32) -> Leaf<'_> {
         Leaf::new(&self.blocks[content as usize / LANES..], content as usize % LANES + 1)

@@ -1,4 +1,4 @@
-//! Ray queries by a bounding volume hierarchy of two levels over the triangles of the scene.
+//! Ray queries with a two-level bounding volume hierarchy over the triangles of the scene.
 //!
 //! Static geometry has one tree in world space. Each moving mesh, and each static mesh with many instances, has a tree
 //! in its local space. All these trees are built once. Trees of deforming meshes are rebuilt each frame. Surfaces with
@@ -58,17 +58,18 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// Acceleration structure for ray queries in the scene at one time.
+/// Acceleration structure for ray queries in the scene at a given time.
 ///
-/// A ray has bit-identical hits whether it is traced alone or in a packet, with or without vector instructions.
+/// The hit of a ray is bit-identical whether the ray is traced alone or in a packet, with or without vector
+/// instructions.
 pub struct Accelerator {
     groups: Vec<PlacedGroup>,
-    /// Top-level tree with leaf contents that are indices into `groups`.
+    /// Top-level tree. The contents of its leaves are indices into `groups`.
     top: Tree,
     sides: Arc<AllSides>,
     /// Rule that determines whether sheets stop rays.
     sheets: Sheets,
-    /// Accelerators of subsets of the scene with and without sheets. `None` if the scene has no sheets.
+    /// Accelerators of the scene's solid surfaces and of its sheets. `None` if the scene has no sheets.
     views: Option<Arc<Views>>,
     scale: f32,
     lanes: lanes::Choice,
@@ -88,7 +89,7 @@ struct PlacedGroup {
     group: Arc<Group>,
     /// Instance represented by this group, or `None` if each triangle has its own instance.
     instance: Option<u32>,
-    /// Transforms between local space and the scaled world; `None` for the identity.
+    /// Transform from local space to the scaled world, or `None` for the identity. `to_local` is the inverse.
     to_world: Option<Affine3A>,
     to_local: Option<Affine3A>,
     bounds: Aabb,
@@ -133,8 +134,8 @@ impl Accelerator {
     }
 
     fn of_part(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, sheets: Sheets, scale: f32) -> Self {
-        // Add slack: a box entry is computed in world space and a triangle hit in local space, so rounding can swap
-        // their order.
+        // Add slack to the boxes. A box entry is computed in world space and a triangle hit in local space, so rounding
+        // can swap the order of the two.
         let boxes: Vec<Aabb> = groups
             .iter()
             .map(|PlacedGroup { bounds: Aabb { min, max }, .. }| {
@@ -177,7 +178,7 @@ impl Accelerator {
         if found.contested { self.settle::<SHOWN>(origin, direction, found) } else { found }
     }
 
-    /// Resolves one contested hit. This function is separate because few hits are contested.
+    /// Resolves one contested hit. This code is a separate function because few hits are contested.
     #[cold]
     #[inline(never)]
     fn settle<const SHOWN: bool>(&self, origin: Vec3A, direction: Vec3A, nearest: Found) -> Found {

@@ -45,11 +45,11 @@ impl PacketRay {
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 struct PacketRow {
-    /// Inverse directions and shear as in [`super::ray::Ray`].
+    /// Inverse directions and shear of each ray, as in [`super::ray::Ray`].
     inverse_near: [[f32; LANES]; 3],
     inverse_far: [[f32; LANES]; 3],
     shear: [[f32; LANES]; 2],
-    /// Maximum distance of each ray: [`Reach`] of t. Negative for rays that are finished.
+    /// Maximum distance of each ray: the [`Reach`] of t. Negative for finished rays.
     reach: [f32; LANES],
     /// Distance of each ray's nearest hit so far, as in [`Met`].
     t: [f32; LANES],
@@ -170,7 +170,8 @@ impl Packet {
             let low = lanes.store(low).into_iter().fold(f32::INFINITY, f32::min);
             let high = lanes.store(high).into_iter().fold(f32::NEG_INFINITY, f32::max);
             (packet.near_range[0][axis], packet.near_range[1][axis]) = (low, high);
-            // Lengthen the ends of the range. Rounding is monotonic, so no lengthened inverse lies outside it.
+            // Lengthen the bounds of the range. Rounding is monotonic, so no lengthened inverse lies outside the new
+            // bounds.
             (packet.far_range[0][axis], packet.far_range[1][axis]) = (low * LENGTHENING, high * LENGTHENING);
         }
         packet
@@ -200,7 +201,7 @@ impl Packet {
         Nearest { met, contested: row.contested >> lane & 1 == 1, reach: self.reach }
     }
 
-    /// Returns whether ray `index` is blocked, in a packet where any hit suffices.
+    /// Returns whether ray `index` is blocked, in a packet in which any hit suffices.
     pub(super) fn is_blocked(&self, index: usize) -> bool {
         self.rows[index / LANES].reach[index % LANES] < 0.0
     }
@@ -212,11 +213,11 @@ impl Packet {
         let (near_low, near_high) = (lanes.splat3(self.near_range[0]), lanes.splat3(self.near_range[1]));
         let (far_low, far_high) = (lanes.splat3(self.far_range[0]), lanes.splat3(self.far_range[1]));
         let mut entered = Entered { near: [[f32::INFINITY; LANES]; ROWS], rows: 0 };
-        // Each entry contains the distance to the box, its node and lane, and the rows that may enter it.
+        // Create a stack of boxes, each with its distance, its node and lane, and the rows that may enter it.
         let mut stack = Stack::<(u32, u32, u32)>::new();
         let (mut at, mut rows) = (0, (1u32 << self.used) - 1);
         loop {
-            // Bound the packet: no ray enters earlier than `near`, and none leaves later than `far`.
+            // Bound the packet: no ray enters earlier than `near`, and no ray leaves later than `far`.
             let (near, far) = tree.nodes[at].slabs(lanes, self.near_plane);
             let (near, far) = (lanes.sub3(near, origin), lanes.sub3(far, origin));
             let near = lanes.min3(lanes.mul3(near, near_low), lanes.mul3(near, near_high));
@@ -336,8 +337,8 @@ impl Packet {
 }
 
 impl PacketRow {
-    /// Returns the mask of rays that enter a box before their limits, and their distances to the box. The arithmetic is
-    /// identical to [`Tree::walk`].
+    /// Returns the mask of the rays that enter a box before their limits, and the distances of these rays to the box.
+    /// The arithmetic is identical to [`Tree::walk`].
     #[inline(always)]
     fn enters<L: Lanes>(&self, lanes: L, to_near: [L::F; 3], to_far: [L::F; 3]) -> (L::Mask, L::F) {
         let [near_x, near_y, near_z] = &self.inverse_near;

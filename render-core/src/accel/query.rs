@@ -1,4 +1,4 @@
-//! Traversal of both levels: the tree over the groups, then the tree of each group.
+//! Traversal of both levels: first the tree over the groups, then the tree of each group.
 
 use super::found::Found;
 use super::group::{Group, Met, Nearest};
@@ -195,7 +195,8 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
         let Self { scene, origin, rays, found } = self;
         let mut blocked = 0;
         let reach = if CLOSEST { Reach::from(origin) } else { Reach::NONE };
-        // Split the rays by octant, as packets require. Trace few shadow rays singly, which is faster.
+        // Split the rays by octant, because the rays of a packet have one octant. Trace few shadow rays singly, which
+        // is faster.
         let mut octants = Octants::of(rays);
         while let Some((octant, rays)) = octants.next() {
             if !CLOSEST && rays.len() < WORTH_A_PACKET {
@@ -243,8 +244,8 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         let place = content as usize;
         let placed = &self.scene.groups[place];
         if !CLOSEST && placed.to_local.is_none() && !self.scene.may_pass(placed) {
-            // Traverse this group with the packet itself. Only whether a ray is blocked counts, so the hit stores no
-            // group.
+            // Traverse this group with the packet itself. The result is only whether each ray is blocked, so no group
+            // is stored.
             packet.walk(lanes, &placed.group.tree, &mut Triangles::<false>(&placed.group));
             return;
         }
@@ -280,7 +281,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             packet.measure(lanes);
             return;
         }
-        // Form new packets, because transformed rays may have other octants.
+        // Form new packets, because transformed rays may have different octants.
         let mut octants = Octants::of(&local[..count]);
         while let Some((octant, rays)) = octants.next() {
             let mut within = Packet::new(lanes, origin, octant, rays, self.reach);

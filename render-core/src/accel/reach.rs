@@ -6,7 +6,7 @@ use lanes::Lanes;
 /// Length of the search beyond the nearest hit, as a fraction of distance and coordinates. It suffices for surfaces at
 /// grazing angles down to 2°.
 const NEAR: f32 = 1.0 / 65536.0;
-/// Lower bound of the extent of the scaled scene, 64…128 (see [`super`]). Triangles may be this large even close to the
+/// Minimum extent of the scaled scene, which is 64…128 (see [`super`]). Triangles may be this large even close to the
 /// ray's origin.
 const SPAN: f32 = 64.0;
 /// Search range of a ray beyond the nearest hit.
@@ -33,7 +33,7 @@ impl Reach {
         Self { beyond: self.beyond / length, ..self }
     }
 
-    /// Returns the distance within which other hits may coincide with a hit at `t` ≥ 0.
+    /// Returns the distance within which other hits may coincide with a hit at distance `t` ≥ 0.
     #[inline(always)]
     pub(super) fn of(self, t: f32) -> f32 {
         let farther = t * self.factor + self.beyond;

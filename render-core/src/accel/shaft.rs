@@ -1,4 +1,4 @@
-//! Occluders between two small sets of points: collected once, then tested against all rays between the sets.
+//! Occluders between two small sets of points. They are collected once and tested against all rays between the sets.
 //!
 //! A shaft is the hull of the boxes around both sets (Haines & Wallace 1991). A shaft usually contains few or no
 //! triangles, and rays between the sets are tested against these triangles only.
@@ -93,9 +93,9 @@ impl Accelerator {
         }
     }
 
-    /// Tests segments within `shaft`, with the result of [`Accelerator::occluded_packet`]. Each segment must connect
-    /// the two sets from which the shaft was built. The ends `to` are given by axis. Ends of inactive segments may have
-    /// any position, but a narrow spread is faster.
+    /// Tests segments within `shaft`, and returns the mask of hidden segments, like [`Accelerator::occluded_packet`].
+    /// Each segment must connect the two sets for which the shaft was built. The ends `to` are given by axis. Ends of
+    /// inactive segments may have any position, but a narrow spread is faster.
     #[must_use]
     pub fn occluded_packet_within(&self, shaft: &Shaft, from: Vec3A, to: &[[f32; PACKET]; 3], active: u64) -> u64 {
         if shaft.crowded {
@@ -124,7 +124,7 @@ impl Kernel for Within<'_> {
         let Self { scene, blocks, from, to, active } = self;
         let start = lanes.splat3(from.to_array());
         let scale = lanes.splat(scene.scale);
-        // Mask the segments without a hit so far, eight per row.
+        // Mark the segments without a hit so far, eight per row.
         let mut free: [u32; ROWS] = std::array::from_fn(|row| (active >> (row * LANES)) as u32 & EVERY_LANE);
         for blocks in blocks.chunk_by(|a, b| a.place == b.place) {
             // Transform the segments to the local space of the group, with a mask for each main axis.
@@ -170,7 +170,7 @@ struct Slopes<'a, L: Lanes> {
     axes: [usize; 3],
     /// Common origin, with coordinates in the order of `axes`.
     from: [f32; 3],
-    /// Mask of the segments in each row that have this main axis.
+    /// Mask of the segments in each row that have the main axis of `axes`.
     alike: &'a [u32; ROWS],
     rows: [[L::F; 3]; ROWS],
     /// Minimum and maximum of both slopes over all segments.
@@ -251,7 +251,7 @@ impl<'a, L: Lanes> Slopes<'a, L> {
     }
 }
 
-/// Returns the eight values of a row.
+/// Returns the eight values of row `row`.
 #[inline(always)]
 fn eight<L: Lanes>(lanes: L, numbers: &[f32; PACKET], row: usize) -> L::F {
     lanes.load(&numbers.as_chunks().0[row])
@@ -328,7 +328,8 @@ impl Kernel for Finding<'_> {
     }
 }
 
-/// Returns the mask of a leaf's triangles that intersect the hull and have hull points on both sides of their plane.
+/// Returns the mask of a leaf's triangles that intersect the hull and have points of the sets on both sides of their
+/// plane.
 #[inline(always)]
 fn reaching<L: Lanes>(lanes: L, group: &Group, content: u32, hull: &Hull, points: &[Vec<Vec3A>; 2]) -> u32 {
     let leaf = group.leaf(content);
@@ -342,7 +343,7 @@ fn reaching<L: Lanes>(lanes: L, group: &Group, content: u32, hull: &Hull, points
     which
 }
 
-/// Returns whether all points lie on one side of the triangle's plane.
+/// Returns whether all `points` lie on one side of the triangle's plane.
 #[inline(always)]
 fn is_beside([a, b, c]: [Vec3A; 3], points: &[Vec<Vec3A>; 2], slack: f32) -> bool {
     let Some(normal) = (b - a).cross(c - a).try_normalize() else { return false };
@@ -476,7 +477,8 @@ impl Hull {
         lanes.bits(inside)
     }
 
-    /// Returns the mask of the triangles that may intersect the hull (conservative).
+    /// Returns the mask of the triangles that may intersect the hull. Bits of triangles that do not intersect it may be
+    /// set.
     #[inline(always)]
     fn triangles<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> u32 {
         let mut inside = lanes.le(lanes.splat(0.0), lanes.splat(0.0));

@@ -9,13 +9,13 @@ use glam::Affine3A;
 /// Maximum number of triangles in the common tree from meshes with several static instances, counted over all
 /// instances. Building a tree of this size takes 400 MB.
 const MOST_TOGETHER: usize = 1 << 20;
-/// Minimum number of triangles of a shared mesh: an instance takes the memory of this number of triangles.
+/// Minimum number of triangles of a shared mesh. An instance takes the memory of this number of triangles.
 const LEAST_TRIANGLES: usize = 16;
 /// Minimum volume of a transformed unit cube, relative to the product of its edge lengths. Flatter meshes have no local
 /// space.
 const LEAST_VOLUME: f32 = 1e-3;
 
-/// For each mesh, whether its static instances share a tree.
+/// Whether the static instances of each mesh share a tree, by mesh.
 pub(crate) struct Sharing(Vec<bool>);
 
 impl Sharing {
@@ -102,7 +102,7 @@ mod tests {
         assert_eq!(Geometry::triangles_to_hold(&scene), 2000);
         let accelerator = geometry.place(&scene.pose(0.0));
         for key in 0..24 {
-            // Aim the ray at the center of a triangle, so it hits that triangle or one in front of it.
+            // Aim the ray at the center of a triangle, so that it hits this triangle or a nearer one.
             let (origin, instance) = (Vec3A::from(random(key, 5) * 40.0), 25 * key as usize);
             let middle = scene.meshes[0].corners(key as usize).into_iter().sum::<Vec3>() / 3.0;
             let towards = scene.instance_world(&scene.pose(0.0), instance).transform_point3a(middle.into());

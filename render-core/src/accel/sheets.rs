@@ -20,9 +20,9 @@ use lanes::{Kernel, Lanes};
 /// Accelerators of subsets of a scene with sheets, each with a top-level tree over its groups.
 #[derive(Debug)]
 pub(super) struct Views {
-    /// The groups without holes, and the groups with holes.
+    /// Accelerators of the groups without holes and of the groups with holes.
     solid: [Accelerator; 2],
-    /// The groups of opaque surfaces and masks, and the groups of blended surfaces. `None` without blended surfaces.
+    /// Accelerators of opaque surfaces with masks, and of blended surfaces. `None` without blended surfaces.
     blends: Option<[Accelerator; 2]>,
 }
 
@@ -64,8 +64,8 @@ pub(crate) struct RayCone {
     pub slope: f32,
 }
 
-/// Minimum opacity of a layer; layers below it are ignored. Layers behind a surface that transmits less than this
-/// fraction are also ignored.
+/// Minimum opacity of a layer. Layers with less opacity are ignored, and also layers behind a surface that transmits
+/// less than this fraction.
 const LEAST_SHARE: f32 = 1.0 / 512.0;
 
 impl Accelerator {
@@ -123,7 +123,8 @@ impl Accelerator {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shadows<'a> {
     scene: &'a Accelerator,
-    /// The scene without its blended surfaces, and the blended surfaces alone. `None` without blended surfaces.
+    /// Accelerators of the scene without its blended surfaces, and of the blended surfaces alone. `None` without
+    /// blended surfaces.
     apart: Option<&'a [Accelerator; 2]>,
 }
 
@@ -163,9 +164,9 @@ impl<'a> Shadows<'a> {
 }
 
 impl Accelerator {
-    /// Tests the segments from `place` to `lamps`, with the result of [`Accelerator::occluded_packet`]: the mask of
-    /// hidden lamps. Blended surfaces hide a lamp stochastically. The threshold depends only on the lamp's position, so
-    /// that adjacent points have consistent light.
+    /// Tests the segments from `place` to `lamps`, and returns the mask of hidden lamps. Blended surfaces hide a lamp
+    /// stochastically. The threshold depends only on the lamp's position, so that the light at adjacent points is
+    /// consistent.
     #[must_use]
     pub fn hidden_lamps(&self, place: Vec3A, lamps: &[Vec3A], active: u64) -> u64 {
         self.hidden_by_chance(place, lamps, active, |end| lamps[end])
@@ -210,7 +211,7 @@ fn number_of(place: Vec3A) -> f32 {
     hash_unit(x, y, z)
 }
 
-/// Selection of the listed sheets, and sampling of their opacity.
+/// Selection of the listed sheets, and the sampling method for opacity.
 #[derive(Clone, Copy)]
 enum SheetKind {
     /// Lists all sheets visible to a camera ray. Opacity is filtered over the ray's cone, in the scaled world.

@@ -59,7 +59,7 @@ impl AllSides {
     }
 }
 
-/// Hit at about the distance of the nearest hit.
+/// Candidate for the visible hit, at about the distance of the nearest hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rival {
     pub(super) found: Found,
@@ -130,7 +130,7 @@ pub(super) fn choose(nearest: Found, origin: Vec3A, rivals: &[Rival]) -> Found {
     };
     let parallel = |rival: &&Rival| rival.normal.dot(first.normal).abs() >= PARALLEL;
 
-    // Merge pieces of one split triangle by keeping the nearest piece.
+    // Merge the pieces of a split triangle by keeping the nearest piece.
     let nearer = |a: &&Rival, b: &&Rival| a.found.met.t.total_cmp(&b.found.met.t);
     let in_plane = rivals.iter().filter(as_near).filter(parallel);
     let seen = in_plane.min_by(|a, b| a.rank().cmp(&b.rank()).then(nearer(a, b))).unwrap_or(&first);

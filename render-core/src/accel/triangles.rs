@@ -7,7 +7,7 @@ use lanes::{LANES, Lanes};
 /// Number of triangles in a block.
 pub(super) const BLOCK: usize = LANES / 2;
 
-/// Identification of a triangle in the scene.
+/// Index of a triangle in the scene: the instance and the triangle of its mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Owner {
     /// Index into [`crate::scene::Scene::instances`].

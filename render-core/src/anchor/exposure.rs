@@ -11,7 +11,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// Maximum number of rays per free ray at an exposed point.
+/// Maximum ratio of all rays to free rays at an exposed point.
 const ONE_IN: u64 = 8;
 
 /// Distribution of the lengths of cosine-distributed rays from a point.
@@ -31,8 +31,8 @@ pub(crate) struct Outlook {
 const BINS: usize = 12;
 /// Width of a bin in octaves of distance.
 const OCTAVES: f32 = 2.0;
-/// log₂ of the minimum length in the second bin, in kernel radii of surfels. A surfel is exposed only if its free rays
-/// are at least four times as long.
+/// log₂ of the minimum length in the second bin, in kernel radii of surfels. The free rays of an exposed surfel are at
+/// least four times as long.
 const FIRST: f32 = -6.0;
 /// Weight of light from a distance at which no ray of a point ends, as a fraction of the rays.
 const UNLIKELY: f32 = 1.0 / 256.0;

@@ -23,8 +23,8 @@ pub(crate) struct Grid {
     walls: Walls,
     /// Original index of each point.
     index: Vec<u32>,
-    /// Index of the first point of each cell, and the total number of points at the end. Cells are ordered by x, then
-    /// y, then z.
+    /// Index of the first point of each cell, followed by the total number of points. Cells are ordered by x, then y,
+    /// then z.
     first: Vec<u32>,
     low: Vec3A,
     size: [usize; 3],
@@ -92,7 +92,7 @@ pub(super) fn kernel_radius(area_share: f32) -> f32 {
 }
 
 impl Grid {
-    /// Builds a grid of `points` with these area `shares`. `outlooks` may be empty if they were not measured.
+    /// Builds a grid of `points` with these area `shares`. `outlooks` is empty if they were not measured.
     pub fn new(points: &[Anchor], outlooks: &[Outlook], shares: impl Into<Shares>) -> Self {
         let shares = shares.into();
         let (radius, zones) = (kernel_radius(shares.area), shares.zones().clone());
@@ -240,7 +240,8 @@ impl Grid {
         place.into_iter().map(|p| by_place[p].clone()).collect()
     }
 
-    /// Returns the likelihood that light from the distance of a bin arrives at a point. Returns 1 if it is unknown.
+    /// Returns the likelihood that light from the distance of bin `about` arrives at point `p`. Returns 1 if it is
+    /// unknown.
     #[inline]
     fn likelihood(&self, p: u32, about: Option<usize>) -> f32 {
         match (about, self.outlooks.get(p as usize)) {
@@ -375,7 +376,7 @@ mod tests {
         assert!(!none.splat(&spot(Vec3A::ZERO), None, |_, _| unreachable!("there is no anchor")));
     }
 
-    /// Two sheets have the same orientation and are closer together than their points. Each sheet keeps its own light.
+    /// Two sheets with the same orientation are closer together than their points. Each sheet keeps its own light.
     #[test]
     fn nothing_is_given_to_a_sheet_behind() {
         let points: Vec<Anchor> = (0..400)

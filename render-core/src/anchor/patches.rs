@@ -74,7 +74,7 @@ impl<'a> Patches<'a> {
                 (false, true) => &[true, false],
             };
 
-            // Select each side with a probability proportional to its area: |(b − a) × (c − a)| / 2.
+            // Weight each side by its area: |(b − a) × (c − a)| / 2.
             for triangle in 0..mesh.triangles.len() {
                 let [a, b, c] = self.surfaces.corners(instance, triangle);
                 let area = f64::from((b - a).cross(c - a).length() / 2.0);
@@ -151,9 +151,9 @@ impl<'a> Patches<'a> {
     }
 }
 
-/// Returns, for each of the `places`, whether `CROWD` (256) earlier places are in the same cell. Cells of the grid are
-/// as wide as the kernel's `radius`. Searches visit all points of a cell, so their number is limited. The remaining
-/// points receive the light of all.
+/// Returns, for each of the `places`, whether `CROWD` (256) earlier places are in the same cell. Cells are as wide as
+/// the kernel's `radius`. Searches visit all points of a cell, so the number of points per cell is limited. The
+/// remaining points receive the light of all places.
 fn crowded(places: &[Vec3A], radius: f32) -> Vec<bool> {
     let mut counts: HashMap<[i64; 3], usize> = HashMap::new();
     let mut is_crowded = Vec::with_capacity(places.len());

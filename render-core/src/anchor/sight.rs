@@ -27,7 +27,7 @@ impl Sight<'_> {
     /// Returns the mask of the `points`, at most [`PACKET`], that light cannot reach from `position` with the unit
     /// `normal`. `height` is h \[m\].
     pub fn hidden(&self, position: Vec3A, normal: Vec3A, points: &[Anchor], height: f32) -> u64 {
-        // Straight paths are tested first, as one packet: nearly all are free.
+        // Test straight paths first, as one packet: nearly all are free.
         let from = position + normal * self.epsilon;
         let mut ends = [Vec3A::ZERO; PACKET];
         for (end, point) in ends.iter_mut().zip(points) {
@@ -36,7 +36,7 @@ impl Sight<'_> {
         let all = u64::MAX >> (PACKET - points.len().clamp(1, PACKET));
         let mut hidden = self.accelerator.occluded_packet(from, &ends[..points.len()], all);
 
-        // Test the path over an obstacle for the others.
+        // Test paths over an obstacle for points without a free straight path.
         let mut left = hidden;
         while left != 0 {
             let index = left.trailing_zeros() as usize;

@@ -120,7 +120,7 @@ impl Surfels {
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
-    /// Distributes points over static surfaces. Returns no points if there are no anchors.
+    /// Distributes points over static surfaces. Returns no points if the scene has no anchors.
     fn points(surfaces: &Surfaces, units: &Units, anchors: &Anchors) -> Vec<Anchor> {
         let Some(patches) = Patches::of(surfaces, false, &anchors.zones).filter(|_| !anchors.fixed.is_empty()) else {
             return Vec::new();

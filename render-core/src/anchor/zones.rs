@@ -25,7 +25,7 @@ const SEEN: f32 = 0.9;
 const SIDE: u16 = 24;
 /// Index of the last zone, which begins at half a million times D.
 const LAST: u32 = 20;
-/// Minimum radius of a piece of surface that is subdivided between zones, as a fraction of its distance to the camera.
+/// Minimum radius of a piece of surface that is subdivided between zones, as a fraction of the distance to the camera.
 const NARROW: f32 = 0.05;
 
 /// Zones around the cameras of a film. There is a single zone without cameras.
@@ -55,7 +55,7 @@ pub(crate) struct Shares {
 }
 
 impl ZoneSearch {
-    /// Adds the camera of `view` and the distances of the surfaces visible to it.
+    /// Adds the camera of `view` and the distances of the visible surfaces.
     pub fn look(&mut self, scene: PosedScene, view: &View) {
         let (center, _) = view.ray(view.size() * 0.5);
         self.cameras.push(center);
@@ -85,7 +85,7 @@ impl ZoneSearch {
 }
 
 impl Zones {
-    /// Returns whether there is a single zone.
+    /// Returns whether all points are in a single zone.
     pub(super) fn is_one(&self) -> bool {
         self.cameras.is_empty()
     }

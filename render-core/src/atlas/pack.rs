@@ -1,4 +1,4 @@
-//! Packing of rectangles into a larger one.
+//! Packing of rectangles into a larger rectangle.
 
 use super::cover::ChartRect;
 use std::cmp::Reverse;
@@ -53,7 +53,7 @@ struct Skyline(Vec<Step>);
 impl Skyline {
     /// Places a rectangle, and returns its position. The rectangle must not be wider than all steps together.
     fn add(&mut self, width: u32, height: u32) -> [u32; 2] {
-        // Try the left end of each step: the best position starts at one.
+        // Try the left end of each step, because the best position starts at a left end.
         let end = self.0.last().map_or(0, |step| step.right);
         let (mut best, mut best_top) = (0, u32::MAX);
         for first in 0..self.0.len() {

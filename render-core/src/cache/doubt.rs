@@ -128,7 +128,7 @@ impl<R> Opinions<'_, R> {
             return false;
         }
 
-        // Test σ² = (Σ w v² − (Σ w v)² / Σ w) / Σ w > (CONTRADICTED · mean of t)².
+        // The predictions differ if σ² = (Σ w v² − (Σ w v)² / Σ w) / Σ w exceeds (CONTRADICTED · mean of t)².
         let variance = (squares - sum * sum / whole) / whole;
         variance > (CONTRADICTED * tolerance / whole).powi(2)
     }

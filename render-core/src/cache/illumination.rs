@@ -85,7 +85,7 @@ pub trait Illumination: Sync {
     /// has changed nearby that the light must be computed.
     fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: LastUpdate) -> Option<LocalIrradiance>;
 
-    /// Returns a number for this recipe, which is stored with the record on all ranks. Returns 0 if no number is used.
+    /// Returns a number for this recipe, which is stored with the record on all ranks. Returns 0 by default.
     fn note(&self, _recipe: &Self::Recipe) -> u32 {
         0
     }

@@ -362,7 +362,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
     /// Returns the update from the previous frame to the current frame, and stores the frame of the `changes`.
     fn update_by(&mut self, changes: Changes) -> Update {
-        // Compare with the previous change: a record that was current then has missed only the changes of this frame.
+        // Compare with the previous change: a record that was current at that time has missed only the changes of this frame.
         let update = Update { frame: self.frame, geometry: changes.geometry, changed_before: self.changed };
         if changes.light || changes.geometry {
             self.changed = self.frame;

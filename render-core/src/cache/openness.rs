@@ -240,7 +240,7 @@ fn is_below_something(seen: &GBuffer, x: usize, y: usize, scale: impl Fn() -> f3
         let other = &samples[v * width + u];
         let way = Vec3A::from(other.position) - position;
         let (above, far2) = (way.dot(normal), way.length_squared());
-        // Test sin α = above / |way| > RISES in squares. Test D last, because it costs most.
+        // Compare the squares of sin α = above / |way| and RISES. Compute D last, because it costs most.
         above > 0.0
             && above * above > RISES * RISES * far2
             && other.instance != NOTHING

@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! E(x) = Eᵢ + (∂E/∂n)ᵢ (n − nᵢ) + b · (x − xᵢ) + c (o − oᵢ)          o  openness
-//!   b, c minimize  Σⱼ wⱼ |E(xⱼ) − Eⱼ|² + ρ |(b − bᵢ) R|² + σ |c t|²      bᵢ  the record's own derivative     R  the record's radius
+//!   b, c minimize  Σⱼ wⱼ |E(xⱼ) − Eⱼ|² + ρ |(b − bᵢ) R|² + σ |c t|²      bᵢ  the record's own derivative    R  its radius
 //! ```
 //!
 //! Each record has one ridge regression along the surface. wⱼ is the weight of neighbor j for record i at a radius
@@ -300,8 +300,9 @@ impl<'a, R> Fit<'a, R> {
         let followed = if change > most { most / change } else { 1.0 };
         let along = along.map(|slope| slope * followed);
 
-        // Compute the remaining difference of neighbors in luminance. s is the total correction of the record's own
-        // prediction: Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
+        // Compute the remaining difference of neighbors in luminance. The total correction of the record's own
+        // prediction is s.
+        // Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s
         let s = Vec3A::new(light(along[0] - own[0]), light(along[1] - own[1]), light(learnt.z_axis));
         let left = variance - 2.0 * s.dot(all_unexplained) + s.dot(all_square * s);
 

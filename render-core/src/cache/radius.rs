@@ -30,7 +30,7 @@ pub(super) fn radius(estimate: &LocalIrradiance) -> f32 {
 
 /// Returns the factor, 0…1, on a record's derivatives if the picture changes the record's `own` radius to `radius`. The
 /// factor limits the change of irradiance over the radius. The limit is stricter where the picture raises the radius,
-/// because derivatives overshoot there.
+/// because derivatives overshoot in this case.
 pub(super) fn trust(estimate: &LocalIrradiance, own: f32, radius: f32) -> f32 {
     // Limit the larger change: over the radius, or over the largest rotation of the normal.
     let share = if radius > own { KEPT_UP_BY_GRADIENT } else { BY_GRADIENT };

@@ -35,7 +35,7 @@ pub(super) fn least_radius(site: &Site, view: &View) -> f32 {
 /// The picture raises the radius if it shows the surroundings of the record. If another surface is visible at the
 /// record's position, for example after geometry has moved in front of it, the record keeps its own radius.
 pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &SurfacePicture) -> f32 {
-    // Allow a smaller minimum on screen near a wall. Elsewhere, such a small record would serve too few pixels.
+    // Allow a smaller minimum on screen near a wall. Elsewhere, a small record would cover too few pixels.
     let pixel = record.site.pixel_width(&picture.seen.view);
     let beside_wall = record.estimate.nearest < BESIDE_WALLS * pixel;
     let least = pixel * if beside_wall { BESIDE_WALLS } else { ON_SCREEN.0 };
@@ -48,13 +48,13 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &SurfacePicture) ->
     let kept_up = record.radius >= least || shown;
     let radius = if kept_up { record.radius.clamp(least, most) } else { record.radius };
 
-    // Keep a fraction of the radius of a contradicted record, but serve at least a few pixels.
+    // Keep a fraction of the radius of a contradicted record, but cover at least a few pixels.
     (radius * record.share).max(radius.min(DOUBTED * pixel))
 }
 
-/// Clamps the radii of the records from `first` on to neighbors. A surface near one record is also near the next
-/// record, even if the rays of the next record have missed it \[Krivanek08, section 4.3.2\]. The records are compared
-/// with each other and with the records `among`, or with all records:
+/// Clamps the radii of the records from `first` on to their neighbors. A surface near one record is also near the next
+/// record, even if the rays of that record missed it \[Krivanek08, section 4.3.2\]. The records are compared with each
+/// other and with the records `among`, or with all records:
 ///
 /// ```text
 /// R_x ← min(R_x, min_y (|x − y| + R_y))

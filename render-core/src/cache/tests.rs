@@ -213,7 +213,7 @@ struct Groove {
 }
 
 impl Groove {
-    /// Depth of the groove \[m\]. The groove is one pixel wide, and so shallow that records next to it would count in
+    /// Depth of the groove \[m\]. The groove is one pixel wide, and so shallow that records next to it would be used in
     /// it.
     const DEPTH: f32 = 0.005;
     const LIGHT: f32 = 0.1;

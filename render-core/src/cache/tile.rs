@@ -10,8 +10,8 @@ use crate::MACROBLOCK;
 use lanes::{Choice, LANES};
 use rayon::prelude::*;
 
-/// Minimum sum of record weights at a point where records count as dense. Another record would not resolve a
-/// contradiction there.
+/// Minimum sum of record weights at a point where records count as dense. At this density, another record would
+/// not resolve a contradiction.
 ///
 /// While the camera moves, every frame contradicts some records. Without this bound, each contradiction adds another
 /// record. The table shows 25 frames of `conference` at 160×160. The error is the relative MSE of indirect light

@@ -17,7 +17,7 @@ const UNSEEN_CONTRAST: f32 = 0.5;
 /// collinear samples.
 const STIFFNESS: f32 = 0.01;
 
-/// Estimated light at a point.
+/// Estimated light at a point, and its error.
 pub(super) struct Estimate {
     /// The nearest sample.
     pub sample: Sample,
@@ -72,7 +72,8 @@ impl NearSamples {
             return None;
         }
 
-        // Attribute more of the observed variation to the distance from x₀ to the origin if this distance is larger.
+        // Scale the observed variation by the distance from x₀ to the origin, because more of the variation can lie
+        // within a larger distance.
         let Variation { spread, slopes, contrast } = self.variation(spacing);
         let share = (distance2(first).sqrt() / spread).min(1.0);
 

@@ -54,7 +54,7 @@ impl Trust {
     /// square error of a bucket, in squares of the tolerance.
     pub fn limit(&self, allowed: f32) -> f32 {
         let is_bad = |found: &Audited| found.weight >= ENOUGH && found.squares > allowed * found.weight;
-        // Accept the buckets below the first bad one, up to the last bucket with enough audits.
+        // Accept the buckets below the first bucket that fails, up to the last bucket with enough audits.
         let good = self.found.iter().position(is_bad).unwrap_or(BUCKETS);
         let known = self.found.iter().rposition(|found| found.weight >= ENOUGH).map_or(0, |last| last + 1);
         let buckets = good.min(known.max(FIRST));

@@ -163,8 +163,8 @@ mod tests {
         Aims::new((0..5000).map(edge).collect())
     }
 
-    /// Tests moments over a cosine lobe: ∫ cos θ / π dω = 1; the mean of the direction's height is 2/3, and of its
-    /// square 1/2. The moments do not depend on the aim, for any target, even below the horizon.
+    /// Tests moments of a cosine lobe: ∫ cos θ / π dω is 1, the mean of cos θ is 2/3 and the mean of cos² θ is 1/2. The
+    /// moments do not depend on the aim, for any target, even below the horizon.
     #[test]
     fn aim_leaves_the_mean_as_it_is() {
         let normal = Vec3::Y;

@@ -137,8 +137,8 @@ impl Open {
         cut
     }
 
-    /// Returns the split that makes the density most uneven. The gain is Σ s ln(s / v) over both halves, where s is the
-    /// fraction of the weight and v is the fraction of the volume.
+    /// Returns the split that makes the density most uneven. The gain is Σ s ln(s / v) over both halves. Each half has
+    /// a fraction s of the weight and a fraction v of the volume.
     fn halves(&self) -> Option<Cut> {
         let Self { samples, low, high, .. } = self;
         let count = samples.len();

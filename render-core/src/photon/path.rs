@@ -146,9 +146,9 @@ impl Walk<'_> {
                 came: if leg.distant { f32::INFINITY } else { hit.distance },
             });
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
-            // Use the reflectance as survival probability, which keeps the energy of photons constant. With a lower
-            // probability, long-lived photons would grow and a few would outshine all others. Above √0.95, the variance
-            // of their energy is unbounded.
+            // Use the reflectance as survival probability, which keeps the energy of photons constant. If the probability
+            // were limited to q < 1, long-lived photons would grow and a few would outshine all others. For reflectances
+            // above √q, the variance would be unbounded.
             let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 1.0);
             // End photons without energy, for which the survival probability is 0/0.
             if survival.is_nan() || u(2) >= survival {

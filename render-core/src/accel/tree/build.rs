@@ -24,9 +24,9 @@ struct Subtree {
     primitives: u32,
     /// Minimum cost as a forest of at most i + 1 trees, for each i.
     cost: [f32; LANES],
-    /// Number of the i + 1 slots that the first child receives. It is 0 if the forest for i slots is used.
+    /// Number of the i + 1 slots that the first child receives, or 0 if i slots are as cheap.
     first_share: [u8; LANES],
-    /// Whether the subtree becomes a leaf when it is converted to one tree.
+    /// Whether the subtree is a leaf in a forest of one tree.
     leaf: bool,
     /// Number of the node's eight slots that the first child receives.
     node_share: u8,
@@ -99,7 +99,7 @@ fn children(binary: &Bvh2, subtrees: &[Subtree], top: u32) -> Vec<u32> {
     let mut out = Vec::with_capacity(LANES);
     let subtree = &subtrees[top as usize];
     if subtree.leaf {
-        // Stop at a root that is a leaf: only the root can be visited as a node and still be a leaf.
+        // Return a root that is a leaf, because only the root can be visited as a node and still be a leaf.
         out.push(top);
     } else {
         let first = binary.nodes[top as usize].first_index;
@@ -150,7 +150,7 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
     let unknown =
         Subtree { primitives: 0, cost: [f32::INFINITY; LANES], first_share: [0; LANES], leaf: true, node_share: 1 };
     let mut subtrees = vec![unknown; binary.nodes.len()];
-    // Visit children before parents, in the reverse of this order.
+    // Visit children before parents. The order contains parents first, so it is reversed.
     for &index in order.iter().rev() {
         let node = &binary.nodes[index as usize];
         let area = node.aabb().half_area();

@@ -99,8 +99,8 @@ impl<T: Copy + Default> Stack<T> {
     }
 }
 
-/// Returns sort keys of the boxes in `bits`, farthest first, and the number of boxes. Nonnegative distances are ordered
-/// as their bit patterns.
+/// Returns sort keys of the boxes in `bits`, farthest first, and the number of boxes. The bit patterns of nonnegative
+/// distances are in the order of the distances.
 #[inline(always)]
 pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES], usize) {
     let (mut keys, mut count) = ([0u64; LANES], 0);
@@ -158,7 +158,7 @@ impl Tree {
             let mut next = if bits == 0 {
                 stack.pop()
             } else if bits & (bits - 1) == 0 {
-                // Skip sorting if only one box is hit, as usual.
+                // Skip sorting if only one box is hit, which is the usual case.
                 let lane = bits.trailing_zeros() as usize & (LANES - 1);
                 Some((near[lane].to_bits(), node.children[lane]))
             } else if bits.count_ones() == 2 {

@@ -46,7 +46,7 @@ impl Around {
         weights.resize(places.len(), 0.0);
     }
 
-    /// Computes the kernel weight of each point around `spot`. The arithmetic is that of [`Grid::near`], but
+    /// Computes the kernel weight of each point around `spot`. The formula is identical to [`Grid::near`], but
     /// vectorized.
     pub fn weigh(&mut self, spot: &Spot, radius: f32) {
         // Use slices of equal length to avoid bounds checks in the loop.

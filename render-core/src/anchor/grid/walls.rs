@@ -23,7 +23,7 @@ pub(super) enum Doubt {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Walls {
     doubts: Vec<Doubt>,
-    /// First list entry of each point, and the total number of entries at the end.
+    /// First list entry of each point, followed by the total number of entries.
     first: Vec<u32>,
     /// Indices of points hidden by a wall, ascending within each list.
     hidden: Vec<u32>,
@@ -76,7 +76,7 @@ impl Walls {
         walls
     }
 
-    /// Marks also the neighbors of points near a wall. A spot may be close to the other side of the wall, where the
+    /// Also marks the neighbors of points near a wall. A spot may be close to the other side of the wall, where the
     /// points are too far from the wall to have lists.
     fn doubt_neighbors(&mut self, grid: &Grid) {
         let is_near_wall = |p: u32| {

@@ -1,8 +1,8 @@
 //! Effects of dynamic geometry on static surfels. For example, a closing door separates the light of two rooms.
 //!
-//! Moving geometry hides surfels from each other. Near the path of moving geometry, rays determine in each frame which
-//! surfels k around a surfel j are visible, and w_jk is restricted to these surfels. Rays also test whether a surfel
-//! still sees its owner.
+//! Moving geometry hides surfels from each other. In each frame, rays near the path of moving geometry determine which
+//! surfels k around a surfel j are visible. The weights w_jk are restricted to visible surfels. Rays also test whether
+//! a surfel still sees its owner.
 
 use super::{Owner, SurfelMap};
 use crate::anchor::grid::{Grid, Spot};
