@@ -51,7 +51,8 @@ struct Step {
 struct Skyline(Vec<Step>);
 
 impl Skyline {
-    /// Places a rectangle, and returns its position. The rectangle must not be wider than all steps together.
+    /// Places a rectangle, and returns the column and row of its first texel. The rectangle must not be wider than all
+    /// steps together.
     fn add(&mut self, width: u32, height: u32) -> [u32; 2] {
         // Try the left end of each step, because the best position starts at a left end.
         let end = self.0.last().map_or(0, |step| step.right);

@@ -123,7 +123,7 @@ impl Atlas {
             owners.iter().map(of_owner).min_by(|a, b| a.1.distance2.total_cmp(&b.1.distance2))
         };
 
-        // Put the middle of the lattice points on the chart first, then these points, then the points outside the
+        // Return the middle of the lattice points on the chart first, then these points, then the points outside the
         // chart.
         let is_on_chart =
             |offset: &Vec2| nearest(center + *offset).is_some_and(|(_, nearest)| nearest.distance2 <= ON_CHART);

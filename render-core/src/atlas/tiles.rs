@@ -25,8 +25,8 @@ impl TexelTile {
     }
 }
 
-/// Tiles with a texel in use, in raster order. Texel indices follow the order of tiles, and the raster order within
-/// each tile.
+/// Tiles with a texel in use, in raster order. Texel indices follow the order of tiles and, within each tile, the
+/// raster order.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Tiles {

@@ -266,10 +266,10 @@ impl Tiles {
         used.concat()
     }
 
-    /// Returns the superfluous records among the `chosen`: at their positions, the weights of earlier records sum to at
-    /// least [`CROWDED`].
+    /// Returns the superfluous records among the `chosen` records. At their positions, the weights of earlier records
+    /// sum to at least [`CROWDED`].
     ///
-    /// A record outside of the picture is never superfluous, because the density of records there is unknown.
+    /// A record outside the picture is never superfluous, because the density of records outside is unknown.
     pub fn superfluous<R>(&self, picture: &SurfacePicture, records: &[Record<R>], chosen: &[usize]) -> Vec<usize> {
         let mut kept = vec![false; records.len()];
         let mut weights = Vec::new();

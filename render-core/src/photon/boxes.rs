@@ -5,7 +5,8 @@
 
 use glam::Vec4;
 
-/// Minimum number of samples in each half of a split box. At this number, chance deviations are a quarter.
+/// Minimum number of samples in each half of a split box. At 16 samples, random deviations of the density are a
+/// quarter.
 const LEAF: usize = 16;
 /// Minimum side of a box that may be split.
 const NARROW: f32 = 1e-4;

@@ -128,7 +128,7 @@ fn weights_are_those_of_f64_from_contact_to_far_away() {
         assert!((weight_between(&here, 0.0, &here) - 1.0).abs() < 1e-5, "a radius of 0 still has its own place");
     }
     println!("farthest from f64: {worst:.1e}");
-    // The limit allows the rounding error of 1 in 1 − n · n′, which division makes five times as large.
+    // Allow the rounding error of 1 in 1 − n · n′, which division increases to five times its size.
     assert!(worst < 1e-5, "{worst:.1e}");
 }
 

@@ -35,7 +35,7 @@ impl Illumination for Shimmer {
     }
 }
 
-/// Turns pixels next to the surface into grooves below it.
+/// Lowers the pixel by 5 cm if it is in a groove.
 fn grooved(pixel: &mut PixelSurface) {
     if (9.0 * pixel.position[0]).sin() > 0.5 {
         pixel.position[1] -= 0.05;
