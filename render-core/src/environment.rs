@@ -14,26 +14,26 @@ use std::f32::consts::{PI, TAU};
 
 /// Light from all around, the same at every point of the scene.
 ///
-/// Directions are drawn from a grid of cells: rows between two heights, columns between two angles about +y. Within a
-/// cell, they are uniform over its solid angle.
+/// Directions are drawn from a grid of cells. A cell is bounded by two heights (its row) and by two angles about +y
+/// (its column). Directions are uniform over the solid angle of a cell.
 #[derive(Clone, Debug)]
 pub struct Environment {
     source: Sky,
-    /// Distributions of columns, one for each row with any light.
+    /// Distribution of the columns of each row; `None` for rows without light.
     columns: Vec<Option<Distribution>>,
     rows: Distribution,
     size: [usize; 2],
     /// Integral of radiance over the sphere \[W·m⁻²\].
     fluence: Vec3,
-    /// Small bright spots that direct light samples, and all other light; `None` for most skies.
+    /// Small bright spots that direct light samples, and all other light. `None` for most skies.
     parts: Option<Box<SplitSky>>,
 }
 
-/// A sky with its lamps separated: its radiance is the sum of rest and lamps.
+/// Sky with separate lamps: the radiance of the sky is the sum of rest and lamps.
 #[derive(Clone, Debug)]
 struct SplitSky {
     lamps: Vec<SkyLamp>,
-    /// All other light; `None` if black.
+    /// All light except the lamps; `None` if black.
     rest: Option<Environment>,
 }
 
@@ -43,44 +43,44 @@ enum Sky {
     Image(EquirectangularMap),
 }
 
-/// An image of all directions: rows from straight up to straight down. Its middle is in direction −z, its right half
-/// towards +x.
+/// Image of all directions, with rows from straight up to straight down. The middle of the image is in direction −z,
+/// its right half towards +x.
 #[derive(Clone, Debug)]
 struct EquirectangularMap {
     texels: Plane<Vec3>,
     intensity: f32,
     /// Rotation about +y \[°\].
     rotation: f32,
-    /// Sine and cosine of the rotation.
+    /// Sine and cosine of the rotation about +y.
     turn: (f32, f32),
 }
 
-/// Number of rows that divide a gradient for sampling directions.
+/// Number of rows into which a gradient is divided for sampling directions.
 const GRADIENT_ROWS: usize = 128;
 
-/// A direction sampled from a sky.
+/// Direction sampled from a sky.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkySample {
     /// Direction towards the sky, a unit vector.
     pub direction: Vec3,
-    /// Density of the direction \[sr⁻¹\].
+    /// Density of the sampled direction \[sr⁻¹\].
     pub pdf: f32,
 }
 
 impl Environment {
-    /// Builds the light of a gradient; `None` if it is black.
+    /// Builds the light of a gradient. Returns `None` if the gradient is black.
     #[must_use]
     pub fn gradient(gradient: Gradient) -> Option<Self> {
         Self::new(Sky::Gradient(gradient), [1, GRADIENT_ROWS], |_, row| {
-            // Average several heights: a gradient is steep only near its horizon.
+            // Average several heights, since a gradient is steep only near its horizon.
             let heights = (0..16).map(|i| (PI * (row as f32 + (i as f32 + 0.5) / 16.0) / GRADIENT_ROWS as f32).cos());
             heights.map(|y| gradient.radiance(Vec3::new((1.0 - y * y).sqrt(), y, 0.0))).sum::<Vec3>() / 16.0
         })
     }
 
     /// Builds the light of an equirectangular image with radiances scaled by `intensity`. The image is rotated by
-    /// `rotation` degrees about +y, counter-clockwise seen from above. `None` if it is black. Negative or non-finite
-    /// texels count as black.
+    /// `rotation` degrees about +y, counter-clockwise seen from above. Negative or non-finite texels count as black.
+    /// Returns `None` if the image is black.
     #[must_use]
     pub fn image(texels: Plane<Vec3>, intensity: f32, rotation: f32) -> Option<Self> {
         let sane = texels.map(|c| if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO });
@@ -99,7 +99,7 @@ impl Environment {
         Self::new(Sky::Image(map.clone()), size, |column, row| map.mean_over_texel(column, row) * intensity)
     }
 
-    /// Builds a sky; `mean` returns the radiance of a cell, nonzero unless the whole cell is black.
+    /// Builds a sky. `mean` returns the radiance of a cell, which is nonzero unless the whole cell is black.
     fn new(source: Sky, size: [usize; 2], mean: impl Fn(usize, usize) -> Vec3) -> Option<Self> {
         let mut fluence = glam::DVec3::ZERO;
         let columns: Vec<Option<Distribution>> = (0..size[1])
@@ -117,7 +117,7 @@ impl Environment {
         Some(Self { source, columns, rows, size, fluence: fluence.as_vec3(), parts: None })
     }
 
-    /// Radiance from the unit `direction`, which points towards the sky \[W·m⁻²·sr⁻¹\].
+    /// Returns the radiance from the unit `direction`, which points towards the sky \[W·m⁻²·sr⁻¹\].
     #[must_use]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         match &self.source {
@@ -126,18 +126,18 @@ impl Environment {
         }
     }
 
-    /// Small bright spots of an image, few enough to be sampled one by one.
+    /// Returns the small bright spots of an image that are sampled one by one.
     pub(crate) fn lamps(&self) -> &[SkyLamp] {
         self.parts.as_ref().map_or(&[], |parts| &parts.lamps)
     }
 
-    /// Number of small bright spots that direct light samples one by one.
+    /// Returns the number of small bright spots that direct light samples one by one.
     #[must_use]
     pub fn lamp_count(&self) -> usize {
         self.lamps().len()
     }
 
-    /// All light except the sky's lamps; `None` if black.
+    /// Returns all light except the sky's lamps, or `None` if the remaining light is black.
     #[must_use]
     pub fn beside_lamps(&self) -> Option<&Self> {
         match &self.parts {
@@ -146,13 +146,13 @@ impl Environment {
         }
     }
 
-    /// Integral of radiance over all directions \[W·m⁻²\].
+    /// Returns the integral of radiance over all directions \[W·m⁻²\].
     #[must_use]
     pub fn fluence(&self) -> Vec3 {
         self.fluence
     }
 
-    /// Samples a direction roughly in proportion to luminance; `u` is in the unit square.
+    /// Samples a direction with a density roughly proportional to luminance. `u` is in the unit square.
     #[must_use]
     pub fn sample(&self, u: Vec2) -> SkySample {
         let row = self.rows.pick(f64::from(u.y));
@@ -167,7 +167,7 @@ impl Environment {
         SkySample { direction, pdf }
     }
 
-    /// Density of [`Environment::sample`] \[sr⁻¹\].
+    /// Returns the density of [`Environment::sample`] \[sr⁻¹\].
     #[must_use]
     pub fn pdf(&self, direction: Vec3) -> f32 {
         let local = self.to_local(direction);
@@ -210,13 +210,13 @@ impl Environment {
     }
 }
 
-/// Cosine to +y at the upper border of a row.
+/// Returns the cosine between +y and the upper border of a row.
 fn height(row: usize, rows: usize) -> f32 {
     (PI * row as f32 / rows as f32).cos()
 }
 
 fn cell_solid_angle(size: [usize; 2], row: usize) -> f32 {
-    // cos a − cos b = 2 sin((a + b)/2) sin((b − a)/2), which stays precise at the poles.
+    // Use cos a − cos b = 2 sin((a + b)/2) sin((b − a)/2), which stays precise at the poles.
     let half = PI / (2.0 * size[1] as f32);
     TAU / size[0] as f32 * 2.0 * ((2.0 * row as f32 + 1.0) * half).sin() * half.sin()
 }
@@ -241,7 +241,7 @@ impl EquirectangularMap {
         self.turned(Vec3::new(-sine * sin, cosine, sine * cos), 1.0).into()
     }
 
-    /// Interpolates bilinearly between texels; columns wrap around, rows end at the poles.
+    /// Interpolates bilinearly between texels. Columns wrap around; rows end at the poles.
     fn radiance(&self, direction: Vec3) -> Vec3 {
         let (width, height) = (self.texels.width(), self.texels.height());
         let place = equirectangular(self.turned(direction, -1.0)) * Vec2::new(width as f32, height as f32) - 0.5;
@@ -256,7 +256,7 @@ impl EquirectangularMap {
         self.texels.get(x.rem_euclid(width) as usize, y.clamp(0, height - 1) as usize)
     }
 
-    /// Mean of the bilinear function over a texel: weights ⅛, ¾, ⅛ along each axis.
+    /// Returns the mean of the bilinear function over a texel, with weights ⅛, ¾, ⅛ along each axis.
     fn mean_over_texel(&self, column: usize, row: usize) -> Vec3 {
         let (x, y) = (column as i64, row as i64);
         let along =
@@ -271,7 +271,7 @@ mod tests {
     use crate::sampling::hammersley;
     use crate::sampling::uniform_sphere;
 
-    /// A dim sky with one bright texel and a black half.
+    /// Builds a dim sky with one bright texel and a black half.
     fn sunny(rotation: f32) -> Environment {
         let texels = Plane::from_fn(32, 16, |x, y| match (x, y) {
             (20, 3) => Vec3::new(5000.0, 4000.0, 3000.0),
@@ -295,7 +295,7 @@ mod tests {
             for i in 0..5000 {
                 let SkySample { direction, pdf } = environment.sample(hammersley(i, 5000));
                 assert!((direction.length() - 1.0).abs() < 1e-5 && pdf > 0.0);
-                // On the border between two cells, rounding may choose the other.
+                // On the border between two cells, rounding may choose either cell.
                 let again = environment.pdf(direction);
                 let inside = environment.pdf((direction + Vec3::new(1e-4, 2e-4, -1e-4)).normalize());
                 assert!((again / pdf - 1.0).abs() < 1e-3 || again != inside, "{pdf} drawn, {again} told");
@@ -303,7 +303,7 @@ mod tests {
         }
     }
 
-    /// ∫ L cos⁺ dω for a few normals, by importance sampling and by uniform sampling of the sphere.
+    /// For a few normals, importance sampling and uniform sampling of the sphere agree on ∫ L cos⁺ dω.
     #[test]
     fn drawing_where_light_is_gives_the_integral() {
         for environment in environments() {
@@ -328,11 +328,11 @@ mod tests {
 
     #[test]
     fn images_stand_as_they_should() {
-        // A bright texel at eye level, a quarter to the right of the middle, is in direction +x.
+        // A bright texel at eye level, a quarter of the width to the right of the middle, is in direction +x.
         let texels = |at| Plane::from_fn(64, 33, |x, y| if (x, y) == at { Vec3::ONE } else { Vec3::ZERO });
         let environment = Environment::image(texels((47, 16)), 1.0, 0.0).unwrap();
         assert!(environment.radiance(Vec3::new(1.0, 0.0, -0.05).normalize()).x > 0.9);
-        // Rotated by 90°, counter-clockwise seen from above, +x becomes −z.
+        // A rotation by 90°, counter-clockwise seen from above, turns +x into −z.
         let turned = Environment::image(texels((47, 16)), 3.0, 90.0).unwrap();
         assert!(turned.radiance(Vec3::new(-0.05, 0.0, -1.0).normalize()).x > 2.7);
         assert_eq!(turned.radiance(Vec3::X), Vec3::ZERO);

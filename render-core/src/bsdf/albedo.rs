@@ -5,7 +5,8 @@ use crate::sampling::hammersley;
 use glam::Vec3;
 use std::sync::LazyLock;
 
-/// Directional albedo of single scattering, split by Schlick's Fresnel term: albedo(F₀) = F₀·facing + (1 − F₀)·grazing.
+/// Directional albedo of single scattering, split along Schlick's Fresnel term: albedo(F₀) = F₀·facing + (1 −
+/// F₀)·grazing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Albedo {
     /// Albedo with a Fresnel term of 1: E of \[Kulla17\].
@@ -15,7 +16,7 @@ pub(super) struct Albedo {
 }
 
 impl Albedo {
-    /// Albedo for a reflectance of `f0` at normal incidence.
+    /// Returns the albedo for a reflectance of `f0` at normal incidence.
     pub(super) fn with(self, f0: Vec3) -> Vec3 {
         f0 * (self.facing - self.grazing) + Vec3::splat(self.grazing)
     }
@@ -26,19 +27,19 @@ impl Albedo {
     }
 }
 
-/// Steps along each axis of the table: roughness and the square root of the cosine, since all abrupt changes occur at
-/// grazing angles. With 48 steps, interpolation is within 0.5 % of the integral.
+/// Steps along each axis of the table. The axes are roughness and the square root of the cosine, since all abrupt
+/// changes occur at grazing angles. With 48 steps, interpolation is within 0.5 % of the integral.
 const STEPS: usize = 48;
-/// Number of directions in the integral of each entry.
+/// Number of directions in the integral of each table entry.
 const DIRECTIONS: usize = 1024;
 
-/// Directional albedos: one row per roughness, one entry per square root of a cosine.
+/// Table of directional albedos: one row per roughness, one entry per square root of a cosine.
 struct Table {
     rows: [[Albedo; STEPS]; STEPS],
     means: [Albedo; STEPS],
 }
 
-/// The table, computed on first use of a coat, in a few milliseconds.
+/// The table of albedos, computed in a few milliseconds when a coat is first used.
 static TABLE: LazyLock<Table> = LazyLock::new(|| {
     let step = |i: usize| i as f32 / (STEPS - 1) as f32;
     let rows: [[Albedo; STEPS]; STEPS] = std::array::from_fn(|row| {
@@ -49,9 +50,9 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
     Table { rows, means }
 });
 
-/// Integrates over visible microfacets; each contributes its Fresnel term times G₂/G₁.
+/// Integrates over visible microfacets. Each facet contributes its Fresnel term times G₂/G₁.
 fn integrate(ggx: Ggx, cos: f32) -> Albedo {
-    // Exactly at grazing incidence no facet is visible; take the limit.
+    // Exactly at grazing incidence no facet is visible, so use the limit.
     let cos = cos.max(1e-3);
     let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let (mut facing, mut grazing) = (0.0, 0.0);
@@ -67,7 +68,8 @@ fn integrate(ggx: Ggx, cos: f32) -> Albedo {
     Albedo { facing: share(facing), grazing: share(grazing) }
 }
 
-/// 2 ∫ albedo(μ) μ dμ of the interpolated row, exactly: lobes normalized with it conserve energy.
+/// Returns 2 ∫ albedo(μ) μ dμ over the interpolated row, exactly, so that lobes normalized with the result conserve
+/// energy.
 ///
 /// ```text
 /// μ = s²:  4 ∫ albedo s³ ds, linear in s from p at a to q at b:  4 (p (b m₃ − m₄) + q (m₄ − a m₃)) / (b − a)
@@ -87,7 +89,7 @@ fn mean(row: &[Albedo; STEPS]) -> Albedo {
     Albedo { facing: integral(|albedo| albedo.facing), grazing: integral(|albedo| albedo.grazing) }
 }
 
-/// The table at one roughness: all data of a surface, for any direction.
+/// Row of the table at one roughness: the albedos of a surface for all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AlbedoRow {
     row: usize,
@@ -101,7 +103,7 @@ impl AlbedoRow {
         Self { row, blend: place - row as f32 }
     }
 
-    /// Albedo towards a direction, given its cosine to the normal.
+    /// Returns the albedo towards a direction, given the cosine between direction and normal.
     pub(super) fn at(self, cos: f32) -> Albedo {
         let place = cos.clamp(0.0, 1.0).sqrt() * (STEPS - 1) as f32;
         let column = (place as usize).min(STEPS - 2);
@@ -109,7 +111,7 @@ impl AlbedoRow {
         along(&TABLE.rows[self.row]).lerp(along(&TABLE.rows[self.row + 1]), self.blend)
     }
 
-    /// Cosine-weighted mean over the hemisphere: E_avg of \[Kulla17\].
+    /// Returns the cosine-weighted mean over the hemisphere: E_avg of \[Kulla17\].
     pub(super) fn mean(self) -> Albedo {
         TABLE.means[self.row].lerp(TABLE.means[self.row + 1], self.blend)
     }
@@ -133,7 +135,8 @@ mod tests {
         assert!(worst < 5e-3, "off by {worst}");
     }
 
-    /// Seen from above, a rough white coat loses about a tenth in single scattering, a smooth one nothing.
+    /// Seen from above, a rough white coat loses about a tenth of the light in single scattering. A smooth coat loses
+    /// none.
     #[test]
     fn mirrors_lose_nothing_and_rough_coats_do() {
         assert!(AlbedoRow::new(0.0).at(0.5).facing > 0.999);

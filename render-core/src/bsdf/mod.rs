@@ -10,9 +10,9 @@
 //!   G₂ height-correlated Smith         M  F_avg² E_avg / (1 − F_avg (1 − E_avg)): light scattered repeatedly in the coat
 //! ```
 //!
-//! In each direction, the coat's reflected light and the light that it transmits to the base sum to the incident light.
-//! A white base is white under any coat, and so is a coat with F₀ = 1 at any roughness. Each term is symmetric in ω_o
-//! and ω_i. Without a coat, f = albedo/π.
+//! In each direction, the light that the coat reflects and the light that it transmits to the base sum to the incident
+//! light. A white base is white under any coat. A coat with F₀ = 1 is white at any roughness. Each term is symmetric in
+//! ω_o and ω_i. Without a coat, f = albedo/π.
 //!
 //! Directions are unit vectors in the frame of the shading normal, which is +z; all point away from the surface.
 
@@ -26,7 +26,7 @@ use ggx::{Ggx, grazing_share};
 use glam::{Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// Least divisor: smaller losses or transmissions of a perfect mirror are rounding errors.
+/// Minimum divisor. Smaller losses or transmissions of a perfect mirror are rounding errors.
 const NOTHING: f32 = 1e-6;
 
 /// Reflection at a point of a surface.
@@ -41,43 +41,44 @@ struct Coat {
     f0: Vec3,
     ggx: Ggx,
     albedos: AlbedoRow,
-    /// 1 − E_avg.
+    /// Loss of the coat's single scattering with F = 1, 1 − E_avg.
     lost_mean: f32,
-    /// M / (1 − E_avg).
+    /// Factor of multiple scattering, M / (1 − E_avg).
     multiple: Vec3,
-    /// 1 − C_avg.
+    /// Mean transmission of the coat, 1 − C_avg.
     through_mean: Vec3,
-    /// Albedo of the base over 1 − C_avg.
+    /// Albedo of the base divided by 1 − C_avg.
     base: Vec3,
 }
 
-/// A direction sampled from a [`Bsdf`].
+/// Direction sampled from a [`Bsdf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
-    /// Direction above the surface, a unit vector.
+    /// Sampled direction above the surface, a unit vector.
     pub direction: Vec3,
-    /// Weight of the light from that direction: BRDF times cosine over density.
+    /// Weight of the light from the sampled direction: BRDF times cosine divided by density.
     pub weight: Vec3,
-    /// Density of the direction, [`Bsdf::pdf`] \[sr⁻¹\].
+    /// Density of the sampled direction, [`Bsdf::pdf`] \[sr⁻¹\].
     pub pdf: f32,
 }
 
 impl Bsdf {
-    /// Builds the BSDF from the diffuse reflectance, the coat's reflectance at normal incidence (zero for none), and
-    /// the perceptual roughness, each in 0…1.
+    /// Builds the BSDF. The diffuse reflectance, the coat's reflectance at normal incidence (zero for no coat) and the
+    /// perceptual roughness are in 0…1.
     #[must_use]
     pub fn new(albedo: Vec3, specular: Vec3, roughness: f32) -> Self {
         let coat = (specular != Vec3::ZERO).then(|| Coat::new(albedo, specular, roughness));
         Self { albedo, coat }
     }
 
-    /// Whether the surface reflects nothing.
+    /// Returns whether the surface reflects no light.
     #[must_use]
     pub fn is_black(&self) -> bool {
         self.albedo == Vec3::ZERO && self.coat.is_none()
     }
 
-    /// BRDF f(ω_o, ω_i) \[sr⁻¹\], without a cosine; zero unless both directions are above the surface.
+    /// Returns the BRDF f(ω_o, ω_i) \[sr⁻¹\], without the cosine. It is zero unless both directions are above the
+    /// surface.
     #[must_use]
     pub fn evaluate(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         if wo.z <= 0.0 || wi.z <= 0.0 {
@@ -89,8 +90,8 @@ impl Bsdf {
         }
     }
 
-    /// Directional albedo, 0…1: radiance reflected in a direction, given its cosine to the normal, under uniform light
-    /// of radiance 1.
+    /// Returns the directional albedo, 0…1: the radiance reflected under uniform light of radiance 1. `cos` is the
+    /// cosine between the direction and the normal.
     #[must_use]
     pub fn directional_albedo(&self, cos: f32) -> Vec3 {
         match &self.coat {
@@ -99,8 +100,8 @@ impl Bsdf {
         }
     }
 
-    /// [`Bsdf::directional_albedo`] without the coat's single scattering: the base below the coat, and multiple
-    /// scattering in the coat. Both lobes are broad; without a coat, the result is exactly the albedo.
+    /// Returns [`Bsdf::directional_albedo`] without the coat's single scattering: the base below the coat, and multiple
+    /// scattering in the coat. Both lobes are broad. Without a coat, the result is exactly the albedo.
     #[must_use]
     pub fn diffuse_albedo(&self, cos: f32) -> Vec3 {
         match &self.coat {
@@ -109,9 +110,9 @@ impl Bsdf {
         }
     }
 
-    /// Excess of the BRDF of base and multiple scattering over [`Bsdf::diffuse_albedo`] / π \[sr⁻¹\], for light from
-    /// one direction. Coats transmit more light from above than from the side. Averages to zero in uniform light; zero
-    /// without a coat.
+    /// Returns the excess of the BRDF of base and multiple scattering over [`Bsdf::diffuse_albedo`] / π \[sr⁻¹\], for
+    /// light from one direction. Coats transmit more light at normal incidence than at grazing incidence. The excess
+    /// averages to zero in uniform light and is zero without a coat.
     #[must_use]
     pub fn diffuse_excess(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         match &self.coat {
@@ -120,20 +121,20 @@ impl Bsdf {
         }
     }
 
-    /// Single scattering of the coat in [`Bsdf::directional_albedo`]; zero without a coat.
+    /// Returns the contribution of the coat's single scattering to [`Bsdf::directional_albedo`], zero without a coat.
     #[must_use]
     pub fn coat_albedo(&self, cos: f32) -> Vec3 {
         self.coat.as_ref().map_or(Vec3::ZERO, |coat| coat.albedos.at(cos).with(coat.f0))
     }
 
-    /// BRDF of the coat's single scattering \[sr⁻¹\], without a cosine, for light from a small disc of `half_angle`
-    /// radians around ω_i; zero without a coat.
+    /// Returns the BRDF of the coat's single scattering \[sr⁻¹\], without the cosine, for light from a small disc of
+    /// `half_angle` radians around ω_i. The result is zero without a coat.
     ///
     /// ```text
     /// α'² = α² + half_angle² / 4
     /// ```
-    /// To first order, this is the mean over the disc at the peak of the lobe. There, D falls by 2t²/α² at a microfacet
-    /// tilted by t. The mean of t² is half_angle²/8, since microfacets tilt half as far as directions.
+    /// To first order, the lobe with α' is the mean over the disc at the lobe's peak. At the peak, D falls by 2t²/α² at
+    /// a microfacet tilted by t. The mean of t² is half_angle²/8, since microfacets tilt half as far as directions.
     #[must_use]
     pub fn evaluate_coat(&self, wo: Vec3, wi: Vec3, half_angle: f32) -> Vec3 {
         match &self.coat {
@@ -144,16 +145,17 @@ impl Bsdf {
         }
     }
 
-    /// Draws the incident direction of the coat's single scattering, from the microfacets visible to ω_o.
+    /// Draws the incident direction of the coat's single scattering from the microfacets visible from ω_o.
     ///
-    /// `None` without a coat, and if the drawn direction points into the surface: such a sample counts as zero.
+    /// Returns `None` without a coat. Also returns `None` if the drawn direction points into the surface: such a sample
+    /// counts as zero.
     #[must_use]
     pub fn sample_coat(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let direction = self.coat.as_ref()?.ggx.sample(wo, u);
         (wo.z > 0.0 && direction.z > 0.0).then_some(direction)
     }
 
-    /// Weight of light from a direction of [`Bsdf::sample_coat`]: F·G₂/G₁, 0…1.
+    /// Returns the weight of light from a direction drawn by [`Bsdf::sample_coat`]: F·G₂/G₁, 0…1.
     #[must_use]
     pub fn coat_weight(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         self.coat
@@ -161,7 +163,7 @@ impl Bsdf {
             .map_or(Vec3::ZERO, |coat| coat.fresnel(wo.dot((wo + wi).normalize())) * coat.ggx.masking_ratio(wo, wi))
     }
 
-    /// Density over solid angle \[sr⁻¹\] of drawing ω_i in [`Bsdf::sample`].
+    /// Returns the density over solid angle with which [`Bsdf::sample`] draws ω_i \[sr⁻¹\].
     #[must_use]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z <= 0.0 || wi.z <= 0.0 {
@@ -177,10 +179,10 @@ impl Bsdf {
         }
     }
 
-    /// Draws an incident direction, roughly in proportion to its contribution.
+    /// Draws an incident direction with a density roughly proportional to its contribution.
     ///
-    /// `choice` and `u` are in 0…1; `choice` selects coat or base. `None` if nothing is reflected, or if the drawn
-    /// direction points into the surface: such a sample counts as zero.
+    /// `choice` and `u` are in 0…1. `choice` selects coat or base. Returns `None` if the surface reflects no light, or
+    /// if the drawn direction points into the surface: such a sample counts as zero.
     #[must_use]
     pub fn sample(&self, wo: Vec3, choice: f32, u: Vec2) -> Option<BsdfSample> {
         if wo.z <= 0.0 || self.is_black() {
@@ -207,11 +209,11 @@ impl Coat {
     fn new(albedo: Vec3, f0: Vec3, roughness: f32) -> Self {
         let albedos = AlbedoRow::new(roughness);
         let mean = albedos.mean();
-        // Cosine-weighted mean of Schlick's term.
+        // The cosine-weighted mean of Schlick's term is F₀ + (1 − F₀)/21.
         let f_mean = f0 + (Vec3::ONE - f0) / 21.0;
         let lost_mean = (1.0 - mean.facing).max(NOTHING);
         let bouncing_on = f_mean * f_mean * mean.facing / (Vec3::ONE - f_mean * lost_mean);
-        // The base gets the light that both scatterings in the coat leave.
+        // The base receives the light that both scatterings in the coat transmit.
         let through_mean = (Vec3::ONE - mean.with(f0) - bouncing_on * lost_mean).max(Vec3::splat(NOTHING));
         Self {
             f0,
@@ -229,13 +231,13 @@ impl Coat {
         self.fresnel(wo.dot(h)) * self.ggx.reflectance(wo, wi, h)
     }
 
-    /// Schlick's term for a microfacet, given the cosine of the light to the microfacet's normal.
+    /// Returns Schlick's term for a microfacet, given the cosine between the light and the microfacet's normal.
     fn fresnel(&self, cos: f32) -> Vec3 {
         let grazing = grazing_share(cos);
         self.f0 * (1.0 - grazing) + Vec3::splat(grazing)
     }
 
-    /// Loss of single scattering towards a direction, 1 − E, and transmission of the coat, 1 − C.
+    /// Returns the loss of single scattering towards a direction, 1 − E, and the transmission of the coat, 1 − C.
     fn left_over(&self, cos: f32) -> (f32, Vec3) {
         let albedo = self.albedos.at(cos);
         let lost = (1.0 - albedo.facing).max(0.0);
@@ -243,19 +245,19 @@ impl Coat {
         (lost, (Vec3::ONE - coat).max(Vec3::ZERO))
     }
 
-    /// Multiple scattering and base: both are broad, and one cosine lobe samples both.
+    /// Returns the BRDF of multiple scattering and base. Both are broad, so one cosine lobe samples both.
     fn diffuse(&self, cos_o: f32, cos_i: f32) -> Vec3 {
         let ((lost_o, through_o), (lost_i, through_i)) = (self.left_over(cos_o), self.left_over(cos_i));
         (self.multiple * (lost_o * lost_i) + self.base * through_o * through_i) * FRAC_1_PI
     }
 
-    /// Directional albedo of [`Coat::diffuse`].
+    /// Returns the directional albedo of [`Coat::diffuse`].
     fn diffuse_albedo(&self, cos: f32) -> Vec3 {
         let (lost, through) = self.left_over(cos);
         self.multiple * (lost * self.lost_mean) + self.base * through * self.through_mean
     }
 
-    /// Probability of sampling the coat's single scattering: its fraction of the reflected light.
+    /// Returns the probability of sampling the coat's single scattering: its fraction of the reflected light.
     fn single_share(&self, cos: f32) -> f32 {
         let single = luminance(self.albedos.at(cos).with(self.f0));
         let diffuse = luminance(self.diffuse_albedo(cos));

@@ -1,4 +1,4 @@
-//! Tests of the BSDF alone, against properties of any material and against histograms.
+//! Unit tests of the BSDF: properties that hold for any material, and comparisons with histograms.
 
 use super::*;
 use crate::sampling::hammersley;
@@ -16,7 +16,7 @@ fn random(key: u64) -> [f32; 4] {
     std::array::from_fn(|i| hash_unit(5, key, i as u64))
 }
 
-/// Mean weight of samples: radiance towards `wo` in a furnace of radiance 1.
+/// Returns the mean weight of samples: radiance towards `wo` in a furnace of radiance 1.
 fn furnace(bsdf: &Bsdf, wo: Vec3, count: usize) -> Vec3 {
     let sample = |i: usize| {
         let u = hammersley(i, count);
@@ -82,8 +82,8 @@ fn light_may_travel_either_way() {
     }
 }
 
-/// Directions fall into cells of equal solid angle as often as the density predicts: Pearson's χ² over cells that
-/// expect samples.
+/// Directions fall into cells of equal solid angle as often as the density predicts, by Pearson's χ² over the cells
+/// with enough expected samples.
 #[test]
 fn densities_are_frequencies() {
     const ROWS: usize = 12;
@@ -94,7 +94,7 @@ fn densities_are_frequencies() {
         for cos in [0.1, 0.5, 0.95] {
             let bsdf = Bsdf::new(Vec3::splat(0.4), Vec3::new(0.9, 0.5, 0.2), roughness);
             let wo = towards(cos);
-            // The density over each cell, by the midpoints of a finer grid.
+            // Integrate the density over each cell at the midpoints of a finer grid.
             let mut expected = [0.0f64; ROWS * COLUMNS];
             let fine = std::f64::consts::TAU / (ROWS * COLUMNS * FINE * FINE) as f64;
             for row in 0..ROWS * FINE {
@@ -130,7 +130,7 @@ fn densities_are_frequencies() {
                 .filter(|(expected, _)| *expected > 20.0)
                 .collect();
             let chi2: f64 = cells.iter().map(|(e, n)| (n - e).powi(2) / e).sum();
-            // Mean k, standard deviation √(2k); five of these occur once in a million.
+            // χ² has mean k and standard deviation √(2k). A deviation of five standard deviations occurs once in a million.
             let k = cells.len() as f64;
             assert!(
                 k > 10.0 && chi2 < k + 5.0 * (2.0 * k).sqrt(),
@@ -155,7 +155,7 @@ fn the_smoothest_coat_is_a_finite_mirror() {
     }
 }
 
-/// The terms of the BSDF sum to the whole.
+/// The terms of the BSDF sum to the complete BSDF.
 #[test]
 fn coat_and_the_rest_make_the_whole() {
     let albedo = Vec3::new(0.2, 0.5, 0.8);
@@ -163,7 +163,7 @@ fn coat_and_the_rest_make_the_whole() {
         let bsdf = Bsdf::new(albedo, Vec3::new(0.9, 0.5, 0.04), roughness);
         let parts = bsdf.coat_albedo(cos) + bsdf.diffuse_albedo(cos);
         assert!((parts - bsdf.directional_albedo(cos)).abs().max_element() < 1e-6);
-        // Samples of the coat alone: their weights are BRDF · cosine / density, with the coat's albedo as mean.
+        // Sample the coat only: the weights are BRDF · cosine / density, and their mean is the coat's albedo.
         let (wo, count) = (towards(cos), 4096);
         let drawn = |i| bsdf.sample_coat(wo, hammersley(i, count)).map_or(Vec3::ZERO, |wi| bsdf.coat_weight(wo, wi));
         let sum = (0..count).map(drawn).sum::<Vec3>() / count as f32;
@@ -174,7 +174,7 @@ fn coat_and_the_rest_make_the_whole() {
     assert_eq!(bare.sample_coat(Vec3::Z, Vec2::splat(0.5)), None);
 }
 
-/// Light from a disc: compares the widened lobe with the mean over the disc, for one of the narrowest lobes.
+/// For light from a disc, the widened lobe equals the mean over the disc, tested for one of the narrowest lobes.
 #[test]
 fn a_disc_is_seen_as_a_wider_lobe() {
     let (bsdf, half_angle) = (Bsdf::new(Vec3::ZERO, Vec3::ONE, 0.4), 0.2f32);
@@ -193,7 +193,7 @@ fn a_disc_is_seen_as_a_wider_lobe() {
     assert!(bsdf.evaluate_coat(wo, mirrored, 0.0).x > 1.1 * mean, "a point is brighter");
 }
 
-/// The BRDF is the sum of the coat, the response of the base to uniform light, and an excess that averages to
+/// The BRDF is the sum of the coat, the response of the base to uniform light, and an excess. The excess averages to
 /// zero in uniform light.
 #[test]
 fn the_excess_of_the_base_is_nothing_in_even_light() {

@@ -1,11 +1,11 @@
-//! Lamps in an image of the sky: few texels, bright enough to cast shadows with an edge.
+//! Lamps in an image of the sky: small groups of texels, bright enough to cast shadows with sharp edges.
 //!
 //! ```text
 //! texel = rest + lamp          rest  the texels around a bright spot          lamp  the excess of a bright texel
 //! ```
 //!
-//! Between texels an image is linear, so the equation applies to the radiance of every direction. Lamps are sampled one
-//! by one, as discs (`light/distant.rs`); the rest is a dome of many lights.
+//! An image is interpolated linearly between texels, so the equation applies to the radiance of every direction. Lamps
+//! are sampled one by one, as discs (`light/distant.rs`). The rest is sampled as a dome of many lights.
 
 use super::{EquirectangularMap, cell_solid_angle, height};
 use crate::luminance;
@@ -15,40 +15,42 @@ use plane::Plane;
 use std::collections::BTreeSet;
 use std::f32::consts::TAU;
 
-/// Least radiance of a lamp's texels, relative to the sky's mean. At 64, all of a sky's light would fit into 16°.
+/// Minimum radiance of a lamp's texels, relative to the sky's mean. At 64 times the mean, all light of a sky fits into
+/// a disc of 16° radius.
 const BRIGHT: f32 = 64.0;
-/// Least fraction of the sky's light in a lamp: sixteen of the 1024 lights of a dome.
+/// Minimum fraction of the sky's light in a lamp: sixteen of the 1024 lights of a dome.
 const LEAST_SHARE: f32 = 1.0 / 64.0;
-/// Greatest angular radius of a lamp \[rad\]: 6°. Wider spots cast soft shadows, which the dome renders, too.
+/// Maximum angular radius of a lamp \[rad\]: 6°. Wider spots cast soft shadows, which the dome can render.
 const MOST_RADIUS: f32 = 0.1;
-/// Most lamps of a sky, the brightest: each costs shadow rays at every pixel.
+/// Maximum number of lamps of a sky. The brightest are used; each costs shadow rays at every pixel.
 const MOST_LAMPS: usize = 8;
-/// Number of times that the least radiance doubles until a spot is small; the glare around a spot belongs to the rest.
+/// Maximum number of doublings of the minimum radiance until a spot is small. The glare around a spot belongs to the
+/// rest.
 const DOUBLINGS: u32 = 12;
-/// Cells along a side of a texel, for sampling directions.
+/// Number of cells along a side of a texel, for sampling directions.
 const CELLS: usize = 4;
-/// Number of directions around a lamp's center that define its border.
+/// Number of directions from a lamp's center that define the lamp's border.
 const BORDER: usize = 8;
 
-/// A small bright spot of a sky.
+/// Small bright spot of a sky.
 #[derive(Clone, Debug)]
 pub(crate) struct SkyLamp {
-    /// Integral of its radiance over all directions: irradiance of a surface that faces it \[W·m⁻²\].
+    /// Integral of the lamp's radiance over all directions: the irradiance of a surface that faces the lamp \[W·m⁻²\].
     pub irradiance: Vec3,
-    /// Direction to its center, a unit vector.
+    /// Direction to the lamp's center, a unit vector.
     pub towards: Vec3A,
-    /// Angular radius \[rad\].
+    /// Angular radius of the lamp \[rad\].
     pub angular_radius: f32,
-    /// Directions to its border, unit vectors.
+    /// Directions to the lamp's border, unit vectors.
     pub border: [Vec3A; BORDER],
-    /// Distribution of rows of cells, from the top; each cell has a direction and a flux.
+    /// Distribution of rows of cells, from the top. Each cell has a direction and a flux.
     rows: Distribution,
     columns: Vec<Option<Distribution>>,
     directions: Vec<Vec<Vec3A>>,
 }
 
 impl SkyLamp {
-    /// `count` directions; each represents an equal fraction of its light.
+    /// Returns `count` directions, each of which represents an equal fraction of the lamp's light.
     pub fn directions(&self, count: usize) -> Vec<Vec3A> {
         let direction = |u: Vec2| {
             let row = self.rows.pick(f64::from(u.y)).index;
@@ -59,8 +61,8 @@ impl SkyLamp {
     }
 }
 
-/// Finds the lamps of an image with mean luminance `mean` over the sphere. Returns them, and its texels without them;
-/// `None` if there are no lamps.
+/// Finds the lamps of an image with mean luminance `mean` over the sphere. Returns the lamps and the texels without
+/// them, or `None` if the image has no lamps.
 pub(super) fn split(map: &EquirectangularMap, mean: f32) -> Option<(Vec<SkyLamp>, Plane<Vec3>)> {
     let finder = Finder { map, mean };
     let mut spots = finder.spots(&finder.all_texels(), BRIGHT * mean, DOUBLINGS);
@@ -70,7 +72,7 @@ pub(super) fn split(map: &EquirectangularMap, mean: f32) -> Option<(Vec<SkyLamp>
         return None;
     }
 
-    // Darken a lamp's texels to the level of their surroundings.
+    // Darken the texels of each lamp to the level of the surroundings.
     let mut rest = map.texels.clone();
     let mut lamps = Vec::new();
     for spot in spots {
@@ -88,13 +90,13 @@ pub(super) fn split(map: &EquirectangularMap, mean: f32) -> Option<(Vec<SkyLamp>
     Some((lamps, rest))
 }
 
-/// Texels, by column and row.
+/// Set of texels, as (column, row).
 type Texels = BTreeSet<(usize, usize)>;
 
-/// Connected bright texels.
+/// Group of connected bright texels.
 struct Spot {
     texels: Texels,
-    /// Fraction of the sky's light.
+    /// Fraction of the sky's light in the spot.
     share: f32,
 }
 
@@ -113,14 +115,14 @@ impl Finder<'_> {
     }
 
     fn all_texels(&self) -> Texels {
-        // Drop all other texels at once: an image has millions.
+        // Drop all darker texels at once, since an image has millions.
         let [width, height] = self.size();
         let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         all.filter(|&(x, y)| self.luminance(x, y) >= BRIGHT * self.mean).collect()
     }
 
-    /// The small and sufficiently bright spots among `texels` of at least the luminance `least`. Wide spots are
-    /// searched again for twice that luminance.
+    /// Finds the small and sufficiently bright spots among `texels`, with luminance of at least `least`. Wide spots are
+    /// searched again with a threshold of twice that luminance.
     fn spots(&self, texels: &Texels, least: f32, doublings: u32) -> Vec<Spot> {
         let mut left: Texels = texels.iter().copied().filter(|&(x, y)| self.luminance(x, y) >= least).collect();
         let mut spots = Vec::new();
@@ -150,7 +152,7 @@ impl Finder<'_> {
         spot
     }
 
-    /// The eight neighbors of a texel; columns wrap around, rows end at the poles.
+    /// Returns the eight neighbors of a texel. Columns wrap around; rows end at the poles.
     fn neighbors(&self, x: usize, y: usize) -> Vec<(usize, usize)> {
         let [width, height] = self.size();
         let mut neighbors = Vec::new();
@@ -162,20 +164,20 @@ impl Finder<'_> {
         neighbors
     }
 
-    /// Mean of the texels around a spot.
+    /// Returns the mean radiance of the texels around a spot.
     fn around(&self, spot: &Texels) -> Vec3 {
         let near: Texels = spot.iter().flat_map(|&(x, y)| self.neighbors(x, y)).collect();
         let ring: Vec<Vec3> = near.difference(spot).map(|&(x, y)| self.map.texels.get(x, y)).collect();
         ring.iter().sum::<Vec3>() / ring.len().max(1) as f32
     }
 
-    /// Fraction of the sky's light in a spot.
+    /// Returns the fraction of the sky's light in a spot.
     fn share(&self, spot: &Texels) -> f32 {
         let flux: f32 = spot.iter().map(|&(x, y)| self.luminance(x, y) * cell_solid_angle(self.size(), y)).sum();
         flux / (self.mean * 4.0 * std::f32::consts::PI)
     }
 
-    /// Angular radius of a spot \[rad\].
+    /// Returns the angular radius of a spot \[rad\].
     fn radius(&self, spot: &Texels) -> f32 {
         let [width, height] = self.size();
         let place =
@@ -191,8 +193,8 @@ fn lamp(excess: &EquirectangularMap, texels: &Texels) -> Option<SkyLamp> {
     let [width, rows] = [excess.texels.width(), excess.texels.height()];
     let fine = [CELLS * width, CELLS * rows];
 
-    // Number columns across the seam from the first texel, half the image to either side. Interpolation spreads light
-    // one texel farther.
+    // Number columns across the seam relative to the first texel, half the image to either side. Interpolation spreads
+    // light one texel farther.
     let first = texels.first()?.0 as i64;
     let unwrapped = |x: usize| {
         let offset = (x as i64 - first).rem_euclid(width as i64);
@@ -204,7 +206,7 @@ fn lamp(excess: &EquirectangularMap, texels: &Texels) -> Option<SkyLamp> {
     let (top, bottom) = (texels.iter().map(|t| t.1).min()?.saturating_sub(1), texels.iter().map(|t| t.1).max()? + 2);
     let bottom = bottom.min(rows);
 
-    // Divide texels into 4×4 cells, each with the flux L ω of its center.
+    // Divide texels into 4×4 cells. The flux of a cell is L ω at its center.
     let (mut irradiance, mut sum, mut by_row) = (glam::DVec3::ZERO, glam::DVec3::ZERO, Vec::new());
     let (mut distributions, mut directions) = (Vec::new(), Vec::new());
     for row in top * CELLS..bottom * CELLS {
@@ -230,7 +232,7 @@ fn lamp(excess: &EquirectangularMap, texels: &Texels) -> Option<SkyLamp> {
     let rows = Distribution::new(by_row)?;
     let towards = Vec3A::from(sum.as_vec3()).try_normalize()?;
 
-    // The border: the lit cells farthest from the center in eight directions.
+    // Find the border: the lit cells farthest from the center in eight directions.
     let mut lit: Vec<Vec3A> = Vec::new();
     for (distribution, directions) in distributions.iter().zip(&directions) {
         let Some(distribution) = distribution else { continue };
@@ -257,17 +259,17 @@ mod tests {
     use plane::Plane;
     use std::f32::consts::PI;
 
-    /// Column, row and radiance.
+    /// Column, row and radiance of a bright texel.
     type Texel = (usize, usize, f32);
 
-    /// A sky of radiance 0.2 with these bright texels.
+    /// Builds a sky of radiance 0.2 with the texels `bright`.
     fn sky(bright: &[(usize, usize, f32)]) -> Environment {
         let mut texels = Plane::filled(64, 32, Vec3::splat(0.2));
         bright.iter().for_each(|&(x, y, radiance)| texels.set(x, y, Vec3::splat(radiance)));
         Environment::image(texels, 1.0, 30.0).expect("a sky")
     }
 
-    /// ∫ L dω over all directions, by the midpoints of a grid of angles.
+    /// Returns ∫ L dω over all directions, from the midpoints of a grid of angles.
     fn integral(sky: &Environment) -> Vec3 {
         let (rows, columns) = (1024u32, 2048u32);
         let mut sum = glam::DVec3::ZERO;
@@ -282,7 +284,7 @@ mod tests {
         (sum * f64::from(2.0 * PI * PI) / f64::from(rows * columns)).as_vec3()
     }
 
-    /// At the seam, at both poles and elsewhere, a bright texel is one lamp; lamps and rest sum to all light.
+    /// At the seam, at both poles and elsewhere, a bright texel becomes one lamp. Lamps and rest sum to all light.
     #[test]
     fn lamps_and_rest_are_the_whole_sky() {
         let cases: [(&[Texel], usize); 7] = [
@@ -305,7 +307,7 @@ mod tests {
         }
     }
 
-    /// Directions of a lamp follow the distribution of its light: their mean equals the light's.
+    /// Directions of a lamp follow the distribution of the lamp's light: both have the same mean direction.
     #[test]
     fn directions_are_those_of_the_light() {
         for bright in [&[(0, 12, 40_000.0)][..], &[(30, 3, 40_000.0), (31, 3, 20_000.0)], &[(5, 0, 90_000.0)]] {
@@ -324,7 +326,7 @@ mod tests {
         }
     }
 
-    /// A spot as wide as a room's window stays in the dome; a bright spot within its glare does not.
+    /// A spot as wide as a window stays in the dome. A bright spot within the glare of the wide spot becomes a lamp.
     #[test]
     fn wide_regions_are_no_lamps() {
         let of = |radiance: fn(f32) -> f32| {
