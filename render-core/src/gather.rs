@@ -1,8 +1,8 @@
-//! Bias compensation by final gather: restores the light that the bounded geometry term takes from nearby virtual
-//! lights.
+//! Bias compensation by final gather: restores the light of nearby virtual lights that the bounded geometry term
+//! removes.
 //!
-//! The geometry term of a virtual light is bounded: `cos θ cos θ_l / (r² + s)` instead of `/ r²`. A single light then
-//! cannot outshine its surroundings, but nearby light is missing \[Kollig04\]:
+//! The geometry term of a virtual light is bounded: it is `cos θ cos θ_l / (r² + s)` instead of `cos θ cos θ_l / r²`. A
+//! single light then cannot outshine its surroundings, but nearby light is missing \[Kollig04\]:
 //!
 //! ```text
 //! E(x) = ∫ L(y) cos θ · s / (r² + s) dω  ≈  π/N Σ L(yᵢ) · s / (rᵢ² + s)      for N cosine-distributed rays
@@ -11,9 +11,9 @@
 //! ```
 //!
 //! # Differs from the paper
-//! L(y) comes from the surfels around y, which also feed the virtual lights, and not from further path tracing. The
-//! compensation is exactly the missing light, and a ray costs one query. Rays continue only in gaps narrower than the
-//! resolution of surfels (`gather/gap.rs`).
+//! L(y) comes from the surfels around y, which also provide the flux of the virtual lights, instead of further path
+//! tracing. The compensation is exactly the missing light, and a ray costs one query. Rays continue only in gaps
+//! narrower than the resolution of surfels (`gather/gap.rs`).
 
 mod gap;
 
@@ -28,16 +28,18 @@ use glam::{Mat3A, Vec3, Vec3A};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Distance to a surface below which surfels cannot resolve its light, in sides of an anchor's area.
+/// Distance to a surface below which surfels cannot resolve the surface's light, in units of the side of an anchor's
+/// area.
 ///
 /// Measured on `atrium` and `nave`, relative MSE with all lights. With geometry terms bounded over one area: 2.8e-3 and
 /// 3.7e-3 without continued rays, 2.1e-3 and 3.2e-3 with 0.1, 2.0e-3 and 3.0e-3 with 0.3, 1.8e-3 and 2.8e-3 with 0.8.
 /// Over eight areas, 0.4, 0.8 and 1.6 leave 1.39e-3, 1.31e-3, 1.25e-3 and 1.47e-3, 1.44e-3, 1.47e-3.
 const NEAR: f32 = 0.8;
-/// Rays with a compensation below this fraction of the radiance they hit are dropped: below 0.5 % in sum.
+/// Minimum ratio of a ray's compensation to the radiance of the surface hit. Rays below it are dropped, in sum less
+/// than 0.5 %.
 const LEAST_SHARE: f32 = 5e-4;
 
-/// Final gather of one frame: the radiance that its virtual lights represent, by surfel.
+/// Final gather of one frame, with the radiance by surfel that virtual lights represent.
 pub struct FinalGather {
     fixed: Arc<SurfelMap>,
     dynamic: SurfelMap,
@@ -58,7 +60,7 @@ impl std::fmt::Debug for FinalGather {
     }
 }
 
-/// Directions of one final gather: uniform over the disc below, cosine-distributed on the hemisphere above it.
+/// Directions of one final gather, cosine-distributed on the hemisphere: uniform on the disc below it.
 #[derive(Clone, Debug)]
 pub struct GatherDirections(Vec<Vec3A>);
 
@@ -78,7 +80,7 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// Keeps only the distances and frees all other memory; [`FinalGather::compensation`] is then zero.
+    /// Frees all memory except the distances. [`FinalGather::compensation`] is then zero.
     pub fn forget_light(&mut self) {
         self.sources = Vec::new();
         (self.emitted, self.emitted_by_position) = (Vec3::ZERO, Mat3A::ZERO);
@@ -91,28 +93,28 @@ impl Gathered {
 pub struct Compensation {
     /// Irradiance \[W·m⁻²\], linear RGB.
     pub irradiance: Vec3,
-    /// Derivative by the position \[W·m⁻³\], one column per axis.
+    /// Derivative of the irradiance with respect to position \[W·m⁻³\], one column per axis.
     pub by_position: Mat3A,
 }
 
-/// A nearby surfel and its contribution to the compensation.
+/// Nearby surfel and its contribution to the compensation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct SurfelShare {
     /// Index into [`FinalGather::radiance`].
     surfel: u32,
-    /// Irradiance per radiance.
+    /// Compensating irradiance per unit of the surfel's radiance.
     share: Vec3,
-    /// Derivative of the logarithm of `share` by the position \[m⁻¹\].
+    /// Derivative of the logarithm of `share` with respect to position \[m⁻¹\].
     by_position: Vec3A,
 }
 
-/// The surface that a gather ray hit.
+/// Surface that a gather ray hit.
 struct Seen<'a> {
     surface: Interaction<'a>,
     /// Length of the last segment of the ray \[m\].
     distance: f32,
-    /// Contribution of the ray to the compensation, without its surfel.
+    /// Contribution of the ray to the compensation, before its surfel is assigned.
     source: SurfelShare,
 }
 
@@ -130,7 +132,7 @@ impl Gathered {
 }
 
 impl GatherDirections {
-    /// Builds `count` directions; a power of two is the most even.
+    /// Builds `count` directions, which are most even if `count` is a power of two.
     #[must_use]
     pub fn new(count: usize) -> Self {
         let on_sphere = |u| {
@@ -161,23 +163,23 @@ impl FinalGather {
         }
     }
 
-    /// Adds the lamps that light surfels but that rays rarely hit; none by default.
+    /// Adds the lamps that light surfels but that rays rarely hit. By default, no lamps are added.
     #[must_use]
     pub fn with_lamps(mut self, lamps: Lamps) -> Self {
         self.gaps.lamps = lamps;
         self
     }
 
-    /// Disables continued rays, for a limited number of reflections: surfels do not record how often their light was
-    /// reflected.
+    /// Disables continued rays. Required with a limited number of reflections, since surfels do not record the number
+    /// of reflections of their light.
     #[must_use]
     pub fn with_limited_bounces(mut self) -> Self {
         self.gaps.near = 0.0;
         self
     }
 
-    /// `virtual_emitters` states for each instance whether virtual lights with the bound of fixed anchors represent its
-    /// emission, which is then compensated. False for all by default.
+    /// Sets for each instance whether virtual lights with the bound of fixed anchors represent the instance's emission,
+    /// which is then compensated. The default is false for all instances.
     ///
     /// # Panics
     /// If the number of values differs from the number of instances.
@@ -187,7 +189,8 @@ impl FinalGather {
         Self { virtual_emitters, ..self }
     }
 
-    /// Traces rays in the `directions` from `receiver`, rotated about its normal by an angle that depends on `key`.
+    /// Traces rays in the `directions` from `receiver`, rotated about the normal of `receiver` by an angle that depends
+    /// on `key`.
     pub fn gather(
         &self,
         scene: PosedScene,
@@ -226,12 +229,12 @@ impl FinalGather {
             if share < LEAST_SHARE {
                 continue;
             }
-            // A ray represents the region up to its neighbors; average the texture over it.
+            // A ray represents the region up to the neighboring rays, so average the texture over that region.
             let width = (hit.distance * spread).min(bound.sqrt());
             let surface = scene.surfaces.meet(&hit, direction, width);
             let way = direction * hit.distance;
-            // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, with the hit point held fixed; both cosines
-            // contain the length of `way`.
+            // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, with the hit point fixed. Both cosines contain
+            // the length of `way`.
             let towards = way.dot(surface.geometric_normal).min(-MIN_COSINE * hit.distance);
             let falloff = way * (4.0 / r2 + 2.0 / (r2 + bound));
             let gradient = falloff - surface.geometric_normal / towards;
@@ -246,26 +249,27 @@ impl FinalGather {
             self.take(&seen, scene, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
-        // Records keep the result for many frames.
+        // Free unused capacity, since records keep the result for many frames.
         found.sources.shrink_to_fit();
         found
     }
 
-    /// Whether this frame has every surfel that `found` refers to. Always true for results of this scene; results read
-    /// from a file may refer to others.
+    /// Returns whether this frame has every surfel in `found`. Always true for results of this scene; results read from
+    /// a file may refer to other surfels.
     #[must_use]
     pub fn is_complete(&self, found: &Gathered) -> bool {
         found.sources.iter().all(|source| (source.surfel as usize) < self.radiance.len())
     }
 
-    /// Distance below which the bounded geometry term removes much of the dynamic anchors' light \[m\]; 0 without any.
+    /// Returns the distance below which the bounded geometry term removes much of the dynamic anchors' light \[m\], or
+    /// 0 without dynamic anchors.
     #[must_use]
     pub fn dynamic_reach(&self) -> f32 {
         if self.dynamic.len() == 0 { 0.0 } else { self.bound[1].sqrt() }
     }
 
-    /// Radiance \[W·m⁻²·sr⁻¹\] that `surface` of `instance` reflects of all light, from its surfels and only as
-    /// accurate as they are dense.
+    /// Returns the radiance that `surface` of `instance` reflects of all light \[W·m⁻²·sr⁻¹\]. The radiance comes from
+    /// surfels, so its resolution is limited by their density.
     #[must_use]
     pub fn surfel_radiance(&self, scene: PosedScene, surface: &Surface, instance: u32) -> Vec3 {
         let dynamic = self.moving[instance as usize];
@@ -294,17 +298,17 @@ impl FinalGather {
         }
     }
 
-    /// Visibility among static surfels; surfels of dynamic objects need none.
+    /// Returns the visibility between static surfels. Surfels of dynamic objects need none.
     fn sight<'s>(&self, dynamic: bool, scene: PosedScene<'s>) -> Option<Sight<'s>> {
         (!dynamic).then_some(Sight { accelerator: scene.accelerator, epsilon: self.gaps.epsilon })
     }
 
-    /// The dynamic or the fixed surfels, and the index of their first one in `radiance`.
+    /// Returns the dynamic or the fixed surfels, and the index of the first of them in `radiance`.
     fn surfels(&self, dynamic: bool) -> (&SurfelMap, usize) {
         if dynamic { (&self.dynamic, self.fixed.len()) } else { (&self.fixed, 0) }
     }
 
-    /// Bias compensation at the point of `found`, with the flux of this frame.
+    /// Returns the bias compensation at the point of `found`, with the flux of this frame.
     #[must_use]
     pub fn compensation(&self, found: &Gathered) -> Compensation {
         let (mut sum, mut by_position) = (found.emitted, found.emitted_by_position);
@@ -318,10 +322,10 @@ impl FinalGather {
     }
 }
 
-/// Least cosine at a hit that derivatives use; at grazing angles they would not be finite.
+/// Minimum cosine at a hit that derivatives use. At grazing angles, derivatives would not be finite.
 const MIN_COSINE: f32 = 0.05;
 
-/// `a · bᵀ`.
+/// Returns the outer product `a · bᵀ`.
 fn outer(a: Vec3, b: Vec3A) -> Mat3A {
     let a = Vec3A::from(a);
     Mat3A::from_cols(a * b.x, a * b.y, a * b.z)
@@ -337,7 +341,7 @@ mod tests {
 
     const RADIANCE: f32 = 2.0;
 
-    /// Squares of 40 m, each given by a corner and two edges; it faces their cross product.
+    /// Builds squares of 40 m. Each is given by a corner and two edges, and faces the cross product of the edges.
     fn squares(list: &[[Vec3; 3]]) -> Scene {
         let mut scene = Scene::default();
         scene.materials.push(Material::default());
@@ -354,7 +358,7 @@ mod tests {
         scene
     }
 
-    /// The light removed at `receiver`, and its derivative, if every anchor represents the same radiance.
+    /// Returns the light removed at `receiver`, and its derivative, if every anchor represents the same radiance.
     fn removed(scene: &Scene, receiver: impl Fn(f32) -> ShadingPoint, bound: &mut f32) -> Vec<(f32, Vec3A)> {
         let pose: Pose = scene.pose(0.0);
         let surfaces = Surfaces::new(scene, &pose);
@@ -389,8 +393,8 @@ mod tests {
         [1.0, 0.99, 1.01].map(place).to_vec()
     }
 
-    /// Above a wide floor of uniform radiance: E = π L (1 − h²/s · ln(1 + s/h²)), from ∫ over the hemisphere with r = h
-    /// / cos θ.
+    /// Above a wide floor of uniform radiance, E = π L (1 − h²/s · ln(1 + s/h²)): the integral over the hemisphere with
+    /// r = h / cos θ.
     #[test]
     fn closed_form_above_a_floor() {
         let floor = squares(&[[Vec3::new(-20.0, 0.0, -20.0), Vec3::Z * 40.0, Vec3::X * 40.0]]);
@@ -401,13 +405,13 @@ mod tests {
             geometric_normal: Vec3A::NEG_Y,
         };
         let (light, _) = removed(&floor, facing_down, &mut bound)[0];
-        // The height is √s.
+        // With a height of √s, h²/s = 1.
         let expected = PI * RADIANCE * (1.0 - 2f32.ln());
         assert!((light / expected - 1.0).abs() < 0.01, "{light} in place of {expected}");
     }
 
     /// Between two wide plates of albedo ρ at distance h, a ray continues from plate to plate while its segments are
-    /// shorter than `near`. Of cosine-distributed segments, the fraction (h/near)² is longer.
+    /// shorter than `near`. A cosine-distributed segment is longer with probability (h/near)².
     #[test]
     fn narrow_gaps_are_as_dark_as_their_reflections_make_them() {
         const ALBEDO: f32 = 0.5;
@@ -437,7 +441,7 @@ mod tests {
         assert!((light / expected - 1.0).abs() < 0.05, "{light} in place of {expected}");
     }
 
-    /// On a floor next to a wall, the derivative matches small differences.
+    /// On a floor next to a wall, the derivative matches finite differences.
     #[test]
     fn the_derivative_is_that_of_small_steps() {
         let corner = squares(&[

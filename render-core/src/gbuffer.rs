@@ -1,4 +1,4 @@
-//! The first surface that each pixel sees, and its position in another frame.
+//! Visible surface of each pixel, and the position of that surface in another frame.
 
 mod coverage;
 mod layers;
@@ -20,18 +20,18 @@ pub use coverage::{Coverage, MixedPixel, SurfacePart};
 pub use layers::LayeredPixel;
 pub use shares::{InstanceShare, InstanceShares};
 
-/// Side of the tiles that rays are traced in \[pixels\]: an MPEG-2 macroblock.
+/// Side of the tiles in which rays are traced \[pixels\]: an MPEG-2 macroblock.
 pub const MACROBLOCK: usize = 16;
 
-/// [`PixelSurface::instance`] of a pixel without a surface.
+/// Value of [`PixelSurface::instance`] for a pixel without a surface.
 pub const NOTHING: u32 = u32::MAX;
 
-/// The first surface that a pixel sees. Vectors are stored as plain triples, without padding.
+/// First surface that a pixel sees. Vectors are stored as arrays of three numbers, without padding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSurface {
     /// Position in world space \[m\]; without a surface, the unit direction of the ray.
     pub position: [f32; 3],
-    /// Normal of the triangle towards the viewer, a unit vector.
+    /// Geometric normal of the triangle, on the viewer's side, a unit vector.
     pub geometric_normal: [f32; 3],
     /// Shading normal, a unit vector.
     pub shading_normal: [f32; 3],
@@ -43,7 +43,7 @@ pub struct PixelSurface {
     pub roughness: f32,
     /// Radiance independent of lighting \[W·m⁻²·sr⁻¹\]: emission, unlit color, or the sky.
     pub emission: [f32; 3],
-    /// Depth along the camera's axis \[m\]; infinite without a surface.
+    /// Depth along the camera's axis \[m\], infinite without a surface.
     pub depth: f32,
     /// Index into the scene's instances, or [`NOTHING`].
     pub instance: u32,
@@ -52,23 +52,23 @@ pub struct PixelSurface {
 }
 
 impl PixelSurface {
-    /// Whether the diffuse base reflects light.
+    /// Returns whether the diffuse base reflects light.
     #[must_use]
     pub fn reflects(&self) -> bool {
         self.instance != NOTHING && self.albedo != [0.0; 3]
     }
 }
 
-/// A ray from the camera.
+/// Ray from the camera.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraRay {
     pub origin: Vec3A,
-    /// Direction, a unit vector.
+    /// Direction of the ray, a unit vector.
     pub direction: Vec3A,
 }
 
 impl CameraRay {
-    /// The ray through a position in the picture \[pixels\].
+    /// Returns the ray through a position in the picture \[pixels\].
     fn through(place: Vec2, view: &View) -> Self {
         let (origin, direction) = view.ray(place);
         Self { origin, direction }
@@ -78,45 +78,45 @@ impl CameraRay {
 /// One ray sample per pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSample {
-    /// Position of the ray in the pixel, from its upper left corner, each coordinate in 0…1.
+    /// Position of the ray in the pixel, measured from the upper left corner. Each coordinate is in 0…1.
     pub offset: Vec2,
-    /// Width of the region that the sample represents \[pixels\]; textures are filtered over it.
+    /// Width of the region that the sample represents \[pixels\]. Textures are filtered over this width.
     pub width: f32,
 }
 
 impl PixelSample {
-    /// The only sample of a pixel, through its center.
+    /// Single sample of a pixel, through its center.
     pub const WHOLE: Self = Self { offset: Vec2::splat(0.5), width: 1.0 };
 
-    /// One of `count` samples of a pixel, at `offset`.
+    /// Returns one of `count` samples of a pixel, at `offset`.
     #[must_use]
     pub fn one_of(count: usize, offset: Vec2) -> Self {
         Self { offset, width: (count.max(1) as f32).sqrt().recip() }
     }
 }
 
-/// The first hits of all pixels of a picture.
+/// First hits of all pixels of a picture.
 #[derive(Clone, Debug)]
 pub struct GBuffer {
-    /// The surface of each pixel.
+    /// Surface of each pixel.
     pub pixels: Plane<PixelSurface>,
     /// View of the picture.
     pub view: View,
-    /// World transforms of the instances.
+    /// World transform of each instance.
     pub world: Vec<Affine3A>,
-    /// Deformed meshes of instances with a skin or morph targets; empty if there are none.
+    /// Deformed mesh of each instance with a skin or morph targets. Empty if no instance is deformed.
     pub deformed: Vec<Option<Arc<DeformedMesh>>>,
-    /// The pixels with several layers at their centers, in raster order.
+    /// Pixels with several layers at their centers, in raster order.
     pub layered: Arc<[LayeredPixel]>,
 }
 
 impl GBuffer {
-    /// Traces a ray through the center of every pixel, for `size` = (width, height) \[pixels\].
+    /// Traces a ray through the center of every pixel of a picture of `size` = (width, height) \[pixels\].
     pub fn trace(scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
         Self::trace_at(PixelSample::WHOLE, scene, view, size)
     }
 
-    /// Traces a ray through this sample of every pixel, for `size` = (width, height) \[pixels\].
+    /// Traces a ray through this sample of every pixel of a picture of `size` = (width, height) \[pixels\].
     pub fn trace_at(sample: PixelSample, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
         let (shown, mut pixels) = (Shown::new(scene), Plane::filled(size.0, size.1, EMPTY));
         let camera = Camera { shown: &shown, view, sample };
@@ -132,20 +132,20 @@ impl GBuffer {
 }
 
 impl GBuffer {
-    /// World-space corners of the triangle that `pixel` sees, if its mesh is deformed.
+    /// Returns the world-space corners of the triangle that `pixel` sees, or `None` if the mesh is not deformed.
     fn bent_corners(&self, pixel: &PixelSurface) -> Option<[Vec3A; 3]> {
         let instance = pixel.instance as usize;
         let bent = self.deformed.get(instance)?.as_ref()?;
         Some(bent.corners(pixel.triangle as usize).map(|corner| self.world[instance].transform_point3a(corner.into())))
     }
 
-    /// Position in `other` of the surface point that `pixel` sees, and its normal there; `None` if its mesh is not
+    /// Returns the position and normal in `other` of the surface point that `pixel` sees, or `None` if the mesh is not
     /// deformed.
     fn bent_to(&self, pixel: &PixelSurface, other: &GBuffer) -> Option<(Vec3A, Vec3A)> {
         let [a, b, c] = self.bent_corners(pixel)?;
         let area = (b - a).cross(c - a);
         let at = Vec3A::from(pixel.position) - a;
-        // Barycentric weights: fractions of the triangle's area, along its normal.
+        // Barycentric weights are fractions of the triangle's area, measured along its normal.
         let whole = area.length_squared();
         let (u, v) = (at.cross(c - a).dot(area) / whole, (b - a).cross(at).dot(area) / whole);
         let [p, q, r] = other.bent_corners(pixel)?;
@@ -168,12 +168,13 @@ const EMPTY: PixelSurface = PixelSurface {
     triangle: 0,
 };
 
-/// Upper left corners of a macroblock's packets, and the side of a packet \[pixels\].
+/// Upper left corners of a macroblock's packets, relative to the macroblock \[pixels\].
 const PACKET_CORNERS: [(usize, usize); 4] = [(0, 0), (PACKET_SIDE, 0), (0, PACKET_SIDE), (PACKET_SIDE, PACKET_SIDE)];
+/// Side of a packet \[pixels\].
 const PACKET_SIDE: usize = 8;
 const _: () = assert!(PACKET_SIDE * PACKET_SIDE == PACKET && 2 * PACKET_SIDE == MACROBLOCK);
 
-/// The pixels of a packet, in groups of eight neighbors: four columns, two rows.
+/// Returns the pixels of a packet, in groups of eight neighbors: four columns, two rows.
 fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
@@ -233,11 +234,11 @@ impl Camera<'_> {
             count += 1;
         }
 
-        // Trace them as a packet, then evaluate the hits.
+        // Trace the rays as a packet, then evaluate the hits.
         let solid = shown.solid();
         let hits = first_hits(solid, &rays[..count], view);
         for i in 0..count {
-            // If there are layers, one of them is the pixel's surface.
+            // If a ray has layers, one of them is the pixel's surface.
             let layers = shown.layers(rays[i], hits[i], view, sample.width);
             let (x, y) = pixels[i];
             let hit = if layers.is_empty() { hits[i] } else { center(&layers, x, y, sample) };
@@ -246,7 +247,7 @@ impl Camera<'_> {
     }
 }
 
-/// First hit of each ray, for at most [`PACKET`] rays.
+/// Returns the first hit of each ray, for at most [`PACKET`] rays.
 fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit>; PACKET] {
     let mut hits = [None; PACKET];
     let Some(&CameraRay { origin, .. }) = rays.first() else { return hits };
@@ -255,7 +256,7 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit
         directions.iter_mut().zip(rays).for_each(|(direction, ray)| *direction = ray.direction);
         scene.accelerator.closest_packet(origin, &directions[..rays.len()], &mut hits[..rays.len()]);
     } else {
-        // An orthographic camera has parallel rays.
+        // Trace the parallel rays of an orthographic camera one by one.
         hits.iter_mut().zip(rays).for_each(|(hit, ray)| *hit = scene.accelerator.closest(ray.origin, ray.direction));
     }
     for (hit, ray) in hits.iter_mut().zip(rays) {
@@ -266,7 +267,8 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit
     hits
 }
 
-/// The surface that a ray shows; textures are filtered over the ray's cone, `width(depth)` meters wide.
+/// Returns the surface that a ray shows. Textures are filtered over the ray's cone, which is `width(depth)` meters
+/// wide.
 fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) -> f32, view: &View) -> PixelSurface {
     let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |seen| seen.depth);
@@ -290,14 +292,14 @@ fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) 
     }
 }
 
-/// Least cosine between two similar normals: 25°, the curvature of a smooth surface within a few pixels.
+/// Minimum cosine between two similar normals: 25°, as on a curved surface within a few pixels.
 const ALIKE_COSINE: f32 = 0.9;
-/// Greatest distance of a point from the plane of the same surface, in units of its depth.
+/// Maximum distance of a point from the plane of the same surface, relative to depth.
 const ALIKE_DEPTH: f32 = 0.005;
 
 impl GBuffer {
-    /// Reprojects each pixel's surface point to `other`, with the instance's transform, or with its triangle if the
-    /// mesh is deformed.
+    /// Reprojects each pixel's surface point to `other`, with the transform of the instance, or with the triangle if
+    /// the mesh is deformed.
     pub fn reproject(&self, other: &GBuffer) -> Timed<Correspondence> {
         Timed::of(|busy| self.reprojected(other, busy))
     }
@@ -324,24 +326,25 @@ impl GBuffer {
         Correspondence::new(motion, matches).expect("both planes have the size of the picture")
     }
 
-    /// Other-from-current world transforms, by instance; the identity for static instances.
+    /// Returns the world transform from this frame to `other` for each instance, which is the identity for static
+    /// instances.
     fn carry_to(&self, other: &GBuffer) -> Vec<Affine3A> {
         let pairs = self.world.iter().zip(&other.world);
         pairs.map(|(now, then)| if now == then { Affine3A::IDENTITY } else { *then * now.inverse() }).collect()
     }
 }
 
-/// A surface point reprojected to another picture.
+/// Surface point reprojected to another picture.
 struct Moved {
     /// Position in the other picture \[pixels\].
     place: Vec2,
-    /// Position in the world \[m\]; zero for the sky.
+    /// Position in world space \[m\], zero for the sky.
     point: Vec3A,
     /// Normal, a unit vector; zero for the sky.
     normal: Vec3A,
 }
 
-/// Reprojects the surface point of a pixel to `other`; `None` behind its camera.
+/// Reprojects the surface point of a pixel to `other`. Returns `None` if the point is behind the other camera.
 fn moved(pixel: &PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<Moved> {
     if pixel.instance == NOTHING {
         let place = other.view.project_direction(pixel.position.into())?;
@@ -355,7 +358,8 @@ fn moved(pixel: &PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
     Some(Moved { place: other.view.project(point)?.pixel, point, normal })
 }
 
-/// Position of a surface point in `other`, and the nearest of the four pixels around it that shows the same surface.
+/// Returns the position of a surface point in `other`, and the nearest of the four surrounding pixels that shows the
+/// same surface.
 fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<(Vec2, u32)> {
     let sky = pixel.instance == NOTHING;
     let Moved { place, point, normal } = moved(&pixel, current, carry, other)?;
@@ -381,7 +385,7 @@ fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
     best.map(|(_, index)| (place, index))
 }
 
-/// Whether `candidate` shows the surface of `instance` at a `point` with the unit `normal`.
+/// Returns whether `candidate` shows the surface of `instance` at a `point` with the unit `normal`.
 fn is_same_surface(candidate: &PixelSurface, instance: u32, point: Vec3A, normal: Vec3A) -> bool {
     candidate.instance == instance && {
         let apart = normal.dot(Vec3A::from(candidate.position) - point).abs();

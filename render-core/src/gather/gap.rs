@@ -1,15 +1,15 @@
-//! Light in gaps: between moldings, behind a shutter, under a pot.
+//! Light in gaps, such as between moldings, behind a shutter, or under a pot.
 //!
-//! Surfels contain a mean over their neighborhood. In a narrower gap, surfaces are darker than this mean. So a ray that
-//! ends close by continues:
+//! Surfels contain a mean over their neighborhood. In a narrower gap, surfaces are darker than this mean. A ray that
+//! ends at a nearby surface therefore continues:
 //!
 //! ```text
 //! L(y) = ρ(y) · (Lₑ(z) + L(z))     if a cosine-distributed ray from y hits z close by, and no lamp is visible from y
 //! L(y) = the surfels' radiance     otherwise
 //! ```
 //!
-//! The surfels contain all light that reaches y from beyond the gap; light from inside the gap is computed by the ray.
-//! In uniform radiance both agree: ρ · (Lₑ + L) = L.
+//! The surfels contain all light that reaches y from outside the gap. Light from inside the gap is computed by the ray.
+//! In uniform radiance both expressions agree: ρ · (Lₑ + L) = L.
 
 use super::{Gathered, Seen};
 use crate::PosedScene;
@@ -17,22 +17,22 @@ use crate::light::Lamps;
 use crate::sampling::cosine_hemisphere;
 use glam::Vec2;
 
-/// Most reflections that are followed in a gap.
+/// Maximum number of reflections that are followed in a gap.
 pub(super) const MOST_REFLECTIONS: usize = 8;
 
 /// Parameters of the search for gaps.
 pub(super) struct Gaps {
-    /// Surfaces nearer than this are in the same gap \[m\].
+    /// Distance below which surfaces are in the same gap \[m\].
     pub near: f32,
-    /// Distance of ray origins from their surface \[m\].
+    /// Distance between ray origins and their surface \[m\].
     pub epsilon: f32,
     /// Lights that light surfels but that rays never or rarely hit.
     pub lamps: Lamps,
 }
 
 impl Gaps {
-    /// Follows a ray that ended at `seen` out of its gap. Returns the end of the ray, with its remaining weight. Adds
-    /// emission on the way to `found`.
+    /// Follows a ray that ended at `seen` out of its gap. Returns the end of the ray, with the remaining weight. Adds
+    /// emission along the way to `found`.
     pub fn follow<'a>(
         &self,
         PosedScene { accelerator, surfaces }: PosedScene<'a>,

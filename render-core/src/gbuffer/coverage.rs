@@ -1,7 +1,7 @@
 //! Smooth outlines from one shaded sample per pixel: visibility is sampled more densely than light.
 //!
-//! If an outline crosses a pixel, more rays find the surfaces in its area. Each ray takes its light from the nearest
-//! surrounding pixel that shows the same surface at its center:
+//! If an outline crosses a pixel, additional rays find the surfaces in the pixel's area. Each ray uses the light of the
+//! nearest surrounding pixel that shows the same surface at its center:
 //!
 //! ```text
 //! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  pixels around p      c_q  rays of p that show the surface of q
@@ -9,8 +9,8 @@
 //!
 //! If a ray passes several layers, each counts with its fraction of the ray (`layered.rs`).
 //!
-//! A surface missing from all centers, such as a wire thinner than a pixel, borrows the irradiance of a pixel with a
-//! similar normal (`borrow.rs`). Callers may also average the regions after tone mapping: [`Coverage::pixels`].
+//! A surface that no center shows, such as a wire thinner than a pixel, borrows the irradiance of a pixel with a
+//! similar normal (`borrow.rs`). Callers may also average the regions after tone mapping, with [`Coverage::pixels`].
 
 mod borrow;
 mod layered;
@@ -22,29 +22,29 @@ use glam::Vec3;
 use plane::Plane;
 use search::{Search, SearchedPixel, Wanted};
 
-/// The surfaces in each pixel of a picture, and the fraction of its area that each covers.
+/// Surfaces in each pixel of a picture, and the fraction of the pixel's area that each surface covers.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Coverage {
     /// Pixels with more than one surface.
     mixed: Vec<Mixed>,
-    /// Their regions, pixel by pixel.
+    /// Regions of the mixed pixels, pixel by pixel.
     parts: Vec<SurfacePart>,
 }
 
-/// A pixel with more than one surface.
+/// Pixel with more than one surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Mixed {
     /// Index of the pixel in raster order.
     pixel: u32,
-    /// Number of its surfaces.
+    /// Number of surfaces in the pixel.
     parts: u32,
-    /// Whether no outline crosses it: its whole area shows the same layers.
+    /// Whether no outline crosses the pixel: its whole area shows the same layers.
     is_layered: bool,
 }
 
-/// The region of a surface in a pixel, and the source of its light.
+/// Region of a surface in a pixel, and the source of the region's light.
 ///
 /// ```text
 /// L = E + t · L(q)      E  emission      t  tint      q  the pixel with the light
@@ -52,41 +52,41 @@ struct Mixed {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfacePart {
-    /// Fraction of the pixel's area; the fractions of a pixel sum to 1.
+    /// Fraction of the pixel's area that the region covers. The fractions of a pixel sum to 1.
     pub share: f32,
-    /// Index of the pixel with the light, in raster order.
+    /// Index of the pixel that provides the light, in raster order.
     pixel: u32,
     tint: Vec3,
     emission: Vec3,
 }
 
 impl SurfacePart {
-    /// Radiance of the region; `light` is the radiance of the pixels' centers.
+    /// Returns the radiance of the region. `light` is the radiance of the pixels' centers.
     #[must_use]
     pub fn radiance(&self, light: &Plane<Vec3>) -> Vec3 {
         self.emission + self.reflected(light)
     }
 
-    /// Radiance of the region for a `light` without emission, such as indirect light.
+    /// Returns the radiance of the region for a `light` without emission, such as indirect light.
     #[must_use]
     pub fn reflected(&self, light: &Plane<Vec3>) -> Vec3 {
         self.tint * light.samples()[self.pixel as usize]
     }
 }
 
-/// A pixel with more than one surface.
+/// Pixel with more than one surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MixedPixel<'a> {
     /// Index of the pixel in raster order.
     pub index: usize,
-    /// Whether no outline crosses it: its surfaces are layers over its whole area.
+    /// Whether no outline crosses the pixel: its surfaces are layers over its whole area.
     pub is_layered: bool,
-    /// Its surfaces, and their fractions of its area.
+    /// Surfaces of the pixel, with the fractions of its area that they cover.
     pub parts: &'a [SurfacePart],
 }
 
 impl MixedPixel<'_> {
-    /// Mean of `light` over the regions, weighted by area.
+    /// Returns the mean of `light` over the regions, weighted by area.
     #[must_use]
     pub fn mean(&self, light: impl Fn(&SurfacePart) -> Vec3) -> Vec3 {
         self.parts.iter().map(|part| part.share * light(part)).sum()
@@ -95,10 +95,10 @@ impl MixedPixel<'_> {
 
 impl Coverage {
     /// Finds the coverage of each pixel of `seen`, a picture of `scene`. `light` is the radiance of the pixels'
-    /// centers: the greater its contrast at an outline, the more rays are traced.
+    /// centers: more rays are traced at outlines with greater contrast.
     ///
     /// # Panics
-    /// If `light` has another size than the picture.
+    /// If the sizes of `light` and the picture differ.
     pub fn of(seen: &GBuffer, scene: PosedScene, light: &Plane<Vec3>) -> Timed<Self> {
         assert_eq!((seen.pixels.width(), seen.pixels.height()), (light.width(), light.height()), "light of each pixel");
         Timed::of(|busy| {
@@ -111,7 +111,7 @@ impl Coverage {
                 coverage.add(&found, true);
                 is_known[found.pixel as usize] = true;
             }
-            // Follow thin objects from pixel to pixel until they end or centers show them again.
+            // Follow thin objects from pixel to pixel until they end or a center shows them.
             while !wanted.is_empty() {
                 let mut beside: Vec<Wanted> = Vec::new();
                 for found in search.trace(&wanted, busy) {
@@ -125,11 +125,11 @@ impl Coverage {
         })
     }
 
-    /// Finds the fractions of the layers of each pixel with several at its center. `seen` is this `sample` of each
-    /// pixel, and `light` is its radiance. Ignores outlines.
+    /// Finds the fractions of the layers in each pixel with several layers at its center. `seen` contains this `sample`
+    /// of each pixel, and `light` is the radiance of the samples. Outlines are ignored.
     ///
     /// # Panics
-    /// If `light` has another size than the picture.
+    /// If the sizes of `light` and the picture differ.
     pub fn of_layers(seen: &GBuffer, scene: PosedScene, light: &Plane<Vec3>, sample: PixelSample) -> Timed<Self> {
         assert_eq!((seen.pixels.width(), seen.pixels.height()), (light.width(), light.height()), "light of each pixel");
         Timed::of(|busy| {
@@ -141,7 +141,7 @@ impl Coverage {
         })
     }
 
-    /// Adds a pixel, if it has more than one surface.
+    /// Adds a pixel if it has more than one surface.
     fn add(&mut self, SearchedPixel { pixel, parts, .. }: &SearchedPixel, is_layered: bool) {
         if !parts.is_empty() {
             self.mixed.push(Mixed { pixel: *pixel, parts: parts.len() as u32, is_layered });
@@ -149,8 +149,8 @@ impl Coverage {
         }
     }
 
-    /// Whether this coverage is consistent and each of its pixels is in a picture of `pixels` pixels. Coverage read
-    /// from a file may fail.
+    /// Returns whether this coverage is consistent and each of its pixels is inside a picture of `pixels` pixels.
+    /// Coverage read from a file may be inconsistent.
     #[must_use]
     pub fn fits(&self, pixels: usize) -> bool {
         let parts: u64 = self.mixed.iter().map(|mixed| u64::from(mixed.parts)).sum();
@@ -159,13 +159,13 @@ impl Coverage {
             && self.parts.iter().all(|part| (part.pixel as usize) < pixels)
     }
 
-    /// Number of pixels with more than one surface.
+    /// Returns the number of pixels with more than one surface.
     #[must_use]
     pub fn mixed_pixels(&self) -> usize {
         self.mixed.len()
     }
 
-    /// The pixels with more than one surface.
+    /// Returns the pixels with more than one surface.
     pub fn pixels(&self) -> impl Iterator<Item = MixedPixel<'_>> {
         let mut rest = &self.parts[..];
         self.mixed.iter().map(move |mixed| {
@@ -185,7 +185,7 @@ impl Coverage {
         self.blended(light, |part| part.radiance(light))
     }
 
-    /// Blends light that excludes emission, otherwise like [`Coverage::blend`].
+    /// Blends light that excludes emission. Otherwise equal to [`Coverage::blend`].
     #[must_use]
     pub fn blend_reflected(&self, light: &Plane<Vec3>) -> Plane<Vec3> {
         self.blended(light, |part| part.reflected(light))

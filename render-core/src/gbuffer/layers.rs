@@ -1,19 +1,19 @@
 //! Pixels with several layers: surfaces seen through blended surfaces and through distant masks.
 //!
-//! Light is computed for one surface per pixel, so the center of a pixel is one of its layers. An ordered dither
-//! chooses it: among neighboring pixels, each layer is the center in proportion to its weight:
+//! Light is computed for one surface per pixel, so the center of a pixel shows one of its layers. An ordered dither
+//! selects this layer. Among neighboring pixels, each layer is selected in proportion to its weight:
 //!
 //! ```text
 //! center(p) = the first k with Σ_{i≤k} wᵢ > τ(p)        wᵢ  weight of layer i (`accel/sheets.rs`)
 //! τ(x, y) = ((32 x + 43 y) mod 97 + ½) / 97
 //! ```
 //!
-//! 97 is prime: the pixels that a coarse-to-fine search visits first, every second or every eighth, have all
-//! thresholds, too. With Bayer's matrix, they would show only one layer. Among such lattices, this one is the most even
-//! over 2×2 to 4×4 pixels.
+//! 97 is prime, so the pixels that a coarse-to-fine search visits first (every second or every eighth pixel) also have
+//! all thresholds. With Bayer's matrix, these pixels would show only one layer. Among such lattices, this one is the
+//! most even over 2×2 to 4×4 pixels.
 //!
-//! [`Coverage`](super::Coverage) gives each layer its fraction of each pixel, with the light of the nearest center that
-//! shows it.
+//! [`Coverage`](super::Coverage) assigns each layer its fraction of each pixel, with the light of the nearest center
+//! that shows the layer.
 
 use super::{CameraRay, GBuffer, PixelSample};
 use crate::PosedScene;
@@ -21,40 +21,40 @@ use crate::accel::{Accelerator, Hit, RayCone};
 use crate::scene::View;
 use glam::Vec2;
 
-/// A surface that a ray shows, or the sky, and its fraction of the ray; the fractions of a ray sum to 1.
+/// Surface that a ray shows, or the sky, with its fraction of the ray. The fractions of a ray sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Layer {
-    /// The hit; `None` for the sky.
+    /// Hit of the ray; `None` for the sky.
     pub hit: Option<Hit>,
     pub share: f32,
 }
 
-/// A pixel with several layers at its center.
+/// Pixel with several layers at its center.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayeredPixel {
     /// Index of the pixel in raster order.
     pub(super) index: u32,
-    /// Layers from front to back.
+    /// Layers of the pixel from front to back.
     pub(super) layers: Vec<Layer>,
 }
 
 impl GBuffer {
-    /// The layers of a pixel, given its index in raster order; empty for most.
+    /// Returns the layers of a pixel, given the pixel's index in raster order. The list is empty for most pixels.
     pub(super) fn layers(&self, pixel: usize) -> &[Layer] {
         let place = self.layered.binary_search_by_key(&pixel, |layered| layered.index as usize);
         place.map_or(&[], |place| &self.layered[place].layers)
     }
 
-    /// Whether the center of a pixel is one of several layers.
+    /// Returns whether the center of a pixel is one of several layers.
     pub(crate) fn is_layered(&self, pixel: usize) -> bool {
         !self.layers(pixel).is_empty()
     }
 }
 
-/// A scene as camera rays see it.
+/// Scene as camera rays see it.
 pub(super) struct Shown<'a> {
     scene: PosedScene<'a>,
-    /// The scene without its sheets, and the sheets alone, if it has any.
+    /// Accelerators of the scene without its sheets, and of the sheets alone; `None` if the scene has no sheets.
     apart: Option<&'a [Accelerator; 2]>,
 }
 
@@ -63,18 +63,18 @@ impl<'a> Shown<'a> {
         Self { scene, apart: scene.accelerator.without_sheets() }
     }
 
-    /// Opaque geometry, where camera rays end.
+    /// Returns the opaque geometry, at which camera rays end.
     pub fn solid(&self) -> PosedScene<'a> {
         let PosedScene { accelerator, surfaces } = self.scene;
         PosedScene { accelerator: self.apart.map_or(accelerator, |[solid, _]| solid), surfaces }
     }
 
-    /// All layers of a ray with the first solid `hit`, if it passes any sheet; else empty. `width` is the width of the
-    /// ray's region of the picture \[pixels\].
+    /// Returns all layers of a ray with the first solid `hit` if the ray passes any sheet, otherwise an empty list.
+    /// `width` is the width of the ray's region in the picture \[pixels\].
     pub fn layers(&self, ray: CameraRay, hit: Option<Hit>, view: &View, width: f32) -> Vec<Layer> {
         let Some([_, sheets]) = self.apart else { return Vec::new() };
 
-        // Collect sheets up to the visible surface, which may be behind the backs of single-sided ones.
+        // Collect sheets up to the visible surface, which may be behind the backs of single-sided surfaces.
         let CameraRay { origin, direction } = ray;
         let (near, far) = view.distances(direction);
         let shown = hit.and_then(|hit| ray.shown_within((near, far), self.solid(), hit, |_| 0.0)).map(|(hit, _)| hit);
@@ -96,14 +96,14 @@ impl<'a> Shown<'a> {
 }
 
 impl View {
-    /// The cone along a unit `direction` that is `width` pixels wide.
+    /// Returns the cone along a unit `direction` that is `width` pixels wide.
     fn cone(&self, direction: glam::Vec3A, width: f32) -> RayCone {
         let (near, far) = (self.pixel_width(0.0), self.pixel_width(1.0));
         RayCone { at_origin: near * width, slope: (far - near) * self.depth_per_meter(direction) * width }
     }
 }
 
-/// The layer that represents the pixel at (x, y).
+/// Returns the hit of the layer that represents the pixel at (x, y).
 pub(super) fn center(layers: &[Layer], x: usize, y: usize, sample: PixelSample) -> Option<Hit> {
     let threshold = threshold(x, y, sample.offset);
     let mut sum = 0.0;
@@ -117,7 +117,7 @@ pub(super) fn center(layers: &[Layer], x: usize, y: usize, sample: PixelSample) 
     layers.last().and_then(|layer| layer.hit)
 }
 
-/// The threshold τ, 0…1, shifted for each sample of a pixel.
+/// Returns the threshold τ, 0…1, shifted for each sample of a pixel.
 fn threshold(x: usize, y: usize, offset: Vec2) -> f32 {
     let rank = (LATTICE[0] * x + LATTICE[1] * y) % RANKS;
     ((rank as f32 + 0.5) / RANKS as f32 + offset.x + 0.5).fract()
@@ -125,15 +125,15 @@ fn threshold(x: usize, y: usize, offset: Vec2) -> f32 {
 
 /// Number of different thresholds.
 const RANKS: usize = 97;
-/// Rank difference to the next pixel in the row, and in the column.
+/// Rank difference to the next pixel in the row, and to the next pixel in the column.
 const LATTICE: [usize; 2] = [32, 43];
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Of 97 pixels in a row, or every second, fourth or eighth, each has its own threshold. The thresholds of any 4×4
-    /// pixels are spread evenly.
+    /// In a row, 97 pixels have 97 different thresholds, also if only every second, fourth or eighth pixel is used. The
+    /// thresholds of any 4×4 pixels are spread evenly.
     #[test]
     fn thresholds_are_even() {
         let of = |x, y| threshold(x, y, PixelSample::WHOLE.offset);
@@ -152,7 +152,7 @@ mod tests {
         }
     }
 
-    /// Over 97 pixels, each layer is the center in proportion to its weight.
+    /// Over 97 pixels, each layer is at the center in proportion to its weight.
     #[test]
     fn layers_are_centers_of_their_shares() {
         let hit = |instance| Some(Hit { distance: 1.0, instance, triangle: 0, u: 0.0, v: 0.0 });

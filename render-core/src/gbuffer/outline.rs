@@ -1,22 +1,22 @@
-//! Outlines of bodies, where a ray hits the near and the far side at one edge.
+//! Correction of outlines of bodies, at which a ray hits the near and the far side at the same edge.
 //!
 //! An edge of the outline joins a front-facing and a back-facing triangle. A ray through the edge hits both at the same
-//! distance, and rounding decides which is first. For long, slanted triangles, rounding decides within 1e-5 of the
-//! distance. A pixel that took the far triangle would be lit from inside the body: a black dot. Slightly farther inward
-//! the two triangles separate.
+//! distance, and rounding decides which hit is first. For long, slanted triangles, distances that differ by less than
+//! 1e-5 are ambiguous. A pixel that shows the far triangle would be lit from inside the body and appear as a black dot.
+//! Slightly farther inward, the two triangles are separate.
 
 use super::CameraRay;
 use crate::PosedScene;
 use crate::accel::Hit;
 use crate::surface::Interaction;
 
-/// Inward offset where the two sides are separate \[pixels\]; closer to the border, a back may be visible only by
-/// rounding.
+/// Inward offset at which the two sides are separate \[pixels\]. Closer to the border, a back may be visible only
+/// through rounding.
 const INWARD: f32 = 0.1;
 
 impl CameraRay {
-    /// The front that the ray should have hit instead of `hit`, the back at `met`; `None` if there is no outline.
-    /// `width` is the width of a pixel at the hit \[m\].
+    /// Returns the front that the ray should have hit instead of `hit`, the back at `met`, or `None` if there is no
+    /// outline. `width` is the width of a pixel at the hit \[m\].
     pub(super) fn front_beside<'a>(
         self,
         scene: PosedScene<'a>,
@@ -29,7 +29,7 @@ impl CameraRay {
         let inward = INWARD * width;
         let [a, b, c] = surfaces.corners(hit.instance as usize, hit.triangle as usize);
         [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[from, to, inner]| {
-            // Direction across the edge as the ray sees it, towards the third corner.
+            // Find the direction across the edge as the ray sees it, towards the third corner.
             let across = direction.cross(to - from).try_normalize()?;
             let across = if across.dot(inner - from) < 0.0 { -across } else { across };
             if across.dot(met.position - from) > inward {

@@ -1,4 +1,4 @@
-//! The instances in each pixel's area, found by separate rays: mattes depend neither on light nor on outlines.
+//! Instances in each pixel's area, found with separate rays. Mattes depend neither on light nor on outlines.
 
 use super::{CameraRay, GBuffer, NOTHING, first_hits};
 use crate::accel::{Hit, PACKET};
@@ -8,7 +8,7 @@ use crate::{PosedScene, Timed};
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// The fraction of a pixel that an instance covers.
+/// Fraction of a pixel that an instance covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InstanceShare {
     /// Index into the scene's instances, or [`NOTHING`].
@@ -17,7 +17,7 @@ pub struct InstanceShare {
     pub share: f32,
 }
 
-/// The instances in each pixel of a picture.
+/// Instances in each pixel of a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InstanceShares {
     /// End index of each pixel's entries, in raster order.
@@ -26,7 +26,7 @@ pub struct InstanceShares {
 }
 
 impl InstanceShares {
-    /// The instances of each pixel in raster order, sorted by index.
+    /// Returns the instances of each pixel in raster order, sorted by index.
     pub fn pixels(&self) -> impl Iterator<Item = &[InstanceShare]> {
         let begins = std::iter::once(0).chain(self.ends.iter().copied());
         begins.zip(&self.ends).map(|(begin, &end)| &self.shares[begin..end])
@@ -51,8 +51,8 @@ impl InstanceShares {
 }
 
 impl GBuffer {
-    /// The instances that each pixel shows of `scene`, the traced one. Uses `rays` per pixel, at most 64, spread over
-    /// its area; a single ray is the one through its center.
+    /// Returns the instances that each pixel shows. `scene` is the scene of this G-buffer. At most 64 `rays` per pixel
+    /// are spread over the pixel's area; a single ray passes through the center.
     pub fn instance_shares(&self, scene: PosedScene, rays: usize) -> Timed<InstanceShares> {
         Timed::of(|busy| {
             if rays <= 1 {
@@ -70,7 +70,7 @@ impl GBuffer {
         })
     }
 
-    /// The instances of row `y`, by rays through `offsets` in each pixel.
+    /// Returns the instances of row `y`, with rays through `offsets` in each pixel.
     fn shares_of_row(&self, scene: PosedScene, y: usize, offsets: &[Vec2]) -> InstanceShares {
         let mut shares = InstanceShares::default();
         let columns: Vec<usize> = (0..self.pixels.width()).collect();
@@ -91,10 +91,10 @@ impl GBuffer {
     }
 }
 
-/// The instances that the rays of a pixel show, given their hits.
+/// Returns the instances that the rays of a pixel show, given their hits.
 fn instances(scene: PosedScene, rays: &[CameraRay], hits: &[Option<Hit>], view: &View) -> Vec<u32> {
     let mut instances = Vec::with_capacity(rays.len());
-    // Most rays of a pixel hit one triangle, and all see the same side of it.
+    // Most rays of a pixel hit the same triangle, and all see the same side of it.
     let mut front: Option<Hit> = None;
     for (ray, hit) in rays.iter().zip(hits) {
         let Some(hit) = *hit else {
@@ -123,7 +123,7 @@ mod tests {
     use crate::{Geometry, Surfaces};
     use glam::{Affine3A, Vec3};
 
-    /// A half-plane at x < `edge` meters, seen head-on through 8×4 pixels of 1 m.
+    /// Returns the coverage of a half-plane at x < `edge` meters, seen head-on through 8×4 pixels of 1 m.
     fn shares(edge: f32, rays: usize) -> InstanceShares {
         let positions = [[-99.0, -99.0], [edge, -99.0], [edge, 99.0], [-99.0, 99.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
         let mesh = Mesh { positions: positions.into(), triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
@@ -145,7 +145,7 @@ mod tests {
         for (index, pixel) in found.pixels().enumerate() {
             let covered = (edge - ((index % 8) as f32 - 4.0)).clamp(0.0, 1.0);
             let own: f32 = pixel.iter().filter(|part| part.instance == 0).map(|part| part.share).sum();
-            // Sixteen points of the sequence have one in each column of 1/16.
+            // Each column of 1/16 pixel contains one of sixteen points of the sequence.
             assert!((own - covered).abs() <= 1.0 / rays as f32, "{own} of {covered} at {index}");
             assert_eq!(pixel.iter().map(|part| part.share).sum::<f32>(), 1.0);
         }

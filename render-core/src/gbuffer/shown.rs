@@ -1,7 +1,7 @@
-//! The surface that a camera ray shows.
+//! Surface that a camera ray shows.
 //!
-//! glTF's materials are single-sided by default: their backs are invisible (glTF 2.0, 3.9.6), so a viewer looks into a
-//! room through its walls. Light still hits them: backs cast shadows and absorb.
+//! glTF's materials are single-sided by default and their backs are invisible (glTF 2.0, 3.9.6), so a viewer sees into
+//! a room through its walls. Light still hits backs: they cast shadows and absorb.
 
 use super::CameraRay;
 use crate::PosedScene;
@@ -10,9 +10,9 @@ use crate::surface::Interaction;
 use glam::Vec3A;
 
 impl CameraRay {
-    /// The surface that a ray shows, given its first `hit`: the first front, or the first back of a double-sided
-    /// surface. `width` is the width of a pixel at a hit \[m\]. Width 0 gives unfiltered textures and uncorrected
-    /// outlines.
+    /// Returns the surface that a ray shows, given its first `hit`: the first front, or the first back of a
+    /// double-sided surface. `width` is the width of a pixel at a hit \[m\]. With width 0, textures are not filtered
+    /// and outlines are not corrected.
     pub(crate) fn shown<'a>(
         self,
         scene: PosedScene<'a>,
@@ -22,7 +22,7 @@ impl CameraRay {
         self.shown_within((0.0, f32::INFINITY), scene, hit, width)
     }
 
-    /// The surface that a ray shows between these distances \[m\], otherwise like [`CameraRay::shown`].
+    /// Returns the surface that a ray shows between these distances \[m\]. Otherwise equal to [`CameraRay::shown`].
     pub(crate) fn shown_within<'a>(
         self,
         distances: (f32, f32),
@@ -49,8 +49,8 @@ impl CameraRay {
         Some((hit, scene.surfaces.point(&hit, direction, width(&hit))))
     }
 
-    /// The first hit between the distances `near` and `far` along the ray \[m\]. `hit` is the ray's first hit;
-    /// `closest` finds others.
+    /// Returns the first hit between the distances `near` and `far` along the ray \[m\]. `hit` is the ray's first hit;
+    /// `closest` finds other hits.
     pub(crate) fn cut(
         self,
         near: f32,

@@ -1,4 +1,4 @@
-//! Motion to any pose, regardless of visibility in it.
+//! Motion vectors to any pose, regardless of visibility in that pose.
 
 use super::GBuffer;
 use crate::Surfaces;
@@ -7,10 +7,11 @@ use glam::{Affine3A, Vec2};
 use plane::Plane;
 
 impl GBuffer {
-    /// Motion of each pixel's surface point to another picture \[pixels\], x to the right and y down. The other picture
-    /// shows `surfaces`, the same scene at another time, in `view`. `None` if the point is behind that camera.
+    /// Returns the motion of each pixel's surface point to another picture \[pixels\], x to the right and y down. The
+    /// other picture shows `surfaces`, the same scene at another time, in `view`. The motion is `None` if the point is
+    /// behind the camera of `view`.
     ///
-    /// [`reproject`](Self::reproject) also checks whether the point is visible there.
+    /// [`reproject`](Self::reproject) also checks whether the point is visible in the other picture.
     #[must_use]
     pub fn motion_to(&self, surfaces: &Surfaces, view: &View) -> Plane<Option<[f32; 2]>> {
         let other = Self::placed(Plane::filled(0, 0, super::EMPTY), surfaces, view);

@@ -7,31 +7,32 @@ use glam::{Vec3, Vec3A};
 const AROUND: usize = 9;
 /// Search radius for light that none of the 3×3 centers has \[pixels\].
 const REACH: usize = 6;
-/// Least reflectance of a channel that irradiance is derived from; below, rounding and other kinds of light dominate.
+/// Minimum reflectance of a channel from which irradiance is derived. Below it, rounding and other types of light
+/// dominate.
 const LEAST_REFLECTANCE: f32 = 0.05;
 
-/// A pixel with a center that provides the light of a region.
+/// Pixel with a center that provides the light of a region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lender {
     /// Index of the pixel in raster order.
     pub pixel: u32,
-    /// Whether it shows another surface under similar light.
+    /// Whether the center shows a different surface under similar light.
     pub is_borrowed: bool,
 }
 
 impl Lender {
-    /// A center that shows the surface itself.
+    /// Returns the source of light for a pixel with a center that shows the region's own surface.
     pub fn center(pixel: u32) -> Self {
         Self { pixel, is_borrowed: false }
     }
 
-    /// A center that shows another surface.
+    /// Returns the source of light for a pixel with a center that shows a different surface.
     pub fn borrowed(pixel: u32) -> Self {
         Self { pixel, is_borrowed: true }
     }
 }
 
-/// The 3×3 pixels around (x, y) in raster order; `None` outside the picture.
+/// Returns the 3×3 pixels around (x, y) in raster order, with `None` for pixels outside the picture.
 pub(super) fn around(x: usize, y: usize, width: usize, height: usize) -> impl Iterator<Item = Option<(usize, usize)>> {
     (0..AROUND).map(move |k| {
         let (u, v) = ((x + k % 3).checked_sub(1)?, (y + k / 3).checked_sub(1)?);
@@ -39,28 +40,28 @@ pub(super) fn around(x: usize, y: usize, width: usize, height: usize) -> impl It
     })
 }
 
-/// Whether `pixel` shows the same surface as `seen`.
+/// Returns whether `pixel` shows the same surface as `seen`.
 pub(super) fn shows(pixel: &PixelSurface, seen: &PixelSurface) -> bool {
     if seen.instance == NOTHING || pixel.instance == NOTHING {
         return seen.instance == pixel.instance;
     }
-    // Pixels of a lamp contain its own radiance; pixels of the surface around it contain reflected light.
+    // The radiance of a lamp's pixel is emission. The radiance of the surface around the lamp is reflected light.
     (pixel.emission == [0.0; 3]) == (seen.emission == [0.0; 3])
         && is_same_surface(pixel, seen.instance, seen.position.into(), seen.geometric_normal.into())
 }
 
 impl PixelSurface {
-    /// Reflectance of base and coat.
+    /// Returns the reflectance of base and coat.
     fn reflectance(&self) -> Vec3 {
         Vec3::from(self.albedo) + Vec3::from(self.specular)
     }
 
-    /// Whether incident light has no effect on the surface's radiance.
+    /// Returns whether incident light has no effect on the surface's radiance.
     pub(super) fn is_unlit(&self) -> bool {
         self.instance == NOTHING || self.reflectance() == Vec3::ZERO
     }
 
-    /// Factor that converts reflected light of `lender` to reflected light of this surface.
+    /// Returns the factor that converts reflected light of `lender` to reflected light of this surface.
     pub(super) fn tint(&self, lender: &Self) -> Vec3 {
         self.reflectance() / lender.reflectance().max(Vec3::splat(LEAST_REFLECTANCE))
     }
@@ -71,8 +72,8 @@ impl PixelSurface {
 }
 
 impl GBuffer {
-    /// The pixel that shows the surface `seen` by a ray: (x, y) itself, or the one in its 3×3 neighborhood nearest to
-    /// the hit. Otherwise `known`, if it shows the surface.
+    /// Returns the pixel that shows the surface `seen` by a ray: (x, y) itself, or the pixel in its 3×3 neighborhood
+    /// nearest to the hit. If neither shows the surface, returns `known`, if `known` shows it.
     pub(super) fn nearest_alike(
         &self,
         x: usize,
@@ -96,17 +97,17 @@ impl GBuffer {
         center.or_else(|| known.filter(|known| shows(&self.pixels.samples()[known.pixel as usize], seen)))
     }
 
-    /// Number of 3×3 centers around (x, y) that show the same surface as pixel `index`.
+    /// Returns the number of 3×3 centers around (x, y) that show the same surface as pixel `index`.
     pub(super) fn centers_alike(&self, x: usize, y: usize, index: u32) -> usize {
         let seen = self.pixels.samples()[index as usize];
         let pixels = around(x, y, self.pixels.width(), self.pixels.height()).flatten();
         pixels.filter(|&(u, v)| shows(&self.pixels.get(u, v), &seen)).count()
     }
 
-    /// The pixel that lends its light to a surface missing from the 3×3 centers around (x, y).
+    /// Returns the pixel that lends its light to a surface missing from the 3×3 centers around (x, y).
     ///
-    /// Takes the nearest ring of pixels that shows the surface, or else the nearest ring with a similar normal. Within
-    /// the ring, takes the pixel nearest in the scene.
+    /// Searches the nearest ring of pixels that shows the surface, otherwise the nearest ring with a similar normal.
+    /// Within the ring, selects the pixel nearest in world space.
     pub(super) fn lender(&self, x: usize, y: usize, seen: &PixelSurface) -> Option<Lender> {
         if seen.is_unlit() {
             return None;
@@ -122,7 +123,7 @@ impl GBuffer {
                 for u in columns.filter(|u| u.abs_diff(x).max(v.abs_diff(y)) == reach) {
                     let pixel = self.pixels.get(u, v);
                     let (apart, index) = (pixel.distance_squared(seen), v * width + u);
-                    // An emissive lender would count emission twice.
+                    // An emissive lender would count its emission twice.
                     if seen.emission == [0.0; 3] && shows(&pixel, seen) {
                         let is_nearer = same.is_none_or(|(least, _)| apart < least);
                         same = if is_nearer { Some((apart, index)) } else { same };
@@ -142,7 +143,7 @@ impl GBuffer {
 }
 
 impl PixelSurface {
-    /// Whether its reflected light reveals the irradiance of a surface with a similar normal.
+    /// Returns whether this pixel's reflected light reveals the irradiance of a surface with a similar normal.
     fn lends_to(&self, seen: &Self) -> bool {
         self.instance != NOTHING
             && self.emission == [0.0; 3]

@@ -8,19 +8,19 @@ use crate::{Busy, PixelSample, PosedScene};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Added to the reflectances in a tint's ratio, so that black lenders stay finite.
+/// Constant added to both reflectances in the ratio of a tint, so that black lenders yield finite tints.
 const LEAST_TINT: f32 = 0.02;
-/// Pixels that a thread processes in sequence.
+/// Number of pixels that a thread processes in sequence.
 const TOGETHER: usize = 256;
 
 impl Search<'_> {
-    /// Whether an outline separates two pixels, at least one of them with several layers.
+    /// Returns whether an outline separates two pixels, at least one of which has several layers.
     pub(super) fn layers_differ(&self, a: usize, b: usize) -> bool {
         let (first, second) = (self.seen.layers(a), self.seen.layers(b));
         first.len() != second.len() || first.iter().zip(second).any(|(p, q)| !self.are_alike(a, p, b, q))
     }
 
-    /// Whether layer p of pixel a and layer q of pixel b show the same surface.
+    /// Returns whether layer p of pixel a and layer q of pixel b show the same surface.
     fn are_alike(&self, a: usize, p: &Layer, b: usize, q: &Layer) -> bool {
         let (Some(first), Some(second)) = (p.hit, q.hit) else { return p.hit == q.hit };
         if first.instance != second.instance || first.triangle == second.triangle {
@@ -40,7 +40,7 @@ impl Search<'_> {
         CameraRay::through(Vec2::new(x as f32, y as f32) + offset, &self.seen.view)
     }
 
-    /// Searches the layered pixels that are not yet `known`. Uses the layers of their centers, hit by rays through
+    /// Searches the layered pixels that are not yet `known`. Uses the layers at their centers, traced with rays through
     /// `offset`.
     pub(super) fn by_centers(&self, known: &[bool], offset: Vec2, busy: &Busy) -> Vec<SearchedPixel> {
         let chunks = self.seen.layered.par_chunks(TOGETHER).map(|pixels| {
@@ -60,8 +60,9 @@ impl Search<'_> {
         chunks.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
-    /// Light of a surface that shares a ray with others: the light of the nearest center that shows it, scaled by the
-    /// ratio of their colors. Textures keep their detail even if only every other pixel has light.
+    /// Returns the light of a surface that shares a ray with other surfaces: the light of the nearest center that shows
+    /// the surface, scaled by the ratio of their colors. Textures keep their detail even if only every other pixel has
+    /// light.
     pub(super) fn layer_light(&self, x: usize, y: usize, surface: &PixelSurface) -> Option<(Lender, Vec3, Vec3)> {
         let emission = Vec3::from(surface.emission);
         if surface.instance == NOTHING {
@@ -76,7 +77,7 @@ impl Search<'_> {
 }
 
 impl PixelSurface {
-    /// Ratio of reflectances to another center of the same surface.
+    /// Returns the ratio of this reflectance to the reflectance of `lender`, a center that shows the same surface.
     fn layer_tint(&self, lender: &Self) -> Vec3 {
         let of = |surface: &Self| Vec3::from(surface.albedo) + Vec3::from(surface.specular) + LEAST_TINT;
         of(self) / of(lender)
@@ -99,7 +100,7 @@ impl Area<'_> {
     }
 }
 
-/// Coverage of the layers only, for one sample of each pixel.
+/// Returns the coverage of the layers only, for one sample of each pixel.
 pub(super) fn of_layers<'a>(
     seen: &'a GBuffer,
     scene: PosedScene<'a>,

@@ -1,7 +1,7 @@
-//! Rays that find the surfaces in a pixel's area.
+//! Search with additional rays for all surfaces in a pixel's area.
 //!
-//! Pixels with a different surface at a neighboring center are traced, more densely at high contrast. An object that
-//! few centers show may continue between centers: the search follows it to the adjacent pixels.
+//! A pixel is searched if a neighboring center shows a different surface, with more rays at high contrast. An object
+//! that few centers show may continue between centers, so the search follows it to the adjacent pixels.
 
 use super::SurfacePart;
 use super::borrow::{Lender, around, shows};
@@ -14,19 +14,19 @@ use glam::{Vec2, Vec3};
 use plane::Plane;
 use rayon::prelude::*;
 
-/// Rays per pixel, by the least contrast that needs them. With 8 rays, area fractions have a mean error of 1/16. In the
-/// tests' window, 64 rays reach 51.3 dB of luma, 32 reach 47.8 and 16 reach 42.6.
+/// Number of rays per pixel, with the minimum contrast that requires them. With 8 rays, area fractions have a mean
+/// error of 1/16. In the tests' window, 64 rays reach 51.3 dB of luma, 32 rays 47.8 dB and 16 rays 42.6 dB.
 const RAYS: [Density; 3] =
     [Density { contrast: 0.04, rays: 8 }, Density { contrast: 0.3, rays: 16 }, Density { contrast: 0.6, rays: 64 }];
-/// Assumed contrast at an outline of a layer: centers on both sides may show the same surface.
+/// Assumed contrast at an outline of a layer, since centers on both sides may show the same surface.
 const LAYERED_CONTRAST: f32 = RAYS[1].contrast;
-/// Number of rays traced first; the others follow only if the first show more than the center.
+/// Number of rays traced first. The remaining rays follow only if the first rays show more surfaces than the center.
 const FIRST: usize = 16;
-/// Pixels that a thread traces in sequence.
+/// Number of pixels that a thread traces in sequence.
 const TOGETHER: usize = 256;
-/// A surface that at most this many of the 3×3 centers show may be thin and continue unseen.
+/// Maximum number of 3×3 centers that show a surface for it to count as thin. A thin surface may continue unseen.
 const THIN: usize = 2;
-/// Rays within this distance of a pixel's border \[pixels\] also concern the pixel beyond.
+/// Distance from a pixel's border below which a ray also concerns the adjacent pixel \[pixels\].
 const BORDER: f32 = 0.25;
 
 /// Number of rays through a pixel.
@@ -35,7 +35,7 @@ struct Density {
     rays: u8,
 }
 
-/// A picture under search for more surfaces per pixel.
+/// Picture that is searched for additional surfaces in its pixels.
 pub(super) struct Search<'a> {
     pub seen: &'a GBuffer,
     pub shown: ShownScene<'a>,
@@ -43,18 +43,18 @@ pub(super) struct Search<'a> {
     pub light: &'a Plane<Vec3>,
 }
 
-/// A pixel to be traced.
+/// Pixel to be traced.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted {
     /// Index of the pixel in raster order.
     pub index: u32,
     rays: u8,
-    /// Source of the thin object that is followed into this pixel, if any.
+    /// Source of light of the thin object that is followed into this pixel, if any.
     from: Option<Lender>,
 }
 
 impl Wanted {
-    /// A layered pixel, represented by its center's ray.
+    /// Returns a layered pixel, represented by its center's ray.
     pub fn layered(index: u32) -> Self {
         Self { index, rays: 1, from: None }
     }
@@ -64,9 +64,9 @@ impl Wanted {
 pub(super) struct SearchedPixel {
     /// Index of the pixel in raster order.
     pub pixel: u32,
-    /// Its surfaces; empty if it shows only its own.
+    /// Surfaces of the pixel, empty if it shows only the surface of its center.
     pub parts: Vec<SurfacePart>,
-    /// Adjacent pixels where a thin object continues.
+    /// Adjacent pixels into which a thin object continues.
     pub beside: Vec<Wanted>,
 }
 
@@ -81,7 +81,7 @@ impl Search<'_> {
         (self.light.width(), self.light.height())
     }
 
-    /// Pixels that an outline crosses, ordered in blocks of 8×16.
+    /// Returns the pixels that an outline crosses, ordered in blocks of 8×16.
     pub fn crossed(&self, busy: &Busy) -> Vec<Wanted> {
         let (width, height) = self.size();
         let strips = (0..height.div_ceil(MACROBLOCK)).into_par_iter().map(|strip| {
@@ -96,7 +96,7 @@ impl Search<'_> {
         strips.collect::<Vec<_>>().concat()
     }
 
-    /// The pixel at (x, y), if a neighbor shows another surface of different light.
+    /// Returns the pixel at (x, y) if a neighbor shows a different surface with different light.
     fn wanted(&self, x: usize, y: usize) -> Option<Wanted> {
         let ((width, height), pixels) = (self.size(), &self.seen.pixels);
         let center = &pixels.row(y)[x];
@@ -104,7 +104,7 @@ impl Search<'_> {
         let mut contrast = 0.0f32;
         for (u, v) in around(x, y, width, height).flatten() {
             let other = &pixels.row(v)[u];
-            // Layered pixels differ in the layer at their center.
+            // Compare layered pixels by the layers at their centers.
             if let Some(differ) = self.layered_apart((x, y), (u, v)) {
                 contrast = if differ { contrast.max(LAYERED_CONTRAST) } else { contrast };
                 continue;
@@ -114,7 +114,7 @@ impl Search<'_> {
             if (is_same && (other.emission == [0.0; 3]) == (center.emission == [0.0; 3])) || shows(other, center) {
                 continue;
             }
-            // Contrast of the channel that differs most, relative to the brightest channel.
+            // Use the contrast of the channel that differs most, relative to the brightest channel.
             let beyond = self.light.get(u, v);
             let brightest = light.max(beyond).max_element().max(f32::MIN_POSITIVE);
             contrast = contrast.max((light - beyond).abs().max_element() / brightest);
@@ -123,7 +123,7 @@ impl Search<'_> {
         Some(Wanted { index: (y * width + x) as u32, rays: density.rays, from: None })
     }
 
-    /// Whether two pixels show different layers; `None` if neither has several.
+    /// Returns whether two pixels show different layers, or `None` if neither pixel has several layers.
     fn layered_apart(&self, a: (usize, usize), b: (usize, usize)) -> Option<bool> {
         if self.seen.layered.is_empty() {
             return None;
@@ -145,7 +145,7 @@ impl Search<'_> {
         found.into_iter().flatten().collect()
     }
 
-    /// Traces pixels with a few rays each, and with the remaining rays if these find another surface.
+    /// Traces pixels with a few rays each, then with the remaining rays if the first rays find another surface.
     fn areas(&self, pixels: &[Wanted], rays: &Rays) -> Vec<SearchedPixel> {
         let mut areas: Vec<Area> = pixels.iter().map(|&pixel| Area::new(self, pixel)).collect();
         self.packets(&mut areas.iter_mut().collect::<Vec<_>>(), &rays.first);
@@ -183,9 +183,9 @@ impl Search<'_> {
 
 /// Positions of rays in a pixel.
 struct Rays {
-    /// First rays, nearest to the pixel's border: surfaces seldom end inside a pixel.
+    /// Positions of the first rays, nearest to the pixel's border: surfaces seldom end inside a pixel.
     first: Vec<Vec2>,
-    /// Remaining rays.
+    /// Positions of the remaining rays.
     rest: Vec<Vec2>,
 }
 
@@ -199,35 +199,35 @@ impl Rays {
     }
 }
 
-/// The area of a pixel during the search.
+/// Area of a pixel during the search.
 pub(super) struct Area<'a> {
     pub search: &'a Search<'a>,
     pixel: Wanted,
     pub x: usize,
     pub y: usize,
     parts: Vec<RaySum>,
-    /// Triangles that rays have shown.
+    /// Triangles that rays have hit.
     known: Vec<Known>,
     beside: Vec<Wanted>,
 }
 
-/// Rays with the same source of light.
+/// Sum of the rays with the same source of light.
 struct RaySum {
     source: Lender,
-    /// Whether few centers around show it.
+    /// Whether few surrounding centers show the surface.
     is_thin: bool,
-    /// Number of rays; a layer counts with its fraction of the ray.
+    /// Number of rays. A layer counts with its fraction of the ray.
     rays: f32,
     tint: Vec3,
     emission: Vec3,
 }
 
-/// A triangle that a ray has shown, with its result.
+/// Triangle that a ray has hit, with the result of the ray.
 #[derive(Clone, Copy)]
 struct Known {
     instance: u32,
     triangle: u32,
-    /// The result; `None` if no pixel provides the light.
+    /// Result of the ray; `None` if no pixel provides the light.
     shown: Option<Shown>,
 }
 
@@ -246,12 +246,12 @@ impl<'a> Area<'a> {
         Self { search, pixel, x, y, parts: Vec::new(), known: Vec::new(), beside: Vec::new() }
     }
 
-    /// Whether its rays have shown any surface other than its center's.
+    /// Returns whether the rays have shown any surface other than the surface of the pixel's center.
     fn is_mixed(&self) -> bool {
         self.parts.iter().any(|part| part.source != Lender::center(self.pixel.index))
     }
 
-    /// Adds the `hit` of a `ray` through `offset`, with or without sheets before it.
+    /// Adds the `hit` of a `ray` through `offset`, and the sheets in front of it, if any.
     fn add(&mut self, offset: Vec2, ray: CameraRay, hit: Option<Hit>) {
         match &self.search.shown.layers(ray, hit, &self.search.seen.view, 1.0)[..] {
             [] => self.add_hit(offset, ray, hit),
@@ -270,7 +270,7 @@ impl<'a> Area<'a> {
 
     /// Adds a `ray` through `offset` that shows only this `hit`.
     fn add_hit(&mut self, offset: Vec2, ray: CameraRay, hit: Option<Hit>) {
-        // A ray without a hit has nothing behind a back either.
+        // A ray without a hit shows the sky: no back can hide another surface.
         let (instance, triangle) = hit.map_or((NOTHING, 0), |hit| (hit.instance, hit.triangle));
         let known = self.known.iter().find(|known| known.instance == instance && known.triangle == triangle).copied();
         let Some(shown) = known.map_or_else(|| self.show(ray, hit), |known| known.shown) else { return };
@@ -281,7 +281,7 @@ impl<'a> Area<'a> {
         }
     }
 
-    /// Result of a ray with a new triangle; `None` if no pixel provides the light.
+    /// Returns the result of a ray that hits a new triangle, or `None` if no pixel provides the light.
     fn show(&mut self, ray: CameraRay, hit: Option<Hit>) -> Option<Shown> {
         let Search { seen, shown, .. } = self.search;
         let scene = shown.solid();
@@ -318,7 +318,7 @@ impl<'a> Area<'a> {
         shown
     }
 
-    /// Borrows light for a surface that no center around shows.
+    /// Borrows light for a surface that no surrounding center shows.
     pub fn borrow(&mut self, surface: &PixelSurface) -> Option<Shown> {
         let seen = self.search.seen;
         let emission = Vec3::from(surface.emission);
@@ -333,7 +333,7 @@ impl<'a> Area<'a> {
         })
     }
 
-    /// Index of the region with the light source `source`, which is added if missing.
+    /// Returns the index of the region with the light source `source`. A missing region is added.
     pub fn part(&mut self, source: Lender) -> usize {
         let place = self.parts.iter().position(|part| part.source == source);
         place.unwrap_or_else(|| {
@@ -344,7 +344,7 @@ impl<'a> Area<'a> {
         })
     }
 
-    /// Requests the pixels across the border that `offset` is near.
+    /// Requests the adjacent pixels, if `offset` is near the border.
     fn follow(&mut self, offset: Vec2, source: Lender) {
         let (x, y, (width, height)) = (self.x, self.y, self.search.size());
         let rays = self.pixel.rays;
