@@ -5,10 +5,10 @@ use exr::meta::attribute::{AttributeValue, Chromaticities, Text, TimeCode};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use plane::{FrameCamera, FrameHeader, FramePlace};
 
-/// Name of the program that made a picture.
+/// Name and version of the program that made a picture.
 const SOFTWARE: &str = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
 
-/// Primaries of ITU-R BT.709-6 and their white point D65, CIE 1931 (x, y).
+/// Primaries and white point D65 of ITU-R BT.709-6, as CIE 1931 (x, y).
 const REC_709: Chromaticities = Chromaticities {
     red: Vec2(0.64, 0.33),
     green: Vec2(0.30, 0.60),
@@ -16,17 +16,17 @@ const REC_709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// Highest frame rate with individually numbered frames in SMPTE ST 12-1 \[s⁻¹\].
+/// Maximum frame rate at which SMPTE ST 12-1 numbers frames individually \[s⁻¹\].
 const MOST_NUMBERED: u32 = 30;
 
-/// Attributes of the whole image: chromaticities and time code.
+/// Returns the attributes of the whole image: chromaticities and time code.
 pub(super) fn of_image(header: &FrameHeader, size: (usize, usize)) -> ImageAttributes {
     let time_code = header.place.as_ref().and_then(time_code);
     let pixel_aspect = header.camera.as_ref().map_or(1.0, |camera| camera.pixel_aspect);
     ImageAttributes { chromaticities: Some(REC_709), time_code, pixel_aspect, ..ImageAttributes::with_size(size) }
 }
 
-/// Attributes of the layer: camera, frame rate, frame number, software, and additional texts.
+/// Returns the attributes of the layer: camera, frame rate, frame number, software, and additional texts.
 ///
 /// Column-major matrices for column vectors equal OpenEXR's row-major matrices for row vectors.
 pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
@@ -43,7 +43,7 @@ pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
         attributes.other.insert(Text::new_or_panic("imageCounter"), AttributeValue::I32(number));
     }
     for text in texts {
-        // Texts are ASCII; others would not be read back unchanged.
+        // Other texts than ASCII would not be read back unchanged.
         if let (Some(name), Some(value)) = (Text::new_or_none(&text.name), Text::new_or_none(&text.text)) {
             attributes.other.insert(name, AttributeValue::Text(value));
         }
@@ -51,7 +51,8 @@ pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
     attributes
 }
 
-/// Time code of a frame by SMPTE ST 12-1, without drop frames; `None` at rates whose frames it numbers in pairs.
+/// Returns the time code of a frame by SMPTE ST 12-1, without drop frames. Returns `None` at frame rates for which
+/// SMPTE numbers frames in pairs.
 fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<TimeCode> {
     let nominal = frames.div_ceil(seconds.max(1));
     if !(1..=MOST_NUMBERED).contains(&nominal) {
@@ -63,9 +64,9 @@ fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<Tim
     Some(TimeCode { hours, minutes, seconds, frame, ..TimeCode::default() })
 }
 
-/// Sorts the attributes in the header of `file`, a complete single-part OpenEXR file: the encoder orders additional
-/// ones differently in each run. Pixel offsets stay valid, since the header keeps its length. `None` if the header is
-/// invalid.
+/// Sorts the attributes in the header of `file`, a complete single-part OpenEXR file. The encoder writes additional
+/// attributes in a different order in each run. Pixel offsets stay valid, since the header keeps its length. Returns
+/// `None` if the header is invalid.
 ///
 /// ```text
 /// file        magic number, version (4 bytes each), attribute…, 0, offsets and pixels
@@ -82,7 +83,7 @@ pub(super) fn sort_attributes(file: &mut [u8]) -> Option<()> {
         list.push(file.get(at..end)?.to_vec());
         at = end;
     }
-    // Names differ and come first in an attribute's bytes.
+    // Each attribute begins with its name, and names differ, so sorting bytes sorts by name.
     list.sort_unstable();
     file.get_mut(BEGIN..at)?.copy_from_slice(&list.concat());
     Some(())

@@ -1,40 +1,40 @@
 //! Mattes of all objects or materials: Cryptomatte (Friedman, Jones, *Cryptomatte Specification* 1.2, Psyop).
 //!
-//! A pixel has pairs of an id, the hash of a name, and the area fraction of objects with this name, largest first. Two
-//! pairs form a layer of four channels: `CryptoObject00.R` is an id, `.G` its fraction, `.B` and `.A` are the next
-//! pair. A manifest in the header lists the name of each id. Objects with the same name share their id, and programs
-//! select them together.
+//! A pixel contains pairs of an id (the hash of a name) and the area fraction of objects with this name, largest first.
+//! Two pairs form a layer of four channels: `CryptoObject00.R` is an id, `.G` its fraction, and `.B` and `.A` are the
+//! next pair. A manifest in the header lists the name of each id. Objects with the same name share their id, so
+//! programs select them together.
 
 use plane::{FrameChannel, HeaderText, SampleDepth};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Pairs per pixel. As the specification prescribes, a seventh object in a pixel is dropped.
+/// Number of pairs per pixel. As the specification prescribes, a seventh object in a pixel is dropped.
 const RANKS: usize = 6;
 
-/// An id, and the fraction of a pixel's area that it covers.
+/// Id, and the fraction of a pixel's area that objects with this id cover.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RankedId {
     /// Id from [`cryptomatte_id`]; 0 in unused pairs.
     pub id: f32,
-    /// Covered fraction of the area, 0…1.
+    /// Covered fraction of the pixel's area, 0…1.
     pub share: f32,
 }
 
-/// The mattes of one kind of objects.
+/// Mattes of all objects, or of all materials.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cryptomatte {
-    /// Name of the kind, which prefixes its layers.
+    /// Prefix of the layers, for example `CryptoObject`.
     kind: String,
     /// Id of each object.
     ids: Vec<f32>,
-    /// Id by name.
+    /// Id of each name.
     manifest: BTreeMap<String, f32>,
 }
 
 impl Cryptomatte {
-    /// Builds mattes of objects called `names`, one name each; equal names form one matte. `kind` is, for example,
-    /// `CryptoObject`.
+    /// Builds mattes of objects called `names`, one name each. Objects with equal names form one matte. `kind` is the
+    /// prefix of the layers, for example `CryptoObject`.
     #[must_use]
     pub fn new(kind: &str, names: &[String]) -> Self {
         let ids = names.iter().map(|name| cryptomatte_id(name)).collect();
@@ -42,11 +42,11 @@ impl Cryptomatte {
         Self { kind: kind.to_owned(), ids, manifest }
     }
 
-    /// Texts for the header: layer name, hash, its conversion to a float, and the manifest. The manifest is an ASCII
-    /// JSON object that maps names to ids in hexadecimal digits.
+    /// Returns texts for the header: layer name, hash, the hash's conversion to a float, and the manifest. The manifest
+    /// is an ASCII JSON object that maps names to ids in hexadecimal digits.
     #[must_use]
     pub fn texts(&self) -> Vec<HeaderText> {
-        // Seven digits of the kind's own id identify the kind.
+        // The key is the first seven hexadecimal digits of the hash of `kind`.
         let key = cryptomatte_id(&self.kind).to_bits() >> 4;
         let mut manifest = String::from("{");
         for (name, id) in &self.manifest {
@@ -66,8 +66,8 @@ impl Cryptomatte {
         ]
     }
 
-    /// The pairs of a pixel with these objects, given by index and covered fraction of the area. An unknown index gets
-    /// no pair.
+    /// Returns the pairs of a pixel with these objects, given by index and covered fraction of the area. An unknown
+    /// index adds no pair.
     pub fn ranked(&self, things: impl IntoIterator<Item = RankedThing>) -> [RankedId; RANKS] {
         let mut sums: Vec<RankedId> = Vec::new();
         for RankedThing { thing, share } in things {
@@ -77,14 +77,14 @@ impl Cryptomatte {
                 None => sums.push(RankedId { id, share }),
             }
         }
-        // Equal fractions are ordered by id, independent of the order of rays.
+        // Equal fractions are sorted by id, so the result does not depend on the order of rays.
         sums.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.id.to_bits().cmp(&b.id.to_bits())));
         let mut ranked = [RankedId::default(); RANKS];
         ranked.iter_mut().zip(sums).for_each(|(rank, sum)| *rank = sum);
         ranked
     }
 
-    /// The channels of a picture of these pixels in raster order.
+    /// Returns the channels of a picture with `pixels` in raster order.
     #[must_use]
     pub fn channels(&self, pixels: &[[RankedId; RANKS]]) -> Vec<FrameChannel> {
         let mut channels = Vec::new();
@@ -101,17 +101,17 @@ impl Cryptomatte {
     }
 }
 
-/// An object in a pixel.
+/// Object in a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RankedThing {
-    /// Index of the object, in the order of the names.
+    /// Index of the object in the list of names.
     pub thing: usize,
     /// Fraction of the pixel's area, 0…1.
     pub share: f32,
 }
 
-/// The id of a name: its hash as the bits of a float. If the float would be denormal, infinite or NaN, one bit of its
-/// exponent is flipped (specification, "Hash conversion").
+/// Returns the id of a name: its hash as the bits of a float. If the float would be denormal, infinite or NaN, one bit
+/// of its exponent is flipped (specification, "Hash conversion").
 #[must_use]
 pub fn cryptomatte_id(name: &str) -> f32 {
     let hash = murmur_hash3(name.as_bytes());
@@ -119,7 +119,7 @@ pub fn cryptomatte_id(name: &str) -> f32 {
     f32::from_bits(if exponent == 0 || exponent == 255 { hash ^ 1 << 23 } else { hash })
 }
 
-/// MurmurHash3_x86_32 of Austin Appleby, with seed 0.
+/// Returns the hash MurmurHash3_x86_32 by Austin Appleby, with seed 0.
 #[must_use]
 pub fn murmur_hash3(bytes: &[u8]) -> u32 {
     let scrambled = |k: u32| k.wrapping_mul(0xcc9e_2d51).rotate_left(15).wrapping_mul(0x1b87_3593);
@@ -131,7 +131,7 @@ pub fn murmur_hash3(bytes: &[u8]) -> u32 {
         let word = word.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte));
         hash = (hash ^ scrambled(word)).rotate_left(13).wrapping_mul(5).wrapping_add(0xe654_6b64);
     }
-    // Zeros scramble to zeros: an empty tail has no effect.
+    // Zero bytes scramble to zero, so an empty tail has no effect.
     hash ^= scrambled(u32::from_le_bytes(tail));
     hash ^= bytes.len() as u32;
     hash = (hash ^ hash >> 16).wrapping_mul(0x85eb_ca6b);
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn hashes_are_the_published_ones() {
-        // Common test vectors of MurmurHash3_x86_32 with seed 0.
+        // Compare with common test vectors of MurmurHash3_x86_32 with seed 0.
         for (text, hash) in [
             ("", 0),
             ("test", 0xba6b_d213),
@@ -173,7 +173,7 @@ mod tests {
 
     #[test]
     fn ids_are_those_of_other_programs() {
-        // Test data of Psyop's plug-in for Nuke.
+        // Compare with the test data of Psyop's plug-in for Nuke.
         for (name, id) in [
             ("hello", 6.070_563e-17),
             ("cube", -4.084_619e15),
@@ -184,7 +184,7 @@ mod tests {
         ] {
             assert_eq!(cryptomatte_id(name), id, "{name}");
         }
-        // Manifests of its sample pictures, written by Arnold; JSON escapes the last two names.
+        // Compare with manifests in Psyop's sample pictures, written by Arnold. JSON escapes the last two names.
         for (name, id) in [
             ("bunny", 0x1385_1a76),
             ("bush", 0xf763_d090),
@@ -204,7 +204,7 @@ mod tests {
             assert!(cryptomatte_id(&name).is_normal(), "{name}");
             flipped += usize::from(cryptomatte_id(&name).to_bits() != murmur_hash3(name.as_bytes()));
         }
-        // Two of 256 exponents.
+        // Two of 256 exponents are flipped.
         assert!((100..220).contains(&flipped), "{flipped}");
     }
 
@@ -213,7 +213,7 @@ mod tests {
         let names = ["b\"ox\\", "ball", "mädchen 🎲\n", "ball"].map(str::to_owned);
         let texts = Cryptomatte::new("special_chars", &names).texts();
         let known = |name: &str| &texts.iter().find(|text| text.name.ends_with(name)).unwrap().text;
-        // The key of Psyop's sample picture of this name.
+        // Compare with the key in Psyop's sample picture that has this layer name.
         assert!(texts.iter().all(|text| text.name.starts_with("cryptomatte/fbb35e3/")), "{texts:?}");
         assert_eq!((known("/hash").as_str(), known("/conversion").as_str()), ("MurmurHash3_32", "uint32_to_float32"));
         let manifest = known("/manifest");

@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::path::PathBuf;
 
-/// An error while an image is read or written; the message begins with the path.
+/// Error while an image is read or written. The message begins with the path.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageFileError {
@@ -13,7 +13,7 @@ pub enum ImageFileError {
     System {
         /// Path of the image.
         path: PathBuf,
-        /// The system's reason.
+        /// Reason reported by the system.
         error: std::io::Error,
     },
     /// The file is damaged or in another format than its name indicates, or the system fails during access.
@@ -21,7 +21,7 @@ pub enum ImageFileError {
     Format {
         /// Path of the image.
         path: PathBuf,
-        /// The decoder's or encoder's reason.
+        /// Reason reported by the decoder or encoder.
         error: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The image has more pixels than the limit.
@@ -29,9 +29,9 @@ pub enum ImageFileError {
     TooLarge {
         /// Path of the image.
         path: PathBuf,
-        /// Width \[pixels\] in the header.
+        /// Width in the header \[pixels\].
         width: usize,
-        /// Height \[pixels\] in the header.
+        /// Height in the header \[pixels\].
         height: usize,
     },
     /// The file's extension is not a known format of radiance images.
@@ -40,14 +40,14 @@ pub enum ImageFileError {
         /// Path of the image.
         path: PathBuf,
     },
-    /// This build lacks the format.
+    /// The build does not support the format.
     #[error("{}: this build does not read .{ending}; build it with the feature {feature}", path.display())]
     LeftOut {
         /// Path of the image.
         path: PathBuf,
-        /// Extension of the file, in lower case.
+        /// Extension of the file name, in lower case.
         ending: String,
-        /// The feature that reads the format.
+        /// Feature that reads the format.
         feature: &'static str,
     },
 }

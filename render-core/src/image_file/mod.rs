@@ -17,14 +17,15 @@ use glam::Vec3;
 use plane::Plane;
 use std::path::Path;
 
-/// Most pixels of an image: a header may claim any size, and memory is allocated for it.
+/// Maximum number of pixels of an image. A header may claim any size, and memory is allocated for it.
 #[cfg(any(feature = "exr", feature = "textures"))]
 const MOST_PIXELS: usize = 1 << 27;
 
-/// Reads an image of radiances, in Radiance `.hdr` or OpenEXR format, depending on the extension.
+/// Reads an image of radiances in Radiance `.hdr` or OpenEXR format, depending on the extension.
 ///
 /// # Errors
-/// The extension is unknown or not in this build, or the file cannot be read. The message names the path.
+/// The extension is unknown, this build does not support the format, or the file cannot be read. The message names the
+/// path.
 pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     let needed = match ending.as_str() {
@@ -78,7 +79,7 @@ mod tests {
         let file = std::fs::File::create(path("a.hdr")).unwrap();
         image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, 3, 2).unwrap();
         let read = read_radiance(&path("a.hdr")).unwrap();
-        // All three channels share one exponent: a step is at most 1/128 of the largest.
+        // All three channels share one exponent, so a step is at most 1/128 of the largest channel.
         assert!((read.get(2, 1) - Vec3::new(5.0, 0.5, 1000.0)).abs().max_element() < 8.0 && read.width() == 3);
         assert!((read.get(2, 1).z / 1000.0 - 1.0).abs() < 0.01 && read.get(0, 0) == Vec3::new(0.0, 0.5, 0.0));
         write_exr(&path("b.exr"), &read).unwrap();

@@ -1,4 +1,4 @@
-//! OpenEXR: linear images with any channels.
+//! OpenEXR files: linear images with any channels.
 
 use super::{ImageFileError, attributes, check_size};
 use exr::prelude::{
@@ -12,10 +12,11 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Least maximum of a layer that suits half floats: samples down to 2⁻¹⁰ of it have full precision, 2⁻¹¹ each.
+/// Minimum for the largest sample of a layer stored as half floats. Samples down to 2⁻¹⁰ of the largest then have full
+/// relative precision, 2⁻¹¹.
 const LEAST_LARGEST: f32 = 0.0625;
 
-/// Writes linear Rec.709 RGB radiance, in the same way as [`write_layers`].
+/// Writes linear Rec.709 RGB radiance with [`write_layers`].
 ///
 /// # Errors
 /// The file cannot be written; the message names the path.
@@ -25,10 +26,10 @@ pub fn write_exr(path: &Path, radiance: &Plane<Vec3>) -> Result<(), ImageFileErr
     write_layers(path, radiance.width(), radiance.height(), channels)
 }
 
-/// Writes named channels of 32-bit floats like [`write_frame`], without camera and time in the header.
+/// Writes named channels of 32-bit floats with [`write_frame`]. The header contains neither camera nor time.
 ///
 /// # Panics
-/// If a list does not have `width * height` samples.
+/// If a channel does not have `width * height` samples.
 ///
 /// # Errors
 /// The file cannot be written; the message names the path.
@@ -42,15 +43,15 @@ pub fn write_layers(
     write_frame(path, (width, height), &FrameHeader::default(), channels.into_iter().map(channel).collect())
 }
 
-/// Writes a linear Rec.709 image of `size` = (width, height) to a zip-compressed OpenEXR file, under a temporary name
-/// until it is complete.
+/// Writes a linear Rec.709 image of `size` = (width, height) to a zip-compressed OpenEXR file. The file has a temporary
+/// name until it is complete.
 ///
-/// Names are unique; `R`, `G`, `B` are the image. `variance.R` is channel R of a layer "variance", as viewers group
-/// them. A layer that requests half floats gets full floats if halves would lose light: a sample exceeds 65504, or the
-/// largest is below 1/16.
+/// Names are unique; `R`, `G`, `B` are the image. A name such as `variance.R` is channel R of a layer "variance", as
+/// viewers group it. A layer that requests half floats is written with full floats if halves would lose light: if a
+/// sample exceeds 65504, or if the largest sample is below 1/16.
 ///
 /// # Panics
-/// If a list does not have `width * height` samples.
+/// If a channel does not have `width * height` samples.
 ///
 /// # Errors
 /// The file cannot be written; the message names the path.
@@ -60,7 +61,7 @@ pub fn write_frame(
     header: &FrameHeader,
     channels: Vec<FrameChannel>,
 ) -> Result<(), ImageFileError> {
-    // All channels of a layer get one depth: some readers require it for colors.
+    // Use one sample type for all channels of a layer: some readers require it for colors.
     let mut largest: BTreeMap<String, f32> = BTreeMap::new();
     for channel in &channels {
         let own = channel.samples.iter().map(|sample| sample.abs()).fold(0.0, f32::max);
@@ -79,7 +80,7 @@ pub fn write_frame(
         list.push(AnyChannel::new(name.as_str(), samples));
     }
 
-    // One part, as scan lines.
+    // Write one part, as scan lines.
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: exr::image::Blocks::ScanLines,
@@ -103,35 +104,35 @@ pub fn write_frame(
     whole
 }
 
-/// Name of a channel's layer; empty for the image itself.
+/// Returns the name of a channel's layer, empty for the image itself.
 fn layer_of(channel: &str) -> &str {
     channel.rsplit_once('.').map_or("", |(layer, _)| layer)
 }
 
-/// Whether half floats suffice for a layer with this maximum; true for a layer of zeros.
+/// Returns whether half floats suffice for a layer with the largest sample `largest`. True for a layer of zeros.
 fn halves_suffice(largest: f32) -> bool {
     largest == 0.0 || (LEAST_LARGEST..=f16::MAX.to_f32()).contains(&largest)
 }
 
-/// An image of named channels.
+/// Image of named channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
     /// Width \[pixels\].
     pub width: usize,
     /// Height \[pixels\].
     pub height: usize,
-    /// Names and samples in raster order, sorted by name.
+    /// Names and samples of the channels. Channels are sorted by name, samples are in raster order.
     pub channels: Vec<(String, Vec<f32>)>,
 }
 
 impl Layers {
-    /// Samples of the channel `name`.
+    /// Returns the samples of the channel `name`.
     #[must_use]
     pub fn channel(&self, name: &str) -> Option<&[f32]> {
         self.channels.iter().find(|(own, _)| own == name).map(|(_, samples)| samples.as_slice())
     }
 
-    /// The channels `prefix` + R, G, B as colors; `None` if one is missing.
+    /// Returns the channels `prefix` + R, G, B as colors, or `None` if a channel is missing.
     #[must_use]
     pub fn colors(&self, prefix: &str) -> Option<Plane<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
@@ -194,7 +195,7 @@ mod tests {
         assert!(read_exr(&folder.path().join("none.exr")).unwrap_err().to_string().contains("none.exr"));
     }
 
-    /// Sample type of each channel in the file, by name.
+    /// Returns the sample type of each channel in the file, by name.
     fn types(path: &Path) -> Vec<(String, SampleType)> {
         let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
         meta.headers[0].channels.list.iter().map(|channel| (channel.name.to_string(), channel.sample_type)).collect()
