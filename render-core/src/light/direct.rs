@@ -1,8 +1,8 @@
 //! Direct light, with shadows.
 //!
-//! The sample points of a light are the same for all pixels and frames. Penumbras are smooth and static, whereas random
-//! points would leave noise that costs the encoder bits. Shadow rays of a sample are traced to all pixels of a tile
-//! together.
+//! The sample points of a light are the same for all pixels and frames. Penumbras are then smooth and static, whereas
+//! random points would leave noise that costs the encoder bits. Shadow rays from a sample to all pixels of a tile are
+//! traced together.
 
 use super::emitters::Emitters;
 use super::receiver::{Disc, ShadingPoint};
@@ -15,10 +15,10 @@ use crate::surface::Surfaces;
 use glam::{Vec3, Vec3A};
 use std::f32::consts::PI;
 
-/// Dynamic anchors need no shadow rays if their sum is below this fraction of a receiver's other direct light.
+/// Fraction of a receiver's other direct light below which dynamic anchors, in sum, need no shadow rays.
 const UNSHADOWED_SHARE: f32 = 1e-3;
 
-/// The lights of a frame that are sampled with shadow rays at every pixel.
+/// Lights of a frame that are sampled with shadow rays at every pixel.
 #[derive(Debug)]
 pub struct DirectLights {
     lights: Vec<Box<dyn Sampled>>,
@@ -27,7 +27,7 @@ pub struct DirectLights {
     dynamic_apart: bool,
 }
 
-/// Dynamic anchors as lights of a frame.
+/// Dynamic anchors of a frame as lights.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct DynamicLights<'a> {
@@ -38,8 +38,8 @@ pub struct DynamicLights<'a> {
 }
 
 impl DirectLights {
-    /// Prepares a frame. `areas` are the indices in [`Emitters::areas`] of the emissive surfaces to sample;
-    /// `dynamic_flux` is the flux of [`Anchors::dynamic`] \[W\].
+    /// Prepares the lights of a frame. `areas` are the indices in [`Emitters::areas`] of the emissive surfaces to
+    /// sample. `dynamic_flux` is the flux of [`Anchors::dynamic`] \[W\].
     #[must_use]
     pub fn new(
         emitters: &Emitters,
@@ -69,7 +69,8 @@ impl DirectLights {
         Self { dynamic_apart: true, ..self }
     }
 
-    /// The emitting dynamic anchors, if excluded by [`DirectLights::with_dynamic_apart`]; else none.
+    /// Returns the emitting dynamic anchors if excluded by [`DirectLights::with_dynamic_apart`], otherwise an empty
+    /// list.
     #[must_use]
     pub fn dynamic(&self) -> DynamicLights<'_> {
         DynamicLights {
@@ -78,20 +79,20 @@ impl DirectLights {
         }
     }
 
-    /// Irradiance \[W·m⁻²\] at `receiver`, linear RGB.
+    /// Returns the irradiance at `receiver` \[W·m⁻²\], linear RGB.
     pub fn irradiance(&self, accelerator: &Accelerator, receiver: &ShadingPoint) -> Traced<Vec3> {
         let Traced { value, shadow_rays } = self.irradiance_tile(accelerator, std::slice::from_ref(receiver));
         Traced { value: value[0], shadow_rays }
     }
 
-    /// Irradiance \[W·m⁻²\] at each of the `receivers`, bit-identical to [`DirectLights::irradiance`]. Nearby receivers
-    /// are faster.
+    /// Returns the irradiance at each of the `receivers` \[W·m⁻²\], bit-identical to [`DirectLights::irradiance`].
+    /// Processing is faster if the receivers are close together.
     pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[ShadingPoint]) -> Traced<Vec<Vec3>> {
         let mut sums = vec![Vec3::ZERO; receivers.len()];
         let mut shadow_rays = 0;
         let shadows = Shadows::new(accelerator);
         for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
-            // Dynamic anchors come last: anchors that are faint compared with the other lights get no shadow rays.
+            // Process dynamic anchors last: anchors that are faint compared with the other lights need no shadow rays.
             let tile = ReceiverTile::new(&shadows, receivers);
             for light in &self.lights {
                 light.add_to(&tile, sums);
@@ -104,33 +105,33 @@ impl DirectLights {
         Traced { value: sums, shadow_rays }
     }
 
-    /// One point of each sampled light.
+    /// Returns one point of each sampled light.
     #[must_use]
     pub fn lamps(&self) -> Lamps {
         Lamps(self.lights.iter().map(|light| light.lamp()).collect())
     }
 
-    /// Whether both have the same lights in the same positions; ignores anchors.
+    /// Returns whether both have the same lights in the same positions. Anchors are ignored.
     #[must_use]
     pub fn has_lamps_of(&self, other: &Self) -> bool {
         let pairs = || self.lights.iter().zip(&other.lights);
         self.lights.len() == other.lights.len() && pairs().all(|(light, other)| light.is_same(&**other))
     }
 
-    /// Regions around the lights, where all shadow rays end.
+    /// Returns the regions around the lights, in which all shadow rays end.
     #[must_use]
     pub fn sources(&self) -> Vec<Source> {
         self.lights.iter().map(|light| light.source()).collect()
     }
 
-    /// Whether `instance` is an emissive surface that is sampled here.
+    /// Returns whether this sampler samples `instance` as an emissive surface.
     #[must_use]
     pub fn samples_instance(&self, instance: u32) -> bool {
         self.lights.iter().any(|light| light.instance() == Some(instance))
     }
 
-    /// Radiance \[W·m⁻²·sr⁻¹\] that a surface with its own BRDF reflects of lights that rays cannot hit. With an
-    /// `area_brdf`, includes emissive surfaces.
+    /// Returns the radiance \[W·m⁻²·sr⁻¹\] that a surface with its own BRDF reflects of lights that rays cannot hit.
+    /// With an `area_brdf`, the radiance includes light from emissive surfaces.
     ///
     /// `brdf(direction, half_angle)` is the BRDF \[sr⁻¹\] for light from a disc of `half_angle` radians around a
     /// direction. A distant light is one disc; its first points determine its visible fraction. An area light is one
@@ -158,13 +159,13 @@ impl DirectLights {
 
     /// Adds the light of the dynamic anchors.
     fn add_dynamic(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
-        // Luminance that each receiver may still take from anchors without shadow rays.
+        // Compute the luminance that each receiver may still accept from anchors without shadow rays.
         let mut unshadowed = [0.0; PACKET];
         for (unshadowed, &sum) in unshadowed.iter_mut().zip(&*sums) {
             *unshadowed = luminance(sum) * UNSHADOWED_SHARE;
         }
         for (anchor, intensity) in &self.dynamic {
-            // Only receivers where the anchor exceeds that luminance get shadow rays.
+            // Trace shadow rays only to receivers at which the anchor exceeds that luminance.
             let terms = tile.terms(&disc_of(anchor, self.dynamic_geometry_term_bound));
             let mut active = 0;
             for i in 0..sums.len() {

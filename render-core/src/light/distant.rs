@@ -1,4 +1,4 @@
-//! Lights at infinity: their photons, and direct light from a disc.
+//! Lights at infinity: photons, and direct light from a disc.
 
 use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use super::receiver::ShadingPoint;
@@ -9,12 +9,12 @@ use crate::sampling::{concentric_disc, disc_to_square, frame};
 use glam::{Vec2, Vec3, Vec3A, Vec4};
 use std::any::Any;
 
-/// A light that is infinitely distant.
+/// Infinitely distant light.
 pub(crate) trait DistantLight: Sync {
-    /// Integral of its radiance over all directions \[W·m⁻²\], linear RGB.
+    /// Returns the integral of the light's radiance over all directions \[W·m⁻²\], linear RGB.
     fn fluence(&self) -> Vec3;
 
-    /// Whether the light ever moves.
+    /// Returns whether the light ever moves.
     fn moves(&self) -> bool {
         false
     }
@@ -23,19 +23,20 @@ pub(crate) trait DistantLight: Sync {
     fn draw(&self, u: Vec2) -> DistantSample;
 }
 
-/// A direction towards a distant light.
+/// Direction towards a distant light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DistantSample {
-    /// Direction, a unit vector.
+    /// Direction towards the light, a unit vector.
     pub towards: Vec3A,
-    /// Radiance \[W·m⁻²·sr⁻¹\], linear RGB. Without a density: irradiance \[W·m⁻²\] of a surface that faces the light.
+    /// Radiance \[W·m⁻²·sr⁻¹\], linear RGB. Without a density, the irradiance of a surface that faces the light
+    /// \[W·m⁻²\].
     pub radiance: Vec3,
     /// Density over solid angle \[sr⁻¹\]; `None` for light that rays cannot hit.
     pub pdf: Option<f32>,
 }
 
 impl DistantSample {
-    /// Irradiance that the sample represents \[W·m⁻²\].
+    /// Returns the irradiance that the sample represents \[W·m⁻²\].
     fn irradiance(&self) -> Vec3 {
         self.pdf.map_or(self.radiance, |pdf| self.radiance / pdf)
     }
@@ -73,18 +74,18 @@ impl<L: DistantLight> PhotonEmitter for L {
     }
 }
 
-/// A disc in the sky, sampled with shadow rays.
+/// Disc in the sky, sampled with shadow rays.
 #[derive(Debug)]
 pub(super) struct DistantDisc {
     /// Irradiance of a surface that faces the disc \[W·m⁻²\].
     pub irradiance: Vec3,
     /// Direction to the disc's center, a unit vector.
     pub towards: Vec3A,
-    /// Half its angular diameter \[rad\].
+    /// Half the angular diameter of the disc \[rad\].
     pub angular_radius: f32,
-    /// Directions to sample points; each represents an equal fraction of the disc's light.
+    /// Directions to sample points. Each represents an equal fraction of the disc's light.
     pub directions: Vec<Vec3A>,
-    /// Directions to points on the border.
+    /// Directions to points on the border of the disc.
     pub border: [Vec3A; 8],
 }
 
@@ -107,18 +108,18 @@ impl DistantDisc {
 }
 
 impl Sampled for DistantDisc {
-    /// If the border and the first few points agree, all or none of the disc is visible.
+    /// Adds all of the disc's light or none if the border and the first few points agree, otherwise the visible fraction.
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
         let share = self.irradiance / self.directions.len() as f32;
         for (receiver, sum) in tile.receivers().iter().zip(sums) {
-            // Irradiance from one sample point, and its visible fraction.
+            // Compute the irradiance from one sample point, and its visible fraction.
             let given = |towards: Vec3A| {
                 let above = receiver.geometric_normal.dot(towards) > 0.0;
                 share * if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 }
             };
             let visible = |towards: Vec3A| tile.visible_towards(receiver, towards);
 
-            // Trace the border first: its points emit nothing, but detect partial occlusion.
+            // Trace the border first. Its points emit no light, but detect partial occlusion.
             let mut votes = Votes::default();
             for towards in self.border {
                 if given(towards) != Vec3::ZERO && !(votes.lit && votes.dark) {
@@ -126,8 +127,8 @@ impl Sampled for DistantDisc {
                 }
             }
 
-            // Then trace sample points, each with its part of E cos θ. Once all votes agree, the remaining points need
-            // no rays.
+            // Trace the sample points, each with its fraction of E cos θ. Once all votes agree, the remaining points
+            // need no rays.
             for (index, &towards) in self.directions.iter().enumerate() {
                 let e = given(towards);
                 if e != Vec3::ZERO {
@@ -141,7 +142,7 @@ impl Sampled for DistantDisc {
     }
 
     fn reflected(&self, shadows: &Shadows, receiver: &ShadingPoint, brdf: Brdf) -> Traced<Vec3> {
-        // L = f E cos θ; 0 below the horizon of the shading normal or the triangle.
+        // L = f E cos θ, or 0 below the horizon of the shading normal or of the triangle.
         let given =
             brdf(self.towards, self.angular_radius) * self.irradiance * receiver.normal.dot(self.towards).max(0.0);
         if given == Vec3::ZERO || receiver.geometric_normal.dot(self.towards) <= 0.0 {
@@ -163,13 +164,13 @@ impl Sampled for DistantDisc {
     }
 
     fn is_same(&self, other: &dyn Sampled) -> bool {
-        // These values determine its points.
+        // These values determine the sample points.
         let light = |disc: &Self| (disc.irradiance, disc.towards, disc.angular_radius);
         (other as &dyn Any).downcast_ref().is_some_and(|other| light(self) == light(other))
     }
 }
 
-/// Results of a disc's shadow rays at one receiver so far.
+/// Accumulated results of a disc's shadow rays at one receiver.
 #[derive(Clone, Copy, Default)]
 struct Votes {
     lit: bool,
@@ -186,7 +187,7 @@ impl Votes {
         self.sum += e * share;
     }
 
-    /// Whether all votes agree. Without a vote they do not, for instance if the first few samples are below the
+    /// Returns whether all votes agree. False without votes, for instance if the first few samples are below the
     /// horizon.
     fn agree(&self) -> bool {
         self.lit != self.dark

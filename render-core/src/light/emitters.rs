@@ -1,4 +1,4 @@
-//! The lights of a scene, as a table by kind.
+//! Lights of a scene, grouped by type.
 
 use super::area::AreaLight;
 use super::distant::DistantLight;
@@ -27,7 +27,7 @@ pub struct Emitters {
 }
 
 impl Emitters {
-    /// Collects the lights. `units` defines the scene's bounding sphere.
+    /// Collects the lights of a scene. `units` defines the scene's bounding sphere.
     #[must_use]
     pub fn new(surfaces: &Surfaces, pose: &Pose, units: &Units) -> Self {
         let scene = surfaces.scene();
@@ -45,7 +45,7 @@ impl Emitters {
         Self { areas, points, suns, ball: Ball { center: units.center, radius: units.radius } }
     }
 
-    /// All lights as sources of photons; distant lights come last.
+    /// Returns all lights as sources of photons. Distant lights are last.
     pub(super) fn emissions<'a>(&'a self, sky: Option<&'a Environment>) -> Vec<&'a dyn PhotonEmitter> {
         let mut lights = Vec::<&dyn PhotonEmitter>::new();
         lights.extend(self.areas.iter().map(|light| light as &dyn PhotonEmitter));
@@ -55,13 +55,13 @@ impl Emitters {
         lights
     }
 
-    /// All distant lights: suns and sky.
+    /// Returns all distant lights: suns and sky.
     pub(crate) fn distant<'a>(&'a self, sky: Option<&'a Environment>) -> impl Iterator<Item = &'a dyn DistantLight> {
         let suns = self.suns.iter().map(|light| light as &dyn DistantLight);
         suns.chain(sky.map(|light| light as &dyn DistantLight))
     }
 
-    /// The lights that are sampled with shadow rays, among them the emissive surfaces with the indices `areas`.
+    /// Returns the lights that are sampled with shadow rays, including the emissive surfaces with the indices `areas`.
     pub(super) fn sampled(&self, surfaces: &Surfaces, areas: &[usize]) -> Vec<Box<dyn Sampled>> {
         let lamps = surfaces.scene().sky.iter().flat_map(Environment::lamps);
         let mut lights = Vec::<Box<dyn Sampled>>::new();

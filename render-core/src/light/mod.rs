@@ -1,4 +1,4 @@
-//! Lights: one file or folder per kind, and the rays that all kinds share.
+//! Lights: one file or folder per type, and the rays that all types share.
 //!
 //! ```text
 //! area/  point.rs  sun.rs  sky.rs      the kinds: photons, direct light, bounds

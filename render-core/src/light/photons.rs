@@ -1,4 +1,4 @@
-//! Photons of all lights, and the reverse: paths from lights to given points.
+//! Photon emission by all lights, and sampling of light that arrives at given points.
 
 use super::emission::{Ball, EmittedPhoton, Facing, PhotonEmitter, SeenLight, Space, Start};
 use super::emitters::Emitters;
@@ -8,7 +8,7 @@ use crate::scene::Scene;
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3};
 
-/// Emits photons from lights with probability proportional to power.
+/// Source of photons that selects lights with probability proportional to power.
 pub struct PhotonSource<'a> {
     lights: Vec<&'a dyn PhotonEmitter>,
     /// Flux of each light \[W\].
@@ -24,7 +24,7 @@ impl std::fmt::Debug for PhotonSource<'_> {
 }
 
 impl Emitters {
-    /// Builds a source of photons, identical for identical lights; `None` if no light emits.
+    /// Builds a source of photons. Identical lights produce identical photons. Returns `None` if no light emits.
     pub fn photons<'a>(&'a self, scene: &'a Scene) -> Option<PhotonSource<'a>> {
         let (lights, ball) = (self.emissions(scene.sky.as_ref()), self.ball);
         let powers: Vec<Vec3> = lights.iter().map(|light| light.power(&ball)).collect();
@@ -34,30 +34,30 @@ impl Emitters {
 }
 
 impl PhotonSource<'_> {
-    /// Radiant flux of each light \[W\].
+    /// Returns the radiant flux of each light \[W\].
     #[must_use]
     pub fn powers(&self) -> &[Vec3] {
         &self.powers
     }
 
-    /// Distribution of lights by power.
+    /// Returns the distribution of lights by power.
     pub(crate) fn choice(&self) -> &Distribution {
         &self.choice
     }
 
-    /// Number of lights that are not distant; these come first.
+    /// Returns the number of lights that are not distant. These lights are first in the list.
     pub(crate) fn near_lights(&self) -> usize {
         self.lights.iter().filter(|light| !light.is_distant()).count()
     }
 
-    /// The photon with this start, one of `count`.
+    /// Returns the photon with this start, one of `count` photons.
     pub(crate) fn emit(&self, surfaces: &Surfaces, start: Start, count: u64) -> EmittedPhoton {
         let share = 1.0 / (start.density * count as f32);
         self.lights[start.light].emit(Space { surfaces, ball: self.ball }, start, share)
     }
 
-    /// One near light, drawn by `which` (0…1) with its probability, half by power and half uniform; and all distant
-    /// lights.
+    /// Returns one near light and all distant lights. The near light is drawn with `which` (0…1), and returned with its
+    /// probability: half of it in proportion to power, half uniform.
     pub(crate) fn some_lights(&self, which: f32) -> impl Iterator<Item = (usize, f64)> + use<> {
         let near = self.near_lights();
         let power: f64 = (0..near).map(|light| self.choice.probability(light)).sum();
@@ -76,8 +76,8 @@ impl PhotonSource<'_> {
         chosen.into_iter().chain((near..self.lights.len()).map(|light| (light, 1.0)))
     }
 
-    /// Light at a point from the light with this index, drawn with two pairs of numbers in 0…1: `place` and `way` of a
-    /// start. `None` if no light arrives.
+    /// Returns the light at a point from the light with index `light`. `drawn` contains two pairs of numbers in 0…1:
+    /// `place` and `way` of a start. Returns `None` if no light arrives.
     pub(crate) fn towards(&self, surfaces: &Surfaces, light: usize, at: Facing, drawn: [Vec2; 2]) -> Option<SeenLight> {
         self.lights[light].towards(Space { surfaces, ball: self.ball }, at, drawn)
     }

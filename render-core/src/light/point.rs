@@ -11,16 +11,16 @@ use glam::{Vec2, Vec3, Vec3A, Vec4};
 use std::any::Any;
 use std::f32::consts::{PI, TAU};
 
-/// A point or spot light at one time.
+/// Point or spot light at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
     /// Position \[m\].
     pub position: Vec3A,
-    /// Axis of a spot, a unit vector.
+    /// Axis of a spot light, a unit vector.
     pub axis: Vec3A,
-    /// Intensity on the axis \[W·sr⁻¹\].
+    /// Intensity along the axis \[W·sr⁻¹\].
     pub intensity: Vec3,
-    /// Shape of the cone.
+    /// Shape of the emission: all directions, or the cone of a spot light.
     pub kind: PunctualKind,
     /// Whether the light ever moves.
     pub moves: bool,
@@ -31,7 +31,7 @@ impl PointLight {
         Self { position, axis, intensity: light.color, kind: light.kind, moves }
     }
 
-    /// Intensity towards `point` \[W·sr⁻¹\].
+    /// Returns the intensity towards `point` \[W·sr⁻¹\].
     #[must_use]
     pub fn intensity_towards(&self, point: Vec3A) -> Vec3 {
         let direction = (point - self.position).normalize_or_zero();
@@ -39,7 +39,7 @@ impl PointLight {
     }
 }
 
-/// Solid angle that emits the flux of a light of this kind at full intensity \[sr\].
+/// Returns the solid angle in which full intensity emits the flux of a light of this `kind` \[sr\].
 fn cone_solid_angle(kind: PunctualKind) -> f32 {
     match kind {
         PunctualKind::Spot { outer, .. } => {
@@ -79,7 +79,7 @@ impl PhotonEmitter for PointLight {
     fn towards(&self, Space { ball, .. }: Space, at: Facing, _: [Vec2; 2]) -> Option<SeenLight> {
         let way = self.position - at.position;
         let towards = way.try_normalize()?;
-        // Bounded, otherwise a nearby point would outshine all others.
+        // The squared distance is bounded, otherwise a nearby point would outshine all other points.
         let least = (1e-3 * ball.radius).powi(2);
         let irradiance = self.intensity_towards(at.position) * (at.cosine(towards)? / (way.length_squared() + least));
         Some(SeenLight { irradiance, towards, end: Some(self.position), start: Vec4::ZERO })
@@ -88,7 +88,7 @@ impl PhotonEmitter for PointLight {
 
 impl Sampled for PointLight {
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
-        // E = I(ω) cos θ / r², if unoccluded.
+        // E = I(ω) cos θ / r² if unoccluded.
         let mut given = [Vec3::ZERO; PACKET];
         let mut active = 0;
         for (i, receiver) in tile.receivers().iter().enumerate() {
@@ -109,7 +109,7 @@ impl Sampled for PointLight {
         let Some(towards) = towards.filter(|_| cos > 0.0) else { return Traced::default() };
         let given = brdf(towards, 0.0) * self.intensity_towards(receiver.position) * (cos / r2);
 
-        // Outside a spot's cone or a mirror's highlight, there is no light for a shadow ray to remove.
+        // Outside a spot's cone or a mirror's highlight, no light arrives, so no shadow ray is needed.
         if given == Vec3::ZERO {
             return Traced::default();
         }

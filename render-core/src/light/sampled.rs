@@ -1,4 +1,4 @@
-//! Direct light sampled with shadow rays: interface of the lights.
+//! Interface of lights that are sampled with shadow rays for direct light.
 
 use super::receiver::ShadingPoint;
 use super::tile::ReceiverTile;
@@ -7,39 +7,39 @@ use glam::{Vec3, Vec3A};
 use std::any::Any;
 use std::fmt::Debug;
 
-/// A light that is sampled with shadow rays at every pixel.
+/// Light that is sampled with shadow rays at every pixel.
 pub(super) trait Sampled: Any + Debug + Send + Sync {
-    /// Adds the light's irradiance \[W·m⁻²\] at each receiver of `tile` to `sums`.
+    /// Adds the light's irradiance at each receiver of `tile` to `sums` \[W·m⁻²\].
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]);
 
-    /// Reflected radiance of this light \[W·m⁻²·sr⁻¹\] at a receiver with this `brdf`.
+    /// Returns the radiance of this light reflected by a receiver with this `brdf` \[W·m⁻²·sr⁻¹\].
     fn reflected(&self, shadows: &Shadows, receiver: &ShadingPoint, brdf: Brdf) -> Traced<Vec3>;
 
-    /// The region where the light's shadow rays end.
+    /// Returns the region in which the light's shadow rays end.
     fn source(&self) -> Source;
 
-    /// One point of the light.
+    /// Returns one point of the light.
     fn lamp(&self) -> Lamp;
 
-    /// Whether `other` is the same light in the same position.
+    /// Returns whether `other` is the same light in the same position.
     fn is_same(&self, other: &dyn Sampled) -> bool;
 
-    /// The instance with the emissive surface; `None` for lights that rays cannot hit.
+    /// Returns the instance with the emissive surface, or `None` for lights that rays cannot hit.
     fn instance(&self) -> Option<u32> {
         None
     }
 }
 
-/// A BRDF \[sr⁻¹\] for light from a disc around a direction. The disc has the given half-angle \[rad\].
+/// BRDF \[sr⁻¹\] for light from a disc around a direction. The second argument is the half-angle of the disc \[rad\].
 pub(super) type Brdf<'a> = &'a dyn Fn(Vec3A, f32) -> Vec3;
 
-/// Light and the shadow rays traced for it.
+/// Light, and the number of shadow rays traced for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[must_use]
 pub struct Traced<T> {
     /// Irradiance or radiance.
     pub value: T,
-    /// Number of shadow rays.
+    /// Number of shadow rays traced.
     pub shadow_rays: u64,
 }
 
@@ -50,29 +50,29 @@ impl Traced<Vec3> {
     }
 }
 
-/// A region that emits direct light.
+/// Region that emits direct light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Source {
-    /// A bounding box of a light.
+    /// Bounding box of a light.
     Lamp {
-        /// Lower corner \[m\].
+        /// Lower corner of the box \[m\].
         low: Vec3A,
-        /// Upper corner \[m\].
+        /// Upper corner of the box \[m\].
         high: Vec3A,
     },
-    /// A disc in the sky.
+    /// Disc in the sky.
     Disc {
-        /// Direction towards the disc, a unit vector.
+        /// Direction towards the disc's center, a unit vector.
         towards: Vec3A,
         /// Half the disc's angular diameter \[rad\].
         angular_radius: f32,
     },
 }
 
-/// One point of a light.
+/// Point of a light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Lamp {
-    /// Position \[m\].
+    /// Position of the point \[m\].
     At(Vec3A),
     /// Direction towards a distant light, a unit vector.
     Towards(Vec3A),
@@ -83,7 +83,7 @@ pub(super) enum Lamp {
 pub struct Lamps(pub(super) Vec<Lamp>);
 
 impl Lamps {
-    /// Whether any of the points is visible from `position` on a surface with this `normal`.
+    /// Returns whether any of the points is visible from `position` on a surface with this `normal`.
     pub(crate) fn are_seen(&self, accelerator: &Accelerator, position: Vec3A, normal: Vec3A) -> bool {
         self.0.iter().any(|lamp| match *lamp {
             Lamp::At(lamp) => normal.dot(lamp - position) > 0.0 && !accelerator.occluded(position, lamp),

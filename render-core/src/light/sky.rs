@@ -1,4 +1,4 @@
-//! The sky: environment light, with small bright spots as discs and the remainder as a dome of points.
+//! Sky as a light: small bright spots are discs, and the remaining light is a dome of points.
 
 use super::distant::{DistantDisc, DistantLight, DistantSample};
 use crate::environment::{Environment, SkyLamp, SkySample};
@@ -6,8 +6,8 @@ use crate::scene::Scene;
 use crate::{Units, luminance};
 use glam::{Vec2, Vec3, Vec3A};
 
-/// Radius of the dome of distant lights, in radii of the scene. Its parallax is below a pixel's width, and shadow rays
-/// from the dome still end as precisely as rays from the surface.
+/// Radius of the dome of distant lights, relative to the radius of the scene. The parallax of the dome is below a
+/// pixel's width. Shadow rays from the dome still end as precisely as shadow rays from the surface.
 const DOME_RADII: f32 = 100.0;
 
 impl DistantLight for Environment {
@@ -21,7 +21,7 @@ impl DistantLight for Environment {
     }
 }
 
-/// The disc of a small bright spot, with sample points for shadow rays.
+/// Returns the disc of a small bright spot, with sample points for shadow rays.
 pub(super) fn sampled(lamp: &SkyLamp) -> DistantDisc {
     DistantDisc {
         irradiance: lamp.irradiance,
@@ -32,27 +32,29 @@ pub(super) fn sampled(lamp: &SkyLamp) -> DistantDisc {
     }
 }
 
-/// A light on the sky's dome: a point so distant that it lights the whole scene from one direction.
+/// Light on the sky's dome: a point so distant that it lights the whole scene from one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DomeLight {
     /// Position on the dome \[m\].
     pub position: Vec3A,
-    /// Intensity \[W·sr⁻¹\]. At the scene's center, its irradiance equals the irradiance from its region of the sky.
+    /// Intensity of the light \[W·sr⁻¹\]. At the scene's center, it has the same irradiance as the region of the sky
+    /// that it represents.
     pub intensity: Vec3,
 }
 
-/// The sky without its lamps, as `count` points on a dome far outside the scene; empty without a sky.
+/// Returns the sky without its lamps as `count` points on a dome far outside the scene. The list is empty without a
+/// sky.
 ///
-/// All points represent about the same luminance. They are dense where the sky is bright, so a bright spot of an image
-/// becomes many lights, not one chance light.
+/// All points represent about the same luminance. They are dense in bright regions of the sky. A bright spot of an
+/// image therefore becomes many lights, instead of one light hit by chance.
 #[must_use]
 pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight> {
     let Some(sky) = scene.sky.as_ref().and_then(Environment::beside_lamps) else { return Vec::new() };
     let distance = units.radius * DOME_RADII;
     (0..count)
         .map(|i| {
-            // Steps by the golden ratio: for a uniform sky, this is the golden spiral, the most even distribution of
-            // directions.
+            // Step by the golden ratio. For a uniform sky, the result is the golden spiral, the most even distribution
+            // of directions.
             let across = (i as f64 * 0.618_033_988_749_894_9).fract() as f32;
             let SkySample { direction, pdf } = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
             let intensity = sky.radiance(direction) * (distance * distance / (pdf * count as f32));

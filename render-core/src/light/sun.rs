@@ -1,14 +1,14 @@
-//! Suns: parallel light from a disc in the sky.
+//! Directional lights (suns): parallel light from a disc in the sky.
 
 use super::distant::{DistantDisc, DistantLight, DistantSample};
 use crate::sampling::{centered_sobol, concentric_disc, frame};
 use crate::scene::{PunctualLight, SceneSettings};
 use glam::{Vec2, Vec3, Vec3A};
 
-/// A directional light at one time.
+/// Directional light at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunLight {
-    /// Direction towards the light, a unit vector.
+    /// Direction towards the center of the disc, a unit vector.
     pub towards: Vec3A,
     /// Irradiance of a surface that faces the light \[W·m⁻²\].
     pub irradiance: Vec3,
@@ -19,7 +19,7 @@ pub struct SunLight {
 }
 
 impl SunLight {
-    /// Builds the light; `axis` is the direction of its rays.
+    /// Builds the light. `axis` is the direction of the light's rays.
     pub(super) fn new(light: &PunctualLight, axis: Vec3A, moves: bool, settings: &SceneSettings) -> Self {
         let angular_radius = settings.sun.angular_diameter.to_radians() / 2.0;
         Self { towards: -axis, irradiance: light.color, angular_radius, moves }
@@ -33,7 +33,7 @@ impl SunLight {
         (self.towards + Vec3A::from(x * p.x + y * p.y)).normalize()
     }
 
-    /// The light's disc, with sample points for shadow rays.
+    /// Returns the light's disc, with sample points for shadow rays.
     pub(super) fn sampled(&self) -> DistantDisc {
         DistantDisc {
             irradiance: self.irradiance,

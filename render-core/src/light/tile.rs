@@ -1,21 +1,21 @@
-//! Tiles of receivers: shadow rays of a light sample are traced to all of them together.
+//! Tiles of receivers: shadow rays from a light sample to all receivers of a tile are traced together.
 
 use super::receiver::{Disc, ShadingPoint, disc_term};
 use crate::accel::{Accelerator, PACKET, Shadows, Shaft};
 use glam::Vec3A;
 use std::cell::Cell;
 
-/// Least number of receivers that justifies a shaft to the light.
+/// Minimum number of receivers that justifies the cost of a shaft to the light.
 const WORTH_A_SHAFT: usize = 8;
 
-/// Shafts between the receivers of a tile and a light, if they are worth their cost: to opaque and to blended
-/// occluders.
+/// Shafts between the receivers of a tile and a light, for opaque and for blended occluders. A shaft is `None` if it is
+/// not worth its cost.
 pub(super) struct Shafts {
     pub opaque: Option<Shaft>,
     pub blended: Option<Shaft>,
 }
 
-/// Occlusion of a light, or of a sample of one, for the receivers of a tile.
+/// Occlusion of a light, or of a sample of a light, for the receivers of a tile.
 pub(super) struct Hidden {
     /// Fully occluded receivers, as bits.
     pub whole: u64,
@@ -24,27 +24,28 @@ pub(super) struct Hidden {
 }
 
 impl Hidden {
-    /// Fraction of the light that arrives at a receiver.
+    /// Returns the fraction of the light that arrives at a receiver.
     pub fn share(&self, receiver: usize) -> f32 {
         let whole = || if self.whole >> receiver & 1 == 1 { 0.0 } else { 1.0 };
         self.passed.as_ref().map_or_else(whole, |passed| passed[receiver])
     }
 }
 
-/// Up to [`PACKET`] receivers that are lit together.
+/// Group of up to [`PACKET`] receivers that are lit together.
 pub(super) struct ReceiverTile<'a> {
     shadows: &'a Shadows<'a>,
     receivers: &'a [ShadingPoint],
     positions: [Vec3A; PACKET],
-    /// Positions and both normals, by axis.
+    /// Positions and both normals of the receivers, by axis.
     columns: [[[f32; PACKET]; 3]; 3],
-    /// Shadow rays traced so far.
+    /// Number of shadow rays traced so far.
     rays: Cell<u64>,
 }
 
 impl<'a> ReceiverTile<'a> {
     pub(super) fn new(shadows: &'a Shadows<'a>, receivers: &'a [ShadingPoint]) -> Self {
-        // Sorted by axis, so that the terms of a disc vectorize over receivers. Unused slots repeat the last receiver.
+        // Store coordinates by axis, so that the terms of a disc vectorize over receivers. Unused slots repeat the last
+        // receiver.
         let mut columns = [[[0.0; PACKET]; 3]; 3];
         for i in 0..PACKET {
             let ShadingPoint { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
@@ -56,23 +57,23 @@ impl<'a> ReceiverTile<'a> {
         Self { shadows, receivers, positions, columns, rays: Cell::new(0) }
     }
 
-    /// The receivers, at most [`PACKET`].
+    /// Returns the receivers, at most [`PACKET`].
     pub(super) fn receivers(&self) -> &[ShadingPoint] {
         self.receivers
     }
 
-    /// Fraction of the light from a direction that arrives at one of the receivers.
+    /// Returns the fraction of the light from a direction that arrives at one of the receivers.
     pub(super) fn visible_towards(&self, receiver: &ShadingPoint, towards: Vec3A) -> f32 {
         self.rays.set(self.rays.get() + 1);
         self.shadows.visible_towards(receiver.position, towards)
     }
 
-    /// Number of shadow rays traced so far.
+    /// Returns the number of shadow rays traced so far.
     pub(super) fn shadow_rays(&self) -> u64 {
         self.rays.get()
     }
 
-    /// Irradiance from a disc at each receiver, per intensity \[m⁻²\].
+    /// Returns the irradiance from a disc at each receiver per unit of intensity \[m⁻²\].
     pub(super) fn terms(&self, disc: &Disc) -> [f32; PACKET] {
         let mut terms = [0.0; PACKET];
         let [position, normal, geometric_normal] = &self.columns;
@@ -83,7 +84,7 @@ impl<'a> ReceiverTile<'a> {
         terms
     }
 
-    /// The shafts between the receivers and a light's points, if they are worth their cost.
+    /// Returns the shafts between the receivers and a light's points, if they are worth their cost.
     pub(super) fn shafts(&self, light: &[Vec3A]) -> Shafts {
         let receivers = &self.positions[..self.receivers.len()];
         let is_worth = receivers.len() >= WORTH_A_SHAFT && !light.is_empty();
@@ -92,19 +93,19 @@ impl<'a> ReceiverTile<'a> {
         Shafts { opaque, blended: self.shadows.blends().and_then(to) }
     }
 
-    /// All receivers, as bits.
+    /// Returns all receivers, as bits.
     pub(super) fn all(&self) -> u64 {
         u64::MAX >> (PACKET - self.receivers.len())
     }
 
-    /// Finds the receivers among `active` that are occluded from `light`. The shadow rays share their origin, the
-    /// light, which is inside the `shaft` if there is one.
+    /// Returns the receivers among `active` that are occluded from `light`. All shadow rays start at the light, which
+    /// is inside the `shaft`, if there is one.
     pub(super) fn hidden_from(&self, light: Vec3A, active: u64, shaft: Option<&Shaft>) -> u64 {
         if active == 0 || shaft.is_some_and(Shaft::is_empty) {
             return 0;
         }
 
-        // All rays of a packet share their origin, the light. Within a shaft they test fewer boxes of the tree.
+        // All rays of a packet start at the light. Inside a shaft they test fewer boxes of the tree.
         self.rays.set(self.rays.get() + u64::from(active.count_ones()));
         match shaft {
             Some(shaft) => self.shadows.opaque().occluded_packet_within(shaft, light, &self.columns[0], active),
@@ -112,8 +113,8 @@ impl<'a> ReceiverTile<'a> {
         }
     }
 
-    /// Occlusion of `light` for the receivers among `active`, as in [`ReceiverTile::hidden_from`], with the fractions
-    /// that blended surfaces transmit.
+    /// Returns the occlusion of `light` for the receivers among `active`. In addition to [`ReceiverTile::hidden_from`],
+    /// the result contains the fractions that blended surfaces transmit.
     pub(super) fn hidden(&self, light: Vec3A, active: u64, shafts: &Shafts) -> Hidden {
         let whole = self.hidden_from(light, active, shafts.opaque.as_ref());
         let left = active & !whole;
@@ -131,14 +132,14 @@ impl<'a> ReceiverTile<'a> {
         Hidden { whole, passed: Some(passed) }
     }
 
-    /// Fraction of `light` that blended surfaces transmit to one receiver. It suits few receivers;
-    /// [`ReceiverTile::hidden`] suits many.
+    /// Returns the fraction of `light` that blended surfaces transmit to one receiver. Suited to few receivers;
+    /// [`ReceiverTile::hidden`] is suited to many.
     pub(super) fn passed(&self, light: Vec3A, receiver: usize) -> f32 {
         self.shadows.passed(light, self.positions[receiver])
     }
 }
 
-/// Indices of the set bits.
+/// Returns the indices of the set bits.
 pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = mask.trailing_zeros() as usize;

@@ -1,4 +1,4 @@
-//! Balance of a light's sample points: corrects their intensity to the whole light's, in every direction.
+//! Balance of a light's sample points: a factor that corrects their intensity to the whole light's, in every direction.
 //!
 //! From far away, an emissive mesh is a point light of the intensity
 //!
@@ -6,8 +6,9 @@
 //! I(ω) = Σ_p Lₚ Aₚ max(nₚ · ω, 0)          p  pieces of the mesh
 //! ```
 //!
-//! Its few sample points sum to Iₛ(ω) instead: with 64 points on a sphere, chance decides which half faces ω. Their
-//! light is multiplied by I(ω) / Iₛ(ω). Near the light, each point has its own direction to a receiver, and the factor tends to 1:
+//! The light's few sample points sum to Iₛ(ω) instead: with 64 points on a sphere, chance decides how many points face
+//! ω. The light of the points is therefore multiplied by I(ω) / Iₛ(ω). Near the light, each point has its own direction
+//! to a receiver, and the factor tends to 1:
 //!
 //! ```text
 //! 1 + (I/Iₛ − 1) · d² / (d² + R²)          d  distance to the light's center          R  its radius
@@ -18,30 +19,29 @@ use crate::luminance;
 use crate::polygon::Polygon;
 use glam::{Vec2, Vec3A};
 
-/// Cells along a side of the octahedral map of directions.
+/// Number of cells along a side of the octahedral map of directions.
 const CELLS: usize = 32;
-/// Greatest factor; a larger one, or less than its inverse, means a direction with almost no light.
+/// Maximum factor. A factor above it, or below its inverse, means a direction with almost no light.
 const MOST: f32 = 2.0;
 
 /// Factors for the light of sample points, by emission direction.
 #[derive(Debug)]
 pub(super) struct Balance {
     middle: Vec3A,
-    /// R² \[m²\].
+    /// Square of the light's radius, R² \[m²\].
     radius2: f32,
-    /// I / Iₛ at the corners of the cells, row by row.
+    /// Ratios I / Iₛ at the corners of the cells, row by row.
     ratios: Vec<f32>,
 }
 
 impl Balance {
-    /// Builds the balance of a light with these `pieces`, represented by the points `samples`.
+    /// Builds the balance of a light that consists of `pieces` and is represented by the points `samples`.
     pub fn new(pieces: &[Polygon], samples: &[AreaSample]) -> Self {
-        // I(ω) = Σ L A max(n · ω, 0), for the whole light and for its samples. Both are sums over vectors n of length L
-        // A.
+        // I(ω) = Σ max(n · ω, 0) over vectors n of length L A, for the whole light and for its samples.
         let whole = by_direction(pieces);
         let sampled: Vec<Vec3A> = samples.iter().map(|s| s.normal * luminance(s.intensity)).collect();
 
-        // Ratio at the corners of all cells. Without any light from samples, a factor has no effect.
+        // Compute the ratio at the corners of all cells. If the samples emit no light, the factor has no effect.
         let mut ratios = Vec::with_capacity((CELLS + 1) * (CELLS + 1));
         for row in 0..=CELLS {
             for column in 0..=CELLS {
@@ -51,14 +51,14 @@ impl Balance {
             }
         }
 
-        // Bounding sphere of the light, around the mean of its corners.
+        // Build a bounding sphere of the light, around the mean of its corners.
         let corners = || pieces.iter().flat_map(|piece| piece.corners);
         let middle = corners().sum::<Vec3A>() / corners().count().max(1) as f32;
         let radius2 = corners().map(|corner| corner.distance_squared(middle)).fold(0.0, f32::max);
         Self { middle, radius2, ratios }
     }
 
-    /// The factor for light that arrives at `position`.
+    /// Returns the factor for light that arrives at `position`.
     pub fn at(&self, position: Vec3A) -> f32 {
         let way = position - self.middle;
         let d2 = way.length_squared();
@@ -66,7 +66,7 @@ impl Balance {
             return 1.0;
         }
 
-        // The ratio I / Iₛ in this direction, interpolated bilinearly between the corners of its cell.
+        // Interpolate the ratio I / Iₛ bilinearly between the corners of the direction's cell.
         let place = folded(way / d2.sqrt()) * CELLS as f32;
         let cell = place.floor().clamp(Vec2::ZERO, Vec2::splat(CELLS as f32 - 1.0));
         let (u, first) = (place - cell, cell.y as usize * (CELLS + 1) + cell.x as usize);
@@ -78,15 +78,15 @@ impl Balance {
     }
 }
 
-/// I(ω) of faces with normals n of length L A.
+/// Returns I(ω) of faces with normals n of length L A.
 fn intensity(sides: &[Vec3A], towards: Vec3A) -> f32 {
     sides.iter().map(|side| side.dot(towards).max(0.0)).sum()
 }
 
-/// Sums Σ Lₚ Aₚ nₚ over faces with similar normals, luminance \[W·sr⁻¹\]: one sum per cell of the map. A light of many
-/// triangles then costs no more than one of few.
+/// Returns sums Σ Lₚ Aₚ nₚ over faces with similar normals, as luminance \[W·sr⁻¹\], one sum per cell of the map. A
+/// light of many triangles then costs no more than a light of few.
 fn by_direction(pieces: &[Polygon]) -> Vec<Vec3A> {
-    // Each face belongs to its normal's cell; a double-sided piece has two faces.
+    // Assign each face to the cell of its normal. A double-sided piece has two faces.
     let mut sums = vec![Vec3A::ZERO; CELLS * CELLS];
     let mut add = |side: Vec3A| {
         if let Some(normal) = side.try_normalize() {
@@ -105,10 +105,10 @@ fn by_direction(pieces: &[Polygon]) -> Vec<Vec3A> {
     sums
 }
 
-/// Maps a unit vector to the unit square: the octahedron |x| + |y| + |z| = 1, with its lower half folded out to the
-/// corners.
+/// Maps a unit vector to the unit square: projects it onto the octahedron |x| + |y| + |z| = 1 and folds the lower half
+/// out to the corners.
 fn folded(direction: Vec3A) -> Vec2 {
-    // Project onto the octahedron. Seen from above, its upper half is a diamond of half the area of −1…1.
+    // Project onto the octahedron. Seen from above, the upper half is a diamond with half the area of the square −1…1.
     let d = direction / (direction.x.abs() + direction.y.abs() + direction.z.abs());
     let upper = Vec2::new(d.x, d.y);
 
@@ -118,7 +118,7 @@ fn folded(direction: Vec3A) -> Vec2 {
     place * 0.5 + 0.5
 }
 
-/// The inverse of [`folded`].
+/// Returns the inverse of [`folded`].
 fn unfolded(place: Vec2) -> Vec3A {
     let p = place * 2.0 - 1.0;
     let z = 1.0 - p.x.abs() - p.y.abs();
@@ -140,8 +140,8 @@ mod tests {
         }
     }
 
-    /// A few points of a finely tessellated sphere emit as evenly as the sphere: E = π L R² / d² for a distant facing
-    /// receiver.
+    /// A few points on a finely tessellated sphere emit as evenly as the sphere: E = π L R² / d² at a distant receiver
+    /// that faces the light.
     #[test]
     fn few_points_of_a_sphere_shine_like_the_sphere() {
         let (radius, pieces_count, samples_count) = (0.5, 4000, 64);
@@ -172,7 +172,7 @@ mod tests {
         assert!(worst < 0.01 && worst_alone > 0.02, "{worst} with balance, {worst_alone} without");
     }
 
-    /// A small square on a sphere.
+    /// Returns a small square on a sphere.
     fn piece(k: u64, radius: f32, area: f32) -> Polygon {
         let normal = Vec3A::from(uniform_sphere(sobol_point(k)));
         let (x, y) = crate::sampling::frame(normal.into());

@@ -1,10 +1,10 @@
-//! Cells of an emissive triangle or parallelogram: a textured one is split where its emission is uneven.
+//! Cells of an emissive triangle or parallelogram. Textured pieces are split into cells where their emission is uneven.
 
 use crate::sampling::triangle;
 use glam::Vec2;
 
-/// A region of a patch with the patch's shape, in its coordinates: the triangle u, v ≥ 0, u + v ≤ 1, or the unit
-/// square.
+/// Region of a patch, similar in shape to the patch. In the patch's coordinates, the patch is the triangle u, v ≥ 0, u
+/// + v ≤ 1, or the unit square.
 ///
 /// ```text
 /// p = c + s q          c  corner      s  size, negative for an inverted triangle      q  a point of the whole shape
@@ -13,39 +13,40 @@ use glam::Vec2;
 pub(super) struct Cell {
     corner: Vec2,
     size: f32,
-    /// Whether the shape is the unit square.
+    /// Whether the shape is the unit square, otherwise a triangle.
     square: bool,
 }
 
 impl Cell {
-    /// The whole patch.
+    /// Returns the cell that is the whole patch.
     pub fn whole(square: bool) -> Self {
         Self { corner: Vec2::ZERO, size: 1.0, square }
     }
 
-    /// Whether the cell is the whole patch.
+    /// Returns whether the cell is the whole patch.
     pub fn is_whole(&self) -> bool {
         self.size == 1.0
     }
 
-    /// Side of the cell, as a fraction of the patch's.
+    /// Returns the side of the cell, as a fraction of the patch's side.
     pub fn side(&self) -> f32 {
         self.size.abs()
     }
 
-    /// Maps `place` in the unit square to a point of the cell, uniformly over the area: barycentric, or in the square.
+    /// Maps `place` in the unit square to a point of the cell, uniformly over the area. The result is barycentric for a
+    /// triangle.
     pub fn point(&self, place: Vec2) -> Vec2 {
         let q = if self.square { place } else { Vec2::from(triangle(place)) };
         self.corner + q * self.size
     }
 
-    /// Corners in order around the border; a triangle repeats its last corner.
+    /// Returns the corners in order around the border. A triangle repeats its last corner.
     pub fn corners(&self) -> [Vec2; 4] {
         let third = if self.square { Vec2::ONE } else { Vec2::Y };
         [Vec2::ZERO, Vec2::X, third, Vec2::Y].map(|q| self.corner + q * self.size)
     }
 
-    /// Splits the cell into four of half the side.
+    /// Splits the cell into four cells of half the side.
     pub fn split(&self) -> [Self; 4] {
         let half = self.size / 2.0;
         let at = |offset: Vec2, size: f32| Self { corner: self.corner + offset * half, size, ..*self };
@@ -54,9 +55,9 @@ impl Cell {
         [at(Vec2::ZERO, half), at(Vec2::X, half), at(Vec2::Y, half), at(Vec2::ONE, last)]
     }
 
-    /// Whether the cell contains the point `p` of its patch, including the border.
+    /// Returns whether the cell contains the point `p` of its patch, including the border.
     pub fn contains(&self, p: Vec2) -> bool {
-        // Tolerance: rounding must not lose a point on a border between two cells.
+        // With this tolerance, rounding does not lose points on a border between two cells.
         const SLACK: f32 = 1e-4;
         let q = (p - self.corner) / self.size;
         let far = if self.square { q.max_element() } else { q.x + q.y };
@@ -69,7 +70,7 @@ mod tests {
     use super::*;
     use crate::sampling::hammersley;
 
-    /// Each point of a patch is in one of the four quarters, and points of a quarter are inside the patch.
+    /// Each point of a patch is in one of the four quarters. Points of a quarter are inside the patch.
     #[test]
     fn quarters_tile_a_cell() {
         for square in [false, true] {

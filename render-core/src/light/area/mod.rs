@@ -15,10 +15,10 @@ use glam::{Vec2, Vec3, Vec3A, Vec4};
 use patch::{Patch, Pieces, pieces};
 use std::f32::consts::PI;
 
-/// A light of at most this many pieces has the same points on each.
+/// Maximum number of pieces of a light for which each piece has the same points.
 const FEW_PANELS: usize = 4;
 
-/// An emissive surface: all emissive triangles of one instance.
+/// Emissive surface: all emissive triangles of one instance.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
     /// Index into [`Scene::instances`](crate::scene::Scene::instances).
@@ -36,7 +36,7 @@ pub struct AreaLight {
     textured: bool,
 }
 
-/// A random point of an emissive surface.
+/// Random point of an emissive surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightPoint {
     /// Index into the mesh's triangles.
@@ -45,27 +45,27 @@ pub(crate) struct LightPoint {
     pub u: f32,
     /// Barycentric weight of the third corner.
     pub v: f32,
-    /// Density over area of the random point \[m⁻²\].
+    /// Probability density of the random point over area \[m⁻²\].
     pub density: f32,
-    /// Mean radiance of the point's cell, if a texture was split \[W·m⁻²·sr⁻¹\].
+    /// Mean radiance of the point's cell if a texture was split \[W·m⁻²·sr⁻¹\].
     cell_emission: Option<Vec3>,
 }
 
 /// Filter of the texture at a point of a light.
 #[derive(Clone, Copy, Debug)]
 enum Detail {
-    /// Unfiltered.
+    /// No filter.
     Point,
-    /// Averaged over this fraction of the light's area, or over the point's cell.
+    /// Mean over the point's cell; without cells, mean over this fraction of the light's area.
     Mean(f32),
 }
 
-/// A point of an emissive surface that represents a fraction of it.
+/// Point of an emissive surface that represents a fraction of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaSample {
-    /// Position, slightly off the surface \[m\].
+    /// Position of the point, slightly off the surface \[m\].
     pub position: Vec3A,
-    /// Distance from the surface \[m\].
+    /// Distance of the point from the surface \[m\].
     pub offset: f32,
     /// Normal of the emitting side, a unit vector.
     pub normal: Vec3A,
@@ -98,14 +98,14 @@ impl AreaLight {
         })
     }
 
-    /// Radiant flux of all emitting sides \[W\], linear RGB.
+    /// Returns the radiant flux of all emitting sides \[W\], linear RGB.
     #[must_use]
     pub fn power(&self) -> Vec3 {
         let one_side: Vec3 = self.patches.iter().map(|p| p.emission * p.area * PI).sum();
         if self.double_sided { one_side * 2.0 } else { one_side }
     }
 
-    /// Builds the sample at `point`, which represents the whole light. `side` (0…1) chooses one of two sides.
+    /// Builds the sample at `point`, which represents the whole light. `side` (0…1) selects one of two sides.
     fn sample(&self, surfaces: &Surfaces, point: LightPoint, side: f32, detail: Detail) -> AreaSample {
         let LightPoint { triangle: t, u, v, density, cell_emission } = point;
         let [a, b, c] = surfaces.corners(self.instance, t);
@@ -129,13 +129,13 @@ impl AreaLight {
         AreaSample { position: position + normal * offset, offset, normal, intensity: emission * share, area: share }
     }
 
-    /// The emissive pieces, as polygons.
+    /// Returns the emissive pieces as polygons.
     pub(crate) fn polygons(&self, surfaces: &Surfaces) -> Vec<Polygon> {
         let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let polygon = |patch: &Patch| {
             let [a, b, c] = surfaces.corners(self.instance, patch.triangle);
             let whole = [a, b, c, if patch.parallelogram { a + c - b } else { c }];
-            // Sides of the patch's shape: a triangle's are ab and ac, a parallelogram's ab and bc.
+            // The sides of the patch are ab and ac for a triangle, ab and bc for a parallelogram.
             let (x, y) = (b - a, if patch.parallelogram { c - b } else { c - a });
             let part = || patch.cell.corners().map(|p| a + x * p.x + y * p.y);
             Polygon {
@@ -148,8 +148,8 @@ impl AreaLight {
         self.patches.iter().map(polygon).collect()
     }
 
-    /// Draws a point with a density roughly proportional to emitted power. `which` chooses the piece, `place` the point
-    /// on it.
+    /// Draws a point with a density roughly proportional to emitted power. `which` selects the piece, `place` the point
+    /// on the piece.
     pub(crate) fn point(&self, which: f64, place: Vec2) -> LightPoint {
         let Pick { index, probability, .. } = self.choice.pick(which);
         let patch = &self.patches[index];
@@ -158,8 +158,8 @@ impl AreaLight {
         LightPoint { triangle, u, v, density: probability as f32 / patch.area, cell_emission }
     }
 
-    /// For each triangle of the mesh, the density over area of [`AreaLight::point`] \[m⁻²\]. With a split texture,
-    /// [`AreaLight::density`] varies within a triangle.
+    /// Returns the density over area of [`AreaLight::point`] for each triangle of the mesh \[m⁻²\]. With a split
+    /// texture, [`AreaLight::density`] varies within a triangle.
     pub(crate) fn densities(&self, triangles: usize) -> Vec<f32> {
         let mut densities = vec![0.0; triangles];
         for (index, patch) in self.patches.iter().enumerate() {
@@ -172,29 +172,29 @@ impl AreaLight {
         densities
     }
 
-    /// Density over area of [`AreaLight::point`] at a point \[m⁻²\], if a texture was split; `None` otherwise.
+    /// Returns the density over area of [`AreaLight::point`] at a point \[m⁻²\], or `None` if no texture was split.
     pub(crate) fn density(&self, triangle: usize, u: f32, v: f32) -> Option<f32> {
         if !self.textured || self.patches.len() == self.panels {
             return None;
         }
         let has = |patch: &Patch| patch.place(triangle, u, v).is_some_and(|place| patch.cell.contains(place));
-        // Cells without emission are omitted: no point is drawn there.
+        // Cells without emission are omitted, so no point is drawn in them.
         let Some(index) = self.patches.iter().position(has) else { return Some(0.0) };
         Some((self.choice.probability(index) / f64::from(self.patches[index].area)) as f32)
     }
 
-    /// Number of separate emissive pieces: rectangles, and triangles outside of any.
+    /// Returns the number of separate emissive pieces: rectangles, and triangles outside any rectangle.
     #[must_use]
     pub fn patch_count(&self) -> usize {
         self.panels
     }
 
-    /// Whether a texture varies the emission.
+    /// Returns whether a texture varies the emission.
     pub(crate) fn is_textured(&self) -> bool {
         self.textured
     }
 
-    /// Longest side of the bounding box of the emissive triangles \[m\].
+    /// Returns the longest side of the bounding box of the emissive triangles \[m\].
     #[must_use]
     pub fn extent(&self, surfaces: &Surfaces) -> f32 {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -207,8 +207,9 @@ impl AreaLight {
     /// Builds `count` points that together represent the light, distributed evenly by emitted power.
     #[must_use]
     pub fn samples(&self, surfaces: &Surfaces, count: usize) -> Vec<AreaSample> {
-        // Even strata of power choose piece and side. Their order, by the radical inverse, spreads any first few
-        // points over the whole light. The inverse's own values would leave uneven gaps.
+        // Even strata of power select piece and side. The radical inverse orders the strata, so that the first few
+        // points are spread over the whole light. Using the values of the radical inverse instead would leave uneven
+        // gaps.
         let mut ranks: Vec<usize> = (0..count).collect();
         ranks.sort_by(|&a, &b| radical_inverse(3, a as u64).total_cmp(&radical_inverse(3, b as u64)));
         let mut strata = vec![0.0; count];
@@ -220,12 +221,12 @@ impl AreaLight {
             2 * index + usize::from(self.double_sided && rest >= 0.5)
         };
 
-        // Each face has its own sequence of points: a shared one would correlate position and choice of face.
+        // Each face uses a separate sequence of points: a shared sequence would correlate position and choice of face.
         let mut counts = vec![0; 2 * self.patches.len()];
         strata.iter().for_each(|&which| counts[face(which)] += 1);
         let shares = self.shares_of_points(&counts);
         let mut places: Vec<_> = counts.iter().copied().map(centered_sobol).collect();
-        // With few points, all of a face are off-center to the same side. Shift them, except on a few panels.
+        // With few points, all points of a face are off-center to the same side. Shift them, except on a few panels.
         let shifts = self.panels > FEW_PANELS;
 
         let mut samples = Vec::with_capacity(count);
@@ -242,15 +243,15 @@ impl AreaLight {
         samples
     }
 
-    /// For each face, the fraction of the light's power per point, given the number of points on each face: two faces
-    /// per piece.
+    /// Returns, for each face, the fraction of the light's power per point, given the number of points on each face.
+    /// Each piece has two faces.
     ///
     /// ```text
     /// p / n           for a face with the fraction p ≥ 2 / N of the power, and n points
     /// Σ p / Σ n       for points of all other faces, which represent each other        N  points of the light
     /// ```
-    /// This depends on a face's power, not on its random number of points. Otherwise, among faces worth one point, a
-    /// face with two points would give each half as much, and the others would outweigh it.
+    /// The result depends on a face's power, not on its random number of points. Otherwise, among faces worth one
+    /// point, the points of a face with two would have half the weight, and other faces would be overrepresented.
     fn shares_of_points(&self, counts: &[usize]) -> Vec<f32> {
         let sides = if self.double_sided { 2.0 } else { 1.0 };
         let all = counts.iter().sum::<usize>() as f64;
@@ -264,7 +265,7 @@ impl AreaLight {
                 points += count;
             }
         }
-        // Densities already contain p. The remaining factor converts them to these fractions.
+        // Densities already contain p. The remaining factor converts them to the returned fractions.
         let share = |(face, &count): (usize, &usize)| match count {
             0 => 0.0,
             _ if stands_alone(face, count) => power(face) / count as f64,
@@ -281,10 +282,10 @@ impl PhotonEmitter for AreaLight {
 
     fn emit(&self, Space { surfaces, .. }: Space, Start { rest, place, way, .. }: Start, share: f32) -> EmittedPhoton {
         let sample = self.sample(surfaces, self.point(rest, place), way.x, Detail::Point);
-        // The same number chose the side; its remainder is as good as a new number.
+        // The same number chose the side. Its remainder serves as a new random number.
         let way = if self.double_sided { Vec2::new((way.x * 2.0).fract(), way.y) } else { way };
         let direction = cosine_hemisphere(sample.normal.into(), way).into();
-        // Flux is radiance · area · π; the point's density is proportional to its radiance.
+        // Flux is radiance · area · π. The density of the point is proportional to its radiance.
         let flux = sample.intensity * PI * share;
         EmittedPhoton { origin: sample.position, direction, flux, from_moving: self.moves, distant: false }
     }
@@ -294,14 +295,14 @@ impl PhotonEmitter for AreaLight {
         let to_sample = sample.position - at.position;
         let (distance, towards) = (to_sample.length(), to_sample.try_normalize()?);
         let cosines = at.cosine(towards)? * sample.normal.dot(-towards).max(0.0);
-        // Bounded, otherwise a nearby point would outshine all others.
+        // The distance term is bounded, otherwise a nearby point would outshine all other points.
         let irradiance = sample.intensity * cosines / (distance * distance + self.area / PI);
         Some(SeenLight { irradiance, towards, end: Some(sample.position), start: Vec4::ZERO })
     }
 }
 
-/// A position in the unit square, shifted cyclically by a vector that depends on the face: multiples of 1/g and 1/g²,
-/// g³ = g + 1, with evenly distributed remainders (Roberts 2018).
+/// Returns a position in the unit square, shifted cyclically by a vector that depends on the face. The vectors are
+/// multiples of (1/g, 1/g²) with g³ = g + 1, and their fractional parts are evenly distributed (Roberts 2018).
 fn shifted(place: Vec2, face: usize) -> Vec2 {
     let shift = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2].map(|step: f64| (step * face as f64).fract() as f32);
     (place + Vec2::from(shift)).fract()

@@ -1,14 +1,14 @@
-//! A spatial order of points: neighbors in the list are neighbors in space.
+//! Spatial order of points: neighbors in the list are neighbors in space.
 
 use glam::Vec3A;
 
 /// Bits per axis: 2¹⁰ positions across the bounding box.
 const BITS: u32 = 10;
 
-/// Indices of `points` along the Morton curve, ties by index. Strata of the list are then compact regions of the
-/// surface, whatever the order in the file.
+/// Returns the indices of `points` along the Morton curve, with ties ordered by index. Strata of the list are then
+/// compact regions of the surface, regardless of the order in the file.
 pub(super) fn along_curve(points: &[Vec3A]) -> Vec<usize> {
-    // Integer positions in the bounding box of the points.
+    // Quantise the points to integer positions in their bounding box.
     let low = points.iter().copied().fold(Vec3A::INFINITY, Vec3A::min);
     let high = points.iter().copied().fold(Vec3A::NEG_INFINITY, Vec3A::max);
     let scale = ((1 << BITS) - 1) as f32 / (high - low).max_element().max(f32::MIN_POSITIVE);
@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn neighbors_in_the_list_are_near() {
-        // A grid in scrambled order: 7919 and 4096 are coprime.
+        // Build a grid in scrambled order: 7919 and 4096 are coprime.
         let points: Vec<Vec3A> = (0..4096).map(|i| i * 7919 % 4096).map(grid).collect();
         let order = along_curve(&points);
         let mean = order.windows(2).map(|pair| points[pair[0]].distance(points[pair[1]])).sum::<f32>() / 4095.0;

@@ -8,21 +8,21 @@ use crate::scene::{Material, Mesh, Scene, mesh_interpolate};
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
 
-/// Points that average a triangle.
+/// Number of points at which the emission of a triangle is averaged.
 const POINTS_OF_A_TRIANGLE: usize = 64;
-/// Points that average a cell: 4 × 4.
+/// Number of points at which the emission of a cell is averaged: 4 × 4.
 const POINTS_OF_A_CELL: usize = 16;
-/// A cell is split while it has more than this fraction of the light's flux. Each of the 64 points for shadow rays then
-/// covers a few cells of its own.
+/// Fraction of the light's flux above which a cell is split. Each of the 64 points for shadow rays then represents a
+/// few cells of its own.
 const SHARE_OF_A_CELL: f32 = 1.0 / 256.0;
-/// Greatest contrast (most − least) / mean of a cell's luminance that counts as even.
+/// Maximum contrast of a cell's luminance for even emission: (maximum − minimum) / mean.
 const EVEN: f32 = 0.25;
-/// Side of the smallest cells \[texels\]: between the centers of two texels, a sample is linear.
+/// Side of the smallest cells \[texels\]. Between the centers of two texels, the interpolated texture is linear.
 const SMALLEST: f32 = 0.5;
-/// A mesh of more pieces than this is sorted spatially. Few panels keep the order of the file.
+/// Maximum number of pieces of a mesh that keep the order of the file. More pieces are sorted spatially.
 const FEW: usize = 64;
 
-/// An emissive triangle, a parallelogram of two, or a cell of one. With parallelograms, points spread over whole
+/// Emissive triangle, parallelogram of two triangles, or cell of either. With parallelograms, points spread over whole
 /// panels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
@@ -36,12 +36,12 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// Luminous power of one side, up to a factor of π.
+    /// Returns the luminous power of one side, divided by π.
     pub fn power(&self) -> f32 {
         self.area * luminance(self.emission)
     }
 
-    /// Triangle and barycentric weights of a point in the patch's coordinates.
+    /// Returns the triangle and barycentric weights of a point in the patch's coordinates.
     pub fn located(&self, p: Vec2) -> (usize, f32, f32) {
         let t = self.triangle;
         if !self.parallelogram {
@@ -53,8 +53,8 @@ impl Patch {
         if y <= x { (t, x - y, y) } else { (t + 1, x, y - x) }
     }
 
-    /// The patch's coordinates of the point at these weights of a triangle; `None` if the patch does not contain the
-    /// triangle.
+    /// Returns the patch's coordinates of the point at these weights of a triangle, or `None` if the patch does not
+    /// contain the triangle.
     pub fn place(&self, triangle: usize, u: f32, v: f32) -> Option<Vec2> {
         match triangle.checked_sub(self.triangle)? {
             0 if !self.parallelogram => Some(Vec2::new(u, v)),
@@ -73,7 +73,7 @@ struct Glow<'a> {
 }
 
 impl Glow<'_> {
-    /// Emission at a point of a triangle, with its texture blurred to `footprint` texels.
+    /// Returns the emission at a point of a triangle, with the texture blurred to `footprint` texels.
     fn at(&self, t: usize, u: f32, v: f32, footprint: f32) -> Vec3 {
         let Some(slot) = self.material.emission_texture else { return self.material.emission };
         let texture = &self.scene.textures[slot.texture];
@@ -81,7 +81,8 @@ impl Glow<'_> {
         self.material.emission * uv.map_or(Vec3::ONE, |uv| texture.sample(slot.map(uv), footprint).color)
     }
 
-    /// Mean over a triangle from a few points: exact for textures that are smooth at that scale.
+    /// Returns the mean emission of a triangle at a few points, which is exact for textures that are smooth at that
+    /// scale.
     fn of_triangle(&self, t: usize) -> Vec3 {
         let Some(slot) = self.material.emission_texture else { return self.material.emission };
         let texture = &self.scene.textures[slot.texture];
@@ -95,7 +96,7 @@ impl Glow<'_> {
         self.material.emission * (sum / POINTS_OF_A_TRIANGLE as f32)
     }
 
-    /// Side of the whole patch in the texture \[texels\].
+    /// Returns the side of the whole patch in the texture \[texels\].
     fn texels_across(&self, patch: &Patch) -> f32 {
         let Some(slot) = self.material.emission_texture else { return 0.0 };
         let size = self.scene.textures[slot.texture].size();
@@ -108,11 +109,11 @@ impl Glow<'_> {
         (b - a).length().max(if patch.parallelogram { c - b } else { c - a }.length())
     }
 
-    /// Mean, and contrast (most − least) / mean of luminance, over a cell of `texels` across.
+    /// Returns the mean emission and the luminance contrast (maximum − minimum) / mean of a cell `texels` wide.
     fn of_cell(&self, patch: &Patch, cell: Cell, texels: f32) -> (Vec3, f32) {
         let (mut sum, mut least, mut most) = (Vec3::ZERO, f32::INFINITY, 0.0f32);
-        // Each sample is twice as wide as the spacing of samples. This covers the whole texture, including bright
-        // texels right next to the cell, which interpolation blends into it.
+        // Make each sample twice as wide as the spacing of samples. The samples then cover the whole texture, including
+        // bright texels next to the cell, which interpolation blends into it.
         let across = (POINTS_OF_A_CELL as f32).sqrt();
         for i in 0..POINTS_OF_A_CELL {
             let q = Vec2::new(i as f32 % across, (i as f32 / across).floor());
@@ -126,12 +127,12 @@ impl Glow<'_> {
     }
 
     /// Appends `patch` to `cells`, split where its emission is uneven and its power exceeds `share`. Returns the mean
-    /// over its cells.
+    /// emission of the cells.
     fn split(&self, patch: Patch, share: f32, across: f32, cells: &mut Vec<Patch>) -> Vec3 {
         let texels = across * patch.cell.side();
         let (mean, contrast) = self.of_cell(&patch, patch.cell, texels);
         let patch = Patch { emission: mean, ..patch };
-        // A cell that looks dark from afar may have a bright texel; its flux is in the mean.
+        // A cell that appears dark at low resolution may contain a bright texel. The mean includes the flux of this texel.
         if contrast <= EVEN || patch.power() <= share || texels <= SMALLEST {
             cells.push(patch);
             return mean;
@@ -141,10 +142,10 @@ impl Glow<'_> {
     }
 }
 
-/// The emissive pieces of a mesh.
+/// Emissive pieces of a mesh.
 pub(super) struct Pieces {
     pub patches: Vec<Patch>,
-    /// Number of rectangles, and of triangles outside of any, before splitting.
+    /// Number of rectangles, plus triangles outside any rectangle, before splitting.
     pub panels: usize,
 }
 
@@ -159,7 +160,7 @@ pub(super) fn pieces(surfaces: &Surfaces, instance: usize) -> Pieces {
     // Split unevenly bright textures into cells of roughly even emission.
     let mut patches = if glow.material.emission_texture.is_some() { split(&glow, patches) } else { patches };
 
-    // In spatial order, strata of power are compact.
+    // Sort the patches spatially, so that strata of power are compact.
     if panels > FEW {
         let middle = |patch: &Patch| {
             let (t, u, v) = patch.located(patch.cell.point(Vec2::splat(0.5)));
@@ -172,7 +173,7 @@ pub(super) fn pieces(surfaces: &Surfaces, instance: usize) -> Pieces {
     Pieces { patches, panels }
 }
 
-/// The triangles of a mesh; pairs that form a parallelogram are merged.
+/// Returns the triangles of a mesh, with pairs that form a parallelogram merged.
 fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
     let mut patches: Vec<Patch> = Vec::new();
     for t in 0..glow.mesh.triangles.len() {
@@ -180,7 +181,7 @@ fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
         let area = (b - a).cross(c - a).length() / 2.0;
         let emission = glow.of_triangle(t);
         let completes = patches.last().is_some_and(|last| {
-            // Corners p q r and p r s with q − p = r − s, the way exporters split a rectangle.
+            // Exporters split a rectangle into corners p q r and p r s with q − p = r − s.
             let [p, q, r] = surfaces.corners(instance, last.triangle);
             let tolerance = 1e-4 * (r - p).length();
             !last.parallelogram
@@ -203,7 +204,7 @@ fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
     patches
 }
 
-/// Splits textured `patches` into cells. Patches of even emission or little power stay whole.
+/// Splits textured `patches` into cells. Patches with even emission or little power are not split.
 fn split(glow: &Glow, patches: Vec<Patch>) -> Vec<Patch> {
     let share = patches.iter().map(Patch::power).sum::<f32>() * SHARE_OF_A_CELL;
     let mut pieces = Vec::new();

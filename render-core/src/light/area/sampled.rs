@@ -12,38 +12,41 @@ use glam::{Vec3, Vec3A};
 use std::any::Any;
 use std::f32::consts::PI;
 
-/// Bound of a sample's geometry term, as a fraction of its own disc's bound; it keeps contact finite. With the full
-/// disc, a panel seen from its own width is 0.5 % too dark, since its points already average over each other.
+/// Bound of a sample's geometry term, as a fraction of the bound for the sample's own disc. The bound keeps the term
+/// finite at contact. With the full disc, a panel seen from a distance of its own width is 0.5 % too dark:
+/// its points already average over each other.
 const BOUND: f32 = 1.0 / 8.0;
-/// Number of sample points of an area light, and of the points traced first. The others are skipped if the first points
-/// and the corners of the light agree. Without corners, a penumbra begins too late and with a step.
+/// Number of sample points of an area light.
 const SAMPLES: usize = 64;
+/// Number of sample points traced first. The remaining points are skipped if the first points and the corners of the
+/// light agree. Without corners, a penumbra begins too late and with a step.
 const FIRST_SAMPLES: usize = 16;
-/// Distance of corner samples from the corner, as a fraction of the distance to the center: objects that touch a lamp
-/// hide its border.
+/// Distance of corner samples from the corner, as a fraction of the distance to the center. Objects that touch a lamp
+/// occlude its border.
 const INWARD: f32 = 0.05;
-/// A light of more pieces than this is summed over its points even if unoccluded.
+/// Maximum number of pieces of a light for the closed form. Other lights are summed over their points even if
+/// unoccluded.
 const MOST_POLYGONS: usize = 4;
 
-/// An emissive surface with sample points for shadow rays.
+/// Emissive surface with sample points for shadow rays.
 #[derive(Debug)]
 pub(in crate::light) struct SampledArea {
     instance: u32,
     samples: Vec<AreaSample>,
-    /// Samples at its corners, if its shape is simple.
+    /// Samples at the light's corners, if the shape is simple.
     corners: Vec<AreaSample>,
     /// Positions of the samples and the corners.
     positions: Vec<Vec3A>,
-    /// Its shape, if simple enough for a closed form.
+    /// Polygons of the light, if the shape is simple enough for a closed form.
     polygons: Vec<Polygon>,
-    /// Factors that correct the samples' intensity to the whole light's, if there is no closed form.
+    /// Factors that correct the samples' intensity to the whole light's, if the light has no closed form.
     balance: Option<Balance>,
 }
 
 impl AreaLight {
-    /// The light with sample points for shadow rays.
+    /// Returns the light with sample points for shadow rays.
     pub(in crate::light) fn sampled(&self, surfaces: &Surfaces) -> SampledArea {
-        // A few polygons of even emission have a closed form. Other lights are summed over their samples, with balance.
+        // A few polygons of even emission have a closed form. Other lights are summed over their samples, with balance factors.
         let simple = self.patch_count() <= MOST_POLYGONS && !self.is_textured();
         let samples = self.samples(surfaces, SAMPLES);
         let pieces = self.polygons(surfaces);
@@ -64,18 +67,18 @@ impl AreaLight {
 }
 
 impl SampledArea {
-    /// Unshadowed irradiance from one sample \[W·m⁻²\].
+    /// Returns the unshadowed irradiance from one sample \[W·m⁻²\].
     #[inline]
     fn unhidden_sample(&self, receiver: &ShadingPoint, sample: &AreaSample) -> Vec3 {
         sample.intensity * disc_of(sample).term(receiver)
     }
 
-    /// Balance factor for the samples' light at a receiver.
+    /// Returns the balance factor for the samples' light at a receiver.
     fn balance_at(&self, receiver: &ShadingPoint) -> f32 {
         self.balance.as_ref().map_or(1.0, |balance| balance.at(receiver.position))
     }
 
-    /// Unshadowed irradiance from the whole light \[W·m⁻²\].
+    /// Returns the unshadowed irradiance from the whole light \[W·m⁻²\].
     fn unhidden(&self, receiver: &ShadingPoint) -> Vec3 {
         if self.polygons.is_empty() {
             let sum: Vec3 = self.samples.iter().map(|sample| self.unhidden_sample(receiver, sample)).sum();
@@ -87,10 +90,10 @@ impl SampledArea {
 }
 
 impl Sampled for SampledArea {
-    /// Exact if the whole light is visible; otherwise by the visible fraction of its samples, weighted by their
-    /// unshadowed irradiance.
+    /// Adds the exact irradiance if the whole light is visible. Otherwise the irradiance is scaled by the visible fraction
+    /// of the samples, weighted by their unshadowed irradiance.
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
-        // Each shadow ray votes for a receiver: whether this sample is visible from it.
+        // Each shadow ray votes on whether its sample is visible from the receiver.
         let shafts = tile.shafts(&self.positions);
         let mut votes = TileVotes::NONE;
         let mut trace_samples = |samples: &[AreaSample], among: u64| {
@@ -103,10 +106,10 @@ impl Sampled for SampledArea {
             among & !votes.agreed()
         };
 
-        // Corners and the first samples go to all receivers, the rest only to receivers in a penumbra, where the votes
-        // disagree.
+        // Trace corners and the first samples for all receivers. Trace the remaining samples only for receivers in a
+        // penumbra, at which the votes disagree.
         let (first, rest) = match (&shafts.opaque, &shafts.blended) {
-            // If no occluder exists, one contributing sample is enough.
+            // If there is no occluder, one contributing sample is enough.
             (Some(opaque), blended) if opaque.is_empty() && blended.as_ref().is_none_or(Shaft::is_empty) => {
                 self.samples.split_at(1)
             }
@@ -120,14 +123,14 @@ impl Sampled for SampledArea {
             trace_samples(rest, undecided);
         }
 
-        // Light per receiver: the whole lamp if no vote was against, else its visible fraction.
+        // Use the whole lamp's light if no sample is occluded, otherwise its visible fraction.
         for i in bits(votes.lit) {
             sums[i] += if votes.dark >> i & 1 == 0 {
                 self.unhidden(&tile.receivers()[i])
             } else if self.polygons.is_empty() {
                 TileVotes::of(&votes.seen, i) * self.balance_at(&tile.receivers()[i])
             } else {
-                // A color missing in all samples is missing in the light, too.
+                // A color missing in all samples is also missing in the light.
                 let all = TileVotes::of(&votes.all, i).max(Vec3::splat(f32::MIN_POSITIVE));
                 self.unhidden(&tile.receivers()[i]) * (TileVotes::of(&votes.seen, i) / all)
             };
@@ -138,7 +141,7 @@ impl Sampled for SampledArea {
         let mut whole = Traced::default();
         let balance = self.balance_at(receiver);
         for samples in self.samples.chunks(PACKET) {
-            // L = f E of each sample, if unoccluded. The BRDF sees a disc of the sample's area.
+            // L = f E of each sample, if unoccluded. The BRDF is evaluated for a disc of the sample's area.
             let (mut given, mut ends, mut active) = ([Vec3::ZERO; PACKET], [Vec3A::ZERO; PACKET], 0);
             for (i, sample) in samples.iter().enumerate() {
                 let way = sample.position - receiver.position;
@@ -152,7 +155,7 @@ impl Sampled for SampledArea {
                 }
             }
 
-            // One packet of shadow rays finds the occluded samples.
+            // Find the occluded samples with one packet of shadow rays.
             whole.shadow_rays += u64::from(active.count_ones());
             let hidden = shadows.opaque().occluded_packet(receiver.position, &ends[..samples.len()], active);
             let seen = bits(active & !hidden).map(|i| given[i] * shadows.passed(receiver.position, ends[i]));
@@ -161,7 +164,7 @@ impl Sampled for SampledArea {
         whole
     }
 
-    /// Shadow rays end only at its samples and corners.
+    /// Returns the box around the light's samples and corners, where shadow rays end.
     fn source(&self) -> Source {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for &position in &self.positions {
@@ -175,7 +178,7 @@ impl Sampled for SampledArea {
     }
 
     fn is_same(&self, other: &dyn Sampled) -> bool {
-        // The samples contain position and brightness; all else follows from the same surface.
+        // Samples contain position and brightness. All other properties follow from the same surface.
         let is_same = |other: &Self| self.instance == other.instance && self.samples == other.samples;
         (other as &dyn Any).downcast_ref().is_some_and(is_same)
     }
@@ -185,18 +188,19 @@ impl Sampled for SampledArea {
     }
 }
 
-/// A disc on the surface itself: objects that touch a lamp may be nearer to it than its sample points.
+/// Returns a disc on the surface itself: objects that touch a lamp may be nearer to the surface than to its sample
+/// points.
 #[inline]
 fn disc_of(sample: &AreaSample) -> Disc {
     let position = sample.position - sample.normal * sample.offset;
     Disc { position: position.to_array(), normal: sample.normal.to_array(), bound: BOUND * sample.area / PI }
 }
 
-/// Points near a polygon's corners, which emit nothing.
+/// Returns points near a polygon's corners, which emit no light.
 fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaSample> {
     let Polygon { corners, normal, .. } = *polygon;
     let middle = corners.iter().sum::<Vec3A>() / corners.len() as f32;
-    // At most the samples' distance off the surface.
+    // Limit the offset from the surface to the offset of the samples.
     let offset = sample.offset.min(1e-3 * (corners[0] - middle).length());
     // A triangle repeats its last corner.
     let count = if corners[2] == corners[3] { 3 } else { 4 };
@@ -209,17 +213,17 @@ fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaS
     })
 }
 
-/// Results of an area light's shadow rays at the receivers of a tile so far.
+/// Accumulated results of an area light's shadow rays at the receivers of a tile.
 struct TileVotes {
-    /// Receivers with any visible sample, and with any occluded one, as bits.
+    /// Receivers with any visible sample, and receivers with any occluded sample, as bits.
     lit: u64,
     dark: u64,
-    /// Irradiance from the visible samples, and from all, by color and receiver \[W·m⁻²\].
+    /// Irradiance from the visible samples, and from all samples, by color and receiver \[W·m⁻²\].
     seen: [[f32; PACKET]; 3],
     all: [[f32; PACKET]; 3],
 }
 
-/// For each byte, 0 for set bits and 1 for clear bits: occlusion as factors.
+/// Factor for each bit of a byte: 0 for set bits (occluded), 1 for clear bits.
 const FACTORS: [[f32; 8]; 256] = {
     let mut factors = [[1.0; 8]; 256];
     let mut k = 0;
@@ -235,7 +239,8 @@ const FACTORS: [[f32; 8]; 256] = {
 impl TileVotes {
     const NONE: Self = Self { lit: 0, dark: 0, seen: [[0.0; PACKET]; 3], all: [[0.0; PACKET]; 3] };
 
-    /// Adds a sample with `terms` times its intensity, 0 where it does not emit, for the receivers in `traced`.
+    /// Adds a sample with `terms` times its intensity for the receivers in `traced`. A term is 0 if the sample does not
+    /// emit towards the receiver.
     fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], traced: u64, hidden: &Hidden) {
         let Hidden { whole, passed } = hidden;
         self.lit |= traced & !whole;
@@ -252,8 +257,8 @@ impl TileVotes {
                 None => &FACTORS[(whole >> (8 * row)) as usize & 0xff],
             };
             for (c, intensity) in intensity.to_array().into_iter().enumerate() {
-                // E = I · term: the total and the visible irradiance. An occluded sample has factor 0, which avoids
-                // branches.
+                // E = I · term. Add it to the total and to the visible irradiance. An occluded sample has factor 0,
+                // which avoids branches.
                 let seen = &mut self.seen[c].as_chunks_mut::<8>().0[row];
                 let all = &mut self.all[c].as_chunks_mut::<8>().0[row];
                 for lane in 0..8 {
@@ -265,7 +270,7 @@ impl TileVotes {
         }
     }
 
-    /// Receivers with unanimous votes, as bits.
+    /// Returns the receivers with unanimous votes, as bits.
     fn agreed(&self) -> u64 {
         self.lit ^ self.dark
     }
@@ -275,7 +280,7 @@ impl TileVotes {
     }
 }
 
-/// Receivers that a disc lights, as bits.
+/// Returns the receivers that a disc lights, as bits.
 fn shining(terms: &[f32; PACKET]) -> u64 {
     bits_where(terms, |term| term > 0.0)
 }
