@@ -1,4 +1,4 @@
-//! Accumulates samples to a picture, and estimates its variance.
+//! Accumulation of samples to a picture, with an estimate of the variance.
 
 use super::{PathTracer, Points};
 use crate::sampling::hash;
@@ -11,10 +11,10 @@ use rayon::prelude::*;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PixelSampling {
-    /// Random points of its area, with unfiltered textures: the picture converges to the mean radiance of each pixel's
-    /// area.
+    /// Random points of the pixel's area, with unfiltered textures. The picture converges to the mean radiance of each
+    /// pixel's area.
     Area,
-    /// Its center, with textures filtered to its width, as in a renderer with one ray per pixel.
+    /// Center of the pixel, with textures filtered to the pixel's width, as in a renderer with one ray per pixel.
     Center,
 }
 
@@ -25,31 +25,31 @@ pub struct PathOptions {
     pub samples: u32,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Most reflections of a path: 0 shows emission only, 1 adds direct light; `None` for no limit.
+    /// Maximum number of reflections of a path: 0 shows emission only, 1 adds direct light. `None` sets no limit.
     pub max_bounces: Option<u32>,
     /// Starting points of paths in a pixel.
     pub pixel: PixelSampling,
 }
 
 impl Default for PathOptions {
-    /// 64 paths per pixel over its whole area, without a limit of reflections.
+    /// Returns options for 64 paths per pixel over the pixel's whole area, without a limit of reflections.
     fn default() -> Self {
         Self { samples: 64, seed: 1, max_bounces: None, pixel: PixelSampling::Area }
     }
 }
 
-/// A noisy picture, and its variance.
+/// Noisy picture and its variance.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PathEstimate {
     /// Mean radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub mean: Plane<[f32; 3]>,
-    /// Estimated variance of each mean, per channel; 0 for a single path. Pixels are independent.
+    /// Estimated variance of each mean, per channel, or 0 for a single path. Pixels are independent.
     pub variance_of_mean: Plane<[f32; 3]>,
 }
 
-/// Number of groups that a pixel's samples are divided into. Samples within a group are stratified and do not show the
-/// variance. Groups are independent, and their spread does.
+/// Number of groups into which a pixel's samples are divided. Samples within a group are stratified, so their spread
+/// does not measure the variance. Groups are independent, so the spread of their means does.
 const GROUPS: u32 = 16;
 /// Side of the tiles that threads process \[pixels\].
 const TILE: usize = 16;
@@ -57,7 +57,7 @@ const TILE: usize = 16;
 impl PathTracer<'_> {
     /// Renders all pixels of `view`. The result is independent of the number of threads.
     ///
-    /// `progress` is called from any thread with the number of finished tiles and the number of all tiles.
+    /// `progress` is called from any thread with the number of finished tiles and the total number of tiles.
     pub fn render(&self, view: &View, options: &PathOptions, progress: impl Fn(usize, usize) + Sync) -> PathEstimate {
         let (width, height) = (view.size().x as usize, view.size().y as usize);
         let columns = width.div_ceil(TILE);
@@ -87,7 +87,8 @@ impl PathTracer<'_> {
         estimate
     }
 
-    /// Mean and variance of the mean for the pixel with this upper left `corner`; each `index` has different paths.
+    /// Returns the mean, and the variance of the mean, for the pixel with the upper left `corner`. Each `index` uses
+    /// different paths.
     ///
     /// ```text
     /// Var ≈ Σ n_k (m_k − m)² / ((K − 1) n)        for K independent groups of n_k samples with means m_k, n samples in total

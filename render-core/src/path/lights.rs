@@ -1,4 +1,4 @@
-//! Next event estimation: sampling of all lights, and the densities.
+//! Next event estimation: sampling of all lights, and the sampling densities.
 
 use super::{Points, Vertex, power_heuristic};
 use crate::accel::{Accelerator, Hit};
@@ -8,16 +8,16 @@ use crate::surface::{Surface, Surfaces};
 use crate::{PosedScene, luminance};
 use glam::{Vec3, Vec3A};
 
-/// All lights, prepared for sampling.
+/// Lights prepared for sampling.
 pub(super) struct Lights<'a> {
     emitters: &'a Emitters,
     /// Distribution of emissive surfaces by power.
     choice: Option<Distribution>,
-    /// For each emissive instance, the density over area of each triangle's points \[m⁻²\].
+    /// Density over area of the points on each triangle of each emissive instance \[m⁻²\].
     densities: Vec<Option<Vec<f32>>>,
-    /// For each emissive instance, its index in [`Emitters::areas`] and its probability.
+    /// Index in [`Emitters::areas`] and probability of each emissive instance.
     places: Vec<Option<(usize, f32)>>,
-    /// Distance between the end of a shadow ray and its light \[m\].
+    /// Distance between the end of a shadow ray and the light \[m\].
     epsilon: f32,
 }
 
@@ -37,20 +37,20 @@ impl<'a> Lights<'a> {
         Self { emitters, choice, densities, places, epsilon }
     }
 
-    /// Density over solid angle \[sr⁻¹\] of sampling the light that a ray has hit; `None` if the surface is not a
-    /// light.
+    /// Returns the density over solid angle \[sr⁻¹\] of sampling the light that a ray has hit. Returns `None` if the
+    /// surface is not a light.
     pub(super) fn pdf_of(&self, hit: &Hit, direction: Vec3A, surface: &Surface) -> Option<f32> {
         let triangle = hit.triangle as usize;
         let even = self.densities[hit.instance as usize].as_ref()?[triangle];
         let (place, share) = self.places[hit.instance as usize]?;
-        // With an uneven texture, cells of a triangle have different densities.
+        // With an uneven texture, the cells of a triangle have different densities.
         let density =
             self.emitters.areas[place].density(triangle, hit.u, hit.v).map_or(even, |density| density * share);
         let cos = surface.geometric_normal.dot(direction).abs();
         Some(density * hit.distance * hit.distance / cos.max(f32::MIN_POSITIVE))
     }
 
-    /// Reflected radiance of direct light at `vertex` \[W·m⁻²·sr⁻¹\].
+    /// Returns the reflected radiance of direct light at `vertex` \[W·m⁻²·sr⁻¹\].
     pub(super) fn gather(&self, scene: PosedScene, vertex: &Vertex, points: &mut Points) -> Vec3 {
         let PosedScene { accelerator, surfaces } = scene;
         let mut sum = Vec3::ZERO;
@@ -64,7 +64,7 @@ impl<'a> Lights<'a> {
             let DistantSample { towards, radiance, pdf } = light.draw(points.next());
             let (reflected, other) = vertex.reflect(towards);
             if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards) {
-                // The path itself cannot hit a light without a density.
+                // Paths cannot hit a light without a density, so its sample has the full weight.
                 sum += reflected * radiance * pdf.map_or(1.0, |pdf| power_heuristic(pdf, other) / pdf);
             }
         }
@@ -92,7 +92,7 @@ impl<'a> Lights<'a> {
         if reflected == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        // Evaluate its emission, and the density over solid angle.
+        // Evaluate the light's emission and the density over solid angle.
         let hit = Hit { distance, instance: light.instance as u32, triangle: triangle as u32, u, v };
         let surface = surfaces.at(&hit, direction, 0.0);
         let cos = surface.geometric_normal.dot(direction).abs();
@@ -107,7 +107,8 @@ impl<'a> Lights<'a> {
         reflected * surface.emission * (power_heuristic(pdf, other) / pdf)
     }
 
-    /// Reflected radiance of one point light, drawn by its unshadowed contribution \[W·m⁻²·sr⁻¹\].
+    /// Returns the reflected radiance of one point light, drawn in proportion to unshadowed contributions
+    /// \[W·m⁻²·sr⁻¹\].
     fn point_light(&self, accelerator: &Accelerator, vertex: &Vertex, points: &mut Points) -> Vec3 {
         let unshadowed = |light: &PointLight| {
             let way = light.position - vertex.position;

@@ -1,11 +1,12 @@
-//! A path tracer without virtual lights: the reference for measuring them.
+//! Path tracer without virtual lights: the reference for measuring the error of virtual lights.
 //!
 //! Paths start at the camera. At each surface, shadow rays sample one point of the emissive surfaces, one point light,
-//! and one direction to each distant light. The path continues in a direction drawn from the BSDF. If both can reach
-//! the same light, the power heuristic weights them \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
+//! and one direction to each distant light. The path continues in a direction drawn from the BSDF. If shadow rays and
+//! paths can both reach the same light, the power heuristic weights them \[Veach97, 9.2.4\]. Russian roulette ends
+//! paths without bias.
 //!
-//! Visibility matches the rest of the program. Punctual lights are invisible, and an unlit surface emits only
-//! towards the camera. The back of a single-sided surface is invisible, but absorbs light.
+//! Visibility matches the rest of the program. Punctual lights are invisible. An unlit surface emits only towards the
+//! camera. The back of a single-sided surface is invisible, but absorbs light.
 
 mod film;
 mod lights;
@@ -27,11 +28,11 @@ use lights::Lights;
 
 /// Number of reflections before Russian roulette begins.
 const SURE_BOUNCES: u32 = 4;
-/// Highest probability of survival afterwards: paths must end in a room of white walls, too. At reflectances above its
-/// square root, 0.995, the variance is unbounded.
+/// Maximum probability of survival in Russian roulette. Below 1, so that paths end even in a room with white walls. At
+/// reflectances above the square root of this probability, 0.995, the variance is unbounded.
 const HIGHEST_SURVIVAL: f32 = 0.99;
 
-/// A scene at one time, prepared for paths.
+/// Path tracer for a scene at one time.
 pub struct PathTracer<'a> {
     scene: PosedScene<'a>,
     lights: Lights<'a>,
@@ -44,7 +45,7 @@ impl std::fmt::Debug for PathTracer<'_> {
     }
 }
 
-/// The random numbers of one sample, as pairs; each pair comes from its own scrambled sequence.
+/// Random numbers of one sample, as pairs. Each pair comes from a separate scrambled sequence.
 struct Points {
     key: u64,
     index: u32,
@@ -58,12 +59,12 @@ impl Points {
     }
 }
 
-/// A surface on a path, with its reflection.
+/// Surface on a path, with its reflection.
 struct Vertex {
-    /// Position, slightly off the surface \[m\].
+    /// Position slightly off the surface \[m\].
     position: Vec3A,
     geometric_normal: Vec3A,
-    /// World-space axes of the shading frame; z is the normal.
+    /// World-space axes of the shading frame. The z axis is the normal.
     axes: [Vec3; 3],
     /// Direction towards the previous vertex, in the shading frame.
     outgoing: Vec3,
@@ -84,8 +85,8 @@ impl Vertex {
         }
     }
 
-    /// BRDF times cosine, and sampling density, for light from the unit `direction`. Both are zero below the triangle's
-    /// plane, whatever the shading normal.
+    /// Returns BRDF times cosine, and the sampling density, for light from the unit `direction`. Both are zero below
+    /// the triangle's plane, regardless of the shading normal.
     fn reflect(&self, direction: Vec3A) -> (Vec3, f32) {
         if self.geometric_normal.dot(direction) <= 0.0 {
             return (Vec3::ZERO, 0.0);
@@ -95,14 +96,14 @@ impl Vertex {
     }
 }
 
-/// The components of `v` along orthonormal axes.
+/// Returns the components of `v` along orthonormal axes.
 fn vector_in(axes: [Vec3; 3], v: Vec3) -> Vec3 {
     Vec3::from_array(axes.map(|axis| axis.dot(v)))
 }
 
-/// Weight of a sample with density `a`, if another strategy draws the same sample with density `b`.
+/// Returns the weight of a sample with density `a`, if another strategy draws the same sample with density `b`.
 fn power_heuristic(a: f32, b: f32) -> f32 {
-    // The squared densities of narrow lobes exceed the range of f32; their ratio does not.
+    // The squared densities of narrow lobes exceed the range of f32, but their ratio does not.
     if a <= 0.0 {
         return 0.0;
     }
@@ -117,20 +118,20 @@ impl<'a> PathTracer<'a> {
         Self { scene, lights: Lights::new(scene.surfaces, emitters, units.epsilon), epsilon: units.epsilon }
     }
 
-    /// Radiance \[W·m⁻²·sr⁻¹\] along one path that starts at `pixel`.
+    /// Returns the radiance along one path that starts at `pixel` \[W·m⁻²·sr⁻¹\].
     fn sample(&self, view: &View, pixel: Vec2, options: &PathOptions, points: &mut Points) -> Vec3 {
         let sharp = options.pixel == PixelSampling::Area;
         let max_bounces = options.max_bounces.unwrap_or(u32::MAX);
         let (mut origin, mut direction) = view.ray(pixel);
         let (mut radiance, mut throughput) = (Vec3::ZERO, Vec3::ONE);
-        // Density of the direction at the previous surface. `None` at the camera, where no other strategy samples
-        // lights.
+        // Density of the direction at the previous surface; `None` at the camera, because no other strategy samples
+        // lights there.
         let mut drawn: Option<f32> = None;
         for bounce in 0.. {
             let hit = self.scene.accelerator.closest(origin, direction);
             let ray = CameraRay { origin, direction };
             let (near, far) = view.distances(direction);
-            // Only the camera ray obeys the depth range and skips invisible backs.
+            // Only the camera ray applies the depth range and skips invisible backs.
             let hit = match drawn {
                 None => ray.cut(near, far, hit, |origin| self.scene.accelerator.closest(origin, direction)),
                 Some(_) => hit,
@@ -144,7 +145,7 @@ impl<'a> PathTracer<'a> {
                 }),
                 Some(_) => hit.map(|hit| (hit, self.scene.surfaces.at(&hit, direction, 0.0))),
             };
-            // A ray that leaves the scene sees the sky.
+            // A ray that leaves the scene hits the sky.
             let Some((hit, surface)) = met else {
                 if let Some(sky) = &self.scene.surfaces.scene().sky {
                     let weight = drawn.map_or(1.0, |pdf| power_heuristic(pdf, sky.pdf(direction.into())));
@@ -155,7 +156,7 @@ impl<'a> PathTracer<'a> {
             match drawn {
                 None => radiance += throughput * surface.emission,
                 Some(pdf) if surface.emission != Vec3::ZERO => {
-                    // Unlit surfaces are not lights.
+                    // Unlit surfaces do not act as lights.
                     if let Some(light) = self.lights.pdf_of(&hit, direction, &surface) {
                         radiance += throughput * surface.emission * power_heuristic(pdf, light);
                     }
@@ -194,7 +195,7 @@ impl<'a> PathTracer<'a> {
         radiance
     }
 
-    /// Width of a pixel at a visible point \[m\].
+    /// Returns the width of a pixel at a visible point \[m\].
     fn footprint(&self, view: &View, point: Vec3A) -> f32 {
         view.pixel_width(view.project(point).map_or(0.0, |seen| seen.depth))
     }

@@ -1,4 +1,4 @@
-//! Renders a picture of a scene in one call.
+//! Rendering of a picture of a scene in one call.
 
 use super::{PathEstimate, PathOptions, PathTracer};
 use crate::scene::Scene;
@@ -15,12 +15,12 @@ pub struct Still {
     pub height: usize,
 }
 
-/// Path traces `scene` at the time of `still`.
+/// Renders `scene` with path tracing at the time of `still`.
 ///
-/// Uses the filming camera, [`Scene::view`]. The mean of the estimate is linear RGB \[W·m⁻²·sr⁻¹\], independent of the
-/// number of threads.
+/// Uses the filming camera, [`Scene::view`]. The mean of the estimate is linear RGB \[W·m⁻²·sr⁻¹\]. The result is
+/// independent of the number of threads.
 ///
-/// `progress` is called from any thread with the number of finished tiles and the number of all tiles.
+/// `progress` is called from any thread with the number of finished tiles and the total number of tiles.
 ///
 /// ```
 /// use render_core::scene::{Material, Mesh, Scene};
@@ -39,14 +39,14 @@ pub fn path_traced(
     options: &PathOptions,
     progress: impl Fn(usize, usize) + Sync,
 ) -> PathEstimate {
-    // The scene at that time, and its lights.
+    // Pose the scene at the time of the still, and collect its lights.
     let pose = scene.pose(still.time);
     let surfaces = Surfaces::new(scene, &pose);
     let accelerator = Geometry::new(scene).place(&pose);
     let units = Units::of(scene);
     let emitters = Emitters::new(&surfaces, &pose, &units);
 
-    // Trace paths from its camera.
+    // Trace paths from the filming camera.
     let tracer = PathTracer::new(PosedScene::new(&accelerator, &surfaces), &emitters, &units);
     tracer.render(&scene.view(&pose, still.width, still.height), options, progress)
 }
