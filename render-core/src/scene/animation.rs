@@ -8,33 +8,33 @@ use std::ops::{Add, Mul};
 /// Interpolation between two keys.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interpolation {
-    /// The value of the earlier key.
+    /// Value of the earlier key.
     Step,
-    /// A straight line; for rotations, the great arc.
+    /// Linear interpolation; for rotations, along the great arc.
     Linear,
-    /// A Hermite spline; each key has an in-tangent, a value and an out-tangent.
+    /// Hermite spline. Each key has an in-tangent, a value and an out-tangent.
     CubicSpline,
 }
 
-/// The animated property and the values of all keys (three per key for splines).
+/// Animated property and the values of all keys (three values per key for splines).
 #[derive(Clone, Debug)]
 pub enum Track {
     /// Translations \[m\].
     Translation(Vec<Vec3>),
-    /// Rotations, unit quaternions.
+    /// Rotations as unit quaternions.
     Rotation(Vec<Quat>),
-    /// Scale factors.
+    /// Scale factors along the axes.
     Scale(Vec<Vec3>),
-    /// Weights of the morph targets; each key lists the weights of all targets.
+    /// Weights of the morph targets. Each key lists the weights of all targets.
     Weights(Vec<f32>),
 }
 
-/// One property of one node over time.
+/// Animation of one property of one node.
 #[derive(Clone, Debug)]
 pub struct Channel {
     /// Index into the scene's nodes.
     pub node: usize,
-    /// Times of the keys \[s\], ascending, at least one.
+    /// Times of the keys in ascending order, at least one \[s\].
     pub times: Vec<f32>,
     /// Values of the keys.
     pub track: Track,
@@ -43,7 +43,7 @@ pub struct Channel {
 }
 
 impl Track {
-    /// The weights of all keys; empty for other tracks.
+    /// Returns the weights of all keys, or an empty list for other tracks.
     pub(super) fn weights(&self) -> &[f32] {
         match self {
             Self::Weights(keys) => keys,
@@ -53,7 +53,7 @@ impl Track {
 }
 
 impl Channel {
-    /// Writes the value at `time` into `transform`. Before the first key and after the last, the end value applies.
+    /// Writes the value at `time` into `transform`. Before the first key and after the last key, the value is constant.
     pub fn apply(&self, time: f32, transform: &mut Transform) {
         match &self.track {
             Track::Translation(keys) => transform.translation = self.value(time, |k| keys[k]),
@@ -73,7 +73,7 @@ impl Channel {
         }
     }
 
-    /// Whether any two keys differ.
+    /// Returns whether any two keys differ.
     #[must_use]
     pub fn changes(&self) -> bool {
         let several = self.times.len() > 1;
@@ -96,7 +96,8 @@ impl Channel {
         if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
     }
 
-    /// Index of the key before `time`, interval to the next key \[s\], and fraction of that interval, 0…1.
+    /// Returns the index of the key before `time`, the interval to the next key \[s\], and the fraction of that
+    /// interval, 0…1.
     fn segment(&self, time: f32) -> (usize, f32, f32) {
         let after = self.times.partition_point(|&key| key <= time);
         if after == 0 || after == self.times.len() {
@@ -106,7 +107,7 @@ impl Channel {
         (after - 1, length, if length > 0.0 { (time - self.times[after - 1]) / length } else { 0.0 })
     }
 
-    /// The value at `time` of a quantity that is interpolated component by component, given its keys.
+    /// Returns the value at `time` of a quantity that is interpolated component by component, given its keys.
     fn value<T>(&self, time: f32, keys: impl Fn(usize) -> T) -> T
     where
         T: Mul<f32, Output = T> + Add<Output = T>,
@@ -129,7 +130,7 @@ impl Channel {
         let value = match self.interpolation {
             _ if t == 0.0 => keys[key * self.stride() + self.stride() / 2],
             Interpolation::Step => keys[key],
-            // slerp takes the shorter arc, whatever the signs of the two quaternions.
+            // slerp follows the shorter arc, regardless of the signs of the two quaternions.
             Interpolation::Linear => keys[key].slerp(keys[key + 1], t),
             Interpolation::CubicSpline => {
                 let [a, b, c, d] = hermite(t, length);
@@ -141,7 +142,7 @@ impl Channel {
     }
 }
 
-/// Weights of value, out-tangent, next value and next in-tangent.
+/// Returns the weights of value, out-tangent, next value and next in-tangent.
 fn hermite(t: f32, length: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [2.0 * t3 - 3.0 * t2 + 1.0, length * (t3 - 2.0 * t2 + t), 3.0 * t2 - 2.0 * t3, length * (t3 - t2)]
@@ -174,7 +175,7 @@ mod tests {
 
     #[test]
     fn a_spline_follows_its_cubic() {
-        // x(t) = t³ on 1…3 as a Hermite segment: the spline must reproduce the cubic.
+        // As a Hermite segment on 1…3, the spline must reproduce the cubic x(t) = t³.
         let x = |t: f32| Vec3::new(t * t * t, 0.0, 0.0);
         let slope = |t: f32| Vec3::new(3.0 * t * t, 0.0, 0.0);
         let keys = vec![slope(1.0), x(1.0), slope(1.0), slope(3.0), x(3.0), slope(3.0)];
@@ -194,7 +195,7 @@ mod tests {
         assert_eq!(at(Interpolation::Linear, vec![0.0, 1.0, 1.0, 0.0], 1.5), [0.25, 0.75]);
         assert_eq!(at(Interpolation::Step, vec![0.0, 1.0, 1.0, 0.0], 2.9), [0.0, 1.0]);
         assert_eq!(at(Interpolation::Step, vec![0.0, 1.0, 1.0, 0.0], 3.0), [1.0, 0.0]);
-        // In-tangents, values, out-tangents of both targets: the first target is t², the second the constant 5.
+        // List in-tangents, values and out-tangents of both targets. The first target is t², the second is the constant 5.
         let keys = vec![2.0, 0.0, 1.0, 5.0, 2.0, 0.0, 6.0, 0.0, 9.0, 5.0, 6.0, 0.0];
         let [square, constant] = at(Interpolation::CubicSpline, keys, 2.5);
         assert!((square - 6.25).abs() < 1e-5 && (constant - 5.0).abs() < 1e-5, "{square} {constant}");

@@ -4,7 +4,7 @@ use super::{PointBox, PunctualKind, Scene};
 use glam::Vec3A;
 
 impl Scene {
-    /// A note if an unlit surface encloses all others, and a sun or a sky is outside.
+    /// Returns a note if an unlit surface encloses all other surfaces, and a sun or a sky is outside.
     pub(super) fn backdrop_note(&self) -> Option<String> {
         let has_sun = self.punctual_lights.iter().any(|light| light.kind == PunctualKind::Directional);
         if !has_sun && self.sky.is_none() {
@@ -24,7 +24,7 @@ impl Scene {
                 lit.add(around.high);
             }
         }
-        // A backdrop has an extent along all three axes; a flat wall or floor does not.
+        // A backdrop has an extent along all three axes, unlike a flat wall or floor.
         let is_something = lit.low.cmple(lit.high).all();
         let encloses = |around: &PointBox| around.holds(&lit) && (around.high - around.low).cmpgt(Vec3A::ZERO).all();
         let (_, name) = backdrops.into_iter().find(|(around, _)| is_something && encloses(around))?;

@@ -1,4 +1,4 @@
-//! Cameras: from points in the world to pixels and back.
+//! Cameras: mapping between points in the world and pixels.
 
 use super::{Channel, Scene};
 use crate::image_file::FrameCamera;
@@ -21,7 +21,7 @@ pub enum Projection {
     },
 }
 
-/// A point projected onto the picture.
+/// Point projected onto the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projected {
     /// Position in the picture \[pixels\].
@@ -30,18 +30,18 @@ pub struct Projected {
     pub depth: f32,
 }
 
-/// A camera on a node, looking along the node's −z with +y up.
+/// Camera on a node, looking along the node's −z with +y up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// Name of the node or of the camera, or empty.
+    /// Name of the node or of the camera, or an empty string.
     pub name: String,
     /// Index into the scene's nodes.
     pub node: usize,
     /// Projection of the camera.
     pub projection: Projection,
-    /// Aspect ratio, width over height. Pictures of another shape show the whole view, and more.
+    /// Aspect ratio, width over height. Pictures with a different aspect ratio show the whole view, and more.
     pub aspect: Option<f32>,
-    /// Depths between which surfaces are visible \[m\].
+    /// Range of depths at which surfaces are visible \[m\].
     pub depths: DepthRange,
 }
 
@@ -52,7 +52,7 @@ impl Default for Camera {
     }
 }
 
-/// An animated property of a lens.
+/// Animated property of a lens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CameraProperty {
@@ -64,25 +64,26 @@ pub enum CameraProperty {
     HalfWidth,
     /// Aspect ratio, width over height.
     Aspect,
-    /// Least visible depth \[m\].
+    /// Minimum visible depth \[m\].
     Near,
-    /// Greatest visible depth \[m\].
+    /// Maximum visible depth \[m\].
     Far,
 }
 
-/// The animation of a lens.
+/// Animation of a lens.
 #[derive(Clone, Debug)]
 pub struct CameraChannel {
     /// Index into the scene's cameras.
     pub camera: usize,
     /// Animated property.
     pub property: CameraProperty,
-    /// Keys, one weight each.
+    /// Keys with one weight each.
     pub keys: Channel,
 }
 
 impl Scene {
-    /// The cameras at `time` seconds; empty if no lens is animated. Ignores values that are invalid for a lens.
+    /// Returns the cameras at `time` seconds, or an empty list if no lens is animated. Values that are invalid for a
+    /// lens are ignored.
     pub(super) fn cameras_at(&self, time: f32) -> Vec<Camera> {
         if self.camera_channels.is_empty() {
             return Vec::new();
@@ -98,7 +99,7 @@ impl Scene {
 }
 
 impl Camera {
-    /// Sets a property, if the value is valid for a lens.
+    /// Sets a property if the value is valid for a lens.
     fn set(&mut self, property: CameraProperty, value: f32) {
         let is_size = value > 0.0 && value.is_finite();
         match (property, &mut self.projection) {
@@ -120,25 +121,25 @@ impl Camera {
     }
 }
 
-/// Greatest field of view \[rad\], slightly below π.
+/// Maximum field of view \[rad\], slightly below π.
 const MOST_YFOV: f32 = 3.1;
 
-/// Depths between which a camera shows surfaces. Light and shadows ignore them.
+/// Range of depths at which a camera shows surfaces. Light and shadows ignore the range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DepthRange {
-    /// Least depth along the axis \[m\]: `znear`.
+    /// Minimum depth along the axis \[m\]: `znear`.
     pub near: f32,
-    /// Greatest depth along the axis \[m\], or infinity: `zfar`.
+    /// Maximum depth along the axis \[m\], or infinity: `zfar`.
     pub far: f32,
 }
 
 impl DepthRange {
-    /// From the camera to infinity.
+    /// All depths, from the camera to infinity.
     pub const ALL: Self = Self { near: 0.0, far: f32::INFINITY };
 }
 
-/// A camera at one time, with the size of its picture. Pixel centers are at `(x + 0.5, y + 0.5)`, y down.
+/// Camera at one time, with the size of its picture. Pixel centers are at `(x + 0.5, y + 0.5)`, with y pointing down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct View {
@@ -151,12 +152,13 @@ pub struct View {
     /// Aspect ratio of a pixel, width over height.
     pixel_aspect: f32,
     depths: DepthRange,
-    /// Aspect ratio of the camera, width over height; the picture shows at least this view.
+    /// Aspect ratio of the camera, width over height. The picture shows at least this view.
     shape: f32,
 }
 
 impl View {
-    /// Builds a view from the node transform `world_from_camera` (its scale is ignored) on `width × height` pixels.
+    /// Builds a view from the node transform `world_from_camera` on `width × height` pixels. The scale of the transform
+    /// is ignored.
     #[must_use]
     pub fn new(world_from_camera: Affine3A, projection: Projection, width: usize, height: usize) -> Self {
         let m = world_from_camera.matrix3;
@@ -182,8 +184,8 @@ impl View {
         }
     }
 
-    /// The view with pixels of this aspect ratio, width over height. The vertical extent stays, unless the camera's
-    /// whole width would not fit.
+    /// Returns the view with pixels of this aspect ratio, width over height. The vertical extent stays unchanged,
+    /// unless the camera's whole width would not fit.
     #[must_use]
     pub fn with_pixel_aspect(self, pixel_aspect: f32) -> Self {
         let before = self.widening();
@@ -191,14 +193,14 @@ impl View {
         Self { half_height: view.half_height * view.widening() / before, ..view }
     }
 
-    /// Factor on the height that fits the camera's whole width into a narrower picture.
+    /// Returns the factor on the height that fits the camera's whole width into a narrower picture.
     fn widening(&self) -> f32 {
         (self.shape / (self.width / self.height * self.pixel_aspect)).max(1.0)
     }
 
     /// Builds the view of a camera from the node transform `world_from_camera` on `width × height` pixels. A picture
-    /// narrower than the camera's view shows its whole width. (glTF 2.0, 3.10.3: "The viewport's aspect ratio SHOULD
-    /// NOT crop or stretch".)
+    /// narrower than the camera's view shows the camera's whole width. (glTF 2.0, 3.10.3: "The viewport's aspect ratio
+    /// SHOULD NOT crop or stretch".)
     #[must_use]
     pub fn of(camera: &Camera, world_from_camera: Affine3A, width: usize, height: usize) -> Self {
         let mut view = Self::new(world_from_camera, camera.projection, width, height);
@@ -207,14 +209,14 @@ impl View {
         view
     }
 
-    /// Least and greatest distance at which a ray in the unit `direction` shows surfaces \[m\].
+    /// Returns the minimum and maximum distance at which a ray in the unit `direction` shows surfaces \[m\].
     #[must_use]
     pub fn distances(&self, direction: Vec3A) -> (f32, f32) {
         let depth_per_meter = self.depth_per_meter(direction);
         (self.depths.near / depth_per_meter, self.depths.far / depth_per_meter)
     }
 
-    /// Depth gained per meter by a ray in the unit `direction`.
+    /// Returns the increase in depth per meter along a ray in the unit `direction`.
     pub(crate) fn depth_per_meter(&self, direction: Vec3A) -> f32 {
         match self.projection {
             Projection::Perspective { .. } => -direction.dot(self.world_from_camera.matrix3.z_axis),
@@ -222,7 +224,7 @@ impl View {
         }
     }
 
-    /// Least and greatest depth of `points` along the axis \[m\], and the visible depths.
+    /// Returns the minimum and maximum depth of `points` along the axis \[m\], and the range of visible depths.
     pub(super) fn depths_of(&self, points: &[Vec3A]) -> (f32, f32, DepthRange) {
         let depths = points.iter().map(|&point| -self.camera_from_world.transform_point3a(point).z);
         let (nearest, farthest) =
@@ -230,13 +232,13 @@ impl View {
         (nearest, farthest, self.depths)
     }
 
-    /// Width and height of the picture \[pixels\].
+    /// Returns the width and height of the picture \[pixels\].
     #[must_use]
     pub fn size(&self) -> Vec2 {
         Vec2::new(self.width, self.height)
     }
 
-    /// Origin and unit direction of the ray through `pixel`.
+    /// Returns the origin and unit direction of the ray through `pixel`.
     #[must_use]
     pub fn ray(&self, pixel: Vec2) -> (Vec3A, Vec3A) {
         let scale = 2.0 * self.half_height / self.height;
@@ -249,14 +251,15 @@ impl View {
         }
     }
 
-    /// Projects a point onto the picture; `None` behind the camera.
+    /// Projects a point onto the picture. Returns `None` behind the camera.
     #[must_use]
     pub fn project(&self, point: Vec3A) -> Option<Projected> {
         let p = self.camera_from_world.transform_point3a(point);
         self.pixel_of(p, -p.z).map(|(pixel, depth)| Projected { pixel, depth })
     }
 
-    /// Pixel of a point at infinity in `direction`; `None` behind the camera and for orthographic projection.
+    /// Returns the pixel of a point at infinity in `direction`, or `None` behind the camera and for orthographic
+    /// projection.
     #[must_use]
     pub fn project_direction(&self, direction: Vec3A) -> Option<Vec2> {
         let d = self.camera_from_world.transform_vector3a(direction);
@@ -279,7 +282,7 @@ impl View {
         pixel.is_finite().then_some((pixel, depth))
     }
 
-    /// Width of a pixel at `depth` meters, facing the camera \[m\].
+    /// Returns the width of a pixel at `depth` meters, facing the camera \[m\].
     #[must_use]
     pub fn pixel_width(&self, depth: f32) -> f32 {
         let at_one = 2.0 * self.half_height / self.height;
@@ -289,26 +292,28 @@ impl View {
         }
     }
 
-    /// Half the width of the picture \[m\]; in perspective, at a distance of 1 m.
+    /// Returns half the width of the picture \[m\], for a perspective projection at a distance of 1 m.
     fn half_width(&self) -> f32 {
         self.half_height * self.width / self.height * self.pixel_aspect
     }
 
-    /// Camera space from world space \[m\], left-handed: x to the right, y up, z along the view.
+    /// Returns the transform from world space to left-handed camera space \[m\]: x to the right, y up, z along the
+    /// view.
     ///
-    /// This is OpenEXR's attribute `worldToCamera` and RenderMan's camera space.
+    /// The matrix is OpenEXR's attribute `worldToCamera` and RenderMan's camera space.
     fn left_handed_camera(&self) -> Mat4 {
         Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0)) * Mat4::from(self.camera_from_world)
     }
 
-    /// Picture space from world space: after division by w, x and y are 0…1 from the upper left to the lower right
-    /// corner.
+    /// Returns the transform from world space to picture space. After division by w, x and y are 0…1 from the upper
+    /// left to the lower right corner.
     ///
     /// ```text
     /// perspective      w = d    z / w = 1 − 1 m / d        d  meters along the camera's axis
     /// orthographic     w = 1    z = d
     /// ```
-    /// This is OpenEXR's attribute `worldToNDC`. Readers of it drop z; here z makes the matrix invertible.
+    /// The matrix is OpenEXR's attribute `worldToNDC`. Readers of the attribute ignore z, which makes the matrix
+    /// invertible.
     fn normalized_device(&self) -> Mat4 {
         let half = Vec2::new(self.half_width(), self.half_height);
         let (x, y) = (0.5 / half.x, -0.5 / half.y);
@@ -324,7 +329,7 @@ impl View {
         picture_from_camera * self.left_handed_camera()
     }
 
-    /// The camera, for the header of an image file.
+    /// Returns the camera for the header of an image file.
     #[must_use]
     pub fn frame_camera(&self) -> FrameCamera {
         let width = 2.0 * self.half_width();
@@ -336,13 +341,13 @@ impl View {
         }
     }
 
-    /// Position of the camera \[m\].
+    /// Returns the position of the camera \[m\].
     #[must_use]
     pub fn position(&self) -> Vec3A {
         self.world_from_camera.translation
     }
 
-    /// Builds a view of the whole box from its front and slightly above, for scenes without a camera.
+    /// Builds a view of the whole box from the front and slightly above, for scenes without a camera.
     #[must_use]
     pub fn around(min: Vec3A, max: Vec3A, width: usize, height: usize) -> Self {
         let (center, radius) = ((min + max) / 2.0, ((max - min).length() / 2.0).max(1e-6));
@@ -383,7 +388,8 @@ mod tests {
         assert!((view.frame_camera().window_width.unwrap() - 2.0 * 0.4f32.tan() * 640.0 / 360.0).abs() < 1e-6);
     }
 
-    /// A 16:9 camera shows its whole view in pictures of any aspect ratio, and more if theirs differs.
+    /// A 16:9 camera shows its whole view in pictures of any aspect ratio, and more if the picture's aspect ratio
+    /// differs.
     #[test]
     fn all_of_a_camera_is_shown_on_any_picture() {
         let perspective = Projection::Perspective { yfov: 0.8 };

@@ -1,12 +1,13 @@
-//! Cameras with depth limits that exclude the whole scene.
+//! Check for cameras with depth limits that exclude the whole scene.
 
 use super::{PointBox, Scene};
 
-/// Number of moments of the animation at which a camera is checked.
+/// Number of times in the animation at which a camera is checked.
 const MOMENTS: usize = 5;
 
 impl Scene {
-    /// A note if the filming camera never shows a surface: all are nearer than its `znear` or beyond its `zfar`.
+    /// Returns a note if the filming camera never shows a surface, because all are nearer than its `znear` or beyond
+    /// its `zfar`.
     pub(super) fn clipped_note(&self) -> Option<String> {
         let camera = self.filming_camera()?;
         let (mut too_near, mut too_far) = (true, true);
@@ -14,7 +15,7 @@ impl Scene {
             let pose = self.pose(self.duration() * moment as f32 / (MOMENTS - 1) as f32);
             let (low, high) = self.bounds(&pose)?;
             let (nearest, farthest, depths) = self.view(&pose, 1, 1).depths_of(&PointBox { low, high }.corners());
-            // Geometry behind the camera is invisible at any depth range.
+            // Geometry behind the camera is invisible with any depth range.
             too_near &= farthest > 0.0 && farthest < depths.near;
             too_far &= nearest > depths.far;
         }

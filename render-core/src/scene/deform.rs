@@ -1,5 +1,5 @@
-//! Deformed meshes: morph targets are added first, then the joints of a skin move the vertices (glTF 2.0, 3.7.2.2 and
-//! 3.7.3).
+//! Deformed meshes: morph targets are added first, then the joints of a skin transform the vertices (glTF 2.0, 3.7.2.2
+//! and 3.7.3).
 
 use super::{Influence, Mesh, MorphTarget, Scene, Skinning, Track, normal_matrix};
 use crate::steps;
@@ -8,16 +8,16 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A node with a mesh that has morph targets.
+/// Node with a mesh that has morph targets.
 #[derive(Clone, Debug)]
 pub struct MorphedNode {
     /// Index into [`Scene::nodes`].
     pub node: usize,
-    /// Weights of the targets without animation.
+    /// Weights of the targets if they are not animated.
     pub weights: Vec<f32>,
 }
 
-/// A skeleton that deforms meshes.
+/// Skeleton that deforms meshes.
 #[derive(Clone, Debug)]
 pub struct Skin {
     /// Joints, as indices into [`Scene::nodes`].
@@ -26,21 +26,21 @@ pub struct Skin {
     pub inverse_bind: Vec<Affine3A>,
 }
 
-/// The vertices of a mesh at one time: in world space if it has a skin, else in local space.
+/// Vertices of a mesh at one time, in world space for a skinned mesh, otherwise in local space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeformedMesh {
-    /// Positions \[m\].
+    /// Positions of the vertices \[m\].
     pub positions: Vec<Vec3>,
-    /// Unit normals; empty if the mesh has none.
+    /// Unit normals of the vertices. Empty if the mesh has none.
     pub normals: Vec<Vec3>,
-    /// Unit tangents with their sign; empty if the mesh has none.
+    /// Unit tangents of the vertices, with their sign. Empty if the mesh has none.
     pub tangents: Vec<Vec4>,
-    /// The mesh's triangles, a copy: two times can be compared without the scene.
+    /// Copy of the mesh's triangles, so that two poses can be compared without the scene.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl DeformedMesh {
-    /// The three corners of triangle `index`.
+    /// Returns the three corners of triangle `index`.
     #[inline]
     #[must_use]
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
@@ -49,8 +49,8 @@ impl DeformedMesh {
 }
 
 impl Mesh {
-    /// The shape with these `weights` of the morph targets and, for a skinned mesh, these world-from-mesh matrices of
-    /// the joints.
+    /// Returns the shape with these `weights` of the morph targets. For a skinned mesh, `joints` are the
+    /// world-from-mesh matrices of the joints.
     fn deformed(&self, weights: &[f32], joints: &[Affine3A]) -> DeformedMesh {
         let mixed = |vertex: usize, rest: Vec3, list: fn(&MorphTarget) -> &[Vec3]| {
             let targets = self.morph_targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
@@ -61,7 +61,7 @@ impl Mesh {
         let bone = |vertex: usize| self.skinning.as_ref().map(|skinning| skinning.matrix(vertex, joints));
         let unit = |v: Vec3A, otherwise: Vec3| v.try_normalize().map_or(otherwise, Vec3::from);
 
-        // Morph targets first, then the skin.
+        // Apply morph targets first, then the skin.
         let positions = (0..self.positions.len()).into_par_iter().map(|vertex| {
             let position = mixed(vertex, self.positions[vertex], |target| &target.positions);
             bone(vertex).map_or(position, |bone| bone.transform_point3(position))
@@ -87,7 +87,7 @@ impl Mesh {
 }
 
 impl Skinning {
-    /// World-from-mesh matrix of one vertex: the weighted mean of its joints' matrices.
+    /// Returns the world-from-mesh matrix of one vertex: the weighted mean of its joints' matrices.
     fn matrix(&self, vertex: usize, joints: &[Affine3A]) -> Affine3A {
         let own = &self.influences[vertex * self.per_vertex..][..self.per_vertex];
         let mut sum = Affine3A::ZERO;
@@ -101,14 +101,14 @@ impl Skinning {
 }
 
 impl Scene {
-    /// The shapes of all instances with a skin or morph targets; empty if there are none. Instances of one mesh with
-    /// the same weights share one shape.
+    /// Returns the shapes of all instances with a skin or morph targets, or an empty list if there are none. Instances
+    /// of one mesh with the same weights share one shape.
     pub(super) fn deformed_meshes(&self, world: &[Affine3A], time: f32) -> Vec<Option<Arc<DeformedMesh>>> {
         if self.skins.is_empty() && self.morphed_nodes.is_empty() {
             return Vec::new();
         }
 
-        // World-from-mesh matrices of all joints.
+        // Compute the world-from-mesh matrices of all joints.
         let (place_of, weights) = (self.morphed_places(), self.weights_at(time));
         let joints: Vec<Vec<Affine3A>> = self
             .skins
@@ -116,7 +116,7 @@ impl Scene {
             .map(|skin| skin.joints.iter().zip(&skin.inverse_bind).map(|(&node, bind)| world[node] * *bind).collect())
             .collect();
 
-        // A shape depends only on its mesh, which names its skin, and on the weights.
+        // A shape depends only on its mesh (including the mesh's skin) and on the weights.
         let mut shapes: HashMap<(usize, Vec<u32>), Arc<DeformedMesh>> = HashMap::new();
         let deformed = self.instances.iter().map(|instance| {
             let mesh = &self.meshes[instance.mesh];
@@ -136,13 +136,13 @@ impl Scene {
         deformed.collect()
     }
 
-    /// For each node with morph targets, its index in [`Scene::morphed_nodes`].
+    /// Returns the index in [`Scene::morphed_nodes`] of each node with morph targets.
     pub(super) fn morphed_places(&self) -> HashMap<usize, usize> {
-        // If a node has several entries, the first counts.
+        // If a node has several entries, the first entry applies.
         self.morphed_nodes.iter().enumerate().rev().map(|(place, morphed)| (morphed.node, place)).collect()
     }
 
-    /// The weights of all morphed nodes at `time` seconds.
+    /// Returns the weights of all morphed nodes at `time` seconds.
     fn weights_at(&self, time: f32) -> Vec<Vec<f32>> {
         let place_of = self.morphed_places();
         let mut weights: Vec<Vec<f32>> = self.morphed_nodes.iter().map(|morphed| morphed.weights.clone()).collect();
@@ -154,10 +154,10 @@ impl Scene {
         weights
     }
 
-    /// For each instance, whether its shape changes with time.
+    /// Returns, for each instance, whether its shape changes over time.
     #[must_use]
     pub fn deforming_instances(&self) -> Vec<bool> {
-        // Nodes with changing weights, and skins with a moving joint.
+        // Find nodes with changing weights, and skins with a moving joint.
         let moving = self.moving_nodes();
         let mut morphing = vec![false; self.nodes.len()];
         for channel in &self.channels {

@@ -1,4 +1,4 @@
-//! Moves scenes far from the origin to it: far away, `f32` is too coarse for their shape.
+//! Translation of distant scenes to the origin: far from the origin, `f32` is too coarse for their shape.
 //!
 //! Images depend only on relative positions.
 
@@ -6,18 +6,18 @@ use super::{Node, Scene, Track, Transform};
 use crate::scene::Interpolation;
 use glam::Vec3;
 
-/// Least ratio of the distance of a far scene's center to half its size. At this ratio, `f32` positions are 8·10⁻⁶ of
-/// the size apart.
+/// Minimum ratio of the center's distance from the origin to half the scene's size for a far scene. At this ratio, the
+/// spacing of `f32` positions is 8·10⁻⁶ of the size.
 const FAR: f32 = 64.0;
 
 impl Scene {
-    /// Moves the scene to the origin, if it is far away.
+    /// Moves the scene to the origin if it is far from it.
     pub(super) fn move_to_origin(&mut self) {
         let Some((min, max)) = self.bounds(&self.pose(0.0)) else { return };
         let Some(middle) = far_middle(min.into(), max.into()) else { return };
         self.move_far_meshes();
         for (index, node) in self.nodes.iter_mut().enumerate() {
-            // A node that hides a skinned mesh keeps its transform: the joints move instead.
+            // A node that hides a skinned mesh keeps its transform, because the joints move instead.
             if node.parent.is_none() && self.curtains.binary_search(&index).is_err() {
                 node.rest.translation -= middle;
             }
@@ -30,8 +30,8 @@ impl Scene {
         }
     }
 
-    /// Gives meshes with vertices far from their own origin an extra node with that offset. Deforming meshes stay
-    /// unchanged: their joints or weights belong to their node.
+    /// Inserts a node with an offset above each mesh with vertices far from the mesh's own origin. Deforming meshes
+    /// stay unchanged: their joints or weights belong to their node.
     fn move_far_meshes(&mut self) {
         let mut moved: Vec<Option<Vec3>> = vec![None; self.meshes.len()];
         for (mesh, moved) in self.meshes.iter_mut().zip(&mut moved) {
@@ -55,7 +55,7 @@ impl Scene {
     }
 }
 
-/// Center of a box that is far from the origin; `None` if it is near.
+/// Returns the center of a box that is far from the origin, or `None` if the box is near.
 fn far_middle(min: Vec3, max: Vec3) -> Option<Vec3> {
     let (middle, half) = ((min + max) / 2.0, (max - min) / 2.0);
     let is_far = half.is_finite() && middle.abs().max_element() > FAR * half.max_element();

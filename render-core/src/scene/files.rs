@@ -1,17 +1,17 @@
-//! Reads all files of a scene: restricts paths, limits sizes and computes a checksum.
+//! Reading of all files of a scene, with restricted paths, limited sizes and a checksum.
 //!
-//! Scenes may come from untrusted sources. Their names lead only to regular files in the scene's folder, after links
-//! are resolved, unless the user allows others. Sizes are checked before reading.
+//! Scenes may come from untrusted sources. File names in a scene refer only to regular files in the scene's folder,
+//! after links are resolved, unless the user allows other folders. Sizes are checked before reading.
 
 use std::cell::RefCell;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
-/// Most bytes of all files of a scene: glTF counts the bytes of a buffer in 32 bits.
+/// Maximum total size of the files of a scene \[bytes\]: glTF counts the bytes of a buffer in 32 bits.
 const MOST_BYTES: u64 = 1 << 32;
 
-/// Folders that the files named by a scene may be in.
+/// Folders in which files named by a scene may be.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reach {
     /// The folder of the scene file and its subfolders, after links are resolved.
@@ -21,18 +21,18 @@ pub enum Reach {
     Anywhere,
 }
 
-/// The files that a scene was read from.
+/// Files from which a scene was read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
-    /// Folders that the files could be in.
+    /// Folders in which the files were allowed to be.
     pub reach: Reach,
     /// Paths with all links resolved, in reading order.
     pub files: Vec<PathBuf>,
-    /// CRC-32 of the sizes and contents of all files in that order, and of the settings given in addition.
+    /// CRC-32 of the sizes and contents of all files in reading order, and of the additional settings.
     pub sum: u32,
 }
 
-/// Reads files for one scene.
+/// Reader of the files of one scene.
 pub(super) struct SceneFiles {
     folder: PathBuf,
     reach: Reach,
@@ -46,7 +46,7 @@ struct State {
 }
 
 impl SceneFiles {
-    /// Reads files for the scene at path `scene`.
+    /// Builds a reader of files for the scene at path `scene`.
     pub fn of(scene: &Path, reach: Reach) -> Self {
         let folder = scene.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let state = State { files: Vec::new(), sum: crc32fast::Hasher::new(), bytes_left: MOST_BYTES };
@@ -78,10 +78,10 @@ impl SceneFiles {
         self.read(&path).map_err(|error| error.to_string())
     }
 
-    /// The path of a file that the scene names, if it may be read.
+    /// Returns the path of a file that the scene names, if the file may be read.
     ///
     /// # Errors
-    /// The reason why it may not be read.
+    /// The reason why the file may not be read.
     pub fn resolved(&self, name: &Path) -> Result<PathBuf, String> {
         let outside = "it is outside the scene's folder; move it there or pass --allow-outside";
         let stays = name.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
@@ -96,8 +96,8 @@ impl SceneFiles {
         if real(&path)?.starts_with(real(&self.folder)?) { Ok(path) } else { Err(outside.into()) }
     }
 
-    /// The size of a file. Refuses anything but regular files: opening a pipe may block forever, and a device may be
-    /// endless.
+    /// Returns the size of a file. Refuses all files except regular files: opening a pipe may block forever, and a
+    /// device may be endless.
     fn admit(&self, path: &Path) -> io::Result<u64> {
         let refused = |text: String| Err(io::Error::new(io::ErrorKind::InvalidInput, text));
         let metadata = fs::metadata(path)?;
@@ -112,12 +112,12 @@ impl SceneFiles {
         Ok(size)
     }
 
-    /// Adds settings that the user gave in addition to the files to the checksum.
+    /// Adds the user's additional settings to the checksum.
     pub fn note(&self, text: &str) {
         self.state.borrow_mut().sum.update(text.as_bytes());
     }
 
-    /// All files that were read, and their checksum.
+    /// Returns all files that were read, and their checksum.
     pub fn into_origin(self) -> Origin {
         let State { files, sum, .. } = self.state.into_inner();
         Origin { reach: self.reach, files, sum: sum.finalize() }
@@ -165,7 +165,7 @@ mod tests {
         for name in ["far", "up/secret", "zero"] {
             assert!(files.read_named(Path::new(name)).unwrap_err().contains("outside"), "{name}");
         }
-        // A folder and a device are not regular files, wherever they are.
+        // A folder and a device are not regular files, regardless of `reach`.
         let anywhere = SceneFiles::of(&folder.path().join("scene/scene.gltf"), Reach::Anywhere);
         for name in ["zero", "up"] {
             assert!(anywhere.read_named(Path::new(name)).unwrap_err().contains("regular"), "{name}");
@@ -179,12 +179,12 @@ mod tests {
     #[test]
     fn sizes_are_looked_at_first() {
         let (folder, files) = scene();
-        // A sparse file takes no disk space.
+        // A sparse file occupies no disk space.
         let large = File::create(folder.path().join("scene/large.bin")).unwrap();
         large.set_len(MOST_BYTES + 1).unwrap();
         let why = files.read_named(Path::new("large.bin")).unwrap_err();
         assert!(why.contains("at most 4294967296"), "{why}");
-        // Together the files are too large.
+        // In sum, the files are too large.
         files.state.borrow_mut().bytes_left = 5;
         assert!(files.read_named(Path::new("a.bin")).is_ok());
         assert!(files.read_named(Path::new("a.bin")).is_err());

@@ -5,34 +5,35 @@ use glam::Vec3;
 use std::collections::HashMap;
 use std::f32::consts::FRAC_PI_2;
 
-/// Greatest strength of a light \[W·sr⁻¹ or W·m⁻²·sr⁻¹\], 10¹⁰ times the radiance of the sun's surface. It keeps sums
-/// over pixels, lights and photons, and their squares over distance, within the range of `f32`.
+/// Maximum strength of a light \[W·sr⁻¹ or W·m⁻²·sr⁻¹\], 10¹⁰ times the radiance of the sun's surface. Sums over
+/// pixels, lights and photons, and squares of these sums over distance, then stay within the range of `f32`.
 pub(super) const STRONGEST: f32 = 1e18;
 
 /// Shape of a punctual light's emission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum PunctualKind {
-    /// Parallel light along the node's −z; `color` is the irradiance \[W·m⁻²\] of a surface facing it.
+    /// Parallel light along the node's −z. `color` is the irradiance of a surface that faces the light \[W·m⁻²\].
     Directional,
-    /// `color` is the intensity \[W·sr⁻¹\] in every direction.
+    /// Light in all directions. `color` is the intensity in every direction \[W·sr⁻¹\].
     Point,
-    /// `color` is the intensity \[W·sr⁻¹\] inside the inner cone. Both angles are measured from the axis.
+    /// Light in a cone. `color` is the intensity inside the inner cone \[W·sr⁻¹\]. Both angles are measured from the
+    /// axis.
     Spot {
-        /// Angle where the falloff begins \[rad\].
+        /// Angle at which the falloff begins \[rad\].
         inner: f32,
-        /// Angle where the intensity reaches 0 \[rad\].
+        /// Angle at which the intensity reaches 0 \[rad\].
         outer: f32,
     },
 }
 
-/// A punctual light on a node.
+/// Punctual light on a node.
 ///
-/// glTF gives candela and lux. Here one candela counts as one W·sr⁻¹, one lux as one W·m⁻², and one nit of emission as
-/// one W·m⁻²·sr⁻¹. The exposure absorbs this common factor of all lights.
+/// glTF uses candela and lux. In this crate, one candela counts as one W·sr⁻¹, one lux as one W·m⁻², and one nit of
+/// emission as one W·m⁻²·sr⁻¹. The exposure absorbs this common factor of all lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PunctualLight {
-    /// Index into the scene's nodes; the node sets position and direction (−z).
+    /// Index into the scene's nodes. The node sets position and direction (−z).
     pub node: usize,
     /// Linear RGB intensity or irradiance; see [`PunctualKind`].
     pub color: Vec3,
@@ -40,7 +41,7 @@ pub struct PunctualLight {
     pub kind: PunctualKind,
 }
 
-/// An animated property of a punctual light.
+/// Animated property of a punctual light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LightProperty {
@@ -48,15 +49,15 @@ pub enum LightProperty {
     Color,
     /// Factor on the color \[cd or lx\].
     Intensity,
-    /// Angle where the falloff of a spot begins \[rad\].
+    /// Angle at which the falloff of a spot light begins \[rad\].
     InnerCone,
-    /// Angle where the intensity of a spot reaches 0 \[rad\].
+    /// Angle at which the intensity of a spot light reaches 0 \[rad\].
     OuterCone,
     /// Visibility, 0 or 1, of the light's node or of one of its ancestors.
     Visibility,
 }
 
-/// The animation of a punctual light.
+/// Animation of a punctual light.
 #[derive(Clone, Debug)]
 pub struct LightChannel {
     /// Index into the scene's punctual lights.
@@ -65,12 +66,13 @@ pub struct LightChannel {
     pub property: LightProperty,
     /// Linear RGB color and intensity in the file, and the factor on their product.
     pub rest: (Vec3, f32, f32),
-    /// Keys: translations for colors, weights for numbers.
+    /// Keys of the property: translations for colors, weights for numbers.
     pub keys: Channel,
 }
 
 impl Scene {
-    /// The punctual lights at `time` seconds; empty if no light is animated. Clamps values that are out of range.
+    /// Returns the punctual lights at `time` seconds, or an empty list if no light is animated. Values that are out of
+    /// range are clamped.
     pub(super) fn lights_at(&self, time: f32) -> Vec<PunctualLight> {
         if self.light_channels.is_empty() {
             return Vec::new();
@@ -102,13 +104,13 @@ impl Scene {
 }
 
 impl PunctualKind {
-    /// Fraction of the intensity in a direction, given the cosine of its angle to the axis.
+    /// Returns the fraction of the intensity in a direction, given the cosine between direction and axis.
     #[must_use]
     pub fn falloff(&self, cos_axis: f32) -> f32 {
         match *self {
             PunctualKind::Directional | PunctualKind::Point => 1.0,
             PunctualKind::Spot { inner, outer } => {
-                // KHR_lights_punctual, "Inner and Outer Cone Angles".
+                // The falloff follows KHR_lights_punctual, "Inner and Outer Cone Angles".
                 let scale = 1.0 / (inner.cos() - outer.cos()).max(1e-3);
                 let t = ((cos_axis - outer.cos()) * scale).clamp(0.0, 1.0);
                 t * t

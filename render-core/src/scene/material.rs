@@ -5,14 +5,14 @@ use glam::{Vec2, Vec3};
 /// Number of texture coordinate sets of a mesh.
 pub const UV_SETS: usize = 4;
 
-/// A texture and the coordinates that sample it.
+/// Texture and the coordinates at which it is sampled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureSlot {
     /// Index into the scene's textures.
     pub texture: usize,
     /// Coordinate set, below [`UV_SETS`].
     pub uv_set: usize,
-    /// `KHR_texture_transform`: offset, rotation in radians, scale.
+    /// Offset, rotation in radians, and scale of `KHR_texture_transform`.
     pub transform: Option<(Vec2, f32, Vec2)>,
 }
 
@@ -35,54 +35,55 @@ impl TextureSlot {
 /// Meaning of the opacity of a base color.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alpha {
-    /// The opacity is ignored.
+    /// No meaning: the opacity is ignored.
     Opaque,
-    /// Texels with an opacity below the cutoff are holes.
+    /// Mask: texels with an opacity below the cutoff are holes.
     Mask {
         /// Opacity below which a texel is a hole \[0…1\].
         cutoff: f32,
     },
-    /// The opacity is the covered fraction of the surface; the remainder is holes too small to see.
+    /// Coverage: the opacity is the covered fraction of the surface. The remainder is holes too small to see.
     Blend,
 }
 
 /// Reflection and emission of a surface.
 ///
-/// Contains all of glTF's metallic-roughness model except occlusion textures: this crate computes occlusion itself.
+/// Contains glTF's complete metallic-roughness model except occlusion textures, since this crate computes occlusion
+/// itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Name in the file, or empty.
+    /// Name in the file, or an empty string.
     pub name: String,
-    /// Linear RGB reflectance, multiplied by the texture's.
+    /// Reflectance, or the factor on the texture; linear RGB.
     pub base_color: Vec3,
     /// sRGB texture of the reflectance.
     pub base_color_texture: Option<TextureSlot>,
-    /// Metalness: 0 for a dielectric over a diffuse base, 1 for a metal. Multiplied by the texture's blue.
+    /// Metalness: 0 for a dielectric over a diffuse base, 1 for a metal. Multiplied by the blue channel of the texture.
     pub metallic: f32,
-    /// Perceptual roughness, 0…1, the square root of GGX's α. Multiplied by the texture's green.
+    /// Perceptual roughness, 0…1: the square root of GGX's α. Multiplied by the green channel of the texture.
     pub roughness: f32,
-    /// Linear texture: roughness in green, metalness in blue.
+    /// Linear texture with roughness in green and metalness in blue.
     pub metallic_roughness_texture: Option<TextureSlot>,
     /// Linear texture of normals in tangent space, and the factor on their x and y.
     pub normal_texture: Option<(TextureSlot, f32)>,
     /// Linear RGB reflectance of the dielectric at normal incidence.
     pub dielectric_f0: Vec3,
-    /// Opacity, 0…1, multiplied by the opacity of the base color's texture and of the vertices.
+    /// Opacity, 0…1. Multiplied by the opacity of the base-color texture and of the vertices.
     pub opacity: f32,
     /// Meaning of the opacity.
     pub alpha: Alpha,
-    /// Emitted radiance \[W·m⁻²·sr⁻¹\], multiplied by the texture's.
+    /// Emitted radiance \[W·m⁻²·sr⁻¹\], or the factor on the texture; linear RGB.
     pub emission: Vec3,
     /// sRGB texture of the emission.
     pub emission_texture: Option<TextureSlot>,
     /// Whether both sides reflect and emit light.
     pub double_sided: bool,
-    /// Whether the surface shows its color regardless of light; it is neither lit nor a light.
+    /// Whether the surface shows its color regardless of light. An unlit surface neither receives nor emits light.
     pub unlit: bool,
 }
 
 impl Default for Material {
-    /// A white Lambert surface without emission. (glTF's default material is a rough metal.)
+    /// Returns a white Lambert surface without emission. (glTF's default material is a rough metal.)
     fn default() -> Self {
         Self {
             name: String::new(),
@@ -107,10 +108,11 @@ impl Default for Material {
 const DIELECTRIC_F0: f32 = 0.04;
 
 impl Material {
-    /// Diffuse reflectance, and specular reflectance at normal incidence, for a base color and metalness.
+    /// Returns the diffuse reflectance, and the specular reflectance at normal incidence, for a base color and
+    /// metalness.
     ///
-    /// A dielectric of roughness 1 counts as Lambert. Its coat of 4 % would cover the whole hemisphere; omitting it
-    /// keeps matte scenes free of glossy work.
+    /// A dielectric of roughness 1 counts as Lambert. Its coat of 4 % would reflect into the whole hemisphere. Without
+    /// the coat, matte scenes need no computation of glossy reflections.
     #[must_use]
     pub fn split(&self, base_color: Vec3, metallic: f32, roughness: f32) -> (Vec3, Vec3) {
         if metallic <= 0.0 && roughness >= 1.0 {
@@ -119,14 +121,14 @@ impl Material {
         (base_color * (1.0 - metallic), self.dielectric_f0.lerp(base_color, metallic))
     }
 
-    /// Whether [`Material::split`] returns a coat anywhere on the surface.
+    /// Returns whether [`Material::split`] returns a coat anywhere on the surface.
     #[must_use]
     pub fn may_have_coat(&self) -> bool {
         let smoother = self.roughness < 1.0 || self.metallic_roughness_texture.is_some();
         !self.unlit && (self.metallic > 0.0 || smoother)
     }
 
-    /// The textures of the material.
+    /// Returns the texture slots of the material.
     pub fn slots(&self) -> impl Iterator<Item = &TextureSlot> {
         let normal = self.normal_texture.as_ref().map(|(slot, _)| slot);
         let others = [&self.base_color_texture, &self.metallic_roughness_texture, &self.emission_texture];
@@ -139,15 +141,16 @@ impl Material {
         [base_color_texture, metallic_roughness_texture, emission_texture].into_iter().flatten().chain(normal)
     }
 
-    /// Whether the surface is meant to light others: it emits without a texture, or the file sets an emission above 1.
-    /// `KHR_materials_emissive_strength` does so for lamps and windows. A texture of at most 1, such as the instruments
-    /// of a helmet, belongs to the surface's appearance: a scene with no other light needs one from its viewer.
+    /// Returns whether the surface is meant to light other surfaces. A lamp emits without a texture, or the file sets
+    /// an emission above 1, as `KHR_materials_emissive_strength` does for lamps and windows. A texture of at most 1,
+    /// such as the instruments of a helmet, only belongs to the surface's appearance. A scene without any other light
+    /// then needs a light from its viewer.
     #[must_use]
     pub fn is_lamp(&self) -> bool {
         self.emits() && (self.emission_texture.is_none() || self.emission.max_element() > 1.0)
     }
 
-    /// Whether the surface emits light.
+    /// Returns whether the surface emits light.
     #[must_use]
     pub fn emits(&self) -> bool {
         self.emission.max_element() > 0.0

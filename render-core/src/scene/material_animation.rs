@@ -6,30 +6,30 @@ use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A texture slot of a material.
+/// Texture slot of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SlotName {
-    /// The texture of the base color.
+    /// Texture of the base color.
     BaseColor,
-    /// The texture of metalness and roughness.
+    /// Texture of metalness and roughness.
     MetallicRoughness,
-    /// The texture of normals.
+    /// Texture of normals.
     Normal,
-    /// The texture of the emission.
+    /// Texture of the emission.
     Emission,
 }
 
-/// An animated property of a material.
+/// Animated property of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MaterialProperty {
     /// Linear RGB reflectance, and opacity.
     BaseColor,
-    /// Factor of metalness.
+    /// Factor on the metalness.
     Metallic,
-    /// Factor of roughness.
+    /// Factor on the roughness.
     Roughness,
-    /// Linear RGB factor of the emission.
+    /// Linear RGB factor on the emission.
     Emission,
     /// Factor on the emission \[W·m⁻²·sr⁻¹\].
     EmissionStrength,
@@ -43,16 +43,16 @@ pub enum MaterialProperty {
     Specular,
     /// Linear RGB factor on the reflectance at normal incidence.
     SpecularColor,
-    /// `KHR_texture_transform`: offset of the coordinates.
+    /// Offset of the coordinates in `KHR_texture_transform`.
     Offset(SlotName),
-    /// `KHR_texture_transform`: rotation of the coordinates \[rad\].
+    /// Rotation of the coordinates in `KHR_texture_transform` \[rad\].
     Rotation(SlotName),
-    /// `KHR_texture_transform`: scale of the coordinates.
+    /// Scale of the coordinates in `KHR_texture_transform`.
     Scale(SlotName),
 }
 
 impl MaterialProperty {
-    /// Number of components of a value: 1 to 4.
+    /// Returns the number of components of a value, 1 to 4.
     #[must_use]
     pub fn width(self) -> usize {
         match self {
@@ -69,36 +69,37 @@ impl MaterialProperty {
 pub struct MaterialFactors {
     /// Linear RGB reflectance.
     pub base_color: Vec3,
-    /// Linear RGB factor of the emission, and its strength \[W·m⁻²·sr⁻¹\].
+    /// Linear RGB factor on the emission, and the emission's strength \[W·m⁻²·sr⁻¹\].
     pub emission: (Vec3, f32),
-    /// Index of refraction; 0 reflects all light.
+    /// Index of refraction. 0 means that all light is reflected.
     pub ior: f32,
-    /// Factor on the reflectance at normal incidence, and its linear RGB factor.
+    /// Factor on the reflectance at normal incidence, and linear RGB factor on the same reflectance.
     pub specular: (f32, Vec3),
     /// Whether the surface shows the sum of base color and emission, as points and lines do.
     pub shows_sum: bool,
 }
 
-/// The animation of a material.
+/// Animation of a material.
 #[derive(Clone, Debug)]
 pub struct MaterialChannel {
     /// Index into the scene's materials.
     pub material: usize,
     /// Animated property.
     pub property: MaterialProperty,
-    /// Factors in the file.
+    /// Factors of the material in the file.
     pub rest: MaterialFactors,
-    /// Keys, as weights: [`MaterialProperty::width`] for each.
+    /// Keys, as weights: [`MaterialProperty::width`] weights per key.
     pub keys: Channel,
 }
 
 impl Scene {
-    /// The materials at `time` seconds; empty if none is animated. Clamps values that are out of range.
+    /// Returns the materials at `time` seconds, or an empty list if no material is animated. Values that are out of
+    /// range are clamped.
     pub(super) fn materials_at(&self, time: f32) -> Arc<[Material]> {
         self.animated_materials(|channel, value| channel.keys.apply_weights(time, value))
     }
 
-    /// The materials with the given `value` of each channel; empty if none is animated.
+    /// Returns the materials with the given `value` of each channel, or an empty list if no material is animated.
     fn animated_materials(&self, value: impl Fn(&MaterialChannel, &mut [f32])) -> Arc<[Material]> {
         if self.material_channels.is_empty() {
             return Arc::default();
@@ -114,7 +115,7 @@ impl Scene {
         materials.into()
     }
 
-    /// For each material, whether it changes with time.
+    /// Returns, for each material, whether it changes over time.
     pub(crate) fn changing_materials(&self) -> Vec<bool> {
         let mut changing = vec![false; self.materials.len()];
         for channel in &self.material_channels {
@@ -123,7 +124,8 @@ impl Scene {
         changing
     }
 
-    /// Each material at its brightest and smoothest: the largest key of each factor, and the smallest roughness.
+    /// Returns each material at its brightest and smoothest: with the largest key of each factor and the smallest
+    /// roughness.
     #[must_use]
     pub fn extreme_materials(&self) -> Vec<Material> {
         if self.material_channels.is_empty() {
@@ -143,7 +145,7 @@ impl Scene {
 }
 
 impl Material {
-    /// Sets a property to the first of these numbers, given the other `factors` of the file.
+    /// Sets a property to the first of these numbers, given the `factors` of the file for the other properties.
     fn set(&mut self, property: MaterialProperty, [x, y, z, w]: [f32; 4], factors: &mut MaterialFactors) {
         let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 1.0 };
         let vector = Vec3::new(x, y, z);
@@ -171,7 +173,7 @@ impl Material {
             MaterialProperty::Scale(name) => self.move_slot(name, |(.., scale)| *scale = Vec2::new(x, y)),
         }
 
-        // Products of factors.
+        // Compute the properties that are products of factors.
         match property {
             MaterialProperty::Ior | MaterialProperty::Specular | MaterialProperty::SpecularColor => {
                 self.dielectric_f0 = factors.dielectric_f0();
@@ -188,7 +190,7 @@ impl Material {
         }
     }
 
-    /// Changes the transform of a texture, or of the identity if the file has none.
+    /// Changes the transform of a texture. If the file has no transform, changes the identity.
     fn move_slot(&mut self, name: SlotName, change: impl Fn(&mut (Vec2, f32, Vec2))) {
         let slot: Option<&mut TextureSlot> = match name {
             SlotName::BaseColor => self.base_color_texture.as_mut(),
@@ -202,11 +204,12 @@ impl Material {
     }
 }
 
-/// Index of refraction where a file gives none (`KHR_materials_ior`): F0 = 4 %.
+/// Index of refraction if a file does not set it (`KHR_materials_ior`): F0 = 4 %.
 const DEFAULT_IOR: f32 = 1.5;
 
 impl MaterialFactors {
-    /// Reflectance at normal incidence: `KHR_materials_ior` and `KHR_materials_specular`, "Implementation".
+    /// Returns the reflectance at normal incidence, by `KHR_materials_ior` and `KHR_materials_specular`,
+    /// "Implementation".
     #[must_use]
     pub fn dielectric_f0(&self) -> Vec3 {
         let ior = if self.ior.is_finite() && self.ior >= 1.0 { self.ior } else { DEFAULT_IOR };

@@ -3,40 +3,41 @@
 use super::UV_SETS;
 use glam::{Vec2, Vec3, Vec4};
 
-/// A triangle mesh in its own space. Every per-vertex list is as long as `positions` or empty.
+/// Triangle mesh in local space. Every per-vertex list is as long as `positions` or empty.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// Name in the file, or empty.
+    /// Name in the file, or an empty string.
     pub name: String,
     /// Positions in local space \[m\].
     pub positions: Vec<Vec3>,
-    /// Unit normals; if empty, the mesh is flat shaded, as glTF prescribes.
+    /// Unit normals. If the list is empty, the mesh is flat shaded, as glTF prescribes.
     pub normals: Vec<Vec3>,
-    /// Unit tangents: a normal map's x axis, and in w the sign of its y axis, y = (normal × tangent) · w.
+    /// Unit tangents: the x axis of a normal map. The w component is the sign of the y axis, y = (normal × tangent) ·
+    /// w.
     pub tangents: Vec<Vec4>,
     /// Texture coordinates of the sets that the material uses.
     pub uvs: [Vec<Vec2>; UV_SETS],
-    /// Linear RGB factor on the base color, and factor on its opacity.
+    /// Linear RGB factor on the base color, with the factor on the base color's opacity in w.
     pub colors: Vec<Vec4>,
-    /// Vertex indices, counter-clockwise seen from the front.
+    /// Vertex indices of each triangle, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into the scene's materials.
     pub material: usize,
     /// Morph targets.
     pub morph_targets: Vec<MorphTarget>,
-    /// Skinning, if the mesh has a skin; only joints then place the vertices.
+    /// Skinning, if the mesh has a skin. The vertices of a skinned mesh are positioned by joints only.
     pub skinning: Option<Skinning>,
 }
 
 impl Mesh {
-    /// The three corners of triangle `index` in local space, undeformed.
+    /// Returns the three corners of triangle `index` in local space, undeformed.
     #[inline]
     #[must_use]
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
         self.triangles[index].map(|vertex| self.positions[vertex as usize])
     }
 
-    /// Size of all lists \[bytes\].
+    /// Returns the size of all lists \[bytes\].
     #[must_use]
     pub fn byte_count(&self) -> usize {
         let Self { positions, normals, tangents, colors, triangles, .. } = self;
@@ -61,27 +62,28 @@ pub struct MorphTarget {
     pub tangents: Vec<Vec3>,
 }
 
-/// The weight of one joint on a vertex.
+/// Weight of one joint on a vertex.
 #[derive(Clone, Copy, Debug)]
 pub struct Influence {
     /// Index into [`Skin::joints`](super::Skin::joints).
     pub joint: u32,
-    /// Weight, 0…1; the weights of a vertex sum to 1.
+    /// Weight of the joint, 0…1. The weights of a vertex sum to 1.
     pub weight: f32,
 }
 
-/// The attachment of a mesh to a skin.
+/// Attachment of a mesh to a skin.
 #[derive(Clone, Debug)]
 pub struct Skinning {
     /// Index into [`Scene::skins`](super::Scene::skins).
     pub skin: usize,
-    /// Number of influences on each vertex.
+    /// Number of influences per vertex.
     pub per_vertex: usize,
     /// Influences of the first vertex, then of the second, and so on.
     pub influences: Vec<Influence>,
 }
 
-/// Value at barycentric `(u, v)` with weight `1 - u - v` on the first corner; `None` if the list is empty.
+/// Returns the value at barycentric `(u, v)` with weight `1 - u - v` on the first corner, or `None` if the list is
+/// empty.
 #[inline]
 pub(crate) fn interpolate<T>(list: &[T], corners: [u32; 3], u: f32, v: f32) -> Option<T>
 where

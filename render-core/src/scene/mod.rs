@@ -1,4 +1,4 @@
-//! A scene and its pose at a time: nodes, meshes, materials, lights, cameras.
+//! Scene and its pose at a time: nodes, meshes, materials, lights, cameras.
 
 mod animation;
 mod backdrop;
@@ -41,12 +41,12 @@ use crate::steps;
 use glam::{Affine3A, BVec3A, Mat3A, Quat, Vec3, Vec3A};
 use std::sync::Arc;
 
-/// A node of the hierarchy with its rest transform.
+/// Node of the hierarchy with its rest transform.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// Name in the file, or empty.
+    /// Name in the file, or an empty string.
     pub name: String,
-    /// Index of the parent; always smaller than the node's own index.
+    /// Index of the parent, always smaller than the node's own index.
     pub parent: Option<usize>,
     /// Scale, rotation and translation of the rest pose relative to the parent.
     pub rest: Transform,
@@ -57,7 +57,7 @@ pub struct Node {
 pub struct Transform {
     /// Translation \[m\].
     pub translation: Vec3,
-    /// Rotation, a unit quaternion.
+    /// Rotation as a unit quaternion.
     pub rotation: Quat,
     /// Scale factor along each axis.
     pub scale: Vec3,
@@ -73,14 +73,14 @@ impl Transform {
     /// The identity transform.
     pub const IDENTITY: Self = Self { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
 
-    /// The transform as an affine map.
+    /// Returns the transform as an affine map.
     #[must_use]
     pub fn matrix(&self) -> Affine3A {
         Affine3A::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
     }
 }
 
-/// A mesh attached to a node.
+/// Mesh attached to a node.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance {
     /// Index into [`Scene::nodes`].
@@ -89,14 +89,14 @@ pub struct Instance {
     pub mesh: usize,
 }
 
-/// A scene as loaded: its static data and its animation tracks.
+/// Scene as loaded: static data and animation tracks.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Nodes; parents precede their children.
+    /// Nodes of the hierarchy. Parents precede their children.
     pub nodes: Vec<Node>,
     /// Meshes, one per glTF primitive, each with one material.
     pub meshes: Vec<Mesh>,
-    /// Materials of the meshes; never empty if there is a mesh.
+    /// Materials of the meshes. Never empty if the scene has a mesh.
     pub materials: Vec<Material>,
     /// Textures of the materials.
     pub textures: Vec<Texture>,
@@ -108,7 +108,7 @@ pub struct Scene {
     pub morphed_nodes: Vec<MorphedNode>,
     /// Point, spot and directional lights.
     pub punctual_lights: Vec<PunctualLight>,
-    /// The cameras of the file.
+    /// Cameras of the file.
     pub cameras: Vec<Camera>,
     /// Animated transforms and morph weights of the nodes.
     pub channels: Vec<Channel>,
@@ -118,20 +118,21 @@ pub struct Scene {
     pub light_channels: Vec<LightChannel>,
     /// Animated properties of materials.
     pub material_channels: Vec<MaterialChannel>,
-    /// Nodes with a scale that hides skinned meshes, in ascending order. No other node's transform affects a skinned mesh.
+    /// Nodes with a scale that hides skinned meshes, in ascending order. No other node's transform affects a skinned
+    /// mesh.
     pub curtains: Vec<usize>,
     /// Environment light, if the scene has any.
     pub sky: Option<Environment>,
     /// Settings from the TOML file next to the scene.
     pub settings: SceneSettings,
-    /// Warnings for the user, one line each: content that was read but is not rendered.
+    /// Warnings for the user, one line each, about content that was read but is not rendered.
     pub warnings: Vec<String>,
-    /// Files that the scene was read from.
+    /// Files from which the scene was read.
     pub origin: Origin,
 }
 
 impl Scene {
-    /// Builds a scene of one mesh at the origin, made of `material`, without lights. Replaces the mesh's own material
+    /// Builds a scene of one mesh at the origin with `material` and without lights. Replaces the mesh's own material
     /// index.
     #[must_use]
     pub fn of_mesh(mesh: Mesh, material: Material) -> Self {
@@ -150,34 +151,35 @@ impl Scene {
 pub struct Pose {
     /// World-from-local transforms, one per node.
     pub world: Vec<Affine3A>,
-    /// Deformed meshes, one per instance; empty if no mesh has a skin or morph targets.
+    /// Deformed meshes, one per instance. Empty if no mesh has a skin or morph targets.
     deformed: Vec<Option<Arc<DeformedMesh>>>,
-    /// The cameras of the scene; empty if no lens is animated.
+    /// Cameras of the scene. Empty if no lens is animated.
     cameras: Vec<Camera>,
-    /// The punctual lights of the scene; empty if none is animated.
+    /// Punctual lights of the scene. Empty if no light is animated.
     lights: Vec<PunctualLight>,
-    /// The materials of the scene; empty if none is animated.
+    /// Materials of the scene. Empty if no material is animated.
     materials: Arc<[Material]>,
 }
 
 impl Pose {
-    /// Deformed meshes, one per instance; empty if no mesh has a skin or morph targets.
+    /// Returns the deformed meshes, one per instance. The list is empty if no mesh has a skin or morph targets.
     pub(crate) fn all_deformed(&self) -> &[Option<Arc<DeformedMesh>>] {
         &self.deformed
     }
 
-    /// The punctual lights of `scene` at the time of the pose.
+    /// Returns the punctual lights of `scene` at the time of the pose.
     #[must_use]
     pub fn punctual_lights<'a>(&'a self, scene: &'a Scene) -> &'a [PunctualLight] {
         if self.lights.is_empty() { &scene.punctual_lights } else { &self.lights }
     }
 
-    /// The materials of the scene at the time of the pose; empty if none is animated.
+    /// Returns the materials of the scene at the time of the pose. The list is empty if no material is animated.
     pub(crate) fn animated_materials(&self) -> &Arc<[Material]> {
         &self.materials
     }
 
-    /// The vertices of an instance with a skin or morph targets; `None` if the instance has its mesh's own vertices.
+    /// Returns the vertices of an instance with a skin or morph targets, or `None` if the instance uses the vertices of
+    /// its mesh.
     #[must_use]
     pub fn deformed(&self, instance: usize) -> Option<&Arc<DeformedMesh>> {
         self.deformed.get(instance)?.as_ref()
@@ -202,21 +204,21 @@ impl Scene {
         Pose { world, deformed, cameras, lights, materials: self.materials_at(time) }
     }
 
-    /// World from the space of an instance's vertices. Only joints place a skinned mesh: glTF ignores its node (glTF
-    /// 2.0, 3.7.3.1).
+    /// Returns the transform from the space of an instance's vertices to world space. A skinned mesh is positioned by
+    /// joints only; the transform of its node is ignored (glTF 2.0, 3.7.3.1).
     #[must_use]
     pub fn instance_world(&self, pose: &Pose, instance: usize) -> Affine3A {
         self.carrier(instance).map_or(Affine3A::IDENTITY, |node| pose.world[node])
     }
 
-    /// The node that places an instance. `None` if a skin places it, unless its node hides it.
+    /// Returns the node that positions an instance, or `None` for a skinned mesh that no node hides.
     pub(crate) fn carrier(&self, instance: usize) -> Option<usize> {
         let Instance { node, mesh } = self.instances[instance];
         let is_placed = self.meshes[mesh].skinning.is_none() || self.curtains.binary_search(&node).is_ok();
         is_placed.then_some(node)
     }
 
-    /// For each node, whether its world transform, its lens or its light changes with time.
+    /// Returns, for each node, whether its world transform, lens or light changes over time.
     #[must_use]
     pub fn moving_nodes(&self) -> Vec<bool> {
         let mut moving = vec![false; self.nodes.len()];
@@ -224,11 +226,11 @@ impl Scene {
         for channel in self.channels.iter().filter(moves) {
             moving[channel.node] = true;
         }
-        // A changing lens changes the image as a moving node does.
+        // A changing lens changes the image in the same way as a moving node.
         for channel in self.camera_channels.iter().filter(|channel| channel.keys.changes()) {
             moving[channel.keys.node] = true;
         }
-        // A changing light does, too.
+        // A changing light counts as a moving node.
         for channel in self.light_channels.iter().filter(|channel| channel.keys.changes()) {
             moving[channel.keys.node] = true;
         }
@@ -238,7 +240,7 @@ impl Scene {
         moving
     }
 
-    /// For each instance, whether its transform, its shape or its material changes with time.
+    /// Returns, for each instance, whether its transform, shape or material changes over time.
     #[must_use]
     pub fn moving_instances(&self) -> Vec<bool> {
         let (moving, deforming, changing) =
@@ -250,7 +252,7 @@ impl Scene {
         deforming.into_iter().enumerate().map(moves).collect()
     }
 
-    /// Time of the last key of the animation \[s\]; 0 without animation.
+    /// Returns the time of the animation's last key \[s\], or 0 without animation.
     #[must_use]
     pub fn duration(&self) -> f32 {
         let lenses = self.camera_channels.iter().map(|channel| &channel.keys);
@@ -266,7 +268,7 @@ impl Scene {
         ends.fold(0.0, |longest, &time| longest.max(time))
     }
 
-    /// Corners of the box around all meshes in `pose`; `None` if no mesh has vertices.
+    /// Returns the corners of the box around all meshes in `pose`, or `None` if no mesh has vertices.
     #[must_use]
     pub fn bounds(&self, pose: &Pose) -> Option<(Vec3A, Vec3A)> {
         let mut around = PointBox::NOTHING;
@@ -276,8 +278,8 @@ impl Scene {
             let mesh = &self.meshes[instance.mesh].positions;
             let positions = pose.deformed(index).map_or(mesh, |shape| &shape.positions);
 
-            // Skip meshes with a bounding box inside `around`. Rounding is monotonic: their rounded vertices stay
-            // inside, too.
+            // Skip meshes with a bounding box inside `around`. Rounding is monotonic, so their rounded vertices also
+            // stay inside.
             if pose.deformed(index).is_none() {
                 let own = of_mesh[instance.mesh].get_or_insert_with(|| PointBox::of(mesh.iter().map(|&p| p.into())));
                 let image = PointBox::of(own.corners().into_iter().map(|corner| world.transform_point3a(corner)));
@@ -292,7 +294,7 @@ impl Scene {
         around.low.cmple(around.high).all().then_some((around.low, around.high))
     }
 
-    /// For each instance, whether its node or one of the node's ancestors has this name.
+    /// Returns, for each instance, whether its node or one of the node's ancestors has this name.
     #[must_use]
     pub fn instances_under(&self, name: &str) -> Vec<bool> {
         // Parents precede their children.
@@ -303,25 +305,26 @@ impl Scene {
         self.instances.iter().map(|instance| is_under[instance.node]).collect()
     }
 
-    /// The camera with this name or index, counted from 0.
+    /// Returns the camera with this name or index, counted from 0.
     #[must_use]
     pub fn camera(&self, name: &str) -> Option<&Camera> {
         self.cameras.get(self.camera_number(name)?)
     }
 
-    /// Index of the camera with this name or index.
+    /// Returns the index of the camera with this name or index.
     fn camera_number(&self, name: &str) -> Option<usize> {
         let named = self.cameras.iter().position(|camera| camera.name == name);
         named.or_else(|| name.parse().ok().filter(|&number| number < self.cameras.len()))
     }
 
-    /// The filming camera: the one that the settings name, else the first that moves, else the first.
+    /// Returns the filming camera: the camera that the settings name, otherwise the first moving camera, otherwise the
+    /// first camera.
     #[must_use]
     pub fn filming_camera(&self) -> Option<&Camera> {
         self.cameras.get(self.filming_camera_number()?)
     }
 
-    /// Index of the filming camera.
+    /// Returns the index of the filming camera.
     fn filming_camera_number(&self) -> Option<usize> {
         let named = self.settings.camera.name.as_deref();
         let moving = self.moving_nodes();
@@ -331,7 +334,7 @@ impl Scene {
             .or((!self.cameras.is_empty()).then_some(0))
     }
 
-    /// The filming camera's view in `pose`. A scene without a camera is shown whole, from its front.
+    /// Returns the filming camera's view in `pose`. A scene without a camera is shown whole, from the front.
     #[must_use]
     pub fn view(&self, pose: &Pose, width: usize, height: usize) -> View {
         let number = self.filming_camera_number();
@@ -345,14 +348,14 @@ impl Scene {
         }
     }
 
-    /// Number of triangles of all instances.
+    /// Returns the number of triangles of all instances.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.instances.iter().map(|instance| self.meshes[instance.mesh].triangles.len()).sum()
     }
 }
 
-/// The bounding box of some points.
+/// Bounding box of points.
 #[derive(Clone, Copy)]
 struct PointBox {
     low: Vec3A,
@@ -373,23 +376,24 @@ impl PointBox {
         (self.low, self.high) = (self.low.min(point), self.high.max(point));
     }
 
-    /// The eight corners of the box.
+    /// Returns the eight corners of the box.
     fn corners(&self) -> [Vec3A; 8] {
         let pick = |i: usize| BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0);
         std::array::from_fn(|i| Vec3A::select(pick(i), self.low, self.high))
     }
 
-    /// Whether the box contains all of `other`; `false` if `other` has a NaN.
+    /// Returns whether the box contains all of `other`, or `false` if `other` has a NaN.
     fn holds(&self, other: &Self) -> bool {
         (self.low.cmple(other.low) & self.high.cmpge(other.high)).all()
     }
 }
 
-/// Matrix for normals: the inverse transpose, written with cofactors so that singular maps stay finite.
+/// Returns the matrix for normals: the inverse transpose, computed with cofactors so that singular maps have finite
+/// results.
 pub(crate) fn normal_matrix(world: &Affine3A) -> Mat3A {
     let m = world.matrix3;
     let cofactors = Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
-    // Mirroring flips the cross products; normals stay on the side that the file gives them.
+    // Mirroring flips the cross products. Flip them back, so that normals stay on the side that the file defines.
     if m.determinant() < 0.0 { cofactors * -1.0 } else { cofactors }
 }
 
@@ -397,7 +401,7 @@ pub(crate) fn normal_matrix(world: &Affine3A) -> Mat3A {
 mod tests {
     use super::*;
 
-    /// A ball of 400 points, shown by `times` nodes in a row. An animation of weights deforms it if `bends`.
+    /// Builds a ball of 400 points, shown by `times` nodes in a row. An animation of weights deforms it if `bends`.
     fn row(times: usize, bends: bool) -> Scene {
         let mut mesh = Mesh { triangles: vec![[0, 1, 2]], ..Mesh::default() };
         for k in 0..400 {
@@ -410,7 +414,7 @@ mod tests {
         let mut scene = Scene::of_mesh(mesh, Material::default());
         scene.instances.clear();
         for k in 0..times {
-            // Nodes run from the ends to the middle: the first two set the box.
+            // Order the nodes from the ends to the middle, so that the first two set the box.
             let x = if k % 2 == 0 { k as f32 } else { (2 * times - k) as f32 };
             let node = scene.nodes.len();
             let rest = Transform { translation: Vec3::X * x, ..Transform::IDENTITY };
@@ -438,7 +442,7 @@ mod tests {
             }
         }
         let steps = steps::taken(|| assert_eq!(scene.bounds(&pose), Some(corners)));
-        // Eight corners of each instance, and the points of a few.
+        // Each instance needs eight corners, and a few instances need all their points.
         assert!(steps < 1000 * 16 + 20 * 400, "{steps} steps");
     }
 

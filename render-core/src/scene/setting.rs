@@ -3,7 +3,7 @@
 use std::fmt;
 use toml::{Table, Value};
 
-/// One setting: `exposure=1.5`, or with its table `tone_mapping.exposure=1.5`.
+/// Single setting: `exposure=1.5`, or with its table `tone_mapping.exposure=1.5`.
 ///
 /// ```
 /// use render_core::scene::Setting;
@@ -25,7 +25,7 @@ impl Setting {
         Self { table: table.into(), key: key.into(), value: Value::String(value.into()) }
     }
 
-    /// Its value as text.
+    /// Returns the value of the setting as text.
     #[must_use]
     pub fn value(&self) -> String {
         self.value.to_string()
@@ -34,7 +34,7 @@ impl Setting {
     /// Overwrites the value in the tables of a settings file.
     pub(super) fn put_into(&self, tables: &mut Table) {
         let table = tables.entry(&self.table).or_insert_with(|| Value::Table(Table::new()));
-        // Parsing the settings rejects a value in place of a table.
+        // If the table's name is used for a value, parsing the settings later reports the error.
         if let Some(table) = table.as_table_mut() {
             table.insert(self.key.clone(), self.value.clone());
         }

@@ -1,4 +1,4 @@
-//! The TOML file next to a scene: settings that glTF lacks.
+//! TOML file next to a scene: settings that glTF lacks.
 
 use super::setting::Setting;
 use super::settings_error::SettingsError;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Contents of `SCENE.toml`; every table is optional.
+/// Contents of `SCENE.toml`. Every table is optional.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneSettings {
@@ -16,16 +16,16 @@ pub struct SceneSettings {
     pub tone_mapping: Option<toml::Table>,
     /// Environment light.
     pub sky: Option<SkySettings>,
-    /// Properties of directional lights.
+    /// Properties of directional lights that glTF lacks.
     #[serde(default)]
     pub sun: Sun,
-    /// Choice of the filming camera.
+    /// Selection of the filming camera.
     #[serde(default)]
     pub camera: CameraChoice,
-    /// Choice of the animation to play.
+    /// Selection of the animation to play.
     #[serde(default)]
     pub animation: AnimationChoice,
-    /// Choice of the material variant.
+    /// Selection of the material variant.
     #[serde(default)]
     pub variant: VariantChoice,
     /// Strength and size of punctual lights.
@@ -34,10 +34,10 @@ pub struct SceneSettings {
     /// Width of points and lines.
     #[serde(default)]
     pub strokes: StrokeSettings,
-    /// Length and frame rate.
+    /// Length and frame rate of the video.
     #[serde(default)]
     pub video: Video,
-    /// Watched nodes and viewing conditions.
+    /// Nodes that viewers watch, and viewing conditions.
     #[serde(default)]
     pub importance: Gaze,
 }
@@ -46,57 +46,58 @@ pub struct SceneSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sun {
-    /// Angular diameter of the light's disc \[°\]; 0 gives hard shadows.
+    /// Angular diameter of the light's disc \[°\]. At 0, shadows are hard.
     pub angular_diameter: f32,
 }
 
 impl Default for Sun {
-    /// The sun as seen from Earth.
+    /// Returns the properties of the sun as seen from Earth.
     fn default() -> Self {
         Self { angular_diameter: 0.53 }
     }
 }
 
-/// Choice of the filming camera.
+/// Selection of the filming camera.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraChoice {
-    /// Name of a camera or its node, or its index, counted from 0. By default the first moving camera, else the first.
+    /// Name of a camera or its node, or the camera's index, counted from 0. The default is the first moving camera,
+    /// otherwise the first camera.
     pub name: Option<String>,
 }
 
-/// Choice of the animation to play.
+/// Selection of the animation to play.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnimationChoice {
-    /// Name of an animation in the file, or "all"; the first by default.
+    /// Name of an animation in the file, or "all". The default is the first animation.
     pub name: Option<String>,
 }
 
-/// Choice of the material variant (`KHR_materials_variants`).
+/// Selection of the material variant (`KHR_materials_variants`).
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VariantChoice {
-    /// Name of a variant in the file; by default the meshes keep their materials.
+    /// Name of a variant in the file. By default, meshes keep their materials.
     pub name: Option<String>,
 }
 
-/// Points, spots and suns in the file (`KHR_lights_punctual`).
+/// Settings of the file's point, spot and directional lights (`KHR_lights_punctual`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightSettings {
-    /// Factor on their candela and lux [default: 1, and 1/683 for Blender's files].
+    /// Factor on the lights' candela and lux [default: 1, and 1/683 for Blender's files].
     pub lamps: Option<f32>,
-    /// Radius of points \[m\], which files lack; 0 gives hard shadows.
+    /// Radius of point lights \[m\], which files lack. At 0, shadows are hard.
     #[serde(default)]
     pub lamp_radius: f32,
 }
 
-/// Points and lines, which have no width in files.
+/// Settings of points and lines, which have no width in files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StrokeSettings {
-    /// Width \[m\], before the scale of their node; 1/200 of the mesh's diagonal by default.
+    /// Width \[m\] before the scale of the node. The default is 1/200 of the mesh's diagonal.
     pub point_size: Option<f32>,
 }
 
@@ -111,11 +112,11 @@ pub struct Video {
     pub fps: Option<f64>,
 }
 
-/// Watched nodes and viewing conditions.
+/// Nodes that viewers watch, and viewing conditions.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Gaze {
-    /// Names of the nodes that viewers watch, including their descendants; several nodes may share a name.
+    /// Names of the nodes that viewers watch. Descendants are included; several nodes may share a name.
     pub nodes: Vec<String>,
     /// Distance from the viewer to the screen \[m\].
     pub viewing_distance: f32,
@@ -124,14 +125,14 @@ pub struct Gaze {
 }
 
 impl Default for Gaze {
-    /// A monitor on a desk: the picture spans 45°.
+    /// Returns the viewing conditions of a monitor on a desk: the picture spans 45°.
     fn default() -> Self {
         Self { nodes: Vec::new(), viewing_distance: 0.6, screen_width: 0.5 }
     }
 }
 
 impl Gaze {
-    /// Pixels per degree in the middle of a picture with this width \[pixels\].
+    /// Returns the number of pixels per degree in the middle of a picture with this width \[pixels\].
     #[must_use]
     pub fn pixels_per_degree(&self, width: usize) -> f32 {
         width as f32 / self.screen_width * self.viewing_distance * 1f32.to_radians().tan()
@@ -139,7 +140,7 @@ impl Gaze {
 }
 
 impl SceneSettings {
-    /// Path of the settings file of `scene`: the same name with the extension `.toml`.
+    /// Returns the path of the settings file of `scene`: the same name with the extension `.toml`.
     #[must_use]
     pub fn path_for(scene: &Path) -> PathBuf {
         scene.with_extension("toml")
@@ -153,7 +154,7 @@ impl SceneSettings {
         Self::parse_with(text, &[])
     }
 
-    /// Parses the text of a settings file and overrides its values by `set`.
+    /// Parses the text of a settings file and overrides its values with `set`.
     ///
     /// # Errors
     /// Invalid TOML, unknown keys, or values out of range, in the text or in `set`.
@@ -162,7 +163,7 @@ impl SceneSettings {
         let settings: Self = if set.is_empty() {
             toml::from_str(text).map_err(wrong)?
         } else {
-            // Parse the file alone first: its errors then name lines.
+            // Parse the file alone first, so that its errors name lines.
             let mut tables: toml::Table = toml::from_str(text).map_err(wrong)?;
             set.iter().for_each(|setting| setting.put_into(&mut tables));
             tables.try_into().map_err(wrong)?

@@ -1,23 +1,23 @@
 //! Errors in the TOML file next to a scene.
 
-/// An error in a settings file.
+/// Error in a settings file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SettingsError {
-    /// The text is not TOML, or has unknown keys or types. One line that names line and key.
+    /// The text is not TOML, or has unknown keys or types. The message is one line with line and key.
     #[error("{0}")]
     Toml(String),
     /// A value is out of range, or two values contradict each other.
     #[error("[{table}] {problem}")]
     Value {
-        /// The table of the value.
+        /// Table of the value.
         table: &'static str,
-        /// The key, the problem and the valid values.
+        /// Message with the key, the problem and the valid values.
         problem: String,
     },
 }
 
-/// Rust's names of number types, and their descriptions.
+/// Rust's names of number types, each with its description.
 const NUMBERS: [(&str, &str); 3] = [
     ("expected f32", "expected a number"),
     ("expected f64", "expected a number"),

@@ -5,25 +5,25 @@ use super::settings_error::SettingsError;
 use crate::environment::Gradient;
 use serde::Deserialize;
 
-/// The `[sky]` table: either colors or an image.
+/// Contents of the `[sky]` table: either colors or an image.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SkySettings {
-    /// Zenith color, as [`Gradient::zenith`]; invalid with an image.
+    /// Zenith color, [`Gradient::zenith`]. Invalid with an image.
     pub zenith: Option<[f32; 3]>,
-    /// Horizon color, as [`Gradient::horizon`]; invalid with an image.
+    /// Horizon color, [`Gradient::horizon`]. Invalid with an image.
     pub horizon: Option<[f32; 3]>,
-    /// Ground color, as [`Gradient::ground`]; black by default.
+    /// Ground color, [`Gradient::ground`]. The default is black.
     pub ground: Option<[f32; 3]>,
     /// Path of an equirectangular `.hdr` or `.exr` file, relative to the TOML file's folder.
     pub image: Option<String>,
-    /// Factor on all radiances; 1 by default.
+    /// Factor on all radiances. The default is 1.
     pub intensity: Option<f32>,
     /// Rotation of the image about +y \[°\], counter-clockwise seen from above.
     pub rotation: Option<f32>,
 }
 
-/// A checked [`SkySettings`].
+/// Checked [`SkySettings`].
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum SkySource {
     Gradient(Gradient),
@@ -31,17 +31,17 @@ pub(super) enum SkySource {
 }
 
 impl SkySettings {
-    /// Factor on all radiances.
+    /// Returns the factor on all radiances.
     fn factor(&self) -> f32 {
         self.intensity.unwrap_or(1.0)
     }
 
-    /// Rotation of the image \[°\].
+    /// Returns the rotation of the image \[°\].
     fn turn(&self) -> f32 {
         self.rotation.unwrap_or(0.0)
     }
 
-    /// Checks the range of each value, whether or not they define a sky.
+    /// Checks the range of each value, regardless of whether the values define a sky.
     pub(super) fn check_values(&self) -> Result<(), SettingsError> {
         let refuse = |problem: String| Err(SettingsError::value("sky", problem));
         let (intensity, rotation) = (self.factor(), self.turn());
@@ -62,7 +62,7 @@ impl SkySettings {
         Ok(())
     }
 
-    /// The sky of the table, after its values were checked. The error names missing keys.
+    /// Returns the sky of the table, whose values must be checked before. The error names missing keys.
     pub(super) fn source(&self) -> Result<SkySource, SettingsError> {
         let refuse = |problem: &str| Err(SettingsError::value("sky", problem));
         let (intensity, rotation) = (self.factor(), self.turn());

@@ -1,4 +1,4 @@
-//! Textures, filtered so that they neither shimmer nor blur.
+//! Textures, filtered to avoid both shimmer and blur.
 
 use crate::sampling::centered_sobol;
 use glam::{Vec2, Vec3};
@@ -8,24 +8,24 @@ use std::sync::{Arc, LazyLock};
 /// Addressing of coordinates outside 0…1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// Tiles the image.
+    /// The image is tiled.
     Repeat,
-    /// Tiles the image and mirrors every other tile.
+    /// The image is tiled, with every other tile mirrored.
     Mirror,
-    /// Repeats the border texel.
+    /// The border texel is repeated.
     Clamp,
 }
 
-/// Meaning of an image's code values. Opacity is linear in both.
+/// Meaning of an image's code values. Opacity is linear in both encodings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// Colors in sRGB.
     Srgb,
-    /// Linear numbers: roughness, metalness, normals.
+    /// Linear numbers, such as roughness, metalness and normals.
     Linear,
 }
 
-/// An image with its mip levels, each half the size of the previous. Copies share the texels.
+/// Image with its mip levels, each half the size of the previous level. Copies share the texels.
 #[derive(Clone, Debug)]
 pub struct Texture {
     levels: Arc<[Level]>,
@@ -42,7 +42,7 @@ struct Level {
     texels: Vec<[u8; 4]>,
 }
 
-/// sRGB code value to linear (IEC 61966-2-1).
+/// Conversion of sRGB code values to linear (IEC 61966-2-1).
 static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|code| {
         let c = code as f64 / 255.0;
@@ -50,7 +50,7 @@ static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-/// Code value divided by 255.
+/// Conversion of linear code values to 0…1: division by 255.
 static CODE_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| code as f32 / 255.0));
 
 impl Encoding {
@@ -61,7 +61,7 @@ impl Encoding {
         }
     }
 
-    /// Code value of a number in 0…1.
+    /// Returns the code value of a number in 0…1.
     pub(super) fn code(self, c: f32) -> u8 {
         let c = c.clamp(0.0, 1.0);
         let e = match self {
@@ -73,10 +73,10 @@ impl Encoding {
     }
 }
 
-/// A filtered texture sample.
+/// Filtered texture sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filtered {
-    /// Linear RGB.
+    /// Linear RGB color.
     pub color: Vec3,
     /// Opacity, 0…1.
     pub opacity: f32,
@@ -113,19 +113,19 @@ impl Texture {
         Self { levels: levels.into(), wrap, encoding, is_blocky: false }
     }
 
-    /// The texture with sharp texel borders under magnification (glTF 2.0, 5.26.1: `NEAREST`), smoothed only over the
-    /// footprint.
+    /// Returns the texture with sharp texel borders under magnification (glTF 2.0, 5.26.1: `NEAREST`), smoothed only
+    /// over the footprint.
     #[must_use]
     pub fn blocky(self) -> Self {
         Self { is_blocky: true, ..self }
     }
 
-    /// A distant mask: a texture about half as wide and high (powers of two). Its opacity is the fraction of a texel's
-    /// area where this texture's opacity is at least `least`, counted at 16 points.
+    /// Returns a mask for distant views: a texture about half as wide and high (powers of two). The mask's opacity is
+    /// the fraction of a texel's area in which this texture's opacity is at least `least`, counted at 16 points.
     #[must_use]
     pub(crate) fn coverage(&self, least: f32) -> Self {
         let Level { width, height, .. } = self.levels[0];
-        // Powers of two: no mip level drops a row or a column.
+        // Use powers of two, so that no mip level drops a row or a column.
         let (width, height) = (width.div_ceil(2).next_power_of_two(), height.div_ceil(2).next_power_of_two());
         let step = Vec2::new(width as f32, height as f32).recip();
         let points: Vec<Vec2> = centered_sobol(16).collect();
@@ -143,19 +143,19 @@ impl Texture {
         Self::with_encoding(width, height, texels, self.wrap, Encoding::Linear)
     }
 
-    /// Size of the finest level \[texels\].
+    /// Returns the size of the finest level \[texels\].
     #[must_use]
     pub fn size(&self) -> Vec2 {
         Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32)
     }
 
-    /// Opacity of the most transparent texel.
+    /// Returns the opacity of the most transparent texel.
     pub fn least_opacity(&self) -> f32 {
         self.levels[0].texels.iter().map(|texel| f32::from(texel[3]) / 255.0).fold(1.0, f32::min)
     }
 
-    /// Samples trilinearly: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level; 0 is a
-    /// point.
+    /// Samples trilinearly. Returns linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level.
+    /// Footprint 0 is a point.
     #[must_use]
     pub fn sample(&self, uv: Vec2, footprint: f32) -> Filtered {
         if self.is_blocky && footprint < 1.0 {
@@ -174,15 +174,15 @@ impl Texture {
         }
     }
 
-    /// Samples anisotropically: linear RGB and opacity at `uv`, blurred over the ellipse with the conjugate `diameters`
-    /// \[texels of the finest level\].
+    /// Samples anisotropically. Returns linear RGB and opacity at `uv`, blurred over the ellipse with the conjugate
+    /// `diameters` \[texels of the finest level\].
     ///
-    /// Averages at most twelve trilinear samples along the ellipse's long axis, each as blurred as the ellipse is
-    /// narrow \[McCormack99\]. A longer ellipse is widened.
+    /// Averages at most twelve trilinear samples along the ellipse's long axis, each blurred to the ellipse's width
+    /// \[McCormack99\]. Longer ellipses are widened.
     pub fn sample_ellipse(&self, uv: Vec2, diameters: [Vec2; 2]) -> Filtered {
         let (long, narrow) = principal_axes(diameters);
         let length = long.length();
-        // Also false for NaN.
+        // The negated condition is also true for NaN.
         if !(length > 1.0 && length.is_finite()) {
             return self.sample(uv, if length <= 1.0 { length } else { 1.0 });
         }
@@ -202,13 +202,14 @@ impl Texture {
         Filtered { color: color / count as f32, opacity: opacity / count as f32 }
     }
 
-    /// Size of the texels of all levels \[bytes\].
+    /// Returns the size of the texels of all levels \[bytes\].
     #[must_use]
     pub fn byte_count(&self) -> usize {
         self.levels.iter().map(|level| size_of_val(&level.texels[..])).sum()
     }
 
-    /// Passes all bytes that samples depend on to `visitor`, in a fixed order. Coarser levels follow from the finest.
+    /// Passes all bytes on which samples depend to `visitor`, in a fixed order. Coarser levels follow from the finest
+    /// level.
     pub fn visit_bytes(&self, visitor: &mut impl FnMut(&[u8])) {
         let Level { width, height, texels } = &self.levels[0];
         let wrap = self.wrap.map(|wrap| match wrap {
@@ -228,14 +229,14 @@ impl Texture {
         visitor(texels.as_flattened());
     }
 
-    /// Mean linear color.
+    /// Returns the mean linear color.
     #[must_use]
     pub fn mean(&self) -> Vec3 {
         self.sample(Vec2::ZERO, f32::MAX).color
     }
 
-    /// The mean of a level's texels over a square of `width` texels, at most 1. Width 1 is bilinear; width 0 returns
-    /// the texel at `uv`.
+    /// Returns the mean of a level's texels over a square of `width` texels, at most 1. Width 1 is bilinear
+    /// interpolation. Width 0 returns the texel at `uv`.
     ///
     /// ```text
     /// f ← (f − ½) / width + ½,  within 0…1        f  fraction of the way from one texel center to the next
@@ -262,12 +263,13 @@ impl Texture {
     }
 }
 
-/// Most samples along the long axis of an ellipse.
+/// Maximum number of samples along the long axis of an ellipse.
 const MOST_LOOK_UPS: usize = 12;
-/// Distance between two samples, in widths of one: a bilinear sample is a tent two texels wide.
+/// Distance between two samples, relative to the width of a sample. A bilinear sample is a tent two texels wide.
 const SPACING: f32 = 1.5;
 
-/// The long principal diameter of the ellipse with these conjugate `diameters`, and the length of the short one.
+/// Returns the long principal diameter of the ellipse with these conjugate `diameters`, and the length of the short
+/// one.
 ///
 /// ```text
 /// M Mᵀ = | p  r |    λ = (p + q ± √((p − q)² + 4 r²)) / 2 are the squares of the lengths     M  the diameters as columns
@@ -277,25 +279,25 @@ fn principal_axes([a, b]: [Vec2; 2]) -> (Vec2, f32) {
     let (p, q, r) = (a.x * a.x + b.x * b.x, a.y * a.y + b.y * b.y, a.x * a.y + b.x * b.y);
     let root = ((p - q) * (p - q) + 4.0 * r * r).sqrt();
     let (most, least) = (0.5 * (p + q + root), 0.5 * (p + q - root));
-    // The row of M Mᵀ − λ that is not small gives the direction.
+    // The larger row of M Mᵀ − λ determines the direction.
     let along = if p >= q { Vec2::new(most - q, r) } else { Vec2::new(r, most - p) };
     (along.normalize_or(Vec2::X) * most.sqrt(), least.max(0.0).sqrt())
 }
 
-/// The two neighbors of coordinate `c` among `n` texels in a row, and the fraction of the way from the first to the
-/// second.
+/// Returns the two neighbors of coordinate `c` among `n` texels in a row, and the fraction of the way from the first to
+/// the second.
 ///
-/// Without division or call: this runs for every texture of every hit.
+/// Uses neither division nor a call, since this function runs for every texture of every hit.
 #[inline]
 fn neighbors(c: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
     // NaN and infinity become 0: an invalid coordinate returns a texel instead of a panic.
     let c = if c.is_finite() { c } else { 0.0 };
-    // Two periods: a mirrored texture repeats every two. From 2³¹ on all `f32` coordinates are even.
+    // Reduce to two periods, after which a mirrored texture repeats. From 2³¹ on, all `f32` coordinates are even.
     let period = if c.abs() < 2.0f32.powi(31) { c - 2.0 * floor(c * 0.5) as f32 } else { 0.0 };
     let p = period * n as f32 - 0.5;
     let first = floor(p);
     let size = n as i64;
-    // `i` is in −1…2 n.
+    // The index `i` is in −1…2 n.
     let within = |i: i64| match wrap {
         Wrap::Clamp => i.clamp(0, size - 1),
         Wrap::Repeat if i < 0 => i + size,
@@ -308,8 +310,8 @@ fn neighbors(c: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
     ([first, first + 1].map(|i| within(i) as usize), p - first as f32)
 }
 
-/// The largest integer not above `x`, within the range of `i64`. `f32::floor` is a call if the target processor is
-/// unspecified.
+/// Returns the largest integer not above `x`, within the range of `i64`. `f32::floor` is a call if the target processor
+/// is unspecified.
 #[inline]
 fn floor(x: f32) -> i64 {
     let towards_zero = x as i64;
@@ -317,7 +319,7 @@ fn floor(x: f32) -> i64 {
 }
 
 impl Level {
-    /// Applies a box filter in linear light; an odd row or column counts twice at the border.
+    /// Applies a box filter in linear light. An odd row or column counts twice at the border.
     fn half(&self, encoding: Encoding) -> Level {
         let to_linear = encoding.to_linear();
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
@@ -370,7 +372,7 @@ mod tests {
         assert!((mean.x - 0.5).abs() < 0.01, "{mean}");
     }
 
-    /// Compares with the longest and shortest diameter found by rotation through all directions.
+    /// The principal axes match the longest and shortest diameter found by rotation through all directions.
     #[test]
     fn principal_axes_are_the_longest_and_the_shortest_diameter() {
         for k in 0..200u32 {
@@ -395,7 +397,7 @@ mod tests {
         assert_eq!(principal_axes([Vec2::ZERO; 2]), (Vec2::ZERO, 0.0));
     }
 
-    /// Stripes across the short side of the footprint keep their contrast; stripes across the long side are averaged.
+    /// Stripes across the short side of the footprint keep their contrast. Stripes across the long side are averaged.
     #[test]
     fn a_narrow_footprint_blurs_along_itself_alone() {
         let size = 64;
@@ -410,11 +412,11 @@ mod tests {
         let uv = Vec2::splat((8.0 + 2.0) / size as f32);
         assert_eq!(across.sample_ellipse(uv, footprint).color, Vec3::ONE);
         assert!((along.sample_ellipse(uv, footprint).color.x - 0.5).abs() < 0.02);
-        // One trilinear sample over the long side loses both.
+        // One trilinear sample over the long side loses the contrast of both.
         assert!((across.sample(uv, 16.0).color.x - 0.5).abs() < 0.1);
     }
 
-    /// Compares with the mean over the footprint's own texels, summed one by one, for ellipses of all directions.
+    /// An ellipse matches the mean over the footprint's own texels, summed one by one, for ellipses of all directions.
     #[test]
     fn an_ellipse_shows_the_mean_of_its_texels() {
         let size = 128;
@@ -443,15 +445,15 @@ mod tests {
         }
     }
 
-    /// An image of random opacities.
+    /// Builds an image of random opacities.
     fn opacities(width: usize, height: usize) -> Texture {
         let random = |i: usize| (crate::sampling::hash_unit(7, i as u64, 0) * 255.99) as u8;
         let texels = (0..width * height).map(|i| [0, 0, 0, random(i)]).collect();
         Texture::new(width, height, texels, [Wrap::Repeat; 2])
     }
 
-    /// Compares with the fraction of points that have an opacity of at least the cutoff, counted one by one. Checks the
-    /// whole image and a width of two texels, for odd sizes too.
+    /// The mask matches the fraction of points that have an opacity of at least the cutoff, counted one by one. The
+    /// test checks the whole image and a width of two texels, also for odd sizes.
     #[test]
     fn coverage_is_the_share_of_points_that_are_no_holes() {
         for (width, height) in [(16, 16), (13, 7), (1, 5)] {
@@ -464,23 +466,23 @@ mod tests {
                     (0..64 * 64).filter(is_there).count() as f32 / (64.0 * 64.0)
                 };
                 let (whole, expected) = (far.sample(Vec2::ZERO, f32::MAX).opacity, share(Vec2::ZERO, Vec2::ONE));
-                // Along a line of points, each border of a hole may be half a point off: with 64 points, a few borders
-                // are 5 %.
+                // Along a line of points, each border of a hole may be off by half a point. With 64 points, a few
+                // borders are 5 %.
                 let slack = if width == 1 { 0.05 } else { 0.02 };
                 assert!((whole - expected).abs() < slack, "{whole} for {expected} of {width}x{height} above {least}");
                 let step = far.size().recip();
                 for (x, y) in [(0, 0), (far.levels[0].width - 1, far.levels[0].height / 2)] {
                     let low = Vec2::new(x as f32, y as f32) * step;
                     let found = far.sample(low + 0.5 * step, 0.0).opacity;
-                    // With 16 points, each of the two values may be 1/16 off.
+                    // With 16 points, each of the two values may be off by 1/16.
                     assert!((found - share(low, step)).abs() < 0.13, "{found} for {} at {x} {y}", share(low, step));
                 }
             }
         }
     }
 
-    /// Compares with the mean of square texels over a square footprint, summed point by point; for footprint 0, with
-    /// the texel.
+    /// The result matches the mean of square texels over a square footprint, summed point by point. For footprint 0, it
+    /// matches the texel.
     #[test]
     fn blocky_texels_are_smoothed_over_the_footprint_alone() {
         let image = opacities(8, 8).blocky();
@@ -501,7 +503,7 @@ mod tests {
             let (found, mean) = (image.sample(uv, footprint).opacity, sum / (steps * steps) as f32);
             assert!((found - mean).abs() < 0.04, "{found} for {mean} at {uv} over {footprint}");
         }
-        // From a footprint of one texel on, samples are bilinear as in all other textures.
+        // For footprints of one texel or more, samples are bilinear as in all other textures.
         let smooth = opacities(8, 8);
         assert_eq!(image.sample(Vec2::new(0.3, 0.7), 1.0), smooth.sample(Vec2::new(0.3, 0.7), 1.0));
     }

@@ -1,10 +1,11 @@
-//! Settings from the command line: their names and valid values.
+//! Settings from the command line, with their names and valid values.
 
 use super::{SceneSettings, Setting, SettingsError};
 use std::str::FromStr;
 use toml::{Table, Value};
 
-/// The tables of a settings file, and the keys of each. A key that occurs in one table may be given without it.
+/// Tables of a settings file, and the keys of each table. A key that occurs in one table only may be given without the
+/// table.
 const TABLES: [(&str, &[&str]); 10] = [
     ("tone_mapping", &["operator", "exposure", "gamma", "white", "display"]),
     ("sky", &["zenith", "horizon", "ground", "image", "intensity", "rotation"]),
@@ -28,7 +29,7 @@ impl FromStr for Setting {
         let (table, key) =
             place.ok_or_else(|| wrong(&format!("names an unknown setting; settings are {}", all_names())))?;
 
-        // Parse the value as TOML, else take the text itself: names need no quotation marks.
+        // Parse the value as TOML. Otherwise use the text itself, since names need no quotation marks.
         let line = format!("value = {}", value.trim());
         let parsed = line.parse::<Table>().ok().and_then(|mut table| table.remove("value"));
         let value = parsed.unwrap_or_else(|| Value::String(value.trim().into()));
@@ -38,7 +39,7 @@ impl FromStr for Setting {
     }
 }
 
-/// Table and key of a setting `name`, if they exist.
+/// Returns the table and key of a setting `name`, if they exist.
 fn place_of(name: &str) -> Option<(&'static str, &'static str)> {
     all_places().find(|(table, key)| name == format!("{table}.{key}") || (name == *key && is_unique(key)))
 }
@@ -52,17 +53,17 @@ fn check(setting: &Setting) -> Result<(), SettingsError> {
     alone.check_values()
 }
 
-/// All pairs of table and key.
+/// Returns all pairs of table and key.
 fn all_places() -> impl Iterator<Item = (&'static str, &'static str)> {
     TABLES.iter().flat_map(|(table, keys)| keys.iter().map(|key| (*table, *key)))
 }
 
-/// Whether the key occurs in one table only.
+/// Returns whether the key occurs in one table only.
 fn is_unique(key: &str) -> bool {
     all_places().filter(|(_, other)| *other == key).count() == 1
 }
 
-/// The names of all settings, each in its shortest form.
+/// Returns the names of all settings, each in its shortest form.
 fn all_names() -> String {
     let name = |(table, key): (&str, &str)| if is_unique(key) { key.into() } else { format!("{table}.{key}") };
     all_places().map(name).collect::<Vec<String>>().join(", ")
@@ -107,7 +108,7 @@ mod tests {
 
     #[test]
     fn each_key_that_files_may_have_can_be_set_and_no_other() {
-        // The error for an unknown key lists the valid ones.
+        // The error for an unknown key lists the valid keys.
         for (table, keys) in TABLES.iter().filter(|(table, _)| *table != "tone_mapping") {
             let message = SceneSettings::parse(&format!("[{table}]\nno-such-key = 1")).unwrap_err().to_string();
             let known: Vec<&str> = message.split('`').skip(3).step_by(2).collect();

@@ -1,7 +1,7 @@
-//! Reads numbers from accessors: any component type, normalized or not, interleaved or not, sparse or not.
+//! Reader of numbers from accessors: any component type, normalized or not, interleaved or not, sparse or not.
 //!
-//! The `gltf` crate's own reader trusts strides and counts. It also assumes floats for positions, normals and tangents,
-//! but `KHR_mesh_quantization` allows bytes and shorts.
+//! The `gltf` crate's own reader does not check strides and counts. It also requires floats for positions, normals and
+//! tangents, but `KHR_mesh_quantization` allows bytes and shorts.
 
 use super::stored::Allowance;
 use gltf::Accessor;
@@ -9,13 +9,13 @@ use gltf::accessor::{DataType, sparse::IndexType};
 use gltf::buffer::View;
 use std::collections::HashSet;
 
-/// Most elements of an accessor without a buffer view; no byte of the file backs these zeros.
+/// Maximum number of elements of an accessor without a buffer view. The file contains no bytes for these zeros.
 const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
 
-/// The buffers that accessors refer to.
+/// Buffers to which accessors refer.
 pub(super) struct Buffers {
     bytes: Vec<Vec<u8>>,
-    /// Accessors that are all zeros, whatever view they name.
+    /// Indices of accessors that are all zeros, regardless of the view that they name.
     zeros: HashSet<usize>,
     allowance: Allowance,
 }
@@ -26,24 +26,24 @@ impl Buffers {
         Self { bytes, zeros, allowance }
     }
 
-    /// Whether accessors need more memory than a file of this size may.
+    /// Returns whether accessors need more memory than is allowed for a file of this size.
     pub(super) fn is_exhausted(&self) -> bool {
         self.allowance.is_exhausted()
     }
 
-    /// Takes `bytes` from the allowance; `None` once it is exhausted.
+    /// Subtracts `bytes` from the allowance. Returns `None` once the allowance is exhausted.
     pub(super) fn charge(&self, bytes: usize) -> Option<()> {
         self.allowance.charge(bytes)
     }
 
-    /// The bytes of a view; `None` if they are outside their buffer.
+    /// Returns the bytes of a view, or `None` if they are outside their buffer.
     pub(super) fn view(&self, view: &View) -> Option<&[u8]> {
         let end = view.offset().checked_add(view.length())?;
         self.bytes.get(view.buffer().index())?.get(view.offset()..end)
     }
 
-    /// Reads elements of `N` floats each. Normalized integers become 0…1 or −1…1 (glTF 2.0, 3.6.2.2); others keep their
-    /// value. `None` if the accessor has another number of components, or too few bytes.
+    /// Reads elements of `N` floats each. Normalized integers become 0…1 or −1…1 (glTF 2.0, 3.6.2.2); other integers
+    /// keep their value. Returns `None` if the accessor has a different number of components, or too few bytes.
     pub(super) fn floats<const N: usize>(&self, accessor: &Accessor) -> Option<Vec<[f32; N]>> {
         let scaled = |value: f32, most: f32| if accessor.normalized() { (value / most).max(-1.0) } else { value };
         match accessor.data_type() {
@@ -56,8 +56,8 @@ impl Buffers {
         }
     }
 
-    /// Reads elements of `N` unsigned integers each. `None` if the accessor has another type or number of components,
-    /// or too few bytes.
+    /// Reads elements of `N` unsigned integers each. Returns `None` if the accessor has another type, a different
+    /// number of components, or too few bytes.
     pub(super) fn integers<const N: usize>(&self, accessor: &Accessor) -> Option<Vec<[u32; N]>> {
         match accessor.data_type() {
             DataType::U8 => self.elements(accessor, |b| u32::from(b[0])),
@@ -80,7 +80,7 @@ impl Buffers {
         let (count, whole) = (accessor.count(), N * size);
         self.charge(count.saturating_mul(size_of::<[T; N]>()))?;
 
-        // The dense elements; zeros without a view.
+        // Read the dense elements, which are zeros without a view.
         let mut list: Vec<[T; N]> = match accessor.view().filter(|_| !self.zeros.contains(&accessor.index())) {
             Some(view) => {
                 let stride = view.stride().unwrap_or(whole);
@@ -90,7 +90,7 @@ impl Buffers {
             None => return None,
         };
 
-        // Sparse elements replace some of them.
+        // Replace elements with sparse ones.
         if let Some(sparse) = accessor.sparse() {
             let (indices, values) = (sparse.indices(), sparse.values());
             let (width, index): (usize, fn(&[u8]) -> usize) = match indices.index_type() {
@@ -108,7 +108,7 @@ impl Buffers {
     }
 }
 
-/// `count` slices of `size` bytes, `stride` apart; `None` if `bytes` is too short.
+/// Returns `count` slices of `size` bytes, `stride` apart, or `None` if `bytes` is too short.
 fn strided(
     bytes: &[u8],
     offset: usize,

@@ -1,4 +1,4 @@
-//! Loads the animations that play.
+//! Loader of the animations to play.
 
 use super::accessor::Buffers;
 use super::lenient::PointerChannel;
@@ -15,8 +15,8 @@ use gltf::animation::Property;
 use std::collections::HashSet;
 
 impl Loader<'_> {
-    /// The animation called `name`, or the first: the others may be alternatives. "all" selects all that animate
-    /// different properties.
+    /// Returns the animation called `name`, or the first animation, since others may be alternatives. The name "all"
+    /// selects all animations that animate different properties.
     pub(super) fn clips<'d>(
         &self,
         document: &'d gltf::Document,
@@ -78,7 +78,7 @@ impl Loader<'_> {
             match target {
                 Target::Node(index, property) => {
                     let Some(&node) = node_of.get(&index) else { continue };
-                    // Copies of a mesh, and the nodes that hide it, have its weights.
+                    // Copies of a mesh, and the nodes that hide it, have the same weights as the mesh.
                     let nodes = match property {
                         Property::MorphTargetWeights => node_of.showing(node),
                         _ => vec![node],
@@ -136,7 +136,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// The keys of a material's property; `None` if the material does not exist.
+    /// Returns the keys of a material's property, or `None` if the material does not exist.
     fn material_channel(
         &self,
         index: usize,
@@ -173,7 +173,7 @@ impl Loader<'_> {
         Ok(Some(MaterialChannel { material: index, property, rest: materials::factors(&material), keys }))
     }
 
-    /// The visibility of a node, as the scale of a node that hides it: 1 or 0, constant until the next key.
+    /// Returns the visibility of a node as the scale of a node that hides it: 1 or 0, constant until the next key.
     fn visibility(&self, node: usize, keys: &Keys) -> Result<Option<Channel>, LoadError> {
         let Keys { place, sampler, buffers } = keys;
         // "The output accessor of a boolean property is of unsigned bytes": zero is false.
@@ -190,7 +190,8 @@ impl Loader<'_> {
         Ok(Some(Channel { node, times, track: Track::Scale(scales), interpolation: Interpolation::Step }))
     }
 
-    /// A track of keys for a node with this number of `weights`; `None` for weights of a node without morph targets.
+    /// Returns a track of keys for a node with this number of `weights`, or `None` for weights of a node without morph
+    /// targets.
     fn channel(
         &self,
         node: usize,
@@ -222,7 +223,7 @@ impl Loader<'_> {
         self.timed(node, keys, track, width).map(Some)
     }
 
-    /// A track with the times of its keys, validated; each key has `width` weights.
+    /// Returns a track with the times of its keys, after validation. Each key has `width` weights.
     fn timed(&self, node: usize, keys: &Keys, track: Track, width: usize) -> Result<Channel, LoadError> {
         let Keys { place, sampler, buffers } = keys;
         let interpolation = match sampler.interpolation() {
@@ -258,14 +259,14 @@ fn as_numbers(channel: Channel) -> Channel {
 }
 
 impl DocumentSource<'_> {
-    /// Color and intensity of a light in the file, and the factor on their product.
+    /// Returns the color and intensity of a light in the file, and the factor on their product.
     fn light(&self, index: usize) -> Option<(Vec3, f32, f32)> {
         let light = self.document.lights()?.nth(index)?;
         Some((Vec3::from(light.color()), light.intensity(), self.lamps))
     }
 }
 
-/// The same channel for the copy of the material that points and lines use, if it exists.
+/// Returns the same channel for the copy of the material that points and lines use, if the copy exists.
 fn copy_for_strokes(channel: &MaterialChannel, node_of: &NodeOf) -> Option<MaterialChannel> {
     let material = *node_of.unlit.get(&channel.material)?;
     let rest = MaterialFactors { shows_sum: true, ..channel.rest };
@@ -274,13 +275,13 @@ fn copy_for_strokes(channel: &MaterialChannel, node_of: &NodeOf) -> Option<Mater
 
 /// Keys of a track.
 struct Keys<'d> {
-    /// The animation and its target, for messages.
+    /// Description of the animation and its target, for messages.
     place: String,
     sampler: gltf::animation::Sampler<'d>,
     buffers: &'d Buffers,
 }
 
-/// The properties that a clip animates, as JSON pointers.
+/// Returns the properties that a clip animates, as JSON pointers.
 fn moved_by(clip: &gltf::Animation, pointers: &[PointerChannel]) -> HashSet<String> {
     let mut moved = HashSet::new();
     for channel in clip.channels() {
@@ -297,7 +298,7 @@ fn moved_by(clip: &gltf::Animation, pointers: &[PointerChannel]) -> HashSet<Stri
     moved
 }
 
-/// All clips, except those with a property that an earlier clip animates. A note names the omitted clips.
+/// Returns all clips except clips with a property that an earlier clip animates. A note names the omitted clips.
 fn all_together<'d>(
     clips: Vec<gltf::Animation<'d>>,
     pointers: &[PointerChannel],

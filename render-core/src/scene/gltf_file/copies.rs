@@ -1,4 +1,4 @@
-//! `EXT_mesh_gpu_instancing`: copies of a node's mesh, each with its own transform.
+//! `EXT_mesh_gpu_instancing`: copies of a node's mesh, each with a separate transform.
 
 use super::{DocumentSource, LoadError, Loader};
 use crate::scene::{Node, Scene, Transform};
@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 
 impl Loader<'_> {
-    /// Adds a node for each copy of the mesh of `node`, as a child of scene node `parent`. Returns the new nodes;
+    /// Adds a node for each copy of the mesh of `node`, as a child of scene node `parent`. Returns the new nodes, or
     /// `None` if the extension is not used.
     pub(super) fn copies(
         &self,
@@ -36,7 +36,7 @@ impl Loader<'_> {
             return Ok(None);
         }
 
-        // Missing attributes have their defaults.
+        // Use defaults for missing attributes.
         let vectors = |accessor: &Option<gltf::Accessor>, default: [f32; 3]| match accessor {
             Some(accessor) => buffers.floats::<3>(accessor),
             None => Some(vec![default; count]),
@@ -50,7 +50,7 @@ impl Loader<'_> {
             return self.bad(format!("{place}: its attributes cannot be read; export it again"));
         };
 
-        // Each copy is a child of the node.
+        // Add each copy as a child of the node.
         let first = scene.nodes.len();
         for k in 0..count {
             let rotation = Quat::from_array(rotations[k]);
@@ -68,8 +68,8 @@ impl Loader<'_> {
     }
 }
 
-/// Marks hidden nodes, by glTF index: coarser levels of other nodes (`MSFT_lod`), and nodes that `KHR_node_visibility`
-/// hides. Excludes `blinking` nodes, which have an animated visibility.
+/// Returns which nodes are hidden, by glTF index: coarser levels of other nodes (`MSFT_lod`), and nodes that
+/// `KHR_node_visibility` hides. Nodes in `blinking` have an animated visibility and are not hidden.
 pub(super) fn hidden_nodes(document: &gltf::Document, blinking: &BTreeSet<usize>) -> Vec<bool> {
     let mut hidden = vec![false; document.nodes().len()];
     for node in document.nodes() {

@@ -1,4 +1,4 @@
-//! Parses a document and reads its buffers.
+//! Parser of documents and reader of their buffers.
 
 use super::accessor::Buffers;
 use super::stored::StoredBuffers;
@@ -8,17 +8,17 @@ use serde_json::Value;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// A document with its buffers.
+/// Document with its buffers.
 pub(super) struct Parsed {
     pub document: gltf::Document,
     pub buffers: Buffers,
-    /// Content that the crate does not read.
+    /// Content that the `gltf` crate does not read.
     pub found: lenient::Normalized,
 }
 
 impl Loader<'_> {
-    /// Parses and validates a document. Checks required extensions here: the crate refuses some that this loader reads,
-    /// without naming them.
+    /// Parses and validates a document. Required extensions are checked first: the crate refuses some that this loader
+    /// reads, without naming them.
     pub(super) fn document(&self, bytes: &[u8]) -> Result<Parsed, LoadError> {
         let first = bytes.trim_ascii_start().first();
         if first.is_some_and(|&first| first != b'{') && !bytes.starts_with(b"glTF") {
@@ -48,7 +48,7 @@ impl Loader<'_> {
             return Err(LoadError::Unsupported { path: self.path.into(), extension: extension.clone() });
         }
         root.extensions_required.clear();
-        // An accessor without view and sparse data is all zeros. The crate requires a view: use any.
+        // An accessor without view and sparse data is all zeros. The crate requires a view, so use any.
         let mut zeros = HashSet::new();
         let any_view = (!root.buffer_views.is_empty()).then(|| json::Index::new(0));
         for (index, accessor) in root.accessors.iter_mut().enumerate() {
@@ -127,7 +127,7 @@ fn decode_percent(uri: &str) -> String {
     String::from_utf8_lossy(&out).into_owned()
 }
 
-/// Decodes base64 (RFC 4648, 4); `None` if a character is outside the alphabet.
+/// Decodes base64 (RFC 4648, 4). Returns `None` if a character is outside the alphabet.
 fn decode_base64(text: &str) -> Option<Vec<u8>> {
     let mut out = Vec::with_capacity(text.len() / 4 * 3);
     let (mut bits, mut count) = (0u32, 0u32);

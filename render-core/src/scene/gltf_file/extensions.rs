@@ -1,32 +1,32 @@
-//! Extensions of glTF: which are read, and notes for the others.
+//! glTF extensions: support by this loader, and notes for ignored extensions.
 
 use std::collections::BTreeSet;
 
 /// Support of an extension by this loader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Support {
-    /// Read.
+    /// The extension is read.
     Read,
-    /// Read in part; a note names the ignored properties.
+    /// The extension is read in part. A note names the ignored properties.
     InPart,
-    /// Left out, with a note.
+    /// The extension is ignored, with a note.
     Noted,
-    /// Left out, with a note; a file that requires it is refused.
+    /// The extension is ignored, with a note. A file that requires it is refused.
     Refused,
-    /// Left out without a note: it does not affect images.
+    /// The extension is ignored without a note, since it does not affect images.
     Silent,
 }
 
-/// An extension of glTF.
+/// glTF extension.
 #[derive(Clone, Copy, Debug)]
 pub struct Extension {
-    /// Name in files.
+    /// Name of the extension in files.
     pub name: &'static str,
-    /// Purpose, in a few words.
+    /// Purpose of the extension, in a few words.
     pub purpose: &'static str,
-    /// Support by this loader.
+    /// Support of the extension by this loader.
     pub support: Support,
-    /// Name of its test.
+    /// Name of the extension's test.
     pub test: &'static str,
 }
 
@@ -34,22 +34,22 @@ const fn row(name: &'static str, purpose: &'static str, support: Support, test: 
     Extension { name, purpose, support, test }
 }
 
-/// Support of an extension that needs a feature of the build.
+/// Returns the support of an extension that requires a feature of the build.
 const fn behind(is_built: bool) -> Support {
     if is_built { Support::Read } else { Support::Refused }
 }
 
-/// Test of compressed images.
+/// Name of the test of compressed images.
 const IMAGES: &str = "packed_images_have_the_reference_texels";
-/// Test of meshes packed by Draco.
+/// Name of the test of meshes packed by Draco.
 const DRACO: &str = "meshes_packed_by_draco_have_the_reference_numbers";
-/// Test of buffer views packed by meshoptimizer.
+/// Name of the test of buffer views packed by meshoptimizer.
 const MESHOPT: &str = "views_packed_by_meshopt_have_the_reference_numbers";
-/// Test of all extensions that are noted.
+/// Name of the test of all extensions that are ignored with a note.
 const NOTED: &str = "each_extension_that_is_left_out_has_one_note";
-/// Test of all extensions that are refused if required.
+/// Name of the test of all extensions that are refused if required.
 const REFUSED: &str = "required_formats_are_refused_by_name";
-/// Test of all extensions that do not affect images.
+/// Name of the test of all extensions that do not affect images.
 const SILENT: &str = "extensions_that_change_no_picture_have_no_note";
 
 /// Ratified and common extensions, mostly sorted by name.
@@ -130,7 +130,7 @@ pub static EXTENSIONS: &[Extension] = &[
     row("VRMC_vrm", "avatar data", Support::Silent, SILENT),
 ];
 
-/// Material extensions, and the factor of each that disables it at its default of zero.
+/// Material extensions, with the factor of each that disables the extension at its default of zero.
 const FACTORS: [(&str, &str); 9] = [
     ("KHR_materials_anisotropy", "anisotropyStrength"),
     ("KHR_materials_clearcoat", "clearcoatFactor"),
@@ -143,7 +143,7 @@ const FACTORS: [(&str, &str); 9] = [
     ("KHR_materials_volume_scatter", "multiscatterColor"),
 ];
 
-/// Extensions that need a feature of the build.
+/// Extensions that require a feature of the build, with the name of the feature.
 const FEATURES: [(&str, &str); 5] = [
     ("EXT_meshopt_compression", "meshopt"),
     ("EXT_texture_webp", "webp"),
@@ -152,23 +152,23 @@ const FEATURES: [(&str, &str); 5] = [
     ("KHR_texture_basisu", "basis"),
 ];
 
-/// The feature that reads an extension, if this build lacks it.
+/// Returns the feature that reads an extension, if this build lacks the feature.
 pub(super) fn missing_feature(name: &str) -> Option<&'static str> {
     let (_, feature) = FEATURES.into_iter().find(|(extension, _)| *extension == name)?;
     (!may_be_required(name)).then_some(feature)
 }
 
-/// The extension called `name`.
+/// Returns the extension called `name`.
 fn named(name: &str) -> Option<&'static Extension> {
     EXTENSIONS.iter().find(|extension| extension.name == name)
 }
 
-/// Whether a file may require the extension: without it, images show the same shapes.
+/// Returns whether a file may require the extension, because images show the same shapes without it.
 pub(super) fn may_be_required(name: &str) -> bool {
     named(name).is_some_and(|extension| extension.support != Support::Refused)
 }
 
-/// A note for each of these extensions that is left out, unless all materials disable it.
+/// Returns a note for each ignored extension in `names`, unless all materials disable the extension.
 pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -> Vec<String> {
     let mut notes = Vec::new();
     for name in names {
@@ -185,7 +185,7 @@ pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -
     notes
 }
 
-/// Whether some materials have the extension, all with a factor of zero.
+/// Returns whether some materials have the extension, all with a factor of zero.
 fn is_off(name: &str, materials: &[serde_json::Value]) -> bool {
     let Some((_, factor)) = FACTORS.into_iter().find(|(extension, _)| *extension == name) else { return false };
     let mut used = materials.iter().filter_map(|material| material.get("extensions")?.get(name)).peekable();
@@ -197,7 +197,7 @@ fn is_off(name: &str, materials: &[serde_json::Value]) -> bool {
         })
 }
 
-/// The table of extensions, as a page of the documentation.
+/// Returns the documentation page with the table of glTF extensions.
 #[must_use]
 pub fn extension_table() -> String {
     let mut page = String::from(

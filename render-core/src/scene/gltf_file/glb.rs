@@ -1,15 +1,15 @@
-//! The container of binary files (glTF 2.0, 4.4): a header, JSON and a binary chunk.
+//! Container of binary files (glTF 2.0, 4.4): a header, JSON and a binary chunk.
 
 use super::{LoadError, Loader, without_mark};
 
-/// Bytes of the header: magic, version and length.
+/// Size of the header: magic, version and length \[bytes\].
 const HEADER: usize = 12;
 
-/// Bytes before the data of a chunk: length and type.
+/// Size of the length and type before the data of a chunk \[bytes\].
 const CHUNK_HEADER: usize = 8;
 
 impl Loader<'_> {
-    /// Splits a file into its JSON and its binary chunk. Skips chunks of other types, as 4.4.3 demands.
+    /// Splits a file into its JSON and its binary chunk. Chunks of other types are skipped, as 4.4.3 demands.
     pub(super) fn split<'b>(&self, bytes: &'b [u8]) -> Result<(&'b [u8], Option<&'b [u8]>), LoadError> {
         if !bytes.starts_with(b"glTF") {
             return Ok((without_mark(bytes), None));
@@ -32,7 +32,7 @@ impl Loader<'_> {
                 .bad(format!("not a complete glTF file ({} of {length} bytes); export or copy it again", bytes.len()));
         }
 
-        // Take the first chunk of each known type.
+        // Use the first chunk of each known type.
         let (mut json, mut binary) = (None, None);
         let mut rest = &bytes[HEADER..];
         while let (Some(size), Some(kind)) = (word(rest, 0), rest.get(4..CHUNK_HEADER)) {
@@ -58,7 +58,7 @@ impl Loader<'_> {
     }
 }
 
-/// The little-endian 32-bit number at offset `at`.
+/// Returns the little-endian 32-bit number at offset `at`.
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     let word = bytes.get(at..at + 4)?;
     Some(u32::from_le_bytes([word[0], word[1], word[2], word[3]]))

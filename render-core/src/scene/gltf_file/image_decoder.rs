@@ -1,4 +1,4 @@
-//! Decodes images to texels, within limits. The data determines the format, not the document.
+//! Decoder of images to texels, within limits. The data determines the format, not the document.
 
 use super::image_limits::Texels;
 #[cfg(feature = "textures")]
@@ -23,7 +23,7 @@ pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
 /// Decodes PNG, JPEG and WebP.
 #[cfg(feature = "textures")]
 fn decode_plain(bytes: &[u8], is_webp: bool) -> Result<Texels, String> {
-    /// Most memory for decoding \[bytes\].
+    /// Maximum memory for decoding \[bytes\].
     const BYTES: u64 = 1 << 30;
     let length = bytes.len() as u64;
     let open = || image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format();
@@ -56,7 +56,7 @@ const READ: &str = match (cfg!(feature = "webp"), cfg!(feature = "basis")) {
     (false, false) => "PNG and JPEG",
 };
 
-/// Fails: a picture with a surface in a wrong color would look correct.
+/// Returns an error: a picture without the texture would look correct despite the wrong color.
 #[cfg(not(feature = "textures"))]
 pub(super) fn decode(_: Vec<u8>) -> Result<Texels, String> {
     Err("this build does not read images on surfaces; build it with the feature textures".into())

@@ -3,18 +3,18 @@
 /// Width, height, and R′G′B′ with opacity in raster order.
 pub(super) type Texels = (usize, usize, Vec<[u8; 4]>);
 
-/// Largest side of a texture \[texels\].
+/// Maximum side of a texture \[texels\].
 #[cfg(feature = "textures")]
 pub(super) const SIDE: u32 = 16384;
-/// Most texels per byte that a file may claim: deflate's limit of 1032 to 1, at eight texels a byte. Decoders allocate
-/// the size in the header before they detect missing data.
+/// Maximum number of texels per byte that a file may claim: deflate's limit of 1032 to 1, at eight texels per byte.
+/// Decoders allocate memory for the size in the header before they detect missing data.
 #[cfg(feature = "textures")]
 pub(super) const TEXELS_PER_BYTE: u64 = 8256;
-/// Texels that any WebP or KTX2 file may claim: an image of one color has almost no data.
+/// Number of texels that any WebP or KTX2 file may claim: an image of one color has almost no data.
 #[cfg(feature = "textures")]
 pub(super) const TEXELS: u64 = 1 << 24;
 
-/// Refuses sizes that are too large in themselves or for a file of `length` bytes.
+/// Refuses sizes above the limit, and sizes that a file of `length` bytes cannot contain.
 #[cfg(feature = "basis")]
 pub(super) fn check_claim(width: u32, height: u32, length: usize) -> Result<(), String> {
     if width.max(height) > SIDE {
@@ -26,7 +26,7 @@ pub(super) fn check_claim(width: u32, height: u32, length: usize) -> Result<(), 
     Ok(())
 }
 
-/// The message for a size that a file cannot have.
+/// Returns the message for a size that a file cannot have.
 #[cfg(feature = "textures")]
 pub(super) fn impossible(width: u32, height: u32, length: u64) -> String {
     format!("{width}x{height} texels in {length} bytes are impossible; copy the file again")

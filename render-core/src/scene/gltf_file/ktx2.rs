@@ -4,32 +4,42 @@ use super::guarded;
 use super::image_limits::{Texels, check_claim};
 use basisu::{DecodeFlags, TargetFormat, Transcoder};
 
-/// Positions in the file (KTX 2.0, 3: "File structure").
+/// Position of the format in the file (KTX 2.0, 3: "File structure").
 const FORMAT: usize = 12;
+/// Position of the width in the file.
 const WIDTH: usize = 20;
+/// Position of the height in the file.
 const HEIGHT: usize = 24;
+/// Position of the depth in the file.
 const DEPTH: usize = 28;
+/// Position of the number of layers in the file.
 const LAYERS: usize = 32;
+/// Position of the number of faces in the file.
 const FACES: usize = 36;
+/// Position of the number of levels in the file.
 const LEVELS: usize = 40;
+/// Position of the supercompression scheme in the file.
 const SUPERCOMPRESSION: usize = 44;
+/// Position of the data format descriptor's offset in the file.
 const DESCRIPTOR: usize = 48;
-/// Offset and length of keys and values, 4 bytes each.
+/// Position of the offset and length of keys and values, 4 bytes each.
 const KEYS: std::ops::Range<usize> = 56..64;
-/// Offset and length of the tables that all levels share, 8 bytes each.
+/// Position of the offset and length of the tables that all levels share, 8 bytes each.
 const GLOBAL: usize = 64;
-/// The first level: offset, length and unpacked length, 8 bytes each.
+/// Position of the first level's offset, length and unpacked length, 8 bytes each.
 const LEVEL: usize = 80;
-/// Bytes of the header with the index of one level.
+/// Size of the header with the index of one level \[bytes\].
 const HEADER: usize = 104;
-/// Color models of the data format descriptor (Khronos Data Format 1.4, 5.6).
+/// Color model of ETC1S in the data format descriptor (Khronos Data Format 1.4, 5.6).
 const ETC1S: u32 = 163;
+/// Color model of UASTC in the data format descriptor.
 const UASTC: u32 = 166;
-/// Texels along a side of a block, and bytes of a UASTC block.
+/// Side of a block \[texels\].
 const BLOCK: u32 = 4;
+/// Size of a UASTC block \[bytes\].
 const BLOCK_BYTES: u64 = 16;
 
-/// Decodes the largest level. The texture computes its own smaller levels.
+/// Decodes the largest level. The texture computes the smaller levels from it.
 pub(super) fn decode(mut bytes: Vec<u8>) -> Result<Texels, String> {
     let [width, height] = checked_size(&bytes)?;
     // Keys do not affect texels, and their positions are unchecked.

@@ -4,10 +4,10 @@ use crate::scene::{Instance, LightSettings, Material, Mesh, PunctualKind, Scene}
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Lumens per watt in Blender's exporter: `PBR_WATTS_TO_LUMENS`, the greatest luminous efficacy of light \[lm·W⁻¹\].
+/// Lumens per watt in Blender's exporter, `PBR_WATTS_TO_LUMENS`: the maximum luminous efficacy of light \[lm·W⁻¹\].
 const LUMENS_PER_WATT: f32 = 683.0;
 
-/// Factor on candela and lux for files by this `generator`, and a note if it is not 1.
+/// Returns the factor on candela and lux for files by this `generator`, and a note if the factor is not 1.
 ///
 /// In its default mode, "Standard", Blender's exporter converts the watts of lamps to candela and lux but leaves
 /// emission unchanged. Division by the efficacy restores a common unit.
@@ -26,14 +26,15 @@ pub(super) fn scale(generator: Option<&str>, settings: LightSettings, has_lamps:
     }
 }
 
-/// Converts point lights to emitting spheres of this radius \[m\] and the same intensity. Spots keep no size.
+/// Converts point lights to emitting spheres of this radius \[m\] and the same intensity. Spot lights are not
+/// converted.
 pub(super) fn give_radius(scene: &mut Scene, radius: f32) {
     if radius <= 0.0 {
         return;
     }
     let lights = std::mem::take(&mut scene.punctual_lights);
     for (index, light) in lights.into_iter().enumerate() {
-        // The emission of spheres is static.
+        // A sphere's emission cannot be animated.
         let changes = scene.light_channels.iter().any(|channel| channel.light == index);
         if light.kind != PunctualKind::Point || light.color == Vec3::ZERO || changes {
             let place = scene.punctual_lights.len();
@@ -66,7 +67,7 @@ pub(super) fn give_radius(scene: &mut Scene, radius: f32) {
     }
 }
 
-/// A sphere around the origin: columns of quads from pole to pole.
+/// Builds a sphere around the origin from columns of quads that span from pole to pole.
 fn ball(radius: f32) -> Mesh {
     const COLUMNS: u32 = 12;
     const ROWS: u32 = 6;
@@ -107,7 +108,7 @@ mod tests {
             volume += a.dot(b.cross(c)) / 6.0;
             assert!((b - a).cross(c - a).dot(a + b + c) > 0.0);
         }
-        // A sphere of radius 2 has the volume 4/3 π 2³; the faceted one has slightly less.
+        // A sphere of radius 2 has the volume 4/3 π 2³. The faceted sphere has a slightly smaller volume.
         let whole = 4.0 / 3.0 * PI * 8.0;
         assert!((0.85..1.0).contains(&(volume / whole)), "{volume} of {whole}");
     }

@@ -1,7 +1,7 @@
-//! Converts glTF materials.
+//! Conversion of glTF materials.
 //!
-//! Occlusion textures are left out on purpose: they replace light that a rasterizer cannot compute, but this renderer
-//! does.
+//! Occlusion textures are omitted on purpose: they approximate occlusion that a rasterizer cannot compute, but this
+//! renderer can.
 
 use super::specular_glossiness::{OlderFactors, coincide};
 use crate::scene::{Alpha, Material, MaterialFactors, TextureSlot, UV_SETS};
@@ -9,14 +9,14 @@ use glam::{Vec2, Vec3};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// The older of two material models; it takes precedence if a material has both.
+/// Older of two material models. It takes precedence if a material has both.
 pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 
-/// Converts all materials in the file's order, followed by the default material for primitives without one. Returns a
-/// line for each kind of omitted property.
+/// Converts all materials in the file's order, followed by the default material for primitives without a material.
+/// Returns a note for each type of omitted property.
 ///
-/// Also returns the factors of textured materials of the older model. Their slots refer to the file's images until
-/// conversion.
+/// Also returns the factors of textured materials of the older model. The texture slots of these materials refer to the
+/// file's images until conversion.
 pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec<String>) {
     let mut left_out = [false; 3];
     let mut materials: Vec<Material> = Vec::new();
@@ -47,7 +47,7 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
         }
         materials.push(material);
     }
-    // glTF 2.0, 3.9.2 and 3.7.2.1: omitted properties have their defaults; metalness and roughness default to 1.
+    // glTF 2.0, 3.9.2 and 3.7.2.1: omitted properties have default values; metalness and roughness default to 1.
     materials.push(Material { metallic: 1.0, roughness: 1.0, ..Material::default() });
     let notes = [
         "specular textures are left out; their factors apply",
@@ -58,10 +58,10 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
     (materials, older, warnings)
 }
 
-/// Greatest roughness that keeps the coat in [`Material::split`]: a coat that reflects more than 4 % is never omitted.
+/// Maximum roughness that keeps the coat in [`Material::split`]: a coat that reflects more than 4 % is never omitted.
 const ROUGHEST: f32 = 0.999;
 
-/// Factors of materials of the older model with textures to convert, by material index.
+/// Factors of materials of the older model with textures to convert, by index of the material.
 pub(super) type Older = BTreeMap<usize, OlderFactors>;
 
 fn material(source: &gltf::Material) -> Material {
@@ -72,8 +72,8 @@ fn material(source: &gltf::Material) -> Material {
     }
 }
 
-/// The material of `KHR_materials_pbrSpecularGlossiness`, which takes precedence over the other model: a diffuse base
-/// below a coat.
+/// Returns the material of `KHR_materials_pbrSpecularGlossiness`, a diffuse base below a coat. It takes precedence over
+/// the metallic-roughness model.
 fn specular_glossiness(material: Material, extension: &Value) -> Material {
     let OlderFactors { diffuse, specular, glossiness } = older_factors(extension);
     let reflects = specular.max_element() > 0.04;
@@ -90,7 +90,7 @@ fn specular_glossiness(material: Material, extension: &Value) -> Material {
     }
 }
 
-/// The specular-glossiness texture and its factors.
+/// Returns the specular-glossiness texture and its factors.
 fn glossy(extension: &Value) -> Option<(TextureSlot, OlderFactors)> {
     Some((extension.get("specularGlossinessTexture").and_then(slot_of)?, older_factors(extension)))
 }
@@ -105,7 +105,7 @@ fn older_factors(extension: &Value) -> OlderFactors {
     }
 }
 
-/// A number in a list, clamped to 0…1; 1 if absent.
+/// Returns a number in a list, clamped to 0…1, or 1 if it is absent.
 fn factor(extension: &Value, name: &str, place: usize) -> f32 {
     let number = || extension.get(name)?.get(place)?.as_f64();
     number().map_or(1.0, |x| x as f32).clamp(0.0, 1.0)
@@ -114,7 +114,7 @@ fn factor(extension: &Value, name: &str, place: usize) -> f32 {
 fn metallic_roughness(source: &gltf::Material) -> Material {
     let pbr = source.pbr_metallic_roughness();
     let [r, g, b, opacity] = pbr.base_color_factor();
-    // Infinite strength becomes the largest float, which exceeds the limit and is refused for it.
+    // Infinite strength becomes the largest float, which is refused because it exceeds the limit.
     let strength = source.emissive_strength().unwrap_or(1.0).min(f32::MAX);
     let emission = Vec3::from(source.emissive_factor()) * strength;
     let unit = |factor: f32| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
@@ -142,7 +142,7 @@ fn metallic_roughness(source: &gltf::Material) -> Material {
     }
 }
 
-/// The factors that a material contains only as products.
+/// Returns the factors that a material contains only as products.
 pub(super) fn factors(source: &gltf::Material) -> MaterialFactors {
     let [r, g, b, _] = source.pbr_metallic_roughness().base_color_factor();
     let specular = source.specular();
@@ -166,14 +166,14 @@ fn slot(info: gltf::texture::Info) -> TextureSlot {
     }
 }
 
-/// A slot from the JSON of a texture reference.
+/// Builds a slot from the JSON of a texture reference.
 fn slot_of(info: &Value) -> Option<TextureSlot> {
     let texture = usize::try_from(info.get("index")?.as_u64()?).ok()?;
     let uv_set = info.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
     Some(moved_slot(texture, uv_set as usize, info.pointer("/extensions/KHR_texture_transform")))
 }
 
-/// A slot of a normal texture; the crate does not parse its transform.
+/// Returns the slot of a normal texture, and its scale. The crate does not parse the transform of this slot.
 fn normal_slot(source: gltf::material::NormalTexture) -> (TextureSlot, f32) {
     let transform = source.extension_value("KHR_texture_transform");
     let slot = moved_slot(source.texture().index(), source.tex_coord() as usize, transform);
@@ -181,7 +181,7 @@ fn normal_slot(source: gltf::material::NormalTexture) -> (TextureSlot, f32) {
     (slot, if scale.is_finite() { scale } else { 1.0 })
 }
 
-/// A slot with the JSON of its transform.
+/// Builds a slot with the JSON of its transform.
 fn moved_slot(texture: usize, uv_set: usize, transform: Option<&Value>) -> TextureSlot {
     let number = |name: &str| transform.and_then(|t| t.get(name)?.as_f64());
     let pair = |name: &str, default: f32| {

@@ -1,4 +1,4 @@
-//! Loads meshes: vertices, triangles, morph targets and influences.
+//! Loader of meshes: vertices, triangles, morph targets and influences.
 
 use super::accessor::Buffers;
 use super::nodes::NodeOf;
@@ -11,7 +11,7 @@ use gltf::{Semantic, mesh::Mode};
 use std::collections::{HashMap, hash_map::Entry};
 
 impl Loader<'_> {
-    /// Reads the meshes that visible nodes use, once for each skin.
+    /// Reads the meshes that visible nodes use, once per skin.
     pub(super) fn meshes(
         &self,
         source: DocumentSource,
@@ -76,7 +76,7 @@ impl Loader<'_> {
             let is_skinned = meshes.clone().any(|mesh| scene.meshes[mesh].skinning.is_some());
             let places = node_of.hide(index, copies.unwrap_or(index..index + 1).collect(), is_skinned, scene);
 
-            // All primitives share one list of weights, as long as the longest of their targets.
+            // All primitives share one list of weights, with the maximum number of targets among the primitives.
             let targets = meshes.clone().map(|mesh| scene.meshes[mesh].morph_targets.len()).max().unwrap_or(0);
             if targets > 0 {
                 buffers.charge(targets.saturating_mul(size_of::<f32>()));
@@ -118,7 +118,7 @@ impl Loader<'_> {
             return self.bad(format!("{place}: the position of vertex {vertex} is not finite"));
         }
 
-        // Indices, checked against the number of vertices.
+        // Read the indices and check them against the number of vertices.
         let indices: Vec<u32> = match primitive.indices() {
             None => (0..positions.len() as u32).collect(),
             Some(accessor) => match buffers.integers::<1>(&accessor) {
@@ -130,7 +130,7 @@ impl Loader<'_> {
             return self.bad(format!("{place}: index {index}, but there are {} vertices", positions.len()));
         }
 
-        // Points and lines become closed bodies; `sources` maps their corners to vertices.
+        // Points and lines become closed bodies. `sources` maps their corners to vertices.
         let count = positions.len();
         let (positions, triangles, sources) = match triangles(primitive.mode(), &indices) {
             Some(triangles) => (positions, triangles, None),
@@ -156,12 +156,12 @@ impl Loader<'_> {
             return self.bad(format!("{place}: there is no material {material}"));
         };
 
-        // Bodies of points and lines use the normals of their own faces.
+        // Bodies of points and lines use their face normals.
         let normals = get(Semantic::Normals).filter(|_| sources.is_none());
         let mut normals: Vec<Vec3> =
             attribute(normals, buffers, count, |n: [f32; 3]| Vec3::from(n).normalize_or_zero());
         fill_normals(&mut normals, &positions, &triangles);
-        // Without normals, tangents are ignored (glTF 2.0, 3.7.2.1); without a normal map, they are unused.
+        // Without normals, tangents are ignored (glTF 2.0, 3.7.2.1). Without a normal map, they are unused.
         let wants_tangents = look.normal_texture.is_some() && !normals.is_empty();
         let tangents = attribute(get(Semantic::Tangents).filter(|_| wants_tangents), buffers, count, Vec4::from_array);
         let uses = |set: usize| look.slots().any(|slot| slot.uv_set == set);
@@ -203,7 +203,7 @@ impl Loader<'_> {
     }
 }
 
-/// Vertex colors with opacity; empty if any is not finite.
+/// Returns the vertex colors with opacity, or an empty list if any color is not finite.
 fn colors(primitive: &gltf::Primitive, buffers: &Buffers, count: usize) -> Vec<Vec4> {
     let accessor = || primitive.get(&Semantic::Colors(0));
     let mut colors = attribute(accessor(), buffers, count, Vec4::from_array);
@@ -216,15 +216,15 @@ fn colors(primitive: &gltf::Primitive, buffers: &Buffers, count: usize) -> Vec<V
     colors
 }
 
-/// A primitive as it is drawn.
+/// Primitive as it is drawn.
 struct DrawnPrimitive {
     mesh: Mesh,
-    /// For points and lines, the vertex of the file that each corner belongs to.
+    /// Index of the file's vertex for each corner of points and lines; `None` for triangles.
     sources: Option<Vec<u32>>,
 }
 
-/// An unlit copy of a material, for points and lines without normals (glTF 2.0, 3.9.5: "the sum of the base color value
-/// and the emissive value").
+/// Returns an unlit copy of a material, for points and lines without normals (glTF 2.0, 3.9.5: "the sum of the base
+/// color value and the emissive value").
 fn unlit(material: usize, node_of: &mut NodeOf, materials: &mut Vec<Material>) -> usize {
     *node_of.unlit.entry(material).or_insert_with(|| {
         let lit = &materials[material];
@@ -234,7 +234,7 @@ fn unlit(material: usize, node_of: &mut NodeOf, materials: &mut Vec<Material>) -
     })
 }
 
-/// One value per vertex; empty if the accessor is missing or has another count.
+/// Returns one value per vertex, or an empty list if the accessor is missing or has a different count.
 fn attribute<const N: usize, T>(
     accessor: Option<gltf::Accessor>,
     buffers: &Buffers,
@@ -245,8 +245,8 @@ fn attribute<const N: usize, T>(
     list.filter(|list| list.len() == count).map_or_else(Vec::new, |list| list.into_iter().map(convert).collect())
 }
 
-/// Gives vertices without a normal the area-weighted mean of their triangles' normals. A mesh without any normals keeps
-/// none and is flat shaded (glTF 2.0, 3.7.2.1: "client implementations MUST calculate flat normals").
+/// Sets missing normals of vertices to the area-weighted mean of their triangles' normals. A mesh without any normals
+/// stays without them and is flat shaded (glTF 2.0, 3.7.2.1: "client implementations MUST calculate flat normals").
 fn fill_normals(normals: &mut Vec<Vec3>, positions: &[Vec3], triangles: &[[u32; 3]]) {
     if normals.iter().all(|&normal| normal == Vec3::ZERO) {
         normals.clear();
@@ -269,11 +269,11 @@ fn fill_normals(normals: &mut Vec<Vec3>, positions: &[Vec3], triangles: &[[u32; 
     }
 }
 
-/// Splits strips and fans into triangles; `None` for points and lines.
+/// Splits strips and fans into triangles. Returns `None` for points and lines.
 fn triangles(mode: Mode, indices: &[u32]) -> Option<Vec<[u32; 3]>> {
     Some(match mode {
         Mode::Triangles => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        // Every other triangle of a strip is reversed, otherwise it would face backwards.
+        // Every other triangle of a strip is reversed, so that all triangles face the same side.
         Mode::TriangleStrip => indices
             .windows(3)
             .enumerate()

@@ -1,8 +1,9 @@
-//! Loads glTF 2.0 files into a [`Scene`]; a failure is one clear line.
+//! Loader of glTF 2.0 files into a [`Scene`]. Each error message is one clear line.
 //!
 //! `lenient` first fills in data that is optional in the specification but required by the `gltf` crate. The crate
-//! checks most of a document; `validate.rs` checks the remaining causes of its panics. The crate accepts cyclic nodes,
-//! so the hierarchy is traversed with an explicit stack. If a library panics anyway, [`load`] returns an error.
+//! checks most of a document; `validate.rs` checks the remaining causes of panics in the crate. The crate accepts
+//! cyclic nodes, so the hierarchy is traversed with an explicit stack. If a library panics anyway, [`load`] returns an
+//! error.
 
 mod accessor;
 mod animations;
@@ -48,42 +49,42 @@ use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// Greatest distance from the origin along an axis \[m\]. The square of a triangle's area, at most ½ · (2√3 · 10⁹)²,
-/// stays within the range of `f32`: normals and areas depend on it.
+/// Maximum distance from the origin along an axis \[m\]. Normals and areas depend on the square of a triangle's area,
+/// at most ½ · (2√3 · 10⁹)², which is within the range of `f32`.
 const FARTHEST: f32 = 1e9;
 
-/// Most triangles of all instances. A small file may show one mesh many times, and anchors are distributed by each
-/// instance's area.
+/// Maximum number of triangles of all instances. A small file may show one mesh many times, and anchors are distributed
+/// by each instance's area.
 const MOST_TRIANGLES: usize = 1 << 27;
 
-/// An error while reading a scene; the message names the file, the location and the remedy.
+/// Error while a scene is read. The message names the file, the location and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
     /// The scene file itself does not exist or cannot be read.
     #[error("{}: {error}; check the path and its permissions", path.display())]
     Open {
-        /// The scene file.
+        /// Path of the scene file.
         path: PathBuf,
-        /// The system's error.
+        /// Error of the operating system.
         error: std::io::Error,
     },
     /// A buffer or image next to the scene does not exist or cannot be read.
     #[error("{}: {what} \"{uri}\" cannot be read ({why}); put it next to the scene file", path.display())]
     Resource {
-        /// The scene file.
+        /// Path of the scene file.
         path: PathBuf,
-        /// The resource, for instance "buffer 0".
+        /// Name of the resource, for instance "buffer 0".
         what: String,
-        /// Its URI in the scene.
+        /// URI of the resource in the scene.
         uri: String,
-        /// The reason for the failure.
+        /// Reason for the failure.
         why: String,
     },
     /// The file requires an extension that is not supported.
     #[error("{}: needs the glTF extension {extension}, which is not supported; export the scene without it", path.display())]
     Unsupported {
-        /// The scene file.
+        /// Path of the scene file.
         path: PathBuf,
         /// Name of the extension.
         extension: String,
@@ -91,27 +92,28 @@ pub enum LoadError {
     /// The contents are invalid.
     #[error("{}: {what}", path.display())]
     Malformed {
-        /// The scene or settings file.
+        /// Path of the scene or settings file.
         path: PathBuf,
-        /// The problem, its location and the remedy.
+        /// Problem, location and remedy.
         what: String,
     },
 }
 
-/// Loads `path` (`.gltf` or `.glb`) and, if it exists, the TOML file of the same name next to it. Files that these name
-/// must be in the scene's folder.
+/// Loads `path` (`.gltf` or `.glb`) and, if it exists, the TOML file of the same name next to it. Files named by these
+/// files must be in the scene's folder.
 ///
 /// # Errors
-/// The scene, its settings or a file that they name cannot be read; see [`LoadError`]. A damaged file
-/// never causes a panic in the caller, and the process's panic hook stays unchanged.
+/// The scene, its settings or a file named by them cannot be read; see [`LoadError`]. A damaged file never causes a
+/// panic in the caller, and the process's panic hook stays unchanged.
 pub fn load(path: &Path) -> Result<Scene, LoadError> {
     load_with(path, Reach::Folder, &[])
 }
 
-/// Loads a scene like [`load`], with files from where `reach` allows and with settings that override the TOML file.
+/// Loads a scene like [`load`], but accepts files from the folders that `reach` allows. The settings `set` override the
+/// TOML file.
 ///
 /// # Errors
-/// The scene, its settings or a file that they name cannot be read; see [`LoadError`].
+/// The scene, its settings or a file named by them cannot be read; see [`LoadError`].
 pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, LoadError> {
     let files = SceneFiles::of(path, reach);
     let bytes = files.read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
@@ -143,7 +145,7 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
         scene.warnings.push("the scene has no surface: only the sky is visible".into());
     }
 
-    // Light the scene if it has no light. A sky in the settings is the author's choice, even a black one.
+    // Add a default light if the scene has no light. A sky in the settings is the author's choice, even a black one.
     let materials = scene.extreme_materials();
     let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
@@ -157,7 +159,7 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
     Ok(scene)
 }
 
-/// The environment of the `[sky]` table.
+/// Returns the environment of the `[sky]` table.
 fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Result<Option<Environment>, LoadError> {
     let toml = SceneSettings::path_for(scene);
     let Some(sky) = &settings.sky else { return Ok(None) };
@@ -172,7 +174,7 @@ fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Resul
     let texels = guarded(|| crate::image_file::read_radiance(&image).map_err(|error| error.to_string()))
         .unwrap_or_else(|| Err(format!("{}: damaged image", image.display())))
         .map_err(refused)?;
-    // Texels that are not finite are black.
+    // Non-finite texels count as black.
     let brightest = texels.samples().iter().filter(|c| c.is_finite()).fold(0.0f32, |most, c| most.max(c.max_element()));
     if brightest * intensity > STRONGEST {
         let brightest = brightest * intensity;
@@ -195,7 +197,7 @@ fn check_camera(path: &Path, scene: &Scene) -> Result<(), LoadError> {
     Err(malformed(path, format!("there is no camera \"{name}\"; {known}")))
 }
 
-/// Whether every vertex and every node stays within [`FARTHEST`], throughout the animation.
+/// Returns whether every vertex and every node stays within [`FARTHEST`] throughout the animation.
 fn is_within_reach(scene: &Scene) -> bool {
     let largest = |positions: &[Vec3]| positions.iter().fold(0.0f32, |most, p| most.max(p.abs().max_element()));
     let sizes: Vec<f32> = scene.meshes.iter().map(|mesh| largest(&mesh.positions)).collect();
@@ -208,7 +210,7 @@ fn is_within_reach(scene: &Scene) -> bool {
         };
         let nodes = pose.world.iter().map(|world| reach(world, 1.0));
         let meshes = scene.instances.iter().enumerate().map(|(index, instance)| {
-            // The maximum may skip a NaN, but the sum does not.
+            // The maximum may ignore a NaN, but the sum does not.
             let size = pose.deformed(index).map_or(sizes[instance.mesh], |shape| {
                 let sum: Vec3 = shape.positions.iter().sum();
                 if sum.is_finite() { largest(&shape.positions) } else { f32::NAN }
@@ -232,13 +234,13 @@ fn load_settings(scene: &Path, files: &SceneFiles, set: &[Setting]) -> Result<Sc
     if set.is_empty() {
         return Ok(settings);
     }
-    // The file is valid: further errors belong to `set`.
+    // The file is valid, so any further errors are caused by `set`.
     set.iter().for_each(|setting| files.note(&setting.to_string()));
     let names = || set.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     SceneSettings::parse_with(text, set).map_err(|error| malformed(scene, format!("with {}: {error}", names())))
 }
 
-/// Text without the byte order mark that some editors write before UTF-8.
+/// Returns the text without the byte order mark that some editors write before UTF-8.
 fn without_mark(text: &[u8]) -> &[u8] {
     text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
 }
@@ -247,27 +249,27 @@ fn malformed(path: &Path, what: impl Into<String>) -> LoadError {
     LoadError::Malformed { path: path.into(), what: what.into() }
 }
 
-/// Runs `f`; `None` if it panicked. The last resort for damage that no check covers.
+/// Runs `f`. Returns `None` if `f` panicked, the last resort for damage that no check covers.
 fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
     catch_unwind(AssertUnwindSafe(f)).ok()
 }
 
-/// A document while it is read.
+/// Document while it is read.
 #[derive(Clone, Copy)]
 struct DocumentSource<'d> {
     document: &'d gltf::Document,
     buffers: &'d Buffers,
-    /// Index of the variant of the materials to show.
+    /// Index of the selected material variant.
     variant: Option<u64>,
     /// Channels of `KHR_animation_pointer`.
     pointers: &'d [PointerChannel],
-    /// Width of points and lines \[m\], if given.
+    /// Width of points and lines \[m\] if set, otherwise the default width.
     point_size: Option<f32>,
     /// Factor on candela and lux.
     lamps: f32,
 }
 
-/// Reads one file; the other modules of this folder implement the steps.
+/// Reader of one file. The other modules of this folder implement the steps.
 struct Loader<'a> {
     path: &'a Path,
     files: &'a SceneFiles,
@@ -282,7 +284,7 @@ impl Loader<'_> {
         let Parsed { document, buffers, found } = self.document(bytes)?;
         let mut scene = Scene { warnings: found.notes.clone(), ..Scene::default() };
 
-        // Lights and the animations that play; these determine the nodes with animated visibility.
+        // Read lights and the animations to play. The animations determine the nodes with animated visibility.
         let has_lamps = document.lights().is_some_and(|mut lights| lights.next().is_some());
         let (lamps, note) = lamps::scale(found.generator.as_deref(), settings.light, has_lamps);
         scene.warnings.extend(note);
@@ -295,7 +297,7 @@ impl Loader<'_> {
             }
         }
 
-        // The hierarchy and the materials.
+        // Read the hierarchy and the materials.
         let mut node_of = self.nodes(&document, lamps, &blinking, &mut scene)?;
         let (materials, older, notes) = materials::materials(&document);
         scene.materials = materials;
@@ -306,7 +308,8 @@ impl Loader<'_> {
             return self.bad(format!("material {index} emits {glow:e}; at most {STRONGEST:e} is allowed"));
         }
 
-        // Meshes and tracks. Exhausted memory explains a failure better than the error that follows from it.
+        // Read meshes and tracks. Report exhausted memory first: it explains a failure better than the error that
+        // follows from it.
         let variant = self.variant(&document, settings.variant.name.as_deref(), &mut scene.warnings)?;
         let source = DocumentSource {
             document: &document,

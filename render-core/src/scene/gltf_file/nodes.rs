@@ -1,4 +1,4 @@
-//! Loads the node hierarchy, with its cameras and lights.
+//! Loader of the node hierarchy, with its cameras and lights.
 
 use super::copies::hidden_nodes;
 use super::{LoadError, Loader};
@@ -7,61 +7,62 @@ use crate::scene::{Camera, DepthRange, Node, Projection, PunctualKind, PunctualL
 use glam::{Mat3, Mat4, Quat, Vec3};
 use std::collections::{BTreeSet, HashMap};
 
-/// Most nodes with an animated visibility from the root to a node: each mesh below gets one extra node for each.
+/// Maximum number of nodes with an animated visibility from the root to a node. Each of them adds one extra node to
+/// each mesh below.
 const MOST_HIDING: usize = 64;
 
 /// Scene indices of the glTF nodes in the scene.
 #[derive(Default)]
 pub(super) struct NodeOf {
     places: HashMap<usize, usize>,
-    /// For each scene node, whether its mesh and its light are visible.
+    /// Whether each scene node's mesh and light are visible.
     shown: Vec<bool>,
-    /// For each scene node, the glTF nodes with an animated visibility from the root to it.
+    /// Indices of the glTF nodes with an animated visibility from the root to each scene node.
     hidden_by: Vec<Vec<usize>>,
     /// Scene cameras of each glTF camera.
     cameras: HashMap<usize, Vec<usize>>,
     /// Scene lights of each glTF light.
     lights: HashMap<usize, Vec<usize>>,
-    /// For each node, the nodes that show its mesh instead of it.
+    /// Nodes that show the mesh of a node instead of the node itself, by node.
     showing: HashMap<usize, Vec<usize>>,
-    /// For each glTF node, the scene nodes with a scale that represents its visibility.
+    /// Scene nodes with a scale that represents a glTF node's visibility, by glTF node.
     hiding: HashMap<usize, Vec<usize>>,
-    /// Copies of materials for points and lines, by material.
+    /// Copies of materials for points and lines, by index of the material.
     pub unlit: HashMap<usize, usize>,
 }
 
 impl NodeOf {
-    /// Scene index of a glTF node.
+    /// Returns the scene index of a glTF node.
     pub fn get(&self, index: &usize) -> Option<&usize> {
         self.places.get(index)
     }
 
-    /// Whether the mesh of a scene node is visible.
+    /// Returns whether the mesh of a scene node is visible.
     pub fn shows(&self, node: usize) -> bool {
         self.shown[node]
     }
 
-    /// Scene cameras of a glTF camera.
+    /// Returns the scene cameras of a glTF camera.
     pub fn cameras(&self, index: usize) -> Vec<usize> {
         self.cameras.get(&index).cloned().unwrap_or_default()
     }
 
-    /// Scene lights of a glTF light.
+    /// Returns the scene lights of a glTF light.
     pub fn lights(&self, index: usize) -> Vec<usize> {
         self.lights.get(&index).cloned().unwrap_or_default()
     }
 
-    /// The scene nodes that show the mesh of a scene node.
+    /// Returns the scene nodes that show the mesh of a scene node.
     pub fn showing(&self, node: usize) -> Vec<usize> {
         self.showing.get(&node).cloned().unwrap_or_else(|| vec![node])
     }
 
-    /// The scene nodes with a scale that represents the visibility of a glTF node.
+    /// Returns the scene nodes with a scale that represents the visibility of a glTF node.
     pub fn hiding(&self, index: usize) -> Vec<usize> {
         self.hiding.get(&index).cloned().unwrap_or_default()
     }
 
-    /// Scene lights of a glTF node or its descendants, each with its glTF light.
+    /// Returns the scene lights of a glTF node or its descendants, each with its glTF light.
     pub fn lights_below(&self, index: usize, scene: &Scene) -> Vec<(usize, usize)> {
         let mut below = Vec::new();
         for (&source, lights) in &self.lights {
@@ -72,8 +73,8 @@ impl NodeOf {
         below
     }
 
-    /// Replaces nodes that show the mesh of `node` by children that scale it to nothing while it is hidden. Such nodes
-    /// of a skinned mesh are roots, because its joints place it.
+    /// Replaces nodes that show the mesh of `node` by children that scale the mesh to zero while it is hidden. For a
+    /// skinned mesh, these children are roots instead, because joints position the mesh.
     pub fn hide(&mut self, node: usize, shown: Vec<usize>, is_skinned: bool, scene: &mut Scene) -> Vec<usize> {
         let mut shown = shown;
         for (level, &index) in self.hidden_by[node].iter().enumerate() {
@@ -96,7 +97,7 @@ impl NodeOf {
 }
 
 impl Loader<'_> {
-    /// Adds the hierarchy to the scene, parents first. `lamps` is the factor on candela and lux; `blinking` nodes have
+    /// Adds the hierarchy to the scene, parents first. `lamps` is the factor on candela and lux. `blinking` nodes have
     /// an animated visibility.
     pub(super) fn nodes(
         &self,
@@ -109,7 +110,7 @@ impl Loader<'_> {
             return self.bad("the file has no scene; export one");
         };
 
-        // Traverse depth first with an explicit stack; a second visit means a cycle or two parents.
+        // Traverse depth first with an explicit stack. A second visit means a cycle or two parents.
         let hidden = hidden_nodes(document, blinking);
         let mut node_of = NodeOf::default();
         let mut stack: Vec<(gltf::Node, Option<usize>)> = root.nodes().map(|node| (node, None)).collect();
@@ -183,7 +184,7 @@ impl Loader<'_> {
         Ok(Camera { name: name.to_owned(), node, projection, aspect, depths })
     }
 
-    /// The light of a node, with the factor `scale` on its intensity.
+    /// Returns the light of a node, with the factor `scale` on its intensity.
     fn light(
         &self,
         light: &gltf::khr_lights_punctual::Light,
@@ -213,7 +214,8 @@ impl Loader<'_> {
     }
 }
 
-/// Decomposes a transform. A matrix may flatten its node: an axis of length zero gets a direction across the others.
+/// Decomposes a transform. A matrix may flatten its node: an axis of length zero is set to a direction perpendicular to
+/// the others.
 fn transform(given: &gltf::scene::Transform) -> Transform {
     if let gltf::scene::Transform::Matrix { matrix } = given {
         let columns = Mat4::from_cols_array_2d(matrix);
@@ -229,7 +231,7 @@ fn transform(given: &gltf::scene::Transform) -> Transform {
     Transform { translation: translation.into(), rotation, scale: scale.into() }
 }
 
-/// Decomposes a matrix with these axes, some of length zero.
+/// Decomposes a matrix with these axes, some of which have length zero.
 fn flat_transform(axes: [Vec3; 3], translation: Vec3) -> Transform {
     let mut directions = axes.map(Vec3::normalize_or_zero);
     for k in 0..3 {
@@ -245,7 +247,7 @@ fn flat_transform(axes: [Vec3; 3], translation: Vec3) -> Transform {
     }
     let [x, y, z] = directions;
     let mut scale = Vec3::from_array(axes.map(Vec3::length));
-    // A rotation has determinant 1; a mirror becomes a negative scale.
+    // A rotation has determinant 1. Mirroring becomes a negative scale.
     let sign = if x.cross(y).dot(z) < 0.0 { -1.0 } else { 1.0 };
     scale.x *= sign;
     let rotation = Quat::from_mat3(&Mat3::from_cols(x * sign, y, z)).normalize();

@@ -3,20 +3,20 @@
 use crate::scene::{CameraProperty, LightProperty, MaterialProperty, SlotName};
 use gltf::animation::Property;
 
-/// A property of the document.
+/// Property of the document that a pointer refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// Transform or weights of a node.
     Node(usize, Property),
     /// Lens of a camera.
     Camera(usize, CameraProperty),
-    /// A punctual light.
+    /// Property of a punctual light.
     Light(usize, LightProperty),
     /// Visibility of a node and its descendants.
     Visible(usize),
-    /// A material.
+    /// Property of a material.
     Material(usize, MaterialProperty),
-    /// A hint without effect on images here.
+    /// Hint without effect on rendered images.
     Hint,
 }
 
@@ -33,7 +33,7 @@ impl std::fmt::Display for Target {
     }
 }
 
-/// The property of a JSON pointer; `None` if it is left out.
+/// Returns the property of a JSON pointer, or `None` if the property is not supported.
 pub(super) fn target(pointer: &str) -> Option<Target> {
     let short = pointer.strip_prefix("/extensions/KHR_lights_punctual/").map(|rest| format!("/{rest}"));
     let pointer = short.as_deref().unwrap_or(pointer);
@@ -49,7 +49,7 @@ pub(super) fn target(pointer: &str) -> Option<Target> {
         ("lights", "intensity") if short.is_some() => Target::Light(index, LightProperty::Intensity),
         ("lights", "spot/innerConeAngle") if short.is_some() => Target::Light(index, LightProperty::InnerCone),
         ("lights", "spot/outerConeAngle") if short.is_some() => Target::Light(index, LightProperty::OuterCone),
-        // "range": "a hint defining a distance cutoff"; here, light has no cutoff.
+        // "range" is "a hint defining a distance cutoff", but in this renderer light has no cutoff.
         ("lights", "range") if short.is_some() => Target::Hint,
         ("materials", path) => Target::Material(index, of_material(path)?),
         ("cameras", "perspective/yfov") => Target::Camera(index, CameraProperty::FieldOfView),
@@ -62,7 +62,7 @@ pub(super) fn target(pointer: &str) -> Option<Target> {
     })
 }
 
-/// The property of a material at the end of a JSON pointer.
+/// Returns the property of a material at the end of a JSON pointer.
 fn of_material(path: &str) -> Option<MaterialProperty> {
     if let Some((texture, part)) = path.split_once("/extensions/KHR_texture_transform/") {
         let slot = match texture {
@@ -94,7 +94,7 @@ fn of_material(path: &str) -> Option<MaterialProperty> {
     })
 }
 
-/// A note with the first of these pointers that is left out, and the number of further ones.
+/// Returns a note with the first pointer to an unsupported property, and the number of further ones.
 pub(super) fn note<'p>(pointers: impl Iterator<Item = &'p str>) -> Option<String> {
     let mut left_out: Vec<&str> = pointers.filter(|pointer| target(pointer).is_none()).collect();
     left_out.sort_unstable();

@@ -1,4 +1,4 @@
-//! Loads skins: joints and their weights on vertices.
+//! Loader of skins: joints and their weights on vertices.
 
 use super::accessor::Buffers;
 use super::nodes::NodeOf;
@@ -7,7 +7,7 @@ use crate::scene::{Influence, Skin};
 use glam::{Affine3A, Mat4};
 use gltf::Semantic;
 
-/// One set of the attributes JOINTS_n and WEIGHTS_n, four of each per vertex.
+/// One set of the attributes JOINTS_n and WEIGHTS_n, with four of each per vertex.
 pub(super) type InfluenceSet = (Vec<[u32; 4]>, Vec<[f32; 4]>);
 
 impl Loader<'_> {
@@ -34,7 +34,7 @@ impl Loader<'_> {
         Ok(Skin { joints, inverse_bind })
     }
 
-    /// Reads joints and weights of a primitive with `vertices` vertices; at least one set.
+    /// Reads joints and weights of a primitive with `vertices` vertices. Returns at least one set.
     pub(super) fn influence_sets(
         &self,
         place: &str,
@@ -62,8 +62,8 @@ impl Loader<'_> {
         Ok(sets)
     }
 
-    /// The influences of each vertex, with weights that sum to 1: four per set for the first vertex, then for the
-    /// second, and so on.
+    /// Returns the influences of each vertex, with weights that sum to 1. The list contains four influences per set for
+    /// the first vertex, then for the second, and so on.
     pub(super) fn influences(
         &self,
         place: &str,
@@ -76,7 +76,7 @@ impl Loader<'_> {
             let first = influences.len();
             for (joint_set, weight_set) in sets {
                 for (&joint, &weight) in joint_set[vertex].iter().zip(&weight_set[vertex]) {
-                    // An influence without weight may name any joint.
+                    // An influence with weight 0 may name any joint.
                     let joint = if weight == 0.0 { 0 } else { joint };
                     if joint as usize >= joints || !weight.is_finite() {
                         return self.bad(format!("{place}: vertex {vertex} uses joint {joint} of {joints}"));
@@ -85,7 +85,7 @@ impl Loader<'_> {
                 }
             }
 
-            // Normalize the weights; without any weight, the first influence counts.
+            // Normalize the weights. If all weights are 0, use the first influence.
             let own = &mut influences[first..];
             let sum: f32 = own.iter().map(|influence| influence.weight).sum();
             if sum > 0.0 {

@@ -1,4 +1,4 @@
-//! A glTF file as bytes, for programs that write a modified copy.
+//! glTF file as bytes, for programs that write a modified copy.
 
 use super::stored::StoredBuffers;
 use super::{LoadError, Loader};
@@ -6,19 +6,19 @@ use crate::scene::files::{Reach, SceneFiles};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// The sections of a glTF file, unparsed.
+/// Sections of a glTF file, unparsed.
 #[derive(Clone, Debug)]
 pub struct GltfSource {
     path: PathBuf,
     reach: Reach,
-    /// The document: JSON text.
+    /// Document as JSON text.
     pub json: Vec<u8>,
-    /// The binary chunk of a .glb file, if it has one.
+    /// Binary chunk of a .glb file; `None` if the file has none.
     pub binary: Option<Vec<u8>>,
 }
 
 impl GltfSource {
-    /// Reads a .gltf or .glb file, but no other file that it names. `reach` limits where these may be.
+    /// Reads a .gltf or .glb file, but none of the files that it names. `reach` limits the folders of these files.
     ///
     /// # Errors
     /// The file cannot be read, or is a truncated or damaged .glb file.
@@ -30,18 +30,19 @@ impl GltfSource {
         Ok(Self { path: path.into(), reach, json, binary })
     }
 
-    /// Reads a `data:` URI or a file next to the scene. `name` describes it in messages, for instance "image 3".
+    /// Reads a `data:` URI or a file next to the scene. Messages refer to the resource by `name`, for instance "image
+    /// 3".
     ///
     /// # Errors
     /// The resource cannot be read, is outside the allowed folders, or is not base64.
     pub fn resource(&self, name: &str, uri: &str) -> Result<Vec<u8>, LoadError> {
         Loader { path: &self.path, files: &SceneFiles::of(&self.path, self.reach) }.resource(name, uri)
     }
-    /// Unpacks meshes and buffer views that extensions pack; `json` then refers to the plain data. Returns the added
-    /// buffers, with indices in order after the file's own.
+    /// Unpacks meshes and buffer views that extensions pack. Afterwards, `json` refers to the plain data. Returns the
+    /// added buffers, with indices that follow the file's own buffers.
     ///
     /// # Errors
-    /// Packed data cannot be read or is damaged, and has no plain copy.
+    /// Packed data cannot be read, or is damaged and has no plain copy.
     pub fn unpack(&mut self) -> Result<Vec<Vec<u8>>, LoadError> {
         let files = SceneFiles::of(&self.path, self.reach);
         let loader = Loader { path: &self.path, files: &files };

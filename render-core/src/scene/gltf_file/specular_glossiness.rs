@@ -1,7 +1,8 @@
-//! Converts textures of `KHR_materials_pbrSpecularGlossiness` to the metallic-roughness model.
+//! Conversion of textures of `KHR_materials_pbrSpecularGlossiness` to the metallic-roughness model.
 //!
-//! Follows "convert-between-workflows" of Khronos' extension. F = 0.04 is the reflectance of a dielectric. D and S are
-//! the perceived brightness √(0.299 r² + 0.587 g² + 0.114 b²) of the diffuse and specular colors:
+//! The conversion follows "convert-between-workflows" of Khronos' extension. F = 0.04 is the reflectance of a
+//! dielectric. D and S are the perceived brightness √(0.299 r² + 0.587 g² + 0.114 b²) of the diffuse and specular
+//! colors:
 //!
 //! ```text
 //! F m² + (D s / (1 − F) + S − 2 F) m + F − S = 0        s  1 − max(specular);   m = 0 where S < F
@@ -13,10 +14,10 @@ use glam::{Vec2, Vec3};
 
 /// Reflectance of a dielectric at normal incidence.
 const DIELECTRIC: f32 = 0.04;
-/// Least divisor.
+/// Minimum divisor.
 const LEAST: f32 = 1e-6;
 
-/// The factors of a material of the older model with a specular-glossiness texture.
+/// Factors of a material of the older model with a specular-glossiness texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct OlderFactors {
     /// Linear RGB diffuse color.
@@ -27,7 +28,7 @@ pub(super) struct OlderFactors {
     pub glossiness: f32,
 }
 
-/// A texel of the metallic-roughness model.
+/// Texel of the metallic-roughness model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Converted {
     /// Linear RGB base color.
@@ -36,7 +37,7 @@ pub(super) struct Converted {
     pub metallic: f32,
 }
 
-/// Converts a diffuse and a specular color, linear RGB.
+/// Converts a diffuse and a specular color in linear RGB.
 pub(super) fn converted(diffuse: Vec3, specular: Vec3) -> Converted {
     let brightness = |c: Vec3| (c * c).dot(Vec3::new(0.299, 0.587, 0.114)).sqrt();
     let strength = 1.0 - specular.max_element();
@@ -47,7 +48,7 @@ pub(super) fn converted(diffuse: Vec3, specular: Vec3) -> Converted {
     Converted { base, metallic }
 }
 
-/// The root of the quadratic equation in the module's documentation.
+/// Returns m, the root of the quadratic equation in the module's documentation.
 fn metalness(diffuse: f32, specular: f32, strength: f32) -> f32 {
     if specular < DIELECTRIC {
         return 0.0;
@@ -58,8 +59,7 @@ fn metalness(diffuse: f32, specular: f32, strength: f32) -> f32 {
     ((root - b) / (2.0 * DIELECTRIC)).clamp(0.0, 1.0)
 }
 
-/// Converts to textures of base color, and of metalness and roughness. Each side is as long as the longer one of both
-/// images.
+/// Returns the base-color and the metallic-roughness texture. Width and height are the larger ones of the two images.
 pub(super) fn textures(
     diffuse: Option<&Texture>,
     glossy: &Texture,
@@ -71,13 +71,13 @@ pub(super) fn textures(
     let (mut colors, mut data) = (Vec::with_capacity(width * height), Vec::with_capacity(width * height));
     for y in 0..height {
         for x in 0..width {
-            // The center of a texel: in an image of this size, exactly one texel.
+            // Sample the center of a texel, which in an image of this size is exactly one texel.
             let uv = (Vec2::new(x as f32, y as f32) + 0.5) / size;
             let (base, opacity) = diffuse.map_or((Vec3::ONE, 1.0), |texture| {
                 let found = texture.sample(uv, 1.0);
                 (found.color, found.opacity)
             });
-            // Colors are sRGB; glossiness, in the alpha channel, is linear.
+            // Colors are sRGB. Glossiness, in the alpha channel, is linear.
             let found = glossy.sample(uv, 1.0);
             let Converted { base, metallic } = converted(base * factors.diffuse, found.color * factors.specular);
             let [r, g, b] = base.to_array().map(|x| Encoding::Srgb.code(x));
@@ -90,7 +90,7 @@ pub(super) fn textures(
     [texture(colors, Encoding::Srgb), texture(data, Encoding::Linear)]
 }
 
-/// Whether two slots sample at the same coordinates.
+/// Returns whether two slots sample at the same coordinates.
 pub(super) fn coincide(a: &TextureSlot, b: &TextureSlot) -> bool {
     (a.uv_set, a.transform) == (b.uv_set, b.transform)
 }
@@ -99,7 +99,7 @@ pub(super) fn coincide(a: &TextureSlot, b: &TextureSlot) -> bool {
 mod tests {
     use super::*;
 
-    /// Reference values of Khronos' formula, computed separately in 64 bits.
+    /// Converted colors match reference values of Khronos' formula, computed separately in 64 bits.
     #[test]
     fn colors_are_those_of_the_conversion() {
         for (diffuse, specular, base, metallic) in CASES {
@@ -110,7 +110,7 @@ mod tests {
     }
 
     type Rgb = [f32; 3];
-    /// Diffuse and specular color; expected base color and metalness.
+    /// Diffuse and specular color, with expected base color and metalness.
     const CASES: [(Rgb, Rgb, Rgb, f32); 5] = [
         ([0.5, 0.25, 0.75], [0.04, 0.04, 0.04], [0.5, 0.25, 0.75], 0.0),
         ([0.0, 0.0, 0.0], [0.9, 0.6, 0.2], [0.9, 0.6, 0.2], 1.0),

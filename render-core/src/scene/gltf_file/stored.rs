@@ -3,27 +3,27 @@
 use super::{LoadError, Loader};
 use std::cell::Cell;
 
-/// Memory that a document may allocate: bytes, and a multiple of the bytes in its buffers. Many accessors may refer to
-/// the same bytes, and packed data is smaller than its contents.
+/// Limits on the memory that a document may allocate: a number of bytes, plus a multiple of the bytes in its buffers.
+/// Many accessors may refer to the same bytes, and packed data is smaller than its contents.
 const ALLOWANCE: (usize, usize) = (1 << 28, 256);
 
 /// Memory that a document may still allocate \[bytes\]; `None` after a request exceeded it.
 pub(super) struct Allowance(Cell<Option<usize>>);
 
 impl Allowance {
-    /// Whether a request exceeded the memory allowed for a file of this size.
+    /// Returns whether a request exceeded the memory allowed for a file of this size.
     pub fn is_exhausted(&self) -> bool {
         self.0.get().is_none()
     }
 
-    /// Takes `bytes` from the allowance; `None` if it is exhausted.
+    /// Subtracts `bytes` from the allowance. Returns `None` if the allowance is exhausted.
     pub fn charge(&self, bytes: usize) -> Option<()> {
         let left = self.0.get().and_then(|left| left.checked_sub(bytes));
         self.0.set(left);
         left.map(|_| ())
     }
 
-    /// Remaining bytes.
+    /// Returns the remaining allowance \[bytes\].
     #[cfg(feature = "draco")]
     pub fn left(&self) -> usize {
         self.0.get().unwrap_or(0)
@@ -34,10 +34,10 @@ impl Allowance {
     }
 }
 
-/// The buffers of a document.
+/// Buffers of a document.
 pub(super) struct StoredBuffers<'a> {
     loader: &'a Loader<'a>,
-    /// Binary chunk of the file, until a buffer takes it.
+    /// Binary chunk of the file, until a buffer takes ownership of it.
     blob: Option<&'a [u8]>,
     held: Vec<Option<Vec<u8>>>,
     pub allowance: Allowance,
@@ -49,8 +49,8 @@ impl<'a> StoredBuffers<'a> {
         Self { loader, blob, held: Vec::new(), allowance: Allowance(Cell::new(Some(ALLOWANCE.0))) }
     }
 
-    /// Returns the buffer at `index`, which must have at least `length` bytes. Without `uri`, it is the file's binary
-    /// chunk.
+    /// Returns the buffer at `index`, which must have at least `length` bytes. Without `uri`, the buffer is the file's
+    /// binary chunk.
     pub fn read(&mut self, index: usize, uri: Option<&str>, length: usize) -> Result<&[u8], LoadError> {
         if self.held.len() <= index {
             self.held.resize(index + 1, None);
@@ -87,13 +87,13 @@ impl<'a> StoredBuffers<'a> {
         self.held[index] = Some(data);
     }
 
-    /// Whether the file has a binary chunk.
+    /// Returns whether the file has a binary chunk.
     #[cfg(feature = "meshopt")]
     pub fn has_binary(&self) -> bool {
         self.blob.is_some() || self.held.first().is_some_and(Option::is_some)
     }
 
-    /// Returns `count` buffers, empty if never read, and the remaining allowance.
+    /// Returns `count` buffers and the remaining allowance. Buffers that were never read are empty.
     pub fn into_parts(mut self, count: usize) -> (Vec<Vec<u8>>, Allowance) {
         self.held.resize(count, None);
         (self.held.into_iter().map(Option::unwrap_or_default).collect(), self.allowance)

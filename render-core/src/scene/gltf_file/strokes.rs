@@ -1,7 +1,7 @@
-//! Points and lines as thin bodies: rays only intersect surfaces.
+//! Points and lines as thin bodies, since rays only intersect surfaces.
 //!
-//! A disc facing the camera would be inconsistent: shadows, reflections and photons see it from other sides. An
-//! octahedron needs eight triangles, is equally wide along all three axes, and looks the same to all of them.
+//! A disc facing the camera would be inconsistent, because shadow rays, reflections and photons see it from other
+//! sides. An octahedron needs eight triangles, is equally wide along all three axes, and looks the same to all of them.
 
 use glam::Vec3;
 use gltf::mesh::Mode;
@@ -9,7 +9,7 @@ use gltf::mesh::Mode;
 /// Width of points and lines relative to the diagonal of their mesh: about two pixels in an image of the whole mesh.
 const WIDTH: f32 = 1.0 / 200.0;
 
-/// Most bytes of a point or segment: vertices, triangles and their sources.
+/// Maximum memory of a point or segment: vertices, triangles and the vertices' sources \[bytes\].
 pub(super) const BYTES_PER_STROKE: usize = 8 * size_of::<[f32; 4]>() + 12 * size_of::<[u32; 3]>();
 
 /// Bodies around points or lines.
@@ -18,12 +18,13 @@ pub(super) struct Strokes {
     pub positions: Vec<Vec3>,
     /// Triangles of the bodies.
     pub triangles: Vec<[u32; 3]>,
-    /// The vertex that each corner belongs to.
+    /// Index of the vertex to which each corner belongs.
     pub sources: Vec<u32>,
 }
 
 impl Strokes {
-    /// Builds octahedra around points or square tubes around lines, of this width or the default; `None` for triangles.
+    /// Builds octahedra around points, or square tubes around lines. `width` \[m\] replaces the default width. Returns
+    /// `None` for triangles.
     pub fn of(mode: Mode, indices: &[u32], positions: &[Vec3], width: Option<f32>) -> Option<Self> {
         let segments: Vec<[u32; 2]> = match mode {
             Mode::Points => Vec::new(),
@@ -54,7 +55,7 @@ impl Strokes {
             self.positions.extend([center + radius * axis, center - radius * axis]);
             self.sources.extend([vertex; 2]);
         }
-        // Corners 0 and 1 are ±x, 2 and 3 ±y, 4 and 5 ±z; an odd number of minus signs mirrors a face.
+        // Corners 0 and 1 are ±x, 2 and 3 are ±y, 4 and 5 are ±z. An odd number of minus signs mirrors a face.
         for side in 0..8u32 {
             let [x, y, z] = [side & 1, 2 + (side >> 1 & 1), 4 + (side >> 2 & 1)].map(|corner| first + corner);
             self.triangles.push(if side.count_ones() % 2 == 0 { [x, y, z] } else { [x, z, y] });
@@ -81,7 +82,7 @@ impl Strokes {
     }
 }
 
-/// Copies the values of vertices to the corners that belong to them.
+/// Copies the values of vertices to the corners that belong to the vertices.
 pub(super) fn spread<T: Copy>(values: Vec<T>, sources: Option<&[u32]>) -> Vec<T> {
     match sources {
         Some(sources) if !values.is_empty() => sources.iter().map(|&vertex| values[vertex as usize]).collect(),
@@ -89,7 +90,7 @@ pub(super) fn spread<T: Copy>(values: Vec<T>, sources: Option<&[u32]>) -> Vec<T>
     }
 }
 
-/// Diagonal of the bounding box; 1 if all points coincide.
+/// Returns the diagonal of the bounding box, or 1 if all points coincide.
 fn diagonal(positions: &[Vec3]) -> f32 {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for &position in positions {

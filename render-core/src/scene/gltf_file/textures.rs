@@ -1,4 +1,4 @@
-//! Loads the images of visible surfaces.
+//! Loader of the images of visible surfaces.
 
 use super::accessor::Buffers;
 use super::image_decoder::decode;
@@ -9,13 +9,13 @@ use super::{DocumentSource, LoadError, Loader};
 use crate::scene::{Encoding, Material, Scene, Texture, TextureSlot, Wrap};
 use std::collections::{BTreeMap, HashMap};
 
-/// Most texels of all textures, 2 GB of memory. A few bytes may encode a large image, and many textures may use one
-/// file.
+/// Maximum number of texels of all textures, 2 GB of memory. A few bytes may encode a large image, and many textures
+/// may use one file.
 const MOST_TEXELS: usize = 1 << 29;
 
 impl Loader<'_> {
     /// Decodes the images of all visible materials and renumbers the slots to match. An image used as color and as data
-    /// is stored twice: its mip levels differ.
+    /// is stored twice, because the mip levels of the two uses differ.
     pub(super) fn textures(
         &self,
         DocumentSource { document, buffers, .. }: DocumentSource,
@@ -66,23 +66,23 @@ impl Loader<'_> {
 /// Key of a decoded texture: image, wrapping, encoding, and whether magnified texels have sharp borders.
 type Key = (usize, [Wrap; 2], Encoding, bool);
 
-/// The textures of a document read so far.
+/// Textures of a document read so far.
 struct Reading<'a> {
     loader: &'a Loader<'a>,
     buffers: &'a Buffers,
     files: Vec<gltf::Texture<'a>>,
     images: Vec<gltf::Image<'a>>,
-    /// For each texture, the image that replaces a damaged one.
+    /// Image that replaces a damaged one, by index of the texture.
     plain_images: &'a BTreeMap<usize, usize>,
     textures: Vec<Texture>,
     place_of: HashMap<Key, usize>,
-    /// Number of texels of all textures.
+    /// Total number of texels of all textures.
     texels: usize,
     notes: Vec<String>,
 }
 
 impl<'a> Reading<'a> {
-    /// Reads the textures of a material; converts textures of the `older` model together.
+    /// Reads the textures of a material. Converts the two textures of an `older` material together.
     fn material(&mut self, material: &mut Material, older: Option<OlderFactors>) -> Result<(), LoadError> {
         let Material { base_color_texture, metallic_roughness_texture, emission_texture, .. } = material;
         let rough = match (older, *metallic_roughness_texture) {
@@ -102,7 +102,7 @@ impl<'a> Reading<'a> {
         self.place(material.normal_texture.as_mut().map(|(slot, _)| slot), Encoding::Linear)
     }
 
-    /// Points a slot to its decoded image.
+    /// Sets a slot to the index of its decoded image.
     fn place(&mut self, slot: Option<&mut TextureSlot>, encoding: Encoding) -> Result<(), LoadError> {
         let Some(slot) = slot else { return Ok(()) };
         let file = self.file(slot)?;
@@ -149,7 +149,7 @@ impl<'a> Reading<'a> {
         Ok(if is_blocky(file) { read.blocky() } else { read })
     }
 
-    /// Converts diffuse and glossy slots of the older model to textures of base color, and of metalness and roughness.
+    /// Converts diffuse and glossy slots of the older model to a base-color and a metallic-roughness texture.
     fn converted(&mut self, slots: [Option<TextureSlot>; 2], factors: OlderFactors) -> Result<[Texture; 2], LoadError> {
         let mut images = [None, None];
         let (mut wraps, mut blocky) = ([Wrap::Repeat; 2], false);
@@ -166,7 +166,7 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// An error's text for a note, without the scene's path.
+/// Returns an error's text for a note, without the scene's path.
 fn without_path(error: &LoadError) -> String {
     match error {
         LoadError::Malformed { what, .. } => what.clone(),
@@ -175,12 +175,13 @@ fn without_path(error: &LoadError) -> String {
     }
 }
 
-/// Whether magnified texels have sharp borders. Other filters are ignored: textures have their own.
+/// Returns whether magnified texels have sharp borders. Other filters in the file are ignored, because textures use
+/// filters of this crate.
 fn is_blocky(texture: &gltf::Texture) -> bool {
     texture.sampler().mag_filter() == Some(gltf::texture::MagFilter::Nearest)
 }
 
-/// Wrapping along both axes.
+/// Returns the wrapping along both axes.
 fn wrap(texture: &gltf::Texture) -> [Wrap; 2] {
     let sampler = texture.sampler();
     [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {

@@ -1,10 +1,10 @@
-//! Checks of a document that the `gltf` crate omits, although it panics if one fails.
+//! Checks of a document that the `gltf` crate omits, although the crate panics if one fails.
 
 use super::{LoadError, Loader};
 use gltf::json::{self, camera, validation::Checked};
 
 impl Loader<'_> {
-    /// Checks data that the crate reads unchecked: indices, and the objects that a camera's type requires.
+    /// Checks data that the crate reads without a check: indices, and the objects that a camera's type requires.
     pub(super) fn check_document(&self, root: &json::Root) -> Result<(), LoadError> {
         self.check_positions(root)?;
         self.check_cameras(root)?;

@@ -4,7 +4,7 @@ use super::{LoadError, Loader};
 use serde_json::Value;
 
 impl Loader<'_> {
-    /// The index of the variant called `name`, if a name is given.
+    /// Returns the index of the variant called `name`, if a name is set.
     pub(super) fn variant(
         &self,
         document: &gltf::Document,
@@ -36,7 +36,7 @@ impl Loader<'_> {
     }
 }
 
-/// The material of a primitive in this variant; `None` if the variant does not change it.
+/// Returns the material of a primitive in this variant, or `None` if the variant does not change it.
 pub(super) fn material_of(primitive: &gltf::Primitive, variant: Option<u64>) -> Option<usize> {
     let mappings = primitive.extension_value("KHR_materials_variants")?.get("mappings")?.as_array()?;
     for mapping in mappings {

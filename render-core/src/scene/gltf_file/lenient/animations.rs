@@ -4,19 +4,19 @@ use super::{Normalized, index, objects};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// A channel of `KHR_animation_pointer`, which animates a property of the document.
+/// Channel of `KHR_animation_pointer`, which animates a property of the document.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::scene::gltf_file) struct PointerChannel {
     /// Index of the animation.
     pub animation: usize,
-    /// Index of its sampler.
+    /// Index of the channel's sampler in the animation.
     pub sampler: usize,
     /// JSON pointer of the property, such as `/materials/0/emissiveFactor`.
     pub pointer: String,
 }
 
 /// Removes channels without a node (glTF 2.0, 5.5: "the target object MAY be defined by an extension"), and collects
-/// pointers.
+/// their pointers.
 pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: &mut Normalized) {
     for (animation, clip) in objects(root, "animations").enumerate() {
         // Find samplers with unreadable keys.

@@ -1,13 +1,13 @@
-//! Images without data, and textures that use them.
+//! Images without data, and textures that use these images.
 
 use super::{Normalized, index, objects};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// A placeholder image, for indices that must be valid; no material uses it.
+/// Placeholder image for indices that must be valid. No material uses it.
 const PLACEHOLDER: &str = "data:application/octet-stream;base64,";
 
-/// Extensions for textures in other formats, and whether this build reads them.
+/// Extensions for textures in additional formats, each with whether this build reads it.
 const FORMATS: [(&str, bool); 2] =
     [("KHR_texture_basisu", cfg!(feature = "basis")), ("EXT_texture_webp", cfg!(feature = "webp"))];
 
@@ -29,7 +29,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
         }
     }
 
-    // Unknown filters and wrappings have their defaults.
+    // Replace unknown filters and wrappings by the defaults.
     for sampler in objects(root, "samplers") {
         for (name, known) in [
             ("magFilter", &[9728, 9729][..]),
@@ -43,7 +43,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
         }
     }
 
-    // Find textures without such an image; an extension's image has priority over the plain one.
+    // Find textures that use such an image. An extension's image has priority over the plain image.
     let mut without = BTreeSet::new();
     for (place, texture) in objects(root, "textures").enumerate() {
         let formats = FORMATS.into_iter().filter(|(_, is_read)| *is_read);
@@ -89,7 +89,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
     }
 }
 
-/// Removes all references to these textures from an object and its descendants; returns their number.
+/// Removes all references to these textures from an object and its descendants. Returns the number of references.
 fn remove_slots(value: &mut Value, without: &BTreeSet<usize>) -> usize {
     let Value::Object(object) = value else { return 0 };
     let count = object.len();
@@ -98,7 +98,7 @@ fn remove_slots(value: &mut Value, without: &BTreeSet<usize>) -> usize {
     removed + object.values_mut().map(|member| remove_slots(member, without)).sum::<usize>()
 }
 
-/// Whether a value is a reference to one of these textures.
+/// Returns whether a value is a reference to one of these textures.
 fn leads_to(value: &Value, textures: &BTreeSet<usize>) -> bool {
     value.get("index").and_then(index).is_some_and(|texture| textures.contains(&texture))
 }

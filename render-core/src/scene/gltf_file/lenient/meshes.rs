@@ -1,14 +1,14 @@
-//! Accessors in formats that extensions add, and primitives that cannot be drawn without them.
+//! Accessors in formats that extensions add, and primitives that cannot be drawn without these accessors.
 
 use super::{Normalized, index, objects};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
-/// Extensions with vertices of a primitive that are missing from its accessors.
+/// Extensions that contain vertices of a primitive outside of its accessors.
 const COMPRESSED: [&str; 1] = ["KHR_draco_mesh_compression"];
 
-/// Replaces accessors of unknown types by a single zero, which keeps all other indices valid. Returns their
-/// indices, and those with a buffer without data. No drawn primitive reads either.
+/// Replaces accessors of unknown types by a single zero, so that all other indices stay valid. Returns the indices of
+/// the replaced accessors and of accessors with a buffer without data. No drawn primitive reads any of them.
 pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usize> {
     let mut unreadable = BTreeSet::new();
     for (place, accessor) in objects(root, "accessors").enumerate() {
@@ -26,7 +26,7 @@ pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usi
             unreadable.insert(place);
         }
     }
-    // glTF 2.0, 3.7.2.1 requires bounds of positions; this loader computes its own.
+    // glTF 2.0, 3.7.2.1 requires bounds of positions, but this loader computes them from the positions.
     let mut positions = BTreeSet::new();
     for primitive in primitives_of(root) {
         positions.extend(primitive.get("attributes").and_then(|list| list.get("POSITION")).and_then(index));
@@ -39,7 +39,7 @@ pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usi
     unreadable
 }
 
-/// An accessor of one scalar zero: without a view, all elements are zero (glTF 2.0, 3.6.2.1).
+/// Returns an accessor of one scalar zero. Without a view, all elements are zero (glTF 2.0, 3.6.2.1).
 fn one_zero() -> Map<String, Value> {
     Map::from_iter([
         ("componentType".into(), json!(5126)),
@@ -48,8 +48,8 @@ fn one_zero() -> Map<String, Value> {
     ])
 }
 
-/// Views of buffers without data, such as the fallback of `EXT_meshopt_compression`, which an extension fills. Removes
-/// these buffers from `used`.
+/// Returns the views of buffers without data, such as the fallback of `EXT_meshopt_compression`, which an extension
+/// fills. Removes these buffers from `used`.
 pub(super) fn dry_views(root: &mut Value, has_binary: bool, used: &mut BTreeSet<usize>) -> BTreeSet<usize> {
     let mut dry = BTreeSet::new();
     for (place, buffer) in objects(root, "buffers").enumerate() {
@@ -82,20 +82,20 @@ pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
             let compressed = COMPRESSED
                 .into_iter()
                 .find(|name| primitive.get("extensions").is_some_and(|extensions| extensions.get(name).is_some()));
-            // Accessors of compressed vertices only specify count and type.
+            // Accessors of compressed vertices specify only count and type.
             let is_missing = |accessor: Option<usize>| {
                 accessor.is_some_and(|place| {
                     unreadable.contains(&place) || (compressed.is_some() && without_view.contains(&place))
                 })
             };
 
-            // Keep readable attributes only.
+            // Keep only readable attributes.
             primitive.entry("attributes").or_insert_with(|| json!({}));
             if let Some(Value::Object(attributes)) = primitive.get_mut("attributes") {
                 attributes.retain(|name, accessor| is_known(name) && !is_missing(index(accessor)));
             }
 
-            // Skip primitives without positions, with unreadable indices or of unknown mode.
+            // Skip primitives without positions, with unreadable indices or with an unknown mode.
             let has_positions =
                 primitive["attributes"].get("POSITION").is_some() || !primitive["attributes"].is_object();
             let indices = primitive.get("indices").and_then(index);
@@ -112,14 +112,14 @@ pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
     }
 }
 
-/// Whether the specification defines an attribute of this name.
+/// Returns whether the specification defines an attribute of this name.
 fn is_known(name: &str) -> bool {
     let numbered = |prefix: &str| name.strip_prefix(prefix).is_some_and(|set| set.parse::<u32>().is_ok());
     ["POSITION", "NORMAL", "TANGENT"].contains(&name)
         || ["TEXCOORD_", "COLOR_", "JOINTS_", "WEIGHTS_"].into_iter().any(numbered)
 }
 
-/// All primitives of the document.
+/// Returns all primitives of the document.
 fn primitives_of(root: &mut Value) -> impl Iterator<Item = &mut Map<String, Value>> {
     let lists = objects(root, "meshes").filter_map(|mesh| mesh.get_mut("primitives")?.as_array_mut());
     lists.flatten().filter_map(Value::as_object_mut)

@@ -1,7 +1,7 @@
-//! Converts documents to the form that the `gltf` crate expects.
+//! Conversion of documents to the form that the `gltf` crate expects.
 //!
 //! The specification lets files omit data, or define it in extensions. The crate refuses these files, so this pass
-//! first fills in, removes or replaces such data. Lists keep their length: indices stay valid.
+//! first fills in, removes or replaces such data. Lists keep their length, so that indices stay valid.
 
 mod animations;
 mod images;
@@ -16,24 +16,24 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Results of [`normalize`].
 #[derive(Debug, Default)]
 pub(super) struct Normalized {
-    /// A line for each kind of omitted data.
+    /// Notes on omitted data, one line per type.
     pub notes: Vec<String>,
     /// Animation channels of `KHR_animation_pointer`.
     pub pointers: Vec<PointerChannel>,
     /// Names of extensions with an object in the document.
     pub extensions: BTreeSet<String>,
-    /// For each texture, by index, the image that replaces an unreadable one.
+    /// Image that replaces an unreadable one, by index of the texture.
     pub plain_images: BTreeMap<usize, usize>,
-    /// The program that wrote the file.
+    /// Program that wrote the file.
     pub generator: Option<String>,
     /// Buffer views that an accessor, an image or an extension reads.
     used_views: BTreeSet<usize>,
-    /// Buffers with data that these views use.
+    /// Buffers with data that the used views refer to.
     pub used_buffers: BTreeSet<usize>,
 }
 
 impl Normalized {
-    /// Adds a note, once.
+    /// Adds a note if it is not yet in the list.
     fn note(&mut self, text: &str) {
         if !self.notes.iter().any(|note| note == text) {
             self.notes.push(text.into());
@@ -41,11 +41,11 @@ impl Normalized {
     }
 }
 
-/// Converts the document to the form that the `gltf` crate parses. `has_binary` if the first buffer may be the file's
-/// binary chunk.
+/// Converts the document to the form that the `gltf` crate parses. `has_binary` is true if the first buffer may be the
+/// file's binary chunk.
 ///
 /// # Errors
-/// The file has another version of glTF.
+/// The file has a different version of glTF.
 pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized, String> {
     check_version(root)?;
     let generator = root.pointer("/asset/generator").and_then(Value::as_str).map(str::to_owned);
@@ -66,7 +66,8 @@ pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized
     Ok(found)
 }
 
-/// glTF 2.0, 3.2: accepts version 2.x, unless `minVersion` is above 2.0. In version 1, objects replace lists.
+/// Checks the version: accepts 2.x, unless `minVersion` is above 2.0 (glTF 2.0, 3.2). In version 1, objects replace
+/// lists.
 fn check_version(root: &Value) -> Result<(), String> {
     let mut version = match root.pointer("/asset/version") {
         Some(Value::String(text)) => text.clone(),
@@ -84,11 +85,11 @@ fn check_version(root: &Value) -> Result<(), String> {
     Err(format!("the file is glTF {shown}, but only 2.0 is read; export it as glTF 2.0"))
 }
 
-/// Removes `extras`, which may have any type, and nulls; rewrites 4.0 as 4; collects the names of extensions.
+/// Removes nulls and `extras`, which may have any type. Rewrites 4.0 as 4. Collects the names of extensions.
 ///
 /// The depth is bounded: `serde_json` refuses documents nested deeper than 128 levels.
 fn plain(value: &mut Value, found: &mut Normalized) {
-    /// Above this, f64 cannot represent every integer.
+    /// Number above which f64 cannot represent every integer.
     const LARGEST: f64 = 9_007_199_254_740_992.0;
     match value {
         Value::Object(object) => {
@@ -117,7 +118,7 @@ fn plain(value: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// A note for each extension that the document names or uses and that is left out.
+/// Returns a note for each ignored extension that the document names or uses.
 fn extension_notes(root: &Value, found: &BTreeSet<String>) -> Vec<String> {
     let list = |name: &str| root.get(name).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     let mut names = found.clone();
@@ -125,8 +126,8 @@ fn extension_notes(root: &Value, found: &BTreeSet<String>) -> Vec<String> {
     extensions::notes(&names, list("materials"))
 }
 
-/// glTF 2.0, 3.5.1: a scene may have no nodes, and a file no scenes: "a library of individual entities such as
-/// materials or meshes".
+/// Adds missing scenes: a scene may have no nodes, and a file no scenes ("a library of individual entities such as
+/// materials or meshes", glTF 2.0, 3.5.1).
 fn scenes(root: &mut Value, found: &mut Normalized) {
     if root.get("scene").is_none() && objects(root, "scenes").next().is_none() {
         let mut is_child = BTreeSet::new();
@@ -147,7 +148,7 @@ fn scenes(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// Removes `KHR_lights_punctual` from nodes if it names no light.
+/// Removes `KHR_lights_punctual` from nodes if the extension names no light.
 fn nodes(root: &mut Value) {
     for node in objects(root, "nodes") {
         let Some(Value::Object(extensions)) = node.get_mut("extensions") else { continue };
@@ -176,7 +177,7 @@ fn cameras(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// Replaces lights of types that extensions add, and gives spots their default cone.
+/// Replaces lights of types that extensions add. Adds the default cone to spot lights without one.
 fn lights(root: &mut Value, found: &mut Normalized) {
     let mut unknown = BTreeSet::new();
     let lights = root.pointer_mut("/extensions/KHR_lights_punctual/lights").and_then(Value::as_array_mut);
@@ -203,9 +204,9 @@ fn lights(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// Removes hints from views that no reader needs, and finds the buffers that views use.
+/// Removes hints that no reader needs from views, and finds the buffers that views use.
 fn buffers(root: &mut Value, found: &mut Normalized) {
-    // Accessors without a view are zeros; the crate requires any view for them.
+    // Accessors without a view are zeros, but the crate requires a view for them, so add any.
     if objects(root, "bufferViews").next().is_none() && objects(root, "accessors").next().is_some() {
         if objects(root, "buffers").next().is_none() {
             root["buffers"] = json!([{ "byteLength": 1 }]);
@@ -223,7 +224,7 @@ fn buffers(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// glTF 2.0, 5.19: alpha modes that an extension may add are replaced by the default.
+/// Replaces alpha modes that extensions add by the default (glTF 2.0, 5.19).
 fn materials(root: &mut Value, found: &mut Normalized) {
     for material in objects(root, "materials") {
         let mode = material.get("alphaMode").and_then(Value::as_str);
@@ -234,13 +235,13 @@ fn materials(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// The objects in a list of the document; empty if the list is missing.
+/// Returns the objects in a list of the document, or an empty iterator if the list is missing.
 fn objects<'a>(root: &'a mut Value, name: &str) -> impl Iterator<Item = &'a mut Map<String, Value>> {
     let list = root.get_mut(name).and_then(Value::as_array_mut);
     list.into_iter().flatten().filter_map(Value::as_object_mut)
 }
 
-/// An index in the document.
+/// Returns the value as an index in the document, or `None` if it is not an index.
 fn index(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|index| usize::try_from(index).ok())
 }

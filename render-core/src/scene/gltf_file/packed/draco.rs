@@ -3,19 +3,19 @@
 use crate::scene::gltf_file::document::one_line;
 use draco_core::{DataType, DecodeLimits, DecoderBuffer, Mesh, MeshDecoder, PointAttribute, PointIndex};
 
-/// One attribute of all vertices.
+/// Values of one attribute at all vertices.
 pub(super) struct Attribute {
     /// Little-endian numbers without gaps.
     pub bytes: Vec<u8>,
-    /// glTF's `componentType`.
+    /// glTF's `componentType` of the numbers.
     pub component: u32,
     /// Number of components per vertex, 1 to 4.
     pub width: usize,
 }
 
-/// An unpacked mesh of triangles.
+/// Unpacked mesh of triangles.
 pub(super) struct Unpacked {
-    /// Corners of all triangles.
+    /// Vertex indices of the corners of all triangles.
     pub indices: Vec<u32>,
     /// Number of vertices.
     pub vertices: usize,
@@ -23,17 +23,17 @@ pub(super) struct Unpacked {
     pub attributes: Vec<Attribute>,
 }
 
-/// Limits on a stream's contents.
+/// Limits on the contents of a stream.
 #[derive(Clone, Copy)]
 pub(super) struct Most {
     pub triangles: usize,
-    /// Memory of vertices \[bytes\].
+    /// Maximum memory of vertices \[bytes\].
     pub bytes: usize,
 }
 
 /// Unpacks the attributes with these ids.
 pub(super) fn decode(data: &[u8], ids: &[u32], most: Most) -> Result<Unpacked, String> {
-    // Each vertex is a corner of a triangle.
+    // Each vertex is a corner of at least one triangle.
     let limits = DecodeLimits::default()
         .with_max_faces(most.triangles as u64)
         .with_max_points(3 * most.triangles as u64)
@@ -57,8 +57,8 @@ pub(super) fn decode(data: &[u8], ids: &[u32], most: Most) -> Result<Unpacked, S
     Ok(Unpacked { indices, vertices, attributes })
 }
 
-/// The numbers of an attribute in vertex order. `None` if their type does not exist in glTF, or if they are outside the
-/// data.
+/// Returns the numbers of an attribute in vertex order. Returns `None` if their type does not exist in glTF, or if they
+/// are outside the data.
 fn numbers(attribute: &PointAttribute, vertices: usize) -> Option<Attribute> {
     let (component, size) = match attribute.data_type() {
         DataType::Int8 => (5120, 1),

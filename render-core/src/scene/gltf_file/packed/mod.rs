@@ -1,7 +1,7 @@
-//! Unpacks meshes and buffer views packed by extensions: the document then refers to plain data.
+//! Unpacking of meshes and buffer views packed by extensions. Afterwards, the document refers to plain data.
 //!
-//! Unpacked data becomes buffers after the file's own. If data cannot be unpacked but has a plain copy, a note replaces
-//! the error.
+//! Unpacked data becomes buffers after the file's own buffers. If data cannot be unpacked but has a plain copy, a note
+//! replaces the error.
 
 #[cfg(feature = "draco")]
 mod draco;
@@ -22,7 +22,7 @@ impl Loader<'_> {
     /// Unpacks the data that the document uses. Returns a note for each item replaced by its plain copy.
     ///
     /// # Errors
-    /// Packed data is damaged, and has no plain copy.
+    /// Packed data is damaged and has no plain copy.
     pub(super) fn unpack(&self, root: &mut Value, stored: &mut StoredBuffers) -> Result<Vec<String>, LoadError> {
         let mut notes = Vec::new();
         #[cfg(feature = "meshopt")]

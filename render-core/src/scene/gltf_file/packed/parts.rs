@@ -10,12 +10,12 @@ pub(super) fn number(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|number| usize::try_from(number).ok()).or_else(|| float().map(|x| x as usize))
 }
 
-/// A list in the document; empty if it is missing.
+/// Returns a list in the document, or an empty list if it is missing.
 pub(super) fn list<'a>(root: &'a Value, name: &str) -> &'a [Value] {
     root[name].as_array().map_or(&[], Vec::as_slice)
 }
 
-/// The bytes of an object with `buffer`, `byteOffset` and `byteLength`; `None` if they are missing.
+/// Returns the bytes of an object with `buffer`, `byteOffset` and `byteLength`, or `None` if one of them is missing.
 pub(super) fn bytes<'s>(
     root: &Value,
     stored: &'s mut StoredBuffers,
@@ -33,16 +33,16 @@ pub(super) fn bytes<'s>(
     Ok(first.checked_add(length).and_then(|end| held.get(first..end)))
 }
 
-/// Adds a buffer of these bytes and returns its index.
+/// Adds a buffer that contains `data` and returns its index.
 pub(super) fn add_buffer(root: &mut Value, stored: &mut StoredBuffers, data: Vec<u8>) -> usize {
-    // The URI is never read, but a buffer without one could be the file's binary chunk.
+    // The URI is never read, but a buffer without URI could be the file's binary chunk.
     let buffer = json!({ "byteLength": data.len().max(1), "uri": "data:application/octet-stream;base64," });
     let index = add(root, "buffers", buffer);
     stored.put(index, data);
     index
 }
 
-/// Appends an item to a list of the document, which is created if necessary, and returns its index.
+/// Appends an item to a list of the document and returns the item's index. A missing list is created.
 pub(super) fn add(root: &mut Value, name: &str, item: Value) -> usize {
     if !root[name].is_array() {
         root[name] = json!([]);

@@ -9,10 +9,10 @@ use std::collections::{BTreeSet, HashMap};
 
 const NAME: &str = "KHR_draco_mesh_compression";
 
-/// Bytes of a triangle.
+/// Size of a triangle's indices \[bytes\].
 const TRIANGLE: usize = 12;
 
-/// Index of a primitive: its mesh, and its index in the mesh.
+/// Index of a primitive: the index of its mesh, and its index in the mesh.
 #[derive(Clone, Copy)]
 struct PrimitiveIndex {
     mesh: usize,
@@ -59,7 +59,7 @@ impl Loader<'_> {
                 }
             }
 
-            // The primitive refers to plain data from now on, or keeps its plain copy.
+            // Let the primitive refer to plain data, or keep its plain copy.
             let primitive = at(root, place);
             if let Some(accessors) = read.get(&key) {
                 replace(primitive, accessors, &mut replaced);
@@ -75,7 +75,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Notes that the plain copy is read. Without a plain copy, returns an error for the damaged packed data.
+    /// Adds a note that the plain copy is read. Without a plain copy, returns an error for the damaged packed data.
     fn keep_plain(
         &self,
         root: &Value,
@@ -101,7 +101,7 @@ impl Loader<'_> {
     }
 }
 
-/// The primitives with the extension.
+/// Returns the primitives with the extension.
 fn packed(root: &Value) -> Vec<PrimitiveIndex> {
     let mut places = Vec::new();
     for (m, mesh) in list(root, "meshes").iter().enumerate() {
@@ -118,7 +118,7 @@ fn at(root: &mut Value, place: PrimitiveIndex) -> &mut Value {
     &mut root["meshes"][place.mesh]["primitives"][place.primitive]
 }
 
-/// Unpacks a mesh, or returns the reason for a failure.
+/// Unpacks a mesh, or returns the reason for the failure.
 fn unpacked(
     root: &Value,
     stored: &mut StoredBuffers,
@@ -154,7 +154,7 @@ fn unpacked(
     Ok(unpacked)
 }
 
-/// Adds a buffer, views and accessors.
+/// Adds a buffer, views and accessors for the unpacked mesh.
 fn add_accessors(root: &mut Value, stored: &mut StoredBuffers, primitive: &Value, unpacked: Unpacked) -> Accessors {
     let Unpacked { indices, vertices, attributes } = unpacked;
     let count = indices.len();
@@ -190,7 +190,8 @@ fn add_accessor(
     add(root, "accessors", accessor)
 }
 
-/// Gives a primitive its unpacked accessors. Draco always contains triangles, whatever the mode.
+/// Assigns the unpacked accessors to a primitive. Draco data always contains triangles, regardless of the primitive's
+/// mode.
 fn replace(primitive: &mut Value, accessors: &Accessors, replaced: &mut BTreeSet<usize>) {
     replaced.extend(primitive.get("indices").and_then(number));
     primitive["indices"] = json!(accessors.indices);
@@ -204,7 +205,7 @@ fn replace(primitive: &mut Value, accessors: &Accessors, replaced: &mut BTreeSet
     }
 }
 
-/// Removes the views from accessors that are no longer in use: their buffers may be missing.
+/// Removes the views from accessors that are no longer in use, since the buffers of these views may be missing.
 fn free(root: &mut Value, mut replaced: BTreeSet<usize>) {
     if replaced.is_empty() {
         return;

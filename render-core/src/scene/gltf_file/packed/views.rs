@@ -6,7 +6,7 @@ use super::{LoadError, Loader, StoredBuffers};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// Both extensions have the same members.
+/// Names of two extensions with the same members.
 const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
 
 impl Loader<'_> {
@@ -61,14 +61,14 @@ impl Loader<'_> {
     }
 }
 
-/// The extension that packs a view, and its members.
+/// Returns the extension that packs a view, and the extension's members.
 fn packed_by(place: usize, view: &Value) -> Option<(usize, &'static str, Value)> {
     let extension =
         |name: &'static str| view.get("extensions")?.get(name).map(|members| (place, name, members.clone()));
     NAMES.into_iter().find_map(extension)
 }
 
-/// Unpacks a view, or returns the reason for a failure.
+/// Unpacks a view, or returns the reason for the failure.
 fn unpacked(
     root: &Value,
     stored: &mut StoredBuffers,
@@ -92,7 +92,7 @@ fn unpacked(
     Ok(bytes(root, stored, extension)?.map_or(Err("is outside its buffer"), |packed| layout.unpack(packed)))
 }
 
-/// Whether the view's own buffer has data.
+/// Returns whether the view's own buffer has data.
 fn has_plain_copy(root: &Value, stored: &StoredBuffers, place: usize) -> bool {
     let buffer = number(&root["bufferViews"][place]["buffer"]);
     let Some(buffer) = buffer.filter(|&buffer| buffer < list(root, "buffers").len()) else { return false };

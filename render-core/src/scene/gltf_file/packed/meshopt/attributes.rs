@@ -1,15 +1,17 @@
-//! "Mode 0: attributes": byte-wise differences of neighboring elements, in the fewest bits that each group of 16 needs.
+//! "Mode 0: attributes": byte-wise differences between neighboring elements, in groups of 16 that use as few bits as
+//! possible.
 
 use super::{Fault, LONG, SHORT};
 
-/// Elements of a group.
+/// Number of elements in a group.
 const GROUP: usize = 16;
-/// Most elements of a block.
+/// Maximum number of elements in a block.
 const BLOCK: usize = 256;
-/// Least size of the tail after the blocks \[bytes\], by version.
+/// Minimum size of the tail after the blocks \[bytes\], by version.
 const TAIL: [usize; 2] = [32, 24];
-/// Bits of a difference, by version or control mode, and by a group's header.
+/// Bits per difference in version 0, by the group's header.
 const BITS_V0: [u8; 4] = [0, 2, 4, 8];
+/// Bits per difference in version 1, by control mode and by the group's header.
 const BITS_V1: [[u8; 4]; 2] = [[0, 1, 2, 4], [1, 2, 4, 8]];
 
 /// Decodes `count` elements of `stride` bytes, a multiple of 4 up to 256.
@@ -25,14 +27,14 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     let body = data.len().checked_sub(1 + tail).ok_or(SHORT)?;
     let (base, modes) = data[data.len() - stride - channels..].split_at(stride);
 
-    // Each block has at least one byte per four columns; in version 0, at least one byte per column.
+    // Each block has at least one byte per four columns. In version 0, it has at least one byte per column.
     let block = ((8192 / stride) & !(GROUP - 1)).min(BLOCK);
     let least = if version == 1 { stride / 4 } else { stride };
     if count.div_ceil(block).saturating_mul(least) > body {
         return Err(SHORT);
     }
 
-    // Decode block by block: four byte columns per channel, which then become elements.
+    // Decode block by block. A channel has four byte columns, which are then interleaved to elements.
     let mut reader = BlockReader { data, at: 1, end: 1 + body };
     let mut last = [[0; 4]; 64];
     last[..stride / 4].copy_from_slice(base.as_chunks().0);
@@ -64,7 +66,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     if reader.at != reader.end { Err(LONG) } else { Ok(out) }
 }
 
-/// Reads blocks.
+/// Reader of the blocks of a meshopt attribute stream.
 struct BlockReader<'a> {
     data: &'a [u8],
     at: usize,
@@ -79,7 +81,7 @@ impl<'a> BlockReader<'a> {
         Ok(taken)
     }
 
-    /// Reads a column: two bits per group, then the groups.
+    /// Reads a column: first two bits per group, then the groups.
     fn groups(&mut self, bits: &[u8; 4], column: &mut [u8]) -> Result<(), Fault> {
         let headers = self.take((column.len() / GROUP).div_ceil(4))?;
         for (place, group) in column.as_chunks_mut::<GROUP>().0.iter_mut().enumerate() {
@@ -92,7 +94,7 @@ impl<'a> BlockReader<'a> {
         Ok(())
     }
 
-    /// Reads a group with `bits` bits per difference; all ones mean that a literal byte follows.
+    /// Reads a group with `bits` bits per difference. If all bits are ones, a literal byte follows.
     fn group(&mut self, bits: u8, group: &mut [u8; GROUP]) -> Result<(), Fault> {
         let packed = self.take(usize::from(bits) * GROUP / 8)?;
         // The tail is longer than the possible literals, so the reads below need no bounds check.
@@ -103,7 +105,7 @@ impl<'a> BlockReader<'a> {
         for (byte, values) in packed.iter().zip(group.chunks_exact_mut(per_byte)) {
             for (place, value) in values.iter_mut().enumerate() {
                 let place = place as u8;
-                // Single bits start at the lowest bit, pairs and nibbles at the highest.
+                // Single bits start at the lowest bit. Pairs and nibbles start at the highest bit.
                 let shift = if bits == 1 { place } else { 8 - bits - place * bits };
                 let short = (byte >> shift) & escape;
                 *value = if short == escape { literals[used] } else { short };
@@ -115,7 +117,7 @@ impl<'a> BlockReader<'a> {
     }
 }
 
-/// Channel mode 0: byte differences.
+/// Decodes channel mode 0: byte differences.
 fn add_bytes<'a>(columns: &[[u8; BLOCK]; 4], last: &mut [u8; 4], places: impl Iterator<Item = &'a mut [u8]>) {
     for (i, place) in places.enumerate() {
         for byte in 0..4 {
@@ -126,7 +128,7 @@ fn add_bytes<'a>(columns: &[[u8; BLOCK]; 4], last: &mut [u8; 4], places: impl It
     }
 }
 
-/// Channel mode 1: differences of 16-bit numbers.
+/// Decodes channel mode 1: differences between 16-bit numbers.
 fn add_shorts<'a>(columns: &[[u8; BLOCK]; 4], last: &mut [u8; 4], places: impl Iterator<Item = &'a mut [u8]>) {
     let mut sums = [u16::from_le_bytes([last[0], last[1]]), u16::from_le_bytes([last[2], last[3]])];
     for (i, place) in places.enumerate() {
@@ -140,7 +142,7 @@ fn add_shorts<'a>(columns: &[[u8; BLOCK]; 4], last: &mut [u8; 4], places: impl I
     last[2..].copy_from_slice(&sums[1].to_le_bytes());
 }
 
-/// Channel mode 2: exclusive or of 32-bit numbers, rotated to the left by the encoder.
+/// Decodes channel mode 2: exclusive or of 32-bit numbers, rotated to the left by the encoder.
 fn mix_words<'a>(
     columns: &[[u8; BLOCK]; 4],
     rotation: u32,

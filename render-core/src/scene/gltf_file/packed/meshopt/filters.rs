@@ -44,7 +44,7 @@ fn bytes(numbers: [i16; 4]) -> [u8; 8] {
     [a, b, c, d, e, f, g, h]
 }
 
-/// Filter 1: a unit vector from two octahedral coordinates; the third number represents 1.
+/// Decodes filter 1: a unit vector from two octahedral coordinates. The third number represents 1.
 fn octahedral([x, y, one, _]: [f32; 4], most: f32) -> [f32; 3] {
     let z = one - x.abs() - y.abs();
     let fold = z.min(0.0);
@@ -53,7 +53,7 @@ fn octahedral([x, y, one, _]: [f32; 4], most: f32) -> [f32; 3] {
     [x, y, z].map(|c| (c * scale).round())
 }
 
-/// Filter 2: a rotation without its largest component; the last number contains that component's index.
+/// Decodes filter 2: a rotation without its largest component. The last number contains the index of this component.
 fn quaternion(e: [i16; 4]) -> [i16; 4] {
     let one = f32::from(e[3] | 3);
     let [x, y, z, _] = e.map(|c| f32::from(c) / one * std::f32::consts::FRAC_1_SQRT_2);
@@ -66,14 +66,14 @@ fn quaternion(e: [i16; 4]) -> [i16; 4] {
     out
 }
 
-/// Filter 3: an 8-bit binary exponent and a signed 24-bit factor.
+/// Decodes filter 3: an 8-bit binary exponent and a signed 24-bit factor.
 fn exponential(code: i32) -> f32 {
     let (exponent, factor) = (code >> 24, (code << 8) >> 8);
-    // Exact from −100 to 100, the range of the specification.
+    // The result is exact for exponents from −100 to 100, the range of the specification.
     f32::from_bits(((exponent.clamp(-126, 127) + 127) as u32) << 23) * factor as f32
 }
 
-/// Filter 4: luma, two chroma values, and opacity. The highest bit of opacity determines the scale of all four.
+/// Decodes filter 4: luma, two chroma values, and opacity. The highest bit of opacity determines the scale of all four.
 fn color(y: i32, [co, cg]: [i32; 2], a: i32, most: f32) -> [f32; 4] {
     let bits = 32 - a.leading_zeros();
     let scale = (1i32 << bits) - 1;

@@ -2,12 +2,12 @@
 
 use super::{Fault, LONG, SHORT};
 
-/// Bytes after the data of triangles: pairs of positions in the vertex queue.
+/// Size of the table after the data of triangles: pairs of positions in the vertex queue \[bytes\].
 const TABLE: usize = 16;
-/// Bytes after the data of a sequence.
+/// Size of the padding after the data of a sequence \[bytes\].
 const PADDING: usize = 4;
 
-/// The bytes that follow the codes.
+/// Reader of the bytes that follow the codes.
 struct CodeReader<'a>(&'a [u8]);
 
 impl CodeReader<'_> {
@@ -36,7 +36,7 @@ fn unfold(code: u32) -> u32 {
     (code >> 1) ^ (code & 1).wrapping_neg()
 }
 
-/// The last 16 items, the newest at position 0. Unwritten items are the largest index, which no mesh contains.
+/// Last 16 items, with the newest at position 0. Unwritten items contain the largest index, which no mesh contains.
 struct Queue<T> {
     items: [T; 16],
     next: usize,
@@ -71,7 +71,7 @@ pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
     if data.first().is_some_and(|&first| first != 0xe1) {
         return Err("has an unknown version");
     }
-    // One code per triangle.
+    // Each triangle has one code.
     let body = data.len().checked_sub(1 + TABLE).filter(|&body| body >= count / 3).ok_or(SHORT)?;
     let (codes, rest) = data[1..1 + body].split_at(count / 3);
     let table = &data[1 + body..];
@@ -96,7 +96,7 @@ impl Triangles<'_> {
             return self.beside_edge(high, low);
         }
 
-        // Three separate corners: positions of the second and third, from the table or from the data.
+        // Decode three separate corners: positions of the second and third corners are in the table or in the data.
         let is_listed = low < 14;
         let pair = if is_listed { table[low] } else { self.data.byte()? };
         if !is_listed && pair == 0 {
@@ -118,7 +118,7 @@ impl Triangles<'_> {
         Ok([a, b, c])
     }
 
-    /// Decodes a triangle that shares an edge with a recent one.
+    /// Decodes a triangle that shares an edge with a recent triangle.
     fn beside_edge(&mut self, age: usize, third: usize) -> Result<[u32; 3], Fault> {
         let (a, b) = self.edges.get(age);
         let c = match third {
@@ -138,7 +138,7 @@ impl Triangles<'_> {
         Ok([a, b, c])
     }
 
-    /// Decodes a corner from its position: 0 for a new vertex, 15 for one in the data.
+    /// Decodes a corner from its position: 0 for a new vertex, 15 for a vertex in the data.
     fn corner(&mut self, place: usize) -> Result<u32, Fault> {
         match place {
             0 => Ok(self.fresh()),
@@ -147,14 +147,14 @@ impl Triangles<'_> {
         }
     }
 
-    /// The next new vertex.
+    /// Returns the next new vertex.
     fn fresh(&mut self) -> u32 {
         let vertex = self.next;
         self.next = self.next.wrapping_add(1);
         vertex
     }
 
-    /// Reads a vertex as the difference from the previous one in the data.
+    /// Reads a vertex as the difference from the previous vertex in the data.
     fn stored(&mut self) -> Result<u32, Fault> {
         self.last = self.last.wrapping_add(unfold(self.data.number()?));
         Ok(self.last)
@@ -166,7 +166,7 @@ pub(super) fn sequence(data: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
     if data.first().is_some_and(|&first| first != 0xd1) {
         return Err("has an unknown version");
     }
-    // At least one byte per index.
+    // Each index has at least one byte.
     let body = data.len().checked_sub(1 + PADDING).filter(|&body| body >= count).ok_or(SHORT)?;
     let mut reader = CodeReader(&data[1..1 + body]);
     let mut last = [0u32; 2];

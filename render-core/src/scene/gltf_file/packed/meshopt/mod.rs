@@ -1,18 +1,18 @@
-//! Buffer views packed by `EXT_meshopt_compression` and `KHR_meshopt_compression`. The latter's bitstreams include all
-//! of the former's.
+//! Buffer views packed by `EXT_meshopt_compression` and `KHR_meshopt_compression`. The bitstreams of the KHR extension
+//! include all bitstreams of the EXT extension.
 //!
-//! Sections refer to the text of `KHR_meshopt_compression`.
+//! Section titles refer to the text of `KHR_meshopt_compression`.
 
 mod attributes;
 mod filters;
 mod indices;
 
-/// The reason why a stream is refused.
+/// Reason why a stream is refused.
 pub(super) type Fault = &'static str;
 
-/// The stream ends before its last element.
+/// Reason for a stream that ends before its last element.
 const SHORT: Fault = "ends early";
-/// The stream continues after its last element.
+/// Reason for a stream that continues after its last element.
 const LONG: Fault = "has bytes left over";
 
 /// Bitstream of a view.
@@ -38,14 +38,14 @@ pub(super) enum Filter {
 pub(super) struct Layout {
     pub mode: BufferMode,
     pub filter: Filter,
-    /// Number of elements.
+    /// Number of elements in the view.
     pub count: usize,
-    /// Bytes of an element.
+    /// Size of an element \[bytes\].
     pub stride: usize,
 }
 
 impl Layout {
-    /// Reads `mode` and `filter`, and checks them ("JSON schema updates").
+    /// Parses `mode` and `filter`, and checks them ("JSON schema updates").
     pub fn new(mode: &str, filter: Option<&str>, count: usize, stride: usize) -> Result<Self, Fault> {
         let mode = match mode {
             "ATTRIBUTES" => BufferMode::Attributes,
@@ -78,12 +78,13 @@ impl Layout {
         Ok(Self { mode, filter, count, stride })
     }
 
-    /// Size of the unpacked view \[bytes\].
+    /// Returns the size of the unpacked view \[bytes\].
     pub fn size(&self) -> usize {
         self.count.saturating_mul(self.stride)
     }
 
-    /// Unpacks `data`. Before it allocates memory, checks that `data` is long enough for the stated number of elements.
+    /// Unpacks `data`. Before memory is allocated, checks that `data` is long enough for the number of elements in the
+    /// document.
     pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>, Fault> {
         let mut out = match self.mode {
             BufferMode::Attributes => attributes::decode(data, self.count, self.stride)?,
@@ -95,7 +96,7 @@ impl Layout {
     }
 }
 
-/// Indices as little-endian numbers of 2 or 4 bytes.
+/// Returns the indices as little-endian numbers of 2 or 4 bytes.
 fn narrowed(indices: Vec<u32>, stride: usize) -> Vec<u8> {
     if stride == 2 {
         indices.iter().flat_map(|&index| (index as u16).to_le_bytes()).collect()
