@@ -57,21 +57,21 @@ pub use plane::{Correspondence, NO_MATCH, Plane};
 
 use glam::{Vec3, Vec3A};
 
-/// [`plane::luminance`] of a linear RGB quantity, in the quantity's unit.
+/// Returns [`plane::luminance`] of a linear RGB quantity, in the quantity's unit.
 #[inline]
 #[must_use]
 pub fn luminance(rgb: Vec3) -> f32 {
     plane::luminance(rgb.to_array())
 }
 
-/// Size of a scene, and the distance that is negligible in it.
+/// Size of a scene, and the distance that is negligible in the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Units {
     /// Center of the scene's bounding box \[m\].
     pub center: Vec3A,
     /// Radius of a bounding sphere of the scene \[m\]; never 0.
     pub radius: f32,
-    /// Distance of ray origins from their surface \[m\]: some hundred times the rounding error of a coordinate.
+    /// Distance of ray origins from their surface \[m\], some hundred times the rounding error of a coordinate.
     pub epsilon: f32,
 }
 

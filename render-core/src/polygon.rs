@@ -2,32 +2,32 @@
 
 use glam::{Vec3, Vec3A};
 
-/// A flat, convex piece of an emissive surface, with three or four corners.
+/// Flat, convex piece of an emissive surface, with three or four corners.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Polygon {
-    /// Corners in order around the border \[m\]; a triangle repeats its last corner.
+    /// Corners in order around the border \[m\]. A triangle repeats its last corner.
     pub(crate) corners: [Vec3A; 4],
     /// Normal of the emitting side, a unit vector.
     pub(crate) normal: Vec3A,
-    /// Whether the other side also emits.
+    /// Whether the opposite side also emits.
     pub(crate) double_sided: bool,
-    /// Radiance \[W·m⁻²·sr⁻¹\].
+    /// Emitted radiance \[W·m⁻²·sr⁻¹\].
     pub(crate) radiance: Vec3,
 }
 
-/// Most corners: four, and one more for each plane that clips a convex polygon.
+/// Maximum number of corners: four, and one more for each plane that clips a convex polygon.
 const MOST_CORNERS: usize = 6;
 
 impl Polygon {
-    /// Area of one side \[m²\].
+    /// Returns the area of one side \[m²\].
     pub(crate) fn area(&self) -> f32 {
         let [a, b, c, d] = self.corners;
-        // Half the cross product of the diagonals.
+        // Half the length of the diagonals' cross product is the area.
         (c - a).cross(d - b).length() / 2.0
     }
 
-    /// Irradiance \[W·m⁻²\] at `position` from the region above two planes: of the unit shading `normal` and of the
-    /// unit `geometric_normal`.
+    /// Returns the irradiance at `position` \[W·m⁻²\] from the region above two planes: of the unit shading `normal`
+    /// and of the unit `geometric_normal`.
     pub(crate) fn irradiance(&self, position: Vec3A, normal: Vec3A, geometric_normal: Vec3A) -> Vec3 {
         if !self.double_sided && self.normal.dot(position - self.corners[0]) <= 0.0 {
             return Vec3::ZERO;
@@ -42,8 +42,8 @@ impl Polygon {
     }
 }
 
-/// ∫ cos θ dω over a polygon entirely above the horizon of the unit `normal` (Lambert 1760; Baum, Rushmeier & Winget
-/// 1989, eq. 9):
+/// Returns ∫ cos θ dω over a polygon entirely above the horizon of the unit `normal` (Lambert 1760; Baum, Rushmeier &
+/// Winget 1989, eq. 9):
 ///
 /// ```text
 /// ½ Σ Γᵢ · n·(vᵢ × vᵢ₊₁)/|vᵢ × vᵢ₊₁|       Γᵢ  angle between the directions to corners i and i + 1
@@ -73,7 +73,7 @@ fn clip(corners: &mut [Vec3A; MOST_CORNERS], count: usize, normal: Vec3A) -> usi
         let (a, b) = (before[i], before[(i + 1) % count]);
         let (height_a, height_b) = (normal.dot(a), normal.dot(b));
         let mut keep = |corner| {
-            // Rounding may make a sliver concave; it has no area to lose.
+            // Rounding may make a sliver concave. The area of a sliver is negligible, so surplus corners are dropped.
             if kept < MOST_CORNERS {
                 corners[kept] = corner;
                 kept += 1;
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use crate::sampling::hash_unit;
 
-    /// Reference irradiance by the midpoint rule in double precision.
+    /// Returns the reference irradiance, computed with the midpoint rule in double precision.
     fn by_sum(polygon: &Polygon, position: Vec3A, normal: Vec3A, geometric_normal: Vec3A) -> f64 {
         let steps = 400;
         let [a, b, _, d] = polygon.corners.map(|corner| corner.as_dvec3());
@@ -127,7 +127,7 @@ mod tests {
                 radiance: Vec3::ONE,
             };
             let position = random(key, 3) * 2.0;
-            // Stay away from the polygon itself, where the sum would need more points.
+            // Stay away from the polygon itself, because nearby the sum needs more points.
             let clearance = polygon.normal.dot(position - a).abs();
             if clearance < 0.2 {
                 continue;
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn at_contact_half_of_all_directions_shine() {
-        // At the greatest size of scenes, and below.
+        // Test at the maximum size of scenes and below.
         for far in [1e6, 1e9] {
             let polygon = Polygon {
                 corners: [

@@ -1,26 +1,27 @@
 //! Reconstruction of a picture from several samples per pixel.
 //!
-//! Samples have the same positions in every pixel of every frame: static objects stay unchanged, and the filter, not
-//! chance, resolves a moving edge. Sample sets are nested and start at the center, so that pixels may have different
-//! counts.
+//! Samples have the same positions in every pixel of every frame. Static objects therefore stay unchanged, and moving
+//! edges are resolved by the filter instead of by chance. Sample sets are nested and start at the center, so that
+//! pixels may have different sample counts.
 
 use crate::sampling::sobol_point;
 use glam::Vec2;
 use plane::Plane;
 use rayon::prelude::*;
 
-/// Half the filter's width \[pixels\]. The filter is a Blackman–Harris window three pixels wide; its pass band ends at
-/// the pixel grid's.
+/// Half the filter's width \[pixels\]. The filter is a Blackman–Harris window three pixels wide. Its pass band ends at
+/// the Nyquist frequency of the pixel grid.
 const RADIUS: f32 = 1.5;
 
-/// Positions of `count` samples in a pixel, from its upper left corner, in 0…1. They are the first points of a (0,
-/// 2)-sequence, shifted cyclically by half a pixel. The first is the center; a smaller set is a prefix of a larger one.
+/// Returns the positions of `count` samples in a pixel, from the pixel's upper left corner, in 0…1. They are the first
+/// points of a (0, 2)-sequence, shifted cyclically by half a pixel. The first position is the center. A smaller set is
+/// a prefix of a larger one.
 #[must_use]
 pub fn sample_offsets(count: usize) -> Vec<Vec2> {
     (0..count.max(1) as u64).map(|index| (sobol_point(index) + 0.5).fract()).collect()
 }
 
-/// Four-term Blackman–Harris window (Harris 1978, table I, 92 dB) at `x` in −1…1; 0 outside.
+/// Returns the four-term Blackman–Harris window (Harris 1978, table I, 92 dB) at `x` in −1…1, and 0 outside this range.
 fn window(x: f32) -> f32 {
     if x.abs() >= 1.0 {
         return 0.0;
@@ -29,7 +30,7 @@ fn window(x: f32) -> f32 {
     0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos() - 0.01168 * (3.0 * angle).cos()
 }
 
-/// A tap of the filter: a sample of a neighbor, and its weight.
+/// Tap of the filter: a sample of a neighboring pixel, with its weight.
 struct Tap {
     sample: usize,
     column: isize,
@@ -37,7 +38,7 @@ struct Tap {
     weight: f32,
 }
 
-/// Taps of a pixel, for samples at `places` in it and in its neighbors.
+/// Returns the taps of a pixel, for samples at `places` in the pixel and in its neighbors.
 fn taps(places: &[Vec2]) -> Vec<Tap> {
     let mut taps: Vec<Tap> = Vec::new();
     for (sample, place) in places.iter().enumerate() {
@@ -54,10 +55,10 @@ fn taps(places: &[Vec2]) -> Vec<Tap> {
 
 /// Reconstructs a picture from `samples`, one plane per position in `places`.
 ///
-/// A single sample at the center is the picture itself. Weights sum to 1; border pixels repeat beyond the border.
+/// A single sample at the center is the picture itself. Weights sum to 1. Border pixels repeat beyond the border.
 ///
 /// # Panics
-/// If the numbers of planes and positions differ, or planes differ in size.
+/// If the numbers of planes and positions differ, or if planes differ in size.
 #[must_use]
 pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 3]> {
     let (width, height) = size_of(samples, places);
@@ -84,8 +85,8 @@ pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 
     Plane::from_vec(width, height, rows.concat())
 }
 
-/// Reconstructs a picture from `samples`; each pixel has only the first `counts` of them, at least one.
-/// A pixel with one sample takes its value from `alone`, which may represent more of its area:
+/// Reconstructs a picture from `samples`. Each pixel has only the first `counts` of the samples, at least one. A pixel
+/// with one sample has the value of `alone`, which may represent more of the pixel's area:
 ///
 /// ```text
 /// L(p) = Σ_q Σ_i w_i(q) S_i(q) / Σ_q Σ_i w_i(q)        n_p > 1
@@ -95,10 +96,10 @@ pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 
 ///   S_i(q) = A(q),    w_i(q) = h(q + ½ − p)      i ≥ n_q     its deputy in the center
 ///   q  pixels around p        n  count        h  the filter        A  `alone`
 /// ```
-/// Without deputies, pixels with more samples would shift the picture towards themselves.
+/// Without deputies, pixels with more samples than their neighbors would shift the picture towards themselves.
 ///
 /// # Panics
-/// If the numbers of planes and positions differ, or planes differ in size.
+/// If the numbers of planes and positions differ, or if planes differ in size.
 #[must_use]
 pub fn reconstruct_counted(
     alone: &Plane<[f32; 3]>,
@@ -110,7 +111,7 @@ pub fn reconstruct_counted(
     let sizes = [(alone.width(), alone.height()), (counts.width(), counts.height())];
     assert_eq!(sizes, [(width, height); 2], "a lone sample and a count for each pixel");
 
-    // Taps of samples and of deputies, by neighboring pixel.
+    // Compute the taps of samples and of deputies, by neighboring pixel.
     let (taps, deputies) = (taps(places), taps(&vec![Vec2::splat(0.5); places.len()]));
     let of_pixel = |x: usize, y: usize| {
         if counts.get(x, y) <= 1 {
@@ -137,7 +138,7 @@ pub fn reconstruct_counted(
     Plane::from_vec(width, height, rows.concat())
 }
 
-/// Width and height of the samples.
+/// Returns the width and height of the samples.
 fn size_of(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> (usize, usize) {
     assert!(!samples.is_empty() && samples.len() == places.len(), "one plane for each place");
     let (width, height) = (samples[0].width(), samples[0].height());
@@ -174,7 +175,7 @@ mod tests {
         for count in 1..=64 {
             assert_eq!(sample_offsets(count), all[..count]);
         }
-        // Sixteen samples have one in each column, each row and each 4×4 cell, as the pixel grid repeats them.
+        // Each column, row and 4×4 cell contains one of sixteen samples, since the pixel grid repeats them.
         for (across, down) in [(16.0, 1.0), (4.0, 4.0), (1.0, 16.0)] {
             let mut cells: Vec<i32> = Vec::new();
             for place in &all[..16] {
@@ -185,7 +186,7 @@ mod tests {
         }
     }
 
-    /// With equal counts the filter is the same, and single samples stay unchanged next to pixels with more.
+    /// With equal counts the filter is the same. Single samples stay unchanged next to pixels with more samples.
     #[test]
     fn counted_samples_make_the_same_picture_where_counts_are_even() {
         let places = sample_offsets(5);
@@ -199,7 +200,7 @@ mod tests {
             assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-5 * 13.0), "{a:?} {b:?}");
         }
 
-        // Five on the right, one on the left: far from the boundary, each side equals its uniform case.
+        // Pixels have five samples on the right, one on the left. Far from the boundary, each side equals its uniform case.
         let counts = Plane::from_fn(19, 12, |x, _| if x < 9 { 1 } else { 5 });
         let mixed = reconstruct_counted(&alone, &planes, &places, &counts);
         for y in 0..12 {
@@ -208,7 +209,7 @@ mod tests {
         }
     }
 
-    /// A ramp stays unchanged across differing counts. Without deputies it would shift by up to a third of a pixel.
+    /// A ramp stays unchanged across different counts. Without deputies it would shift by up to a third of a pixel.
     #[test]
     fn differing_counts_do_not_shift_a_picture() {
         let places = sample_offsets(5);
@@ -242,7 +243,7 @@ mod tests {
         assert_eq!(dark, bright);
     }
 
-    /// A constant picture stays constant, and a ramp stays the same ramp.
+    /// A constant picture stays constant, and a ramp stays unchanged.
     #[test]
     fn constants_and_ramps_pass() {
         for count in [2, 4, 9, 16] {

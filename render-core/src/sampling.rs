@@ -2,13 +2,13 @@
 
 use glam::{Vec2, Vec3};
 
-/// Bases of the Halton sequence; a photon path uses one per dimension.
+/// Bases of the Halton sequence. A photon path uses one base per dimension.
 ///
-/// More bases would be correlated: of the first 36 000 points, bases 83 and 167 form stripes.
+/// Additional bases would be correlated: for the first 36 000 points, bases 83 and 167 form stripes.
 const PRIMES: [u32; 26] =
     [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89, 97, 101];
 
-/// The radical inverse of `index` in `base`: its digits mirrored at the radix point, 0 ≤ value < 1.
+/// Returns the radical inverse of `index` in `base`: the digits of `index` mirrored at the radix point, 0 ≤ value < 1.
 #[must_use]
 pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
     let inverse = 1.0 / f64::from(base);
@@ -21,31 +21,32 @@ pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
     (value as f32).min(ONE_MINUS_EPSILON)
 }
 
-/// Point `index` of a set of `count` points that covers the unit square evenly.
+/// Returns point `index` of a set of `count` points that covers the unit square evenly.
 pub(crate) fn hammersley(index: usize, count: usize) -> Vec2 {
     Vec2::new((index as f32 + 0.5) / count as f32, radical_inverse(2, index as u64))
 }
 
-/// Point `index` of Sobol's (0, 2)-sequence in the unit square: the first 2ᵏ points have one in each elementary
-/// interval of area 2⁻ᵏ (Kollig & Keller 2002).
+/// Returns point `index` of Sobol's (0, 2)-sequence in the unit square. Each elementary interval of area 2⁻ᵏ contains
+/// one of the first 2ᵏ points (Kollig & Keller 2002).
 #[must_use]
 pub fn sobol_point(index: u64) -> Vec2 {
     Vec2::new(radical_inverse(2, index), unit(sobol_second(index as u32)))
 }
 
-/// The first `count` points of Sobol's (0, 2)-sequence, each in the middle of its cell: 2ᵏ points are centered on the
-/// unit square.
+/// Returns the first `count` points of Sobol's (0, 2)-sequence, each in the middle of its cell. A set of 2ᵏ points is
+/// centered on the unit square.
 ///
-/// Corners of cells would be as even but off-center: a point on the rim of a hemisphere, a lamp slightly displaced.
+/// Corners of cells would be as even but off-center: one point would be on the rim of a hemisphere, and lamps would be
+/// slightly displaced.
 pub fn centered_sobol(count: usize) -> impl Iterator<Item = Vec2> {
     let half_cell = 0.5 / count.next_power_of_two() as f32;
     (0..count as u64).map(move |index| sobol_point(index) + half_cell)
 }
 
-/// Point `index` of Sobol's (0, 2)-sequence, shuffled and scrambled by `seed`. Each first 2ᵏ points still have one
-/// point per elementary interval (Owen 1995, implemented after Burley 2020).
+/// Returns point `index` of Sobol's (0, 2)-sequence, shuffled and scrambled with `seed`. Each elementary interval still
+/// contains one of the first 2ᵏ points (Owen 1995, implemented after Burley 2020).
 ///
-/// Another seed gives independent points: use one seed per pixel and pair of dimensions.
+/// Points with different seeds are independent: use one seed per pixel and pair of dimensions.
 #[must_use]
 pub fn owen_sobol_point(index: u32, seed: u64) -> Vec2 {
     let key = |k: u64| hash(seed, k, 0) as u32;
@@ -53,7 +54,7 @@ pub fn owen_sobol_point(index: u32, seed: u64) -> Vec2 {
     Vec2::new(unit(nested_scramble(index.reverse_bits(), key(1))), unit(nested_scramble(sobol_second(index), key(2))))
 }
 
-/// Second dimension of the sequence; the first is the index with its bits reversed.
+/// Returns the second dimension of the sequence. The first dimension is the index with its bits reversed.
 fn sobol_second(index: u32) -> u32 {
     let (mut rest, mut column, mut y) = (index, 1u32 << 31, 0u32);
     while rest > 0 {
@@ -66,8 +67,8 @@ fn sobol_second(index: u32) -> u32 {
     y
 }
 
-/// Flips each bit or not, depending on the bits above it and the seed: \[Burley20\], listing 1, with the constants of
-/// Vegdahl 2021.
+/// Flips each bit depending on the higher bits and the seed: \[Burley20\], listing 1, with the constants of Vegdahl
+/// 2021.
 fn nested_scramble(bits: u32, seed: u32) -> u32 {
     let mut x = bits.reverse_bits();
     x ^= x.wrapping_mul(0x3d20_adea);
@@ -78,15 +79,16 @@ fn nested_scramble(bits: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// The upper 24 of 32 bits as a number in 0…1 (1 excluded). Truncated, since rounding up would leave the interval.
+/// Returns the upper 24 of 32 bits as a number in 0…1 (1 excluded). Lower bits are truncated, since rounding up could
+/// return 1.
 fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 / (1u32 << 24) as f32
 }
 
-/// The largest `f32` below 1.
+/// Largest `f32` below 1.
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// Point `index` of the Halton sequence in dimension `dimension`; hashed numbers from dimension 26 on.
+/// Returns point `index` of the Halton sequence in dimension `dimension`, or hashed numbers from dimension 26 on.
 ///
 /// Each dimension is shifted by a number that depends on `seed`, modulo 1 (Cranley & Patterson 1976).
 #[must_use]
@@ -100,13 +102,14 @@ pub fn halton(seed: u64, index: u64, dimension: usize) -> f32 {
     }
 }
 
-/// A hash of three keys in 0…1 (1 excluded).
+/// Returns a hash of three keys in 0…1 (1 excluded).
 #[must_use]
 pub fn hash_unit(seed: u64, a: u64, b: u64) -> f32 {
     (hash(seed, a, b) >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// A 64-bit hash of three keys (the finalizer of SplitMix64, Steele et al. 2014, applied to each key in sequence).
+/// Returns a 64-bit hash of three keys (the finalizer of SplitMix64, Steele et al. 2014, applied to each key in
+/// sequence).
 #[must_use]
 pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
     let mix = |mut z: u64| {
@@ -119,7 +122,7 @@ pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
         ^ b.wrapping_mul(golden))
 }
 
-/// Two unit vectors that complete the unit vector `n` to a right-handed frame (Duff et al. 2017).
+/// Returns two unit vectors that complete the unit vector `n` to a right-handed frame (Duff et al. 2017).
 #[must_use]
 pub fn frame(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1.0f32.copysign(n.z);
@@ -128,7 +131,7 @@ pub fn frame(n: Vec3) -> (Vec3, Vec3) {
     (Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y))
 }
 
-/// A direction around `n` with density cos θ / π.
+/// Returns a direction around `n` with density cos θ / π.
 #[must_use]
 pub fn cosine_hemisphere(n: Vec3, u: Vec2) -> Vec3 {
     let (x, y) = frame(n);
@@ -136,7 +139,7 @@ pub fn cosine_hemisphere(n: Vec3, u: Vec2) -> Vec3 {
     (x * (radius * angle.cos()) + y * (radius * angle.sin()) + n * (1.0 - u.x).max(0.0).sqrt()).normalize()
 }
 
-/// A direction on the whole sphere with density 1 / (4π).
+/// Returns a direction on the whole sphere with density 1 / (4π).
 #[must_use]
 pub fn uniform_sphere(u: Vec2) -> Vec3 {
     let z = 1.0 - 2.0 * u.x;
@@ -144,7 +147,7 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
     Vec3::new(radius * angle.cos(), radius * angle.sin(), z)
 }
 
-/// A point of the unit disc; the mapping preserves areas and neighborhoods (Shirley & Chiu 1997).
+/// Returns a point of the unit disc. The mapping preserves areas and neighborhoods (Shirley & Chiu 1997).
 #[must_use]
 pub fn concentric_disc(u: Vec2) -> Vec2 {
     let p = u * 2.0 - 1.0;
@@ -157,10 +160,10 @@ pub fn concentric_disc(u: Vec2) -> Vec2 {
     Vec2::new(radius * angle.cos(), radius * angle.sin())
 }
 
-/// The inverse of [`concentric_disc`].
+/// Returns the inverse of [`concentric_disc`].
 #[must_use]
 pub fn disc_to_square(p: Vec2) -> Vec2 {
-    // The quarter of the square that contains the point, counted from +x; its angle within that quarter in −1…1.
+    // Find the quarter of the square that contains the point, counted from +x, and the angle within that quarter in −1…1.
     let eighth = std::f32::consts::FRAC_PI_4;
     let quarter = (p.y.atan2(p.x) / (2.0 * eighth)).round();
     let across = p.y.atan2(p.x) / eighth - 2.0 * quarter;
@@ -174,32 +177,32 @@ pub fn disc_to_square(p: Vec2) -> Vec2 {
     (on_square + 1.0) / 2.0
 }
 
-/// Barycentric `(u, v)`, uniformly distributed over a triangle.
+/// Returns barycentric `(u, v)`, uniformly distributed over a triangle.
 #[must_use]
 pub fn triangle(u: Vec2) -> (f32, f32) {
     let root = u.x.sqrt();
     (root * (1.0 - u.y), root * u.y)
 }
 
-/// An index drawn from a [`Distribution`].
+/// Index drawn from a [`Distribution`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pick {
-    /// The index.
+    /// Drawn index.
     pub index: usize,
-    /// Its probability.
+    /// Probability of the index.
     pub probability: f64,
-    /// Position of the random number within the index's interval, 0…1: usable as a new random number.
+    /// Position of the random number within the index's interval, 0…1, usable as a new random number.
     pub rest: f64,
 }
 
-/// A discrete distribution with probabilities proportional to weights.
+/// Discrete distribution with probabilities proportional to weights.
 #[derive(Clone, Debug)]
 pub struct Distribution {
     cumulative: Vec<f64>,
 }
 
 impl Distribution {
-    /// Builds the distribution; `None` if no weight is positive. Negative and non-finite weights count as 0.
+    /// Builds the distribution. Negative and non-finite weights count as 0. Returns `None` if no weight is positive.
     pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut sum = 0.0;
         let cumulative: Vec<f64> = weights
@@ -212,13 +215,13 @@ impl Distribution {
         (sum > 0.0).then_some(Self { cumulative })
     }
 
-    /// Sum of the weights.
+    /// Returns the sum of the weights.
     #[must_use]
     pub fn total(&self) -> f64 {
         *self.cumulative.last().expect("a distribution has weights")
     }
 
-    /// Draws the index at `u` (0…1).
+    /// Draws an index with the random number `u` (0…1).
     #[must_use]
     pub fn pick(&self, u: f64) -> Pick {
         let target = u * self.total();
@@ -236,7 +239,7 @@ impl Distribution {
         Pick { index, probability: share / self.total(), rest }
     }
 
-    /// Probability of an index.
+    /// Returns the probability of an index.
     #[must_use]
     pub fn probability(&self, index: usize) -> f64 {
         self.share(index) / self.total()
@@ -306,19 +309,19 @@ mod tests {
                 let p = owen_sobol_point(index, seed);
                 cells[(p.x * 4.0) as usize + 4 * (p.y * 4.0) as usize] += 1;
             }
-            // 1000 each, ±32: five standard deviations.
+            // Each cell has 1000 points, ±32. The tolerance is five standard deviations.
             assert!(cells.iter().all(|&n| n.abs_diff(1000) < 160), "{cells:?}");
         }
     }
 
-    /// Numbers that are used together are independent. For each pair of dimensions, cells of an 8×8 table are as
-    /// frequent as by chance, or more even. χ² has a mean of 63 and a standard deviation of 11.
+    /// Numbers that are used together are independent. For each pair of dimensions, points are distributed over the
+    /// cells of an 8×8 table at least as evenly as random points. χ² has a mean of 63 and a standard deviation of 11.
     #[test]
     fn dimensions_that_are_used_together_are_independent() {
-        // A box has 36 000 photons; each takes five numbers, and three more per reflection.
+        // A box has 36 000 photons. Each uses five numbers, and three more per reflection.
         let photons: Vec<Vec<f32>> = (0..44).map(|d| (0..36_000).map(|i| halton(1, i, d)).collect()).collect();
         check_pairs("photons", &photons);
-        // Paths: 64 samples of each of 512 pixels, pairs of numbers of eight reflections.
+        // Paths: 512 pixels, 64 samples each, one pair of numbers for each of eight reflections.
         let of_path = |d: u64| {
             let points = (0..512u64).flat_map(move |key| (0..64).map(move |i| owen_sobol_point(i, hash(key, d, 0))));
             points.collect::<Vec<Vec2>>()
@@ -327,7 +330,7 @@ mod tests {
         let paths: Vec<Vec<f32>> =
             pairs.iter().flat_map(|p| [p.iter().map(|p| p.x).collect(), p.iter().map(|p| p.y).collect()]).collect();
         check_pairs("paths", &paths);
-        // Anchors: the index of a patch with three anchors, and the position of each on it.
+        // Anchors use the index of a patch with three anchors, and the position of each anchor on the patch.
         let mut anchors = vec![Vec::new(); 3];
         for patch in 0..12_000u64 {
             for k in 0..3 {
@@ -338,7 +341,7 @@ mod tests {
             }
         }
         check_pairs("anchors", &anchors);
-        // Gather rays: the rotation of a receiver, and the numbers that continue its rays.
+        // Gather rays use the rotation of a receiver, and the numbers that continue the receiver's rays.
         let gather: Vec<Vec<f32>> = (0..6)
             .map(|d| {
                 (0..20_000)
@@ -358,7 +361,7 @@ mod tests {
                     cells[(x * 8.0) as usize + 8 * (y * 8.0) as usize] += 1.0;
                 }
                 let chi2: f64 = cells.iter().map(|n| (n - expected).powi(2) / expected).sum();
-                // Six standard deviations, for some two thousand pairs.
+                // The tolerance is six standard deviations, for some two thousand pairs.
                 assert!(chi2 < 130.0, "{what}: dimensions {a} and {b}, χ² {chi2:.0}");
             }
         }
@@ -386,7 +389,7 @@ mod tests {
             (0..count).map(|i| f(Vec2::new(radical_inverse(2, i), radical_inverse(3, i))) as f64).sum::<f64>()
                 / count as f64
         };
-        // ∫ cos θ · cos θ / π dω = 2/3; ∫ z² / 4π = 1/3; mean radius² of a disc = 1/2.
+        // ∫ cos θ · cos θ / π dω = 2/3. ∫ z² / 4π = 1/3. The mean squared radius of a disc is 1/2.
         assert!((mean(&|u| cosine_hemisphere(n, u).dot(n)) - 2.0 / 3.0).abs() < 1e-3);
         assert!((mean(&|u| uniform_sphere(u).z.powi(2)) - 1.0 / 3.0).abs() < 1e-3);
         assert!((mean(&|u| concentric_disc(u).length_squared()) - 0.5).abs() < 1e-3);

@@ -1,5 +1,5 @@
-//! Counts of elementary steps: tests verify that work grows no faster than its input. Counting is disabled outside of
-//! tests.
+//! Counts of elementary steps, with which tests verify that work grows no faster than its input. Counting is disabled
+//! outside of tests.
 
 #[cfg(test)]
 thread_local! {
@@ -14,7 +14,7 @@ pub(crate) fn count(steps: usize) {
     let _ = steps;
 }
 
-/// Number of steps that `work` takes on the calling thread.
+/// Returns the number of steps that `work` needs on the calling thread.
 #[cfg(test)]
 pub(crate) fn taken(work: impl FnOnce()) -> usize {
     let before = TAKEN.get();

@@ -14,7 +14,7 @@ use crate::scene::{DeformedMesh, Material, Mesh, Pose, Scene, normal_matrix};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A, Vec4};
 use std::sync::Arc;
 
-/// A point on a surface.
+/// Point on a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// Position in world space \[m\].
@@ -37,15 +37,15 @@ pub struct Surface {
     pub double_sided: bool,
 }
 
-/// The scene at one time, with the data for evaluating hits.
+/// Scene at one time, with the data for evaluating hits.
 pub struct Surfaces<'a> {
     scene: &'a Scene,
     world: Vec<Affine3A>,
     normals: Vec<Mat3A>,
-    /// Deformed meshes of the pose; empty if there are none.
+    /// Deformed meshes of the pose. Empty if no mesh is deformed.
     deformed: Vec<Option<Arc<DeformedMesh>>>,
     moving: Arc<[bool]>,
-    /// Materials of the pose; empty if none is animated.
+    /// Materials of the pose. Empty if no material is animated.
     materials: Arc<[Material]>,
 }
 
@@ -55,7 +55,7 @@ impl std::fmt::Debug for Surfaces<'_> {
     }
 }
 
-/// The vertices of an instance, from its mesh or deformed.
+/// Vertices of an instance, from its mesh or deformed.
 struct Shape<'a> {
     positions: &'a [Vec3],
     normals: &'a [Vec3],
@@ -81,7 +81,7 @@ impl<'a> Surfaces<'a> {
         self.point(hit, direction, width).surface()
     }
 
-    /// Evaluates a hit like [`Surfaces::at`], but samples its material on demand.
+    /// Evaluates a hit like [`Surfaces::at`], but samples the hit's material on demand.
     pub(crate) fn point(&self, hit: &Hit, direction: Vec3A, width: f32) -> Interaction<'_> {
         Interaction::new(self, hit, direction, |direction, normal| Footprint::ellipse(direction, normal, width))
     }
@@ -92,13 +92,13 @@ impl<'a> Surfaces<'a> {
         Interaction::new(self, hit, direction, |direction, normal| Footprint::disk(direction, normal, width))
     }
 
-    /// Whether a ray in the unit `direction` hit the front, as the file defines it.
+    /// Returns whether a ray in the unit `direction` hit the front, as the file defines it.
     #[must_use]
     pub fn is_front(&self, hit: &Hit, direction: Vec3A) -> bool {
         self.meet(hit, direction, 0.0).front
     }
 
-    /// Whether a ray in the unit `direction` hit the back of a single-sided surface.
+    /// Returns whether a ray in the unit `direction` hit the back of a single-sided surface.
     #[must_use]
     pub fn is_back(&self, hit: &Hit, direction: Vec3A) -> bool {
         self.meet(hit, direction, 0.0).is_back()
@@ -118,7 +118,7 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    /// World-space corners of a triangle.
+    /// Returns the world-space corners of a triangle.
     #[must_use]
     pub fn corners(&self, instance: usize, triangle: usize) -> [Vec3A; 3] {
         let positions = self.shape(instance).positions;
@@ -126,37 +126,37 @@ impl<'a> Surfaces<'a> {
             .map(|vertex| self.world[instance].transform_point3a(positions[vertex as usize].into()))
     }
 
-    /// The scene of these surfaces.
+    /// Returns the scene of these surfaces.
     #[must_use]
     pub fn scene(&self) -> &'a Scene {
         self.scene
     }
 
-    /// The material of an instance at the time of the pose.
+    /// Returns the material of an instance at the time of the pose.
     #[must_use]
     pub fn material(&self, instance: usize) -> &Material {
         let material = self.mesh(instance).material;
         self.materials.get(material).unwrap_or(&self.scene.materials[material])
     }
 
-    /// For each instance, whether its transform, shape or material ever changes ([`Scene::moving_instances`]).
+    /// Returns, for each instance, whether its transform, shape or material ever changes ([`Scene::moving_instances`]).
     #[must_use]
     pub fn moving(&self) -> &Arc<[bool]> {
         &self.moving
     }
 
-    /// World from the space of an instance's vertices.
+    /// Returns the transform from the space of an instance's vertices to world space.
     #[must_use]
     pub fn world(&self, instance: usize) -> &Affine3A {
         &self.world[instance]
     }
 
-    /// Deformed meshes, one per instance; empty if there are none.
+    /// Returns the deformed meshes, one per instance. The list is empty if no mesh is deformed.
     pub(crate) fn all_deformed(&self) -> &[Option<Arc<DeformedMesh>>] {
         &self.deformed
     }
 
-    /// The deformed vertices of an instance; `None` without skin and morph targets.
+    /// Returns the deformed vertices of an instance, or `None` without skin and morph targets.
     #[must_use]
     pub fn deformed(&self, instance: usize) -> Option<&Arc<DeformedMesh>> {
         self.deformed.get(instance)?.as_ref()

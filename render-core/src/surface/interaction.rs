@@ -1,5 +1,5 @@
-//! A hit on its triangle, with its material sampled on demand. Most of a ray's cost after traversal is textures and
-//! normals. An absorbed photon needs neither the shading normal nor the emission at its hit.
+//! Hit on a triangle, with the material sampled on demand. Textures and normals cause most of a ray's cost after
+//! traversal. An absorbed photon needs neither the shading normal nor the emission at its hit.
 
 use super::site::{Footprint, TrianglePoint};
 use super::{Surface, Surfaces, normal_map};
@@ -8,7 +8,7 @@ use crate::bsdf::Bsdf;
 use crate::scene::{Material, mesh_interpolate as interpolate};
 use glam::{Vec3, Vec3A};
 
-/// The point where a ray hit a surface.
+/// Point where a ray hit a surface.
 pub(crate) struct Interaction<'a> {
     surfaces: &'a Surfaces<'a>,
     material: &'a Material,
@@ -24,19 +24,20 @@ pub(crate) struct Interaction<'a> {
     pub front: bool,
 }
 
-/// Points this near to an edge may be on either side of it, as a fraction of the largest coordinate: sixteen rounding
-/// errors.
+/// Distance from an edge, as a fraction of the largest coordinate, below which a point may be on either side of the
+/// edge: sixteen rounding errors.
 const ON_EDGE: f32 = 8.0 * f32::EPSILON;
-/// Offset of these points from the edge, as a fraction of the largest coordinate. It equals the offset of ray origins
-/// ([`crate::Units::epsilon`]), so that rays start off both walls of a crease of at least 45°.
+/// Offset of points on an edge from the edge, as a fraction of the largest coordinate. It equals the offset of ray
+/// origins ([`crate::Units::epsilon`]), so that rays start off both walls of a crease of at least 45°.
 const OFF_EDGE: f32 = 2e-5;
-/// Least height of a triangle over an edge that allows the offset, in units of [`OFF_EDGE`].
+/// Minimum height of a triangle over an edge that allows the offset, in units of [`OFF_EDGE`].
 const LEAST_HEIGHT: f32 = 4.0;
 
-/// Offset from a point of a triangle, with barycentric weights `u` and `v`, to a nearby point on no edge; zero for
-/// nearly all points. `area_vector` is the cross product of the sides from the first corner.
+/// Returns the offset from a point of a triangle, with barycentric weights `u` and `v`, to a nearby point on no edge.
+/// The offset is zero for nearly all points. `area_vector` is the cross product of the sides from the first corner.
 ///
-/// Where two walls meet, a ray that starts off one wall along its normal starts in the plane of the other.
+/// At the edge between two walls, a ray that starts off one wall along its normal would start in the plane of the
+/// other.
 fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A {
     // Quick test for points far from all edges, with bounds on squares of any edge and coordinate.
     let [a, b, c] = corners;
@@ -48,7 +49,7 @@ fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A
         return Vec3A::ZERO;
     }
 
-    // The distance to an edge is its weight times the height over it, area / edge.
+    // The distance to an edge is the edge's weight times the height over the edge, area / edge.
     let largest = corners.into_iter().fold(Vec3A::ZERO, |largest, corner| largest.max(corner.abs())).max_element();
     let edges = [c - b, a - c, b - a];
     let inverse_heights = Vec3A::from_array(edges.map(Vec3A::length_squared)) / area_vector.length_squared();
@@ -57,7 +58,7 @@ fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A
         return Vec3A::ZERO;
     }
 
-    // Offset inward along the plane, if the triangle is high enough.
+    // Offset inward along the plane if the triangle is high enough.
     let step = OFF_EDGE * largest;
     let is_high = inverse_heights.cmplt(Vec3A::splat((LEAST_HEIGHT * step).powi(-2)));
     // Use unit vectors: in the largest scenes, products of three lengths exceed the range of f32.
@@ -75,8 +76,8 @@ struct TexturedFinish {
 }
 
 impl<'a> Interaction<'a> {
-    /// Builds the interaction. `footprint` returns the footprint of a ray with this direction on a surface with this
-    /// unit normal.
+    /// Builds the interaction. `footprint` accepts the direction of a ray and the unit normal of a surface, and returns
+    /// the footprint of the ray on the surface.
     pub(super) fn new(
         surfaces: &'a Surfaces<'a>,
         hit: &Hit,
@@ -91,7 +92,7 @@ impl<'a> Interaction<'a> {
         let [a, b, c] = corners;
         let area_vector = (b - a).cross(c - a);
         let position = a + (b - a) * hit.u + (c - a) * hit.v + off_edges([hit.u, hit.v], corners, area_vector);
-        // A mirroring transform reverses the corners, but not the front of the file.
+        // A mirroring transform reverses the corners, but not the front that the file defines.
         let mirrored = if world.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let outward = (area_vector * mirrored).try_normalize().unwrap_or(-direction);
         let front = outward.dot(direction) <= 0.0;
@@ -103,30 +104,30 @@ impl<'a> Interaction<'a> {
         Self { surfaces, material, site, direction, instance: hit.instance, position, geometric_normal, front }
     }
 
-    /// Whether this is the back of a single-sided surface.
+    /// Returns whether the hit is on the back of a single-sided surface.
     pub fn is_back(&self) -> bool {
         !self.front && !self.material.double_sided
     }
 
-    /// Diffuse reflectance, [`Surface::albedo`].
+    /// Returns the diffuse reflectance, [`Surface::albedo`].
     pub fn albedo(&self) -> Vec3 {
         let Self { material, site, .. } = self;
         if material.unlit {
             return Vec3::ZERO;
         }
-        // Roughness of the coat does not affect the base.
+        // The coat's roughness does not affect the base.
         let (metallic, roughness) = site.metallic_roughness(material);
         material.split(site.base_color(material), metallic, roughness).0
     }
 
-    /// The BSDF of a surface with a coat, and its shading normal; `None` without a coat.
+    /// Returns the BSDF of a surface with a coat, and the surface's shading normal, or `None` without a coat.
     pub fn coat(&self) -> Option<(Bsdf, Vec3A)> {
         let TexturedFinish { normal, albedo, specular, roughness } =
             self.material.may_have_coat().then(|| self.finish())?;
         (specular != Vec3::ZERO).then(|| (Bsdf::new(albedo, specular, roughness), normal))
     }
 
-    /// Fraction of the light along the ray that is reflected, in all directions together.
+    /// Returns the fraction of the light along the ray that is reflected in all directions together.
     pub fn reflectance(&self) -> Vec3 {
         match self.coat() {
             Some((bsdf, normal)) => bsdf.directional_albedo(-self.direction.dot(normal)),
@@ -134,12 +135,12 @@ impl<'a> Interaction<'a> {
         }
     }
 
-    /// Whether the triangle may emit light, evenly or not.
+    /// Returns whether the triangle may emit light, evenly or unevenly.
     pub fn may_glow(&self) -> bool {
         self.material.emits() && !self.material.unlit
     }
 
-    /// Emitted radiance, [`Surface::emission`].
+    /// Returns the emitted radiance, [`Surface::emission`].
     pub fn emission(&self) -> Vec3 {
         let Self { material, site, .. } = self;
         if material.unlit {
@@ -151,7 +152,7 @@ impl<'a> Interaction<'a> {
         }
     }
 
-    /// Shading normal, [`Surface::shading_normal`].
+    /// Returns the shading normal, [`Surface::shading_normal`].
     pub fn shading_normal(&self) -> Vec3A {
         if self.material.unlit { self.geometric_normal } else { self.normal_and_unevenness().0 }
     }
@@ -177,7 +178,7 @@ impl<'a> Interaction<'a> {
         Surface { shading_normal: normal, albedo, specular, roughness, ..dark }
     }
 
-    /// Base, coat and normal of a lit surface.
+    /// Returns the base, coat and normal of a lit surface.
     fn finish(&self) -> TexturedFinish {
         let Self { material, site, .. } = self;
         let (normal, unevenness) = self.normal_and_unevenness();
@@ -187,14 +188,14 @@ impl<'a> Interaction<'a> {
         TexturedFinish { normal, albedo, specular, roughness }
     }
 
-    /// The shading normal, and the unevenness of the normal map within the footprint.
+    /// Returns the shading normal, and the unevenness of the normal map within the footprint.
     fn normal_and_unevenness(&self) -> (Vec3A, f32) {
         let Self { surfaces, material, site, direction, .. } = self;
         let instance = self.instance as usize;
         let shape = surfaces.shape(instance);
         let local = interpolate(shape.normals, site.indices, site.u, site.v);
         let smooth = local.and_then(|n| (surfaces.normals[instance] * Vec3A::from(n)).try_normalize());
-        // Normals belong to the front; seen from behind, the whole frame of the normal map is reversed.
+        // Normals belong to the front. Seen from behind, the whole frame of the normal map is reversed.
         let outward = smooth.unwrap_or(site.outward);
         let side = if outward.dot(self.geometric_normal) < 0.0 { -1.0 } else { 1.0 };
         let (normal, unevenness) = match &material.normal_texture {
@@ -206,7 +207,7 @@ impl<'a> Interaction<'a> {
             }
         };
         let normal = normal * side;
-        // At a silhouette, a normal may face away from the viewer: bend it back to grazing.
+        // At a silhouette, a normal may face away from the viewer, so bend it back to grazing.
         let away = normal.dot(*direction);
         (if away < 0.0 { normal } else { (normal - *direction * (away + 1e-3)).normalize() }, unevenness)
     }
@@ -220,13 +221,13 @@ mod tests {
     use crate::scene::{Encoding, Instance, Mesh, Node, Scene, Texture, TextureSlot, Transform, Wrap};
     use glam::{Quat, Vec2, vec2, vec3, vec4};
 
-    /// 8×8 texels without two equal rows or columns.
+    /// Builds a texture of 8×8 texels without two equal rows or columns.
     fn texture(encoding: Encoding) -> Texture {
         let texel = |i: u8| [255 - 3 * i, 40 + 2 * i, 90 + i, 255];
         Texture::with_encoding(8, 8, (0..64).map(texel).collect(), [Wrap::Repeat; 2], encoding)
     }
 
-    /// One material of each kind: matte, emissive, with all four textures, metal, double-sided, unlit.
+    /// Returns one material of each type: matte, emissive, with all four textures, metal, double-sided, unlit.
     fn materials() -> [Material; 6] {
         let color = vec3(0.7, 0.5, 0.3);
         let plain = || Material { base_color: color, ..Material::default() };
@@ -251,7 +252,7 @@ mod tests {
         ]
     }
 
-    /// A square of side 2 m at z = −1 m with perturbed normals; its front faces the origin.
+    /// Builds a square of side 2 m at z = −1 m with perturbed normals. Its front faces the origin.
     fn square(material: usize) -> Mesh {
         let uv = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
         let position = |uv: Vec2| (2.0 * uv - 1.0).extend(-1.0);
@@ -266,7 +267,7 @@ mod tests {
         }
     }
 
-    /// A cube around the origin with one material per side.
+    /// Builds a cube around the origin with one material per side.
     ///
     /// The two triangles of a side have opposite windings, so half of each side shows its front.
     fn cube() -> Scene {
@@ -288,7 +289,8 @@ mod tests {
         scene
     }
 
-    /// Properties evaluated one by one equal the whole surface's, for every kind of material and on both sides.
+    /// Properties evaluated one by one equal the properties of the whole surface, for every type of material and on
+    /// both sides.
     #[test]
     fn pieces_are_those_of_the_whole() {
         let scene = cube();

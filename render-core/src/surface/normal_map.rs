@@ -1,14 +1,14 @@
-//! Normal maps: their tangent frame, and the effect of detail below the resolution.
+//! Normal maps: tangent frame, and the effect of detail below the resolution.
 
 use super::site::TrianglePoint;
 use crate::scene::TextureSlot;
 use glam::{Affine3A, Vec3, Vec3A, Vec4, Vec4Swizzles};
 
-/// Shortening of a mean unit normal that counts as rounding: three times 8 bits, and slight interpolation.
+/// Shortening of a mean unit normal that counts as rounding: three components of 8 bits, and slight interpolation.
 const ROUNDING: f32 = 0.01;
 
-/// Unit directions of a normal map's x and y, from the file's tangent. The vertices' own transform applies to both, so
-/// that mirrored objects keep their bumps.
+/// Returns the unit directions of a normal map's x and y axes, from the file's tangent. The vertices' transform applies
+/// to both, so that mirrored objects keep their bumps.
 pub(super) fn given(world: &Affine3A, normal: Vec3, tangent: Vec4) -> Option<(Vec3A, Vec3A)> {
     let bitangent = normal.cross(tangent.xyz()) * tangent.w;
     let carry = |v: Vec3| world.transform_vector3a(v.into()).try_normalize();
@@ -16,8 +16,8 @@ pub(super) fn given(world: &Affine3A, normal: Vec3, tangent: Vec4) -> Option<(Ve
 }
 
 impl TrianglePoint<'_> {
-    /// The normal of the map in place of the unit `normal`, and the unevenness of the map within the footprint. That is
-    /// 0 for a flat map, else (1 − l) / l for a mean normal of length l.
+    /// Returns the normal of the map instead of the unit `normal`, and the unevenness of the map within the footprint.
+    /// The unevenness is 0 for a flat map, otherwise (1 − l) / l for a mean normal of length l.
     pub(super) fn mapped_normal(
         &self,
         slot: &TextureSlot,
@@ -34,14 +34,14 @@ impl TrianglePoint<'_> {
         (mapped.try_normalize().unwrap_or(normal), ((1.0 - length - ROUNDING) / length).max(0.0))
     }
 
-    /// Unit directions of a normal map's x and y, from the texture coordinates: x along increasing u, y along
-    /// decreasing v. Images have their origin at the top, but normal maps have y upward. Mirrored coordinates need no
-    /// special case.
+    /// Returns the unit directions of a normal map's x and y axes, from the texture coordinates: x along increasing u,
+    /// y along decreasing v. Images have their origin at the top, but in normal maps y points upward. Mirrored
+    /// coordinates need no special case.
     fn derived(&self, slot: &TextureSlot, normal: Vec3A) -> Option<(Vec3A, Vec3A)> {
         let [p, q, r] = self.coordinates(slot)?;
         let (d1, d2) = (q - p, r - p);
         let (e1, e2) = (self.corners[1] - self.corners[0], self.corners[2] - self.corners[0]);
-        // The gradients of position, except for the determinant's magnitude, which normalization removes.
+        // Compute the gradients of position without the determinant's magnitude, which normalization removes.
         let sign = d1.perp_dot(d2).signum();
         let along_u = (e1 * d2.y - e2 * d1.y) * sign;
         let along_v = (e2 * d1.x - e1 * d2.x) * sign;
@@ -51,10 +51,10 @@ impl TrianglePoint<'_> {
     }
 }
 
-/// Perceptual roughness of a surface with an uneven normal map within the footprint.
+/// Returns the perceptual roughness of a surface with an uneven normal map within the footprint.
 ///
-/// \[Toksvig05\] shortens the Blinn–Phong exponent s to s' with 1/s' = 1/s + (1 − l)/l. Here s = 2/α² − 2, the exponent
-/// that matches GGX's α, which is the roughness squared.
+/// \[Toksvig05\] shortens the Blinn–Phong exponent s to s' with 1/s' = 1/s + (1 − l)/l, for a mean normal of length l.
+/// The exponent s = 2/α² − 2 matches GGX's α, the square of the roughness.
 pub(super) fn roughened(roughness: f32, unevenness: f32) -> f32 {
     if unevenness <= 0.0 || roughness >= 1.0 {
         return roughness;
@@ -72,7 +72,7 @@ mod tests {
     fn bumps_too_fine_to_see_are_roughness() {
         assert_eq!(roughened(0.3, 0.0), 0.3);
         assert_eq!(roughened(1.0, 5.0), 1.0);
-        // Toksvig's own form: s' = ft·s, ft = l / (l + s (1 − l)).
+        // Compare with Toksvig's own form: s' = ft·s, ft = l / (l + s (1 − l)).
         for (roughness, length) in [(0.3f32, 0.9f32), (0.7, 0.5), (0.1, 0.99)] {
             let s = 2.0 / roughness.powi(4) - 2.0;
             let short = length / (length + s * (1.0 - length)) * s;
@@ -80,7 +80,7 @@ mod tests {
             let found = roughened(roughness, (1.0 - length) / length);
             assert!((found - expected).abs() < 1e-4, "{found} for {expected}");
         }
-        // A mirror with all its normals in one half: almost matte, never beyond.
+        // A mirror with normals spread over a half-space is almost matte, but never rougher than matte.
         assert!((0.9..1.0).contains(&roughened(0.0, 1.5)));
     }
 }

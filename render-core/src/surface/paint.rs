@@ -1,4 +1,4 @@
-//! Surface properties without light or viewer.
+//! Surface properties that depend neither on light nor on the viewer.
 
 use super::Surfaces;
 use super::site::{Footprint, TrianglePoint};
@@ -12,17 +12,17 @@ const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// Reflectance, emission and opacity of a point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paint {
-    /// Linear RGB reflectance, 0…1: fraction of light reflected in all directions together. Coats and metals are
-    /// evaluated for a viewer at 45°; no other single angle represents all better.
+    /// Linear RGB reflectance, 0…1: the fraction of light reflected in all directions together. Coats and metals are
+    /// evaluated for a viewer at 45°. No other single angle represents all angles better.
     pub reflectance: Vec3,
-    /// Emitted radiance \[W·m⁻²·sr⁻¹\]; zero for unlit surfaces.
+    /// Emitted radiance \[W·m⁻²·sr⁻¹\], zero for unlit surfaces.
     pub emission: Vec3,
-    /// Opacity, 0…1, whatever its meaning in the material.
+    /// Opacity, 0…1, regardless of its meaning in the material.
     pub opacity: f32,
 }
 
 impl Surfaces<'_> {
-    /// The mean paint of a disk on a surface, `width` meters across, centered at the point of `hit`.
+    /// Returns the mean paint of a disk on a surface, `width` meters across, centered at the point of `hit`.
     #[must_use]
     pub fn paint(&self, hit: &Hit, width: f32) -> Paint {
         let (instance, triangle) = (hit.instance as usize, hit.triangle as usize);
@@ -32,7 +32,7 @@ impl Surfaces<'_> {
         let [a, b, c] = corners;
         let outward = (b - a).cross(c - a).try_normalize().unwrap_or(Vec3A::Y);
 
-        // A cone from directly above meets the surface in a disk.
+        // A cone from directly above intersects the surface in a disk.
         let footprint = Footprint::ellipse(-outward, outward, width);
         let indices = mesh.triangles[triangle];
         let site = TrianglePoint { scene: self.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
@@ -53,7 +53,8 @@ mod tests {
     use crate::scene::{Alpha, Material, Mesh, Scene};
     use glam::{vec3, vec4};
 
-    /// A matte surface reflects by its base color, a metal nearly so; opacity combines material and vertices.
+    /// A matte surface reflects its base color, and a metal nearly its base color. The opacity combines material and
+    /// vertices.
     #[test]
     fn paint_is_what_the_material_says() {
         let mesh = Mesh {
