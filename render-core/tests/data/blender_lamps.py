@@ -1,6 +1,6 @@
-"""Writes blender_lamps.glb by the default options of Blender's exporter, and prints radiance of the floor by Cycles.
+"""Writes blender_lamps.glb with the default options of Blender's exporter, and prints the floor's radiance by Cycles.
 
-Run by a Python with Blender's module: pip install bpy; python blender_lamps.py
+Requires Python with Blender's module: pip install bpy; python blender_lamps.py
 """
 
 import math
@@ -67,7 +67,7 @@ render.engine = "CYCLES"
 scene.cycles.samples = 4096
 scene.cycles.use_denoising = False
 scene.cycles.use_adaptive_sampling = False
-# Direct light only.
+# Render direct light only.
 scene.cycles.max_bounces = 0
 scene.view_settings.view_transform = "Raw"
 render.image_settings.file_format = "OPEN_EXR"

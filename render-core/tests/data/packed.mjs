@@ -1,5 +1,5 @@
 // Writes meshopt.glb, draco.glb and images.glb: each packed item has a plain twin, unpacked by a reference decoder.
-// Run by node next to the npm packages meshoptimizer 1.3.0, draco3dgltf 1.5.7, ktx2-encoder 0.6.0, sharp 0.35.5 (libwebp)
+// Requires node and the npm packages meshoptimizer 1.3.0, draco3dgltf 1.5.7, ktx2-encoder 0.6.0, sharp 0.35.5 (libwebp)
 // and three 0.187.0 (Basis transcoder): node packed.mjs
 import draco3d from 'draco3dgltf';
 import { encodeToKTX2 } from 'ktx2-encoder';
@@ -9,7 +9,7 @@ import path from 'path';
 import sharp from 'sharp';
 import { createRequire } from 'module';
 
-/** A document that grows part by part. */
+/** glTF document that is built step by step. */
 class File {
   constructor() {
     this.json = {
@@ -54,7 +54,7 @@ class File {
   }
 }
 
-/** A bent grid of w by h squares. */
+/** Builds a bent grid of w by h squares. */
 function grid(w, h) {
   const g = { position: [], normal: [], uv: [], color: [], joints: [], weights: [], indices: [] };
   for (let y = 0; y <= h; y++) for (let x = 0; x <= w; x++) {
@@ -80,7 +80,7 @@ async function meshopt() {
   file.json.extensionsUsed = ['EXT_meshopt_compression', 'KHR_meshopt_compression', 'KHR_mesh_quantization'];
   file.json.extensionsRequired = file.json.extensionsUsed;
   const fallback = file.push('buffers', { byteLength: 0, extensions: { EXT_meshopt_compression: { fallback: true } } });
-  // Views of the packed data and of the plain one.
+  // Add views of the packed and of the plain data.
   const twins = (source, count, byteStride, mode, version, filter) => {
     const name = version === 1 ? 'KHR_meshopt_compression' : 'EXT_meshopt_compression';
     const data = MeshoptEncoder.encodeGltfBuffer(new Uint8Array(source.buffer), count, byteStride, mode, version);
@@ -127,7 +127,7 @@ async function meshopt() {
       });
       file.mesh(`exponents ${version} ${name}`, { attributes: { POSITION: float3(rough[twin]) } });
     }
-    // Rotations of two nodes.
+    // Animate the rotations of two nodes.
     const turns = [];
     for (let i = 0; i < 5; i++) {
       const q = [Math.sin(i), Math.cos(2 * i), 0.3 * i, 0.5], l = Math.hypot(...q);
@@ -178,7 +178,7 @@ async function draco() {
     const array = new E.DracoInt8Array(), size = encoder.EncodeMeshToDracoBuffer(mesh, array);
     const data = new Uint8Array(size).map((_, i) => array.GetValue(i));
 
-    // The plain twin, by Draco's own decoder.
+    // Unpack the plain twin with Draco's own decoder.
     const decoder = new D.Decoder(), out = new D.Mesh();
     decoder.DecodeArrayToMesh(data, size, out);
     const faces = out.num_faces(), points = out.num_points(), at = D._malloc(12 * faces);

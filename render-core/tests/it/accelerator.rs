@@ -1,4 +1,4 @@
-//! Compares rays through both levels with brute force over all triangles.
+//! Tests that compare rays through both levels of the tree with brute force over all triangles.
 
 use crate::common::{add, rest};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -12,7 +12,7 @@ fn random_vector(key: u64) -> Vec3 {
     vec3(r(0), r(1), r(2))
 }
 
-/// `count` triangles, each about a quarter as large as the space they fill.
+/// Builds `count` triangles, each about a quarter as large as the space that contains all of them.
 fn soup(seed: u64, count: u64, size: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for t in 0..count {
@@ -26,7 +26,7 @@ fn soup(seed: u64, count: u64, size: f32) -> Mesh {
     mesh
 }
 
-/// A static soup of triangles, and `movers` rotating ones, one of them mirrored.
+/// Builds a static soup of triangles, and `movers` rotating soups. One of the rotating soups is mirrored.
 fn scene(size: f32, movers: u64) -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(vec3(0.3, 0.0, 0.0) * size), soup(1, 300, size), Material::default());
@@ -125,7 +125,7 @@ fn a_packet_finds_what_its_rays_find_alone() {
             let origin = Vec3A::from(random_vector(3_000 + k) * 2.0);
             let forward = (Vec3A::from(random_vector(4_000 + k)) * 0.3 - origin).normalize();
             let (x, y) = forward.any_orthonormal_pair();
-            // From a narrow beam to all directions, from one ray to more than a packet.
+            // Test spreads from a narrow beam to all directions, and from one ray to more than a packet.
             let spread = [1e-3, 0.05, 0.5, 1e3][k as usize % 4];
             let directions: Vec<Vec3A> = (0..=k * 3)
                 .map(|i| {
@@ -157,7 +157,7 @@ fn rays_along_an_axis_hit_whatever_the_signs_of_their_zeros() {
     }
 }
 
-/// A closed sphere of triangles around the origin: `rings` × 2 `rings` quads.
+/// Builds a closed sphere of triangles around the origin: `rings` × 2 `rings` quads.
 fn ball(rings: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for ring in 0..=rings {
@@ -170,7 +170,7 @@ fn ball(rings: u32) -> Mesh {
     for ring in 0..rings {
         for k in 0..2 * rings {
             let [a, b, c, d] = [at(ring, k), at(ring, k + 1), at(ring + 1, k + 1), at(ring + 1, k)];
-            // At the poles, all corners of a ring are exactly one point.
+            // At the poles, all corners of a ring are exactly the same point.
             mesh.triangles.extend([[a, b, c], [a, c, d]]);
         }
     }
@@ -208,11 +208,12 @@ fn no_ray_slips_through_edges_or_corners() {
     }
 }
 
-/// Numerically difficult rays: along axes, with zeros of both signs, within planes, from a point on a surface.
+/// Returns numerically difficult rays: along axes, with zeros of both signs, within planes, and from a point on a
+/// surface.
 fn awkward_rays(size: f32) -> Vec<(Vec3A, Vec3A)> {
     let mut rays = Vec::new();
     for k in 0..200u64 {
-        // A lattice point, where the walls of `lattice` intersect.
+        // Start at a lattice point, where the walls of `lattice` intersect.
         let origin = Vec3A::from((random_vector(31 * k) * 3.0).round() * (0.5 * size));
         let mut direction = Vec3A::ZERO;
         direction[k as usize % 3] = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -226,7 +227,7 @@ fn awkward_rays(size: f32) -> Vec<(Vec3A, Vec3A)> {
     rays
 }
 
-/// Walls in the planes x, y, z = −1, −0.5 … 1: coplanar neighbors, each wall doubled.
+/// Builds walls in the planes x, y, z = −1, −0.5 … 1, with coplanar neighbors and with each wall doubled.
 fn lattice(size: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for k in 0..15u32 {
@@ -295,7 +296,7 @@ fn along_axes_and_from_surfaces_exhaustion_agrees() {
         let (expected, found) =
             (accelerator.closest_by_exhaustion(origin, direction), accelerator.closest(origin, direction));
         let Some(expected) = expected else { continue };
-        // A ray that leaves the lattice exactly along its border may hit or miss it; inside the lattice it must hit.
+        // A ray that leaves the lattice exactly along its border may hit or miss it. Inside the lattice it must hit.
         let end = origin + direction * expected.distance;
         if end.abs().max_element() < 0.999 {
             let found = found.unwrap_or_else(|| panic!("{origin} {direction} missed {expected:?}"));
@@ -325,8 +326,8 @@ fn a_single_triangle_is_met_where_it_is() {
     assert_eq!(accelerator.occluded_packet(Vec3A::Z, &[], u64::MAX), 0);
 }
 
-/// A shaft lists everything that its rays hit, at every scale and with moving objects; narrow shafts are often empty,
-/// correctly.
+/// A shaft lists all triangles that its rays hit, at every scale and with moving objects. Narrow shafts are often
+/// correctly empty.
 #[test]
 fn within_a_shaft_rays_meet_what_they_meet_without() {
     for (movers, size) in [(0, 1.0f32), (3, 1e-3), (3, 1e4)] {
@@ -356,8 +357,9 @@ fn within_a_shaft_rays_meet_what_they_meet_without() {
     }
 }
 
-/// Rays from the distance of the sky's dome, 100 radii, end at a surface as reliably as they start there: cuts of
-/// neighboring pixels trace them from the light. (From 1000 radii, at least one in four would end below the surface.)
+/// Rays from the distance of the sky's dome, 100 radii, end at a surface as reliably as they start there. Lightcuts of
+/// neighboring pixels trace rays from the light. (From 1000 radii, at least one ray in four would end below the
+/// surface.)
 #[test]
 fn rays_from_far_lights_end_above_the_surface() {
     for (turn, offset) in [(0.7, Vec3::ZERO), (0.2, vec3(3.0, -5.0, 2.0)), (2.1, vec3(0.0, 40.0, 0.0))] {

@@ -1,4 +1,4 @@
-//! Atlases: each surface point has its texels, and these represent nearby points.
+//! Tests of atlases: each surface point has texels, and these represent nearby points.
 
 use crate::common::{add, material, quad, rest};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -8,10 +8,10 @@ use render_core::{Atlas, AtlasError, AtlasPoint, Surfaces, TexelBlend};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Greatest distance of a blend of positions from the point \[texels\].
+/// Maximum distance between a point and the blend of its texels' positions \[texels\].
 const FARTHEST: f32 = 1.5;
 
-/// A sphere with `n` rings of 2n quads; quads at the poles have a triangle of almost no area.
+/// Builds a sphere with `n` rings of 2n quads. Each quad at the poles has a triangle of almost no area.
 fn ball(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for ring in 0..=n {
@@ -32,7 +32,7 @@ fn ball(n: u32) -> Mesh {
     mesh
 }
 
-/// A box with sides of 1 m, facing outward.
+/// Builds a box with sides of 1 m, facing outward.
 fn cube() -> Mesh {
     let mut mesh = Mesh::default();
     for axis in 0..3 {
@@ -50,7 +50,7 @@ fn cube() -> Mesh {
     mesh
 }
 
-/// A strip of 2 m: a fan of slivers around one of its corners, and a row of steps a millimeter high.
+/// Builds a strip of 2 m: a fan of slivers around one of its corners, and a row of steps a millimeter high.
 fn slivers() -> Mesh {
     let mut mesh = Mesh { positions: vec![Vec3::ZERO], ..Mesh::default() };
     for k in 0..=200u32 {
@@ -66,13 +66,15 @@ fn slivers() -> Mesh {
     mesh
 }
 
-/// Instances without texels: a moving box, and an unlit square.
+/// Index of a moving box, the first instance without texels.
 const MOVING: u32 = 6;
+/// Index of an unlit square, the second instance without texels.
 const UNLIT: u32 = 7;
 /// Instance of a double-sided square.
 const SHEET: u32 = 5;
 
-/// A floor, a sphere, slivers, two boxes that touch, one of them mirrored and flattened, and a double-sided square.
+/// Builds a floor, a sphere, slivers, a double-sided square, and two touching boxes, one of them mirrored and
+/// flattened.
 fn room() -> Scene {
     let mut scene = Scene::default();
     let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
@@ -95,13 +97,13 @@ fn room() -> Scene {
     scene
 }
 
-/// A scene in its rest pose, with its atlas.
+/// Runs `test` with a scene in its rest pose and the scene's atlas.
 fn with_atlas(scene: &Scene, texels: usize, test: impl Fn(&Surfaces, &Atlas)) {
     let surfaces = Surfaces::new(scene, &scene.pose(0.0));
     test(&surfaces, &Atlas::new(&surfaces, texels).expect("static surfaces"));
 }
 
-/// Triangles of static, lit instances, with the sign of each side that has texels.
+/// Returns the triangles of static, lit instances, with the sign of each side that has texels.
 fn sides(surfaces: &Surfaces) -> Vec<(u32, u32, f32)> {
     let (scene, mut sides) = (surfaces.scene(), Vec::new());
     for (k, instance) in scene.instances.iter().enumerate().filter(|&(k, _)| !surfaces.moving()[k]) {
@@ -115,7 +117,7 @@ fn sides(surfaces: &Surfaces) -> Vec<(u32, u32, f32)> {
     sides
 }
 
-/// Points on static, lit surfaces: half of them distributed by area, the others by triangle.
+/// Returns points on static, lit surfaces. Half of the points are distributed by area, the others by triangle.
 fn points(surfaces: &Surfaces, count: u64) -> Vec<AtlasPoint> {
     let sides = sides(surfaces);
     let normal = |&(instance, triangle, sign): &(u32, u32, f32)| {
@@ -142,7 +144,7 @@ fn points(surfaces: &Surfaces, count: u64) -> Vec<AtlasPoint> {
     points
 }
 
-/// Largest distance \[texels\] between points and the blended positions of their texels.
+/// Returns the largest distance between points and the blended positions of their texels \[texels\].
 fn worst_position(surfaces: &Surfaces, atlas: &Atlas, count: u64) -> f32 {
     let baked: Vec<Vec3A> = (0..atlas.len()).map(|texel| atlas.sites(texel, surfaces)[0].position).collect();
     let mut worst = 0.0f32;
@@ -190,7 +192,7 @@ fn a_blend_has_four_texels_of_one_chart() {
                 "{weights:?}"
             );
             let [(x, y), right, below, last] = texels.map(|texel| atlas.place(texel as usize));
-            // The next column and row, or the same ones if the point is at a center and the others have no weight.
+            // Use the next column and row. If the point is at a center, they may be equal, because the others have no weight.
             let (next_x, next_y) = (right.0, below.1);
             assert!((x..=x + 1).contains(&next_x) && (y..=y + 1).contains(&next_y));
             assert_eq!([right, below, last], [(next_x, y), (x, next_y), (next_x, next_y)]);
@@ -229,7 +231,7 @@ fn what_has_no_texels_is_not_found() {
         // Triangles at the poles of the sphere have almost no area.
         assert!([0, 12 * 24 * 2 - 1].into_iter().all(|triangle| found(1, triangle, Vec3A::Y).is_some()));
 
-        // The other side of a sheet has separate texels that face that way.
+        // The other side of a sheet has separate texels that face in its own direction.
         let [front, back] = [Vec3A::Z, Vec3A::NEG_Z].map(|normal| found(SHEET, 0, normal).expect("both sides"));
         assert!(front.texels.iter().all(|texel| !back.texels.contains(texel)));
         for (blend, way) in [(front, Vec3A::Z), (back, Vec3A::NEG_Z)] {
@@ -249,7 +251,7 @@ fn sites_are_points_of_their_surface() {
             let sites = atlas.sites(texel, surfaces);
             counts[sites.len()] += 1;
             for site in &sites {
-                // The texel is one of those sampled at the site, or adjacent to them.
+                // The texel is one of the texels sampled at the site, or adjacent to one of them.
                 let blend = atlas.bilinear(surfaces, &site.point()).expect("it has texels");
                 let (x, y) = atlas.place(texel);
                 let near = |&other: &u32| {

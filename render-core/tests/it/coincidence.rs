@@ -1,4 +1,4 @@
-//! Coplanar sheets: a rule, not rounding, determines which one a ray hits.
+//! Tests of coplanar sheets: a rule, not rounding, determines which sheet a ray hits.
 
 use crate::common::{add, quad, rest};
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec3A, vec3};
@@ -6,12 +6,12 @@ use render_core::Geometry;
 use render_core::sampling::hash_unit;
 use render_core::scene::{Channel, Interpolation, Material, Scene, Track, Transform};
 
-/// A rectangle in the plane z = 0.
+/// Rectangle in the plane z = 0.
 #[derive(Clone, Copy)]
 struct Sheet {
     low: Vec2,
     size: Vec2,
-    /// Whether its front faces +z.
+    /// Whether the sheet's front faces +z.
     up: bool,
     double_sided: bool,
     glows: bool,
@@ -38,7 +38,7 @@ impl Sheet {
 
     /// Adds the sheet to `scene`, with its plane transformed by `world`.
     fn add(self, scene: &mut Scene, world: Transform) {
-        // Its node mirrors it along x.
+        // Mirror the sheet along x with its node.
         let (sign, low) = if self.mirrored { (-1.0, -self.low.x - self.size.x) } else { (1.0, self.low.x) };
         let (corner, a, b) = (vec3(low, self.low.y, 0.0), Vec3::X * self.size.x, Vec3::Y * self.size.y);
         let [corner, a, b] = if self.other_diagonal { [corner + a, b, -a] } else { [corner, a, b] };
@@ -53,14 +53,15 @@ impl Sheet {
         }
     }
 
-    /// Whether the sheet covers `place`; `None` near its border.
+    /// Returns whether the sheet covers `place`, or `None` near the sheet's border.
     fn covers(&self, place: Vec2) -> Option<bool> {
         let from_border = (place - self.low).min(self.low + self.size - place).min_element();
         (from_border.abs() > 1e-3).then_some(from_border > 0.0)
     }
 }
 
-/// The sheet that the rule selects at `place` from above or below; `None` near a border or outside all sheets.
+/// Returns the sheet that the rule selects at `place` from above or below, or `None` near a border or outside all
+/// sheets.
 fn expected(sheets: &[Sheet], place: Vec2, above: bool) -> Option<usize> {
     let covers: Option<Vec<bool>> = sheets.iter().map(|sheet| sheet.covers(place)).collect();
     let covers = covers?;
@@ -111,7 +112,7 @@ fn of_sheets_in_one_plane_the_rule_finds_the_one_that_is_met() {
 
 #[test]
 fn sheets_a_little_apart_are_met_in_their_order() {
-    // 0.1 mm compared with 2 m: fifty times the tolerance for coincidence.
+    // The sheets are 0.1 mm apart, with a size of 2 m: fifty times the tolerance for coincidence.
     let mut scene = Scene::default();
     for (z, up) in [(-1e-4, true), (0.0, true), (1e-4, false)] {
         let (corner, a, b) = (vec3(-1.0, -1.0, z), Vec3::X * 2.0, Vec3::Y * 2.0);

@@ -1,4 +1,4 @@
-//! Small hand-made scenes.
+//! Small hand-made scenes for tests.
 
 use glam::{Quat, Vec3, vec3};
 use render_core::scene::{Instance, Material, Mesh, Node, Scene, Transform};
@@ -7,7 +7,7 @@ pub fn rest(translation: Vec3) -> Transform {
     Transform { translation, rotation: Quat::IDENTITY, scale: Vec3::ONE }
 }
 
-/// Adds a node with a mesh and its material; returns the node's index.
+/// Adds a node with a mesh and its material. Returns the node's index.
 pub fn add(scene: &mut Scene, rest: Transform, mesh: Mesh, material: Material) -> usize {
     scene.materials.push(material);
     scene.nodes.push(Node { name: String::new(), parent: None, rest });
@@ -20,7 +20,7 @@ pub fn material(base_color: Vec3, emission: Vec3) -> Material {
     Material { base_color, emission, ..Material::default() }
 }
 
-/// A parallelogram from `corner` along `a` and `b`, facing a × b.
+/// Builds a parallelogram from `corner` along `a` and `b`, facing a × b.
 pub fn quad(corner: Vec3, a: Vec3, b: Vec3) -> Mesh {
     Mesh {
         positions: vec![corner, corner + a, corner + a + b, corner + b],
@@ -29,7 +29,7 @@ pub fn quad(corner: Vec3, a: Vec3, b: Vec3) -> Mesh {
     }
 }
 
-/// The six walls of a cube of side 2 around the origin, facing inward.
+/// Builds the six walls of a cube of side 2 around the origin, facing inward.
 pub fn room() -> Mesh {
     let mut mesh = Mesh::default();
     for axis in 0..3 {
@@ -38,7 +38,7 @@ pub fn room() -> Mesh {
             n[axis] = sign;
             let a = vec3(n.y, n.z, n.x);
             let b = n.cross(a);
-            // a × b = −n·(…): choose the order that faces the center.
+            // Order the vectors so that a × b faces the center.
             let (a, b) = if a.cross(b).dot(n) < 0.0 { (a, b) } else { (b, a) };
             let wall = quad(n - a - b, 2.0 * a, 2.0 * b);
             let base = mesh.positions.len() as u32;

@@ -1,4 +1,4 @@
-//! Compares outlines from one shaded sample per pixel with pictures of many samples.
+//! Tests that compare outlines from one shaded sample per pixel with pictures of many samples.
 
 use crate::common::{add, quad, rest};
 use glam::{Affine3A, Quat, Vec2, Vec3, vec3};
@@ -10,7 +10,7 @@ use render_core::{
 
 const SIZE: usize = 96;
 
-/// Unlit cards of uniform colors, at different depths and angles.
+/// Builds unlit cards of uniform colors, at different depths and angles.
 fn cards() -> Scene {
     let mut scene = Scene::default();
     for k in 0..7 {
@@ -28,7 +28,7 @@ fn colors(seen: &GBuffer) -> Plane<Vec3> {
     seen.pixels.map(|pixel| Vec3::from(pixel.emission))
 }
 
-/// Compares blended outlines with the mean over 256 rays per pixel. Their squared error is less than a tenth of the
+/// Blended outlines are compared with the mean over 256 rays per pixel. Their squared error is less than a tenth of the
 /// centers' error, and pixels without an outline stay unchanged.
 #[test]
 fn blended_outlines_are_those_of_many_samples() {
@@ -63,7 +63,7 @@ fn blended_outlines_are_those_of_many_samples() {
     }
 }
 
-/// A picture of one surface has no mixed pixels, at any slant.
+/// A picture of one surface has no mixed pixels, regardless of the surface's slant.
 #[test]
 fn a_plane_has_no_mixed_pixels() {
     let mut scene = Scene::default();
@@ -76,7 +76,7 @@ fn a_plane_has_no_mixed_pixels() {
     let down = Affine3A::from_rotation_x(-0.8);
     let view = View::new(down, Projection::Perspective { yfov: 0.9 }, SIZE, SIZE);
     let seen = GBuffer::trace(scene, &view, (SIZE, SIZE)).value;
-    // Light does not matter: only other surfaces are searched.
+    // Light has no effect, since only other surfaces are searched.
     let light = Plane::from_fn(SIZE, SIZE, |x, y| Vec3::splat((x ^ y) as f32));
     assert_eq!(Coverage::of(&seen, scene, &light).value, Coverage::default());
 }
@@ -84,12 +84,13 @@ fn a_plane_has_no_mixed_pixels() {
 /// Brightness of the sky, relative to the bars in front of it.
 const BRIGHTER: f32 = 50.0;
 
-/// Window bars in front of the sky, 0.25 to 1 pixel wide, and a wall with slanted moldings of other orientations.
+/// Builds window bars in front of the sky, 0.25 to 1 pixel wide, and a wall with slanted moldings in different
+/// orientations.
 fn window() -> Scene {
     let mut scene = Scene { sky: Environment::gradient(Gradient::constant([2.0; 3])), ..Scene::default() };
     let even = |albedo: f32| Material { base_color: Vec3::splat(albedo), double_sided: true, ..Material::default() };
     let pixel = 2.0 * 5.0 * (0.5 * YFOV).tan() / SIZE as f32;
-    // A strip `width` pixels wide around a position, rotated in the picture, then about its own axis.
+    // Add a strip `width` pixels wide around a position, rotated in the picture, then about the strip's own axis.
     let mut strip = |(x, y): (f32, f32), width: f32, turn: f32, tilt: f32, albedo: f32| {
         let turn = Quat::from_rotation_z(turn) * Quat::from_rotation_y(tilt);
         let (across, along) = (turn * Vec3::X * width * pixel, turn * Vec3::Y * 2.0);
@@ -108,7 +109,7 @@ fn window() -> Scene {
 
 const YFOV: f32 = 0.9;
 
-/// Light that depends only on the surface: one direction, no shadows.
+/// Returns light that depends only on the surface: light from one direction without shadows.
 fn lit(seen: &GBuffer) -> Plane<Vec3> {
     seen.pixels.map(|pixel| {
         let facing = Vec3::from(pixel.shading_normal).dot(vec3(0.6, 0.6, 0.5)).max(0.0);
@@ -116,12 +117,12 @@ fn lit(seen: &GBuffer) -> Plane<Vec3> {
     })
 }
 
-/// Displayed light: white is 1, and brighter light is clipped to white.
+/// Returns displayed light: white is 1, and brighter light is clipped to white.
 fn shown(light: Vec3) -> Vec3 {
     light.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
-/// Luma PSNR by the transfer curve of sRGB, in dB.
+/// Returns the luma PSNR with the transfer curve of sRGB \[dB\].
 fn psnr(picture: &Plane<Vec3>, truth: &Plane<Vec3>) -> f32 {
     let transfer = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     let luma = |rgb: Vec3| luminance(rgb.to_array().map(transfer).into());
@@ -129,11 +130,11 @@ fn psnr(picture: &Plane<Vec3>, truth: &Plane<Vec3>) -> f32 {
     -10.0 * (errors.sum::<f32>() / picture.samples().len() as f32).log10()
 }
 
-/// Outlines are as good as with 64 samples per pixel: thin dark bars in front of a light 50 times as bright, and
-/// moldings.
+/// Outlines are as accurate as with 64 samples per pixel. The scene has moldings, and thin dark bars in front of a light
+/// 50 times as bright.
 ///
-/// The reference is the displayed light's mean over a pixel's area, by 1024 samples: the view of a finer display from
-/// afar. A mean before display would differ, since half a pixel of sky would be as white as the sky.
+/// The reference is the mean of displayed light over a pixel's area, from 1024 samples: the view of a finer display
+/// from afar. A mean before display would differ, since half a pixel of sky would be as white as the sky.
 #[test]
 fn thin_things_before_bright_ones_are_those_of_64_samples() {
     let scene = window();
@@ -141,7 +142,7 @@ fn thin_things_before_bright_ones_are_those_of_64_samples() {
     let (surfaces, accelerator) = (Surfaces::new(&scene, &pose), Geometry::new(&scene).place(&pose));
     let scene = PosedScene::new(&accelerator, &surfaces);
     let view = View::new(Affine3A::IDENTITY, Projection::Perspective { yfov: YFOV }, SIZE, SIZE);
-    // Means of displayed light, and of light before display.
+    // Compute means of displayed light, and of light before display.
     let samples = |count: usize| {
         let mut means = [Plane::filled(SIZE, SIZE, Vec3::ZERO), Plane::filled(SIZE, SIZE, Vec3::ZERO)];
         for offset in sample_offsets(count) {
@@ -175,6 +176,6 @@ fn thin_things_before_bright_ones_are_those_of_64_samples() {
         ours > before + 6.0 && ours > centers + 12.0,
         "{ours} dB: {before} before the display, {centers} of centers"
     );
-    // The sky is a region like others; the test has it on both sides of a bar.
+    // The sky is a region like any other. The test has sky on both sides of a bar.
     assert!(seen.pixels.samples().iter().any(|pixel| pixel.instance == NOTHING));
 }

@@ -1,4 +1,4 @@
-//! Compares rays through masks and blended surfaces with their opacity.
+//! Tests that compare rays through masks and blended surfaces with their opacity.
 
 use crate::common::{add, quad, rest};
 use glam::{Quat, Vec2, Vec3, Vec3A, Vec4, vec3};
@@ -7,13 +7,13 @@ use render_core::scene::{
 };
 use render_core::{Geometry, sampling::hash_unit};
 
-/// 4 × 4 texels, every other one transparent.
+/// Builds a texture of 4 × 4 texels, with every other texel transparent.
 fn checker() -> Texture {
     let texels = (0..16).map(|i| [200, 200, 200, if (i % 4 + i / 4) % 2 == 0 { 255 } else { 0 }]).collect();
     Texture::new(4, 4, texels, [Wrap::Repeat; 2])
 }
 
-/// A unit square in the plane z = 0 with its corner at the origin, and a wall at z = −1 behind it.
+/// Builds a unit square in the plane z = 0 with its corner at the origin, and a wall at z = −1 behind it.
 fn scene(alpha: Alpha, opacity: f32, textured: bool) -> Scene {
     let mut scene = Scene::default();
     let mut mesh = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
@@ -69,7 +69,7 @@ fn a_blended_surface_stops_its_share_of_rays() {
     let count = 20_000;
     for opacity in [0.0f32, 0.2, 0.7, 1.0] {
         let mut scene = scene(Alpha::Blend, opacity, false);
-        // Vertex opacity counts, too.
+        // Opacity of vertices also has an effect.
         scene.meshes[0].colors = vec![Vec4::new(1.0, 1.0, 1.0, 0.5); 4];
         let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
         let stopped = (0..count)
@@ -79,7 +79,7 @@ fn a_blended_surface_stops_its_share_of_rays() {
             })
             .count();
         let (share, expected) = (stopped as f32 / count as f32, opacity * 0.5);
-        // Five standard deviations of a binomial distribution.
+        // The tolerance is five standard deviations of a binomial distribution.
         let tolerance = 5.0 * (expected * (1.0 - expected) / count as f32).sqrt();
         assert!((share - expected).abs() <= tolerance, "{share} instead of {expected}");
     }

@@ -1,4 +1,4 @@
-//! Compares skins and morph targets with analytic transforms: positions, normals, motion.
+//! Tests that compare skins and morph targets with analytic transforms: positions, normals, motion.
 
 use crate::common::{add, material, quad, rest};
 use glam::{Affine3A, Quat, Vec2, Vec3, vec3};
@@ -11,7 +11,7 @@ use render_core::{Anchors, GBuffer, Geometry, NOTHING, PixelSurface, PosedScene,
 const SIZE: usize = 128;
 const YFOV: f32 = 0.9;
 const ANGLE: f32 = 0.3;
-/// Rotation center of the upper bone.
+/// Rotation center of the upper bone \[m\].
 const ELBOW: Vec3 = vec3(0.0, 0.2, -3.0);
 
 fn node(scene: &mut Scene, parent: Option<usize>, translation: Vec3) -> usize {
@@ -29,8 +29,8 @@ fn animate(scene: &mut Scene, node: usize, track: Track) {
     scene.channels.push(Channel { node, times: vec![0.0, 1.0], track, interpolation: Interpolation::Linear });
 }
 
-/// Two stacked squares: the lower follows a static bone, the upper a bone that rotates about the elbow. The mesh is
-/// bound at the origin; its distant node has no effect.
+/// Builds two stacked squares. The lower square follows a static bone, the upper square a bone that rotates about the
+/// elbow. The mesh is bound at the origin, and its distant node has no effect.
 fn arm() -> Scene {
     let mut scene = Scene::default();
     let mut mesh = quad(vec3(-0.5, -1.0, 0.0), Vec3::X, Vec3::Y);
@@ -51,7 +51,7 @@ fn arm() -> Scene {
     scene
 }
 
-/// A square that shears by 0.4 times its height while its node moves to the right.
+/// Builds a square that shears by 0.4 times its height while its node moves to the right.
 fn leaning() -> Scene {
     let mut scene = Scene::default();
     let mut mesh: Mesh = quad(vec3(-0.6, -0.6, 0.0), Vec3::X * 1.2, Vec3::Y * 1.2);
@@ -78,8 +78,8 @@ fn focal() -> f32 {
     SIZE as f32 / 2.0 / (YFOV / 2.0).tan()
 }
 
-/// Largest difference in pixels between motion vectors from time 1 to time 0 and the reference `then`, and the number
-/// of vectors. `then` returns the position at time 0 of a point of the plane z = −3 at time 1.
+/// Returns the largest difference between motion vectors from time 1 to time 0 and the reference `then` \[pixels\], and
+/// the number of vectors. `then` returns the position at time 0 of a point of the plane z = −3 at time 1.
 fn worst_vector(scene: &Scene, then: impl Fn(&PixelSurface, Vec3) -> Vec3) -> (f32, usize) {
     let (before, now) = (seen(scene, 0.0), seen(scene, 1.0));
     let correspondence = now.reproject(&before).value;
@@ -110,7 +110,7 @@ fn a_skin_carries_vertices_as_its_bones_turn() {
         assert!((bent.positions[vertex] - expected).length() < 1e-6, "{} for {expected}", bent.positions[vertex]);
         assert!((bent.normals[vertex] - Vec3::Z).length() < 1e-6);
     }
-    // The mesh's node has no effect; the motion of the bones counts.
+    // The transform of the mesh's node has no effect. Only the bones determine motion.
     assert_eq!(scene.moving_instances(), [true]);
     assert_eq!(scene.instance_world(&pose, 0), Affine3A::IDENTITY);
     let (min, max) = scene.bounds(&pose).unwrap();

@@ -1,4 +1,5 @@
-//! Compares direct light of many receivers with one at a time, and with a sum over very many light points.
+//! Tests that compare direct light at many receivers with one receiver at a time, and with a sum over very many light
+//! points.
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -6,7 +7,7 @@ use render_core::sampling::hash_unit;
 use render_core::scene::{Channel, Interpolation, Node, PunctualKind, PunctualLight, Scene, Track, Transform};
 use render_core::{Accelerator, Anchors, DirectLights, Emitters, Geometry, ShadingPoint, Surfaces, Units, luminance};
 
-/// A closed room with a panel under its ceiling, a box-shaped screen, and a small moving plate with anchors.
+/// Builds a closed room with a panel under its ceiling, a box-shaped screen, and a small moving plate with anchors.
 fn scene() -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.5), Vec3::ZERO));
@@ -44,7 +45,7 @@ fn light(scene: &Scene) -> Lit<'_> {
     Lit { scene, accelerator: Geometry::new(scene).place(&pose), direct, emitters }
 }
 
-/// Points on the walls, floor and ceiling, as seen by a camera in the center.
+/// Returns points on the walls, floor and ceiling that a camera in the center sees.
 fn receivers(lit: &Lit, count: u64) -> Vec<ShadingPoint> {
     let pose = lit.scene.pose(0.0);
     let surfaces = Surfaces::new(lit.scene, &pose);
@@ -95,7 +96,7 @@ fn penumbras_agree_with_a_thousand_points() {
     let mut lit = light(&scene);
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
-    // Only the panel.
+    // Sample only the panel.
     lit.direct = DirectLights::new(&lit.emitters, &surfaces, &Anchors::default(), &[], &[0]);
     let samples = lit.emitters.areas[0].samples(&surfaces, 1024);
     let receivers = receivers(&lit, 3000);
@@ -138,8 +139,8 @@ fn penumbras_agree_with_a_thousand_points() {
     assert!(worst < 0.1 * mean, "{worst} at the worst, of {mean} on the average");
 }
 
-/// A panel juts out of a wall right above the receiver and fills the upper half of its view: E = π L / 2, at any
-/// distance below.
+/// A panel juts out of a wall right above the receiver and fills the upper half of the receiver's view. The irradiance
+/// is E = π L / 2, at any distance below the panel.
 #[test]
 fn what_touches_a_lamp_is_lit_by_it() {
     let mut scene = Scene::default();

@@ -1,4 +1,4 @@
-//! Compares direct light and photons with closed forms.
+//! Tests that compare direct light and photons with closed forms.
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
@@ -13,7 +13,7 @@ use render_core::{
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-/// Irradiance at `position` with normal +y; all emissive surfaces are sampled.
+/// Returns the irradiance at `position` with normal +y. All emissive surfaces are sampled.
 fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
@@ -25,8 +25,8 @@ fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
     direct.irradiance(&accelerator, &receiver).value
 }
 
-/// Form factor from a point facing +y to a rectangle of sides `a`, `b` at height `h` above it, with one corner directly
-/// overhead (Howell's catalog, configuration B-3).
+/// Returns the form factor from a point facing +y to a rectangle with sides `a`, `b` at height `h` above the point. One
+/// corner of the rectangle is directly overhead (Howell's catalog, configuration B-3).
 fn corner_form_factor(a: f32, b: f32, h: f32) -> f32 {
     let (x, y) = (a / h, b / h);
     let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
@@ -43,13 +43,13 @@ fn a_rectangle_lights_as_its_form_factor_says() {
         let found = irradiance(&scene, Vec3::ZERO);
         assert!((found.x / expected - 1.0).abs() < 0.005, "half side {half}: {} instead of {expected}", found.x);
         assert!((found.y / found.x - 2.0 / 3.0).abs() < 1e-5, "color is kept");
-        // Behind the panel it is dark.
+        // Behind the panel, no light arrives.
         assert_eq!(irradiance(&scene, vec3(0.0, 3.0, 0.0)), Vec3::ZERO);
     }
 }
 
-/// Compares a fully emissive box, represented by its points, with the closed form of its faces and with six lamps of
-/// one face each. If choice of face and position were correlated, points would crowd to one side of each face.
+/// A fully emissive box, represented by its points, is compared with the closed form of its faces and with six lamps of
+/// one face each. If the choices of face and position were correlated, points would crowd to one side of each face.
 #[test]
 fn a_box_lamp_lights_as_its_faces_do() {
     let half = vec3(0.3, 0.05, 0.3);
@@ -69,7 +69,7 @@ fn a_box_lamp_lights_as_its_faces_do() {
         let expected = 3.0 * by_faces;
         for (lamps, points) in [(&whole, 453), (&whole, 64), (&parts, 64)] {
             let found = unhidden(lamps, points, receiver, normal);
-            // Nearby, few points do not represent the surface, whatever their positions.
+            // Close to the surface, few points do not represent it, regardless of their positions.
             let tolerance = if points == 64 && std::ptr::eq(lamps, &whole) { 0.04 } else { 0.01 };
             assert!(
                 (found / expected - 1.0).abs() < tolerance,
@@ -79,7 +79,7 @@ fn a_box_lamp_lights_as_its_faces_do() {
     }
 }
 
-/// Six rectangles that face outward, each given by a corner and two edges.
+/// Returns six rectangles that face outward, each given by a corner and two edges.
 fn faces_of_a_box(half: Vec3) -> Vec<[Vec3; 3]> {
     let mut faces = Vec::new();
     for axis in 0..3 {
@@ -101,9 +101,9 @@ fn joined(mut a: Mesh, b: Mesh) -> Mesh {
     a
 }
 
-/// Irradiance from a rectangle of radiance 1 that faces a point and is above its horizon, without shadows (Lambert
-/// 1760). Half the sum over its edges of the angle that the edge spans, times the cosine between the normal and the
-/// plane through the edge.
+/// Returns the irradiance from a rectangle of radiance 1 that faces a point and is above the point's horizon, without
+/// shadows (Lambert 1760). It is half a sum over the rectangle's edges: the angle that an edge spans, times the cosine
+/// between the normal and the plane through the edge.
 fn lambert(receiver: Vec3, normal: Vec3, [corner, a, b]: [Vec3; 3]) -> f32 {
     if a.cross(b).dot(receiver - corner) <= 0.0 {
         return 0.0;
@@ -114,7 +114,7 @@ fn lambert(receiver: Vec3, normal: Vec3, [corner, a, b]: [Vec3; 3]) -> f32 {
     edges.map(|(p, q)| p.angle_between(q) * q.cross(p).normalize().dot(normal)).sum::<f32>() / 2.0
 }
 
-/// Irradiance from `points` points of each lamp, first channel.
+/// Returns the first channel of the irradiance from `points` points of each lamp.
 fn unhidden(scene: &Scene, points: usize, receiver: Vec3, normal: Vec3) -> f32 {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
@@ -129,8 +129,9 @@ fn unhidden(scene: &Scene, points: usize, receiver: Vec3, normal: Vec3) -> f32 {
     light.sum()
 }
 
-/// A half-plane is between a lamp and the floor: each position sees a rectangle of the lamp, and the expected light is
-/// its closed form. At both ends of the penumbra, the error stays within a few of the lamp's 64 points.
+/// A half-plane is between a lamp and the floor. Each position sees a rectangle of the lamp, and the expected light is
+/// the closed form for this rectangle. At both ends of the penumbra, the error stays within the light of a few of the
+/// lamp's 64 points.
 #[test]
 fn a_penumbra_begins_where_the_lamp_comes_up() {
     let lamp = |from: f32| {
@@ -146,7 +147,7 @@ fn a_penumbra_begins_where_the_lamp_comes_up() {
     for k in -70..70 {
         let place = vec3(k as f32 / 100.0 + 0.003, 0.0, 0.02);
         let whole = irradiance(&lamp(-0.5), place).x;
-        // The edge is halfway up: a position to the right of it sees the lamp equally far to the left.
+        // The edge is halfway up, so a position to the right of it sees the lamp equally far to the left.
         let seen_from = (-place.x).clamp(-0.5, 0.5);
         let expected = if seen_from < 0.5 { irradiance(&lamp(seen_from), place).x } else { 0.0 };
         let found = irradiance(&hidden, place).x;
@@ -171,7 +172,7 @@ fn punctual_lights_follow_their_laws() {
     };
     let gray = Vec3::splat;
     near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, gray(8.0)), 2.0);
-    // 45°: cos / r² = (1/√2) / 8.
+    // At 45°, cos / r² = (1/√2) / 8.
     near(light(vec3(2.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, gray(8.0)), 0.5f32.sqrt());
     near(light(Vec3::ZERO, down, PunctualKind::Directional, gray(5.0)), 5.0);
     near(
@@ -227,10 +228,10 @@ fn in_a_furnace_the_reflected_flux_is_the_geometric_series() {
             (luminance(held) / luminance(anchor_flux.reflected) - 1.0).abs() < 1e-5,
             "anchors contain the photons' energy"
         );
-        // The room is closed, but a ray exactly through an edge may pass between the two triangles that share it.
+        // The room is closed, but a ray exactly through an edge may pass between the two triangles that share the edge.
         assert!(luminance(anchor_flux.lost) < 1e-3 * luminance(anchor_flux.emitted), "{} lost", anchor_flux.lost);
-        // Uniform light gives uniform energy. An anchor owns four surfels; random positions would give a spread of
-        // 1/√4.
+        // In uniform light, anchors have uniform energy. An anchor owns four surfels; at random positions, the spread
+        // would be 1/√4.
         let mean = luminance(held) / anchors.fixed.len() as f32;
         let spread = anchor_flux.fixed.iter().map(|&e| (luminance(e) / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
         assert!(spread.sqrt() < 0.4, "relative spread {}", spread.sqrt());
@@ -262,10 +263,10 @@ fn emitted_power_is_the_closed_form_for_every_kind_of_light() {
     assert!((point.emitted.x / (4.0 * PI) - 1.0).abs() < 1e-3);
     let (sun, radius) = power(Some(PunctualKind::Directional));
     assert!((sun.emitted.x / (PI * radius * radius) - 1.0).abs() < 1e-3);
-    // Irradiance 1 on the floor's 4 m², half of it reflected; no other surface is lit.
+    // The irradiance is 1 on the floor's 4 m², and half of it is reflected. No other surface is lit.
     assert!((sun.reflected.x / 2.0 - 1.0).abs() < 0.01, "{}", sun.reflected.x);
     let (sky, _) = power(None);
-    // A sky of radiance 1 gives irradiance π on either side; only the front reflects.
+    // A sky of radiance 1 causes irradiance π on either side, but only the front reflects.
     assert!((sky.reflected.x / (2.0 * PI) - 1.0).abs() < 0.02, "{}", sky.reflected.x);
 }
 
@@ -280,7 +281,7 @@ fn threads_do_not_change_a_bit() {
     assert_eq!(with(1), with(3));
 }
 
-/// A lamp under the ceiling of a gray room, and a panel that slides through its center for a second.
+/// Builds a gray room with a lamp under its ceiling, and a panel that slides through its center for a second.
 fn room_with_a_sliding_panel() -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.6), Vec3::ZERO));
@@ -335,7 +336,8 @@ fn photons_that_stay_are_kept_and_no_bit_changes() {
     assert!(anchor_flux[2].dynamic.iter().any(|e| e.x > 0.0));
 }
 
-/// Photons shared among ranks give the same result as one rank's in every frame, and each is traced by one rank only.
+/// Photons shared among ranks have the same result as one rank's photons in every frame. Each photon is traced by one
+/// rank only.
 #[test]
 fn photons_of_several_ranks_are_those_of_one() {
     let scene = room_with_a_sliding_panel();
@@ -344,7 +346,7 @@ fn photons_of_several_ranks_are_those_of_one() {
     let anchors = Anchors::spread(&Surfaces::new(&scene, &rest), &units, 300, 12);
     let geometry = Geometry::new(&scene);
     let frames = || (0..3).map(|n| n as f32 / 2.0);
-    // Six batches of photons, the last one shorter.
+    // Use six batches of photons, with a shorter last batch.
     let count = 90_000;
     let traced = |ranks: Arc<dyn Ranks>, keeps: bool| -> Vec<AnchorFlux> {
         let mut photons = Photons::new(count, 7).with_ranks(ranks);
@@ -401,8 +403,8 @@ fn paths_can_be_cut_short() {
     }
 }
 
-/// Covered surfaces get no anchors, and about the requested number remains. Moving objects cover nothing: they leave a
-/// lit floor behind.
+/// Covered surfaces have no anchors, and about the requested number of anchors remains. Moving objects cover no
+/// surface, since they leave a lit floor behind.
 #[test]
 fn anchors_keep_out_of_covered_places() {
     let mut scene = room_with_a_block();
@@ -433,11 +435,11 @@ fn anchors_keep_out_of_covered_places() {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
     let moving = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0]);
-    // Of 24 m² of static surfaces.
+    // The static surfaces have 24 m².
     assert!(covered(&moving).abs_diff(2000 / 24) < 15, "{} of 83 anchors under the block", covered(&moving));
 }
 
-/// A block on the floor of a room, with sides facing outward and without a bottom.
+/// Builds a block on the floor of a room, with sides facing outward and without a bottom.
 fn room_with_a_block() -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.5), Vec3::ONE));

@@ -1,4 +1,4 @@
-//! Compares textured surface properties with analytic values.
+//! Tests that compare textured surface properties with analytic values.
 
 use crate::common::{add, quad, rest};
 use glam::{Quat, Vec2, Vec3, Vec3A, Vec4, vec3};
@@ -9,13 +9,13 @@ fn slot(texture: usize) -> TextureSlot {
     TextureSlot { texture, uv_set: 0, transform: None }
 }
 
-/// A texture of one color.
+/// Builds a texture of one color.
 fn plain(texel: [u8; 3], encoding: Encoding) -> Texture {
     let [r, g, b] = texel;
     Texture::with_encoding(2, 2, vec![[r, g, b, 255]; 4], [Wrap::Repeat; 2], encoding)
 }
 
-/// A unit square facing +z, with u to the right and v downward, as in glTF.
+/// Builds a unit square facing +z, with u to the right and v downward, as in glTF.
 fn square() -> Mesh {
     let mut mesh = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
     mesh.uvs[0] = vec![Vec2::Y, Vec2::ONE, Vec2::X, Vec2::ZERO];
@@ -23,7 +23,7 @@ fn square() -> Mesh {
     mesh
 }
 
-/// The center of a square transformed by `place`, seen along `direction`.
+/// Returns the center of a square transformed by `place`, seen along `direction`.
 fn seen(mesh: Mesh, material: Material, textures: Vec<Texture>, place: Transform, direction: Vec3) -> Surface {
     let mut scene = Scene { textures, ..Scene::default() };
     add(&mut scene, place, mesh, material);
@@ -33,8 +33,9 @@ fn seen(mesh: Mesh, material: Material, textures: Vec<Texture>, place: Transform
     Surfaces::new(&scene, &pose).at(&hit.expect("the square"), direction.into(), 1e-3)
 }
 
-/// The normals (0.6, 0, 0.8) and (0, 0.6, 0.8) in tangent space, in 8 bits.
+/// Normal (0.6, 0, 0.8) in tangent space, in 8 bits.
 const RIGHT: [u8; 3] = [204, 128, 230];
+/// Normal (0, 0.6, 0.8) in tangent space, in 8 bits.
 const UP: [u8; 3] = [128, 204, 230];
 
 fn mapped(texel: [u8; 3], mesh: Mesh, place: Transform, direction: Vec3) -> Surface {
@@ -55,7 +56,7 @@ fn normal_maps_point_where_they_are_drawn() {
         mesh
     };
     let turned = || {
-        // u upward, v to the right.
+        // Let u point upward and v to the right.
         let mut mesh = square();
         mesh.uvs[0] = vec![Vec2::ZERO, Vec2::Y, Vec2::ONE, Vec2::X];
         mesh
@@ -71,7 +72,7 @@ fn normal_maps_point_where_they_are_drawn() {
         assert_near(at(RIGHT).shading_normal, right, what);
         assert_near(at(UP).shading_normal, up, what);
         assert_eq!(at(UP).geometric_normal, Vec3A::Z);
-        // From behind, bumps are hollows.
+        // Seen from behind, bumps are hollows.
         let behind = mapped(RIGHT, mesh.clone(), rest(Vec3::ZERO), Vec3::Z);
         assert_near(behind.shading_normal, -right, what);
     }
@@ -116,7 +117,7 @@ fn the_scale_of_a_normal_map_acts_on_x_and_y() {
 
 #[test]
 fn metalness_and_roughness_are_numbers_and_base_color_is_srgb() {
-    // The same texels: 188 of 255 is 0.737 as a number and 0.503 as light.
+    // The same texel, 188 of 255, is 0.737 as a number and 0.503 as light.
     let texel = [188; 3];
     let material = Material {
         base_color_texture: Some(slot(0)),
@@ -135,7 +136,7 @@ fn metalness_and_roughness_are_numbers_and_base_color_is_srgb() {
 
 #[test]
 fn bumps_below_a_pixel_become_roughness() {
-    // Slopes to the left and to the right, one texel each.
+    // Alternate slopes to the left and to the right, one texel each.
     let texels = (0..64).map(|i| if i % 2 == 0 { [204, 128, 230, 255] } else { [51, 128, 230, 255] }).collect();
     let texture = Texture::with_encoding(8, 8, texels, [Wrap::Repeat; 2], Encoding::Linear);
     let material = Material { normal_texture: Some((slot(0), 1.0)), roughness: 0.2, ..Material::default() };
@@ -147,7 +148,7 @@ fn bumps_below_a_pixel_become_roughness() {
     let surfaces = Surfaces::new(&scene, &pose);
     let (near, far) = (surfaces.at(&hit, -Vec3A::Z, 1e-3), surfaces.at(&hit, -Vec3A::Z, 1.0));
     assert_near(far.shading_normal, Vec3::Z, "far away");
-    // The mean of the two normals is (0, 0, 0.8): Toksvig's roughness for l = 0.8, minus the tolerance for rounding.
+    // The mean of the two normals is (0, 0, 0.8). Expect Toksvig's roughness for l = 0.8, minus the tolerance for rounding.
     let inverse_exponent = 0.2f32.powi(4) / (2.0 - 2.0 * 0.2f32.powi(4)) + (1.0 - 0.8 - 0.01) / 0.8;
     let expected = (2.0 * inverse_exponent / (1.0 + 2.0 * inverse_exponent)).powf(0.25);
     assert!((far.roughness - expected).abs() < 0.01, "{} instead of {expected}", far.roughness);

@@ -1,4 +1,4 @@
-//! Compares motion vectors with analytic projection.
+//! Tests that compare motion vectors with analytic projection.
 
 use crate::common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, vec3};
@@ -16,7 +16,7 @@ fn seen(scene: &Scene, time: f32) -> GBuffer {
     GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (SIZE, SIZE)).value
 }
 
-/// A wall at z = −6, a board in front of it that moves and rotates, and a camera that moves and rotates.
+/// Builds a wall at z = −6, a board in front of it that moves and rotates, and a camera that moves and rotates.
 fn scene() -> Scene {
     let mut scene = Scene::default();
     let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
@@ -41,7 +41,7 @@ fn scene() -> Scene {
     scene
 }
 
-/// Pixel of the world point `p` for a camera at `place`, in closed form.
+/// Returns the pixel of the world point `p` for a camera at `place`, in closed form.
 fn pixel(place: Transform, p: Vec3) -> Vec2 {
     let local = place.rotation.inverse() * (p - place.translation);
     let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
@@ -67,7 +67,8 @@ fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
             let on_board = now.pixels.get(x, y).instance == 1;
             let plane_z = if on_board { -3.0 } else { -6.0 };
             let p = camera[1].translation + ray * ((plane_z - camera[1].translation.z) / ray.z);
-            // Previous position of that point: invert the board's pose in this frame, and apply the other frame's.
+            // Compute the point's previous position: invert the board's pose in this frame, and apply the pose in the
+            // other frame.
             let then = if on_board {
                 Quat::from_rotation_z(-0.12) * (p - vec3(0.21, -0.1, -3.0)) + vec3(0.0, 0.0, -3.0)
             } else {

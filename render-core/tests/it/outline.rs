@@ -1,4 +1,5 @@
-//! Visibility of fronts and backs, and bodies seen exactly along their edges, where both are at the same distance.
+//! Tests of the visibility of fronts and backs, and of bodies seen exactly along their edges, where both are at the
+//! same distance.
 
 use crate::common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, Vec3A, vec3};
@@ -9,12 +10,14 @@ use render_core::{
 use std::f32::consts::TAU;
 
 const SIZE: usize = 64;
-/// Number of sides of a column, its radius and its length \[m\].
+/// Number of sides of a column.
 const SIDES: u32 = 14;
+/// Radius of a column \[m\].
 const RADIUS: f32 = 0.2;
+/// Length of a column \[m\].
 const LENGTH: f32 = 30.0;
 
-/// An open column around the y axis, facing outward, with two triangles per side.
+/// Builds an open column around the y axis, facing outward, with two triangles per side.
 fn column() -> Mesh {
     let mut mesh = Mesh::default();
     for k in 0..SIDES {
@@ -26,15 +29,15 @@ fn column() -> Mesh {
     mesh
 }
 
-/// Columns have an outer edge at pixel centers, each rotated slightly more.
+/// Columns have an outer edge at pixel centers, and each column is rotated slightly more than the previous one.
 #[test]
 fn no_pixel_sees_the_far_side_of_a_closed_body() {
     let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);
     let mut seen = 0;
     for k in 0..200 {
         let turn = Quat::from_rotation_y(0.37 * k as f32);
-        // A point a few meters along the ray through the middle row, and a column with its rightmost or leftmost edge
-        // there.
+        // Find a point a few meters along the ray through the middle row. Add a column with its rightmost or
+        // leftmost edge at this point.
         let column_of_pixels = 8 + k % 48;
         let (_, direction) = view.ray(Vec2::new(column_of_pixels as f32 + 0.5, SIZE as f32 / 2.0));
         let edge = Vec3::from(direction) * (6.0 + k as f32 / 20.0);
@@ -62,8 +65,8 @@ fn no_pixel_sees_the_far_side_of_a_closed_body() {
     assert!(seen > 20_000, "only {seen} pixels saw a column");
 }
 
-/// Three sheets in sequence, the first two seen from behind. Single-sided ones show the sheets behind them, in films
-/// and in the path tracer; a double-sided one shows itself.
+/// Of three sheets in sequence, the first two are seen from behind. In films and in the path tracer, single-sided
+/// sheets show the sheets behind them. A double-sided sheet shows itself.
 #[test]
 fn the_back_of_a_single_sided_surface_is_not_shown() {
     let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);
@@ -72,7 +75,7 @@ fn the_back_of_a_single_sided_surface_is_not_shown() {
         for (k, towards) in [false, false, true].into_iter().enumerate() {
             let corner = vec3(-40.0, -40.0, -4.0 - k as f32);
             let sheet = if towards { [Vec3::X, Vec3::Y] } else { [Vec3::Y, Vec3::X] }.map(|side| 80.0 * side);
-            // A distinct unlit color for each.
+            // Use a distinct unlit color for each sheet.
             let glow = Vec3::splat(k as f32 + 1.0);
             let double_sided = k == 1 && middle_double_sided;
             let sheet_material = Material { double_sided, ..material(Vec3::ZERO, glow) };
@@ -98,14 +101,14 @@ fn the_back_of_a_single_sided_surface_is_not_shown() {
     }
 }
 
-/// Surfaces behind a back are shown in two difficult cases. In one, the back's triangle is so large that hits are off
+/// Surfaces behind a back are visible in two difficult cases. In one, the back's triangle is so large that hits are off
 /// by more than a step past it. In the other, the viewer is inside the back, and a fraction of the distance is zero.
 #[test]
 fn huge_and_close_backs_are_seen_through() {
     let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);
     for (side, distance) in [(1e2, 4.0), (1e5, 4.0), (1e6, 4.0), (1e7, 4.0), (1e2, 0.0), (1e7, 0.0)] {
         let mut scene = Scene::default();
-        // The front is small and far enough behind the back to be a separate hit despite rounding.
+        // The front is small, and far enough behind the back to be a separate hit despite rounding.
         let tilted = vec3(0.0, 1.0, -0.3).normalize();
         let corner = vec3(0.0, 0.0, -distance) - side * (0.31 * Vec3::X + 0.37 * tilted);
         add(&mut scene, rest(Vec3::ZERO), quad(corner, side * tilted, side * Vec3::X), material(Vec3::ONE, Vec3::ZERO));

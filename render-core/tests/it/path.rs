@@ -1,4 +1,4 @@
-//! Compares the path tracer with closed forms.
+//! Tests that compare the path tracer with closed forms.
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, vec3};
@@ -29,7 +29,7 @@ fn mean(plane: &Plane<[f32; 3]>) -> Vec3 {
     plane.samples().iter().map(|&c| Vec3::from(c)).sum::<Vec3>() / plane.samples().len() as f32
 }
 
-/// Standard error of the mean over a picture.
+/// Returns the standard error of the mean over a picture.
 fn standard_error(estimate: &PathEstimate) -> Vec3 {
     let count = estimate.variance_of_mean.samples().len() as f32;
     (mean(&estimate.variance_of_mean) / count).map(f32::sqrt)
@@ -37,7 +37,7 @@ fn standard_error(estimate: &PathEstimate) -> Vec3 {
 
 const DOWN: f32 = -FRAC_PI_2;
 
-/// A tilted frame of reference, so that no ray runs along an axis by chance.
+/// Returns a tilted frame of reference, so that no ray runs along an axis by chance.
 fn askew(position: Vec3, rotation: Quat) -> Transform {
     let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.5, 0.7);
     Transform { rotation: turn * rotation, ..rest(turn * position) }
@@ -59,7 +59,7 @@ fn a_furnace_shines_as_the_geometric_series_says() {
     }
 }
 
-/// Form factor between two unit squares that face each other at distance `h` (Howell's catalog, C-11).
+/// Returns the form factor between two unit squares that face each other at distance `h` (Howell's catalog, C-11).
 fn parallel_form_factor(h: f64) -> f64 {
     let x = 1.0 / h;
     let a = 1.0 + x * x;
@@ -68,14 +68,15 @@ fn parallel_form_factor(h: f64) -> f64 {
         * ((a * a / (1.0 + 2.0 * x * x)).ln() / 2.0 + 2.0 * x * root * (x / root).atan() - 2.0 * x * x.atan())
 }
 
-/// Form factor between two unit squares at right angles with a common edge (Howell's catalog, C-14, H = W = 1).
+/// Returns the form factor between two unit squares at right angles with a common edge (Howell's catalog, C-14, H = W =
+/// 1).
 fn perpendicular_form_factor() -> f64 {
     let root = 2f64.sqrt();
     (2.0 * 1f64.atan() - root * (1.0 / root).atan() + 0.25 * (4.0f64 / 3.0 * (3.0 / 4.0) * (3.0 / 4.0)).ln())
         / std::f64::consts::PI
 }
 
-/// Seen from directly above, a white square lit by another shows its form factor.
+/// Seen from directly above, the radiance of a white square lit by another square shows their form factor.
 #[test]
 fn squares_light_each_other_as_their_form_factors_say() {
     let floor = || quad(Vec3::ZERO, Vec3::Z, Vec3::X);
@@ -99,7 +100,7 @@ fn squares_light_each_other_as_their_form_factors_say() {
     }
 }
 
-/// Under a uniform sky, a surface without loss is indistinguishable from it, matte or glossy.
+/// Under a uniform sky, a surface without loss is indistinguishable from the sky, matte or glossy.
 #[test]
 fn white_things_vanish_in_a_white_sky() {
     for (base_color, metallic, roughness) in [(1.0, 0.0, 1.0), (1.0, 1.0, 0.3), (1.0, 0.0, 0.2), (1.0, 1.0, 0.05)] {
@@ -115,8 +116,8 @@ fn white_things_vanish_in_a_white_sky() {
     }
 }
 
-/// A panel spans 60° and is sampled by its own points and by rays from the surface. A mirror shows its radiance, and so
-/// does any mixture of both strategies.
+/// A panel spans 60°. It is sampled by its own points and by rays from the surface. A mirror shows its radiance, and
+/// any mixture of both strategies has the same result.
 #[test]
 fn a_glossy_floor_shows_the_lamp() {
     for roughness in [0.02, 0.1] {
@@ -175,7 +176,8 @@ fn threads_do_not_change_a_bit_and_seeds_do() {
     assert_ne!(one.mean, with(3, 2).mean);
 }
 
-/// The spread over seeds matches the variance; otherwise comparisons based on it would be meaningless.
+/// The spread over seeds matches the estimated variance. Otherwise, comparisons based on the variance would be
+/// meaningless.
 #[test]
 fn the_variance_is_that_of_the_mean() {
     let scene = lamp_lit_room(1.0);

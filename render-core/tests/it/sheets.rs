@@ -1,4 +1,4 @@
-//! Compares layers in pixels and transmitted light with closed forms, for blended surfaces and distant masks.
+//! Tests that compare layers in pixels and transmitted light with closed forms, for blended surfaces and distant masks.
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Affine3A, Vec2, Vec3, Vec3A, Vec4, vec3};
@@ -14,19 +14,19 @@ use render_core::{
 
 const SIZE: usize = 48;
 
-/// An unlit surface of this color.
+/// Returns an unlit material of this color.
 fn flat(color: Vec3, alpha: Alpha, opacity: f32) -> Material {
     Material { base_color: color, unlit: true, double_sided: true, alpha, opacity, ..Material::default() }
 }
 
-/// A square of side 4 m at a depth, in front of a camera at the origin.
+/// Builds a square of side 4 m at a depth, in front of a camera at the origin.
 fn square(depth: f32) -> Mesh {
     quad(vec3(-2.0, -2.0, -depth), Vec3::X * 4.0, Vec3::Y * 4.0)
 }
 
 const PROJECTIONS: [Projection; 2] = [Projection::Perspective { yfov: 0.5 }, Projection::Orthographic { ymag: 1.0 }];
 
-/// Colors of all pixels, from one sample or several.
+/// Returns the colors of all pixels, from one sample or several samples per pixel.
 fn picture(scene: &Scene, projection: Projection, samples: usize) -> Plane<Vec3> {
     let pose = scene.pose(0.0);
     let (surfaces, accelerator) = (Surfaces::new(scene, &pose), Geometry::new(scene).place(&pose));
@@ -49,7 +49,7 @@ fn picture(scene: &Scene, projection: Projection, samples: usize) -> Plane<Vec3>
     sum
 }
 
-/// Porter & Duff's "over", front to back: c = Σ αᵢ cᵢ Π_{j<i} (1 − αⱼ), in every pixel and for any number of surfaces.
+/// Pixels show Porter & Duff's "over", front to back: c = Σ αᵢ cᵢ Π_{j<i} (1 − αⱼ), for any number of surfaces.
 #[test]
 fn pixels_show_each_layer_by_its_share() {
     let colors = [vec3(1.0, 0.1, 0.2), vec3(0.1, 0.9, 0.1), vec3(0.2, 0.2, 0.8), vec3(0.9, 0.9, 0.1)];
@@ -67,7 +67,7 @@ fn pixels_show_each_layer_by_its_share() {
             for samples in [1, 4] {
                 let shown = picture(&scene, projection, samples);
                 for &color in shown.samples() {
-                    // A layer that covers less than 1/512 is left out.
+                    // A layer that covers less than 1/512 is omitted.
                     let apart = (color - expected).abs().max_element();
                     assert!(apart < 0.003, "{color} instead of {expected}, {opacities:?} by {samples} samples");
                 }
@@ -76,7 +76,7 @@ fn pixels_show_each_layer_by_its_share() {
     }
 }
 
-/// The opacity of a surface may vary: it is interpolated between corners.
+/// The opacity of a surface may vary, since it is interpolated between corners.
 #[test]
 fn opacity_that_changes_along_a_surface_is_shown_without_steps() {
     let mut scene = Scene::default();
@@ -93,8 +93,8 @@ fn opacity_that_changes_along_a_surface_is_shown_without_steps() {
     }
 }
 
-/// A texture of 2×2 texels, one of them opaque, repeated over a card. From afar a quarter of each pixel is covered
-/// (glTF 2.0, 3.9.4: a masked surface is opaque or absent); nearby, each texel is present or absent.
+/// A texture of 2×2 texels, one of them opaque, is repeated over a card. From afar a quarter of each pixel is covered
+/// (glTF 2.0, 3.9.4: a masked surface is opaque or absent). From nearby, each texel is present or absent.
 #[test]
 fn masks_keep_their_coverage_from_afar() {
     for (cutoff, opacity) in [(0.5, 1.0), (0.25, 0.5)] {
@@ -125,7 +125,7 @@ fn masks_keep_their_coverage_from_afar() {
     }
 }
 
-/// Lamps of all kinds above a card in a room.
+/// Builds a room with lamps of all types above a card.
 fn lit_room(alpha: Alpha, opacity: f32, with_card: bool) -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.5), Vec3::ZERO));
@@ -142,7 +142,7 @@ fn lit_room(alpha: Alpha, opacity: f32, with_card: bool) -> Scene {
     scene
 }
 
-/// Irradiance on the floor.
+/// Returns the irradiance on the floor.
 fn floor_light(scene: &Scene) -> Vec<Vec3> {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
@@ -162,8 +162,8 @@ fn floor_light(scene: &Scene) -> Vec<Vec3> {
     direct.irradiance_tile(&accelerator, &receivers).value
 }
 
-/// One card blocks the fraction α of all lamps: E = (1 − α) E(no card) + α E(opaque card), since visibility is linear
-/// in α.
+/// A card blocks the fraction α of the light of all lamps: E = (1 − α) E(no card) + α E(opaque card), since visibility
+/// is linear in α.
 #[test]
 fn shadows_of_blended_surfaces_are_shares_of_full_ones() {
     let (bare, full) =
@@ -174,7 +174,7 @@ fn shadows_of_blended_surfaces_are_shares_of_full_ones() {
         for ((&found, &bare), &full) in found.iter().zip(&bare).zip(&full) {
             let expected = bare * (1.0 - opacity) + full * opacity;
             let apart = (found - expected).abs().max_element() / bare.max_element();
-            // If votes agree, the whole panel is exact, else the light is a sum over its samples.
+            // If votes agree, the light of the whole panel is exact. Otherwise the light is a sum over the panel's samples.
             assert!(apart < 0.004, "{found} instead of {expected} behind {opacity}");
             shaded += usize::from(full.max_element() < 0.5 * bare.max_element());
         }

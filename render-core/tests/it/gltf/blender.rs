@@ -1,16 +1,16 @@
-//! Compares a file of Blender's exporter with its rendering in Blender's Cycles.
+//! Test that compares a file of Blender's exporter with the file's rendering in Blender's Cycles.
 
 use render_core::scene::{self, Reach};
 use render_core::{PathOptions, Still, path_traced};
 use std::path::Path;
 
-/// Radiance of the floor around some points, by Cycles of Blender 5.0.1: 4096 samples, direct light only, means over
-/// 4×4 pixels. `tests/data/blender_lamps.py` writes the file and prints these values.
+/// Radiance of the floor around some points, rendered with Cycles of Blender 5.0.1: 4096 samples, direct light only,
+/// means over 4×4 pixels. `tests/data/blender_lamps.py` writes the file and prints these values.
 const CYCLES: [(&str, f32, f32); 4] =
     [("panel", -7.0, 0.13973), ("point", -3.0, 0.30916), ("spot", 3.0, 0.31555), ("sun", 13.0, 0.00859)];
 
-/// A panel of emission 10, a point and a spot of 100 W, a sun of 0.05 W/m²: exported with default options, within 2 %
-/// of Cycles.
+/// Light is within 2 % of Cycles for a file exported with default options. The file has a panel of emission 10, a point
+/// and a spot of 100 W, and a sun of 0.05 W/m².
 #[test]
 fn lamps_of_blender_are_as_bright_as_in_cycles() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/blender_lamps.glb");

@@ -1,4 +1,4 @@
-//! Cameras: their depth ranges and aspect ratios.
+//! Tests of the depth ranges and aspect ratios of cameras.
 
 use super::file::{File, notes};
 use glam::{Vec3, Vec3A, vec3};
@@ -6,7 +6,7 @@ use render_core::scene::{DepthRange, Scene};
 use render_core::{GBuffer, Geometry, PosedScene, Surfaces};
 use serde_json::{Value, json};
 
-/// Three squares at depths of 1, 2 and 3 m in front of a camera at the origin.
+/// Builds three squares at depths of 1, 2 and 3 m in front of a camera at the origin.
 fn three_squares(camera: Value) -> Scene {
     let mut file = File::square();
     file.json["nodes"][0]["translation"] = json!([-0.5, -0.5, -1.0]);
@@ -18,7 +18,7 @@ fn three_squares(camera: Value) -> Scene {
     file.load()
 }
 
-/// The depth at the center of a picture \[m\].
+/// Returns the depth at the center of a picture \[m\].
 fn depth(camera: Value) -> f32 {
     let scene = three_squares(camera);
     let pose = scene.pose(0.0);
@@ -55,7 +55,8 @@ fn depths_outside_of_a_camera_s_range_are_not_shown() {
     }
 }
 
-/// "aspectRatio" of perspective cameras, and "xmag" over "ymag" of orthographic ones. Invalid values are ignored.
+/// Shape and range come from "aspectRatio" of perspective cameras, and "xmag" over "ymag" of orthographic ones. Invalid
+/// values are ignored.
 #[test]
 fn cameras_have_the_shape_and_range_of_their_file() {
     let read = |camera: Value| {
@@ -74,8 +75,8 @@ fn cameras_have_the_shape_and_range_of_their_file() {
     assert_eq!((aspect, depths), (Some(2.0), DepthRange { near: 0.0, far: 10.0 }));
 }
 
-/// "The viewport's aspect ratio SHOULD NOT crop" (3.10.3): pictures of all shapes contain the corners of the camera's
-/// view.
+/// Pictures of all shapes contain the corners of the camera's view: "The viewport's aspect ratio SHOULD NOT crop"
+/// (3.10.3).
 #[test]
 fn pictures_of_any_shape_show_all_of_the_view() {
     let scene = three_squares(json!({ "type": "perspective",
@@ -93,8 +94,8 @@ fn pictures_of_any_shape_show_all_of_the_view() {
     }
 }
 
-/// Squares are at 1, 2 and 3 m. A `znear` beyond all of them, or a `zfar` before, shows nothing and gives a note;
-/// partial ranges do not.
+/// Squares are at 1, 2 and 3 m. If `znear` is beyond all of them, or `zfar` in front of all, no square is visible and a
+/// note is added. Ranges that contain a square add no note.
 #[test]
 fn cameras_that_cut_the_whole_scene_off_are_named() {
     for (near, far, nearer, beyond) in
@@ -105,7 +106,7 @@ fn cameras_that_cut_the_whole_scene_off_are_named() {
         let found = (notes(&scene, "nearer than its znear"), notes(&scene, "beyond its zfar"));
         assert_eq!(found, (nearer, beyond), "{near} to {far}: {:?}", scene.warnings);
     }
-    // Geometry behind the camera gives no note.
+    // Geometry behind the camera adds no note.
     let mut file = File::square();
     file.json["nodes"][0]["translation"] = json!([0.0, 0.0, 5.0]);
     file.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 0.5, "znear": 9.0 } }]);

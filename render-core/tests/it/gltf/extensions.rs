@@ -1,11 +1,11 @@
-//! Extensions: a note for each one left out, and the table of all.
+//! Tests of extensions: a note for each ignored extension, and the table of all.
 
 use super::file::{File, notes};
 use render_core::scene::{EXTENSIONS, Support, extension_table};
 use serde_json::json;
 use std::path::Path;
 
-/// Uses an extension in the square's material.
+/// Builds a file that uses an extension in the square's material.
 fn with_material(name: &str, extension: serde_json::Value) -> File {
     let mut file = File::square();
     file.json["extensionsUsed"] = json!([name]);
@@ -24,7 +24,7 @@ fn each_extension_that_is_left_out_has_one_note() {
         assert_eq!(notes(&scene, extension.name), expected, "{:?}", scene.warnings);
         assert_eq!(notes(&scene, extension.purpose), expected, "{:?}", scene.warnings);
     }
-    // Names that occur only in objects, and unknown names.
+    // Test names that occur only in objects, and unknown names.
     let mut file = with_material("KHR_materials_clearcoat", json!({ "clearcoatFactor": 1.0 }));
     file.json.as_object_mut().unwrap().remove("extensionsUsed");
     file.json["nodes"][0]["extensions"] = json!({ "ACME_magic": {} });

@@ -4,14 +4,14 @@ use glam::{Vec3, vec3};
 use render_core::scene::{self, Reach, Scene, Setting};
 use serde_json::{Value, json};
 
-/// A square of side 1 m in the plane z = 0, to which tests add other objects.
+/// File with a square of side 1 m in the plane z = 0, to which tests add other objects.
 pub struct File {
     pub json: Value,
     pub bin: Vec<u8>,
 }
 
 impl File {
-    /// A file with one square.
+    /// Builds a file with one square.
     pub fn square() -> Self {
         let json = json!({
             "asset": { "version": "2.0" },
@@ -72,7 +72,7 @@ impl File {
         index
     }
 
-    /// Adds a clip from 0 to 1 s; each channel has a target and an output accessor.
+    /// Adds a clip from 0 to 1 s. Each channel has a target and an output accessor.
     pub fn clip(&mut self, name: &str, channels: &[(Value, usize)]) {
         let input = self.scalars(&[0.0, 1.0]);
         let samplers: Vec<Value> =
@@ -85,7 +85,7 @@ impl File {
         self.push("animations", json!({ "name": name, "samplers": samplers, "channels": channels }));
     }
 
-    /// The bytes of the file.
+    /// Returns the bytes of the file.
     pub fn bytes(&self) -> Vec<u8> {
         let mut json = self.json.clone();
         json["buffers"][0]["byteLength"] = json!(self.bin.len());
@@ -114,7 +114,7 @@ pub fn load_bytes(bytes: &[u8], settings: &[&str]) -> Result<Scene, String> {
     scene::load_with(&path, Reach::Folder, &set).map_err(|error| error.to_string())
 }
 
-/// Number of the scene's notes that contain `word`.
+/// Returns the number of the scene's notes that contain `word`.
 pub fn notes(scene: &Scene, word: &str) -> usize {
     scene.warnings.iter().filter(|note| note.contains(word)).count()
 }

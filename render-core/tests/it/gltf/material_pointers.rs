@@ -1,4 +1,4 @@
-//! `KHR_animation_pointer` for materials, and the visibility of lights and skins.
+//! Tests of `KHR_animation_pointer` for materials, and for the visibility of lights and skins.
 
 use super::file::{File, notes};
 use glam::{Vec2, Vec3, vec3};
@@ -6,12 +6,12 @@ use render_core::scene::{Alpha, Material, Scene};
 use render_core::{Geometry, Hit, PathOptions, Still, Surfaces, path_traced};
 use serde_json::{Value, json};
 
-/// The target of a channel that animates the property at `pointer`.
+/// Returns the target of a channel that animates the property at `pointer`.
 fn target(pointer: &str) -> Value {
     json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": pointer } } })
 }
 
-/// A square with this material.
+/// Builds a square with this material.
 fn square(material: Value) -> File {
     let mut file = File::square();
     file.json["materials"] = json!([material]);
@@ -19,12 +19,12 @@ fn square(material: Value) -> File {
     file
 }
 
-/// The material of instance 0 at `time` seconds.
+/// Returns the material of instance 0 at `time` seconds.
 fn material(scene: &Scene, time: f32) -> Material {
     Surfaces::new(scene, &scene.pose(time)).material(0).clone()
 }
 
-/// Halfway between two keys, a linear track has their mean (glTF 2.0, appendix C.3).
+/// Halfway between two keys, a linear track has the mean of the keys (glTF 2.0, appendix C.3).
 #[test]
 fn factors_of_materials_are_animated() {
     let mut file = square(json!({
@@ -53,11 +53,11 @@ fn factors_of_materials_are_animated() {
     let found = material(&scene, 0.5);
     assert_eq!((found.base_color, found.opacity), (Vec3::splat(0.5), 0.75));
     assert_eq!((found.metallic, found.roughness, found.alpha), (0.25, 0.25, Alpha::Mask { cutoff: 0.25 }));
-    // The product of factor and strength: (½, ¼, 0) · 4.
+    // The emission is the product of factor and strength: (½, ¼, 0) · 4.
     assert_eq!(found.emission, vec3(2.0, 1.0, 0.0));
-    // KHR_materials_ior: ((n − 1) / (n + 1))² is 1/9 at n = 2.
+    // By KHR_materials_ior, ((n − 1) / (n + 1))² is 1/9 at n = 2.
     assert!((found.dielectric_f0 - 1.0 / 9.0).abs().max_element() < 1e-6);
-    // The rest state has the file's values. The instance counts as dynamic, so it is never baked or reprojected.
+    // The rest state has the file's values. The instance counts as dynamic, so it is neither baked nor reprojected.
     assert_eq!(scene.materials[0].emission, Vec3::splat(3.0));
     assert_eq!((scene.moving_instances(), scene.moving_nodes()), (vec![true], vec![false]));
     assert_eq!(scene.duration(), 1.0);
@@ -85,7 +85,7 @@ fn values_that_no_material_has_are_clamped() {
     assert_eq!(found.emission, Vec3::splat(1e18));
 }
 
-/// Errors name keys of another width, and a channel with equal keys animates nothing.
+/// Errors name keys with a wrong number of components. A channel with equal keys animates no property.
 #[test]
 fn keys_have_the_width_of_their_property() {
     let mut file = square(json!({}));
@@ -101,10 +101,10 @@ fn keys_have_the_width_of_their_property() {
     assert_eq!((scene.moving_instances(), material(&scene, 0.3).metallic), (vec![false], 0.5));
 }
 
-/// `KHR_texture_transform`: the texture slides by its offset, with its holes.
+/// With `KHR_texture_transform`, the texture and its holes slide by the offset.
 #[test]
 fn transforms_of_textures_are_animated() {
-    // Left half opaque, right half a hole; one pixel wide each.
+    // The left half is opaque, the right half is a hole. Each is one pixel wide.
     let mut file = square(json!({
         "alphaMode": "MASK",
         "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } },
@@ -122,7 +122,7 @@ fn transforms_of_textures_are_animated() {
     let slot = material(&scene, 0.5).base_color_texture.unwrap();
     assert_eq!(slot.map(Vec2::new(0.25, 0.5)), Vec2::new(0.5, 0.5));
 
-    // Rays along −z hit only the opaque half: on the left at first, on the right after the texture rotated by 180°.
+    // Rays along −z hit only the opaque half: first on the left, then, after the texture rotated by 180°, on the right.
     let geometry = Geometry::new(&scene);
     for (time, shows) in [(0.0, [true, false]), (1.0, [false, true])] {
         let accelerator = geometry.place(&scene.pose(time));
@@ -133,10 +133,10 @@ fn transforms_of_textures_are_animated() {
     }
 }
 
-/// A PNG of 2×1 pixels: white with opacity 1, and white with opacity 0.
+/// PNG of 2×1 pixels: white with opacity 1, and white with opacity 0.
 const HALF_OPAQUE: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR4nGP8////fwYGBkYAGfkD/3ZDTbIAAAAASUVORK5CYII=";
 
-/// The radiance of an emissive square matches its time.
+/// The radiance of an emissive square matches the animated emission at the time of the picture.
 #[test]
 fn pictures_show_the_glow_of_their_time() {
     let mut file = square(json!({ "pbrMetallicRoughness": { "baseColorFactor": [0, 0, 0, 1] } }));
@@ -195,7 +195,7 @@ fn visibility_of_skins_is_animated() {
             json!({ "POSITION": positions, "JOINTS_0": joints, "WEIGHTS_0": weights });
         file.json["skins"] = json!([{ "joints": [joint] }]);
         file.json["nodes"][0]["skin"] = json!(0);
-        // A translation that the skin ignores.
+        // Add a translation, which the skin ignores.
         file.json["nodes"][0]["translation"] = json!([9.0, 9.0, 9.0]);
         let visible = file.scalars(&[1.0, 0.0]);
         let mut channels = vec![(target("/nodes/0/extensions/KHR_node_visibility/visible"), visible)];

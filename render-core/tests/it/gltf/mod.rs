@@ -1,4 +1,4 @@
-//! glTF files: every valid one is rendered, or a note names the omitted content.
+//! Tests of glTF files: every valid file is rendered, or a note names the omitted content.
 
 mod blender;
 mod cameras;

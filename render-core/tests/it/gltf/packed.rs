@@ -1,12 +1,12 @@
-//! Compares packed meshes, views and images with data unpacked by reference decoders; `tests/data/packed.mjs` wrote
-//! both.
+//! Tests that compare packed meshes, views and images with data unpacked by reference decoders. `tests/data/packed.mjs`
+//! wrote both.
 
 use super::file::{File, load_bytes, notes};
 use glam::Vec3;
 use render_core::scene::{Mesh, Scene};
 use serde_json::{Value, json};
 
-/// A file of `tests/data`.
+/// Opens a file of `tests/data`.
 fn open(name: &str) -> File {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
     let bytes = std::fs::read(path).unwrap();
@@ -15,14 +15,14 @@ fn open(name: &str) -> File {
     File { json, bin: bytes[28 + length..].to_vec() }
 }
 
-/// Pairs of meshes with names that differ only in their ends.
+/// Returns pairs of meshes with names that differ only in their ends.
 fn twins(scene: &Scene) -> Vec<[&Mesh; 2]> {
     let named = |name: String| scene.meshes.iter().find(|mesh| mesh.name == name);
     let names = scene.meshes.iter().filter_map(|mesh| mesh.name.strip_suffix(" packed"));
     names.map(|name| [" packed", " plain"].map(|end| named(format!("{name}{end}")).unwrap())).collect()
 }
 
-/// The largest difference between two lists of vectors.
+/// Returns the largest difference between two lists of vectors.
 fn difference(a: &[Vec3], b: &[Vec3]) -> f32 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
@@ -36,7 +36,7 @@ fn views_packed_by_meshopt_have_the_reference_numbers() {
     for [packed, plain] in twins {
         assert_eq!(packed.positions, plain.positions, "{}", packed.name);
         assert_eq!(packed.triangles, plain.triangles, "{}", packed.name);
-        // The specification allows a filter's result to differ by one unit in the last place; a side has two ends.
+        // The specification allows a filter's result to be off by one unit in the last place, so decoders differ by two.
         let unit = if packed.name.starts_with("shorts") { 1.0 / 127.0 } else { 1.0 / 32767.0 };
         assert!(difference(&packed.normals, &plain.normals) <= 2.0 * unit, "{}", packed.name);
         let colors = packed.colors.iter().zip(&plain.colors).map(|(a, b)| (*a - *b).abs().max_element());
@@ -87,7 +87,7 @@ fn packed_images_have_the_reference_texels() {
     }
 }
 
-/// "mimeType" may be wrong: the data determines the format.
+/// "mimeType" may be wrong, since the data determines the format.
 #[test]
 fn images_are_read_whatever_their_declared_type() {
     let mut file = open("images.glb");
@@ -106,7 +106,8 @@ fn images_are_read_whatever_their_declared_type() {
     assert_eq!(file.load().textures.len(), 10);
 }
 
-/// Files with truncated or wrong packed data give an error that names the location, or a note if there is a plain copy.
+/// For files with truncated or wrong packed data, an error names the location, or a note is added if there is a plain
+/// copy.
 #[test]
 fn damaged_packed_views_are_refused_or_replaced() {
     let pointer = |file: &File, view: usize| {
@@ -136,7 +137,7 @@ fn damaged_packed_views_are_refused_or_replaced() {
             assert!(line.contains("buffer view") && !line.contains('\n'), "{place} {key} {value}: {line}");
         }
     }
-    // With a plain copy.
+    // Test views with a plain copy.
     for (extension, note) in [(json!({}), "lacks a count"), (json!({ "count": 6, "byteStride": 12 }), "unknown mode")] {
         let mut file = File::square();
         file.json["extensionsUsed"] = json!(["EXT_meshopt_compression"]);
@@ -146,7 +147,7 @@ fn damaged_packed_views_are_refused_or_replaced() {
     }
 }
 
-/// Optional compression with a plain copy in a missing file: the packed data suffices.
+/// The packed data of optional compression suffices if the plain copy is in a missing file.
 #[test]
 fn plain_copies_are_not_needed() {
     let mut file = open("meshopt.glb");
@@ -180,7 +181,7 @@ fn damaged_packed_meshes_are_refused_or_replaced() {
             2 => members["bufferView"] = json!(99),
             3 => members["attributes"]["POSITION"] = json!(77),
             4 => members["attributes"]["POSITION"] = json!("first"),
-            // More triangles than the indices specify.
+            // The data contains more triangles than the indices specify.
             5 => {
                 let indices = file.json["meshes"][0]["primitives"][0]["indices"].as_u64().unwrap() as usize;
                 file.json["accessors"][indices]["count"] = json!(3);
@@ -192,7 +193,7 @@ fn damaged_packed_meshes_are_refused_or_replaced() {
         let is_named = line.contains("mesh 0 primitive 0") && line.contains("buffer view");
         assert!(is_named && !line.contains('\n'), "{change}: {line}");
     }
-    // With a plain copy.
+    // Test primitives with a plain copy.
     let mut file = File::square();
     file.json["extensionsUsed"] = json!([name]);
     file.json["meshes"][0]["primitives"][0]["extensions"] =
@@ -217,20 +218,20 @@ fn damaged_packed_images_are_refused_or_replaced() {
         let mut file = open("images.glb");
         let view = file.json["images"][image]["bufferView"].as_u64().unwrap() as usize;
         let start = file.json["bufferViews"][view]["byteOffset"].as_u64().unwrap() as usize;
-        // False sizes: the width in KTX2, the chunk header in WebP.
+        // Set false sizes: the width in KTX2, the chunk header in WebP.
         file.bin[start + 22..start + 34].fill(0xff);
         let line = file.load_with(&[]).unwrap_err();
         assert!(line.contains(&format!("image {image}")) && !line.contains('\n'), "{name}: {line}");
         file.json["bufferViews"][view]["byteLength"] = json!(50);
         assert!(file.load_with(&[]).unwrap_err().contains(&format!("image {image}")), "{name}");
-        // The plain copy is the twin.
+        // Use the twin as the plain copy.
         file.json["textures"][texture]["source"] = json!(image + 1);
         let scene = file.load();
         assert_eq!(notes(&scene, &format!("image {} is shown", image + 1)), 1, "{:?}", scene.warnings);
     }
 }
 
-/// Truncation and wrong bytes anywhere give a one-line error or a scene.
+/// For truncated files, and files with wrong bytes anywhere, loading returns a one-line error or a scene.
 #[test]
 fn no_damage_panics() {
     for name in ["meshopt.glb", "draco.glb", "images.glb"] {
@@ -251,7 +252,7 @@ fn no_damage_panics() {
     }
 }
 
-/// Extensions of the files, for a build with all features.
+/// Files with packed data have no notes in a build with all features.
 #[test]
 fn packed_files_have_no_notes() {
     for name in ["meshopt.glb", "draco.glb", "images.glb"] {

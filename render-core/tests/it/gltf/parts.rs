@@ -1,12 +1,12 @@
-//! Extensions that select content, Blender's lamps, and several simultaneous clips.
+//! Tests of extensions that select content, of Blender's lamps, and of several simultaneous clips.
 
 use super::file::{File, notes};
 use glam::{Quat, Vec3, Vec3A, vec3};
 use render_core::scene::{PunctualKind, Scene, TextureSlot};
 use serde_json::{Value, json};
 
-/// `KHR_node_visibility`: "When visible is false, the node and all its children" are hidden: meshes and lights, but not
-/// cameras.
+/// With `KHR_node_visibility`, "When visible is false, the node and all its children" are hidden: meshes and lights,
+/// but not cameras.
 #[test]
 fn hidden_nodes_and_all_below_them_are_not_shown() {
     for (visible, shown) in [(json!({ "visible": false }), 0), (json!({ "visible": true }), 1), (json!({}), 1)] {
@@ -22,7 +22,7 @@ fn hidden_nodes_and_all_below_them_are_not_shown() {
     }
 }
 
-/// `MSFT_lod`: "the highest level of detail is the node itself", and its `ids` list the others.
+/// With `MSFT_lod`, "the highest level of detail is the node itself", and its `ids` list the others.
 #[test]
 fn the_finest_level_of_detail_is_shown() {
     let mut file = File::square();
@@ -33,7 +33,8 @@ fn the_finest_level_of_detail_is_shown() {
     assert_eq!(file.load().instances.len(), 1);
 }
 
-/// `EXT_mesh_gpu_instancing`: the world transform of a copy is the node's transform times T · R · S of its attributes.
+/// With `EXT_mesh_gpu_instancing`, the world transform of a copy is the node's transform times T · R · S of its
+/// attributes.
 #[test]
 fn copies_of_a_mesh_have_their_own_places() {
     let mut file = File::square();
@@ -53,7 +54,7 @@ fn copies_of_a_mesh_have_their_own_places() {
     for (copy, expected) in [vec3(2.0, 0.0, 5.0), vec3(0.0, 4.0, 5.0), vec3(0.0, 0.5, 5.0)].into_iter().enumerate() {
         assert!((corner(copy) - expected).length() < 1e-5, "copy {copy} is at {}", corner(copy));
     }
-    // Missing attributes have their defaults; attributes of different lengths are refused.
+    // Missing attributes have defaults. Attributes of different lengths are refused.
     file.json["nodes"][0]["extensions"] = extension(json!({ "TRANSLATION": translation }));
     assert_eq!(file.load().instances.len(), 3);
     let two = file.vectors(&[Vec3::ONE; 2]);
@@ -61,8 +62,8 @@ fn copies_of_a_mesh_have_their_own_places() {
     assert!(file.load_with(&[]).unwrap_err().contains("different numbers of elements"));
 }
 
-/// `KHR_materials_variants`: a mapping's material applies to its listed variants; other variants use the primitive's
-/// own.
+/// With `KHR_materials_variants`, a mapping's material applies to its listed variants. Other variants use the
+/// primitive's own material.
 #[test]
 fn variants_replace_materials() {
     let mut file = File::square();
@@ -115,18 +116,18 @@ fn the_older_material_model_is_converted() {
     let rough = &scene.materials[2];
     let (albedo, coat) = rough.split(rough.base_color, rough.metallic, rough.roughness);
     assert_eq!((albedo, coat), (Vec3::ZERO, Vec3::ONE));
-    // Defaults: all factors 1, a mirror without a diffuse base.
+    // By default all factors are 1, which is a mirror without a diffuse base.
     let mirror = &scene.materials[1];
     assert_eq!((mirror.base_color, mirror.dielectric_f0, mirror.roughness), (Vec3::ZERO, Vec3::ONE, 0.0));
 }
 
-/// Khronos' conversion of specular and glossiness, texel by texel: base color, metalness and roughness by its formula,
-/// computed separately.
+/// Textures are compared with Khronos' conversion of specular and glossiness, texel by texel. Expected base color,
+/// metalness and roughness are computed separately by Khronos' formula.
 #[test]
 fn textures_of_the_older_model_are_converted() {
     let mut file = File::square();
-    // One diffuse texel, sRGB 188, 137, 225 with opacity ½; a black specular texel of glossiness 64 / 255 next to a
-    // gold one of glossiness 1.
+    // Use one diffuse texel, sRGB 188, 137, 225 with opacity ½. Use a black specular texel of glossiness 64 / 255 next
+    // to a gold one of glossiness 1.
     file.json["images"] = json!([
         { "uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGPY0/mwAQAG0gKnuUAV2QAAAABJRU5ErkJggg==" },
         { "uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR4nGNgYGBw+Hy65j8ACW0Deohp1wQAAAAASUVORK5CYII=" },
@@ -151,14 +152,14 @@ fn textures_of_the_older_model_are_converted() {
         assert!((found.color - base).abs().max_element() < 0.005, "{} at {u}", found.color);
         assert!((found.opacity - 128.0 / 255.0).abs() < 1e-3);
         let data = look(material.metallic_roughness_texture.unwrap(), u).color;
-        // Half a code value.
+        // The tolerance is half a code value.
         assert!((data.z - metallic).abs() < 0.0021 && (data.y - roughness).abs() < 0.0021, "{data} at {u}");
     }
     // With different coordinates, the two textures have no texels in common.
     assert_eq!(notes(&scene, "other coordinates than the diffuse texture"), 1, "{:?}", scene.warnings);
 }
 
-/// Candela and lux of Blender's exporter are 683 times the watts: `PBR_WATTS_TO_LUMENS` in its source.
+/// Candela and lux of Blender's exporter are 683 times the watts: `PBR_WATTS_TO_LUMENS` in the exporter's source.
 #[test]
 fn lamps_of_blender_fit_its_emission() {
     let mut file = File::square();

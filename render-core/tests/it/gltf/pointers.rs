@@ -1,4 +1,4 @@
-//! `KHR_animation_pointer`: animated properties other than transforms of nodes.
+//! Tests of `KHR_animation_pointer`: animated properties other than transforms of nodes.
 
 use super::file::{File, notes};
 use glam::{Vec3, Vec3A, vec3};
@@ -6,12 +6,12 @@ use render_core::scene::{DepthRange, Projection, PunctualKind, Scene};
 use render_core::{PathOptions, Still, path_traced};
 use serde_json::{Value, json};
 
-/// The target of a channel that animates the property at `pointer`.
+/// Returns the target of a channel that animates the property at `pointer`.
 fn target(pointer: &str) -> Value {
     json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": pointer } } })
 }
 
-/// A square and two cameras.
+/// Builds a square and two cameras.
 fn filmed() -> File {
     let mut file = File::square();
     file.json["cameras"] = json!([
@@ -23,7 +23,7 @@ fn filmed() -> File {
     file
 }
 
-/// Distance from the axis to the upper border, at a depth of 1 m \[m\].
+/// Returns the distance from the axis to the upper border, at a depth of 1 m \[m\].
 fn half_height(scene: &Scene, time: f32, size: (usize, usize)) -> f32 {
     let pose = scene.pose(time);
     let view = scene.view(&pose, size.0, size.1);
@@ -62,12 +62,13 @@ fn magnifications_are_animated() {
     let (half, wide) = (file.scalars(&[1.0, 3.0]), file.scalars(&[2.0, 4.0]));
     file.clip("a", &[(target("/cameras/1/orthographic/ymag"), half), (target("/cameras/1/orthographic/xmag"), wide)]);
     let scene = file.load_with(&["camera.name=orthographic"]).unwrap();
-    // At 0.5 s it shows 6 m by 4 m; a square picture and a 3:2 picture contain all of it.
+    // At 0.5 s the camera shows 6 m by 4 m. A square picture and a 3:2 picture contain the complete view.
     assert!((half_height(&scene, 0.5, (60, 40)) - 2.0).abs() < 1e-5);
     assert!((half_height(&scene, 0.5, (60, 60)) - 3.0).abs() < 1e-5);
 }
 
-/// "KHR_node_visibility/visible": false hides the meshes of the node and its descendants, from one key to the next.
+/// The value false of "KHR_node_visibility/visible" hides the meshes of the node and its descendants, from one key to
+/// the next.
 #[test]
 fn visibility_is_animated() {
     let mut file = File::square();
@@ -88,7 +89,8 @@ fn visibility_is_animated() {
     assert!(scene.moving_instances().iter().all(|&moves| moves));
 }
 
-/// Color, intensity and cone of lights: the product of color and intensity counts, in the file's units or Blender's.
+/// Color, intensity and cone of lights are animated. The light's strength is the product of color and intensity, in the
+/// file's units or Blender's.
 #[test]
 fn lights_are_animated() {
     let mut file = File::square();
@@ -126,7 +128,7 @@ fn lights_are_animated() {
     assert_eq!((scene.punctual_lights.len(), scene.light_channels[0].light), (1, 0));
 }
 
-/// A wall in a picture matches the brightness of its lamp at the time of the picture.
+/// The brightness of a wall in a picture matches the wall's lamp at the time of the picture.
 #[test]
 fn pictures_show_the_light_of_their_time() {
     let mut file = File::square();
@@ -143,7 +145,7 @@ fn pictures_show_the_light_of_their_time() {
     for (time, intensity) in [(0.0, 8.0f32), (0.5, 4.0), (1.0, 0.0)] {
         let options = PathOptions { samples: 16, max_bounces: Some(1), ..PathOptions::default() };
         let found = path_traced(&scene, Still { time, width: 8, height: 8 }, &options, |_, _| ()).mean.get(4, 4)[0];
-        // A white Lambert surface 2 m below a point of I cd: I / (4 π).
+        // Expect I / (4 π) from a white Lambert surface 2 m below a point light of I cd.
         let expected = intensity / (4.0 * std::f32::consts::PI);
         assert!((found - expected).abs() < 0.01 * expected.max(0.01), "{found} at {time} s, not {expected}");
     }
@@ -159,7 +161,7 @@ fn other_pointers_are_named() {
         &[
             (target("/materials/0/occlusionTexture/strength"), keys),
             (target("/materials/0/extensions/KHR_materials_clearcoat/clearcoatFactor"), keys),
-            // A hint without effect on pictures.
+            // Animate a hint without effect on pictures.
             (target("/extensions/KHR_lights_punctual/lights/0/range"), keys),
             (target("/cameras/0/perspective/yfov"), keys),
             (target("nonsense"), keys),

@@ -1,18 +1,18 @@
-//! Points and lines as thin bodies.
+//! Tests of points and lines as thin bodies.
 
 use super::file::{File, notes};
 use glam::{Vec3, vec3};
 use render_core::scene::Scene;
 use serde_json::{Value, json};
 
-/// Volume of a closed mesh that faces outward \[m³\].
+/// Returns the volume of a closed mesh that faces outward \[m³\].
 fn volume(scene: &Scene) -> f32 {
     let mesh = &scene.meshes[0];
     let corners = mesh.triangles.iter().map(|triangle| triangle.map(|vertex| mesh.positions[vertex as usize]));
     corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
 }
 
-/// A file with vertices at the corners of a square of side 3 m, drawn in this mode.
+/// Builds a file with vertices at the corners of a square of side 3 m, drawn in this mode.
 fn drawn(mode: u32, indices: Option<&[u32]>) -> File {
     let mut file = File::square();
     let corners = file.vectors(&[Vec3::ZERO, vec3(3.0, 0.0, 0.0), vec3(3.0, 3.0, 0.0), vec3(0.0, 3.0, 0.0)]);
@@ -26,8 +26,8 @@ fn drawn(mode: u32, indices: Option<&[u32]>) -> File {
     file
 }
 
-/// Modes of glTF 2.0, 5.24.4: 0 points, 1 lines, 2 a loop, 3 a strip. An octahedron of width w has volume w³ / 6; a
-/// square tube with diagonal w has volume w² / 2 per meter.
+/// Modes of glTF 2.0, 5.24.4 are 0 for points, 1 for lines, 2 for a loop, 3 for a strip. An octahedron of width w has
+/// volume w³ / 6. A square tube with diagonal w has volume w² / 2 per meter.
 #[test]
 fn points_and_lines_are_closed_bodies() {
     let (point, meter) = (0.001 / 6.0, 0.01 / 2.0);
@@ -51,8 +51,9 @@ fn points_and_lines_are_closed_bodies() {
     assert!((found / expected - 1.0).abs() < 1e-3, "{found} m³, not {expected} m³");
 }
 
-/// "Points or Lines with no NORMAL attribute SHOULD be rendered without lighting and instead use the sum of the base
-/// color value and the emissive value" (3.9.5). Vertex colors apply to all corners of their bodies.
+/// Points and lines without normals are unlit (3.9.5: "Points or Lines with no NORMAL attribute SHOULD be rendered
+/// without lighting and instead use the sum of the base color value and the emissive value"). Vertex colors apply to
+/// all corners of their bodies.
 #[test]
 fn points_without_normals_are_unlit() {
     let mut file = drawn(0, None);

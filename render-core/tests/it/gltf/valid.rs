@@ -1,10 +1,10 @@
-//! Valid files that omit optional data or define it in extensions.
+//! Tests of valid files that omit optional data or define it in extensions.
 
 use super::file::{File, load_bytes, notes};
 use glam::{Quat, Vec3, Vec3A, vec3};
 use serde_json::{Value, json};
 
-/// Channels without a node: "When undefined, the animated object MAY be defined by an extension" (glTF 2.0, 5.6.1).
+/// Channels may have no node: "When undefined, the animated object MAY be defined by an extension" (glTF 2.0, 5.6.1).
 #[test]
 fn channels_without_a_node_leave_the_others() {
     for target in [
@@ -25,7 +25,8 @@ fn channels_without_a_node_leave_the_others() {
     }
 }
 
-/// Textures without `source`: "When undefined, an extension or other mechanism SHOULD supply an alternate texture source" (5.29.2).
+/// Textures may have no `source`: "When undefined, an extension or other mechanism SHOULD supply an alternate texture
+/// source" (5.29.2).
 #[test]
 fn textures_without_a_source_leave_the_plain_color() {
     let slot = json!({ "index": 0 });
@@ -52,7 +53,7 @@ fn textures_without_a_source_leave_the_plain_color() {
     }
 }
 
-/// Primitives without `POSITION`: "client implementations SHOULD skip primitive's rendering" (3.7.2.1).
+/// Primitives may have no `POSITION`: "client implementations SHOULD skip primitive's rendering" (3.7.2.1).
 #[test]
 fn primitives_without_positions_are_skipped() {
     let mut file = File::square();
@@ -61,8 +62,8 @@ fn primitives_without_positions_are_skipped() {
     let scene = file.load();
     assert_eq!((scene.meshes.len(), scene.triangle_count()), (1, 2));
     assert_eq!(notes(&scene, "without readable positions"), 1);
-    // This also holds for positions in a format that an extension adds, for unknown modes, and for data that only an
-    // extension contains.
+    // Primitives are also skipped if their positions have a format that an extension adds, their mode is unknown, or
+    // only an extension contains their data.
     for (pointer, value) in [
         ("/accessors/0/componentType", json!(5130)),
         ("/accessors/0/type", json!("VEC9")),
@@ -92,7 +93,7 @@ fn primitives_without_positions_are_skipped() {
     }
 }
 
-/// Attributes, members and values of applications and extensions have no effect.
+/// Unknown attributes, members and values of applications and extensions have no effect.
 #[test]
 fn unknown_parts_change_nothing() {
     let changes: [(&str, Value); 21] = [
@@ -133,7 +134,7 @@ fn unknown_parts_change_nothing() {
     }
 }
 
-/// `KHR_lights_punctual`: a spot without angles has "innerConeAngle 0" and "outerConeAngle PI / 4.0".
+/// By `KHR_lights_punctual`, a spot light without angles has "innerConeAngle 0" and "outerConeAngle PI / 4.0".
 #[test]
 fn spots_without_angles_have_the_default_cone() {
     let mut file = File::square();
@@ -146,7 +147,7 @@ fn spots_without_angles_have_the_default_cone() {
     assert_eq!(lights[0].kind, render_core::scene::PunctualKind::Spot { inner: 0.0, outer: quarter });
 }
 
-/// A painted sky of unlit triangles around the scene: a note names the surface that blocks the sun.
+/// For a painted sky of unlit triangles around the scene, a note names the surface that blocks the sun.
 #[test]
 fn unlit_backdrops_are_named() {
     let backdrop = |size: f32, depth: f32, unlit: bool| {
@@ -167,8 +168,8 @@ fn unlit_backdrops_are_named() {
     assert_eq!((backdrop(9.0, 9.0, false), backdrop(0.5, 9.0, true), backdrop(9.0, 0.0, true)), (0, 0, 0));
 }
 
-/// Lists may be absent or empty: a scene without nodes (5.25), a file without `scene` (5.17), an animation without
-/// channels.
+/// Lists may be absent or empty: in a scene without nodes (5.25), a file without `scene` (5.17), or an animation
+/// without channels.
 #[test]
 fn absent_and_empty_lists_are_read() {
     for (pointer, value) in [
@@ -210,16 +211,16 @@ fn files_without_scenes_show_all_nodes() {
     root.remove("scenes");
     let scene = file.load();
     assert_eq!((scene.instances.len(), notes(&scene, "no scene: all its nodes are shown")), (2, 1));
-    // Without nodes, no mesh is shown.
+    // Without nodes, no mesh is visible.
     file.json.as_object_mut().unwrap().remove("nodes");
     assert_eq!(notes(&file.load(), "only the sky is visible"), 1);
-    // An index of a missing scene is invalid.
+    // The index of a missing scene is invalid.
     file.json["scene"] = json!(0);
     assert!(file.load_with(&[]).unwrap_err().contains("scene"));
 }
 
 /// "When bufferView is undefined, the accessor MUST be initialized with zeros" (5.1.1), even in files without any view.
-/// Extensions may define buffers without `uri` (3.6.1): content in them is left out.
+/// Extensions may define buffers without `uri` (3.6.1). Content in these buffers is omitted.
 #[test]
 fn accessors_and_buffers_without_data_are_read() {
     let mut file = File::square();
@@ -255,7 +256,7 @@ fn buffers_without_use_may_be_absent() {
     assert!(file.load_with(&[]).unwrap_err().contains("absent.bin"));
 }
 
-/// A matrix may flatten its node along one axis or all: columns of zero are as valid as a scale of zero.
+/// A matrix may flatten its node along one axis or all axes, since columns of zero are as valid as a scale of zero.
 #[test]
 fn flat_matrices_are_kept() {
     let turn = Quat::from_axis_angle(vec3(1.0, 2.0, 3.0).normalize(), 0.7);
@@ -279,7 +280,7 @@ fn flat_matrices_are_kept() {
     }
 }
 
-/// A normal of zero has no direction: the triangle's normal replaces it.
+/// A normal of zero has no direction, so the triangle's normal replaces it.
 #[test]
 fn normals_of_zero_become_those_of_the_triangle() {
     let mut file = File::square();
@@ -293,7 +294,7 @@ fn normals_of_zero_become_those_of_the_triangle() {
     assert!(file.load().meshes[0].normals.is_empty(), "flat, as without normals");
 }
 
-/// Chunks of unknown types are ignored (4.4.3), wherever they are; zeros may pad the text.
+/// Chunks of unknown types are ignored (4.4.3), regardless of their position. Zeros may pad the text.
 #[test]
 fn binary_files_may_have_chunks_of_other_types() {
     let bytes = File::square().bytes();
@@ -313,7 +314,7 @@ fn binary_files_may_have_chunks_of_other_types() {
     assert!(load_bytes(&bytes[..bytes.len() - 8], &[]).unwrap_err().contains("not a complete glTF file"));
 }
 
-/// Invalid files give an accurate error.
+/// For invalid files, loading returns an accurate error.
 #[test]
 fn other_versions_and_wrong_types_are_named() {
     for (pointer, value, words) in [
@@ -333,7 +334,7 @@ fn other_versions_and_wrong_types_are_named() {
     }
 }
 
-/// Windows separators in addresses (invalid in URIs), and percent-encoding (RFC 3986, 2.1).
+/// Windows separators in addresses (invalid in URIs) and percent-encoding (RFC 3986, 2.1) are accepted.
 #[test]
 fn addresses_of_other_systems_lead_to_their_files() {
     let folder = tempfile::tempdir().unwrap();
