@@ -1,7 +1,8 @@
-// Embree 3 on the rays of benches/rays.rs, which compiles and starts this: one thread, million rays a second.
+// Traces the rays of benches/rays.rs with Embree 3 on one thread and prints million rays per second. The benchmark
+// compiles and starts this program.
 //
-// Usage: embree FILE. The file has two 32-bit counts, then triangles (nine floats each), then rays, by kind: a count and
-// (origin, direction, length) of each ray. The kinds are primary, shadow, diffuse; shadow rays ask for any hit.
+// Usage: embree FILE. The file has two 32-bit counts, then triangles (nine floats each), then rays by type: a count, and
+// (origin, direction, length) of each ray. The types are primary, shadow and diffuse. Shadow rays search for any hit.
 
 #include <algorithm>
 #include <chrono>
@@ -20,7 +21,7 @@ template <class T> static T *read(FILE *file, std::vector<T> &out, size_t count)
     return out.data();
 }
 
-// Best of five: rays a second.
+// Returns rays per second, the best of five runs.
 template <class F> static double rate(size_t count, F &&trace) {
     double best = 0;
     for (int k = 0; k < 5; ++k) {

@@ -1,8 +1,8 @@
 //! Measures rays per second on one thread, for each kind of query:
 //! `cargo bench -p render2mpeg-render-core --bench rays`.
 //!
-//! The scene is Sponza if `shared/scenes` is next to the checkout, else the shipped nave. At the end, Embree traces the
-//! same rays, if a C++ compiler and Embree's headers are installed.
+//! The scene is Sponza if `shared/scenes` is next to the checkout, otherwise the shipped scene `nave`. Finally, Embree
+//! traces the same rays if a C++ compiler and Embree's headers are installed.
 
 use divan::counter::ItemsCount;
 use glam::{Vec2, Vec3, Vec3A};
@@ -40,9 +40,9 @@ struct Setting {
     obvhs: (CwBvh, Vec<RtTriangle>),
     corners: Vec<[Vec3A; 3]>,
     primary: Vec<Segment>,
-    /// From one light to the surfaces that the camera sees.
+    /// Shadow segments from one light to the surfaces that the camera sees.
     shadow: Vec<Segment>,
-    /// From the surfaces that the camera sees, cosine-distributed.
+    /// Cosine-distributed rays from the surfaces that the camera sees.
     diffuse: Vec<Segment>,
 }
 
@@ -66,11 +66,11 @@ static SETTING: LazyLock<Setting> = LazyLock::new(|| {
         .collect();
     let (min, max) = scene.bounds(&pose).expect("the scene has triangles");
     let center = (min + max) / 2.0;
-    // From one end along the nave, slightly above the floor.
+    // View the nave along its length from one end, slightly above the floor.
     let eye = center + (max - min) * Vec3A::new(-0.35, -0.3, 0.0);
     let primary: Vec<Segment> = (0..SIDE * SIDE)
         .map(|i| {
-            // Squares of 8 × 8 pixels in sequence, each in blocks of 4 × 2.
+            // Order the pixels in squares of 8 × 8, each in blocks of 4 × 2.
             let (square, inside) = (i / 64, i % 64);
             let x = square % (SIDE / 8) * 8 + inside / 8 % 2 * 4 + inside % 4;
             let y = square / (SIDE / 8) * 8 + inside / 16 * 2 + inside / 4 % 2;
@@ -237,7 +237,7 @@ mod diffuse {
     }
 }
 
-/// Compiles `embree.cpp` and traces the same rays with it.
+/// Compiles `embree.cpp` and traces the same rays with Embree.
 fn embree() -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let (program, data) = (folder.path().join("embree"), folder.path().join("rays"));

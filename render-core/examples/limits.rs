@@ -1,4 +1,4 @@
-//! Plots the errors of `f32` near contact and for mirrors: `docs/limits.svg`.
+//! Plots the `f32` rounding errors of final gathers near contact and of narrow mirror lobes: `docs/limits.svg`.
 //!
 //! `cargo run --release -p render2mpeg-render-core --example limits`
 
@@ -12,12 +12,12 @@ use render_core::{
 };
 use std::f64::consts::PI;
 
-/// Relative error in units of `f32::EPSILON`, at least 0.1.
+/// Returns the relative error of `found` in units of `f32::EPSILON`, at least 0.1.
 fn roundings(found: f32, exact: f64) -> f32 {
     ((f64::from(found) / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
 }
 
-/// A square plate with sides of 2 m in the plane y = 0, facing up.
+/// Builds a square plate with sides of 2 m in the plane y = 0, facing up.
 fn plate() -> Scene {
     let positions = vec![
         Vec3::new(-1.0, 0.0, -1.0),
@@ -37,8 +37,8 @@ fn plate() -> Scene {
 
 const DIRECTIONS: usize = 256;
 
-/// Harmonic mean distance of a final gather at each height above the plate, compared with the same rays in `f64`: a ray
-/// with cosine z has length h/z.
+/// Returns the relative error of a final gather's harmonic mean distance for each height above the plate. The exact
+/// value comes from the same rays in `f64`: a ray with cosine z has length h/z.
 fn harmonic_means(heights: impl Iterator<Item = f32>) -> Vec<(f32, f32)> {
     let scene = plate();
     let pose = scene.pose(0.0);
@@ -46,7 +46,7 @@ fn harmonic_means(heights: impl Iterator<Item = f32>) -> Vec<(f32, f32)> {
     let anchors = Anchors::spread(&surfaces, &units, 100, 0);
     let accelerator = Geometry::new(&scene).place(&pose);
     let emitters = Emitters::new(&surfaces, &pose, &units);
-    // Without photons: only distances are measured.
+    // The final gather measures distances only, so it needs no photons.
     let anchor_flux =
         Photons::new(0, 0).trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value;
     let gather = FinalGather::new(&surfaces, &anchors, &anchor_flux, &units);
@@ -69,7 +69,7 @@ fn harmonic_means(heights: impl Iterator<Item = f32>) -> Vec<(f32, f32)> {
     heights.map(error).collect()
 }
 
-/// The coat with a Fresnel reflectance of 1 by its definition, in `f64`.
+/// Evaluates the coat with a Fresnel reflectance of 1 by its definition, in `f64`.
 fn lobe(alpha: f64, out: DVec3, way: DVec3) -> f64 {
     let h = (out + way).normalize();
     let t = (h.x * h.x + h.y * h.y) / (alpha * alpha) + h.z * h.z;
@@ -78,8 +78,8 @@ fn lobe(alpha: f64, out: DVec3, way: DVec3) -> f64 {
     density / (4.0 * out.z * way.z * (1.0 + lambda(out) + lambda(way)))
 }
 
-/// The largest error of the coat's single scattering around the mirrored direction, within four half-widths of the
-/// lobe.
+/// Returns the largest error of the coat's single scattering around the mirrored direction, within four half-widths of
+/// the lobe.
 fn mirrors(roughness: f32) -> (f32, f32) {
     let alpha = roughness * roughness;
     let bsdf = Bsdf::new(Vec3::ZERO, Vec3::ONE, roughness);

@@ -1,11 +1,11 @@
-//! Measures the CPU seconds of loading scenes, three times each:
+//! Measures the CPU seconds of loading scenes, each scene three times:
 //! `cargo run --release -p render2mpeg-render-core --example load_time -- FILE.glb …`.
 
 use render_core::scene;
 use rustix::time::{ClockId, clock_gettime};
 use std::path::PathBuf;
 
-/// CPU time of this process \[s\].
+/// Returns the CPU time of this process \[s\].
 fn cpu() -> f64 {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9

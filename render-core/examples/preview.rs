@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let time: f32 = rest.first().map_or(Ok(0.0), |text| text.parse())?;
     let size: usize = rest.get(1).map_or(Ok(256), |text| text.parse())?;
 
-    // Trace the scene at that time.
+    // Trace the scene at the requested time.
     let scene = scene::load(Path::new(input))?;
     scene.warnings.iter().for_each(|warning| eprintln!("{warning}"));
     let pose = scene.pose(time);
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let surfaces = Surfaces::new(&scene, &pose);
     let seen = GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (size, size)).value;
 
-    // Shade by the angle to the camera.
+    // Shade each surface by its angle to the camera.
     let bytes: Vec<u8> = seen
         .pixels
         .samples()
