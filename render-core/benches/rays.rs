@@ -1,4 +1,4 @@
-//! Measures rays per second on one thread, for each kind of query:
+//! Measures rays per second on one thread, for each type of query:
 //! `cargo bench -p render2mpeg-render-core --bench rays`.
 //!
 //! The scene is Sponza if `shared/scenes` is next to the checkout, otherwise the shipped scene `nave`. Finally, Embree

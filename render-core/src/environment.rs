@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3};
 use plane::Plane;
 use std::f32::consts::{PI, TAU};
 
-/// Light from all around, the same at every point of the scene.
+/// Distant light from all directions, the same at every point of the scene.
 ///
 /// Directions are drawn from a grid of cells. A cell is bounded by two heights (its row) and by two angles about +y
 /// (its column). Directions are uniform over the solid angle of a cell.

@@ -31,12 +31,18 @@ use std::sync::Arc;
 /// Distance to a surface below which surfels cannot resolve the surface's light, in units of the side of an anchor's
 /// area.
 ///
-/// Measured on `atrium` and `nave`, relative MSE with all lights. With geometry terms bounded over one area: 2.8e-3 and
-/// 3.7e-3 without continued rays, 2.1e-3 and 3.2e-3 with 0.1, 2.0e-3 and 3.0e-3 with 0.3, 1.8e-3 and 2.8e-3 with 0.8.
-/// Over eight areas, 0.4, 0.8 and 1.6 leave 1.39e-3, 1.31e-3, 1.25e-3 and 1.47e-3, 1.44e-3, 1.47e-3.
+/// Relative MSE with all lights, for several values of this distance (0: no continued rays) and geometry terms bounded
+/// over one or eight areas:
+///
+/// | Bound | Scene | 0 | 0.1 | 0.3 | 0.4 | 0.8 | 1.6 |
+/// |---|---|---|---|---|---|---|---|
+/// | 1 area | `atrium` | 2.8e-3 | 2.1e-3 | 2.0e-3 | | 1.8e-3 | |
+/// | 1 area | `nave` | 3.7e-3 | 3.2e-3 | 3.0e-3 | | 2.8e-3 | |
+/// | 8 areas | `atrium` | | | | 1.39e-3 | 1.31e-3 | 1.25e-3 |
+/// | 8 areas | `nave` | | | | 1.47e-3 | 1.44e-3 | 1.47e-3 |
 const NEAR: f32 = 0.8;
-/// Minimum ratio of a ray's compensation to the radiance of the surface hit. Rays below it are dropped, in sum less
-/// than 0.5 %.
+/// Minimum ratio of a ray's compensation to the radiance of the surface hit. Rays below this
+/// ratio are dropped; in sum, they contribute less than 0.5 %.
 const LEAST_SHARE: f32 = 5e-4;
 
 /// Final gather of one frame, with the radiance by surfel that virtual lights represent.
@@ -170,8 +176,8 @@ impl FinalGather {
         self
     }
 
-    /// Disables continued rays. Required with a limited number of reflections, since surfels do not record the number
-    /// of reflections of their light.
+    /// Disables continued rays. This is required if the number of reflections is limited, since surfels do not record
+    /// the number of reflections of their light.
     #[must_use]
     pub fn with_limited_bounces(mut self) -> Self {
         self.gaps.near = 0.0;
@@ -233,8 +239,8 @@ impl FinalGather {
             let width = (hit.distance * spread).min(bound.sqrt());
             let surface = scene.surfaces.meet(&hit, direction, width);
             let way = direction * hit.distance;
-            // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, with the hit point fixed. Both cosines contain
-            // the length of `way`.
+            // Compute the gradient of ln(cos θ cos θ_l s / (r⁴ (r² + s))) along the surface, with the hit point fixed.
+            // Both cosines contain the length of `way`.
             let towards = way.dot(surface.geometric_normal).min(-MIN_COSINE * hit.distance);
             let falloff = way * (4.0 / r2 + 2.0 / (r2 + bound));
             let gradient = falloff - surface.geometric_normal / towards;
@@ -254,8 +260,8 @@ impl FinalGather {
         found
     }
 
-    /// Returns whether this frame has every surfel in `found`. Always true for results of this scene; results read from
-    /// a file may refer to other surfels.
+    /// Returns whether this frame has every surfel in `found`. Always returns true for results of this scene.
+    /// Results read from a file may refer to other surfels.
     #[must_use]
     pub fn is_complete(&self, found: &Gathered) -> bool {
         found.sources.iter().all(|source| (source.surfel as usize) < self.radiance.len())

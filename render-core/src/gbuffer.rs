@@ -75,7 +75,7 @@ impl CameraRay {
     }
 }
 
-/// One ray sample per pixel.
+/// Position and width of a ray sample, the same for every pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSample {
     /// Position of the ray in the pixel, measured from the upper left corner. Each coordinate is in 0…1.
@@ -198,7 +198,8 @@ impl Camera<'_> {
         layered
     }
 
-    /// Traces a row of macroblocks, starting at line `top`, into `strip`. Returns its pixels with several layers.
+    /// Traces a row of macroblocks, starting at line `top`, into `strip`. Returns the row's pixels with several
+    /// layers.
     fn strip(&self, top: usize, width: usize, strip: &mut [PixelSurface]) -> Vec<LayeredPixel> {
         let rows = strip.len() / width;
         let mut layered = Vec::new();

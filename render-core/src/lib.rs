@@ -51,7 +51,7 @@ pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
 pub use surface::{Paint, Surface, Surfaces};
 pub use swept::SweptVolume;
 
-/// Vectors, matrices and planes occur in signatures.
+/// Crate of the vectors and matrices that occur in signatures.
 pub use glam;
 pub use plane::{Correspondence, NO_MATCH, Plane};
 

@@ -22,12 +22,12 @@ impl Polygon {
     /// Returns the area of one side \[m²\].
     pub(crate) fn area(&self) -> f32 {
         let [a, b, c, d] = self.corners;
-        // Half the length of the diagonals' cross product is the area.
+        // The area is half the length of the diagonals' cross product.
         (c - a).cross(d - b).length() / 2.0
     }
 
-    /// Returns the irradiance at `position` \[W·m⁻²\] from the region above two planes: of the unit shading `normal`
-    /// and of the unit `geometric_normal`.
+    /// Returns the irradiance at `position` \[W·m⁻²\] from the region of the polygon above the planes of the unit
+    /// shading `normal` and of the unit `geometric_normal`.
     pub(crate) fn irradiance(&self, position: Vec3A, normal: Vec3A, geometric_normal: Vec3A) -> Vec3 {
         if !self.double_sided && self.normal.dot(position - self.corners[0]) <= 0.0 {
             return Vec3::ZERO;

@@ -309,7 +309,7 @@ mod tests {
                 let p = owen_sobol_point(index, seed);
                 cells[(p.x * 4.0) as usize + 4 * (p.y * 4.0) as usize] += 1;
             }
-            // Each cell has 1000 points, ±32. The tolerance is five standard deviations.
+            // Each cell has 1000 points, with a standard deviation of 32. The tolerance is five standard deviations.
             assert!(cells.iter().all(|&n| n.abs_diff(1000) < 160), "{cells:?}");
         }
     }

@@ -75,7 +75,7 @@ impl<'a> Surfaces<'a> {
 
     /// Evaluates `hit` for a ray in the unit `direction`, with a cone `width` meters wide at the hit.
     ///
-    /// Filters textures over the ellipse where the cone meets the surface, at any slant.
+    /// Filters textures over the ellipse in which the cone intersects the surface, at any slant.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: Vec3A, width: f32) -> Surface {
         self.point(hit, direction, width).surface()

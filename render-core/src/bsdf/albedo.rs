@@ -1,12 +1,12 @@
-//! Directional albedo of the coat, by angle and roughness; energy conservation depends on it.
+//! Directional albedo of the coat by angle and roughness, the basis of energy conservation.
 
 use super::ggx::{Ggx, grazing_share};
 use crate::sampling::hammersley;
 use glam::Vec3;
 use std::sync::LazyLock;
 
-/// Directional albedo of single scattering, split along Schlick's Fresnel term: albedo(F₀) = F₀·facing + (1 −
-/// F₀)·grazing.
+/// Directional albedo of single scattering, split along Schlick's Fresnel term:
+/// albedo(F₀) = F₀·facing + (1 − F₀)·grazing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Albedo {
     /// Albedo with a Fresnel term of 1: E of \[Kulla17\].
@@ -27,7 +27,7 @@ impl Albedo {
     }
 }
 
-/// Steps along each axis of the table. The axes are roughness and the square root of the cosine, since all abrupt
+/// Number of steps along each axis of the table. The axes are roughness and the square root of the cosine, since all abrupt
 /// changes occur at grazing angles. With 48 steps, interpolation is within 0.5 % of the integral.
 const STEPS: usize = 48;
 /// Number of directions in the integral of each table entry.
@@ -39,7 +39,7 @@ struct Table {
     means: [Albedo; STEPS],
 }
 
-/// The table of albedos, computed in a few milliseconds when a coat is first used.
+/// Table of albedos, computed in a few milliseconds when a coat is first used.
 static TABLE: LazyLock<Table> = LazyLock::new(|| {
     let step = |i: usize| i as f32 / (STEPS - 1) as f32;
     let rows: [[Albedo; STEPS]; STEPS] = std::array::from_fn(|row| {

@@ -5,7 +5,7 @@
 use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// Minimum α. So narrow a lobe looks like a mirror, but its peak, 1/(4πα²) at normal incidence, is still finite.
+/// Minimum α. A lobe of this width looks like a mirror, but its peak, 1/(4πα²) at normal incidence, is finite.
 const SMALLEST_ALPHA: f32 = 1e-3;
 
 /// GGX distribution of microfacet normals \[Walter07\].

@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::f32::consts::TAU;
 
 /// Minimum radiance of a lamp's texels, relative to the sky's mean. At 64 times the mean, all light of a sky fits into
-/// a disc of 16° radius.
+/// a disc of 14° radius.
 const BRIGHT: f32 = 64.0;
 /// Minimum fraction of the sky's light in a lamp: sixteen of the 1024 lights of a dome.
 const LEAST_SHARE: f32 = 1.0 / 64.0;

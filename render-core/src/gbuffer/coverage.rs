@@ -7,7 +7,7 @@
 //! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  pixels around p      c_q  rays of p that show the surface of q
 //! ```
 //!
-//! If a ray passes several layers, each counts with its fraction of the ray (`layered.rs`).
+//! If a ray passes several layers, each layer contributes in proportion to its fraction of the ray (`layered.rs`).
 //!
 //! A surface that no center shows, such as a wire thinner than a pixel, borrows the irradiance of a pixel with a
 //! similar normal (`borrow.rs`). Callers may also average the regions after tone mapping, with [`Coverage::pixels`].
@@ -185,7 +185,7 @@ impl Coverage {
         self.blended(light, |part| part.radiance(light))
     }
 
-    /// Blends light that excludes emission. Otherwise equal to [`Coverage::blend`].
+    /// Blends light that excludes emission, in the same way as [`Coverage::blend`].
     #[must_use]
     pub fn blend_reflected(&self, light: &Plane<Vec3>) -> Plane<Vec3> {
         self.blended(light, |part| part.reflected(light))

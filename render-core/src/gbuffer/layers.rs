@@ -45,7 +45,7 @@ impl GBuffer {
         place.map_or(&[], |place| &self.layered[place].layers)
     }
 
-    /// Returns whether the center of a pixel is one of several layers.
+    /// Returns whether a pixel has several layers at its center.
     pub(crate) fn is_layered(&self, pixel: usize) -> bool {
         !self.layers(pixel).is_empty()
     }

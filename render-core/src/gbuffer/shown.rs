@@ -22,7 +22,7 @@ impl CameraRay {
         self.shown_within((0.0, f32::INFINITY), scene, hit, width)
     }
 
-    /// Returns the surface that a ray shows between these distances \[m\]. Otherwise equal to [`CameraRay::shown`].
+    /// Returns the surface that a ray shows between these distances \[m\], determined as in [`CameraRay::shown`].
     pub(crate) fn shown_within<'a>(
         self,
         distances: (f32, f32),

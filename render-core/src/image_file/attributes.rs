@@ -43,7 +43,7 @@ pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
         attributes.other.insert(Text::new_or_panic("imageCounter"), AttributeValue::I32(number));
     }
     for text in texts {
-        // Other texts than ASCII would not be read back unchanged.
+        // Skip texts that are not ASCII, since they would not be read back unchanged.
         if let (Some(name), Some(value)) = (Text::new_or_none(&text.name), Text::new_or_none(&text.text)) {
             attributes.other.insert(name, AttributeValue::Text(value));
         }

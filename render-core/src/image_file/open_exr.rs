@@ -109,7 +109,8 @@ fn layer_of(channel: &str) -> &str {
     channel.rsplit_once('.').map_or("", |(layer, _)| layer)
 }
 
-/// Returns whether half floats suffice for a layer with the largest sample `largest`. True for a layer of zeros.
+/// Returns whether half floats suffice for a layer with the largest sample `largest`. Also returns true for
+/// a layer of zeros.
 fn halves_suffice(largest: f32) -> bool {
     largest == 0.0 || (LEAST_LARGEST..=f16::MAX.to_f32()).contains(&largest)
 }

@@ -108,11 +108,12 @@ impl DistantDisc {
 }
 
 impl Sampled for DistantDisc {
-    /// Adds all of the disc's light or none if the border and the first few points agree, otherwise the visible fraction.
+    /// Adds all of the disc's light, or none, if the border and the first few points agree. Otherwise adds the visible
+    /// fraction.
     fn add_to(&self, tile: &ReceiverTile, sums: &mut [Vec3]) {
         let share = self.irradiance / self.directions.len() as f32;
         for (receiver, sum) in tile.receivers().iter().zip(sums) {
-            // Compute the irradiance from one sample point, and its visible fraction.
+            // Compute the irradiance from one sample point, and the visible fraction of the point.
             let given = |towards: Vec3A| {
                 let above = receiver.geometric_normal.dot(towards) > 0.0;
                 share * if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 }
@@ -187,7 +188,7 @@ impl Votes {
         self.sum += e * share;
     }
 
-    /// Returns whether all votes agree. False without votes, for instance if the first few samples are below the
+    /// Returns whether all votes agree. Returns false without votes, for instance if the first few samples are below the
     /// horizon.
     fn agree(&self) -> bool {
         self.lit != self.dark

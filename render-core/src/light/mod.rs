@@ -1,9 +1,9 @@
 //! Lights: one file or folder per type, and the rays that all types share.
 //!
 //! ```text
-//! area/  point.rs  sun.rs  sky.rs      the kinds: photons, direct light, bounds
-//! emitters.rs                          the table of kinds
-//! emission.rs  sampled.rs              the traits of a kind, for photons and direct light
+//! area/  point.rs  sun.rs  sky.rs      the types: photons, direct light, bounds
+//! emitters.rs                          the table of all lights
+//! emission.rs  sampled.rs              the traits of a type, for photons and direct light
 //! distant.rs                           common behavior of distant lights
 //! photons.rs  direct.rs                photons and direct light from all lights
 //! tile.rs  receiver.rs                 receivers, alone and in tiles

@@ -38,8 +38,8 @@ impl ShadingPoint {
 /// Returns the irradiance from a uniformly emitting disc per unit of intensity, `cos θ_light · cos θ / (r² + bound)`
 /// \[m⁻²\].
 ///
-/// With bound = area / π, this is exact on the disc's axis for a facing receiver. At contact it is finite, unlike a
-/// point light's 1/r². It is 0 below the shading normal's horizon and below the triangle.
+/// With bound = area / π, the result is exact on the disc's axis for a facing receiver. At contact, the result is finite,
+/// unlike a point light's 1/r². It is 0 below the shading normal's horizon and below the triangle.
 #[inline(always)]
 pub(super) fn disc_term(position: [f32; 3], [normal, geometric_normal]: [[f32; 3]; 2], disc: &Disc) -> f32 {
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -37,8 +37,8 @@ pub(super) fn sampled(lamp: &SkyLamp) -> DistantDisc {
 pub struct DomeLight {
     /// Position on the dome \[m\].
     pub position: Vec3A,
-    /// Intensity of the light \[W·sr⁻¹\]. At the scene's center, it has the same irradiance as the region of the sky
-    /// that it represents.
+    /// Intensity of the light \[W·sr⁻¹\]. At the scene's center, the light causes the same irradiance as the region
+    /// of the sky that it represents.
     pub intensity: Vec3,
 }
 

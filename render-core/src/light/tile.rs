@@ -132,8 +132,8 @@ impl<'a> ReceiverTile<'a> {
         Hidden { whole, passed: Some(passed) }
     }
 
-    /// Returns the fraction of `light` that blended surfaces transmit to one receiver. Suited to few receivers;
-    /// [`ReceiverTile::hidden`] is suited to many.
+    /// Returns the fraction of `light` that blended surfaces transmit to one receiver. For many receivers,
+    /// use [`ReceiverTile::hidden`].
     pub(super) fn passed(&self, light: Vec3A, receiver: usize) -> f32 {
         self.shadows.passed(light, self.positions[receiver])
     }

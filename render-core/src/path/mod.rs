@@ -28,7 +28,7 @@ use lights::Lights;
 
 /// Number of reflections before Russian roulette begins.
 const SURE_BOUNCES: u32 = 4;
-/// Maximum probability of survival in Russian roulette. Below 1, so that paths end even in a room with white walls. At
+/// Maximum probability of survival in Russian roulette. It is below 1, so that paths end even in a room with white walls. At
 /// reflectances above the square root of this probability, 0.995, the variance is unbounded.
 const HIGHEST_SURVIVAL: f32 = 0.99;
 

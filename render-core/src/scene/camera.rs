@@ -292,7 +292,8 @@ impl View {
         }
     }
 
-    /// Returns half the width of the picture \[m\], for a perspective projection at a distance of 1 m.
+    /// Returns half the width of the picture \[m\]. For a perspective projection, the width is measured at a distance
+    /// of 1 m.
     fn half_width(&self) -> f32 {
         self.half_height * self.width / self.height * self.pixel_aspect
     }
@@ -300,7 +301,7 @@ impl View {
     /// Returns the transform from world space to left-handed camera space \[m\]: x to the right, y up, z along the
     /// view.
     ///
-    /// The matrix is OpenEXR's attribute `worldToCamera` and RenderMan's camera space.
+    /// OpenEXR stores this matrix as the attribute `worldToCamera`. RenderMan uses the same camera space.
     fn left_handed_camera(&self) -> Mat4 {
         Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0)) * Mat4::from(self.camera_from_world)
     }
@@ -312,8 +313,8 @@ impl View {
     /// perspective      w = d    z / w = 1 − 1 m / d        d  meters along the camera's axis
     /// orthographic     w = 1    z = d
     /// ```
-    /// The matrix is OpenEXR's attribute `worldToNDC`. Readers of the attribute ignore z, which makes the matrix
-    /// invertible.
+    /// OpenEXR stores this matrix as the attribute `worldToNDC`. Readers of the attribute ignore z, but with z the matrix
+    /// is invertible.
     fn normalized_device(&self) -> Mat4 {
         let half = Vec2::new(self.half_width(), self.half_height);
         let (x, y) = (0.5 / half.x, -0.5 / half.y);

@@ -6,8 +6,8 @@ use super::{PointBox, Scene};
 const MOMENTS: usize = 5;
 
 impl Scene {
-    /// Returns a note if the filming camera never shows a surface, because all are nearer than its `znear` or beyond
-    /// its `zfar`.
+    /// Returns a note if the filming camera never shows a surface, because all surfaces are nearer than `znear` or
+    /// beyond `zfar`.
     pub(super) fn clipped_note(&self) -> Option<String> {
         let camera = self.filming_camera()?;
         let (mut too_near, mut too_far) = (true, true);

@@ -31,9 +31,9 @@ pub struct Skin {
 pub struct DeformedMesh {
     /// Positions of the vertices \[m\].
     pub positions: Vec<Vec3>,
-    /// Unit normals of the vertices. Empty if the mesh has none.
+    /// Unit normals of the vertices. Empty if the mesh has no normals.
     pub normals: Vec<Vec3>,
-    /// Unit tangents of the vertices, with their sign. Empty if the mesh has none.
+    /// Unit tangents of the vertices, with their sign in w. Empty if the mesh has no tangents.
     pub tangents: Vec<Vec4>,
     /// Copy of the mesh's triangles, so that two poses can be compared without the scene.
     pub triangles: Vec<[u32; 3]>,

@@ -11,7 +11,7 @@ use glam::Vec3;
 const FAR: f32 = 64.0;
 
 impl Scene {
-    /// Moves the scene to the origin if it is far from it.
+    /// Moves a scene that is far from the origin to the origin.
     pub(super) fn move_to_origin(&mut self) {
         let Some((min, max)) = self.bounds(&self.pose(0.0)) else { return };
         let Some(middle) = far_middle(min.into(), max.into()) else { return };

@@ -24,7 +24,7 @@ pub enum Reach {
 /// Files from which a scene was read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
-    /// Folders in which the files were allowed to be.
+    /// Folders in which files were permitted.
     pub reach: Reach,
     /// Paths with all links resolved, in reading order.
     pub files: Vec<PathBuf>,

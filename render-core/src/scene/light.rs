@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::f32::consts::FRAC_PI_2;
 
 /// Maximum strength of a light \[W·sr⁻¹ or W·m⁻²·sr⁻¹\], 10¹⁰ times the radiance of the sun's surface. Sums over
-/// pixels, lights and photons, and squares of these sums over distance, then stay within the range of `f32`.
+/// pixels, lights and photons, and their squares divided by distances, then stay within the range of `f32`.
 pub(super) const STRONGEST: f32 = 1e18;
 
 /// Shape of a punctual light's emission.

@@ -58,9 +58,9 @@ pub struct Material {
     pub base_color: Vec3,
     /// sRGB texture of the reflectance.
     pub base_color_texture: Option<TextureSlot>,
-    /// Metalness: 0 for a dielectric over a diffuse base, 1 for a metal. Multiplied by the blue channel of the texture.
+    /// Metalness: 0 for a dielectric over a diffuse base, 1 for a metal. The texture's blue channel is a factor.
     pub metallic: f32,
-    /// Perceptual roughness, 0…1: the square root of GGX's α. Multiplied by the green channel of the texture.
+    /// Perceptual roughness, 0…1: the square root of GGX's α. The texture's green channel is a factor.
     pub roughness: f32,
     /// Linear texture with roughness in green and metalness in blue.
     pub metallic_roughness_texture: Option<TextureSlot>,
@@ -68,7 +68,7 @@ pub struct Material {
     pub normal_texture: Option<(TextureSlot, f32)>,
     /// Linear RGB reflectance of the dielectric at normal incidence.
     pub dielectric_f0: Vec3,
-    /// Opacity, 0…1. Multiplied by the opacity of the base-color texture and of the vertices.
+    /// Opacity, 0…1. The opacities of the base-color texture and of the vertices are factors.
     pub opacity: f32,
     /// Meaning of the opacity.
     pub alpha: Alpha,

@@ -12,8 +12,7 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Unit normals. If the list is empty, the mesh is flat shaded, as glTF prescribes.
     pub normals: Vec<Vec3>,
-    /// Unit tangents: the x axis of a normal map. The w component is the sign of the y axis, y = (normal × tangent) ·
-    /// w.
+    /// Unit tangents: the x axis of a normal map. The y axis is (normal × tangent) · w, with the sign w.
     pub tangents: Vec<Vec4>,
     /// Texture coordinates of the sets that the material uses.
     pub uvs: [Vec<Vec2>; UV_SETS],

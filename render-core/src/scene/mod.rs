@@ -70,7 +70,7 @@ impl Default for Transform {
 }
 
 impl Transform {
-    /// The identity transform.
+    /// Identity transform.
     pub const IDENTITY: Self = Self { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
 
     /// Returns the transform as an affine map.
@@ -401,7 +401,8 @@ pub(crate) fn normal_matrix(world: &Affine3A) -> Mat3A {
 mod tests {
     use super::*;
 
-    /// Builds a ball of 400 points, shown by `times` nodes in a row. An animation of weights deforms it if `bends`.
+    /// Builds a ball of 400 points, shown by `times` nodes in a row. An animation of weights deforms the
+    /// ball if `bends` is true.
     fn row(times: usize, bends: bool) -> Scene {
         let mut mesh = Mesh { triangles: vec![[0, 1, 2]], ..Mesh::default() };
         for k in 0..400 {
@@ -442,7 +443,7 @@ mod tests {
             }
         }
         let steps = steps::taken(|| assert_eq!(scene.bounds(&pose), Some(corners)));
-        // Each instance needs eight corners, and a few instances need all their points.
+        // Each instance costs eight steps for the corners of its box, and a few instances cost a step per point.
         assert!(steps < 1000 * 16 + 20 * 400, "{steps} steps");
     }
 

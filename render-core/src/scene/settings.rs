@@ -149,7 +149,7 @@ impl SceneSettings {
     /// Parses the text of a settings file. The error names line and key.
     ///
     /// # Errors
-    /// Invalid TOML, unknown keys, or values out of range.
+    /// The text is not TOML, or contains unknown keys or values out of range.
     pub fn parse(text: &str) -> Result<Self, SettingsError> {
         Self::parse_with(text, &[])
     }
@@ -157,7 +157,7 @@ impl SceneSettings {
     /// Parses the text of a settings file and overrides its values with `set`.
     ///
     /// # Errors
-    /// Invalid TOML, unknown keys, or values out of range, in the text or in `set`.
+    /// The text is not TOML, or the text or `set` contains unknown keys or values out of range.
     pub fn parse_with(text: &str, set: &[Setting]) -> Result<Self, SettingsError> {
         let wrong = |error: toml::de::Error| SettingsError::of_toml(&error.to_string());
         let settings: Self = if set.is_empty() {

@@ -62,7 +62,7 @@ impl SkySettings {
         Ok(())
     }
 
-    /// Returns the sky of the table, whose values must be checked before. The error names missing keys.
+    /// Returns the sky of the table. The values must have been checked. The error names missing keys.
     pub(super) fn source(&self) -> Result<SkySource, SettingsError> {
         let refuse = |problem: &str| Err(SettingsError::value("sky", problem));
         let (intensity, rotation) = (self.factor(), self.turn());

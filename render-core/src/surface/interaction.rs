@@ -39,7 +39,7 @@ const LEAST_HEIGHT: f32 = 4.0;
 /// At the edge between two walls, a ray that starts off one wall along its normal would start in the plane of the
 /// other.
 fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A {
-    // Quick test for points far from all edges, with bounds on squares of any edge and coordinate.
+    // Test quickly for points far from all edges, with bounds on the squares of any edge and coordinate.
     let [a, b, c] = corners;
     let weights = Vec3A::new(1.0 - u - v, u, v);
     let least = weights.min_element();

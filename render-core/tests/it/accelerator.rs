@@ -327,7 +327,7 @@ fn a_single_triangle_is_met_where_it_is() {
 }
 
 /// A shaft lists all triangles that its rays hit, at every scale and with moving objects. Narrow shafts are often
-/// correctly empty.
+/// empty, which is correct.
 #[test]
 fn within_a_shaft_rays_meet_what_they_meet_without() {
     for (movers, size) in [(0, 1.0f32), (3, 1e-3), (3, 1e4)] {

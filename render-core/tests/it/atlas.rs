@@ -70,7 +70,7 @@ fn slivers() -> Mesh {
 const MOVING: u32 = 6;
 /// Index of an unlit square, the second instance without texels.
 const UNLIT: u32 = 7;
-/// Instance of a double-sided square.
+/// Index of a double-sided square in the instances.
 const SHEET: u32 = 5;
 
 /// Builds a floor, a sphere, slivers, a double-sided square, and two touching boxes, one of them mirrored and
@@ -192,7 +192,7 @@ fn a_blend_has_four_texels_of_one_chart() {
                 "{weights:?}"
             );
             let [(x, y), right, below, last] = texels.map(|texel| atlas.place(texel as usize));
-            // Use the next column and row. If the point is at a center, they may be equal, because the others have no weight.
+            // Use the next column and row. At the center of a texel, they may be the same, because the others have no weight.
             let (next_x, next_y) = (right.0, below.1);
             assert!((x..=x + 1).contains(&next_x) && (y..=y + 1).contains(&next_y));
             assert_eq!([right, below, last], [(next_x, y), (x, next_y), (next_x, next_y)]);
@@ -203,7 +203,7 @@ fn a_blend_has_four_texels_of_one_chart() {
             charts.insert(chart);
         };
         points(surfaces, 100_000).iter().for_each(&mut check);
-        // Include corners and points beyond them.
+        // Include corners, and points beyond the corners.
         for mut point in points(surfaces, 2000) {
             for corner in surfaces.corners(point.instance as usize, point.triangle as usize) {
                 point.position = corner;

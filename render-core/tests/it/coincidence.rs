@@ -112,7 +112,7 @@ fn of_sheets_in_one_plane_the_rule_finds_the_one_that_is_met() {
 
 #[test]
 fn sheets_a_little_apart_are_met_in_their_order() {
-    // The sheets are 0.1 mm apart, with a size of 2 m: fifty times the tolerance for coincidence.
+    // Sheets of 2 m are 0.1 mm apart, which is fifty times the tolerance for coincidence.
     let mut scene = Scene::default();
     for (z, up) in [(-1e-4, true), (0.0, true), (1e-4, false)] {
         let (corner, a, b) = (vec3(-1.0, -1.0, z), Vec3::X * 2.0, Vec3::Y * 2.0);

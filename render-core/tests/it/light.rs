@@ -69,7 +69,7 @@ fn a_box_lamp_lights_as_its_faces_do() {
         let expected = 3.0 * by_faces;
         for (lamps, points) in [(&whole, 453), (&whole, 64), (&parts, 64)] {
             let found = unhidden(lamps, points, receiver, normal);
-            // Close to the surface, few points do not represent it, regardless of their positions.
+            // A few points do not represent a surface close by, regardless of their positions.
             let tolerance = if points == 64 && std::ptr::eq(lamps, &whole) { 0.04 } else { 0.01 };
             assert!(
                 (found / expected - 1.0).abs() < tolerance,
@@ -336,7 +336,7 @@ fn photons_that_stay_are_kept_and_no_bit_changes() {
     assert!(anchor_flux[2].dynamic.iter().any(|e| e.x > 0.0));
 }
 
-/// Photons shared among ranks have the same result as one rank's photons in every frame. Each photon is traced by one
+/// Photons shared among ranks produce the same result as one rank's photons in every frame. Each photon is traced by one
 /// rank only.
 #[test]
 fn photons_of_several_ranks_are_those_of_one() {
@@ -435,7 +435,7 @@ fn anchors_keep_out_of_covered_places() {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
     let moving = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0]);
-    // The static surfaces have 24 m².
+    // The static surfaces have an area of 24 m².
     assert!(covered(&moving).abs_diff(2000 / 24) < 15, "{} of 83 anchors under the block", covered(&moving));
 }
 

@@ -1,5 +1,5 @@
-//! Tests of the visibility of fronts and backs, and of bodies seen exactly along their edges, where both are at the
-//! same distance.
+//! Tests of the visibility of fronts and backs, and of bodies seen exactly along their edges, where front and
+//! back are at the same distance.
 
 use crate::common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, Vec3A, vec3};

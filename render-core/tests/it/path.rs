@@ -68,8 +68,8 @@ fn parallel_form_factor(h: f64) -> f64 {
         * ((a * a / (1.0 + 2.0 * x * x)).ln() / 2.0 + 2.0 * x * root * (x / root).atan() - 2.0 * x * x.atan())
 }
 
-/// Returns the form factor between two unit squares at right angles with a common edge (Howell's catalog, C-14, H = W =
-/// 1).
+/// Returns the form factor between two unit squares at right angles with a common edge (Howell's catalog, C-14
+/// with H = W = 1).
 fn perpendicular_form_factor() -> f64 {
     let root = 2f64.sqrt();
     (2.0 * 1f64.atan() - root * (1.0 / root).atan() + 0.25 * (4.0f64 / 3.0 * (3.0 / 4.0) * (3.0 / 4.0)).ln())
@@ -116,7 +116,7 @@ fn white_things_vanish_in_a_white_sky() {
     }
 }
 
-/// A panel spans 60°. It is sampled by its own points and by rays from the surface. A mirror shows its radiance, and
+/// A panel spans 60°. It is sampled by its own points and by rays from the surface. A mirror shows the panel's radiance, and
 /// any mixture of both strategies has the same result.
 #[test]
 fn a_glossy_floor_shows_the_lamp() {

@@ -29,7 +29,7 @@ const THIN: usize = 2;
 /// Distance from a pixel's border below which a ray also concerns the adjacent pixel \[pixels\].
 const BORDER: f32 = 0.25;
 
-/// Number of rays through a pixel.
+/// Number of rays through a pixel, and the minimum contrast that requires them.
 struct Density {
     contrast: f32,
     rays: u8,
@@ -303,7 +303,7 @@ impl<'a> Area<'a> {
                 self.borrow(&see(hit, ray, scene, &width, &seen.view))
             }
         };
-        // Behind a back, each ray may show another triangle; on a partly emissive triangle, each ray may show another
+        // Behind a back, each ray may show another triangle. On a partly emissive triangle, each ray may show another
         // region.
         let is_whole = match (&point, hit) {
             (Some((shown, point)), Some(hit)) => {

@@ -3,8 +3,8 @@
 use crate::sampling::triangle;
 use glam::Vec2;
 
-/// Region of a patch, similar in shape to the patch. In the patch's coordinates, the patch is the triangle u, v ≥ 0, u
-/// + v ≤ 1, or the unit square.
+/// Region of a patch, similar in shape to the patch. In the patch's coordinates, the patch is the unit square or the
+/// triangle u, v ≥ 0, u + v ≤ 1.
 ///
 /// ```text
 /// p = c + s q          c  corner      s  size, negative for an inverted triangle      q  a point of the whole shape

@@ -71,7 +71,7 @@ pub struct AreaSample {
     pub normal: Vec3A,
     /// Intensity along the normal \[W·sr⁻¹\]: radiance times represented area.
     pub intensity: Vec3,
-    /// Represented area \[m²\].
+    /// Area that the point represents \[m²\].
     pub area: f32,
 }
 

@@ -13,8 +13,8 @@ use std::any::Any;
 use std::f32::consts::PI;
 
 /// Bound of a sample's geometry term, as a fraction of the bound for the sample's own disc. The bound keeps the term
-/// finite at contact. With the full disc, a panel seen from a distance of its own width is 0.5 % too dark:
-/// its points already average over each other.
+/// finite at contact. With the full disc, a panel seen from a distance of its own width is 0.5 % too dark. Its
+/// points already average over each other.
 const BOUND: f32 = 1.0 / 8.0;
 /// Number of sample points of an area light.
 const SAMPLES: usize = 64;
@@ -53,7 +53,7 @@ impl AreaLight {
         let balance = (!simple).then(|| Balance::new(&pieces, &samples));
         let polygons = if simple { pieces } else { Vec::new() };
 
-        // Corners emit nothing; they only detect partial occlusion.
+        // Corners emit no light. They only detect partial occlusion.
         let corners: Vec<AreaSample> = polygons.iter().flat_map(|polygon| corners(polygon, &samples[0])).collect();
         SampledArea {
             instance: self.instance as u32,
@@ -164,7 +164,7 @@ impl Sampled for SampledArea {
         whole
     }
 
-    /// Returns the box around the light's samples and corners, where shadow rays end.
+    /// Returns the box around the light's samples and corners, in which shadow rays end.
     fn source(&self) -> Source {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for &position in &self.positions {
@@ -215,11 +215,13 @@ fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaS
 
 /// Accumulated results of an area light's shadow rays at the receivers of a tile.
 struct TileVotes {
-    /// Receivers with any visible sample, and receivers with any occluded sample, as bits.
+    /// Receivers with any visible sample, as bits.
     lit: u64,
+    /// Receivers with any occluded sample, as bits.
     dark: u64,
-    /// Irradiance from the visible samples, and from all samples, by color and receiver \[W·m⁻²\].
+    /// Irradiance from the visible samples, by color and receiver \[W·m⁻²\].
     seen: [[f32; PACKET]; 3],
+    /// Irradiance from all samples, by color and receiver \[W·m⁻²\].
     all: [[f32; PACKET]; 3],
 }
 

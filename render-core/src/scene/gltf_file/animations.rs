@@ -145,7 +145,7 @@ impl Loader<'_> {
         keys: &Keys,
     ) -> Result<Option<MaterialChannel>, LoadError> {
         let Some(material) = source.document.materials().nth(index) else { return Ok(None) };
-        // The older material model replaces these factors.
+        // `KHR_materials_pbrSpecularGlossiness` replaces these factors.
         let is_older = material.extension_value(SPECULAR_GLOSSINESS).is_some();
         let is_replaced = matches!(
             property,

@@ -163,7 +163,7 @@ fn named(name: &str) -> Option<&'static Extension> {
     EXTENSIONS.iter().find(|extension| extension.name == name)
 }
 
-/// Returns whether a file may require the extension, because images show the same shapes without it.
+/// Returns whether a file may require the extension. Without such an extension, images show the same shapes.
 pub(super) fn may_be_required(name: &str) -> bool {
     named(name).is_some_and(|extension| extension.support != Support::Refused)
 }

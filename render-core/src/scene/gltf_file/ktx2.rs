@@ -55,7 +55,7 @@ pub(super) fn decode(mut bytes: Vec<u8>) -> Result<Texels, String> {
     Ok((width as usize, height as usize, texels.as_chunks().0.to_vec()))
 }
 
-/// Checks the header and the size that it claims, before memory is allocated.
+/// Checks the header and the size in it before memory is allocated. Returns the size.
 fn checked_size(bytes: &[u8]) -> Result<[u32; 2], String> {
     if bytes.len() < HEADER {
         return Err("its KTX2 header is truncated; copy it again".into());

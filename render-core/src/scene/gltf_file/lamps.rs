@@ -1,4 +1,4 @@
-//! Units and sizes of lamps that files lack.
+//! Units and sizes of lamps, for files that lack them.
 
 use crate::scene::{Instance, LightSettings, Material, Mesh, PunctualKind, Scene};
 use glam::Vec3;

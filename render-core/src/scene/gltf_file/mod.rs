@@ -99,8 +99,8 @@ pub enum LoadError {
     },
 }
 
-/// Loads `path` (`.gltf` or `.glb`) and, if it exists, the TOML file of the same name next to it. Files named by these
-/// files must be in the scene's folder.
+/// Loads `path` (`.gltf` or `.glb`) and, if it exists, the TOML file of the same name next to it. Files
+/// named by the scene or by the TOML file must be in the scene's folder.
 ///
 /// # Errors
 /// The scene, its settings or a file named by them cannot be read; see [`LoadError`]. A damaged file never causes a
@@ -249,7 +249,7 @@ fn malformed(path: &Path, what: impl Into<String>) -> LoadError {
     LoadError::Malformed { path: path.into(), what: what.into() }
 }
 
-/// Runs `f`. Returns `None` if `f` panicked, the last resort for damage that no check covers.
+/// Runs `f`. Returns `None` if `f` panicked. This is the last resort for damage that no check covers.
 fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
     catch_unwind(AssertUnwindSafe(f)).ok()
 }

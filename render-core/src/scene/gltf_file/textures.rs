@@ -72,7 +72,7 @@ struct Reading<'a> {
     buffers: &'a Buffers,
     files: Vec<gltf::Texture<'a>>,
     images: Vec<gltf::Image<'a>>,
-    /// Image that replaces a damaged one, by index of the texture.
+    /// Image that replaces a damaged image, by index of the texture.
     plain_images: &'a BTreeMap<usize, usize>,
     textures: Vec<Texture>,
     place_of: HashMap<Key, usize>,

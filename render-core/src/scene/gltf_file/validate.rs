@@ -1,4 +1,4 @@
-//! Checks of a document that the `gltf` crate omits, although the crate panics if one fails.
+//! Checks of a document that the `gltf` crate omits, although the crate panics if one of them fails.
 
 use super::{LoadError, Loader};
 use gltf::json::{self, camera, validation::Checked};

@@ -29,7 +29,8 @@ fn depth(camera: Value) -> f32 {
     seen.pixels.get(8, 8).depth
 }
 
-/// "znear: the distance to the near clipping plane", "zfar: the distance to the far clipping plane" (glTF 2.0, 5.13 and 5.14).
+/// Surfaces are visible between `znear` and `zfar` (glTF 2.0, 5.13 and 5.14). `znear` is "the distance to the near
+/// clipping plane", `zfar` is "the distance to the far clipping plane".
 #[test]
 fn depths_outside_of_a_camera_s_range_are_not_shown() {
     for (near, far, expected) in [

@@ -88,7 +88,8 @@ fn variants_replace_materials() {
     assert!(File::square().load_with(&["variant.name=noon"]).unwrap_err().contains("have none"));
 }
 
-/// `KHR_materials_pbrSpecularGlossiness`: "c_diff = diffuse.rgb * (1 - max(specular))", "F0 = specular", "α = (1 - glossiness)²".
+/// Materials follow `KHR_materials_pbrSpecularGlossiness`: "c_diff = diffuse.rgb * (1 - max(specular))", "F0 = specular",
+/// "α = (1 - glossiness)²".
 #[test]
 fn the_older_material_model_is_converted() {
     let mut file = File::square();

@@ -26,7 +26,7 @@ fn drawn(mode: u32, indices: Option<&[u32]>) -> File {
     file
 }
 
-/// Modes of glTF 2.0, 5.24.4 are 0 for points, 1 for lines, 2 for a loop, 3 for a strip. An octahedron of width w has
+/// The modes (glTF 2.0, 5.24.4) are 0 for points, 1 for lines, 2 for a loop and 3 for a strip. An octahedron of width w has
 /// volume w³ / 6. A square tube with diagonal w has volume w² / 2 per meter.
 #[test]
 fn points_and_lines_are_closed_bodies() {
@@ -45,7 +45,7 @@ fn points_and_lines_are_closed_bodies() {
         assert!((found / expected - 1.0).abs() < 1e-3, "mode {mode}: {found} m³, not {expected} m³");
         assert_eq!(notes(&scene, "--point-size"), 1);
     }
-    // By default, their width is 1/200 of the diagonal.
+    // By default, the width of lines is 1/200 of the diagonal.
     let found = volume(&drawn(1, None).load());
     let expected = 6.0 * (18f32.sqrt() / 200.0).powi(2) / 2.0;
     assert!((found / expected - 1.0).abs() < 1e-3, "{found} m³, not {expected} m³");

@@ -29,7 +29,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
         }
     }
 
-    // Replace unknown filters and wrappings by the defaults.
+    // Replace unknown filters and wrappings with the defaults.
     for sampler in objects(root, "samplers") {
         for (name, known) in [
             ("magFilter", &[9728, 9729][..]),

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 /// Extensions that contain vertices of a primitive outside of its accessors.
 const COMPRESSED: [&str; 1] = ["KHR_draco_mesh_compression"];
 
-/// Replaces accessors of unknown types by a single zero, so that all other indices stay valid. Returns the indices of
+/// Replaces accessors of unknown types with a single zero, so that all other indices stay valid. Returns the indices of
 /// the replaced accessors and of accessors with a buffer without data. No drawn primitive reads any of them.
 pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usize> {
     let mut unreadable = BTreeSet::new();

@@ -22,7 +22,7 @@ pub(super) struct Normalized {
     pub pointers: Vec<PointerChannel>,
     /// Names of extensions with an object in the document.
     pub extensions: BTreeSet<String>,
-    /// Image that replaces an unreadable one, by index of the texture.
+    /// Image that replaces an unreadable image, by index of the texture.
     pub plain_images: BTreeMap<usize, usize>,
     /// Program that wrote the file.
     pub generator: Option<String>,
@@ -224,7 +224,7 @@ fn buffers(root: &mut Value, found: &mut Normalized) {
     }
 }
 
-/// Replaces alpha modes that extensions add by the default (glTF 2.0, 5.19).
+/// Replaces alpha modes of extensions with the default mode (glTF 2.0, 5.19).
 fn materials(root: &mut Value, found: &mut Normalized) {
     for material in objects(root, "materials") {
         let mode = material.get("alphaMode").and_then(Value::as_str);
