@@ -41,8 +41,8 @@ use std::sync::Arc;
 /// | 8 areas | `atrium` | | | | 1.39e-3 | 1.31e-3 | 1.25e-3 |
 /// | 8 areas | `nave` | | | | 1.47e-3 | 1.44e-3 | 1.47e-3 |
 const NEAR: f32 = 0.8;
-/// Minimum ratio of a ray's compensation to the radiance of the surface hit. Rays below this
-/// ratio are dropped; in sum, they contribute less than 0.5 %.
+/// Minimum ratio of a ray's compensation to the radiance of the surface hit. Rays below this ratio are dropped; in sum,
+/// they contribute less than 0.5 %.
 const LEAST_SHARE: f32 = 5e-4;
 
 /// Final gather of one frame, with the radiance by surfel that virtual lights represent.
@@ -107,7 +107,7 @@ pub struct Compensation {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct SurfelShare {
-    /// Index into [`FinalGather::radiance`].
+    /// Index of the surfel in [`FinalGather::radiance`].
     surfel: u32,
     /// Compensating irradiance per unit of the surfel's radiance.
     share: Vec3,

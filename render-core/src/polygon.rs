@@ -11,7 +11,7 @@ pub(crate) struct Polygon {
     pub(crate) normal: Vec3A,
     /// Whether the opposite side also emits.
     pub(crate) double_sided: bool,
-    /// Emitted radiance \[W·m⁻²·sr⁻¹\].
+    /// Emitted radiance of each emitting side \[W·m⁻²·sr⁻¹\].
     pub(crate) radiance: Vec3,
 }
 

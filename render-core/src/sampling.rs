@@ -187,7 +187,7 @@ pub fn triangle(u: Vec2) -> (f32, f32) {
 /// Index drawn from a [`Distribution`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pick {
-    /// Drawn index.
+    /// Index that was drawn.
     pub index: usize,
     /// Probability of the index.
     pub probability: f64,

@@ -118,9 +118,9 @@ fn halves_suffice(largest: f32) -> bool {
 /// Image of named channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
-    /// Width \[pixels\].
+    /// Width of the image \[pixels\].
     pub width: usize,
-    /// Height \[pixels\].
+    /// Height of the image \[pixels\].
     pub height: usize,
     /// Names and samples of the channels. Channels are sorted by name, samples are in raster order.
     pub channels: Vec<(String, Vec<f32>)>,

@@ -16,11 +16,11 @@ use glam::Vec3A;
 /// All lights of a scene at one time.
 #[derive(Clone, Debug)]
 pub struct Emitters {
-    /// Emissive surfaces.
+    /// Emissive surfaces of the scene.
     pub areas: Vec<AreaLight>,
-    /// Point and spot lights.
+    /// Point and spot lights of the scene.
     pub points: Vec<PointLight>,
-    /// Directional lights.
+    /// Directional lights of the scene.
     pub suns: Vec<SunLight>,
     /// Bounding sphere of the scene.
     pub(super) ball: Ball,

@@ -14,7 +14,7 @@ use std::f32::consts::{PI, TAU};
 /// Point or spot light at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
-    /// Position \[m\].
+    /// Position of the light \[m\].
     pub position: Vec3A,
     /// Axis of a spot light, a unit vector.
     pub axis: Vec3A,

@@ -37,7 +37,7 @@ pub(super) type Brdf<'a> = &'a dyn Fn(Vec3A, f32) -> Vec3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[must_use]
 pub struct Traced<T> {
-    /// Irradiance or radiance.
+    /// Computed light: irradiance or radiance.
     pub value: T,
     /// Number of shadow rays traced.
     pub shadow_rays: u64,

@@ -19,11 +19,11 @@ pub enum Interpolation {
 /// Animated property and the values of all keys (three values per key for splines).
 #[derive(Clone, Debug)]
 pub enum Track {
-    /// Translations \[m\].
+    /// Translations of the node \[m\].
     Translation(Vec<Vec3>),
-    /// Rotations as unit quaternions.
+    /// Rotations of the node as unit quaternions.
     Rotation(Vec<Quat>),
-    /// Scale factors along the axes.
+    /// Scale factors of the node along the axes.
     Scale(Vec<Vec3>),
     /// Weights of the morph targets. Each key lists the weights of all targets.
     Weights(Vec<f32>),

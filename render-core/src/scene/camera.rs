@@ -75,7 +75,7 @@ pub enum CameraProperty {
 pub struct CameraChannel {
     /// Index into the scene's cameras.
     pub camera: usize,
-    /// Animated property.
+    /// Property of the lens that the keys animate.
     pub property: CameraProperty,
     /// Keys with one weight each.
     pub keys: Channel,

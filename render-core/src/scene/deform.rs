@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// Node with a mesh that has morph targets.
 #[derive(Clone, Debug)]
 pub struct MorphedNode {
-    /// Index into [`Scene::nodes`].
+    /// Index of the node in [`Scene::nodes`].
     pub node: usize,
     /// Weights of the targets if they are not animated.
     pub weights: Vec<f32>,

@@ -17,7 +17,7 @@ pub enum Reach {
     /// The folder of the scene file and its subfolders, after links are resolved.
     #[default]
     Folder,
-    /// Any folder.
+    /// Any folder, inside or outside the scene's folder.
     Anywhere,
 }
 

@@ -45,7 +45,7 @@ pub struct PunctualLight {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LightProperty {
-    /// Linear RGB color.
+    /// Linear RGB color of the light.
     Color,
     /// Factor on the color \[cd or lx\].
     Intensity,
@@ -62,7 +62,7 @@ pub enum LightProperty {
 pub struct LightChannel {
     /// Index into the scene's punctual lights.
     pub light: usize,
-    /// Animated property.
+    /// Property of the light that the keys animate.
     pub property: LightProperty,
     /// Linear RGB color and intensity in the file, and the factor on their product.
     pub rest: (Vec3, f32, f32),

@@ -13,7 +13,7 @@ pub enum SlotName {
     BaseColor,
     /// Texture of metalness and roughness.
     MetallicRoughness,
-    /// Texture of normals.
+    /// Texture of tangent-space normals.
     Normal,
     /// Texture of the emission.
     Emission,
@@ -37,7 +37,7 @@ pub enum MaterialProperty {
     NormalScale,
     /// Opacity below which a texel is a hole \[0…1\].
     AlphaCutoff,
-    /// Index of refraction.
+    /// Index of refraction of the dielectric.
     Ior,
     /// Factor on the reflectance at normal incidence.
     Specular,
@@ -67,7 +67,7 @@ impl MaterialProperty {
 /// Factors in the file that a [`Material`] contains only as products.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaterialFactors {
-    /// Linear RGB reflectance.
+    /// Linear RGB reflectance, before the texture's factor.
     pub base_color: Vec3,
     /// Linear RGB factor on the emission, and the emission's strength \[W·m⁻²·sr⁻¹\].
     pub emission: (Vec3, f32),
@@ -84,7 +84,7 @@ pub struct MaterialFactors {
 pub struct MaterialChannel {
     /// Index into the scene's materials.
     pub material: usize,
-    /// Animated property.
+    /// Property of the material that the keys animate.
     pub property: MaterialProperty,
     /// Factors of the material in the file.
     pub rest: MaterialFactors,

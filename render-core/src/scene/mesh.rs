@@ -22,7 +22,7 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Index into the scene's materials.
     pub material: usize,
-    /// Morph targets.
+    /// Morph targets of the mesh.
     pub morph_targets: Vec<MorphTarget>,
     /// Skinning, if the mesh has a skin. The vertices of a skinned mesh are positioned by joints only.
     pub skinning: Option<Skinning>,
@@ -64,7 +64,7 @@ pub struct MorphTarget {
 /// Weight of one joint on a vertex.
 #[derive(Clone, Copy, Debug)]
 pub struct Influence {
-    /// Index into [`Skin::joints`](super::Skin::joints).
+    /// Index of the joint in [`Skin::joints`](super::Skin::joints).
     pub joint: u32,
     /// Weight of the joint, 0…1. The weights of a vertex sum to 1.
     pub weight: f32,
@@ -73,7 +73,7 @@ pub struct Influence {
 /// Attachment of a mesh to a skin.
 #[derive(Clone, Debug)]
 pub struct Skinning {
-    /// Index into [`Scene::skins`](super::Scene::skins).
+    /// Index of the skin in [`Scene::skins`](super::Scene::skins).
     pub skin: usize,
     /// Number of influences per vertex.
     pub per_vertex: usize,

@@ -55,7 +55,7 @@ pub struct Node {
 /// Translation, rotation and scale: the properties that glTF animates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
-    /// Translation \[m\].
+    /// Translation, applied after scale and rotation \[m\].
     pub translation: Vec3,
     /// Rotation as a unit quaternion.
     pub rotation: Quat,
@@ -83,9 +83,9 @@ impl Transform {
 /// Mesh attached to a node.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance {
-    /// Index into [`Scene::nodes`].
+    /// Index of the node in [`Scene::nodes`].
     pub node: usize,
-    /// Index into [`Scene::meshes`].
+    /// Index of the mesh in [`Scene::meshes`].
     pub mesh: usize,
 }
 

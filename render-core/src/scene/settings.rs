@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub struct SceneSettings {
     /// Tone mapping, as an unparsed table: another crate defines the tone curves.
     pub tone_mapping: Option<toml::Table>,
-    /// Environment light.
+    /// Environment light of the scene.
     pub sky: Option<SkySettings>,
     /// Properties of directional lights that glTF lacks.
     #[serde(default)]
@@ -105,7 +105,7 @@ pub struct StrokeSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Video {
-    /// Number of frames.
+    /// Number of frames in the video.
     pub frames: Option<u32>,
     /// Frames per second: a number, or text with a fraction, such as "24000/1001".
     #[serde(default, deserialize_with = "frame_rate")]

@@ -23,7 +23,7 @@ pub struct SkySettings {
     pub rotation: Option<f32>,
 }
 
-/// Checked [`SkySettings`].
+/// Source of a sky, from checked [`SkySettings`].
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum SkySource {
     Gradient(Gradient),

@@ -73,12 +73,12 @@ impl Encoding {
     }
 }
 
-/// Filtered texture sample.
+/// Color and opacity of a filtered texture sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filtered {
-    /// Linear RGB color.
+    /// Linear RGB color of the sample.
     pub color: Vec3,
-    /// Opacity, 0…1.
+    /// Opacity of the sample, 0…1.
     pub opacity: f32,
 }
 

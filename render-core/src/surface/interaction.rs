@@ -157,7 +157,7 @@ impl<'a> Interaction<'a> {
         if self.material.unlit { self.geometric_normal } else { self.normal_and_unevenness().0 }
     }
 
-    /// Evaluates all properties.
+    /// Evaluates all properties of the surface.
     pub fn surface(&self) -> Surface {
         let Self { material, position, geometric_normal, front, .. } = self;
         let dark = Surface {

@@ -93,7 +93,7 @@ fn faces_of_a_box(half: Vec3) -> Vec<[Vec3; 3]> {
     faces
 }
 
-/// Merges two meshes.
+/// Merges two meshes into one.
 fn joined(mut a: Mesh, b: Mesh) -> Mesh {
     let first = a.positions.len() as u32;
     a.positions.extend(b.positions);

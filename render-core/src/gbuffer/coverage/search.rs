@@ -234,7 +234,7 @@ struct Known {
 /// Result of a ray.
 #[derive(Clone, Copy)]
 pub(super) struct Shown {
-    /// Index in [`Area::parts`].
+    /// Index of the ray's region in [`Area::parts`].
     pub part: usize,
     pub tint: Vec3,
     pub emission: Vec3,

@@ -21,7 +21,7 @@ const FEW_PANELS: usize = 4;
 /// Emissive surface: all emissive triangles of one instance.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// Index into [`Scene::instances`](crate::scene::Scene::instances).
+    /// Index of the instance in [`Scene::instances`](crate::scene::Scene::instances).
     pub instance: usize,
     /// Whether the instance's transform, shape or material ever changes.
     pub moves: bool,

@@ -29,7 +29,7 @@ pub(super) struct Patch {
     pub triangle: usize,
     pub parallelogram: bool,
     pub cell: Cell,
-    /// Area \[m²\].
+    /// Area of the patch \[m²\].
     pub area: f32,
     /// Mean emission of the patch \[W·m⁻²·sr⁻¹\].
     pub emission: Vec3,

@@ -17,7 +17,7 @@ pub enum Support {
     Silent,
 }
 
-/// glTF extension.
+/// glTF extension and its support by this loader.
 #[derive(Clone, Copy, Debug)]
 pub struct Extension {
     /// Name of the extension in files.

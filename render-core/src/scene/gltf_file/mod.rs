@@ -261,7 +261,7 @@ struct DocumentSource<'d> {
     buffers: &'d Buffers,
     /// Index of the selected material variant.
     variant: Option<u64>,
-    /// Channels of `KHR_animation_pointer`.
+    /// Animation channels of `KHR_animation_pointer`.
     pointers: &'d [PointerChannel],
     /// Width of points and lines \[m\] if set, otherwise the default width.
     point_size: Option<f32>,

@@ -14,7 +14,7 @@ use glam::{Vec2, Vec3};
 
 /// Reflectance of a dielectric at normal incidence.
 const DIELECTRIC: f32 = 0.04;
-/// Minimum divisor.
+/// Minimum divisor of the conversion formulas.
 const LEAST: f32 = 1e-6;
 
 /// Factors of a material of the older model with a specular-glossiness texture.
@@ -33,7 +33,7 @@ pub(super) struct OlderFactors {
 pub(super) struct Converted {
     /// Linear RGB base color.
     pub base: Vec3,
-    /// Metalness, 0…1.
+    /// Metalness of the texel, 0…1.
     pub metallic: f32,
 }
 

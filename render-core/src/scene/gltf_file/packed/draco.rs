@@ -17,7 +17,7 @@ pub(super) struct Attribute {
 pub(super) struct Unpacked {
     /// Vertex indices of the corners of all triangles.
     pub indices: Vec<u32>,
-    /// Number of vertices.
+    /// Number of vertices in the mesh.
     pub vertices: usize,
     /// Attributes in the order of their ids.
     pub attributes: Vec<Attribute>,
