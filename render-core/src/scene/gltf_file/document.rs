@@ -38,7 +38,7 @@ impl Loader<'_> {
             self.bad(format!("its JSON does not follow glTF 2.0 ({}); export it again", one_line(&error.to_string())))
         })?;
 
-        // Refuse required extensions that this build does not read, with their names.
+        // Refuse required extensions that this build does not read. The error names the extension.
         if let Some(extension) = root.extensions_required.iter().find(|name| !extensions::may_be_required(name)) {
             if let Some(feature) = extensions::missing_feature(extension) {
                 return self.bad(format!(
@@ -48,7 +48,7 @@ impl Loader<'_> {
             return Err(LoadError::Unsupported { path: self.path.into(), extension: extension.clone() });
         }
         root.extensions_required.clear();
-        // An accessor without view and sparse data is all zeros. The crate requires a view, so use any.
+        // An accessor without view and sparse data is all zeros. The crate requires a view, so use an arbitrary one.
         let mut zeros = HashSet::new();
         let any_view = (!root.buffer_views.is_empty()).then(|| json::Index::new(0));
         for (index, accessor) in root.accessors.iter_mut().enumerate() {

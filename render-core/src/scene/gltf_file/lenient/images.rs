@@ -64,7 +64,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
         }
     }
 
-    // Remove these textures from materials.
+    // Remove textures without a readable image from materials.
     if without.is_empty() {
         return;
     }

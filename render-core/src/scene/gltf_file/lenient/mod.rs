@@ -158,7 +158,7 @@ fn nodes(root: &mut Value) {
     }
 }
 
-/// Replaces cameras of types that extensions add.
+/// Replaces cameras of types that extensions add with placeholders, and removes the cameras from nodes.
 fn cameras(root: &mut Value, found: &mut Normalized) {
     let mut unknown = BTreeSet::new();
     for (index, camera) in objects(root, "cameras").enumerate() {
@@ -206,7 +206,7 @@ fn lights(root: &mut Value, found: &mut Normalized) {
 
 /// Removes hints that no reader needs from views, and finds the buffers that views use.
 fn buffers(root: &mut Value, found: &mut Normalized) {
-    // Accessors without a view are zeros, but the crate requires a view for them, so add any.
+    // Accessors without a view are zeros, but the crate requires a view for them, so add one.
     if objects(root, "bufferViews").next().is_none() && objects(root, "accessors").next().is_some() {
         if objects(root, "buffers").next().is_none() {
             root["buffers"] = json!([{ "byteLength": 1 }]);
