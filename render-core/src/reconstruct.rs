@@ -200,7 +200,8 @@ mod tests {
             assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-5 * 13.0), "{a:?} {b:?}");
         }
 
-        // Pixels have five samples on the right and one on the left. Far from the boundary, each side equals a picture with uniform counts.
+        // Pixels have five samples on the right and one on the left. Far from the boundary, each side equals a picture
+        // with uniform counts.
         let counts = Plane::from_fn(19, 12, |x, _| if x < 9 { 1 } else { 5 });
         let mixed = reconstruct_counted(&alone, &planes, &places, &counts);
         for y in 0..12 {
