@@ -1,4 +1,4 @@
-//! Lanes with 256-bit instructions of x86-64.
+//! Implementation of lanes with the 256-bit instructions of x86-64.
 //!
 //! Speed compared with the scalar implementation, in million rays per second on one thread (Sponza, 66 thousand
 //! triangles, AMD EPYC). `cargo bench -p render2mpeg-render-core --bench rays` runs both.
@@ -18,12 +18,12 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Proof that this processor has AVX2 and the bit instructions of its generation.
 ///
-/// Code outside this crate obtains a value only from [`Choice::best`](crate::Choice::best), and cannot name the type.
+/// Code outside this crate obtains a value only from [`Choice::best`](crate::Choice::best). It cannot name the type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Avx2(());
 
 impl Avx2 {
-    /// Queries the processor on the first call.
+    /// Returns the proof if the processor has AVX2, BMI1, LZCNT and POPCNT. Queries the processor on the first call.
     #[inline(always)]
     pub(crate) fn detect() -> Option<Self> {
         const UNKNOWN: u8 = 0;
@@ -63,8 +63,8 @@ impl Avx2 {
 /// Runs one instruction that requires only the processor's support.
 macro_rules! instruction {
     ($call:expr) => {
-        // SAFETY: a value of `Avx2`, or of a type parameter of this kind, exists in running code only where the
-        // processor has these instructions. They access memory only through the references that they are given.
+        // SAFETY: a value of `Avx2`, or of a type parameter that implements `Lanes`, exists in running code only where
+        // the processor has these instructions. They access memory only through the references passed to them.
         unsafe { $call }
     };
 }
@@ -193,7 +193,7 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn transposed(self, [a, b, c, d, e, f, g, h]: [__m256; LANES]) -> [__m256; LANES] {
         instruction!({
-            // Interleave pairs of rows, then groups of four, then halves.
+            // Interleave pairs of rows, then groups of four rows, then halves of registers.
             let pairs = [
                 [
                     _mm256_unpacklo_ps(a, b),
@@ -309,7 +309,7 @@ impl Lanes for Avx2 {
     fn to_u8(self, [a, b, c, d]: [__m256i; 4]) -> [u8; 4 * LANES] {
         let mut out = [0; 4 * LANES];
         instruction!({
-            // Packing works on each half separately: four numbers of every row, then the other four.
+            // Each half of a register is packed separately. Restore the order of the rows.
             let order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
             let packed = _mm256_packus_epi16(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
             _mm256_storeu_si256(out.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(packed, order));

@@ -1,10 +1,10 @@
 //! Groups of sixteen samples, and their differences.
 //!
-//! On x86-64 these use instructions that every x86-64 processor has, elsewhere plain loops. No run-time detection is
-//! needed, so all functions are inlined.
+//! On x86-64 these operations use instructions that every x86-64 processor has, on other processors plain loops. No
+//! run-time detection is needed, so all functions are inlined.
 //!
-//! Compilers do not recognize sums of byte differences or transpositions in loops. With these functions, plain
-//! differences at half positions take a third of the time, transformed ones half.
+//! Compilers do not vectorize sums of byte differences or transpositions in loops. With these functions, plain
+//! differences at half-sample positions take a third of the time, transformed differences half.
 
 #[cfg(any(test, not(all(target_arch = "x86_64", target_feature = "sse2"))))]
 mod plain;
@@ -56,8 +56,8 @@ mod tests {
     use super::{plain, sse2};
     use crate::samples::{Differences, Samples, Sum};
 
-    /// Calls every function of a module on the same sixteen bytes. Products with other words reveal the content of
-    /// words.
+    /// Calls every function of a module on the same sixteen bytes. `Words` are opaque, so their products with other
+    /// words reveal the content.
     macro_rules! results {
         ($lanes:ident, $bytes:expr) => {{
             let [a, b, c, d] = $bytes.map(|[low, high]: [[u8; 8]; 2]| $lanes::Bytes::new(low, high));

@@ -5,7 +5,7 @@ use crate::Kernel;
 use crate::avx2::Avx2;
 use crate::scalar::Scalar;
 
-/// The instructions to use.
+/// The instruction set that runs a [`Kernel`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Choice(ChoiceKind);
 
@@ -17,10 +17,10 @@ enum ChoiceKind {
 }
 
 impl Choice {
-    /// Scalar instructions, on any processor.
+    /// Scalar instructions, available on any processor.
     pub const SCALAR: Self = Self(ChoiceKind::Scalar);
 
-    /// Returns the fastest instructions of this processor. The result is cached: a call costs one load and one
+    /// Returns the fastest instruction set of this processor. The result is cached, so a call takes one load and one
     /// branch.
     #[inline(always)]
     #[must_use]
@@ -32,14 +32,14 @@ impl Choice {
         Self::SCALAR
     }
 
-    /// Returns whether vector instructions are used.
+    /// Returns whether this instruction set contains vector instructions.
     #[inline(always)]
     #[must_use]
     pub fn is_vector(self) -> bool {
         self != Self::SCALAR
     }
 
-    /// Runs `kernel` with these instructions.
+    /// Runs `kernel` with this instruction set.
     #[inline]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {

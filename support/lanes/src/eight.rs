@@ -8,13 +8,14 @@ pub const LANES: usize = 8;
 
 /// Operations on [`LANES`] numbers of 32 bits.
 ///
-/// A value of an implementing type proves that the processor has the instructions. So does the type: it cannot be
-/// named outside this crate, and reaches code only as the parameter of [`Kernel::run`](crate::Kernel::run).
+/// A value of an implementing type proves that the processor has the instructions. The type alone proves it too,
+/// because code outside this crate cannot name it and receives it only as the parameter of
+/// [`Kernel::run`](crate::Kernel::run).
 ///
 /// All implementations perform the same IEEE operations in the same order, without fusion, so results do not depend
 /// on the processor. Only the bits of NaN results may differ.
 pub trait Lanes: Copy + Debug {
-    /// The only value of this type, for operators without a value at hand.
+    /// The only value of this type, for operators that have no value of it.
     const PROOF: Self;
 
     /// Eight `f32`.
@@ -46,11 +47,11 @@ pub trait Lanes: Copy + Debug {
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
     /// Returns `a / b` for each lane.
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
-    /// Returns `-a`, with the other sign also for zeros.
+    /// Returns `-a`: the sign of every lane is reversed, even the sign of a zero.
     fn neg(self, a: Self::F) -> Self::F;
-    /// Returns the absolute value.
+    /// Returns the absolute value of each lane.
     fn abs(self, a: Self::F) -> Self::F;
-    /// Returns the square root, correctly rounded.
+    /// Returns the square root of each lane, correctly rounded.
     fn sqrt(self, a: Self::F) -> Self::F;
     /// Returns `a < b ? a : b`, which is `b` if either is NaN or both are zeros.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
@@ -72,7 +73,7 @@ pub trait Lanes: Copy + Debug {
     fn select(self, mask: Self::Mask, yes: Self::F, no: Self::F) -> Self::F;
     /// Returns the mask of lane i as bit i.
     fn bits(self, mask: Self::Mask) -> u32;
-    /// Transposes: lane j of element i becomes lane i of element j.
+    /// Returns the transposed rows: lane j of element i becomes lane i of element j.
     fn transposed(self, rows: [Self::F; LANES]) -> [Self::F; LANES];
 
     /// Returns the same integer in all lanes.
@@ -91,15 +92,15 @@ pub trait Lanes: Copy + Debug {
     fn add_i(self, a: Self::I, b: Self::I) -> Self::I;
     /// Returns `a - b` for each lane.
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I;
-    /// Returns `a * b` for each lane.
+    /// Returns the low 32 bits of `a * b` for each lane.
     fn mul_i(self, a: Self::I, b: Self::I) -> Self::I;
-    /// Returns the absolute value, as an unsigned number.
+    /// Returns the absolute value of each lane, as an unsigned number.
     fn abs_i(self, a: Self::I) -> Self::I;
     /// Shifts right by `by` bits, 0…31, and fills with zeros.
     fn shift_right_i(self, a: Self::I, by: u32) -> Self::I;
     /// Returns `a == b` for each lane.
     fn eq_i(self, a: Self::I, b: Self::I) -> Self::Mask;
-    /// Returns the sum of all lanes.
+    /// Returns the sum of all lanes, wrapped to 32 bits.
     fn sum_i(self, a: Self::I) -> i32;
     /// Converts to the nearest `f32`, ties to even.
     fn to_f(self, a: Self::I) -> Self::F;
@@ -111,49 +112,49 @@ pub trait Lanes: Copy + Debug {
     /// Subtracts sixteen samples from sixteen others.
     fn differences(self, samples: Bytes, minus: Bytes) -> Self::Words;
 
-    /// Calls [`splat`](Lanes::splat) for three coordinates.
+    /// Returns three coordinates, each repeated in all lanes.
     #[inline(always)]
     fn splat3(self, [x, y, z]: [f32; 3]) -> [Self::F; 3] {
         [self.splat(x), self.splat(y), self.splat(z)]
     }
 
-    /// Calls [`load`](Lanes::load) for three coordinates.
+    /// Loads the lanes of three coordinates.
     #[inline(always)]
     fn load3(self, [x, y, z]: [&[f32; LANES]; 3]) -> [Self::F; 3] {
         [self.load(x), self.load(y), self.load(z)]
     }
 
-    /// Calls [`sub`](Lanes::sub) for three coordinates.
+    /// Returns `a - b` for each lane of three coordinates.
     #[inline(always)]
     fn sub3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
         [self.sub(a[0], b[0]), self.sub(a[1], b[1]), self.sub(a[2], b[2])]
     }
 
-    /// Calls [`mul`](Lanes::mul) for three coordinates.
+    /// Returns `a * b` for each lane of three coordinates.
     #[inline(always)]
     fn mul3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
         [self.mul(a[0], b[0]), self.mul(a[1], b[1]), self.mul(a[2], b[2])]
     }
 
-    /// Calls [`min`](Lanes::min) for three coordinates.
+    /// Returns the minimum of `a` and `b` for each lane of three coordinates.
     #[inline(always)]
     fn min3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
         [self.min(a[0], b[0]), self.min(a[1], b[1]), self.min(a[2], b[2])]
     }
 
-    /// Calls [`max`](Lanes::max) for three coordinates.
+    /// Returns the maximum of `a` and `b` for each lane of three coordinates.
     #[inline(always)]
     fn max3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
         [self.max(a[0], b[0]), self.max(a[1], b[1]), self.max(a[2], b[2])]
     }
 
-    /// Returns the maximum of three numbers and a fourth.
+    /// Returns the maximum of three numbers and `least`, for each lane.
     #[inline(always)]
     fn greatest(self, [x, y, z]: [Self::F; 3], least: Self::F) -> Self::F {
         self.max(self.max(x, y), self.max(z, least))
     }
 
-    /// Returns the minimum of three numbers and a fourth.
+    /// Returns the minimum of three numbers and `greatest`, for each lane.
     #[inline(always)]
     fn least(self, [x, y, z]: [Self::F; 3], greatest: Self::F) -> Self::F {
         self.min(self.min(x, y), self.min(z, greatest))
@@ -166,7 +167,7 @@ mod tests {
     use crate::{Choice, Kernel};
     use fastrand::Rng;
 
-    /// Applies every operation to two sets of numbers.
+    /// Kernel that applies every floating-point operation to two sets of numbers.
     struct Everything<'a>(&'a [f32; LANES], &'a [f32; LANES]);
 
     impl Kernel for Everything<'_> {
@@ -202,7 +203,7 @@ mod tests {
         }
     }
 
-    /// Applies every operation to two sets of integers.
+    /// Kernel that applies every integer operation to two sets of integers.
     struct Integers<'a>(&'a [i32; LANES], &'a [i32; LANES]);
 
     impl Kernel for Integers<'_> {

@@ -4,10 +4,10 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2; // vector instructions
 mod bytes; // sixteen samples, on any processor
-mod choice; // supported instructions
+mod choice; // selection of the supported instructions
 mod eight; // operations on eight lanes
-mod kernel; // code over lanes
-mod samples; // picture samples: blocks in a plane
+mod kernel; // computations over lanes
+mod samples; // blocks of picture samples
 mod scalar; // scalar implementation
 
 pub use crate::bytes::{Bytes, Words};

@@ -17,26 +17,27 @@ pub trait Samples: Memory + Copy + Debug {
     /// Sums of squared differences.
     type Squared: Sum;
 
-    /// Returns (a + b + 1) / 2 for every pair.
+    /// Returns (a + b + 1) / 2 for every pair of samples, rounded down.
     fn mean(self, other: Self) -> Self;
-    /// Returns (a + b + c + d + 2) / 4.
+    /// Returns (a + b + c + d + 2) / 4 for every four samples, rounded down.
     fn mean_of_four(groups: [Self; 4]) -> Self;
-    /// Returns sums of absolute differences.
+    /// Returns sums of the absolute differences between the samples.
     fn absolute(self, other: Self) -> Self::Absolute;
-    /// Returns squared differences of the first and of the last eight samples in each group of sixteen.
+    /// Returns the squared differences of the first and of the last eight samples in each group of sixteen. If the rows
+    /// have eight samples, each half contains alternate rows.
     fn squared(self, other: Self) -> [Self::Squared; 2];
 }
 
-/// Several sums in parallel lanes.
+/// Several sums, one per lane.
 pub trait Sum: Copy + Debug {
     /// Returns zero sums.
     fn zero() -> Self;
-    /// Adds each sum to its counterpart.
+    /// Adds each lane to the same lane of `other`.
     fn plus(self, other: Self) -> Self;
-    /// Returns the sum over all lanes.
+    /// Returns the sum of all lanes.
     fn total(self) -> u32;
 
-    /// Returns the sum over all lanes of each argument.
+    /// Returns the sum of all lanes of each argument.
     #[inline(always)]
     fn totals([a, b, c, d]: [Self; 4]) -> [u32; 4] {
         [a.total(), b.total(), c.total(), d.total()]
@@ -47,21 +48,21 @@ pub trait Sum: Copy + Debug {
 pub trait Differences: Copy + Debug {
     /// Returns zero differences.
     fn zero() -> Self;
-    /// Returns the wrapping sum.
+    /// Returns the wrapping sum of each pair of differences.
     fn plus(self, other: Self) -> Self;
-    /// Returns the wrapping difference.
+    /// Returns `self - other` for each pair, wrapping.
     fn minus(self, other: Self) -> Self;
-    /// Returns the absolute value, except for −32768.
+    /// Returns the absolute value of each difference, except for −32768.
     fn abs(self) -> Self;
-    /// Returns the signed maximum.
+    /// Returns the larger one of each pair of signed numbers.
     fn max(self, other: Self) -> Self;
-    /// Returns the sum of each block's row, 0 for a missing second block.
+    /// Returns the sum of the row of each block. The second sum is 0 if only one block exists.
     fn sums(self) -> [i32; 2];
-    /// Transposes the rows of each block.
+    /// Returns the transposed rows of each block.
     fn transposed(rows: [Self; 8]) -> [Self; 8];
 }
 
-/// Two blocks, one after the other.
+/// Rows of two separate blocks, as a pair.
 impl<D: Differences> Differences for [D; 2] {
     #[inline(always)]
     fn zero() -> Self {
@@ -100,12 +101,12 @@ impl<D: Differences> Differences for [D; 2] {
     }
 }
 
-/// Upper limit of strides, so that no offset in a window overflows.
+/// Upper limit of strides. Below it, no offset in a window overflows.
 const STRIDE_LIMIT: usize = usize::MAX >> 8;
 
-/// A window of R rows of N samples with the given `stride` in a plane. `H` and `V` select half-sample positions to
-/// the right and below: the mean of the two or four surrounding samples, rounded up (ISO/IEC 13818-2, 7.6.4). N and R
-/// are 8 or 16.
+/// A window of R rows of N samples with the given `stride` in a plane. With `H` or `V`, the window is half a sample
+/// farther right or down. Each sample is then the mean of the two or four surrounding samples, rounded up (ISO/IEC
+/// 13818-2, 7.6.4). N and R are 8 or 16.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a, const N: usize, const R: usize, const H: bool, const V: bool> {
     samples: &'a [u8],
@@ -113,7 +114,7 @@ pub struct Window<'a, const N: usize, const R: usize, const H: bool, const V: bo
 }
 
 impl<'a, const N: usize, const R: usize, const H: bool, const V: bool> Window<'a, N, R, H, V> {
-    /// Creates a window. `samples` start at its upper left full sample.
+    /// Creates a window. `samples` start at the upper left full sample of the window.
     ///
     /// # Panics
     /// If `samples` end before the window, or `stride` is too large.
@@ -122,12 +123,12 @@ impl<'a, const N: usize, const R: usize, const H: bool, const V: bool> Window<'a
     pub fn new(samples: &'a [u8], stride: usize) -> Self {
         const { assert!((N == 8 || N == 16) && (R == 8 || R == 16)) };
         assert!(stride < STRIDE_LIMIT, "rows that lie {stride} apart");
-        // R rows, or one more for `V`. The last row needs only N samples, or one more for `H`.
+        // Keep R rows, or R + 1 with `V`. The last row needs only N samples, or N + 1 with `H`.
         let samples = &samples[..(R - 1 + usize::from(V)) * stride + N + usize::from(H)];
         Self { samples, stride }
     }
 
-    /// Returns group `i` of [`R * N / S::COUNT`](Samples::COUNT) groups, from the upper left.
+    /// Returns group `i` of the [`R * N / S::COUNT`](Samples::COUNT) groups, which are counted from the upper left.
     ///
     /// # Panics
     /// If the group does not exist.
@@ -146,14 +147,14 @@ impl<'a, const N: usize, const R: usize, const H: bool, const V: bool> Window<'a
         }
     }
 
-    /// Loads full samples from a row. The last row of a group is at most R - 1, or R with `V`. `x` is 0, or at most 1
+    /// Loads full samples from a row. The last row of the group is at most R − 1, or R with `V`. `x` is 0, or at most 1
     /// with `H`.
     #[inline(always)]
     #[allow(unsafe_code, reason = "samples are read without a check for each")]
     fn load<S: Samples>(&self, row: usize, x: usize) -> S {
         let first = row * self.stride + x;
         debug_assert!(first + (S::COUNT / N - 1) * self.stride + N <= self.samples.len());
-        // SAFETY: the last of these samples is at most the last of `samples`, as sliced by `new`.
+        // SAFETY: the last sample read is not after the end of `samples`, which `new` has sliced for this window.
         unsafe { S::load::<N>(self.samples.as_ptr().add(first), self.stride) }
     }
 }
@@ -166,7 +167,7 @@ pub struct WindowMut<'a, const N: usize, const R: usize> {
 }
 
 impl<'a, const N: usize, const R: usize> WindowMut<'a, N, R> {
-    /// Creates a window. `samples` start at its upper left sample.
+    /// Creates a window. `samples` start at the upper left sample of the window.
     ///
     /// # Panics
     /// If `samples` end before the window, or `stride` is too large.
@@ -178,7 +179,7 @@ impl<'a, const N: usize, const R: usize> WindowMut<'a, N, R> {
         Self { samples: &mut samples[..(R - 1) * stride + N], stride }
     }
 
-    /// Writes group `i` of [`R * N / S::COUNT`](Samples::COUNT) groups, from the upper left.
+    /// Writes group `i` of the [`R * N / S::COUNT`](Samples::COUNT) groups, which are counted from the upper left.
     ///
     /// # Panics
     /// If the group does not exist.
@@ -189,14 +190,14 @@ impl<'a, const N: usize, const R: usize> WindowMut<'a, N, R> {
         assert!(i < R * N / S::COUNT, "a group of a window");
         let first = i * S::COUNT / N * self.stride;
         debug_assert!(first + (S::COUNT / N - 1) * self.stride + N <= self.samples.len());
-        // SAFETY: the last of these samples is at most the last of `samples`, as sliced by `new`.
+        // SAFETY: the last sample written is not after the end of `samples`, which `new` has sliced for this window.
         unsafe { group.store::<N>(self.samples.as_mut_ptr().add(first), self.stride) };
     }
 }
 
 mod memory {
-    /// Loads and stores of samples. Private, because [`Samples`](super::Samples) implementations of other crates
-    /// could break assumptions of the windows.
+    /// Loads and stores of samples. The trait is private, because implementations in other crates could break
+    /// assumptions of the windows.
     #[allow(unsafe_code, reason = "samples are read and written without a check for each")]
     pub trait Memory: Sized {
         /// Loads the rows of one group, with N samples each and the given `stride`. N is 8 or 16.
@@ -221,7 +222,7 @@ mod tests {
 
     const STRIDE: usize = 21;
 
-    /// Reference: the mean of the two or four surrounding samples, rounded up.
+    /// Returns the expected samples: the mean of the two or four surrounding samples, rounded up.
     fn expected<const N: usize, const R: usize>(samples: &[u8], right: usize, below: usize) -> Vec<u8> {
         let at = |x: usize, y: usize| u32::from(samples[y * STRIDE + x]);
         let mean =
@@ -259,7 +260,7 @@ mod tests {
         macro_rules! check {
             ($h:literal, $v:literal) => {
                 let (right, below) = (usize::from($h), usize::from($v));
-                // Exactly as many samples as required.
+                // Pass exactly the required number of samples.
                 let samples = &samples[..size(right, below)];
                 let expected =
                     expected::<N, R>(&samples.iter().copied().chain([0; 40]).collect::<Vec<_>>(), right, below);
@@ -295,7 +296,8 @@ mod tests {
         assert!(refused(usize::MAX / 7 + 1) && refused(usize::MAX) && refused(1 << 60) && !refused(8));
     }
 
-    /// Sums and transposed differences of two rows of sixteen samples.
+    /// Kernel that sums differences between two sets of eight rows of sixteen samples, and transposes the difference
+    /// rows.
     struct Compared<'a>(&'a [[u8; 16]; 8], &'a [[u8; 16]; 8]);
 
     impl Kernel for Compared<'_> {

@@ -1,9 +1,9 @@
-//! Scalar implementation of lanes: the reference for tests, and the fallback without vector instructions.
+//! Scalar implementation of lanes: the reference for tests, and the fallback for processors without AVX2.
 
 use crate::{Bytes, LANES, Lanes, Words};
 use std::array::from_fn;
 
-/// Empty proof: every processor supports scalar code.
+/// Empty proof, because every processor supports scalar code.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scalar;
 

@@ -1,11 +1,12 @@
-//! Two rows of sixteen samples or four of eight, and difference rows of two adjacent blocks, with AVX2 instructions.
+//! AVX2 registers of picture samples: two rows of sixteen or four rows of eight, and difference rows of two adjacent
+//! blocks.
 #![allow(unsafe_code, reason = "vector instructions may only run where the processor has them")]
 
 use crate::bytes::Bytes;
 use crate::samples::{Differences, Memory, Samples, Sum};
 use std::arch::x86_64::*;
 
-/// Wraps all instructions of this module.
+/// Runs the AVX2 instructions of this module.
 macro_rules! avx2 {
     ($($body:tt)*) => {
         // SAFETY: these types cannot be named outside this crate. Code reaches them only as associated types of
@@ -15,7 +16,7 @@ macro_rules! avx2 {
     };
 }
 
-/// Sixteen signed 16-bit numbers: eight of each block.
+/// Sixteen signed 16-bit numbers: one row of eight differences for each of two adjacent blocks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Words(__m256i);
 
@@ -134,7 +135,7 @@ impl Samples for Rows {
 
     #[inline(always)]
     fn mean_of_four([a, b, c, d]: [Self; 4]) -> Self {
-        // Like the mean of sixteen samples.
+        // The mean of two means is too large by 1 if both steps rounded up. Subtract that 1.
         let (upper, lower) = (a.mean(b), c.mean(d));
         avx2! {
             let rounded = _mm256_or_si256(_mm256_xor_si256(a.0, b.0), _mm256_xor_si256(c.0, d.0));
@@ -151,7 +152,7 @@ impl Samples for Rows {
     #[inline(always)]
     fn squared(self, other: Self) -> [Squared; 2] {
         avx2! {
-            // Each sample times 1, next to the other's times −1.
+            // Pair each sample with the other's sample. The weights 1 and −1 turn each pair into a difference.
             let signs = _mm256_set1_epi16(i16::from_le_bytes([1, 255]));
             [_mm256_unpacklo_epi8(self.0, other.0), _mm256_unpackhi_epi8(self.0, other.0)].map(|pairs| {
                 let differences = _mm256_maddubs_epi16(pairs, signs);
@@ -199,7 +200,7 @@ impl Differences for Words {
 
     #[inline(always)]
     fn transposed(mut rows: [Self; 8]) -> [Self; 8] {
-        // Like one block: both halves of the lanes are interleaved in the same way.
+        // Interleave three times: each 128-bit half contains the rows of one block and is transposed separately.
         for _ in 0..3 {
             let before = rows;
             for i in 0..4 {

@@ -21,7 +21,7 @@ impl Bytes {
         Self(std::array::from_fn(|i| if i < 8 { low[i] } else { high[i - 8] }))
     }
 
-    /// Splits into the first and the last eight samples.
+    /// Returns the first and the last eight samples.
     #[inline(always)]
     #[must_use]
     pub fn halves(self) -> [[u8; 8]; 2] {

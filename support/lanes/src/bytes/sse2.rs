@@ -4,11 +4,11 @@
 use crate::samples::{Differences, Samples, Sum};
 use std::arch::x86_64::*;
 
-/// Wraps all instructions of this module.
+/// Runs the SSE2 instructions of this module.
 macro_rules! sse2 {
     ($($body:tt)*) => {
-        // SAFETY: the instructions require SSE2, which every x86-64 processor has, and access only the memory that
-        // they are given.
+        // SAFETY: the instructions require SSE2, which every x86-64 processor has. They access only the memory passed
+        // to them.
         unsafe { $($body)* }
     };
 }
@@ -36,7 +36,7 @@ impl Bytes {
         }
     }
 
-    /// Splits into the first and the last eight samples.
+    /// Returns the first and the last eight samples.
     #[inline(always)]
     #[must_use]
     pub fn halves(self) -> [[u8; 8]; 2] {
@@ -218,7 +218,7 @@ impl Differences for Words {
 
     #[inline(always)]
     fn transposed(rows: [Self; 8]) -> [Self; 8] {
-        // Rows at a distance of four are interleaved three times. Closures here are not always inlined.
+        // Interleave rows i and i + 4 three times. The loops avoid closures, which are not always inlined.
         let mut out = rows;
         for _ in 0..3 {
             let rows = out;
