@@ -1,4 +1,4 @@
-//! Errors: each is one line with the location and a remedy.
+//! Errors of light fields. Each message is one line with the location and a remedy.
 
 use crate::tiles::{TILE_SIDE, TILE_SLOTS};
 
@@ -6,7 +6,7 @@ use crate::tiles::{TILE_SIDE, TILE_SLOTS};
 pub(crate) const MOST_DIRECTIONS: usize = 4096;
 /// Maximum number of tiles, so that slots fit in 32 bits.
 pub(crate) const MOST_TILES: usize = 1 << 24;
-/// Largest allowed δ \[codes\]. For logarithmic codes it is a factor of 2¹⁶.
+/// Largest allowed δ \[codes\]. For logarithmic codes, 4095 codes are a factor of 2¹⁶.
 pub(crate) const LARGEST_DELTA: u16 = 4095;
 
 /// Error for invalid samples or invalid bytes of a stored field.
@@ -47,24 +47,24 @@ pub enum FieldError {
     /// The bytes do not start like a stored field.
     #[error("these bytes are not a stored light field")]
     NotAField,
-    /// The bytes have another version.
+    /// The bytes have an unsupported version.
     #[error("stored light field of version {0}, expected {expected}: store it again", expected = crate::error::VERSION)]
     Version(u32),
     /// The header is truncated, changed or inconsistent.
     #[error("the head of the stored light field is damaged: store it again")]
     Head,
-    /// The bytes of a tile are changed, or their number differs from the header.
+    /// The bytes of a tile are changed, or their length differs from the length in the header.
     #[error("tile {0} of the stored light field is damaged: store it again")]
     Tile(usize),
-    /// The number of bytes differs from the header.
+    /// The number of bytes differs from the number implied by the header.
     #[error("the stored light field has {found} bytes, its head says {expected}: store it again")]
     Size {
         /// Actual number of bytes.
         found: usize,
-        /// Number of bytes by the header.
+        /// Number of bytes implied by the header.
         expected: u64,
     },
 }
 
-/// Version of stored fields.
+/// Version of the file format.
 pub(crate) const VERSION: u32 = 1;

@@ -5,12 +5,12 @@ use crate::look_up::LookUp;
 use crate::scale::LogScale;
 use crate::tiles::TexelTiles;
 
-/// Samples of a field, ordered by rank of the texel, then direction, then channel.
+/// Samples of a field, ordered by the texel's rank, then direction, then channel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
     /// Display codes, 0 to 255.
     Bytes(Vec<u8>),
-    /// Light as codes of a logarithmic scale.
+    /// Light as codes on a logarithmic scale.
     Logarithmic {
         /// Scale of the codes.
         scale: LogScale,
@@ -35,7 +35,7 @@ impl Samples {
         self.len() == 0
     }
 
-    /// Returns three codes from index `at` on.
+    /// Returns three codes, starting at index `at`.
     #[inline]
     pub(crate) fn three(&self, at: usize) -> [f32; 3] {
         match self {
@@ -84,11 +84,12 @@ impl Field {
         Ok(Self { tiles, directions, samples })
     }
 
-    /// Creates a field of light on a logarithmic scale. `light` is ordered by rank of the texel, then direction.
+    /// Creates a field of light on a logarithmic scale. `light` is ordered by the texel's rank, then direction.
     ///
     /// # Errors
     ///
-    /// The errors of [`Field::new`], and [`FieldError::Light`] with the texel if light is negative, infinite or NaN.
+    /// Returns the errors of [`Field::new`], or [`FieldError::Light`] with the texel if light is negative, infinite or
+    /// NaN.
     pub fn of_light(
         tiles: TexelTiles,
         directions: usize,
@@ -96,7 +97,7 @@ impl Field {
         light: &[[f32; 3]],
     ) -> Result<Self, FieldError> {
         let mut codes = Vec::with_capacity(light.len() * 3);
-        // Check lengths first, so that each light has a texel.
+        // Check lengths first, so that each light value has a texel.
         if !(1..=MOST_DIRECTIONS).contains(&directions) {
             return Err(FieldError::Directions(directions));
         }
@@ -124,7 +125,7 @@ impl Field {
         self.directions
     }
 
-    /// Samples ordered by rank of the texel, then direction, then channel.
+    /// Samples ordered by the texel's rank, then direction, then channel.
     #[must_use]
     pub fn samples(&self) -> &Samples {
         &self.samples
@@ -154,7 +155,7 @@ mod tests {
         assert!(Field::of_light(tiles(), 2, scale, &[[0.0; 3]; 67]).is_err());
         for value in [-1.0, f32::NAN, f32::INFINITY] {
             let mut light = vec![[1.0; 3]; 68];
-            // Texels of the first tile come first: rank 33 is the last texel of the second tile.
+            // All texels of the first tile precede the second tile. Rank 33 is the last texel of the second tile.
             light[67][2] = value;
             let message = Field::of_light(tiles(), 2, scale, &light).unwrap_err().to_string();
             let place = "light of tile 1, texel (0, 1), direction 1 is ";

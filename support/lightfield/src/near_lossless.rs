@@ -1,4 +1,5 @@
-//! Near-lossless coding of fields with a bounded error: prediction and quantization, then Zstandard, tile by tile.
+//! Near-lossless coding of fields with a bounded error: prediction, quantization and Zstandard, separately for each
+//! tile.
 
 mod file;
 mod residuals;
@@ -27,8 +28,8 @@ pub struct NearLossless {
 }
 
 impl NearLossless {
-    /// Encodes a field with errors of at most `delta` codes. 0 is lossless. The bytes do not depend on the number of
-    /// threads.
+    /// Encodes a field with errors of at most `delta` codes. With 0, the coding is lossless. The bytes do not depend on
+    /// the number of threads.
     ///
     /// # Errors
     ///
@@ -49,7 +50,7 @@ impl NearLossless {
         Self::from_bytes(file::write(&head, &stored))
     }
 
-    /// Reads the bytes of [`NearLossless::as_bytes`] and validates them completely, so that later reads cannot fail.
+    /// Reads the bytes of [`NearLossless::as_bytes`]. Validates all of them, so that later reads cannot fail.
     ///
     /// # Errors
     ///
@@ -58,7 +59,7 @@ impl NearLossless {
         let head = file::read(&bytes)?;
         let decoded = (0..head.tiles.len()).map(|_| OnceLock::new()).collect();
         let field = Self { bytes, head, decoded };
-        // Checksums are correct, but a forger can compute them: each tile must also decompress to its length.
+        // A forger can compute correct checksums. Check that each tile also decompresses to its length.
         let unfit = (0..field.head.tiles.len()).into_par_iter().find_first(|&tile| field.residuals(tile).is_none());
         unfit.map_or(Ok(field), |tile| Err(FieldError::Tile(tile)))
     }
@@ -87,7 +88,7 @@ impl NearLossless {
         self.head.scale
     }
 
-    /// Largest error of a code, δ.
+    /// Largest allowed error δ \[codes\].
     #[must_use]
     pub fn delta(&self) -> u16 {
         self.head.delta

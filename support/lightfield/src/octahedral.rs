@@ -1,4 +1,4 @@
-//! Directions as cells of a square, by the octahedral projection [Praun03], [Cigolle14].
+//! Directions as cells of a square, with the octahedral projection [Praun03], [Cigolle14].
 //!
 //! ```text
 //! p = ω / (|ω_x| + |ω_y| + |ω_z|)                       onto the octahedron
@@ -6,12 +6,13 @@
 //! (u, v) = ((1 − |p_y|) sign(p_x), (1 − |p_x|) sign(p_y))  otherwise: the lower faces are unfolded
 //! ```
 //!
-//! Cell (i, j) of n × n has its direction at `u = (2 i + 1) / n − 1`, `v = (2 j + 1) / n − 1`. The neighbor across an edge
-//! of the square is the cell mirrored at the middle of that edge.
+//! Cell (i, j) of n × n has the direction of the point `u = (2 i + 1) / n − 1`, `v = (2 j + 1) / n − 1`. The neighbor
+//! of a cell across an edge of the square is its mirror image about the middle of that edge.
 //!
 //! # Differences from the papers
 //!
-//! The papers store normals in few bits. Here the square is a map, so the neighbors across its edges matter.
+//! The papers store normals in few bits. This module stores a function over directions, so it also defines the
+//! neighbors across the edges of the square.
 
 use glam::{Vec2, Vec3};
 
@@ -27,21 +28,21 @@ pub struct OctahedralMap {
 pub struct DirectionCells {
     /// Indices of the cells. At the edges of tiny maps an index may appear twice.
     pub cells: [usize; 4],
-    /// Weights with a sum of 1.
+    /// Weights of the cells. Their sum is 1.
     pub weights: [f32; 4],
 }
 
 /// Returns the number of cells per side for a surface of roughness r: about 4 / r², from 4 to 24.
 ///
-/// The lobe of a rough surface is about α = r² wide, in radians. A cell is about 2 / n wide, half the lobe. With
-/// cells as wide as the lobe, the error of metal of roughness 0.4 in a Cornell box is four times as large.
+/// The lobe of a rough surface is about α = r² wide, in radians. A cell is about 2 / n wide, half as wide as the lobe.
+/// With cells as wide as the lobe, the error for metal of roughness 0.4 in a Cornell box is four times as large.
 ///
 /// ```
 /// assert_eq!([1.0, 0.8, 0.5, 0.4, 0.0].map(lightfield::map_side), [4, 6, 16, 24, 24]);
 /// ```
 #[must_use]
 pub fn map_side(roughness: f32) -> usize {
-    // NaN counts as smooth, because `min` returns 24.
+    // NaN counts as smooth, because `min` returns 24 for NaN.
     let cells = (4.0 / (roughness * roughness)).min(24.0).round();
     cells.max(4.0) as usize
 }
@@ -68,7 +69,7 @@ impl OctahedralMap {
 
     /// Returns the cells and weights that interpolate samples at `direction`, which may have any length.
     ///
-    /// Weights are continuous over the whole sphere. An undefined direction (zero, infinite or NaN) counts as +z.
+    /// Weights are continuous over the whole sphere. A direction that is zero, infinite or NaN counts as +z.
     #[must_use]
     pub fn bilinear(self, direction: Vec3) -> DirectionCells {
         let n = self.side as isize;
@@ -85,7 +86,8 @@ impl OctahedralMap {
     }
 }
 
-/// Returns the index of cell (i, j), each from −1 to n. Cells outside are mirrored at the middle of the edge.
+/// Returns the index of cell (i, j), each coordinate from −1 to n. Cells outside the map are mirrored about the middle
+/// of the edge.
 fn across(mut i: isize, mut j: isize, n: isize) -> usize {
     if i < 0 || i >= n {
         (i, j) = (i.clamp(0, n - 1), n - 1 - j);
@@ -98,7 +100,7 @@ fn across(mut i: isize, mut j: isize, n: isize) -> usize {
 
 /// Maps a direction to a point in [−1, 1]².
 fn to_square(direction: Vec3) -> Vec2 {
-    // Scale first, so that no sum overflows or underflows.
+    // Scale the direction first, so that no sum overflows or underflows.
     let scaled = direction / direction.abs().max_element();
     let p = scaled / scaled.abs().element_sum();
     if !p.is_finite() {
@@ -117,7 +119,8 @@ fn from_square(place: Vec2) -> Vec3 {
     xy.extend(z).normalize()
 }
 
-/// Mirrors a point at the diagonal of its quadrant. This unfolds lower faces, and folds them back.
+/// Mirrors a point about the diagonal of its quadrant. This unfolds the lower faces of the octahedron, or folds them
+/// back.
 fn folded(place: Vec2) -> Vec2 {
     Vec2::new((1.0 - place.y.abs()).copysign(place.x), (1.0 - place.x.abs()).copysign(place.y))
 }
@@ -146,7 +149,7 @@ mod tests {
             let place = to_square(direction);
             assert!(place.abs().max_element() <= 1.0 + 1e-6);
             assert!((from_square(place) - direction).length() < 1e-6, "{direction}");
-            // The length does not matter.
+            // Test that the length has no effect.
             for length in [1e-30, 1e30] {
                 assert!((to_square(direction * length) - place).length() < 1e-6);
             }
@@ -168,7 +171,7 @@ mod tests {
         }
     }
 
-    /// Weights by cell.
+    /// Returns the weight of each cell.
     fn spread(map: OctahedralMap, direction: Vec3) -> Vec<f32> {
         let mut all = vec![0.0; map.len()];
         let DirectionCells { cells, weights } = map.bilinear(direction);
@@ -180,8 +183,8 @@ mod tests {
 
     #[test]
     fn weights_are_continuous_over_edges_and_sum_to_one() {
-        // Great circles through all faces. A step of 1e-3 moves a point by at most √6 e-3 in the octahedron's plane.
-        // A weight changes by at most n / 2 times that for each of the two axes.
+        // Follow great circles through all faces. A step of 1e-3 moves a point by at most √6 e-3 in the octahedron's
+        // plane. A weight changes by at most n / 2 times this distance for each of the two axes.
         let step = 1e-3f32;
         for side in [1, 2, 3, 4, 7, 24] {
             let map = OctahedralMap { side };
@@ -203,8 +206,8 @@ mod tests {
         }
     }
 
-    /// Largest distance between a direction and the weighted sum of the directions of its cells. This is the error of
-    /// the worst linear function of slope 1.
+    /// Returns the largest distance between a direction and the weighted sum of the directions of its cells. This is
+    /// the error of the worst linear function of slope 1.
     fn largest_error(side: usize) -> f32 {
         let map = OctahedralMap { side };
         let mut largest = 0f32;
@@ -218,17 +221,17 @@ mod tests {
 
     #[test]
     fn linear_functions_are_interpolated() {
-        // Bound: a step (Δu, Δv) moves a point of the octahedron by at most √2 (|Δu| + |Δv|). Its direction moves by
-        // √3 times that, because no point is nearer than 1/√3 to the center. Weights w and 1 − w leave
-        // `2 w (1 − w) h ≤ h / 2` of a cell's width h = 2 / n in each axis: together √6 · 2 / n. Errors across
-        // the creases of the octahedron are of this order.
+        // Bound: a step (Δu, Δv) moves a point of the octahedron by at most √2 (|Δu| + |Δv|), and its direction by √3
+        // times that distance. No point is nearer than 1/√3 to the center. Linear interpolation with weights w and
+        // 1 − w errs by at most 2 w (1 − w) h ≤ h / 2 per axis, where h = 2 / n is the cell width. Together these give
+        // √6 · 2 / n. Errors across the creases of the octahedron are of this order.
         for side in [4, 5, 8, 15, 16, 24] {
             let (found, bound) = (largest_error(side), 6f32.sqrt() * 2.0 / side as f32);
             assert!(found <= bound, "{side}: {found} > {bound}");
-            // Dense evaluation finds less than half of the bound.
+            // The largest error found is less than half of the bound.
             assert!(found * side as f32 <= 2.0, "{side}: {}", found * side as f32);
         }
-        // Twice as fine gives half the error: no cells are confused.
+        // Check that doubling n halves the error. Confused cells would break this rule.
         let (coarse, fine) = (largest_error(12), largest_error(24));
         assert!(fine < 0.6 * coarse, "{coarse}, {fine}");
     }

@@ -11,16 +11,16 @@ const STEPS: f64 = 256.0;
 /// x = round(256 · log2(1 + L / L₀))        L = L₀ · (2^(x / 256) − 1)
 /// ```
 ///
-/// A code with an error of δ, plus its rounding, gives light with an error of at most
-/// `(2^((δ + ½) / 256) − 1) · (L + L₀)`. At δ = 0 this is 0.14 % for L ≫ L₀, and 0.0014 L₀ in the dark. Every
-/// finite nonnegative `f32` has a code.
+/// If a code errs by δ, the light errs by at most `(2^((δ + ½) / 256) − 1) · (L + L₀)`, including the rounding of the
+/// code. At δ = 0 the error is 0.14 % for L ≫ L₀, and 0.0014 L₀ for L near 0. Every finite nonnegative `f32` has a
+/// code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogScale {
     unit: f32,
 }
 
 impl LogScale {
-    /// Creates a scale with the unit L₀, in the unit of the light. Far below L₀ the steps are uniform.
+    /// Creates a scale. L₀ has the unit of the light. Far below L₀ the steps are uniform.
     ///
     /// # Errors
     ///
@@ -29,7 +29,7 @@ impl LogScale {
         if unit.is_normal() && unit > 0.0 { Ok(Self { unit }) } else { Err(FieldError::Unit(unit)) }
     }
 
-    /// Unit L₀, in the unit of the light.
+    /// Unit L₀ of the scale, in the unit of the light.
     #[must_use]
     pub fn unit(self) -> f32 {
         self.unit
@@ -46,7 +46,7 @@ impl LogScale {
         Some(x.round() as u16)
     }
 
-    /// Returns the light of a code, which may be fractional. At most `f32::MAX`.
+    /// Returns the light for a code, which may be fractional. The light is at most `f32::MAX`.
     #[must_use]
     pub fn light(self, code: f32) -> f32 {
         let ratio = (f64::from(code) * (std::f64::consts::LN_2 / STEPS)).exp_m1();
@@ -68,7 +68,7 @@ mod tests {
             while light.is_finite() {
                 let found = f64::from(scale.light(f32::from(scale.code(light).unwrap())));
                 let (light64, unit) = (f64::from(light), f64::from(unit));
-                // Plus one rounding to `f32`.
+                // Add one rounding to `f32`.
                 let bound = half * (light64 + unit) + light64 * f64::from(f32::EPSILON);
                 assert!((found - light64).abs() <= bound * (1.0 + 1e-9), "{light} of {unit}: {found}");
                 light *= 1.37;

@@ -1,21 +1,21 @@
-//! Texels in tiles of 16×16, with masks of the present texels.
+//! Texels in tiles of 16×16, with masks of the existing texels.
 
 /// Number of texels per side of a tile.
 pub const TILE_SIDE: usize = 16;
 /// Number of texel slots per tile.
 pub const TILE_SLOTS: usize = TILE_SIDE * TILE_SIDE;
 
-/// Bit set of the present texels: texel (x, y) is bit x + 16 y, 64 bits per word.
+/// Bit set of the existing texels of a tile: texel (x, y) is bit x + 16 y, 64 bits per word.
 pub(crate) type Mask = [u64; 4];
 
-/// Texels of an atlas, in tiles of 16×16 with some texels absent.
+/// Texels of an atlas, in tiles of 16×16. Tiles may lack texels.
 ///
-/// The slot of a texel is 256 × tile + 16 y + x. Present texels are ranked by slot. A [`Field`](crate::Field) stores
+/// The slot of a texel is 256 × tile + 16 y + x. Existing texels are ranked by slot. A [`Field`](crate::Field) stores
 /// samples in order of rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TexelTiles {
     masks: Vec<Mask>,
-    /// Number of texels in the tiles before each tile, and in all tiles.
+    /// Total number of texels in the tiles before each tile, then in all tiles.
     before: Vec<usize>,
 }
 
@@ -60,13 +60,13 @@ impl TexelTiles {
         self.masks.is_empty()
     }
 
-    /// Number of present texels.
+    /// Number of existing texels.
     #[must_use]
     pub fn texels(&self) -> usize {
         self.before[self.len()]
     }
 
-    /// Masks in the format of [`TexelTiles::new`].
+    /// Masks of all tiles, in the format of [`TexelTiles::new`].
     #[must_use]
     pub fn masks(&self) -> &[[u64; 4]] {
         &self.masks
@@ -146,7 +146,7 @@ mod tests {
         let tiles = TexelTiles::of_picture(21, 19);
         assert_eq!((tiles.len(), tiles.texels()), (4, 21 * 19));
         let slots: Vec<usize> = tiles.slots().collect();
-        // Counted by hand: tiles of 16×16, 5×16, 16×3 and 5×3 texels.
+        // These slots were counted by hand: the tiles have 16×16, 5×16, 16×3 and 5×3 texels.
         assert_eq!([slots[255], slots[256], slots[256 + 5], slots[256 + 80]], [255, 256, 256 + 16, 512]);
         for (rank, &slot) in slots.iter().enumerate() {
             assert_eq!((tiles.rank(slot), tiles.slot(rank)), (Some(rank), slot));

@@ -1,4 +1,4 @@
-//! Sizes and errors of one object, or of all objects of a scene, with all codings.
+//! Sizes and errors of one object, or of all objects of a scene, with every coding.
 
 use crate::light::DIRECTIONS;
 use crate::scene::Object;
@@ -13,11 +13,11 @@ const NAMES: [&str; 9] =
 /// Errors \[codes\].
 #[derive(Clone, Copy, Default)]
 struct Errors {
-    /// Sum of the mean errors of three channels.
+    /// Sum over all codes of the mean error of the three channels.
     sum: f64,
-    /// Largest error of one channel.
+    /// Largest error in one channel.
     channel: f32,
-    /// Largest mean error of three channels.
+    /// Largest mean error of the three channels.
     mean: f32,
 }
 
@@ -28,7 +28,7 @@ struct Coded {
     errors: Errors,
 }
 
-/// All codings of an object.
+/// Results of all codings of an object.
 pub struct Row {
     name: &'static str,
     raw: usize,
@@ -41,7 +41,7 @@ impl Errors {
         Self { sum: self.sum + other.sum, channel: self.channel.max(other.channel), mean: self.mean.max(other.mean) }
     }
 
-    /// Errors of all codes of a texel.
+    /// Returns the errors of all codes of a texel.
     fn of_texel(field: &Field, stored: &impl LookUp, slot: usize) -> Self {
         let mut errors = Self::default();
         for direction in 0..DIRECTIONS {
@@ -56,7 +56,7 @@ impl Errors {
         errors
     }
 
-    /// Errors of all codes of a field. Sums of texels are added in order.
+    /// Returns the errors of all codes of a field. The texels' sums are added in order.
     fn of_field(field: &Field, stored: &(impl LookUp + Sync)) -> Self {
         let slots: Vec<usize> = field.tiles().slots().collect();
         let texels: Vec<Self> = slots.par_iter().map(|&slot| Self::of_texel(field, stored, slot)).collect();
@@ -64,19 +64,19 @@ impl Errors {
     }
 }
 
-/// Coding of the thesis.
+/// Encodes a field with the thesis's coding.
 fn segments(field: &Field, threshold: u16, rule: SegmentRule) -> Coded {
     let stored = Segmented::encode(field, threshold, rule);
     Coded { bytes: stored.size(), errors: Errors::of_field(field, &stored.bisection()) }
 }
 
-/// Coding of this crate.
+/// Encodes a field with this crate's coding.
 fn near_lossless(field: &Field, delta: u16) -> Result<Coded, FieldError> {
     let stored = NearLossless::encode(field, delta)?;
     Ok(Coded { bytes: stored.as_bytes().len(), errors: Errors::of_field(field, &stored) })
 }
 
-/// Raw bytes as one Zstandard frame.
+/// Compresses the raw bytes of a field as one Zstandard frame.
 fn zstandard(field: &Field) -> Coded {
     let Samples::Bytes(codes) = field.samples() else { unreachable!("the example makes bytes") };
     let frame = zstd::bulk::compress(codes, 19).expect("memory for a frame");
@@ -84,7 +84,7 @@ fn zstandard(field: &Field) -> Coded {
 }
 
 impl Row {
-    /// Encodes a field with all codings. Zstandard, which is single-threaded, runs in parallel with the others.
+    /// Encodes a field with all codings. Zstandard is single-threaded and runs in parallel with the other codings.
     pub fn of(name: &'static str, field: &Field) -> Result<Self, FieldError> {
         let others = || {
             Ok([
@@ -129,7 +129,7 @@ fn megabytes(bytes: usize) -> String {
     format!("{megabytes:.decimals$}")
 }
 
-/// Prints sizes, and for all objects together the ratio of raw to stored bytes.
+/// Prints the sizes. For all objects together, also prints the ratio of raw to stored bytes.
 pub fn print_sizes(rows: &[Row], objects: &[Object]) {
     println!("| MB | raw | {} | thesis printed, T=0 / 6 / 9 at scale 1 |", NAMES.join(" | "));
     println!("|---{}|", "|---".repeat(NAMES.len() + 2));
@@ -147,7 +147,8 @@ pub fn print_sizes(rows: &[Row], objects: &[Object]) {
     println!("| raw / stored | | {ratios} | |");
 }
 
-/// Prints errors in codes: mean over all channels, largest of one channel, largest of the mean of three.
+/// Prints the errors in codes: the mean over all channels, the largest error of one channel, and the largest mean error
+/// of the three channels.
 pub fn print_errors(rows: &[Row]) {
     println!("Errors in codes: mean, largest of one channel, largest of the mean of three\n");
     let lossy = [1, 2, 3, 4, 6, 7, 8];

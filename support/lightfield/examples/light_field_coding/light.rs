@@ -1,23 +1,23 @@
-//! Light that leaves the texels of an object, as 8-bit codes.
+//! Computation of the light that leaves the texels of an object, as 8-bit codes.
 
 use crate::scene::{Object, Point, Scene, Surface};
 use glam::Vec3;
 use lightfield::{Field, FieldError, Samples, TILE_SIDE, TILE_SLOTS, TexelTiles};
 use rayon::prelude::*;
 
-/// Number of directions per angle: to the normal (θ) and about it (φ). Direction (i_θ, i_φ) has the index i_θ + 20 ·
-/// i_φ.
+/// Number of directions per angle: θ from the normal and φ about the normal. Direction (i_θ, i_φ) has the index i_θ +
+/// 20 · i_φ.
 pub const PLACES: usize = 20;
-/// Total number of directions.
+/// Total number of directions of a texel.
 pub const DIRECTIONS: usize = PLACES * PLACES;
-/// Number of points per side of each light's grid.
+/// Number of points along each side of a light's grid.
 const POINTS: usize = 8;
-/// Number of random light points per direction with noisy light.
+/// Number of random light points per direction if the light is noisy.
 const PICKS: usize = 16;
 /// Radiance of the lights, chosen so that the brightest lobes just saturate.
 const EMITTED: f32 = 9.0;
 
-/// Mirrored light of one texel: its directions in the frame of the surface, and the irradiance from each.
+/// Mirrored light of one texel: the directions in the surface frame, and the irradiance from each direction.
 #[derive(Default)]
 struct Mirrored {
     x: Vec<f32>,
@@ -47,7 +47,7 @@ fn points([a, b, c]: [Vec3; 3]) -> Vec<Vec3> {
     (0..POINTS * POINTS).map(at).collect()
 }
 
-/// Returns the mirrored light from each light point at a surface point. Hidden light points have zero irradiance.
+/// Returns the mirrored light from each light point at a surface point. Occluded light points have zero irradiance.
 fn mirrored(scene: &Scene, point: Point) -> Mirrored {
     let mut found = Mirrored::default();
     let bitangent = point.normal.cross(point.tangent);
@@ -69,7 +69,7 @@ fn mirrored(scene: &Scene, point: Point) -> Mirrored {
     found
 }
 
-/// Sums irradiance and lobe light in a direction over all light points.
+/// Returns two sums over all light points: irradiance, and lobe light in a direction.
 fn sums(mirrored: &Mirrored, direction: Vec3, surface: Surface) -> [f32; 2] {
     let (mut irradiance, mut lobe) = (0.0, 0.0);
     for k in 0..mirrored.irradiance.len() {
@@ -84,12 +84,12 @@ fn sums(mirrored: &Mirrored, direction: Vec3, surface: Surface) -> [f32; 2] {
     [irradiance, lobe]
 }
 
-/// Estimates the same sums from random light points.
+/// Estimates both sums of [`sums`] from random light points.
 fn noisy_sums(mirrored: &Mirrored, direction: Vec3, surface: Surface, seed: u64) -> [f32; 2] {
     let count = mirrored.irradiance.len();
     let (mut picked, mut state) = (Mirrored::default(), seed);
     for _ in 0..PICKS {
-        // SplitMix64 of Steele, Lea and Flood.
+        // Random numbers: SplitMix64 by Steele, Lea and Flood.
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut bits = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -102,7 +102,7 @@ fn noisy_sums(mirrored: &Mirrored, direction: Vec3, surface: Surface, seed: u64)
     sums(&picked, direction, surface)
 }
 
-/// Computes the codes of one texel in all directions: square roots of light, for displays of gamma 2.
+/// Computes the codes of one texel in all directions. The codes are square roots of light, for displays with gamma 2.
 fn shade(scene: &Scene, object: &Object, [x, y]: [usize; 2], noisy: bool, codes: &mut [u8]) {
     let mirrored = mirrored(scene, object.point(x, y));
     let surface = object.surface;
@@ -124,7 +124,7 @@ fn shade(scene: &Scene, object: &Object, [x, y]: [usize; 2], noisy: bool, codes:
     }
 }
 
-/// Returns the texel (x, y) of a slot in the picture of an object.
+/// Returns the texel (x, y) in a slot, in the picture of an object.
 fn texel(object: &Object, slot: usize) -> [usize; 2] {
     let (columns, tile, bit) = (object.width.div_ceil(TILE_SIDE), slot / TILE_SLOTS, slot % TILE_SLOTS);
     [tile % columns * TILE_SIDE + bit % TILE_SIDE, tile / columns * TILE_SIDE + bit / TILE_SIDE]

@@ -1,9 +1,9 @@
-//! Sizes, errors and read times of light fields with several codings, for scenes like those in chapter 8 of the
-//! thesis.
+//! Sizes, errors and read times of light fields with several codings. The scenes resemble the scenes in chapter 8 of
+//! the thesis.
 //!
 //! `cargo run --release -p render2mpeg-lightfield --example light_field_coding -- [--scale F] [--scene N] [--sheet FILE.png]`
 //!
-//! `--scale` multiplies the number of texels, 1 being the thesis's number. `--scene` is 1, 2, or 3 for noisy light.
+//! `--scale` multiplies the number of texels; 1 is the thesis's number. `--scene` is 1, 2, or 3 (noisy light).
 
 mod coding;
 mod light;
@@ -16,9 +16,9 @@ use coding::Row;
 use scene::Scene;
 use std::time::Instant;
 
-/// Number of texels relative to the thesis. All scenes then take less than four minutes on two cores.
+/// Number of texels relative to the thesis. With this number, all scenes take less than four minutes on two cores.
 const SCALE: f32 = 0.1;
-/// Fraction of texels for noisy light, because all codings store it slowly and poorly.
+/// Fraction of the texels that is coded if the light is noisy, because all codings store noise slowly and poorly.
 const NOISY_SHARE: f32 = 0.25;
 
 /// Command-line options.
@@ -97,7 +97,7 @@ fn run(choices: &Choices) -> Result<(), Box<dyn std::error::Error>> {
         report(&fewer, true, &[])?;
     }
     if let Some(path) = sheet {
-        // At full size, independent of the scale.
+        // Read times are measured at full size, independent of the scale.
         let simple = scene::simple(1.0);
         sheet::write(path, &simple, &simple.objects[2])?;
     }

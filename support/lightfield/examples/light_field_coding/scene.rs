@@ -1,8 +1,8 @@
-//! Scenes like those in chapter 8 of the thesis: surfaces laid out in pictures of texels, and occluders.
+//! Scenes like the scenes in chapter 8 of the thesis: surfaces laid out in pictures of texels, and occluders.
 
 use glam::{Vec2, Vec3};
 
-/// A point of a surface. Directions are measured from `normal` and about it from `tangent`.
+/// A point of a surface. θ is measured from `normal`, φ about `normal` from `tangent`.
 #[derive(Clone, Copy)]
 pub struct Point {
     pub position: Vec3,
@@ -10,7 +10,7 @@ pub struct Point {
     pub tangent: Vec3,
 }
 
-/// Diffuse reflectance, and a Phong lobe with a reflectance and an exponent of 2 to the power `shine`.
+/// Diffuse reflectance, and a Phong lobe with a reflectance and the exponent 2^`shine`.
 #[derive(Clone, Copy)]
 pub struct Surface {
     pub diffuse: Vec3,
@@ -18,7 +18,8 @@ pub struct Surface {
     pub shine: u32,
 }
 
-/// A parallelogram, or a triangle if `tip` is 0: its far side is `tip` times as long as its near side.
+/// A parallelogram, or a trapezoid with a far side `tip` times as long as the near side. It is a triangle if `tip` is
+/// 0.
 #[derive(Clone, Copy)]
 struct Face {
     origin: Vec3,
@@ -29,7 +30,7 @@ struct Face {
 
 /// Shape of a surface with a picture of texels.
 enum Shape {
-    /// Faces in a row, each as high as the picture.
+    /// A row of faces, each as high as the picture.
     Faces(Vec<Face>),
     /// A sphere, mapped by longitude and latitude.
     Sphere { center: Vec3, radius: f32 },
@@ -42,19 +43,19 @@ pub struct Object {
     pub height: usize,
     pub surface: Surface,
     shape: Shape,
-    /// Sizes printed in the thesis for T = 0, 6, 9 \[1024 bytes\].
+    /// Sizes that the thesis prints for T = 0, 6, 9 \[1024 bytes\].
     pub printed: Option<[u32; 3]>,
 }
 
 /// An object that can block light.
 pub enum Occluder {
-    /// Points x with n · x ≤ d for all (n, d).
+    /// Convex body: the points x with n · x ≤ d for all (n, d).
     Convex(Vec<(Vec3, f32)>),
     /// A ball.
     Ball { center: Vec3, radius: f32 },
 }
 
-/// Objects, occluders, and emissive triangles given by their corners. The normals of the triangles are −y.
+/// Objects, occluders, and emissive triangles, each as three corners. The normals of the triangles are −y.
 pub struct Scene {
     pub name: &'static str,
     pub objects: Vec<Object>,
@@ -90,7 +91,7 @@ impl Occluder {
         let way = to - from;
         match self {
             Self::Convex(planes) => {
-                // Parameter interval of the segment that is inside all planes.
+                // The segment is inside all planes between the parameters `enter` and `leave`.
                 let (mut enter, mut leave) = (1e-4f32, 1.0f32);
                 for (normal, offset) in planes {
                     let (slope, height) = (normal.dot(way), offset - normal.dot(from));
@@ -117,8 +118,9 @@ fn rectangle(origin: Vec3, across: Vec3, up: Vec3) -> Face {
     Face { origin, across, up, tip: 1.0 }
 }
 
-/// Returns the faces of a prism over the polygon `base`, counterclockwise seen from above, from y = 0 to `height`.
-/// These are the sides, the top as a triangle or, with four corners, a rectangle, and the dark bottom on the floor.
+/// Returns the faces of a prism over the polygon `base`, from y = 0 to `height`, and its occluder. The faces are the
+/// sides, the top and the dark bottom on the floor. `base` is counterclockwise seen from above. The top is a triangle,
+/// or a rectangle over four corners.
 fn solid(base: &[Vec3], height: f32) -> (Vec<Face>, Occluder) {
     let up = Vec3::Y * height;
     let mut faces = Vec::new();
@@ -143,7 +145,7 @@ fn solid(base: &[Vec3], height: f32) -> (Vec<Face>, Occluder) {
     (faces, Occluder::Convex(planes))
 }
 
-/// Returns the corners of a polygon about `center`, counterclockwise seen from above.
+/// Returns the corners of a regular polygon about `center`, counterclockwise seen from above.
 fn polygon(center: Vec3, radius: f32, corners: usize, turn: f32) -> Vec<Vec3> {
     let corner = |k: usize| {
         let (sin, cos) = (turn - k as f32 / corners as f32 * std::f32::consts::TAU).sin_cos();
@@ -152,19 +154,19 @@ fn polygon(center: Vec3, radius: f32, corners: usize, turn: f32) -> Vec<Vec3> {
     (0..corners).map(corner).collect()
 }
 
-/// Returns the side of a picture at a scale of the number of texels.
+/// Returns the side of a picture after its number of texels is multiplied by `scale`.
 fn scaled(side: usize, scale: f32) -> usize {
     (side as f32 * scale.sqrt()).round().max(1.0) as usize
 }
 
-/// Floor and two walls of a room of 4 × 3 × 4.
+/// Returns the floor and two walls of a room of 4 × 3 × 4.
 fn room() -> [Shape; 3] {
     let (x, y, z) = (Vec3::X * 4.0, Vec3::Y * 3.0, Vec3::Z * 4.0);
     let faces = [rectangle(Vec3::ZERO, y, z), rectangle(Vec3::ZERO, x, y), rectangle(Vec3::ZERO, z, x)];
     faces.map(|face| Shape::Faces(vec![face]))
 }
 
-/// The first scene: two walls and a floor with lobes, two boxes, a prism, and an emissive triangle.
+/// Builds the first scene: two walls and a floor with lobes, two boxes, a prism, and an emissive triangle.
 pub fn simple(scale: f32) -> Scene {
     let [wall_side, wall_front, floor] = room();
     let (front, hides_front) = solid(&polygon(Vec3::new(2.7, 0.0, 2.6), 0.6, 4, 0.5), 0.8);
@@ -195,8 +197,8 @@ pub fn simple(scale: f32) -> Scene {
     }
 }
 
-/// The second scene: a room, two lights, and a ball that represents 900 triangles (30 around, 16 from pole to pole).
-/// All objects have lobes.
+/// Builds the second scene: a room, two lights, and a ball that represents 900 triangles (30 around, 16 from pole to
+/// pole). All objects have lobes.
 pub fn complex(scale: f32) -> Scene {
     let (center, radius) = (Vec3::new(2.0, 1.0, 2.0), 0.8);
     let [wall_side, wall_front, floor] = room();

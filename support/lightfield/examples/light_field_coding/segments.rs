@@ -1,5 +1,5 @@
-//! Coding of the thesis: piecewise linear segments over the direction index, with indexed colors [LinkopingThesis,
-//! 5.2 and 7.2.4].
+//! The thesis's coding: piecewise linear segments over the direction index, with indexed colors [LinkopingThesis, 5.2
+//! and 7.2.4].
 //!
 //! Some of the codes v(0), v(1), … of a texel in all directions are stored as keys. Between keys s and e,
 //!
@@ -7,15 +7,15 @@
 //! v'(j) = v(s) + (v(e) − v(s)) (j − s) / (e − s)       err_c(j) = v_c(j) − v'_c(j), for the channels c
 //! ```
 //!
-//! A segment that starts at s extends to e while [`SegmentRule`] allows it, given a threshold T. With T = 0 the
-//! coding is lossless. A key contains a direction index and a color index, 16 bits each. Objects with more than 65
-//! 536 colors are split.
+//! A segment that starts at s extends to e while [`SegmentRule`] allows it, given a threshold T. With T = 0 the coding
+//! is lossless. A key consists of a direction index and a color index, 16 bits each. Objects with more than 65 536
+//! colors are split.
 //!
 //! # Differences from the thesis
 //!
-//! The pseudocode of the thesis compares each difference with the previous one, which does not bound the error. The
-//! largest errors that it prints match [`SegmentRule::Checked`]. Its tables contain all colors of an object, here
-//! only the colors of keys.
+//! The pseudocode of the thesis compares each difference with the previous difference, which does not bound the error.
+//! The largest errors that the thesis prints match [`SegmentRule::Checked`]. The thesis's color tables contain all
+//! colors of an object. These color tables contain only the colors of keys.
 
 use lightfield::{Field, LookUp, Samples, TexelTiles};
 use rayon::prelude::*;
@@ -25,18 +25,18 @@ use std::collections::hash_map::Entry;
 /// Number of colors with a 16-bit index.
 const MOST_COLORS: usize = 1 << 16;
 
-/// Codes of a color.
+/// Codes of a color, one per channel.
 type Color = [u8; 3];
 
-/// Rule for the length of a segment. In both rules, no first difference v(j + 1) − v(j) has the opposite sign of the
-/// segment's first.
+/// Rule for the length of a segment. In both rules, no step v(j + 1) − v(j) of a channel has the opposite sign of the
+/// segment's first step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SegmentRule {
-    /// Continues while Σ_c |err_c(j)| < T and |err_c(j)| < T/2 for all j between s and e. The mean error of the
-    /// channels is below T/3.
+    /// The segment continues while Σ_c |err_c(j)| < T and |err_c(j)| < T/2 for all j between s and e. The mean error of
+    /// the channels is below T/3.
     Checked,
-    /// Continues while the same conditions hold for `v(e) − v(s) − (e − s) d_s`, the deviation from the segment's
-    /// initial line, with `d_s = v(s + 1) − v(s)`. Errors may exceed T/3.
+    /// The segment continues while the deviation from its initial line, `v(e) − v(s) − (e − s) d_s` with `d_s = v(s +
+    /// 1) − v(s)`, satisfies the same limits. Errors may exceed T/3.
     FirstDifference,
 }
 
@@ -87,7 +87,7 @@ impl Segmented {
             objects: Vec::new(),
         };
 
-        // Batches bound the memory for keys without color indices.
+        // Encode in batches, to bound the memory for keys without color indices.
         let mut numbers = HashMap::new();
         for batch in codes.chunks(4096 * directions * 3) {
             let texels: Vec<Vec<Key>> =
@@ -122,27 +122,27 @@ impl Segmented {
         self.starts.push(self.positions.len());
     }
 
-    /// Number of keys.
+    /// Returns the number of keys.
     #[must_use]
     pub fn keys(&self) -> usize {
         self.positions.len()
     }
 
-    /// Size in bytes by the thesis's count: 4 per texel (its first key), 2 + 2 per key (direction and color), 3 per
-    /// color of a table.
+    /// Returns the size in bytes, counted as in the thesis. A texel takes 4 bytes (the index of its first key), a key 4
+    /// (direction and color), a color of a table 3.
     #[must_use]
     pub fn size(&self) -> usize {
         let colors: usize = self.objects.iter().map(|object| object.table.len()).sum();
         4 * self.tiles.texels() + 4 * self.keys() + 3 * colors
     }
 
-    /// Reader with a linear search over the keys of a texel, as in the thesis.
+    /// Returns a reader with a linear search over the keys of a texel, as in the thesis.
     #[must_use]
     pub fn linear(&self) -> LinearSearch<'_> {
         LinearSearch(self)
     }
 
-    /// Reader with a binary search over the keys of a texel.
+    /// Returns a reader with a binary search over the keys of a texel.
     #[must_use]
     pub fn bisection(&self) -> Bisection<'_> {
         Bisection(self)
@@ -162,7 +162,7 @@ impl Segmented {
             return Some(high);
         }
 
-        // Between two keys.
+        // Interpolate between two keys.
         let low = object.table[usize::from(self.colors[after - 1])].map(f32::from);
         let before = usize::from(self.positions[after - 1]);
         let share = (direction - before) as f32 / (position - before) as f32;
@@ -170,7 +170,7 @@ impl Segmented {
     }
 }
 
-/// A [`Segmented`] read by linear search.
+/// Reader of a [`Segmented`] by linear search.
 #[derive(Clone, Copy, Debug)]
 pub struct LinearSearch<'a>(&'a Segmented);
 
@@ -187,7 +187,7 @@ impl LookUp for LinearSearch<'_> {
     }
 }
 
-/// A [`Segmented`] read by binary search.
+/// Reader of a [`Segmented`] by binary search.
 #[derive(Clone, Copy, Debug)]
 pub struct Bisection<'a>(&'a Segmented);
 
@@ -222,7 +222,7 @@ fn difference(a: Color, b: Color) -> [i64; 3] {
     [0, 1, 2].map(|c| i64::from(a[c]) - i64::from(b[c]))
 }
 
-/// Returns whether an error of `n`-ths is within the threshold. A zero error always is.
+/// Returns whether an error of `n`-ths is within the threshold. A zero error is always within it.
 #[inline]
 fn within(error: [i64; 3], n: i64, threshold: i64) -> bool {
     let [a, b, c] = error.map(i64::abs);
@@ -236,7 +236,7 @@ fn turns(colors: &[Color], end: usize, first: [i64; 3]) -> bool {
     (0..3).any(|c| step[c] * first[c] < 0)
 }
 
-/// Returns the end of the segment that starts at `start`, by [`SegmentRule::Checked`].
+/// Returns the end of the segment that starts at `start`, according to [`SegmentRule::Checked`].
 fn checked_end(colors: &[Color], start: usize, threshold: i64) -> usize {
     let first = difference(colors[start + 1], colors[start]);
     // While codes follow the line exactly, intermediate codes need no check.
@@ -254,14 +254,15 @@ fn checked_end(colors: &[Color], start: usize, threshold: i64) -> usize {
     end
 }
 
-/// Returns n-ths of the error at direction j of a segment that starts at s and rises by `chord` over n directions.
+/// Returns the error at direction j, in units of 1/n code, of a segment that starts at s and rises by `chord` over n
+/// directions.
 #[inline]
 fn error(colors: &[Color], [s, j]: [usize; 2], chord: [i64; 3], n: i64) -> [i64; 3] {
     let rise = difference(colors[j], colors[s]);
     [0, 1, 2].map(|c| rise[c] * n - chord[c] * (j - s) as i64)
 }
 
-/// Returns the end of the segment that starts at `start`, by [`SegmentRule::FirstDifference`].
+/// Returns the end of the segment that starts at `start`, according to [`SegmentRule::FirstDifference`].
 fn first_difference_end(colors: &[Color], start: usize, threshold: i64) -> usize {
     let first = difference(colors[start + 1], colors[start]);
     let mut end = start + 1;

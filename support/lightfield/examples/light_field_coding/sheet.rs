@@ -1,4 +1,4 @@
-//! Contact sheet: the light of an object in one direction with several codings, and magnified errors.
+//! Contact sheet: the light of an object in one direction with several codings, and the magnified errors.
 
 use crate::light::{self, DIRECTIONS, PLACES};
 use crate::scene::{Object, Scene};
@@ -7,20 +7,20 @@ use lightfield::{LookUp, NearLossless};
 use std::fs::File;
 use std::io::BufWriter;
 
-/// Pixels between pictures.
+/// Gap between pictures \[pixels\].
 const GAP: usize = 8;
-/// Magnification of errors, displayed around gray.
+/// Magnification of errors, which are displayed around gray.
 const MAGNIFIED: f32 = 24.0;
 
-/// Writes the sheet as PNG. The top row shows the light of `object` raw, as segments of T = 9 and near-lossless with
-/// δ = 3. The bottom row shows the errors.
+/// Writes the contact sheet as PNG. The top row shows the light of `object` raw, as segments with T = 9, and
+/// near-lossless with δ = 3. The bottom row shows the errors.
 pub fn write(path: &str, scene: &Scene, object: &Object) -> Result<(), Box<dyn std::error::Error>> {
     let field = light::field(scene, object, false)?;
     let segmented = Segmented::encode(&field, 9, SegmentRule::Checked);
     let (linear, near) = (segmented.linear(), NearLossless::encode(&field, 3)?);
     let ways: [&dyn LookUp; 3] = [&field, &linear, &near];
 
-    // 45° from the normal, at an azimuth where the lobe is visible.
+    // View from 45° to the normal, at an azimuth where the lobe is visible.
     let direction = PLACES / 2 + DIRECTIONS * 7 / 8 / PLACES * PLACES;
     let (width, height) = (object.width, object.height);
     let (across, down) = (3 * width + 2 * GAP, 2 * height + GAP);

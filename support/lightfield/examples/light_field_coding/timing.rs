@@ -7,10 +7,10 @@ use std::time::Instant;
 
 /// Number of reads per run.
 const LOOK_UPS: usize = 1 << 21;
-/// Number of runs. The fastest counts.
+/// Number of runs. The fastest run is reported.
 const RUNS: usize = 5;
 
-/// Returns random pairs of slot and direction of a field: Weyl sequences of the golden ratio and its square.
+/// Returns random pairs of slot and direction, from Weyl sequences of the golden ratio and its square.
 fn pairs(field: &Field) -> Vec<[u32; 2]> {
     let slots: Vec<usize> = field.tiles().slots().collect();
     let pair = |k: usize| {
@@ -22,7 +22,7 @@ fn pairs(field: &Field) -> Vec<[u32; 2]> {
     (1..=LOOK_UPS).map(pair).collect()
 }
 
-/// Returns the time of a read \[ns\] and the mean code, which prevents the compiler from removing the work.
+/// Returns the time per read \[ns\] and the mean code. Using the mean keeps the compiler from removing the reads.
 fn nanoseconds(stored: &impl LookUp, pairs: &[[u32; 2]]) -> [f64; 2] {
     let (mut fastest, mut sum) = (f64::INFINITY, 0.0);
     for _ in 0..RUNS {

@@ -1,9 +1,9 @@
-//! Bytes of a stored field.
+//! File format of a stored field.
 //!
 //! ```text
 //! "R2LF"  version (u32)  directions (u32)  kind: 0 bytes, 1 logarithmic (u16)  δ (u16)  L₀ (f32, 0 for bytes)
 //! tiles (u32)  for each tile: mask (32 bytes), length (u32), CRC-32 (u32) of its bytes
-//! CRC-32 (u32) of all before; then the bytes of the tiles, each a Zstandard frame         all little-endian
+//! CRC-32 (u32) of all bytes before it; then the bytes of the tiles, each a Zstandard frame   all little-endian
 //! ```
 
 use crate::error::{FieldError, LARGEST_DELTA, MOST_DIRECTIONS, MOST_TILES, VERSION};
@@ -24,11 +24,11 @@ pub(crate) struct Head {
     pub scale: Option<LogScale>,
     pub delta: u16,
     pub tiles: TexelTiles,
-    /// Offsets of the bytes of each tile, and the end of the last tile.
+    /// Start of each tile's bytes, then the end of the last tile \[bytes\].
     pub places: Vec<usize>,
 }
 
-/// Reader of little-endian fields from the front.
+/// Reader that removes little-endian fields from the front of its bytes.
 struct NumberReader<'a>(&'a [u8]);
 
 impl NumberReader<'_> {
@@ -55,7 +55,7 @@ impl NumberReader<'_> {
     }
 }
 
-/// Assembles the whole file from `head`, without its `places`, and the bytes of the tiles.
+/// Assembles the whole file from the header and the bytes of the tiles. Ignores `head.places`.
 pub(crate) fn write(head: &Head, tiles: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend(VERSION.to_le_bytes());
@@ -75,7 +75,7 @@ pub(crate) fn write(head: &Head, tiles: &[Vec<u8>]) -> Vec<u8> {
     bytes
 }
 
-/// Reads the header and checks it against all bytes of the file. Allocates no more memory than the bytes take.
+/// Reads the header and compares it with all bytes of the file. Allocates no more memory than the size of the file.
 pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
     let mut reader = NumberReader(bytes);
     if reader.take() != Ok(MAGIC) {
@@ -88,7 +88,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
     let (directions, kind, delta) = (reader.u32()? as usize, reader.u16()?, reader.u16()?);
     let (unit, tiles) = (f32::from_le_bytes(reader.take()?), reader.u32()? as usize);
 
-    // Check the length of the list and its checksum.
+    // Check the length and the checksum of the list.
     let list = reader.0.get(..tiles.min(MOST_TILES + 1) * ENTRY).ok_or(FieldError::Head)?;
     let end = START + list.len();
     let mut sum = NumberReader(&bytes[end..]);
@@ -98,7 +98,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
         return Err(FieldError::Head);
     }
 
-    // Check that the tiles fill the rest of the bytes.
+    // Check that the tiles fill the remaining bytes.
     let (mut masks, mut lengths, mut sums) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..tiles {
         masks.push(reader.mask()?);

@@ -7,11 +7,11 @@
 //! y = clamp(x̂ + k (2δ + 1))                 decoded
 //! ```
 //!
-//! |x − y| ≤ δ: before clamping, k is the nearest multiple. Clamping moves y towards the range that contains x. With
-//! δ = 0, k counts modulo the number of codes, and y = x.
+//! |x − y| ≤ δ, because k (2δ + 1) is the multiple of 2δ + 1 nearest to e. Clamping moves y towards the range that
+//! contains x. With δ = 0, k is counted modulo the number of codes, and y = x.
 //!
-//! W predicts the first row and N the first column. The first texel is predicted by its own decoded value in the
-//! previous direction, or 0. An absent texel takes the value of its prediction.
+//! In the first row the prediction is W, in the first column N. The prediction of the first texel is its own decoded
+//! value in the previous direction, or 0. The value of an absent texel is its prediction.
 //!
 //! # Differences from the paper
 //!
@@ -20,15 +20,15 @@
 
 use crate::tiles::{Mask, TILE_SIDE, TILE_SLOTS, is_set};
 
-/// Type of sample code, with values from 0 to [`Code::MOST`].
+/// A sample code type, with values from 0 to [`Code::MOST`].
 pub(crate) trait Code: Copy + Default + Into<i32> {
     /// The largest code.
     const MOST: i32;
     /// Number of bytes of a residual.
     const BYTES: usize;
-    /// Converts a value from 0 to [`Code::MOST`].
+    /// Converts a value from 0 to [`Code::MOST`] to a code.
     fn of(value: i32) -> Self;
-    /// Wraps a number to the centered residues modulo the number of codes.
+    /// Maps `k` to the residue nearest to zero, modulo the number of codes.
     fn around_zero(k: i32) -> i32;
 }
 
@@ -58,7 +58,7 @@ impl Code for u16 {
     }
 }
 
-/// Median edge detector [Weinberger00].
+/// Returns the prediction of the median edge detector [Weinberger00].
 #[inline]
 fn median_edge(west: i32, north: i32, northwest: i32) -> i32 {
     let (low, high) = (west.min(north), west.max(north));
@@ -81,7 +81,7 @@ fn walk(mask: &Mask, directions: usize, mut decoded: impl FnMut(usize, i32) -> i
             let mut plane = [0; TILE_SLOTS];
             let mut place = direction * 3 + channel;
             for slot in 0..TILE_SLOTS {
-                // Missing neighbors are replaced by existing ones.
+                // Replace missing neighbors by existing neighbors.
                 let predicted = match (slot % TILE_SIDE, slot / TILE_SIDE) {
                     (0, 0) => *first,
                     (_, 0) => plane[slot - 1],
@@ -99,15 +99,15 @@ fn walk(mask: &Mask, directions: usize, mut decoded: impl FnMut(usize, i32) -> i
     }
 }
 
-/// Returns the decoded code for a prediction and a quantized residual, within the valid range for any 16-bit `k`.
+/// Returns the decoded code for a prediction and a quantized residual. It is in the valid range for any 16-bit `k`.
 #[inline]
 fn reconstruct<C: Code>(predicted: i32, k: i32, delta: i32) -> i32 {
     if delta == 0 { (predicted + k) & C::MOST } else { (predicted + k * (2 * delta + 1)).clamp(0, C::MOST) }
 }
 
-/// Returns the residuals of the codes of a tile, which are ordered by rank of the texel, direction, channel.
+/// Returns the residuals of the codes of a tile. `codes` are ordered by the texel's rank, then direction, then channel.
 ///
-/// The sign is stored in the lowest bit, so that small residuals are small numbers. For 16-bit codes, all low bytes
+/// The lowest bit contains the sign, so that small residuals are small numbers. For 16-bit codes, all low bytes
 /// precede all high bytes.
 pub(crate) fn encode<C: Code>(codes: &[C], mask: &Mask, directions: usize, delta: u16) -> Vec<u8> {
     let delta = i32::from(delta);

@@ -1,8 +1,8 @@
-//! Damaged, truncated and forged bytes give a one-line error.
+//! Tests that damaged, truncated and forged bytes give a one-line error.
 
 use lightfield::{Field, FieldError, LookUp, NearLossless, Samples, TexelTiles};
 
-/// A small file of three tiles.
+/// Returns a small file of three tiles.
 fn bytes() -> Vec<u8> {
     let tiles = TexelTiles::new(vec![[u64::MAX; 4], [0; 4], [0x00ff_00f0, 0, 7, 0]]);
     let codes = (0..tiles.texels() * 2 * 3).map(|k| (k * 7 / 5 % 256) as u8).collect();
@@ -43,7 +43,7 @@ fn a_damaged_tile_is_named() {
     assert_eq!(message(b"PNG and more of it".to_vec()), "these bytes are not a stored light field");
 }
 
-/// Changes every field of the header and every byte of the tiles, with correct checksums: the file is rejected or
+/// Every field of the header and every byte of the tiles is changed, with correct checksums. The file is rejected or
 /// harmless.
 #[test]
 fn forged_bytes_are_refused_or_harmless() {
@@ -78,7 +78,7 @@ fn forged_bytes_are_refused_or_harmless() {
     assert!(refused > 300, "{refused}");
 }
 
-/// A frame of 16 MiB of zeros in place of a tile of 1536 bytes.
+/// A tile of 1536 bytes is replaced by a frame of 16 MiB of zeros.
 #[test]
 fn a_tile_that_swells_is_refused() {
     let tiles = TexelTiles::of_picture(16, 16);

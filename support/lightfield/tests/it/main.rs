@@ -1,4 +1,4 @@
-//! Guarantees of the crate for any samples.
+//! Tests of the crate's guarantees for any samples.
 
 mod damage;
 mod near_lossless;
@@ -9,7 +9,7 @@ mod thesis;
 use lightfield::{Field, LogScale, LookUp, Samples, TexelTiles};
 use proptest::prelude::*;
 
-/// Largest code differences between two fields: of one channel, and of the mean of three.
+/// Largest code differences between two fields, for one channel and for the mean of three.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Largest {
     /// Largest difference of one channel.
@@ -18,7 +18,7 @@ pub struct Largest {
     pub mean: f32,
 }
 
-/// Returns the largest differences over all slots and directions. Both must have the same texels.
+/// Returns the largest differences over all slots and directions. `field` and `stored` must have the same texels.
 pub fn largest(field: &Field, stored: &impl LookUp) -> Largest {
     let mut largest = Largest::default();
     for slot in 0..field.tiles().len() * 256 + 1 {
@@ -34,7 +34,7 @@ pub fn largest(field: &Field, stored: &impl LookUp) -> Largest {
     largest
 }
 
-/// Samples of any kind: flat, smooth, at the ends of the range, random.
+/// Generates samples of all types: flat, smooth, at the ends of the range, random.
 fn samples(count: usize) -> impl Strategy<Value = Vec<u16>> {
     let smooth = (any::<u16>(), -400..400i32).prop_map(move |(start, slope)| {
         (0..count).map(|k| (i32::from(start) + slope * (k as i32 / 3)).rem_euclid(65_536) as u16).collect()
@@ -47,13 +47,13 @@ fn samples(count: usize) -> impl Strategy<Value = Vec<u16>> {
     ]
 }
 
-/// Fields of 8-bit or logarithmic codes in up to three tiles, with some texels absent.
+/// Generates fields of 8-bit or logarithmic codes in up to three tiles, some with absent texels.
 pub fn fields() -> impl Strategy<Value = Field> {
     let mask = prop_oneof![
         Just([u64::MAX; 4]),
         Just([0; 4]),
         any::<[u64; 4]>(),
-        // A few texels.
+        // Keep only a few texels.
         any::<[u64; 4]>().prop_map(|word| word.map(|bits| bits & (bits >> 7) & (bits >> 13))),
     ];
     let shape = (prop::collection::vec(mask, 1..4), 1..7usize, any::<bool>());

@@ -1,4 +1,4 @@
-//! Errors never exceed the limit, and bytes do not depend on threads.
+//! Tests that errors never exceed the limit, and that the bytes do not depend on the number of threads.
 
 use crate::{fields, largest};
 use lightfield::{Field, FieldError, LogScale, LookUp, NearLossless, Samples, TexelTiles};
@@ -23,7 +23,7 @@ proptest! {
     }
 }
 
-/// A field of several tiles.
+/// Returns a field of several tiles.
 fn field() -> Field {
     let tiles = TexelTiles::of_picture(70, 50);
     let codes = (0..tiles.texels() * 5 * 3).map(|k| (k * k / 977 % 256) as u8).collect();
@@ -56,7 +56,7 @@ fn many_readers_find_the_same() {
     });
 }
 
-/// The error of light follows from the error of its code.
+/// The error of the light is within the bound that follows from the code's error.
 #[test]
 fn light_is_wrong_by_what_the_scale_says() {
     let (unit, delta) = (0.02f32, 3);

@@ -1,11 +1,12 @@
-//! Segments satisfy the error bounds of their rule.
+//! Tests that segments satisfy the error bounds of their rule.
 
 use crate::thesis::{SegmentRule, Segmented};
 use crate::{fields, largest};
 use lightfield::{Field, LookUp, Samples, TexelTiles};
 use proptest::prelude::*;
 
-/// One texel with 8-bit codes of any number of directions: steps of a random walk, so that segments have some length.
+/// Generates one texel with 8-bit codes of any number of directions. The codes are random walks, so that segments have
+/// some length.
 fn walks() -> impl Strategy<Value = Field> {
     let step = prop_oneof![
         Just([0i16; 3]),
@@ -24,7 +25,7 @@ fn walks() -> impl Strategy<Value = Field> {
     })
 }
 
-/// Both readers must return the same codes.
+/// Asserts that both readers return the same codes.
 fn agree(field: &Field, stored: &Segmented) {
     for slot in 0..field.tiles().len() * 256 {
         for direction in 0..field.directions() {
@@ -33,7 +34,7 @@ fn agree(field: &Field, stored: &Segmented) {
     }
 }
 
-/// Returns whether a segment from s to e is allowed, by the definition in floating point.
+/// Returns whether a segment from s to e is allowed. Evaluates the definition in floating point.
 fn is_allowed(colors: &[[u8; 3]], s: usize, e: usize, threshold: u16) -> bool {
     let value = |j: usize, c: usize| f64::from(colors[j][c]);
     let turned =
@@ -47,7 +48,7 @@ fn is_allowed(colors: &[[u8; 3]], s: usize, e: usize, threshold: u16) -> bool {
     fits && !turned
 }
 
-/// Returns the number of keys by the definition: each segment extends while it is allowed.
+/// Returns the number of keys according to the definition: each segment extends while it is allowed.
 fn keys_by_definition(codes: &[u8], threshold: u16) -> usize {
     let colors: Vec<[u8; 3]> = codes.chunks(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
     let (mut keys, mut start) = (1, 0);
@@ -66,7 +67,7 @@ proptest! {
     fn checked_segments_keep_within_a_third_of_the_threshold(field in walks(), threshold in 1..20u16) {
         let stored = Segmented::encode(&field, threshold, SegmentRule::Checked);
         let largest = largest(&field, &stored.linear());
-        // Values between keys are rounded to `f32`.
+        // Allow for the rounding of interpolated values to `f32`.
         prop_assert!(largest.mean < f32::from(threshold) / 3.0 + 1e-4);
         prop_assert!(largest.channel < f32::from(threshold) / 2.0 + 1e-4);
         let Samples::Bytes(codes) = field.samples() else { unreachable!("made above") };
@@ -91,7 +92,7 @@ proptest! {
     }
 }
 
-/// More than 65 536 colors: the object is split, and its colors stay exact.
+/// With more than 65 536 colors the object is split, and its colors stay exact.
 #[test]
 fn objects_of_many_colors_are_split() {
     let tiles = TexelTiles::of_picture(160, 160);
@@ -104,7 +105,7 @@ fn objects_of_many_colors_are_split() {
     let stored = Segmented::encode(&field, 0, SegmentRule::Checked);
     assert!(largest(&field, &stored.linear()).channel < 1e-4);
     agree(&field, &stored);
-    // All colors differ, so each key has its own.
+    // All colors differ, so each key needs its own color.
     assert!(stored.keys() > 65_536);
     assert_eq!(stored.size(), 4 * field.tiles().texels() + 7 * stored.keys());
 }
