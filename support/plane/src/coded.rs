@@ -3,7 +3,7 @@
 use crate::{Picture, Plane, SizeError};
 use std::sync::Arc;
 
-/// Result of encoding a picture: the input of a masking model.
+/// Result of encoding a picture. A masking model reads it.
 ///
 /// A macroblock covers 16×16 luma samples, a block 8×8. Macroblocks and blocks at the right and lower border may
 /// extend beyond the picture. Names follow ISO/IEC 13818-2.
@@ -32,8 +32,8 @@ impl Coded {
     /// quantiser_scale.
     ///
     /// # Errors
-    /// If `levels` covers neither the blocks that begin in the picture nor all blocks of its macroblocks. If another
-    /// plane does not have one sample per macroblock.
+    /// If the size of `levels` is invalid: it must cover the blocks that begin in the picture, or all blocks of the
+    /// macroblocks. If another plane does not have one sample per macroblock.
     pub fn new(
         decoded: Arc<Picture>,
         levels: Plane<u64>,
@@ -50,7 +50,7 @@ impl Coded {
         Ok(Self { decoded, levels, intra, quantiser_scales })
     }
 
-    /// Decoded picture, as displayed.
+    /// Decoded picture, in display form.
     #[must_use]
     pub fn decoded(&self) -> &Arc<Picture> {
         &self.decoded

@@ -1,4 +1,4 @@
-//! Correspondence of the pixels of two pictures.
+//! Correspondence between the pixels of two pictures.
 
 use crate::{Plane, SizeError};
 
@@ -7,9 +7,9 @@ pub const NO_MATCH: u32 = u32::MAX;
 
 /// Position of each pixel's surface point in another picture, usually the previous one.
 ///
-/// Each pixel has the raster index of the pixel of the other picture that shows the same surface, or [`NO_MATCH`].
-/// Its motion is its position in the other picture minus its position in this one, in pixels, x to the right and y
-/// down. Pixels without correspondence are marked by [`NO_MATCH`] only. Their motion is undefined.
+/// The match of a pixel is the raster index of the pixel in the other picture that shows the same surface, or
+/// [`NO_MATCH`]. The motion of a pixel is its position in the other picture minus its position in this picture.
+/// Motion is in pixels, x to the right and y down. Pixels without a match have undefined motion.
 ///
 /// ```
 /// use plane::{Correspondence, NO_MATCH, Plane};
@@ -30,7 +30,7 @@ pub struct Correspondence {
     matches: Plane<u32>,
 }
 
-/// Serialized form of a correspondence, before its sizes are checked.
+/// Serialized form of a correspondence, before the sizes are checked.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
 struct StoredCorrespondence {
@@ -47,7 +47,7 @@ impl TryFrom<StoredCorrespondence> for Correspondence {
     }
 }
 
-/// Motion stored here for pixels without a match.
+/// Motion stored for pixels without a match.
 const NO_MOTION: [f32; 2] = [0.0; 2];
 
 impl Correspondence {
@@ -55,7 +55,7 @@ impl Correspondence {
     /// [`NO_MATCH`].
     ///
     /// # Errors
-    /// If the two planes differ in size.
+    /// If the two planes have different sizes.
     pub fn new(motion: Plane<[f32; 2]>, matches: Plane<u32>) -> Result<Self, SizeError> {
         SizeError::check("matches", &matches, (motion.width(), motion.height()))?;
         Ok(Self { motion, matches })
@@ -63,8 +63,8 @@ impl Correspondence {
 
     /// Builds a correspondence from motion \[pixels\] between pictures of equal size.
     ///
-    /// Finite motion matches the pixel nearest to its end point, clamped to the border. Motion that is not finite
-    /// means [`NO_MATCH`].
+    /// Finite motion gives the pixel nearest to its end point, clamped to the border, as the match. Motion that is not
+    /// finite gives [`NO_MATCH`].
     #[must_use]
     pub fn from_motion(mut motion: Plane<[f32; 2]>) -> Self {
         let (width, height) = (motion.width(), motion.height());
@@ -121,7 +121,7 @@ impl Correspondence {
         self.matches.height()
     }
 
-    /// Position in the other picture minus position in this one \[pixels\]. Undefined where
+    /// Position in the other picture minus position in this picture \[pixels\]. Undefined where
     /// [`matches`](Self::matches) contains [`NO_MATCH`].
     #[must_use]
     pub fn motion(&self) -> &Plane<[f32; 2]> {

@@ -4,22 +4,22 @@
 //! c(u,v) = ¼ C(u) C(v) Σ_y Σ_x f(x,y) cos((2x+1)uπ/16) cos((2y+1)vπ/16)       C(0) = 1/√2, otherwise C = 1
 //! ```
 //!
-//! This is the transform of ISO/IEC 13818-2, Annex A. c(0,0) is 8 × the mean of the block. A change of the
-//! coefficients has the same sum of squares as the change of the samples that it causes. Blocks are in raster order:
-//! the sample in column x and row y has index `8 * y + x`. The coefficient of horizontal frequency u and vertical
-//! frequency v has index `8 * v + u`.
+//! This is the transform of ISO/IEC 13818-2, Annex A. c(0,0) is 8 × the mean of the block. The transform is
+//! orthonormal: a change of the samples and the resulting change of the coefficients have the same sum of squares.
+//! Blocks are in raster order: the sample in column x and row y has index `8 * y + x`. The coefficient of horizontal
+//! frequency u and vertical frequency v has index `8 * v + u`.
 //!
-//! [`dct`] and [`idct`] are the fast transforms. They apply butterflies down the columns, eight columns at a time,
-//! then multiply the rows by one 8×8 matrix. Both loops are eight lanes wide, so that the compiler vectorizes them,
-//! and need no transposition. [`dct_definition`] and [`idct_definition`] evaluate the sums above in `f64`. Tests
-//! compare the fast transforms with them.
+//! [`dct`] and [`idct`] are the fast transforms. They apply butterflies down the columns, eight columns at a time, then
+//! multiply the rows by one 8×8 matrix. Both loops are eight lanes wide, so that the compiler vectorizes them. They
+//! need no transposition. [`dct_definition`] and [`idct_definition`] evaluate the defining sums in `f64`. Tests compare
+//! the fast transforms with them.
 
 use std::f64::consts::PI;
 
 /// One value for each of eight columns.
 type Lanes = [f32; 8];
 
-/// `½ cos(kπ/16)` for k = 0 … 8. All entries of the basis are among these values and their negatives.
+/// `½ cos(kπ/16)` for k = 0 … 8. Every entry of the basis is one of these values or its negative.
 const HALF_COSINE: [f32; 9] =
     [0.5, 0.490_392_64, 0.461_939_77, 0.415_734_8, 0.353_553_4, 0.277_785_12, 0.191_341_72, 0.097_545_16, 0.0];
 
@@ -70,7 +70,7 @@ fn difference(a: Lanes, b: Lanes) -> Lanes {
     lanes(|i| a[i] - b[i])
 }
 
-/// `Σ_k weights[k] · rows[k]`, lane by lane.
+/// Returns `Σ_k weights[k] · rows[k]`, lane by lane.
 #[inline(always)]
 fn weighted<const N: usize>(weights: [f32; N], rows: [Lanes; N]) -> Lanes {
     lanes(|i| {
@@ -102,7 +102,7 @@ fn columns_forward(s: [Lanes; 8]) -> [Lanes; 8] {
     ]
 }
 
-/// Inverts [`columns_forward`].
+/// Computes the inverse of [`columns_forward`].
 #[inline(always)]
 fn columns_inverse(c: [Lanes; 8]) -> [Lanes; 8] {
     let [_, c1, c2, c3, c4, c5, c6, c7, _] = HALF_COSINE;
@@ -155,14 +155,14 @@ pub fn dct(samples: &[f32; 64]) -> [f32; 64] {
 
 /// Returns the samples of a block of coefficients: the inverse of [`dct`].
 ///
-/// Samples are neither rounded nor clipped. An encoder that must match decoders has to round as the standard
+/// Samples are neither rounded nor clipped. An encoder that must match decoders has to round samples as the standard
 /// specifies.
 #[must_use]
 pub fn idct(coefficients: &[f32; 64]) -> [f32; 64] {
     join(columns_inverse(rows_times(split(coefficients), &BASIS)))
 }
 
-/// Entry of the basis: `½ C(u) cos((2x+1)uπ/16)`.
+/// Returns an entry of the basis: `½ C(u) cos((2x+1)uπ/16)`.
 fn basis_definition(u: usize, x: usize) -> f64 {
     let c = if u == 0 { 0.5f64.sqrt() } else { 1.0 };
     0.5 * c * (((2 * x + 1) * u) as f64 * PI / 16.0).cos()
@@ -229,7 +229,8 @@ mod tests {
     proptest! {
         #[test]
         fn fast_forms_agree_with_the_definition(samples in block()) {
-            // The largest coefficient is 256 · 8. A code value of 1e-3 is 2^-21 of it, a few `f32` roundings.
+            // The largest coefficient is 256 · 8. The tolerance, 1e-3 code values, is 2^-21 of it: a few `f32`
+            // roundings.
             let exact = dct_definition(&samples.map(f64::from));
             for (fast, exact) in dct(&samples).iter().zip(exact) {
                 prop_assert!((f64::from(*fast) - exact).abs() < 1e-3, "{fast} {exact}");

@@ -1,9 +1,9 @@
-//! Linear picture for a file: channels and header metadata.
+//! Header metadata and channels of a linear picture for a file.
 
 /// Storage format of a channel's samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleDepth {
-    /// 16 bits: a significand of 11 bits and values up to 65504. Channels that exceed this range use 32 bits.
+    /// 16 bits, with a significand of 11 bits and values up to 65504. Channels that exceed this range use 32 bits.
     Half,
     /// 32 bits: single precision.
     #[default]
@@ -13,23 +13,23 @@ pub enum SampleDepth {
 /// One channel of a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameChannel {
-    /// Name of the layer, a dot and the name of the channel, such as `albedo.R`. A channel without a layer has only
-    /// its own name.
+    /// Name of the layer, a dot and the name of the channel, such as `albedo.R`. If there is no layer, only the name of
+    /// the channel.
     pub name: String,
     /// Samples in raster order.
     pub samples: Vec<f32>,
-    /// Requested sample format.
+    /// Requested storage format of the samples.
     pub depth: SampleDepth,
 }
 
-/// Camera in the form used by file headers. Matrices are stored in column-major order and multiply column vectors.
+/// Camera in the form used by file headers. Matrices are in column-major order and multiply column vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameCamera {
     /// Transform from world to camera space \[m\]. Camera space is left-handed: x to the right, y up, z along the
     /// view.
     pub camera_from_world: [f32; 16],
-    /// Transform from world to picture space. After division by w, x and y are 0…1 from the upper left to the lower
-    /// right corner.
+    /// Transform from world to picture space. After division by w, x and y range from 0 in the upper left corner to 1
+    /// in the lower right corner.
     pub picture_from_world: [f32; 16],
     /// Width of the visible area at a distance of 1 m \[m\]. `None` if the width does not depend on distance.
     pub window_width: Option<f32>,
@@ -42,10 +42,10 @@ pub struct FrameCamera {
 pub struct FramePlace {
     /// Index of the frame, from 0.
     pub number: u32,
-    /// Numerator of the frame rate, such as 30000 for 29.97 frames a second. [`seconds`](Self::seconds) is the
+    /// Numerator of the frame rate, such as 30000 for 29.97 frames per second. [`seconds`](Self::seconds) is the
     /// denominator.
     pub frames: u32,
-    /// Denominator of the frame rate, at least 1, such as 1001 for 29.97 frames a second.
+    /// Denominator of the frame rate, at least 1, such as 1001 for 29.97 frames per second.
     pub seconds: u32,
 }
 
@@ -65,6 +65,6 @@ pub struct FrameHeader {
     pub camera: Option<FrameCamera>,
     /// Position of the frame in its film.
     pub place: Option<FramePlace>,
-    /// Further texts, such as the names of a Cryptomatte.
+    /// Additional text attributes, such as the names of a Cryptomatte.
     pub texts: Vec<HeaderText>,
 }

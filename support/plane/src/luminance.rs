@@ -1,6 +1,6 @@
 //! Luminance of linear RGB.
 
-/// Weights of linear red, green and blue in luminance, and of R′, G′ and B′ in luma (Rec. ITU-R BT.709). They sum to
+/// Weights of linear red, green and blue in luminance, and of R′, G′ and B′ in luma (Rec. ITU-R BT.709). Their sum is
 /// 1, so luminance has the unit of its components.
 pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 

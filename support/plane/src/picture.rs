@@ -4,11 +4,11 @@ use crate::{Plane, SizeError};
 
 /// Y′C_BC_R 4:2:0 picture of 8-bit code values in Rec. ITU-R BT.709, limited range (luma 16 … 235, chroma 16 … 240).
 ///
-/// Chroma has half as many samples as luma in each direction, rounded up. Chroma samples lie midway between two luma
+/// Chroma has half as many samples as luma in each direction, rounded up. Chroma samples are midway between two luma
 /// rows, on even columns. ISO/IEC 13818-2, 6.1.1.8 defines these positions for progressive pictures. Code values
 /// outside the limited range are allowed.
 ///
-/// Invariant: both chroma planes have the size that the luma plane implies.
+/// Invariant: both chroma planes have the size implied by the luma plane.
 ///
 /// ```
 /// use plane::{Picture, Plane};
@@ -27,7 +27,7 @@ pub struct Picture {
     cr: Plane<u8>,
 }
 
-/// Serialized form of a picture, before its sizes are checked.
+/// Serialized form of a picture, before the sizes are checked.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
 struct StoredPicture {
@@ -62,14 +62,14 @@ impl Picture {
         Ok(Self { luma, cb, cr })
     }
 
-    /// Gray picture with the given `luma`.
+    /// Returns a gray picture with the given `luma`.
     #[must_use]
     pub fn gray(luma: Plane<u8>) -> Self {
         let chroma = Plane::filled(luma.width().div_ceil(2), luma.height().div_ceil(2), NEUTRAL);
         Self { luma, cb: chroma.clone(), cr: chroma }
     }
 
-    /// Black picture of `width` × `height` luma samples.
+    /// Returns a black picture of `width` × `height` luma samples.
     #[must_use]
     pub fn black(width: usize, height: usize) -> Self {
         Self::gray(Plane::filled(width, height, BLACK))
@@ -120,7 +120,7 @@ impl Picture {
         [self.luma.samples_mut(), self.cb.samples_mut(), self.cr.samples_mut()]
     }
 
-    /// Moves out the planes of luma, C_B and C_R without a copy.
+    /// Returns the planes of luma, C_B and C_R without a copy.
     #[must_use]
     pub fn into_planes(self) -> [Plane<u8>; 3] {
         [self.luma, self.cb, self.cr]

@@ -11,7 +11,7 @@ pub struct Plane<T> {
     height: usize,
 }
 
-/// Serialized form of a plane, before its size is checked.
+/// Serialized form of a plane, before the size is checked.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
 struct StoredPlane<T> {
@@ -33,13 +33,13 @@ impl<T> TryFrom<StoredPlane<T>> for Plane<T> {
 }
 
 impl<T: Copy> Plane<T> {
-    /// Plane with every sample equal to `value`.
+    /// Returns a plane with every sample equal to `value`.
     #[must_use]
     pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self { data: vec![value; width * height], width, height }
     }
 
-    /// Plane with the value `f(x, y)` in column `x` and row `y`.
+    /// Returns a plane with the value `f(x, y)` in column `x` and row `y`.
     #[must_use]
     pub fn from_fn(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> T) -> Self {
         let mut data = Vec::with_capacity(width * height);
@@ -119,31 +119,31 @@ impl<T: Copy> Plane<T> {
         &mut self.data[y * self.width..][..self.width]
     }
 
-    /// All rows from top to bottom.
+    /// Rows from top to bottom.
     pub fn rows(&self) -> impl Iterator<Item = &[T]> {
         self.data.chunks_exact(self.width.max(1))
     }
 
-    /// All samples in raster order.
+    /// Samples of the whole plane in raster order.
     #[must_use]
     pub fn samples(&self) -> &[T] {
         &self.data
     }
 
-    /// All samples in raster order, mutable. `chunks_mut(width * rows)` divides them among threads.
+    /// Mutable samples of the whole plane in raster order. `chunks_mut(width * rows)` divides them among threads.
     #[must_use]
     pub fn samples_mut(&mut self) -> &mut [T] {
         &mut self.data
     }
 
-    /// Plane of the same size with `f` applied to every sample.
+    /// Returns a plane of the same size with `f` applied to every sample.
     #[must_use]
     pub fn map<U: Copy>(&self, f: impl FnMut(T) -> U) -> Plane<U> {
         Plane { data: self.data.iter().copied().map(f).collect(), width: self.width, height: self.height }
     }
 
-    /// 8×8 block with its upper left sample at `(8 * column, 8 * row)`. Beyond the plane the last row and column
-    /// repeat.
+    /// Returns the 8×8 block with its upper left sample at `(8 * column, 8 * row)`. Samples outside the plane repeat
+    /// the last row and column.
     #[must_use]
     pub fn block(&self, column: usize, row: usize) -> [T; 64] {
         let (left, top) = (8 * column, 8 * row);
@@ -158,7 +158,7 @@ impl<T: Copy> Plane<T> {
         }
     }
 
-    /// Number of columns and rows of 8×8 blocks that cover the plane.
+    /// Number of columns and number of rows of 8×8 blocks that cover the plane.
     #[must_use]
     pub fn block_counts(&self) -> (usize, usize) {
         (self.width.div_ceil(8), self.height.div_ceil(8))

@@ -1,17 +1,17 @@
-//! Error for planes of mismatched sizes.
+//! Error for planes with mismatched sizes.
 
 use crate::Plane;
 use std::fmt;
 
-/// A plane's size does not match its related planes.
+/// Error for a plane with a size that does not match its related planes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SizeError {
     /// Name of the plane.
     pub plane: &'static str,
-    /// Number of samples per row.
+    /// Actual number of samples per row.
     pub width: usize,
-    /// Number of rows.
+    /// Actual number of rows.
     pub height: usize,
     /// Expected number of samples per row.
     pub expected_width: usize,
