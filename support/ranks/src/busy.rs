@@ -1,10 +1,10 @@
-//! CPU time of threads, which excludes waiting and other programs.
+//! CPU time of threads. It excludes waiting time and the time of other programs.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// CPU time of tasks, summed over the threads that ran them.
 ///
-/// The work of one [`Busy::measure`] must stay on its thread. Measure inside a parallel loop, not around it.
+/// Work passed to [`Busy::measure`] must not use other threads. Measure inside a parallel loop, not around it.
 ///
 /// ```
 /// let busy = ranks::Busy::default();
@@ -17,7 +17,7 @@ pub struct Busy {
 }
 
 impl Busy {
-    /// Runs `work` and adds its CPU time.
+    /// Runs `work` and adds its CPU time to the sum.
     pub fn measure<T>(&self, work: impl FnOnce() -> T) -> T {
         let start = thread_nanoseconds();
         let result = work();
@@ -25,7 +25,7 @@ impl Busy {
         result
     }
 
-    /// Adds the CPU time of a result and unwraps it.
+    /// Adds the CPU time of a result to the sum and returns the result.
     pub fn take<T>(&self, timed: Timed<T>) -> T {
         self.nanoseconds.fetch_add((timed.seconds * 1e9).round() as u64, Ordering::Relaxed);
         timed.value
@@ -49,7 +49,7 @@ pub struct Timed<T> {
 }
 
 impl<T> Timed<T> {
-    /// Runs `work`, which measures its own sections, and returns its result and CPU time.
+    /// Runs `work`, which measures its own sections with the [`Busy`], and returns its result and CPU time.
     pub fn of(work: impl FnOnce(&Busy) -> T) -> Self {
         let busy = Busy::default();
         let value = work(&busy);
@@ -62,7 +62,8 @@ impl<T> Timed<T> {
     }
 }
 
-/// Returns the CPU time of all threads since the process began \[s\]. Outside Unix it returns wall-clock time.
+/// Returns the CPU time of all threads since the process began \[s\]. On systems other than Unix, returns wall-clock
+/// time.
 #[must_use]
 pub fn process_seconds() -> f64 {
     #[cfg(unix)]
@@ -76,7 +77,7 @@ pub fn process_seconds() -> f64 {
     }
 }
 
-/// Returns the CPU time of this thread \[ns\]. Outside Unix it returns wall-clock time.
+/// Returns the CPU time of this thread \[ns\]. On systems other than Unix, returns wall-clock time.
 #[cfg(unix)]
 pub(crate) fn thread_nanoseconds() -> u64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);

@@ -1,16 +1,16 @@
-//! Distributed loops with bit-exact results: every rank keeps the same state, and the ranks share the most expensive
+//! Distributed loops with bit-exact results. Every rank has the same state, and the ranks share the most expensive
 //! loops.
 //!
 //! ```text
 //! items 0 … n−1 of a loop ──► one rank computes each, such as i mod R ──► results go to all ranks ──► all n, in order
 //! ```
-//! Each item depends only on state that all ranks have. The results are therefore bit-identical to one rank's results
-//! for any number of ranks.
+//! Each item depends only on state that all ranks have. The results are therefore bit-identical for any number of
+//! ranks.
 //!
-//! [`Ranks`] lists the required operations of a message-passing library: the collective operations of the same names
+//! [`Ranks`] lists the required operations of a message-passing library: the collective operations with the same names
 //! in \[MPI\]. [`Alone`] implements them for a single process, [`ThreadRanks`] for several threads of one process.
-//! [`LoggedAlone`] logs the cost of its loops, from which [`LoggedRun`] simulates the cost on any number of ranks.
-//! [`Mail`] sends messages between two ranks, for work that is assigned to idle ranks.
+//! [`LoggedAlone`] logs the cost of its loops. From this log, [`LoggedRun`] simulates the cost on any number of ranks.
+//! [`Mail`] sends messages between two ranks, to assign work to idle ranks.
 
 #![forbid(unsafe_code)]
 
@@ -33,10 +33,11 @@ pub use turn::{Turn, in_order};
 use rayon::prelude::*;
 use std::fmt::Debug;
 
-/// Processes that run the same computation. Each has a number, its rank.
+/// Processes that run the same computation. The number of a process is its rank.
 ///
 /// All ranks call the same operations in the same order, one at a time. An operation returns once its result is
-/// complete, which may be long after the call because other ranks may be busy. Never call one inside a rayon job.
+/// complete. This may be long after the call, because other ranks may be busy. Never call an operation inside a rayon
+/// job.
 pub trait Ranks: Send + Sync + Debug {
     /// Number of this process, from 0.
     fn rank(&self) -> usize;
@@ -53,7 +54,7 @@ pub trait Ranks: Send + Sync + Debug {
     /// Sends the bytes of rank 0 to every rank. The bytes of other ranks are ignored.
     fn broadcast(&self, own: Vec<u8>) -> Vec<u8>;
 
-    /// Log of the costs of shared loops, if this is the only rank and it keeps a log.
+    /// Log of the costs of shared loops, if this is the only rank and it logs them.
     fn log(&self) -> Option<&WorkLog> {
         None
     }
@@ -85,10 +86,10 @@ impl Ranks for Alone {
     }
 }
 
-/// Shares a loop among the ranks. `turns` assigns each item to a rank and is equal on every rank.
+/// Shares a loop among the ranks. `turns` assigns each item to a rank and must be equal on every rank.
 ///
-/// `compute` receives the indices of this rank's own items in ascending order and returns one result per item. It
-/// reports every finished item to the meter. Every rank receives the results of all items in order.
+/// `compute` receives the indices of this rank's own items in ascending order and returns one result per item. It notes
+/// every finished item in the meter. Every rank receives the results of all items in order.
 ///
 /// # Panics
 /// If `compute` does not return one result per item, or if the ranks run different programs.
@@ -111,7 +112,7 @@ pub fn share<T: Portable>(
         return computed;
     }
 
-    // Take the rank's own results from the transmitted bytes too, so that all ranks decode the same bits. Ranks that
+    // Decode even the rank's own results from the transmitted bytes, so that all ranks decode the same bits. Ranks that
     // share different loops have diverged and cannot recover.
     let mut bytes = Vec::new();
     (turns.len() as u64).put(&mut bytes);
@@ -129,10 +130,10 @@ pub fn share<T: Portable>(
     turns.iter().map(next).collect()
 }
 
-/// Shares a loop like [`share`], item by item. `compute` receives one item's index and per-thread memory made by
-/// `scratch`.
+/// Shares a loop like [`share`], but calls `compute` for each item with its index and scratch memory. `scratch` creates
+/// the memory of a thread.
 ///
-/// A thread takes at least `at_once` items at a time. The CPU time covers this rank only.
+/// A thread processes at least `at_once` items at a time. The CPU time in the result is the time of this rank only.
 ///
 /// # Panics
 /// If the ranks run different programs.
@@ -161,9 +162,10 @@ pub fn share_each<T: Portable + Send, S>(
     })
 }
 
-/// Returns the sum of all ranks' results of `compute` to every rank. Each rank computes its own items of a loop.
+/// Adds the results of `compute` on all ranks and returns the sum on every rank. `compute` processes this rank's own
+/// items of a loop.
 ///
-/// `plus` adds two results. It must be exact: the same bits in any order.
+/// `plus` adds two results. It must be exact, so that the order does not change the bits.
 ///
 /// # Panics
 /// If the ranks run different programs.
@@ -197,7 +199,7 @@ mod tests {
         })
     }
 
-    /// A number of any sign and magnitude that depends on all bits of `k`.
+    /// Returns a number of any sign and magnitude that depends on all bits of `k`.
     fn odd_number(k: usize) -> f32 {
         f32::from_bits((k as u32).wrapping_mul(0x9e37_79b9) & 0xbfff_ffff)
     }
@@ -223,7 +225,7 @@ mod tests {
         }
     }
 
-    /// Each rank adds the squares of its own numbers.
+    /// Each rank adds the squares of its own numbers, and every rank receives the sum.
     #[test]
     fn sums_are_those_of_all_ranks() {
         for count in [1, 2, 3, 5] {
@@ -255,7 +257,7 @@ mod tests {
         );
         assert_eq!(sum, [7.0; 6]);
 
-        // A list is preceded by its length. Consecutive items with the same turn are merged.
+        // A list starts with its length. Consecutive items with the same turn are merged.
         let [items, sums] = &ranks.log().expect("it keeps one").loops()[..] else { panic!("two loops") };
         assert_eq!(items.results, [(turns[0], 8), (turns[1], 12), (turns[2], 16), (turns[3], 20)]);
         assert_eq!((items.items.bytes, items.sums), (56, Parcel::default()));

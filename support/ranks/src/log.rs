@@ -1,10 +1,11 @@
-//! Costs of shared loops, measured on a single rank. A simulation predicts the cost on any number of ranks from them.
+//! Costs of shared loops, measured on a single rank. From these costs, a simulation predicts the cost on any number of
+//! ranks.
 
 use super::{Alone, Portable, Ranks, Turn};
 use crate::busy::thread_nanoseconds;
 use std::sync::{Mutex, PoisonError};
 
-/// The only rank, with a log of its shared loops. Its results equal the results of [`Alone`].
+/// The only rank of a process, with a log of the shared loops. The results equal the results of [`Alone`].
 #[derive(Debug, Default)]
 pub struct LoggedAlone {
     log: WorkLog,
@@ -42,17 +43,16 @@ pub struct WorkLog {
     loops: Mutex<Vec<LoopLog>>,
 }
 
-/// Cost of one shared loop: the work on its items, and packing and unpacking of results. Entries are not in item
-/// order.
+/// Cost of one shared loop: the work on the items, and packing and unpacking of results. Entries are not in item order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoopLog {
     /// CPU time of each item \[s\], with the [`Turn`] that determines its owner.
     pub work: Vec<(Turn, f64)>,
     /// Size of each item's result \[bytes\], with the [`Turn`] that determines its owner.
     pub results: Vec<(Turn, usize)>,
-    /// Combined results of all items.
+    /// All items' results, packed together.
     pub items: Parcel,
-    /// Sums that each rank sends, independent of its items.
+    /// The sum that each rank sends. Its size does not depend on the rank's items.
     pub sums: Parcel,
     /// CPU time of the log itself \[s\].
     pub logging: f64,
@@ -70,7 +70,7 @@ pub struct Parcel {
 }
 
 impl WorkLog {
-    /// Loops so far, in order.
+    /// Returns the logged loops, in order of execution.
     #[must_use]
     pub fn loops(&self) -> Vec<LoopLog> {
         self.loops.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -80,12 +80,12 @@ impl WorkLog {
         self.loops.lock().unwrap_or_else(PoisonError::into_inner).push(done);
     }
 
-    /// Logs a loop with items of the given `turns` and `results`.
+    /// Logs a loop with the given results of items and the `turns` that assign them to ranks.
     pub(super) fn add_results<T: Portable>(&self, meter: Meter, turns: &[Turn], results: &[T]) {
         let start = thread_nanoseconds();
         let mut done = LoopLog { work: meter.into_work(), ..LoopLog::default() };
 
-        // Serialize and deserialize as for other ranks.
+        // Serialize and deserialize the results as for other ranks.
         let mut bytes = Vec::new();
         let mut sizes = Vec::with_capacity(turns.len());
         done.items.packing = seconds_of(|| {
@@ -103,7 +103,7 @@ impl WorkLog {
         self.add(done);
     }
 
-    /// Logs a loop in which each rank computes a sum like `own` and adds the sums of all ranks.
+    /// Logs a sum over ranks: each rank contributes a sum like `own` and adds the sums of all ranks.
     pub(super) fn add_sum<T: Portable>(&self, meter: Meter, own: &T, plus: impl Fn(T, T) -> T) {
         let start = thread_nanoseconds();
         let mut done = LoopLog { work: meter.into_work(), ..LoopLog::default() };
@@ -118,7 +118,7 @@ impl WorkLog {
     }
 }
 
-/// Times the items of a shared loop if a log exists, otherwise does nothing.
+/// Timer for the items of a shared loop. Without a log it does nothing.
 #[derive(Debug)]
 pub struct Meter {
     work: Option<Mutex<Vec<(Turn, f64)>>>,
@@ -150,12 +150,12 @@ pub struct Laps<'a> {
 }
 
 impl Laps<'_> {
-    /// Records that an item with this `turn` is finished.
+    /// Records that this thread has finished an item with this `turn`.
     pub fn note(&mut self, turn: Turn) {
         self.note_together(std::iter::once(turn));
     }
 
-    /// Records that items of equal cost with these `turns` are finished.
+    /// Records that this thread has finished items of equal cost with these `turns`.
     pub fn note_together(&mut self, turns: impl ExactSizeIterator<Item = Turn>) {
         if self.meter.work.is_none() {
             return;

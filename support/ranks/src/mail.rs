@@ -9,11 +9,11 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 pub struct Message {
     /// Rank of the sender.
     pub from: usize,
-    /// Bytes as sent.
+    /// Content of the message, unchanged.
     pub bytes: Vec<u8>,
 }
 
-/// Messages between one rank and each of the ranks.
+/// Messages between one rank and any other rank or itself.
 ///
 /// A message concerns only two ranks and arrives at any time, unlike the operations of [`Ranks`](super::Ranks).
 /// Messages assign work to idle ranks \[Debattista05, 4.2\]. The order of messages from different ranks depends on
@@ -27,7 +27,7 @@ pub trait Mail: Send + Sync + Debug {
     /// Total number of processes, at least 1.
     fn count(&self) -> usize;
 
-    /// Sends `bytes` to the rank `to`, which may be this one, and returns at once.
+    /// Sends `bytes` to the rank `to`, which may be the sender, and returns immediately.
     ///
     /// Messages from one rank to another arrive in order. A message to a rank that has ended is lost.
     ///
@@ -35,9 +35,9 @@ pub trait Mail: Send + Sync + Debug {
     /// If the rank `to` does not exist.
     fn send(&self, to: usize, bytes: Vec<u8>);
 
-    /// Waits for the next message from any rank.
+    /// Waits for the next message from any rank and returns it.
     ///
-    /// In a single process it waits until another thread sends a message.
+    /// In a single process, waits until another thread sends a message.
     ///
     /// # Panics
     /// If no message remains and all other ranks have ended.
@@ -47,7 +47,7 @@ pub trait Mail: Send + Sync + Debug {
     fn try_receive(&self) -> Option<Message>;
 }
 
-/// Messages that have arrived at a rank, shared by the threads that deliver and receive them.
+/// Queue of the messages that have arrived at a rank. Threads that deliver and receive messages share it.
 #[derive(Debug)]
 pub struct Inbox {
     /// Number of other ranks.
@@ -64,7 +64,7 @@ struct Arrived {
 }
 
 impl Inbox {
-    /// Empty inbox of a rank in a group with `others` other ranks.
+    /// Creates the empty inbox of a rank in a group with `others` other ranks.
     #[must_use]
     pub fn new(others: usize) -> Self {
         Self { others, arrived: Mutex::default(), changed: Condvar::new() }
@@ -76,13 +76,13 @@ impl Inbox {
         self.changed.notify_one();
     }
 
-    /// Records that another rank has ended, after its last message. Call it once for each of the other ranks.
+    /// Records that another rank has ended and sends no more messages. Call it once for each of the other ranks.
     pub fn note_end(&self) {
         self.arrived().ended += 1;
         self.changed.notify_all();
     }
 
-    /// Takes the first message and waits for it, like [`Mail::receive`].
+    /// Removes and returns the first message. Waits for one like [`Mail::receive`].
     ///
     /// # Panics
     /// If no message remains and all other ranks have ended.
@@ -97,7 +97,7 @@ impl Inbox {
         }
     }
 
-    /// Takes the first message, or returns `None` if no message has arrived.
+    /// Removes and returns the first message, or returns `None` if no message has arrived.
     pub fn try_take(&self) -> Option<Message> {
         self.arrived().messages.pop_front()
     }
@@ -107,7 +107,7 @@ impl Inbox {
     }
 }
 
-/// Mail of a single process, or of a rank that is a thread. The rank ends when its mail is dropped.
+/// Mail of a single process, or of a rank that is a thread. Dropping the mail ends the rank.
 #[derive(Debug)]
 pub struct ThreadMail {
     rank: usize,
@@ -116,14 +116,14 @@ pub struct ThreadMail {
 }
 
 impl ThreadMail {
-    /// Mail of `count` ranks in order, one per thread.
+    /// Creates the mail of `count` ranks in order, one per thread.
     #[must_use]
     pub fn new(count: usize) -> Vec<Self> {
         let inboxes: Arc<[Inbox]> = (0..count).map(|_| Inbox::new(count - 1)).collect();
         (0..count).map(|rank| Self { rank, inboxes: inboxes.clone() }).collect()
     }
 
-    /// Mail of a single process.
+    /// Creates the mail of a single process.
     #[must_use]
     pub fn alone() -> Self {
         Self { rank: 0, inboxes: Arc::new([Inbox::new(0)]) }
@@ -183,7 +183,8 @@ mod tests {
         assert_eq!((last, mail.try_receive()), (message(0, &[2]), None));
     }
 
-    /// A rank receives the remaining messages of ended ranks and fails once all others have ended.
+    /// A rank receives the remaining messages of ended ranks. It panics once all others have ended and no message
+    /// remains.
     #[test]
     fn who_waits_for_ranks_that_are_gone_fails() {
         let mut mail = ThreadMail::new(3);

@@ -2,16 +2,16 @@
 
 use glam::{Mat3A, Vec3, Vec3A};
 
-/// A value that serializes without loss of bits.
+/// A value that serializes without loss of precision.
 pub trait Portable: Sized {
     /// Appends the value to `bytes`.
     fn put(&self, bytes: &mut Vec<u8>);
 
-    /// Takes a value from the front of `bytes`, or returns `None` if they do not start with one.
+    /// Removes a value from the front of `bytes` and returns it, or returns `None` if `bytes` do not start with one.
     fn take(bytes: &mut &[u8]) -> Option<Self>;
 }
 
-/// Implements [`Portable`] for numbers, in little-endian byte order.
+/// Implements [`Portable`] for number types, in little-endian byte order.
 macro_rules! portable_numbers {
     ($($number:ty),*) => {$(
         impl Portable for $number {
@@ -147,7 +147,8 @@ impl Portable for Mat3A {
 mod tests {
     use super::*;
 
-    /// Values of every kind in sequence: deserialization returns the same bits and leaves no bytes.
+    /// After values of every type are serialized in sequence, deserialization returns the same bits and leaves no
+    /// bytes.
     #[test]
     fn bits_come_back() {
         #[derive(Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! Simulated time of a run on any number of ranks, computed from the log of the same run on one rank.
+//! Simulated time of a run on any number of ranks, computed from the log of the run on one rank.
 //!
 //! ```text
 //! C(R) = S + max_r Σ_l c_rl                        CPU time of the busiest rank
@@ -10,30 +10,32 @@
 //! b_rl  bytes that rank r sends after loop l
 //! α, β  latency and bandwidth between two ranks
 //! ```
-//! t is the time of an all-gather by recursive doubling \[Thakur05\]. Each loop has two of them because \[MPI\] needs
-//! the lengths first. The bytes follow, padded to the length of the longest rank.
+//! t is the time of an all-gather by recursive doubling \[Thakur05\]. Each loop has two all-gathers, because \[MPI\]
+//! needs the lengths first. The second all-gather sends the bytes, padded to the length of the longest rank.
 //!
 //! # Differences from a real run
-//! * Loops wait for each other and the waiting time is idle. In a real run, one stage works while another waits.
-//! * Messages from rank 0 to the other ranks, two numbers per pixel and frame, take no time.
-//! * All ranks are equally fast, and many ranks access memory as fast as one.
+//! * Each loop waits for the previous one, and ranks are idle meanwhile. In a real run, one stage works while another
+//!   stage waits.
+//! * Messages from rank 0 to the other ranks (two numbers per pixel and frame) take no time.
+//! * All ranks are equally fast, and memory access does not slow down with the number of ranks.
 
 use super::{LoopLog, Turn};
 
-/// Connections between ranks, all of equal speed.
+/// Connections between ranks. All connections have the same speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Network {
-    /// Time until the first byte arrives \[s\].
+    /// Time from sending until the first byte arrives \[s\].
     pub latency: f64,
     /// Bandwidth of one connection \[bytes/s\].
     pub bandwidth: f64,
 }
 
-/// Size of a length \[bytes\].
+/// Size of a transmitted length \[bytes\].
 const LENGTH: usize = 8;
 
 impl Network {
-    /// Returns the time of an all-gather, t above, for the `sizes` that each rank sends \[s\].
+    /// Returns the time of an all-gather \[s\], t(b_1 … b_R) in the module's equations. `sizes` contains the bytes that
+    /// each rank sends.
     #[must_use]
     pub fn all_gather(&self, sizes: &[usize]) -> f64 {
         let longest = sizes.iter().copied().max().unwrap_or_default();
@@ -46,11 +48,11 @@ impl Network {
 /// Log of a whole run on one rank with one thread.
 #[derive(Clone, Debug, Default)]
 pub struct LoggedRun {
-    /// Loops that would be shared with other ranks.
+    /// Logs of the loops that several ranks would share.
     pub loops: Vec<LoopLog>,
     /// CPU time of the process \[s\].
     pub cpu: f64,
-    /// CPU time that only rank 0 spends, for example on encoding \[s\]. Included in `cpu`.
+    /// CPU time of work that only rank 0 performs, for example encoding \[s\]. It is included in `cpu`.
     pub of_first_rank: f64,
 }
 
@@ -74,10 +76,10 @@ impl LoggedRun {
         unshared
     }
 
-    /// Simulates the same run on `count` ranks, at least 1.
+    /// Simulates the logged run on `count` ranks, at least 1.
     #[must_use]
     pub fn on(&self, count: usize, network: &Network) -> Simulated {
-        // Only rank 0 spends `of_first_rank`.
+        // The CPU time in `of_first_rank` occurs on rank 0 only.
         let unshared = self.unshared();
         let mut of_rank = vec![unshared - self.of_first_rank; count];
         of_rank[0] = unshared;
@@ -94,7 +96,7 @@ impl LoggedRun {
     }
 }
 
-/// Returns the CPU time of each of `count` ranks for a loop \[s\] and the number of bytes that it sends.
+/// Returns, for each of `count` ranks, the CPU time in a loop \[s\] and the number of bytes that the rank sends.
 fn of_each(one: &LoopLog, count: usize) -> (Vec<f64>, Vec<usize>) {
     let (mut own, mut sizes) = (vec![0.0; count], vec![0; count]);
     let of = |turn: &Turn| turn.owner(count);
@@ -105,7 +107,7 @@ fn of_each(one: &LoopLog, count: usize) -> (Vec<f64>, Vec<usize>) {
         return (own, sizes);
     }
 
-    // Each rank packs its own results and unpacks all of them. The results start with the number of items.
+    // Each rank packs its own results and unpacks the results of all ranks. The results start with the number of items.
     for (turn, bytes) in &one.results {
         sizes[of(turn)] += bytes;
     }
@@ -128,7 +130,7 @@ mod tests {
     use super::*;
     use crate::Parcel;
 
-    /// Network without delay.
+    /// Network without latency and with unlimited bandwidth.
     const AT_ONCE: Network = Network { latency: 0.0, bandwidth: f64::INFINITY };
 
     fn run(loops: Vec<LoopLog>, cpu: f64) -> LoggedRun {
@@ -140,7 +142,7 @@ mod tests {
         LoopLog { work, ..LoopLog::default() }
     }
 
-    /// Compares with a tolerance, because sums in another order differ by rounding.
+    /// Compares with a tolerance, because a different summation order changes the rounding.
     fn assert_near(simulated: Simulated, busiest: f64, seconds: f64) {
         let is_near = |a: f64, b: f64| (a - b).abs() < 1e-9 * b.abs().max(1.0);
         assert!(
@@ -149,7 +151,7 @@ mod tests {
         );
     }
 
-    /// C = T = S + n/R c if R divides n.
+    /// C = T = S + (n / R) c if R divides n: n items of c seconds each.
     #[test]
     fn equal_items_are_divided_by_ranks() {
         let run = run(vec![items(&[0.25; 64]); 3], 50.0);
@@ -159,7 +161,7 @@ mod tests {
         }
     }
 
-    /// Each loop has one large item, owned by a different rank. The time equals the time of one rank.
+    /// Each loop has one large item, and a different rank owns it. The time equals the time of one rank.
     #[test]
     fn large_items_are_not_divided() {
         let large = |k: usize| {
@@ -177,7 +179,7 @@ mod tests {
         for count in [1, 7, 64] {
             assert_near(run(Vec::new(), 3.0).on(count, &AT_ONCE), 3.0, 3.0);
         }
-        // Work of rank 0 alone runs in parallel with the other ranks' work.
+        // Work that only rank 0 performs runs in parallel with the other ranks' work.
         let run = LoggedRun { of_first_rank: 2.0, ..run(vec![items(&[0.0, 3.0])], 8.0) };
         assert_near(run.on(2, &AT_ONCE), 6.0, 8.0);
     }
@@ -192,7 +194,8 @@ mod tests {
         }
     }
 
-    /// Rank 0 of two sends three results of four bytes and their count. Rank 1 pads its two results to that length.
+    /// Rank 0 of two ranks sends three results of four bytes and their count. Rank 1 pads its two results to that
+    /// length.
     #[test]
     fn bytes_are_those_of_the_longest() {
         let network = Network { latency: 0.0, bandwidth: 100.0 };
@@ -205,8 +208,8 @@ mod tests {
         assert_near(run.on(11, &network), 0.0, 10.0 * (0.20 + 1.0));
     }
 
-    /// Results are packed once in total and unpacked by each rank. Each rank packs its sums and unpacks the sums of
-    /// all ranks. The log's own time is not counted.
+    /// Results are packed once in total, and each rank unpacks them. Each rank packs its own sums and unpacks the sums
+    /// of all ranks. The log's own CPU time is not counted.
     #[test]
     fn packing_takes_time_among_several() {
         let (results, half) = (vec![(Turn::InOrder(0), 3), (Turn::InOrder(1), 1)], 0.5);

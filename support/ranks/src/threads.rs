@@ -4,8 +4,8 @@ use super::Ranks;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 
-/// A rank that is a thread, with one channel to and one from every rank. Channels buffer messages, so sending never
-/// blocks.
+/// A rank that is a thread, with one channel to every rank and one channel from every rank. Channels buffer messages,
+/// so sending never blocks.
 #[derive(Debug)]
 pub struct ThreadRanks {
     rank: usize,
@@ -29,12 +29,12 @@ impl ThreadRanks {
         ranks
     }
 
-    /// Sends `bytes` to a rank, unless that rank has ended.
+    /// Sends `bytes` to a rank. Does nothing if that rank has ended.
     fn send(&self, to: usize, bytes: Vec<u8>) {
         let _ = self.to[to].send(bytes);
     }
 
-    /// Receives the next bytes sent by rank `from`.
+    /// Waits for the next bytes from rank `from` and returns them.
     ///
     /// # Panics
     /// If that rank has ended.

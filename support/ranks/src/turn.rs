@@ -1,6 +1,6 @@
 //! Assignment of the items of a shared loop to any number of ranks.
 
-/// 2³²/φ, φ being the golden ratio.
+/// 2³²/φ, where φ is the golden ratio.
 const GOLDEN: u32 = 0x9e37_79b9;
 
 /// Rule that assigns an item of a shared loop to a rank.
@@ -8,13 +8,13 @@ const GOLDEN: u32 = 0x9e37_79b9;
 pub enum Turn {
     /// Item k belongs to rank k mod R.
     InOrder(u32),
-    /// Item k belongs to rank ⌊R frac(k/φ)⌋, φ being the golden ratio. This spreads consecutive items, and items at a
-    /// constant distance, evenly over the ranks.
+    /// Item k belongs to rank ⌊R frac(k/φ)⌋, where φ is the golden ratio. This spreads consecutive items, and items at
+    /// constant intervals, evenly over the ranks.
     Golden(u32),
 }
 
 impl Turn {
-    /// Returns the rank that computes the item, of `count` ranks.
+    /// Returns the rank, of `count` ranks, that computes the item.
     #[must_use]
     pub fn owner(self, count: usize) -> usize {
         match self {
@@ -37,7 +37,7 @@ pub fn in_order(count: usize) -> Vec<Turn> {
 mod tests {
     use super::*;
 
-    /// Multiples of 2³²/φ give the owners of exact multiples of 1/φ, except near a border between ranks.
+    /// Products of k and 2³²/φ give the same owners as exact multiples of 1/φ, except near a border between ranks.
     #[test]
     fn owners_are_those_of_their_formulas() {
         let golden = (5f64.sqrt() - 1.0) / 2.0;
