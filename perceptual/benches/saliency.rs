@@ -11,7 +11,7 @@ fn main() {
 
 const SIZE: usize = 512;
 
-/// Waves of several lengths and hues, and noise from a fixed seed.
+/// Returns a picture with waves of several lengths and hues, and noise from a fixed seed.
 fn picture() -> Plane<[f32; 3]> {
     let mut state = 7u32;
     Plane::from_fn(SIZE, SIZE, |x, y| {
@@ -24,7 +24,7 @@ fn picture() -> Plane<[f32; 3]> {
     })
 }
 
-/// Motion of a rotating camera, with an independently moving strip.
+/// Returns the motion of a rotating camera, with an independently moving strip.
 fn motion() -> Plane<[f32; 2]> {
     Plane::from_fn(SIZE, SIZE, |x, y| {
         let pan = [1.5 + 0.002 * x as f32, 0.001 * y as f32];

@@ -1,4 +1,4 @@
-//! Benchmarks for a 512×512 picture. On one core: `RAYON_NUM_THREADS=1 cargo bench -p render2mpeg-perceptual`.
+//! Benchmarks for a 512×512 picture. For one core, run `RAYON_NUM_THREADS=1 cargo bench -p render2mpeg-perceptual`.
 
 use divan::{Bencher, black_box};
 use perceptual::{
@@ -14,7 +14,7 @@ fn main() {
 
 const SIZE: usize = 512;
 
-/// Waves of several lengths, a color cast, and noise from a fixed seed.
+/// Returns radiance with waves of several lengths, a color cast, and noise from a fixed seed.
 fn radiance() -> Plane<[f32; 3]> {
     let mut state = 7u32;
     Plane::from_fn(SIZE, SIZE, |x, y| {
@@ -31,7 +31,7 @@ fn picture() -> (YCbCr, Plane<f32>) {
     (YCbCr::from_radiance(&radiance, &ToneMap::default()), luminance_plane(&radiance))
 }
 
-/// Times eqs. (1) to (4).
+/// Times eqs. (1) to (4) for one frame.
 #[divan::bench(args = [1.0, 8.0, 112.0])]
 fn thresholds_of_a_frame(bencher: Bencher, quantiser_scale: f32) {
     let (picture, luminance) = picture();
@@ -39,7 +39,7 @@ fn thresholds_of_a_frame(bencher: Bencher, quantiser_scale: f32) {
     bencher.bench(|| tolerable_error(&picture.luma, &luminance, quantiser_scale, &tone_map, &model));
 }
 
-/// Times eqs. (1) to (5), with a precomputed table of the tone curve.
+/// Times eqs. (1) to (5) for one frame, with a precomputed table of the tone curve.
 #[divan::bench]
 fn feedback_of_a_frame(bencher: Bencher) {
     let (picture, luminance) = picture();
@@ -49,7 +49,7 @@ fn feedback_of_a_frame(bencher: Bencher) {
     bencher.bench_local(|| feedback.observe(frame, 8.0).get(0, 0));
 }
 
-/// Times eqs. (4) to (8) from an encoder's coding that leaves a wave in every block.
+/// Times eqs. (4) to (8) for one frame. The encoder's coding leaves a wave in every block.
 #[divan::bench(args = [NextPicture::Predicted, NextPicture::Intra { group: 15 }])]
 fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
     let (picture, luminance) = picture();
@@ -65,7 +65,7 @@ fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
     bencher.bench_local(|| feedback.observe_coded(frame, &steps, &coded, next).get(0, 0));
 }
 
-/// Times eqs. (4) to (8), including prediction of the coding.
+/// Times eqs. (4) to (8) for one frame, including prediction of the coding.
 #[divan::bench]
 fn predicted_feedback_of_a_frame(bencher: Bencher) {
     let (picture, luminance) = picture();
@@ -77,7 +77,7 @@ fn predicted_feedback_of_a_frame(bencher: Bencher) {
     bencher.bench_local(|| feedback.observe_predicted(frame, &steps, expected, NextPicture::Predicted).get(0, 0));
 }
 
-/// Times eqs. (1) to (3) only.
+/// Times only eqs. (1) to (3) for one frame.
 #[divan::bench]
 fn masking_of_a_frame(bencher: Bencher) {
     let (picture, _) = picture();

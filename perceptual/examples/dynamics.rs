@@ -8,11 +8,12 @@ use plot::{BLUE, GRAY, GREEN, Plot, RED};
 
 const SIDE: usize = 16;
 const FRAMES: usize = 80;
-/// Frame of the event.
+/// Index of the frame in which the input changes.
 const EVENT: usize = 10;
 
-/// Mean of ΔY relative to its first value, over frames of the brightness and quantiser_scale of `input`. `taken` is
-/// the renderer's error as a fraction of the threshold. Its sign alternates between frames.
+/// Returns the mean of ΔY per frame, relative to the first frame. `input` returns the brightness and quantiser_scale of
+/// a frame. `taken` is the renderer's error as a fraction of the threshold; the error alternates in sign between
+/// frames.
 fn response(weight: f32, kappa: f32, taken: f32, input: impl Fn(usize) -> (f32, f32)) -> Vec<(f32, f32)> {
     let still = Correspondence::still(SIDE, SIDE);
     let tone_map = ToneMap::default();

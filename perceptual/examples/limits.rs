@@ -5,28 +5,28 @@
 use perceptual::{MaskingModel, Operator, ToneMap};
 use plot::{BLUE, GRAY, GREEN, Plot, RED};
 
-/// Relative error in `f32` roundings, at least 0.1.
+/// Returns the relative error in `f32` roundings, at least 0.1.
 fn roundings(found: f32, exact: f64) -> f32 {
     ((f64::from(found) / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
 }
 
-/// Largest error of 64 neighbors of `parameter`, as (log₁₀ parameter, log₁₀ error).
+/// Returns the largest error for 64 values near `parameter`, as (log₁₀ parameter, log₁₀ error).
 fn worst(parameter: f32, error: impl Fn(f32) -> f32) -> (f32, f32) {
     let errors = (0..64).map(|k| error(parameter * (1.0 + k as f32 / 64.0)));
     (parameter.log10(), errors.fold(0.0, f32::max).log10())
 }
 
-/// Round-trip error of encoding and decoding, as a function of the distance below display white.
+/// Returns the function from the distance below display white to the round-trip error of encoding and decoding.
 fn there_and_back(tone_map: ToneMap) -> impl Fn(f32) -> f32 {
     move |below| {
-        // Slightly brighter: an exact display value would return without error.
+        // Choose a slightly brighter value, because an exact display value would return without error.
         let linear = tone_map.decode(1.0 - below) * (1.0 + 0.37 * below);
         roundings(tone_map.decode(tone_map.encode(linear)), linear.into())
     }
 }
 
-/// Error of equation (1) for a block half as bright as the mean of the picture. `share` is the mean relative to
-/// white.
+/// Returns the error of equation (1) for a block half as bright as the mean of the picture. `share` is this mean
+/// relative to white.
 fn luminance_masking(share: f32) -> f32 {
     let (model, mean) = (MaskingModel::default(), share * 8.0 * 219.0);
     let (q, dc) = (f64::from(model.intra_matrix[9]), 0.5 * mean * 0.9);

@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release -p render2mpeg-perceptual --example saliency -- PICTURE.ppm MAP.pfm [MOTION.pfm]`
 //!
-//! PICTURE is a binary 8-bit PPM (P6). MOTION is a color PFM (PF, little-endian) with u_x in red and u_y in green, in
-//! pixels per frame. MAP is a gray PFM.
+//! PICTURE is a binary 8-bit PPM (P6). MOTION is a color PFM (PF, little-endian) with u_x in red and u_y in green
+//! \[pixels/frame\]. MAP is a gray PFM.
 
 use plane::Plane;
 use std::{env, fs, process::ExitCode};
@@ -15,7 +15,7 @@ struct Portable {
     samples: Vec<u8>,
 }
 
-/// Reads a file with three samples of `bytes` bytes per pixel.
+/// Reads a PPM or PFM file with three samples of `bytes` bytes per pixel.
 fn read(path: &str, magic: &str, bytes: usize) -> Result<Portable, String> {
     let file = fs::read(path).map_err(|error| format!("{path}: {error}"))?;
     let mut words = file.split(u8::is_ascii_whitespace).map(|word| String::from_utf8_lossy(word).into_owned());
@@ -31,21 +31,21 @@ fn read(path: &str, magic: &str, bytes: usize) -> Result<Portable, String> {
     Ok(Portable { width, height, samples })
 }
 
-/// Reads display values from a PPM.
+/// Reads display values from a PPM file.
 fn read_picture(path: &str) -> Result<Plane<[f32; 3]>, String> {
     let Portable { width, height, samples } = read(path, "P6", 1)?;
     let value = |at: usize| f32::from(samples[at]) / 255.0;
     Ok(Plane::from_fn(width, height, |x, y| [0, 1, 2].map(|i| value(3 * (y * width + x) + i))))
 }
 
-/// Reads motion from a PFM. Its rows are stored from bottom to top.
+/// Reads motion from a PFM file, which stores rows from bottom to top.
 fn read_motion(path: &str) -> Result<Plane<[f32; 2]>, String> {
     let Portable { width, height, samples } = read(path, "PF", 4)?;
     let value = |at: usize| f32::from_le_bytes([0, 1, 2, 3].map(|byte| samples[4 * at + byte]));
     Ok(Plane::from_fn(width, height, |x, y| [0, 1].map(|i| value(3 * ((height - 1 - y) * width + x) + i))))
 }
 
-/// Writes a gray PFM.
+/// Writes a plane as a gray PFM file.
 fn write(path: &str, map: &Plane<f32>) -> Result<(), String> {
     let mut file = format!("Pf\n{} {}\n-1\n", map.width(), map.height()).into_bytes();
     for y in (0..map.height()).rev() {

@@ -1,8 +1,8 @@
 //! Tolerable errors from the actual coding of a picture: the steps, modes and losses of one encoder.
 //!
 //! An error of the renderer passes through the same quantiser as the picture. Where a level is written, the error of
-//! the coefficient is fully visible. Where the level is zero, an error is invisible unless it lifts the coefficient
-//! over the dead zone. Visible errors add to the coding error. Therefore
+//! the coefficient is fully visible. Where the level is zero, the error is invisible unless it lifts the coefficient
+//! over the dead zone. Visible errors add to the coding error. This gives the equations
 //!
 //! ```text
 //! (6)  D = d_ij² summed over the block / 64                       mean square coding error, code values²
@@ -17,22 +17,24 @@
 //!   D̄     mean of D over the picture                              w_ij  matrix in use
 //!   n     number of pictures in the group                         P'    P of the block if predicted
 //! ```
-//! P of (7) is the visible fraction of an error. (8) allows visible errors as large as the coding error. It also
-//! keeps 1.5 standard deviations of the invisible error within the remaining dead zone. Decoded PSNR weighs all
-//! errors of the picture equally, while the eye judges the block. D is therefore the geometric mean of both.
+//! P of (7) is the visible fraction of an error. (8) allows visible errors as large as the coding error. It also keeps
+//! 1.5 standard deviations of the invisible error within the remaining dead zone. Decoded PSNR weighs all errors of the
+//! picture equally, while the eye judges single blocks. The allowed energy is therefore the geometric mean of D and D̄.
 //!
 //! An error in an intra picture stays visible in the pictures predicted from it until one of them replaces the block.
-//! It is shown N times in total. Measurement on `cornell`, with only one picture type rendered coarser:
+//! In total, N pictures show the error. The table lists measurements on `cornell`, with only one picture type rendered
+//! coarser:
 //!
-//! | coarser pictures | quantiser | error arriving over the film, relative to their own |
+//! | coarser pictures | quantiser | decoded error over the film, relative to the error of these pictures |
 //! |---|---|---|
 //! | I | 2 | 1.05 |
 //! | I | 48 | 10 |
 //! | P | 2 | 0.93 |
 //! | P | 48 | 0 |
 //!
-//! The next picture may be coded in another mode. [`NextPicture`] specifies the mode. The effect of an intra picture
-//! on a block follows from its coefficients. A predicted picture after an intra picture leaves the block unchanged.
+//! The next picture may be coded in another mode, which [`NextPicture`] specifies. The effect of an intra picture on a
+//! block is computed from the block's coefficients. A predicted picture after an intra picture is assumed to leave the
+//! block unchanged.
 
 use crate::bounded;
 use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
@@ -42,40 +44,40 @@ use rayon::prelude::*;
 /// Quantiser steps of an encoder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuantiserSteps {
-    /// w_ij of intra blocks in raster order.
+    /// Weights w_ij of intra blocks, in raster order.
     pub intra_matrix: [u8; 64],
-    /// w_ij of predicted blocks in raster order.
+    /// Weights w_ij of predicted blocks, in raster order.
     pub non_intra_matrix: [u8; 64],
     /// Step of the DC of intra blocks: 8, 4, 2 or 1 for intra_dc_precision 8 to 11 bits (ISO/IEC 13818-2, 7.4.1).
     pub intra_dc_step: f32,
 }
 
 impl Default for QuantiserSteps {
-    /// MPEG-2's default matrices and 8-bit DC precision.
+    /// Returns MPEG-2's default matrices, with 8-bit DC precision.
     fn default() -> Self {
         Self { intra_matrix: DEFAULT_INTRA_MATRIX, non_intra_matrix: DEFAULT_NON_INTRA_MATRIX, intra_dc_step: 8.0 }
     }
 }
 
-/// Coding mode of the next picture.
+/// Coding mode of the next picture, with respect to the current picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NextPicture {
-    /// Intra coded, as the first picture of a group.
+    /// Intra coding, as the first picture of a group.
     Intra {
         /// Number n of pictures in the group, at least 1.
         group: u32,
     },
-    /// Predicted from this picture.
+    /// Prediction from the current picture.
     Predicted,
 }
 
-/// Returns p_ij in raster order, with a sum of 1. Neighboring pixels use nearly the same clusters, so their errors
-/// are nearly equal and low frequencies dominate.
+/// Returns the fractions p_ij in raster order. Their sum is 1. Neighboring pixels use nearly the same clusters, so
+/// their errors are nearly equal and low frequencies dominate.
 ///
-/// Energy of lightcut errors, measured at quantisers 2 to 48, and of this model:
+/// Fraction of the energy of lightcut errors per coefficient, measured at quantisers 2 to 48, and in this model:
 ///
-/// | | DC | each of the two next | next on the diagonal |
+/// | | DC | each of the two lowest AC | first on the diagonal |
 /// |---|---|---|---|
 /// | `cornell` | 65 to 67 % | 7 to 8 % | 1.3 % |
 /// | `nave` | 46 to 58 % | 4 to 9 % | 1.5 to 2 % |
@@ -87,29 +89,29 @@ fn error_spectrum() -> [f32; 64] {
     p.map(|p| p / sum)
 }
 
-/// Minimum remaining fraction of a dead zone. Without it, a block close to being sent would have to be exact,
-/// although its residual is known only to a fraction of the zone.
+/// Minimum remaining fraction of a dead zone. Without this minimum, a block that almost gets a level would have to be
+/// exact. The residual of such a block is known only to a fraction of the dead zone.
 const LEAST_MARGIN: f32 = 0.125;
 
-/// Fraction of its step from which a coefficient of an intra block gets a level. Fitted to the rate-distortion
-/// decisions of `mpeg2enc`.
+/// Minimum magnitude of an intra coefficient that gets a level, as a fraction of its step. The value is fitted to the
+/// rate-distortion decisions of `mpeg2enc`.
 const WORTH_A_LEVEL: f32 = 0.6;
 
-/// Eqs. (6) to (8) with their precomputed constants.
+/// Evaluator of eqs. (6) to (8), with precomputed constants.
 pub(crate) struct CodedMasking {
     steps: QuantiserSteps,
     p: [f32; 64],
-    /// Factor of a margin: 1 / (12 √p_ij).
+    /// Factor from a margin M_ij to a tolerable error: 1 / (12 √p_ij).
     per_margin: [f32; 64],
 }
 
-/// Effect of the coding on a block.
+/// Effect of the coding on a block and on errors in it.
 struct BlockLoss {
-    /// Mean square error \[code values²\].
+    /// Mean square coding error D of the block \[code values²\].
     d2: f32,
-    /// Visible fraction P, or P N before an intra picture.
+    /// Visible fraction P of an error, or P N before an intra picture.
     passes: f32,
-    /// Smallest M_ij / (12 √p_ij) of the coefficients without a level.
+    /// Minimum of M_ij / (12 √p_ij) over the coefficients without a level.
     within_dead_zone: f32,
 }
 
@@ -119,10 +121,10 @@ impl CodedMasking {
         Self { steps, p, per_margin: p.map(|p| 1.0 / (12.0 * p.sqrt())) }
     }
 
-    /// Returns e′ of every 8×8 block: its tolerable root-mean-square luma error in code values, finite and not
+    /// Returns e′ of every 8×8 block: the tolerable root-mean-square luma error \[code values\], finite and not
     /// negative.
     ///
-    /// `luma` is in code values above black, as sent to the encoder but before rounding.
+    /// `luma` is in code values above black, before the rounding for the encoder.
     pub fn tolerable_luma(&self, luma: &Plane<f32>, coded: &Coded, next: NextPicture) -> Plane<f32> {
         let (columns, rows) = luma.block_counts();
         let losses: Vec<BlockLoss> = (0..columns * rows)
@@ -139,7 +141,7 @@ impl CodedMasking {
         Plane::from_vec(columns, rows, e.collect())
     }
 
-    /// Returns the effect on the k-th block in raster order.
+    /// Returns the effect of the coding on the k-th block in raster order.
     fn block_loss(&self, luma: &Plane<f32>, coded: &Coded, next: NextPicture, k: usize) -> BlockLoss {
         let columns = luma.block_counts().0;
         let (column, row) = (k % columns, k / columns);
@@ -167,7 +169,7 @@ impl CodedMasking {
         self.loss(d, levels, &steps, 1.0)
     }
 
-    /// Predicts the loss of a block with coefficients `c` in an intra picture.
+    /// Predicts the effect of an intra picture on a block with coefficients `c`.
     fn predicted_intra_loss(&self, c: &[f32; 64], scale: f32) -> BlockLoss {
         let steps = self.intra_steps(scale);
         let is_written = |i: usize| i == 0 || c[i].abs() >= WORTH_A_LEVEL * steps[i];
@@ -183,7 +185,7 @@ impl CodedMasking {
         steps
     }
 
-    /// Computes eqs. (6) and (7), with `dead_zone` in steps. Eight lanes accumulate separate sums and minima,
+    /// Evaluates eqs. (6) and (7). `dead_zone` is in steps. Eight lanes accumulate separate sums and minima, which are
     /// combined at the end.
     fn loss(&self, d: &[f32; 64], levels: u64, steps: &[f32; 64], dead_zone: f32) -> BlockLoss {
         let (mut d2, mut passes, mut within) = ([0.0; 8], [0.0; 8], [f32::INFINITY; 8]);
@@ -218,7 +220,7 @@ mod tests {
     use plane::{Picture, dct_definition, idct};
     use std::sync::Arc;
 
-    /// A picture with this decoded luma, one mode and one quantiser_scale.
+    /// Returns a picture with this decoded luma, one mode and one quantiser_scale.
     fn coded_as(decoded: &Plane<u8>, levels: &Plane<u64>, intra: bool, quantiser_scale: u8) -> Coded {
         let (columns, rows) = (decoded.width().div_ceil(16), decoded.height().div_ceil(16));
         let scales = Plane::filled(columns, rows, quantiser_scale);
@@ -226,13 +228,13 @@ mod tests {
         Coded::new(decoded, levels.clone(), Plane::filled(columns, rows, intra), scales).unwrap()
     }
 
-    /// Random numbers in −½ … ½.
+    /// Returns a random number in −½ … ½.
     fn random(state: &mut u32) -> f32 {
         *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (*state >> 8) as f32 / (1 << 24) as f32 - 0.5
     }
 
-    /// A picture of blocks with coefficients that decay as in photographs.
+    /// Returns a picture of blocks with coefficients that decay as in photographs.
     fn photograph(blocks: usize) -> Plane<f32> {
         let mut state = 5;
         let all: Vec<[f32; 64]> = (0..blocks * blocks)
@@ -250,8 +252,8 @@ mod tests {
         Plane::from_fn(8 * blocks, 8 * blocks, |x, y| all[y / 8 * blocks + x / 8][y % 8 * 8 + x % 8])
     }
 
-    /// Quantises a coefficient to the nearest level (intra) or towards zero (others). Returns the value that (7.4)
-    /// reconstructs and whether it is nonzero.
+    /// Quantises a coefficient to the nearest level (intra) or towards zero (predicted). Returns the reconstructed
+    /// value of (7.4), and whether the level is written.
     fn quantised(c: f32, step: f32, dead_zone: f32, is_dc: bool) -> (f32, bool) {
         let level = if is_dc { (c / step).round() } else { (c.abs() / step + 1.0 - dead_zone).floor() * c.signum() };
         // Levels truncated towards zero are reconstructed in the middle of their interval.
@@ -259,7 +261,7 @@ mod tests {
         ((level + middle * f32::from(level != 0.0)) * step, level != 0.0 || is_dc)
     }
 
-    /// Codes `source` block by block, intra or predicted from `base`.
+    /// Codes `source` block by block, as an intra picture or predicted from `base`.
     fn coded(source: &Plane<f32>, base: &Plane<f32>, scale: f32, intra: bool) -> (Plane<u8>, Plane<u64>) {
         let model = CodedMasking::new(QuantiserSteps::default());
         let (columns, rows) = source.block_counts();
@@ -290,8 +292,8 @@ mod tests {
         a.samples().iter().zip(b.samples()).map(of).sum::<f64>() / a.samples().len() as f64
     }
 
-    /// Sends errors with the model's spectrum and a fraction of e′ per block through a quantiser. The decoded
-    /// picture's error grows by at most that fraction of the coding error, as eqs. (7) and (8) predict.
+    /// Errors with the model's spectrum and a fraction κ of e′ per block pass through a quantiser. The decoded
+    /// picture's mean square error grows by at most κ² D, as eqs. (7) and (8) predict.
     #[test]
     fn what_comes_through_is_what_was_allowed() {
         let model = CodedMasking::new(QuantiserSteps::default());
@@ -301,7 +303,7 @@ mod tests {
         for (intra, quantiser_scale) in
             [(true, 4.0), (true, 16.0), (true, 48.0), (false, 4.0), (false, 16.0), (false, 48.0)]
         {
-            // A predicted picture: the light of every block has changed by a random factor of up to a tenth.
+            // In a predicted picture, the light of every block has changed by a random factor of up to a tenth.
             let changed: Vec<f32> = (0..24 * 24).map(|_| 0.95 + 0.1 * random(&mut state)).collect();
             let before = |x: usize, y: usize| source.get(x, y) * changed[y / 8 * 24 + x / 8];
             let base = Plane::from_fn(192, 192, |x, y| if intra { 0.0 } else { before(x, y) });
@@ -313,7 +315,7 @@ mod tests {
             let mut wrong = source.clone();
             for (column, row) in (0..24).flat_map(|row| (0..24).map(move |column| (column, row))) {
                 let sigma = kappa * tolerable.get(column, row);
-                // Uniformly distributed with a variance of 1/12.
+                // The random numbers are uniformly distributed with a variance of 1/12.
                 let e = idct(&p.map(|p| sigma * 8.0 * (12.0 * p).sqrt() * random(&mut state)));
                 for (i, e) in e.iter().enumerate() {
                     let (x, y) = (8 * column + i % 8, 8 * row + i / 8);
@@ -324,12 +326,12 @@ mod tests {
             let (before, after) = (mean_square(&source, &decoded), mean_square(&source, &other));
             let share = (after - before) / before / f64::from(kappa * kappa);
             println!("intra {intra}, quantiser_scale {quantiser_scale}: κ² D allowed, {share:.2} of it came through");
-            // Figures of the README, to two decimals.
+            // These limits are the figures of the README, to two decimals.
             assert!((0.245..0.955).contains(&share), "intra {intra}, quantiser_scale {quantiser_scale}: {share}");
         }
     }
 
-    /// Compares eqs. (6) to (8) with their definition.
+    /// Eqs. (6) to (8) are compared with their definition.
     #[test]
     fn blocks_follow_the_equations() {
         let model = CodedMasking::new(QuantiserSteps::default());
@@ -365,7 +367,7 @@ mod tests {
     #[test]
     fn what_stays_counts_as_often_as_it_is_seen() {
         let model = CodedMasking::new(QuantiserSteps::default());
-        // Uniform gray: only the DC is ever written.
+        // A uniform gray picture has only DC coefficients.
         let (luma, decoded) = (Plane::filled(16, 16, 84.4f32), Plane::filled(16, 16, 100));
         let picture = coded_as(&decoded, &Plane::filled(2, 2, 1), true, 112);
         let of = |group| model.tolerable_luma(&luma, &picture, NextPicture::Intra { group }).get(0, 0);

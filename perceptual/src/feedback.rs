@@ -9,12 +9,12 @@ use crate::{MaskingModel, ToneMap};
 use plane::{Coded, Correspondence, Plane};
 use std::sync::Arc;
 
-/// Weight of the past in eq. (5), \[Herzog08, §5.2\].
+/// Weight w of the past in eq. (5), as in \[Herzog08, §5.2\].
 pub const DEFAULT_WEIGHT: f32 = 0.5;
 
-/// Weight of the past if e′ follows from the encoder's coding. This e′ changes from picture to picture with every
-/// written level, and a lightcut that follows the changes flickers. Excess flicker on `cornell` at quantiser 48
-/// (128×128, 12 frames), compared with cuts at 2 %:
+/// Weight w of the past if e′ follows from the encoder's coding. This e′ changes from picture to picture with every
+/// written level. A lightcut that follows these changes flickers. The table lists the excess flicker on `cornell` at
+/// quantiser 48 (128×128, 12 frames), compared with lightcuts at 2 %:
 ///
 /// | weight | excess flicker |
 /// |---|---|
@@ -23,21 +23,21 @@ pub const DEFAULT_WEIGHT: f32 = 0.5;
 /// | 0.95 | 3.2 % |
 const CODED_WEIGHT: f32 = 0.8;
 
-/// Upper limit of ΔY(t−1), as a multiple of the current e. After a flash, the thresholds derived from its light are
-/// soon obsolete. With the weight alone they would fade over dozens of frames.
+/// Upper limit of ΔY(t−1), as a multiple of the current e. Thresholds from a flash are obsolete when the flash ends.
+/// With the weight alone they would fade over dozens of frames.
 ///
-/// On `cornell`, `nave` and `atrium` (160×160, quantisers 8 and 48) cuts are as large as without this limit. The
-/// exception is `atrium` at 48, where cuts are 2 % larger and bits and flicker 2 % smaller.
+/// On `cornell` and `nave` at quantisers 8 and 48, and on `atrium` at 8 (160×160), lightcuts are as large as without
+/// this limit. On `atrium` at 48, lightcuts are 2 % larger, and bits and flicker are 2 % smaller.
 const CODED_PAST_MAX: f32 = 4.0;
 
-/// A frame whose thresholds are to be computed.
+/// A frame for which tolerable errors are computed.
 #[derive(Clone, Copy, Debug)]
 pub struct ObservedFrame<'a> {
-    /// Luma in code values above black, before rounding: see [`YCbCr::luma`](crate::YCbCr::luma).
+    /// Luma before rounding, in code values above black: see [`YCbCr::luma`](crate::YCbCr::luma).
     pub luma: &'a Plane<f32>,
-    /// Linear luminance of the same size.
+    /// Linear luminance. The plane has the size of `luma`.
     pub luminance: &'a Plane<f32>,
-    /// Correspondence to the previously observed frame. `None` if unknown, such as after a shot change.
+    /// Correspondence to the previously observed frame. `None` if it is unknown, for example after a shot change.
     pub known: Option<&'a Correspondence>,
 }
 
@@ -46,7 +46,7 @@ pub struct ObservedFrame<'a> {
 pub struct ExpectedCoding {
     /// Expected MPEG-2 quantiser_scale, 1…112.
     pub quantiser_scale: f32,
-    /// Whether the frame will be an intra picture, the first of its group.
+    /// Whether the frame will be an intra picture, the first picture of its group.
     pub begins_group: bool,
 }
 
@@ -96,22 +96,22 @@ impl Feedback {
         }
     }
 
-    /// Multiplies the masked error by κ ≥ 0: `e = max(0.02 · Y, κ · |Ŷ − Y|)` instead of eq. (4), where κ is 1. NaN
-    /// and negative values count as 0.
+    /// Sets a factor κ ≥ 0 on the masked error: eq. (4) becomes `e = max(0.02 · Y, κ · |Ŷ − Y|)`. NaN and negative
+    /// values become 0.
     ///
-    /// A lightcut bounds the error of each cluster by the threshold, so the sum of its errors may exceed it. A
-    /// smaller κ compensates.
+    /// A lightcut compares the error bound of each cluster with the threshold, so the sum of all errors may exceed the
+    /// threshold. A smaller κ compensates for this.
     #[must_use]
     pub fn with_kappa(self, kappa: f32) -> Self {
         Self { kappa: kappa.max(0.0), ..self }
     }
 
-    /// Observes frame t and returns ΔY(t), by eqs. (1) to (5).
+    /// Observes frame t and returns ΔY(t) according to eqs. (1) to (5).
     ///
-    /// `quantiser_scale` is MPEG-2's, 1…112. A change of picture size resets the state.
+    /// `quantiser_scale` is MPEG-2's quantiser_scale, 1…112. A change of picture size resets the state.
     ///
     /// # Panics
-    /// If the planes of `frame` differ in size.
+    /// If the planes of `frame` have different sizes.
     pub fn observe(&mut self, frame: ObservedFrame, quantiser_scale: f32) -> &Plane<f32> {
         let ObservedFrame { luma, luminance, known } = frame;
         let distorted = self.model.worst_case_luma(luma, quantiser_scale);
@@ -119,15 +119,15 @@ impl Feedback {
         self.take_in(e, known, self.weight, f32::INFINITY)
     }
 
-    /// Observes frame t and returns ΔY(t), by eqs. (6) to (8), from the coding of this frame and the mode of the
-    /// next.
+    /// Observes frame t and returns ΔY(t) according to eqs. (4) to (8), from the coding of this frame and the mode of
+    /// the next.
     ///
-    /// κ multiplies e′ of eq. (8). w is 0.8, independent of [`Feedback::new`]. The past counts as at most 4 e′.
-    /// Before an intra picture the past is not blended in, because its thresholds are for predicted pictures and
-    /// would be too large.
+    /// κ multiplies e′ of eq. (8). w is 0.8, because the weight of [`Feedback::new`] does not apply. ΔY(t−1) is limited to 4 e.
+    /// Before an intra picture the past is not blended in, because its thresholds are for predicted pictures and would
+    /// be too large.
     ///
     /// # Panics
-    /// If the planes of `frame` differ in size.
+    /// If the planes of `frame` have different sizes.
     pub fn observe_coded(
         &mut self,
         frame: ObservedFrame,
@@ -139,11 +139,11 @@ impl Feedback {
         self.take_in_tolerable(frame, &tolerable, next)
     }
 
-    /// Observes a frame that is not encoded yet, like [`Feedback::observe_coded`]. Its coding is predicted from the
+    /// Observes a frame that is not encoded yet, like [`Feedback::observe_coded`]. The coding is predicted from the
     /// frame, its matches and the `expected` coding parameters.
     ///
     /// # Panics
-    /// If the planes of `frame` differ in size.
+    /// If the planes of `frame` have different sizes.
     pub fn observe_predicted(
         &mut self,
         frame: ObservedFrame,
@@ -175,8 +175,8 @@ impl Feedback {
         &self.thresholds
     }
 
-    /// Returns ΔY(t) reprojected to frame t+1. `known` is the correspondence of its pixels to the last observed
-    /// frame.
+    /// Returns ΔY(t) reprojected to frame t+1. `known` is the correspondence from the pixels of frame t+1 to the last
+    /// observed frame.
     ///
     /// Before the first frame, thresholds are 2 % of luminance everywhere.
     #[must_use]
@@ -190,32 +190,32 @@ impl Feedback {
         &self.thresholds
     }
 
-    /// Number of pixels of the last observed frame with luma or luminance that is not finite.
+    /// Number of pixels of the last observed frame that have a luma or luminance that is not finite.
     #[must_use]
     pub fn non_finite(&self) -> usize {
         self.non_finite
     }
 
-    /// Decoded luma of the last frame as predicted by [`Feedback::observe_predicted`], 16 for black. Empty if no
-    /// coding was predicted.
+    /// Decoded luma of the last frame as predicted by [`Feedback::observe_predicted`]. Code value 16 is black. Empty if
+    /// no coding was predicted.
     #[must_use]
     pub fn predicted(&self) -> &Plane<u8> {
         self.predicted.decoded()
     }
 
-    /// Resets the state to before the first frame.
+    /// Resets the state to the state before the first frame.
     pub fn reset(&mut self) {
         self.thresholds = Arc::default();
         self.predicted = PredictedCoding::default();
         self.non_finite = 0;
     }
 
-    /// Restores ΔY of the last observed frame from [`Feedback::thresholds`], to continue an interrupted film.
+    /// Restores ΔY of the last observed frame, from [`Feedback::thresholds`], to continue an interrupted film.
     pub fn restore(&mut self, thresholds: impl Into<Arc<Plane<f32>>>) {
         self.thresholds = thresholds.into();
     }
 
-    /// Restores the plane from [`Feedback::predicted`], to continue an interrupted film with predicted coding.
+    /// Restores the decoded luma, from [`Feedback::predicted`], to continue an interrupted film with predicted coding.
     pub fn restore_predicted(&mut self, decoded: Plane<u8>) {
         self.predicted = PredictedCoding::after(decoded);
     }

@@ -1,19 +1,19 @@
-//! Perceptual error thresholds for pictures that will be watched as MPEG-2 video.
+//! Perceptual error thresholds for pictures that are watched as MPEG-2 video.
 //!
-//! Input is a picture and the codec's quantiser scale. Output is the luminance error of each pixel that stays
-//! invisible after compression. [`tolerable_error`] follows \[Herzog08\] with Watson's masking model \[Watson93\].
-//! [`thresholds_of_srgb`] handles an sRGB picture in one call. [`Feedback`] reprojects thresholds from frame to frame
-//! along the motion.
+//! The input is a picture and the codec's quantiser scale. The output is the largest luminance error of each pixel that
+//! stays invisible after compression. [`tolerable_error`] follows \[Herzog08\] with Watson's masking model
+//! \[Watson93\]. [`thresholds_of_srgb`] processes an sRGB picture in one call. [`Feedback`] reprojects thresholds from
+//! frame to frame along the motion.
 //!
-//! Related tools:
+//! The crate also contains:
 //!
 //! * [`ToneMap`]: invertible tone curves
-//! * [`YCbCr`]: input pictures for MPEG-2 encoders
+//! * [`YCbCr`]: conversion of pictures to the input of MPEG-2 encoders
 //! * [`saliency()`]: importance for a viewer without a task
 //! * [`task_map()`]: importance for a viewer with a task
 //! * [`psnr`], [`ssim`] and other metrics for reports
 //!
-//! The README lists the references and the behavior at extreme input.
+//! The README lists the references and the behavior for extreme input.
 //!
 //! ```
 //! use perceptual::{MaskingModel, Plane, ToneMap, YCbCr, luminance_plane, tolerable_error};

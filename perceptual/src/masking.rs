@@ -1,6 +1,7 @@
-//! Luminance and contrast masking in the DCT domain: the invisible changes of a block.
+//! Luminance and contrast masking in the DCT domain: the largest invisible changes of a block.
 //!
-//! Watson's model \[Watson93\] with the intra matrix of MPEG-2 as base thresholds, as in \[Herzog08, §5.1 and §5.2\]:
+//! The model is Watson's \[Watson93\] with the intra matrix of MPEG-2 as base thresholds, as in \[Herzog08, §5.1 and
+//! §5.2\]:
 //!
 //! ```text
 //! (1)  t_ij = q_ij (c_00 / c̄_00)^(0.649 γ)
@@ -15,11 +16,11 @@
 //! ```
 //!
 //! # Choices where the sources are ambiguous
-//! - sign(0) = +. Coefficients that vanish are replaced by a wave with their sign. In a completely flat block all
-//!   signs are positive, and the 63 waves add up in the upper left sample. It gets nearly seven times the tolerance
-//!   of the block. The block's root mean square is ½ s q_min code values for any signs, because the transform is
-//!   orthonormal.
-//! - The first case of (3) replaces a coefficient instead of adding to it. The DC uses the same cases. In a block
+//! - sign(0) is positive. Coefficients that vanish are replaced by a wave with their sign. In a completely flat block
+//!   all signs are positive, and the 63 waves add up in the upper left sample. This sample gets nearly seven times the
+//!   tolerance of the block. The block's root mean square is ½ s q_min code values for any signs, because the transform
+//!   is orthonormal.
+//! - The first case of (3) replaces a coefficient instead of adding to it. The same cases apply to the DC. In a block
 //!   darker than ½ q_00 s (mean luma ¹⁄₁₆ q_00 s, black in practice) the DC is replaced by ½ s q_min.
 //! - `c_00 / c̄_00` is clamped to 1/16…16 ([`MaskingModel::max_luminance_ratio`]). A single white block in a black
 //!   picture then stays finite, and a black block keeps a positive threshold. In a black picture (c̄_00 = 0) the
@@ -30,26 +31,26 @@ use plane::matrices::DEFAULT_INTRA_MATRIX;
 use plane::{Plane, dct, idct};
 use rayon::prelude::*;
 
-/// Exponent of luminance masking in linear luminance \[Watson93\]. Eq. (1) multiplies it by the display gamma.
+/// Exponent of luminance masking for linear luminance \[Watson93\]. Eq. (1) multiplies it by the display gamma.
 pub const LUMINANCE_MASKING_EXPONENT: f32 = 0.649;
-/// Exponent of contrast masking, equal for all AC frequencies \[Watson93\].
+/// Exponent of contrast masking \[Watson93\]. It is equal for all AC frequencies.
 pub const CONTRAST_MASKING_EXPONENT: f32 = 0.7;
 /// Divisor in s = quantiser_scale / 16. MPEG-2's step of coefficient ij is q_ij · quantiser_scale / 16.
 const QUANTISER_SCALE_UNIT: f32 = 16.0;
-/// Largest c̄_00 of a black picture: less than 2·10⁻⁴ code values on average.
+/// Largest c̄_00 that counts as a black picture: less than 2·10⁻⁴ code values on average.
 const BLACK_MEAN_DC: f32 = 1e-3;
 
 /// Parameters of the masking model.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct MaskingModel {
-    /// q_ij in raster order, 1…255 (0 counts as 1). Default: [`DEFAULT_INTRA_MATRIX`].
+    /// q_ij in raster order, 1…255. 0 is replaced by 1. Default: [`DEFAULT_INTRA_MATRIX`].
     #[cfg_attr(feature = "serde", serde(with = "matrix"))]
     pub intra_matrix: [u8; 64],
     /// γ of the display in eq. (1). Default 2.0 \[Herzog08, §5.1\].
     pub display_gamma: f32,
-    /// Limit r of c_00 / c̄_00, which is clamped to 1/r…r. At least 1, default 16. Only nearly black pictures reach
-    /// the default: 16 is above the ratio of white to the mean of a picture with a mean luma of 14.
+    /// Limit r of c_00 / c̄_00, which is clamped to 1/r…r. At least 1, default 16. Only nearly black pictures reach the
+    /// default: the ratio of white to the mean is 16 if the mean luma is 14.
     pub max_luminance_ratio: f32,
 }
 
@@ -65,15 +66,15 @@ fn step_multiplier(quantiser_scale: f32) -> f32 {
 }
 
 impl MaskingModel {
-    /// Computes eq. (1): thresholds of a block with DC coefficient `dc` in a picture with mean `mean_dc`, before
-    /// contrast masking.
+    /// Evaluates eq. (1): the thresholds, before contrast masking, of a block with DC coefficient `dc`. `mean_dc` is
+    /// the mean DC coefficient of the picture.
     #[must_use]
     pub fn luminance_thresholds(&self, dc: f32, mean_dc: f32) -> [f32; 64] {
         let factor = self.luminance_factor(dc, mean_dc);
         self.intra_matrix.map(|q| f32::from(q.max(1)) * factor)
     }
 
-    /// Computes eq. (2): thresholds `t` raised by the block's own contrast `c`.
+    /// Evaluates eq. (2): thresholds `t`, raised by the magnitudes of the block's own coefficients `c`.
     #[must_use]
     pub fn contrast_thresholds(t: &[f32; 64], c: &[f32; 64]) -> [f32; 64] {
         std::array::from_fn(|i| match i {
@@ -82,8 +83,8 @@ impl MaskingModel {
         })
     }
 
-    /// Computes eq. (3): the coefficients `c` of a block with the largest distortion that quantisation and masking
-    /// `m` hide.
+    /// Evaluates eq. (3): the coefficients `c` of a block, with the largest distortion that quantisation and the
+    /// masking thresholds `m` hide.
     #[must_use]
     pub fn worst_case(&self, c: &[f32; 64], m: &[f32; 64], quantiser_scale: f32) -> [f32; 64] {
         let (s, q_min) = (step_multiplier(quantiser_scale), self.smallest_ac());
@@ -94,11 +95,12 @@ impl MaskingModel {
         })
     }
 
-    /// Computes eqs. (1) to (3) for all blocks of a picture: the distorted luma ŷ′ that is visually equal to `luma`.
+    /// Evaluates eqs. (1) to (3) for all blocks of a picture. Returns the distorted luma ŷ′, which is visually equal to
+    /// `luma`.
     ///
-    /// `luma` is in code values above black, before rounding. Values that are not finite count as black, others are
-    /// clamped to −16…239, the range of eight bits. The result is neither rounded nor clipped. `quantiser_scale` is
-    /// clamped to 1…112.
+    /// `luma` is in code values above black, before rounding. Values that are not finite are replaced by black. Other
+    /// values are clamped to −16…239, the range of eight bits. The result is neither rounded nor clipped.
+    /// `quantiser_scale` is clamped to 1…112.
     #[must_use]
     pub fn worst_case_luma(&self, luma: &Plane<f32>, quantiser_scale: f32) -> Plane<f32> {
         let (width, height) = (luma.width(), luma.height());
@@ -121,7 +123,7 @@ impl MaskingModel {
         out
     }
 
-    /// Returns `(c_00 / c̄_00)^(0.649 γ)`, within the limits of the model.
+    /// Returns `(c_00 / c̄_00)^(0.649 γ)`, with the ratio clamped to the model's limit.
     fn luminance_factor(&self, dc: f32, mean_dc: f32) -> f32 {
         if mean_dc.is_nan() || mean_dc < BLACK_MEAN_DC {
             return 1.0;
@@ -131,13 +133,13 @@ impl MaskingModel {
         bounded(dc / mean_dc, 1.0 / bound, bound).powf(LUMINANCE_MASKING_EXPONENT * gamma)
     }
 
-    /// Returns q_min.
+    /// Returns q_min, the smallest AC entry of the matrix.
     fn smallest_ac(&self) -> f32 {
         f32::from(self.intra_matrix[1..].iter().copied().fold(u8::MAX, u8::min).max(1))
     }
 }
 
-/// Returns c̄_00: the mean of the DC coefficients over all blocks of a luma plane. 0 for a plane without samples.
+/// Returns c̄_00, the mean of the DC coefficients of all blocks of a luma plane. It is 0 for a plane without samples.
 #[must_use]
 pub fn mean_dc(luma: &Plane<f32>) -> f32 {
     let (columns, rows) = luma.block_counts();
@@ -145,7 +147,7 @@ pub fn mean_dc(luma: &Plane<f32>) -> f32 {
         return 0.0;
     }
     let dc = |column, row| {
-        // Eight independent sums, because sequential additions would wait for each other.
+        // Add into eight independent sums, because sequential additions would wait for each other.
         let mut sums = [0.0f32; 8];
         for line in finite_block(luma, column, row).chunks_exact(8) {
             for (sum, value) in sums.iter_mut().zip(line) {
@@ -160,14 +162,14 @@ pub fn mean_dc(luma: &Plane<f32>) -> f32 {
     (sums.iter().sum::<f64>() / (columns * rows) as f64) as f32
 }
 
-/// Returns a block of luma clamped to the range of eight bits.
+/// Returns a block of luma, clamped to the range of eight bits.
 fn finite_block(luma: &Plane<f32>, column: usize, row: usize) -> [f32; 64] {
     luma.block(column, row).map(|v| if v.is_finite() { v.clamp(-16.0, 239.0) } else { 0.0 })
 }
 
-/// Eqs. (1) to (3) in one pass over a block, without branches or calls, so that the compiler vectorizes it.
+/// Evaluates eqs. (1) to (3) in one pass over a block, without branches or calls, so that the compiler vectorizes it.
 ///
-/// Eq. (2) rearranged: t max(1, |c| / t)^0.7 = max(t, t^0.3 |c|^0.7), and t^0.3 = q^0.3 · factor^0.3 with a
+/// Eq. (2) is rearranged: t max(1, |c| / t)^0.7 = max(t, t^0.3 |c|^0.7), and t^0.3 = q^0.3 · factor^0.3 with a
 /// precomputed q^0.3.
 struct FastMasking<'a> {
     model: &'a MaskingModel,
@@ -198,7 +200,7 @@ impl<'a> FastMasking<'a> {
             let distorted = if size < half * self.q[i] { self.vanishing } else { size + half * m };
             out[i] = if c[i] < 0.0 { -distorted } else { distorted };
         }
-        // The DC has no contrast masking: m_00 = t_00.
+        // The DC has no contrast masking, so m_00 = t_00.
         if c[0].abs() >= half * self.q[0] {
             let m = self.q[0] * factor;
             out[0] = c[0] + if c[0] < 0.0 { -half * m } else { half * m };
@@ -209,28 +211,30 @@ impl<'a> FastMasking<'a> {
 
 /// Returns `|c|^0.7` of all coefficients.
 ///
-/// Not inlined: the compiler would move each power into the branch that needs it and compute them one by one.
+/// This function is not inlined, because the compiler would move each power into the branch that needs it and compute
+/// the powers one by one.
 #[inline(never)]
 fn contrast_powers(c: &[f32; 64]) -> [f32; 64] {
     c.map(|c| contrast_power(c.abs()))
 }
 
-/// Returns `x^0.7` for x in 0…1e6, with a relative error below 1e-5, from basic arithmetic only. 0 gives less than
-/// 1e-20.
+/// Returns `x^0.7` for x in 0…1e6, with a relative error below 1e-5, using basic arithmetic only. The result for 0 is
+/// less than 1e-20.
 #[inline(always)]
 fn contrast_power(x: f32) -> f32 {
     const SQRT_HALF: u32 = std::f32::consts::FRAC_1_SQRT_2.to_bits();
     const TWO_OVER_LN_2: f32 = 2.0 / std::f32::consts::LN_2;
-    /// 1.5 · 2²³. Adding it rounds to an integer in the low bits.
+    /// 1.5 · 2²³. Adding this constant rounds a number to an integer in the low bits.
     const ROUNDER: f32 = 12_582_912.0;
-    // log2(x) = exponent + log2(mantissa), the mantissa in √½ … √2, by the series of the inverse hyperbolic tangent.
+    // log2(x) = exponent + log2(mantissa). The mantissa is in √½ … √2. Use the series of the inverse hyperbolic
+    // tangent.
     let bits = x.max(1e-30).to_bits();
     let exponent = (bits.wrapping_sub(SQRT_HALF) as i32) >> 23;
     let mantissa = f32::from_bits(bits.wrapping_sub((exponent << 23) as u32));
     let z = (mantissa - 1.0) / (mantissa + 1.0);
     let zz = z * z;
     let log2 = exponent as f32 + TWO_OVER_LN_2 * z * (1.0 + zz * (1.0 / 3.0 + zz * (0.2 + zz * (1.0 / 7.0))));
-    // 2^y = 2^whole · 2^rest, rest in −½ … ½, by the exponential series up to the fifth power.
+    // 2^y = 2^whole · 2^rest. The rest is in −½ … ½. Use the exponential series up to the fifth power.
     let y = CONTRAST_MASKING_EXPONENT * log2;
     let shifted = y + ROUNDER;
     let rest = (y - (shifted - ROUNDER)) * std::f32::consts::LN_2;
@@ -238,7 +242,7 @@ fn contrast_power(x: f32) -> f32 {
     f32::from_bits(series.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// Serialization of 64 numbers, because serde derives arrays only up to 32.
+/// Serialization of 64 numbers. Serde supports arrays of at most 32.
 #[cfg(feature = "serde")]
 mod matrix {
     use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};

@@ -1,17 +1,17 @@
-//! Quantisers that follow masking: coarser where detail hides coding errors, finer in smooth areas.
+//! Factors of quantiser_scale that follow masking: coarser where detail hides coding errors, finer in smooth areas.
 //!
 //! ```text
 //! weight = 2^(s (a − ā))        a = log₂(1 + mean of the variances of the four 8×8 blocks of luma)      ā  mean of a
 //! ```
 //!
-//! Contrast masking raises the threshold of a coefficient with a power of its magnitude \[Watson93\]. A weight
-//! applies to all coefficients of a macroblock. Its exponent s is far below Watson's 0.7, because a coarser quantiser
-//! also affects faint coefficients.
+//! Contrast masking raises the threshold of a coefficient with a power of its magnitude \[Watson93\]. A weight applies
+//! to all coefficients of a macroblock. The exponent s is far below Watson's 0.7, because a coarser quantiser also
+//! affects faint coefficients.
 
 use plane::Plane;
 
-/// s, chosen by SSIMULACRA 2 scores at equal bits. Increase of the score, interpolated from quantisers 12 to 20
-/// (192×192, 4 frames):
+/// Exponent s, chosen according to SSIMULACRA 2 scores at equal bits. The table lists the increase of the score,
+/// interpolated from quantisers 12 to 20 (192×192, 4 frames):
 ///
 /// | s | `nave` | `conference` | Sponza |
 /// |---|---|---|---|
@@ -26,9 +26,9 @@ const MACROBLOCK: usize = 16;
 const BLOCK: usize = 8;
 
 /// Returns a factor of quantiser_scale for each macroblock of a picture with this luma \[code values\]. The geometric
-/// mean of the factors is 1.
+/// mean of all factors is 1.
 ///
-/// Beyond the border the outermost samples repeat.
+/// Outside the picture, the outermost samples are repeated.
 #[must_use]
 pub fn masking_weights(luma: &Plane<f32>) -> Plane<f32> {
     let (columns, rows) = (luma.width().div_ceil(MACROBLOCK), luma.height().div_ceil(MACROBLOCK));
@@ -43,7 +43,7 @@ pub fn masking_weights(luma: &Plane<f32>) -> Plane<f32> {
     activity.map(|activity| (STRENGTH * (activity - mean)).exp2())
 }
 
-/// Variance of the block with this upper left corner.
+/// Returns the variance of the 8×8 block with this upper left corner.
 fn variance(luma: &Plane<f32>, left: usize, top: usize) -> f32 {
     let (mut sum, mut squares) = (0.0, 0.0);
     for y in top..top + BLOCK {
@@ -63,8 +63,8 @@ mod tests {
 
     #[test]
     fn detail_is_coded_coarser_than_what_is_even() {
-        // Macroblocks: uniform, a step at a block border, checkerboards of ±16 and ±32. The last macroblock is
-        // truncated.
+        // The macroblocks are uniform, a step at a block border, and checkerboards of ±16 and ±32. The last macroblock
+        // is truncated.
         let luma = Plane::from_fn(60, 12, |x, y| {
             let check = if (x + y) % 2 == 0 { 1.0 } else { -1.0 };
             match x / 16 {
@@ -78,7 +78,7 @@ mod tests {
         let weights = masking_weights(&luma);
         assert_eq!((weights.width(), weights.height()), (4, 1));
         let [even, step, faint, strong] = [0, 1, 2, 3].map(|column| weights.get(column, 0));
-        // A step between blocks masks nothing inside them.
+        // A step between two blocks causes no masking inside them.
         assert!(even == step && step < faint && faint < strong, "{weights:?}");
         assert!((even * step * faint * strong - 1.0).abs() < 1e-5, "{weights:?}");
         // For pure checkerboards the ratio of weights is the ratio of 1 + variance to the power s.

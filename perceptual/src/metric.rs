@@ -1,11 +1,11 @@
 //! Picture metrics for reports: squared errors, PSNR, and structural similarity \[Wang04\].
 //!
-//! All functions take the picture first and the reference second, and panic if they differ in size. Sums use `f64` in
-//! raster order. Errors of planes without samples are 0.
+//! All functions accept the picture first and the reference second. They panic if the two have different sizes. Sums
+//! use `f64` in raster order. Errors of planes without samples are 0.
 
 use plane::{Correspondence, Plane};
 
-/// A sample with one or several numeric components.
+/// A sample with one or more numeric components.
 pub trait Components: Copy {
     /// Components of the sample.
     fn components(&self) -> &[f32];
@@ -23,8 +23,8 @@ impl Components for [f32; 3] {
     }
 }
 
-/// Term added to the squared reference in [`relative_mse`], so that black pixels do not dominate. The usual value of
-/// denoising papers for pictures exposed to about 1.
+/// Term added to the squared reference in [`relative_mse`], so that black pixels do not dominate. 0.01 is usual in
+/// papers on denoising, for pictures with values of about 1.
 const RELATIVE_MSE_EPSILON: f64 = 0.01;
 
 fn assert_same_size<T: Copy>(a: &Plane<T>, b: &Plane<T>) {
@@ -32,7 +32,7 @@ fn assert_same_size<T: Copy>(a: &Plane<T>, b: &Plane<T>) {
     assert_eq!(size, (b.width(), b.height()), "the two pictures must have the same size");
 }
 
-/// Mean of `term(value, reference)` over all components.
+/// Returns the mean of `term(value, reference)` over all components.
 fn mean<T: Components>(picture: &Plane<T>, reference: &Plane<T>, term: impl Fn(f64, f64) -> f64) -> f64 {
     assert_same_size(picture, reference);
     let (mut sum, mut count) = (0.0, 0usize);
@@ -66,16 +66,18 @@ pub fn psnr(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     10.0 * (255.0 * 255.0 / mse(picture, reference)).log10()
 }
 
-/// Flicker: mean squared difference between the temporal changes of a film and its reference \[code values²\].
+/// Returns flicker: the mean squared difference between the temporal changes of a film and of its reference \[code
+/// values²\].
 ///
 /// ```text
 /// (a_t(x) − a_{t−1}(x')) − (b_t(x) − b_{t−1}(x'))        over the pixels x with a match x' in the previous frame
 /// ```
-/// `pictures` and `references` contain the current and the previous frame. `known` has the match x' of every pixel of
-/// the current frame. A constant error, or one that moves with its surface, does not flicker. 0 without matches.
+/// a is the film and b the reference. `pictures` and `references` contain the current and the previous frame. `known`
+/// contains the match x' of every pixel of the current frame. A constant error, or an error that moves with its
+/// surface, does not flicker. Without matches the result is 0.
 ///
 /// # Panics
-/// If the planes differ in size.
+/// If the planes have different sizes.
 #[must_use]
 pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], known: &Correspondence) -> f64 {
     let [picture, picture_before] = pictures;
@@ -95,7 +97,7 @@ pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], known: &C
     sum / count.max(1) as f64
 }
 
-/// Root mean squared error, in the unit of the samples. Colors use all components.
+/// Root mean squared error, in the unit of the samples. For colors, the mean is over all components.
 #[must_use]
 pub fn rmse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
     mean(picture, reference, |a, b| (a - b).powi(2)).sqrt()
@@ -109,17 +111,18 @@ pub fn relative_mse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> 
 
 /// Radius of the window of [`ssim`] \[samples\].
 const RADIUS: usize = 5;
-/// Standard deviation of its Gaussian \[samples\] \[Wang04, §III-C\].
+/// Standard deviation of the Gaussian window of [`ssim`] \[samples\] \[Wang04, §III-C\].
 const SIGMA: f64 = 1.5;
 
-/// Structural similarity of 8-bit planes \[Wang04\]: 1 for equal pictures, otherwise less.
+/// Structural similarity of 8-bit planes \[Wang04\]: 1 for equal pictures, otherwise less than 1.
 ///
 /// ```text
 /// SSIM = (2 μ_a μ_b + C1) (2 σ_ab + C2) / ((μ_a² + μ_b² + C1) (σ_a² + σ_b² + C2))      C1 = (0.01·255)², C2 = (0.03·255)²
 /// ```
 ///
-/// Means and variances use an 11×11 Gaussian window of σ = 1.5 samples. The result is the mean over all window
-/// positions inside the picture. For pictures smaller than the window, it covers all pixels with the border repeated.
+/// Means μ and variances σ² use an 11×11 Gaussian window with a standard deviation of 1.5 samples. The result is the
+/// mean over all window positions inside the picture. For pictures smaller than the window, the mean is over all
+/// pixels, and the border is repeated.
 #[must_use]
 pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     assert_same_size(picture, reference);
@@ -158,7 +161,7 @@ fn window() -> [f64; 2 * RADIUS + 1] {
     std::array::from_fn(|i| bell(i) / total)
 }
 
-/// Convolves the plane with the window, with the border repeated.
+/// Convolves the plane with the window. Outside the plane, the border is repeated.
 fn windowed(plane: &Plane<f64>) -> Plane<f64> {
     let weights = window();
     let offset = |i: usize, k: usize| (i + k) as isize - RADIUS as isize;

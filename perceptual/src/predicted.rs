@@ -1,13 +1,14 @@
-//! Predicted coding of a picture, for encoders with lookahead: these have not coded a picture when its thresholds are
-//! needed.
+//! Predicted coding of a picture, for encoders with lookahead. Such an encoder has not coded a picture when its
+//! thresholds are needed.
 //!
-//! A simple luma coder takes the encoder's place. The first picture of a group is an I picture, all others are P
-//! pictures. P pictures are predicted from the previous picture by the renderer's motion, with one quantiser_scale.
-//! Coefficients are rounded to the nearest level in intra blocks and towards zero in predicted blocks, as in ISO/IEC
-//! 13818-2, 7.4, without rate-distortion decisions. The result is a [`Coded`]. The next picture is predicted from its
-//! decoded luma.
+//! A simple luma coder replaces the encoder. The first picture of a group is an I picture, all other pictures are P
+//! pictures. P pictures are predicted from the previous picture with the renderer's motion. All macroblocks have one
+//! quantiser_scale. Coefficients are rounded to the nearest level in intra blocks and towards zero in predicted blocks,
+//! as in ISO/IEC 13818-2, 7.4, without rate-distortion decisions. The result is a [`Coded`] picture. Its decoded luma
+//! predicts the next picture.
 //!
-//! B pictures are treated as P pictures. They may be coarser, so this is conservative.
+//! B pictures are treated as P pictures. Actual B pictures may be coarser, so the resulting thresholds are
+//! conservative.
 
 use crate::bounded;
 use crate::coded::QuantiserSteps;
@@ -15,23 +16,23 @@ use plane::{Coded, Correspondence, NO_MATCH, Picture, Plane, dct, idct};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// The simple coder's state from picture to picture.
+/// State of the simple coder between pictures.
 #[derive(Debug, Default)]
 pub(crate) struct PredictedCoding {
-    /// Last decoded picture, without color. Empty before the first picture.
+    /// Last decoded picture, with neutral chroma. Empty before the first picture.
     decoded: Arc<Picture>,
 }
 
-/// Decoded samples of a block, and the bit set of its levels.
+/// Decoded samples of a block, and the bit set of its nonzero levels.
 type CodedBlock = ([u8; 64], u64);
 
 impl PredictedCoding {
-    /// Continues after this decoded picture.
+    /// Returns the state after this decoded picture.
     pub fn after(decoded: Plane<u8>) -> Self {
         Self { decoded: Arc::new(Picture::gray(decoded)) }
     }
 
-    /// Luma of the last picture, 16 for black. Empty before the first picture.
+    /// Decoded luma of the last picture. Code value 16 is black. Empty before the first picture.
     pub fn decoded(&self) -> &Plane<u8> {
         self.decoded.luma()
     }
@@ -50,7 +51,7 @@ impl PredictedCoding {
         let (across, down) = (width.div_ceil(16), height.div_ceil(16));
         let scale = bounded(quantiser_scale, 1.0, 112.0);
         let matches = known.map(Correspondence::matches);
-        // Previous picture, as decoded.
+        // The decoded previous picture predicts this picture.
         let past = self.decoded.luma().samples();
         // Code a macroblock intra if fewer than half of its pixels have a match.
         let is_intra = |column: usize, row: usize| {
@@ -98,8 +99,8 @@ impl PredictedCoding {
     }
 }
 
-/// Rounds to the nearest integer below 2²². The sum with 3·2²² has no bits for a fraction. Without rounding
-/// instructions, `round` would be a function call.
+/// Rounds to the nearest integer below 2²². The sum with 3·2²² has no bits for a fraction. On processors without
+/// rounding instructions, `round` would be a function call.
 fn nearest(x: f32) -> f32 {
     const ROUNDING: f32 = 12_582_912.0;
     x + ROUNDING - ROUNDING
@@ -107,7 +108,7 @@ fn nearest(x: f32) -> f32 {
 
 struct BlockCoder<'a> {
     steps: &'a QuantiserSteps,
-    /// Step multiplier: quantiser_scale / 16.
+    /// Step multiplier s: quantiser_scale / 16.
     scale: f32,
 }
 
@@ -129,7 +130,7 @@ impl BlockCoder<'_> {
                 for i in 0..64 {
                     let step = f32::from(self.steps.non_intra_matrix[i].max(1)) * self.scale;
                     let level = (c[i].abs() / step) as i32 as f32;
-                    // A truncated level is reconstructed in the middle of its interval.
+                    // A level truncated towards zero is reconstructed in the middle of its interval.
                     let magnitude = if level == 0.0 { 0.0 } else { (level + 0.5) * step };
                     quantised[i] = magnitude.copysign(c[i]);
                 }
@@ -153,7 +154,8 @@ mod tests {
         ((h * 2_654_435_761) % 1000) as f32 / 1000.0 - 0.5
     }
 
-    /// The decoded error is below half a step in every intra coefficient, and below one step in others.
+    /// The decoded error is below half a step in every intra coefficient, and below one step in every predicted
+    /// coefficient.
     #[test]
     fn coefficients_are_off_by_less_than_the_dead_zone() {
         let steps = QuantiserSteps::default();
@@ -174,7 +176,7 @@ mod tests {
                             (true, 0) => 4.0,
                             _ => dead_zone * f32::from(matrix[i]) * quantiser_scale / 16.0,
                         };
-                        // Plus the rounding of 64 samples, at most ½ each.
+                        // Allow for the rounding of 64 samples, at most ½ each.
                         assert!(d.abs() <= zone + 4.0, "quantiser_scale {quantiser_scale}, coefficient {i}: {d}");
                     }
                 }
@@ -193,7 +195,7 @@ mod tests {
         }
         let mut coding = PredictedCoding::default();
         coding.code(&picture, None, 16.0, &steps);
-        // The intra rounding error of half a large step may exceed a smaller step and get a level.
+        // Half of a coarse intra step may exceed a finer step. The rounding error may then get a level.
         let before = coding.code(&picture, Some(&Correspondence::still(48, 16)), 16.0, &steps).luma().clone();
         let coded = coding.code(&picture, Some(&Correspondence::from_matches(matches)), 16.0, &steps);
         assert_eq!(coded.intra().samples(), [false, false, true]);

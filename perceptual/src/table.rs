@@ -1,18 +1,18 @@
-//! Tone curves as tables, for whole frames.
+//! Tables of tone curves, for whole frames.
 
 use crate::ToneMap;
 
-/// Number of segments per octave of the argument. The relative error of a power 1/2.2 is below 1e-5.
+/// Number of segments per octave of the argument. With 64, the relative error of a power 1/2.2 is below 1e-5.
 const SEGMENTS_PER_OCTAVE: u32 = 64;
-/// Number of `f32` bits below the segment number.
+/// Number of mantissa bits below the segment number in an `f32`.
 const SHIFT: u32 = 23 - SEGMENTS_PER_OCTAVE.ilog2();
-/// Smallest argument with its own segment, 2⁻⁴⁰. Below it the table is linear to 0.
+/// Smallest argument with its own segment, 2⁻⁴⁰. Below it the table is linear, and 0 at 0.
 const SMALLEST: f32 = 1.0 / (1u64 << 40) as f32;
 /// Largest argument, 2²⁴. Above it the curve is constant.
 const LARGEST: f32 = (1 << 24) as f32;
 
-/// [`ToneMap::encode`] in linear segments: 64 per octave, from 2⁻⁴⁰ to 2²⁴ times the saturating radiance. At that
-/// radiance, where the slope jumps to 0, a segment ends.
+/// Table of [`ToneMap::encode`] with linear segments: 64 per octave, from 2⁻⁴⁰ to 2²⁴ times the saturating radiance. A
+/// segment ends at the saturating radiance, where the slope jumps to 0.
 ///
 /// The error is below 1e-5 (0.002 code values of 219) for display gammas up to 2.4. The table is monotonic.
 pub(crate) struct EncodeTable {
@@ -24,12 +24,12 @@ impl EncodeTable {
     pub fn new(tone_map: &ToneMap) -> Self {
         let saturation = tone_map.saturation();
         let (first, last) = (SMALLEST.to_bits() >> SHIFT, LARGEST.to_bits() >> SHIFT);
-        // One node more than segments, so that the last segment has an end.
+        // The table has one node more than segments, so that the last segment has an end.
         let node = |segment| tone_map.encode(f32::from_bits(segment << SHIFT) * saturation);
         Self { scale: 1.0 / saturation, nodes: (first..=last + 1).map(node).collect() }
     }
 
-    /// Returns the display value of finite radiance.
+    /// Returns the display value of a finite radiance.
     #[inline]
     pub fn get(&self, linear: f32) -> f32 {
         let x = (linear * self.scale).clamp(0.0, LARGEST);
@@ -44,20 +44,22 @@ impl EncodeTable {
     }
 }
 
-/// Number of segments of [`LumaDecodeTable`]: more than 18 per code value. A power of two, so that a mask limits the
-/// index.
+/// Number of segments of [`LumaDecodeTable`], more than 18 per code value. It is a power of two, so that a mask limits
+/// the index.
 const LUMA_SEGMENTS: usize = 4096;
 
-/// Luminance of a gray pixel as a function of luma in code values above black, in linear segments.
+/// Table of the luminance of a gray pixel as a function of luma, with linear segments. Luma is in code values above
+/// black.
 ///
-/// Approximates [`ToneMap::decode`] of `luma / 219`. It is exact at the nodes. The error is below 0.1 % from 1 to
-/// 218. It is below 0.6 % in the last code value below white, where the inverse of Reinhard's global curve is steep.
+/// The table approximates [`ToneMap::decode`] of `luma / 219`. It is exact at the nodes. The error is below 0.1 % for
+/// luma from 1 to 218. In the last code value below white, where the inverse of Reinhard's global curve is steep, it is
+/// below 0.6 %.
 pub(crate) struct LumaDecodeTable {
-    /// Start value and rise of each segment, read together.
+    /// Start value and rise of each segment. Both are read together.
     segments: Box<[[f32; 2]; LUMA_SEGMENTS]>,
 }
 
-/// Omits the segments, which follow from the tone map.
+/// The output omits the segments, which follow from the tone map.
 impl std::fmt::Debug for LumaDecodeTable {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("LumaDecodeTable").finish_non_exhaustive()
@@ -72,11 +74,11 @@ impl LumaDecodeTable {
         Self { segments: segments.try_into().expect("as many as there are") }
     }
 
-    /// Returns the luminance of gray for each luma, clamped to 0…219. NaN is not allowed.
+    /// Returns the luminance of gray for eight luma values, which are clamped to 0…219. NaN is not allowed.
     ///
-    /// Eight lanes at a time, so that everything except the table access is vectorized. The segment is the nearest
-    /// integer to half a segment below; at a node, both adjacent segments are correct. Adding 2²³ removes the
-    /// fraction and leaves the integer in the lowest bits.
+    /// All eight lanes are processed together, so that everything except the table access is vectorized. The segment
+    /// number is the position minus ½, rounded to the nearest integer. At a node, both adjacent segments are correct.
+    /// Adding 2²³ removes the fraction and leaves the integer in the lowest bits.
     #[inline]
     pub fn get(&self, luma: [f32; 8]) -> [f32; 8] {
         const WHOLE: f32 = (1 << 23) as f32;

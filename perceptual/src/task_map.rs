@@ -6,8 +6,9 @@
 //!        0                                e ≥ 8°
 //! ```
 //!
-//! The fovea sees sharply within about 2° of the fixation point. A smooth decay from there avoids a visible edge
-//! between pixels with many and with few rays \[Debattista05, 4.1\]. Angles are valid in the middle of the screen.
+//! The fovea sees sharply within about 2° of the fixation point. From there, importance decays smoothly to avoid a
+//! visible edge between pixels with many and with few rays \[Debattista05, 4.1\]. Angles are valid in the middle of the
+//! screen.
 
 use plane::Plane;
 use std::f32::consts::FRAC_PI_2;
@@ -17,8 +18,8 @@ const FOVEA: f32 = 2.0;
 /// Angle from which importance is zero \[°\].
 const PERIPHERY: f32 = 8.0;
 
-/// Returns T of every pixel: 1 within 2° of the `watched` pixels, 0 from 8° on, and 0 everywhere without watched
-/// pixels.
+/// Returns T of every pixel: 1 within 2° of the `watched` pixels, and 0 from 8° on. Without watched pixels, T is 0
+/// everywhere.
 ///
 /// # Panics
 /// If `pixels_per_degree` is not positive.
@@ -32,15 +33,16 @@ pub fn task_map(watched: &Plane<bool>, pixels_per_degree: f32) -> Plane<f32> {
     })
 }
 
-/// Returns the squared distance from each pixel to the nearest set pixel \[pixels²\], infinite without set pixels.
+/// Returns the squared distance from each pixel to the nearest set pixel \[pixels²\]. It is infinite if no pixel is
+/// set.
 ///
-/// Columns first, then rows: D(x, y) = min_u ((x − u)² + C(u, y)) is the lower envelope of parabolas
+/// Columns are processed first, then rows: D(x, y) = min_u ((x − u)² + C(u, y)) is the lower envelope of parabolas
 /// \[Felzenszwalb12\].
 fn squared_distances(set: &Plane<bool>) -> Plane<f32> {
     let (width, height) = (set.width(), set.height());
     let mut distances = Plane::filled(width, height, f32::INFINITY);
 
-    // C(x, y), the squared distance within the column: downwards, then upwards.
+    // Compute C(x, y), the squared distance within the column, downwards and then upwards.
     for x in 0..width {
         let mut away = f32::INFINITY;
         for y in (0..height).chain((0..height).rev()) {
@@ -57,8 +59,8 @@ fn squared_distances(set: &Plane<bool>) -> Plane<f32> {
 
 /// Replaces C(x) by min_u ((x − u)² + C(u)).
 fn lower_envelope(row: &mut [f32]) {
-    // Parabolas of the envelope from left to right: position, height, and start of the interval where each is the
-    // lowest.
+    // List the parabolas of the envelope from left to right: position, height, and start of the interval where the
+    // parabola is the lowest.
     let mut envelope: Vec<(f32, f32, f32)> = Vec::new();
     for (u, &height) in row.iter().enumerate().filter(|(_, height)| height.is_finite()) {
         let u = u as f32;
@@ -90,7 +92,7 @@ fn lower_envelope(row: &mut [f32]) {
 mod tests {
     use super::*;
 
-    /// Compares distances with an exhaustive search.
+    /// The distances are compared with an exhaustive search.
     #[test]
     fn distances_are_those_of_an_exhaustive_search() {
         let (width, height) = (37, 23);
@@ -118,7 +120,7 @@ mod tests {
         let watched = Plane::from_fn(120, 9, |x, y| (x, y) == (10, 4));
         let map = task_map(&watched, 10.0);
         assert_eq!((map.get(10, 4), map.get(30, 4), map.get(90, 4)), (1.0, 1.0, 0.0));
-        // cos² is ½ midway, at 5°, and point-symmetric there.
+        // cos² is ½ at 5°, midway between 2° and 8°, and point-symmetric about 5°.
         assert!((map.get(60, 4) - 0.5).abs() < 1e-6);
         assert!((map.get(45, 4) + map.get(75, 4) - 1.0).abs() < 1e-6);
         let nothing = task_map(&Plane::filled(8, 8, false), 10.0);

@@ -12,12 +12,12 @@
 //! [`tolerable_error`] is eq. (4) and [`blend`] is eq. (5). [`reproject`] moves ΔY(t) along the motion to frame t+1.
 //!
 //! # Differences from the paper
-//! - **Color.** The luminance of a color does not follow from its luma: for concave curves, the luma of a saturated
-//!   color, decoded as gray, gives too low a luminance. Let g(y′) be the luminance of gray with luma y′. Eq. (4) is
-//!   then evaluated as `f · |g(ŷ′) − g(y′)|` with `f = Y / g(y′)`, clamped to 1…1/0.0722. For a power curve, where
-//!   relative changes of luma are relative changes of luminance, this gives the correct relative error. For gray it
-//!   equals eq. (4). The upper limit is the value for pure blue at a display gamma of 2: luma 0.0722, g = 0.0722²,
-//!   Y = 0.0722.
+//! - **Color.** The luminance of a color does not follow from its luma. For concave curves, decoding the luma of a
+//!   saturated color as gray gives too low a luminance. Let g(y′) be the luminance of gray with luma y′. Eq. (4) is
+//!   then evaluated as `f · |g(ŷ′) − g(y′)|` with `f = Y / g(y′)`, clamped to 1…1/0.0722. A power curve maps equal
+//!   relative changes of luma to equal relative changes of luminance, so this gives the correct relative error. For
+//!   gray it equals eq. (4). The upper limit is the value for pure blue at a display gamma of 2: luma 0.0722, g =
+//!   0.0722², Y = 0.0722.
 //! - **Black.** e is at least the luminance of half a code value above black. A pixel with Y = 0 therefore has a
 //!   positive threshold.
 //! - Pixels with luma or luminance that is not finite count as black and are counted.
@@ -31,12 +31,12 @@ pub const RELATIVE_FLOOR: f32 = 0.02;
 /// Largest luminance of a pixel relative to gray with the same luma: pure blue at a display gamma of 2.
 const LARGEST_COLOR_FACTOR: f32 = 1.0 / LUMINANCE_WEIGHTS[2];
 
-/// Result of eq. (4) for a picture.
+/// Result of eq. (4) for a picture, with the number of invalid pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TolerableError {
-    /// e_xy in the unit of luminance, finite and positive.
+    /// Tolerable error e_xy of each pixel, in the unit of luminance, finite and positive.
     pub error: Plane<f32>,
-    /// Number of pixels with luma or luminance that was not finite.
+    /// Number of pixels that have a luma or luminance that is not finite.
     pub non_finite: usize,
 }
 
@@ -54,13 +54,13 @@ impl LuminanceScale {
     }
 }
 
-/// Computes eq. (4): the luminance error of each pixel that stays invisible after compression.
+/// Evaluates eq. (4): the largest luminance error of each pixel that stays invisible after compression.
 ///
 /// `luma` is in code values above black (0…219, see [`crate::YCbCr::luma`]). `luminance` is linear and from the same
-/// picture. `quantiser_scale` is MPEG-2's, 1…112. The result is finite and positive.
+/// picture. `quantiser_scale` is MPEG-2's quantiser_scale, 1…112. The result is finite and positive.
 ///
 /// # Panics
-/// If the two planes differ in size.
+/// If the two planes have different sizes.
 #[must_use]
 pub fn tolerable_error(
     luma: &Plane<f32>,
@@ -72,10 +72,10 @@ pub fn tolerable_error(
     tolerable_error_counted(luma, luminance, quantiser_scale, tone_map, model).error
 }
 
-/// Computes [`tolerable_error`] and the number of replaced pixels.
+/// Computes [`tolerable_error`] and counts the pixels replaced by black.
 ///
 /// # Panics
-/// If the two planes differ in size.
+/// If the two planes have different sizes.
 #[must_use]
 pub fn tolerable_error_counted(
     luma: &Plane<f32>,
@@ -89,7 +89,7 @@ pub fn tolerable_error_counted(
     pixelwise_error(luma, luminance, &distorted, 1.0, &LuminanceScale::new(tone_map))
 }
 
-/// Computes eq. (4) for pixels with luma distorted to `distorted`.
+/// Evaluates eq. (4) for pixels with luma distorted to `distorted`.
 pub(crate) fn pixelwise_error(
     luma: &Plane<f32>,
     luminance: &Plane<f32>,
@@ -102,7 +102,7 @@ pub(crate) fn pixelwise_error(
     pixelwise(of_group, luma, luminance, kappa, scale)
 }
 
-/// Computes eq. (4) for a luma error of `tolerable` code values in each 8×8 block.
+/// Evaluates eq. (4) for a luma error of `tolerable` code values in each 8×8 block.
 pub(crate) fn blockwise_error(
     luma: &Plane<f32>,
     luminance: &Plane<f32>,
@@ -118,7 +118,7 @@ pub(crate) fn blockwise_error(
     pixelwise(of_group, luma, luminance, kappa, scale)
 }
 
-/// Computes eq. (4) in groups of eight pixels. `distorted` returns their ŷ′ from position and luma.
+/// Evaluates eq. (4) for groups of eight pixels. `distorted` returns ŷ′ of a group from its position and luma.
 fn pixelwise(
     distorted: impl Fn((usize, usize), [f32; 8]) -> [f32; 8] + Sync,
     luma: &Plane<f32>,
@@ -143,7 +143,7 @@ fn pixelwise(
     TolerableError { error, non_finite }
 }
 
-/// Returns the first eight values, with 0 for missing and for not finite values.
+/// Returns the first eight values. Missing values, and values that are not finite, are 0.
 #[inline(always)]
 fn eight(values: &[f32]) -> [f32; 8] {
     let finite = |value: f32| if value.is_finite() { value } else { 0.0 };
@@ -153,7 +153,7 @@ fn eight(values: &[f32]) -> [f32; 8] {
     }
 }
 
-/// Computes eq. (4) for eight pixels. `kappa` multiplies the masked error beyond the 2 % minimum.
+/// Evaluates eq. (4) for eight pixels. `kappa` multiplies the masked error |Ŷ − Y|.
 #[inline(always)]
 fn pixel_errors(
     distorted_luma: [f32; 8],
@@ -170,13 +170,13 @@ fn pixel_errors(
     })
 }
 
-/// Computes eq. (5): this frame's errors `e` blended with ΔY(t−1).
+/// Evaluates eq. (5): blends this frame's errors `e` with ΔY(t−1).
 ///
-/// `known` contains the match in frame t−1 of each pixel of frame t. Indices outside `previous` count as no match.
-/// `w`, the weight of the past, is clamped to 0…1.
+/// `known` contains the match in frame t−1 of each pixel of frame t. An index outside `previous` is not a match. `w`,
+/// the weight of the past, is clamped to 0…1.
 ///
 /// # Panics
-/// If `e` and `known` differ in size.
+/// If `e` and `known` have different sizes.
 #[must_use]
 pub fn blend(e: &Plane<f32>, previous: &Plane<f32>, known: &Correspondence, w: f32) -> Plane<f32> {
     blend_within(e, previous, known, w, f32::INFINITY)
@@ -204,7 +204,8 @@ pub(crate) fn blend_within(
 
 /// Reprojects ΔY(t) along the motion to thresholds of frame t+1.
 ///
-/// `known` contains the match in frame t of each pixel of frame t+1. Pixels without match get 2 % of their luminance.
+/// `known` contains the match in frame t of each pixel of frame t+1. The threshold of a pixel without a match is 2 % of
+/// its luminance.
 #[must_use]
 pub fn reproject(previous: &Plane<f32>, known: &Correspondence) -> ThresholdMap {
     let (past, matches) = (previous.samples(), known.matches());
@@ -218,29 +219,29 @@ fn assert_same_size<A: Copy, B: Copy>(a: &Plane<A>, b: &Plane<B>) {
     assert_eq!(size, (b.width(), b.height()), "the two planes must have the same size");
 }
 
-/// Represents "2 % of luminance" in a plane of absolute thresholds, which are positive.
+/// Marker of "2 % of luminance" in a plane of absolute thresholds, which are positive.
 const RELATIVE: f32 = 0.0;
 
-/// Returns the stored value of a threshold.
+/// Returns the value that represents a threshold in a plane.
 fn stored(threshold: f32) -> f32 {
     if threshold > 0.0 && threshold.is_finite() { threshold } else { RELATIVE }
 }
 
-/// Thresholds for the pixels of a frame to render: absolute luminance errors, or 2 % of luminance where no threshold
-/// is known.
+/// Thresholds for the pixels of a frame to render. Each is an absolute luminance error, or 2 % of luminance if no
+/// threshold is known.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct ThresholdMap {
     absolute: Plane<f32>,
 }
 
 impl ThresholdMap {
-    /// Map with 2 % of luminance everywhere, for the first frame and for frames after a shot change.
+    /// Returns a map with 2 % of luminance everywhere, for the first frame and for frames after a shot change.
     #[must_use]
     pub fn relative(width: usize, height: usize) -> Self {
         Self { absolute: Plane::filled(width, height, RELATIVE) }
     }
 
-    /// Map of absolute thresholds. Values that are not finite and positive become "2 % of luminance".
+    /// Returns a map of absolute thresholds. Values that are not finite and positive become "2 % of luminance".
     pub fn from_plane(absolute: &Plane<f32>) -> Self {
         Self { absolute: absolute.map(stored) }
     }
@@ -278,7 +279,7 @@ impl ThresholdMap {
         self.absolute.height()
     }
 
-    /// Absolute thresholds, with 0 representing 2 % of luminance, for storage. [`ThresholdMap::from_plane`] is the
+    /// Absolute thresholds, for storage. The value 0 represents 2 % of luminance. [`ThresholdMap::from_plane`] is the
     /// inverse.
     #[must_use]
     pub fn plane(&self) -> &Plane<f32> {

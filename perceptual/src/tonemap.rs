@@ -1,21 +1,21 @@
 //! Invertible tone mapping between linear radiance and display values in 0…1.
 //!
-//! A value passes three steps per channel, each with an exact inverse in closed form:
+//! The mapping has three steps per channel, each with an exact inverse in closed form:
 //!
 //! ```text
 //! x = exposure · radiance            v = curve(x), 0…1, linear display light            display = transfer(v), 0…1
 //! ```
 //!
-//! Eq. (4) of \[Herzog08\] needs the inverse, which converts a luma change by the codec to a luminance change.
-//! Sources: \[Reinhard02\] for the two Reinhard curves (eqs. 3 and 4 there, without local adaptation), \[Hable10\]
-//! for the filmic curve, IEC 61966-2-1 for sRGB.
+//! Eq. (4) of \[Herzog08\] needs the inverse, which converts a luma change by the codec to a luminance change. The
+//! sources are \[Reinhard02\] for the two Reinhard curves (eqs. 3 and 4, without local adaptation), \[Hable10\] for the
+//! filmic curve, and IEC 61966-2-1 for sRGB.
 //!
 //! # Differences from the sources
-//! - Every curve works per channel. \[Reinhard02\] scales luminance.
-//! - The filmic curve has a slightly stronger toe than published, and a fixed gain that keeps 18 % gray. It can
-//!   replace sRGB without a change of brightness.
-//! - [`ToneMap::decode`] of display white is finite for Reinhard's global curve too, which never reaches white. It
-//!   stops at a curve value of 255/256, where the last half code value of 8-bit luma begins. Pictures are therefore
+//! - Every curve maps each channel. \[Reinhard02\] scales luminance.
+//! - The filmic curve has a slightly stronger toe than the published curve, and a fixed gain that preserves 18 % gray.
+//!   It can replace sRGB without a change of brightness.
+//! - Reinhard's global curve never reaches white, but [`ToneMap::decode`] of display white is finite. The inverse stops
+//!   at a curve value of 255/256, where the last half code value of 8-bit luma begins. Pictures are therefore
 //!   unaffected.
 
 mod blend;
@@ -25,9 +25,9 @@ use std::{fmt, str::FromStr};
 
 pub use blend::PixelPart;
 
-/// Curve value at which the inverse of Reinhard's global curve stops, so that decoded white stays finite (x = 255).
+/// Curve value at which the inverse of Reinhard's global curve stops. Decoded white is then finite (x = 255).
 const REINHARD_LIMIT: f64 = 1.0 - 1.0 / 256.0;
-/// Smallest exposed value for [`ToneMap::derivative`]. A pure power has an infinite slope at 0.
+/// Smallest exposed radiance for [`ToneMap::derivative`]. A pure power has an infinite slope at 0.
 const SMALLEST_SLOPE_ARGUMENT: f64 = 1e-9;
 
 /// Tone curve from linear light to display light.
@@ -43,17 +43,17 @@ pub enum Operator {
     Reinhard,
     /// `x (1 + x / white²) / (1 + x)` \[Reinhard02, eq. 4\], then the display's transfer curve. `white` maps to 1.
     ExtendedReinhard,
-    /// A filmic curve with a slight toe and a soft shoulder \[Hable10\], then the display's transfer curve. Gray of
+    /// A filmic curve with a slight toe and a soft shoulder \[Hable10\], then the display's transfer curve. A gray of
     /// 0.18 keeps its value, and 3.54 maps to 1.
     #[default]
     Filmic,
 }
 
 impl Operator {
-    /// All operators, in the order of help texts.
+    /// All operators, in the order of the help text.
     pub const ALL: [Self; 5] = [Self::Gamma, Self::Srgb, Self::Reinhard, Self::ExtendedReinhard, Self::Filmic];
 
-    /// Name in settings files.
+    /// Name of the operator in settings files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -110,7 +110,7 @@ pub enum Display {
 /// Tone mapping: an operator and its parameters.
 ///
 /// Values outside their ranges are clamped, so that no setting makes a picture non-finite. [`ToneMap::check`] reports
-/// them.
+/// values outside their ranges.
 ///
 /// In a settings file, every field is optional:
 ///
@@ -125,13 +125,13 @@ pub enum Display {
 pub struct ToneMap {
     /// Tone curve.
     pub operator: Operator,
-    /// Factor on radiance before the curve, 1e-20…1e20. A factor of 4 is two stops. Default 1.
+    /// Factor applied to radiance before the curve, 1e-20…1e20. A factor of 4 is two stops. Default 1.
     pub exposure: f32,
     /// Exponent of the display, 1…4, for [`Operator::Gamma`] and [`Display::Gamma`]. Default 2.2.
     pub gamma: f32,
     /// Exposed radiance that [`Operator::ExtendedReinhard`] maps to white, 0.01…1000. Default 4.
     pub white: f32,
-    /// Transfer curve after the Reinhard and filmic curves. Default sRGB.
+    /// Transfer curve applied after the Reinhard and filmic curves. Default sRGB.
     pub display: Display,
 }
 
@@ -141,7 +141,7 @@ impl Default for ToneMap {
     }
 }
 
-/// A field of [`ToneMap`] outside its range.
+/// Error for a field of [`ToneMap`] outside its range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutOfRange {
     /// Name of the field.
@@ -155,7 +155,7 @@ pub struct OutOfRange {
 impl fmt::Display for OutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (least, most) = self.range;
-        // For large ranges an exponent is shorter.
+        // Use exponents for large ranges, because they are shorter.
         let range = if most > 1e6 { format!("{least:e} to {most:e}") } else { format!("{least} to {most}") };
         let range = if self.value <= 0.0 { format!("be above 0 ({range})") } else { format!("lie in {range}") };
         write!(f, "{} is {}; it must {range}", self.field, self.value)
@@ -174,31 +174,31 @@ fn within(value: f32, range: (f32, f32), otherwise: f32) -> f64 {
 }
 
 impl ToneMap {
-    /// Tone mapping by clipping and the power `1 / gamma`, with exposure 1.
+    /// Returns a tone map that clips and applies the power `1 / gamma`, with exposure 1.
     #[must_use]
     pub fn gamma(gamma: f32) -> Self {
         Self { operator: Operator::Gamma, gamma, ..Self::default() }
     }
 
-    /// Tone mapping by clipping and sRGB, with exposure 1.
+    /// Returns a tone map that clips and applies the sRGB curve, with exposure 1.
     #[must_use]
     pub fn srgb() -> Self {
         Self::of(Operator::Srgb)
     }
 
-    /// Tone mapping by `operator` with default parameters.
+    /// Returns a tone map with this `operator` and default parameters.
     #[must_use]
     pub fn of(operator: Operator) -> Self {
         Self { operator, ..Self::default() }
     }
 
-    /// Tone mapping by extended Reinhard and sRGB, with exposure 1.
+    /// Returns a tone map with the extended Reinhard curve and sRGB, with exposure 1.
     #[must_use]
     pub fn extended_reinhard(white: f32) -> Self {
         Self { operator: Operator::ExtendedReinhard, white, ..Self::default() }
     }
 
-    /// Same curve with another exposure.
+    /// Returns the same tone map with another exposure.
     #[must_use]
     pub fn with_exposure(self, exposure: f32) -> Self {
         Self { exposure, ..self }
@@ -207,7 +207,7 @@ impl ToneMap {
     /// Checks that each field is a number within its range.
     ///
     /// # Errors
-    /// If a field is not within its range. The error describes the first one.
+    /// If a field is not within its range. The error describes the first such field.
     pub fn check(&self) -> Result<(), OutOfRange> {
         let fields = [
             ("exposure", self.exposure, EXPOSURE_RANGE),
@@ -222,7 +222,7 @@ impl ToneMap {
 
     /// Returns the display value of linear radiance, 0…1.
     ///
-    /// Monotonic in `linear` and saturates at 1. 0 for negative values and NaN.
+    /// The function is monotonic in `linear` and saturates at 1. It returns 0 for negative values and NaN.
     #[must_use]
     pub fn encode(&self, linear: f32) -> f32 {
         // `max` turns NaN into 0.
@@ -232,7 +232,7 @@ impl ToneMap {
 
     /// Returns the linear radiance of a display value: the inverse of [`ToneMap::encode`] below saturation.
     ///
-    /// Values below 0 and NaN count as 0, values above 1 as 1. Display white decodes to the smallest saturating
+    /// Values below 0 and NaN are replaced by 0, values above 1 by 1. Display white decodes to the smallest saturating
     /// radiance. [`Operator::Reinhard`] never saturates, and its white decodes to 255 / exposure.
     #[must_use]
     pub fn decode(&self, display: f32) -> f32 {
@@ -240,9 +240,9 @@ impl ToneMap {
         ((self.curve().inverse(v) / self.exposure()).min(f64::from(f32::MAX))) as f32
     }
 
-    /// Returns the slope of [`ToneMap::encode`]: display value per unit of radiance. 0 beyond saturation.
+    /// Returns the slope of [`ToneMap::encode`]: display value per unit of radiance. It is 0 beyond saturation.
     ///
-    /// A pure power has an infinite slope at 0. There the slope at an exposed radiance of 1e-9 is returned.
+    /// A pure power has an infinite slope at 0. For exposed radiance below 1e-9, the slope at 1e-9 is returned.
     #[must_use]
     pub fn derivative(&self, linear: f32) -> f32 {
         let x = (self.exposure() * f64::from(linear.max(0.0))).max(SMALLEST_SLOPE_ARGUMENT);
@@ -251,7 +251,7 @@ impl ToneMap {
         slope.min(f64::from(f32::MAX)) as f32
     }
 
-    /// Smallest radiance that is displayed as white, the upper limit of [`ToneMap::decode`].
+    /// Smallest radiance that is displayed as white. It is the upper limit of [`ToneMap::decode`].
     #[must_use]
     pub fn saturation(&self) -> f32 {
         self.decode(1.0)
@@ -279,7 +279,7 @@ impl ToneMap {
     }
 }
 
-/// Maps exposed radiance x ≥ 0 to display light v in 0…1.
+/// Map from exposed radiance x ≥ 0 to display light v in 0…1.
 #[derive(Clone, Copy)]
 enum Curve {
     Clip,
@@ -292,7 +292,7 @@ impl Curve {
     fn forward(self, x: f64) -> f64 {
         match self {
             Self::Clip => x.min(1.0),
-            // In this form an infinite x gives 1.
+            // This form gives 1 for infinite x.
             Self::Reinhard => 1.0 - 1.0 / (1.0 + x),
             Self::ExtendedReinhard { white } if x < white => x * (1.0 + x / (white * white)) / (1.0 + x),
             Self::Filmic if x < filmic::WHITE => filmic::forward(x),
@@ -307,7 +307,7 @@ impl Curve {
                 let v = v.min(REINHARD_LIMIT);
                 v / (1.0 - v)
             }
-            // The positive root of x²/white² + (1 − v) x − v = 0, in a form without cancellation.
+            // Compute the positive root of x²/white² + (1 − v) x − v = 0, in a form without cancellation.
             Self::ExtendedReinhard { white } => {
                 let rest = 1.0 - v;
                 2.0 * v / (rest + (rest * rest + 4.0 * v / (white * white)).sqrt())
@@ -343,20 +343,21 @@ mod filmic {
     const B: f64 = 0.50;
     const C: f64 = 0.10;
     const D: f64 = 0.20;
-    /// Published as 0.02, which leaves no toe on an sRGB display. With 0.024 the curve is up to a tenth steeper than
-    /// proportional between 1 % and 5 % gray. Shadows keep depth and are not crushed to black.
+    /// Toe numerator. The published value 0.02 leaves no toe on an sRGB display. With 0.024 the curve is up to a tenth
+    /// steeper than proportional between 1 % and 5 % gray. Shadows keep depth and are not crushed to black.
     const E: f64 = 0.024;
     const F: f64 = 0.30;
-    /// Linear white, as published.
+    /// Linear white point, as published.
     const W: f64 = 11.2;
-    /// Solves h(0.18 · GAIN) = 0.18 · h(W), so that 18 % gray is kept. Not from the source. A test checks it.
+    /// Solution of h(0.18 · GAIN) = 0.18 · h(W), which preserves 18 % gray. It is not from the source. A test checks
+    /// it.
     const GAIN: f64 = 3.160_697_751_730_8;
     /// Exposed radiance that maps to 1.
     pub const WHITE: f64 = W / GAIN;
 
     fn unscaled(x: f64) -> f64 {
-        // h(x) with E/F subtracted before the division: x (A (1 − E/F) x + B (C − E/F)) / denominator, without
-        // cancellation near 0.
+        // Subtract E/F before the division, without cancellation near 0: h(x) = x (A (1 − E/F) x + B (C − E/F)) /
+        // denominator.
         let ratio = E / F;
         x * (A * (1.0 - ratio) * x + B * (C - ratio)) / (x * (A * x + B) + D * F)
     }
@@ -366,7 +367,7 @@ mod filmic {
     }
 
     pub fn inverse(v: f64) -> f64 {
-        // y = h + E/F:  A (1 − y) x² + B (C − y) x − D F h = 0, which has one positive root.
+        // Let y = h + E/F. Then A (1 − y) x² + B (C − y) x − D F h = 0, which has one positive root.
         let h = v * unscaled(W);
         let y = h + E / F;
         let (a, b, c) = (A * (1.0 - y), B * (C - y), D * F * h);
@@ -385,7 +386,7 @@ mod filmic {
     }
 }
 
-/// Maps display light v to the display value, both 0…1.
+/// Map from display light v to the display value, both 0…1.
 #[derive(Clone, Copy)]
 enum Transfer {
     Srgb,

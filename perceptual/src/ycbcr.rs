@@ -6,8 +6,8 @@
 //! C_R = 128 + 112 (R′ − Y′₁) / (1 − w_R)      0.299, 0.587, 0.114 in BT.601
 //! ```
 //!
-//! Chroma samples are sited as in MPEG-2 (ISO/IEC 13818-2, 6.1.1.8): on every second luma column, midway between two
-//! luma rows. They are filtered with [1 2 1]/4 along the rows and [1 1]/2 across them.
+//! Chroma samples have the sites of MPEG-2 (ISO/IEC 13818-2, 6.1.1.8): on every second luma column, midway between two
+//! luma rows. Chroma is filtered with [1 2 1]/4 along the rows and [1 1]/2 across them.
 
 use crate::{ToneMap, WHITE_LUMA, table::EncodeTable};
 use plane::{LUMINANCE_WEIGHTS, Picture, Plane, luminance};
@@ -19,13 +19,13 @@ const BLACK: f32 = 16.0;
 /// Weights of red, green and blue in BT.601 luma.
 const BT601_WEIGHTS: [f32; 3] = [0.299, 0.587, 0.114];
 
-/// Weights of red, green and blue in luma, and the resulting chroma scales.
+/// Weights of red, green and blue in luma. They also determine the chroma scales.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMatrix {
-    /// Rec. ITU-R BT.709: high definition.
+    /// Rec. ITU-R BT.709, for high definition.
     #[default]
     Bt709,
-    /// Rec. ITU-R BT.601: MPEG-1, and files without a specified matrix.
+    /// Rec. ITU-R BT.601, for MPEG-1 and for files without a specified matrix.
     Bt601,
 }
 
@@ -54,8 +54,8 @@ impl ColorMatrix {
     }
 }
 
-/// Returns the luminance of every pixel. Negative components count as 0, as in the tone map. Pixels that are not
-/// finite have luminance 0.
+/// Returns the luminance of every pixel. Negative components are replaced by 0, as in the tone map. The luminance of a
+/// pixel that is not finite is 0.
 pub fn luminance_plane(radiance: &Plane<[f32; 3]>) -> Plane<f32> {
     radiance.map(|rgb| {
         let luminance = luminance(rgb.map(|c| c.max(0.0)));
@@ -66,16 +66,16 @@ pub fn luminance_plane(radiance: &Plane<[f32; 3]>) -> Plane<f32> {
 /// A tone-mapped picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct YCbCr {
-    /// The picture for the encoder: luma 16…235, chroma 16…240.
+    /// Picture for the encoder: luma 16…235, chroma 16…240.
     pub picture: Arc<Picture>,
-    /// Luma before rounding, in code values above black: 0 is black, 219 white. The codec's quantiser steps apply
-    /// without scaling. This is the input of masking.
+    /// Luma before rounding, in code values above black: 0 is black, 219 is white. The codec's quantiser steps apply
+    /// without scaling. The masking model reads this luma.
     pub luma: Plane<f32>,
     /// Number of pixels with a NaN or infinite component, which were replaced by black.
     pub non_finite: usize,
 }
 
-/// Tone-mapped R′G′B′ of a row, and its luma.
+/// Tone-mapped R′G′B′ of a row, and the resulting luma.
 #[derive(Default, Clone)]
 struct Row {
     rgb: Vec<[f32; 3]>,
@@ -83,7 +83,7 @@ struct Row {
 }
 
 impl Row {
-    /// Fills the row and returns the number of pixels that are not finite.
+    /// Fills the row from linear radiance. Returns the number of pixels that are not finite.
     fn fill(&mut self, radiance: &[[f32; 3]], table: &EncodeTable, matrix: ColorMatrix) -> usize {
         let mut non_finite = 0;
         self.rgb.clear();
@@ -122,9 +122,9 @@ impl Strip<'_> {
                 *y = (BLACK + *luma).round() as u8;
             }
         }
-        // At an odd height the last row also replaces the missing one.
+        // If the height is odd, the last row also replaces the missing row.
         let [upper, lower] = [&rows[0], &rows[luma_rows - 1]];
-        // Sums of B′ − Y′ and R′ − Y′ over both rows in column x.
+        // Sum B′ − Y′ and R′ − Y′ over both rows in column x.
         let differences = |x: usize| {
             let of = |row: &Row| (row.rgb[x][2] - row.luma[x], row.rgb[x][0] - row.luma[x]);
             let ((b0, r0), (b1, r1)) = (of(upper), of(lower));
@@ -145,12 +145,14 @@ impl Strip<'_> {
 }
 
 impl YCbCr {
-    /// Tone maps linear RGB radiance and converts it by BT.709, rounded to the nearest code. Accepts any size.
+    /// Tone maps linear RGB radiance and converts it with BT.709, rounded to the nearest code. Accepts any picture
+    /// size.
     pub fn from_radiance(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Self {
         Self::with_matrix(radiance, tone_map, ColorMatrix::Bt709)
     }
 
-    /// Tone maps linear RGB radiance and converts it by `matrix`, rounded to the nearest code. Accepts any size.
+    /// Tone maps linear RGB radiance and converts it with `matrix`, rounded to the nearest code. Accepts any picture
+    /// size.
     pub fn with_matrix(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap, matrix: ColorMatrix) -> Self {
         let (width, height) = (radiance.width(), radiance.height());
         let chroma_width = width.div_ceil(2);
@@ -184,7 +186,7 @@ pub fn to_rgb8(picture: &Picture) -> Plane<[u8; 3]> {
     to_rgb8_by(picture, ColorMatrix::Bt709)
 }
 
-/// Converts a picture of `matrix` to 8-bit R′G′B′, for previews.
+/// Converts a picture with the color matrix `matrix` to 8-bit R′G′B′, for previews.
 ///
 /// Chroma is interpolated linearly from its MPEG-2 sites.
 #[must_use]
@@ -193,7 +195,7 @@ pub fn to_rgb8_by(picture: &Picture, matrix: ColorMatrix) -> Plane<[u8; 3]> {
     let chroma = |plane: &Plane<u8>, x: usize, y: usize| {
         let (column, row) = ((x / 2) as isize, (y / 2) as isize);
         let next_column = column + (x % 2) as isize;
-        // Luma row 2j is a quarter of a chroma row above chroma row j, and luma row 2j + 1 a quarter below.
+        // Luma row 2j is a quarter of a chroma row above chroma row j. Luma row 2j + 1 is a quarter below it.
         let next_row = if y.is_multiple_of(2) { row - 1 } else { row + 1 };
         let along =
             |row| 0.5 * (f32::from(plane.get_clamped(column, row)) + f32::from(plane.get_clamped(next_column, row)));

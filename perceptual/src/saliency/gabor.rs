@@ -6,19 +6,20 @@
 //!   w = exp(−(x² + y²) / 2σ²)         φ = 2π (x cos θ + y sin θ) / λ         sums over x, y = −7 … 7
 //! ```
 //!
-//! F is the intensity level around a sample. A wave of amplitude a and wavelength λ along θ has O = a. Subtracting m
-//! removes the mean of the even filter, so that uniform brightness has no orientation.
+//! F is the level of the intensity pyramid, as a function of the offset (x, y) from the current sample. A wave with
+//! amplitude a and wavelength λ along θ has O = a. Subtracting m removes the mean of the even filter, so that uniform
+//! brightness has no orientation.
 //!
-//! w, cos and sin separate into products of functions of x and y, or sums of two products. All filters together take
-//! 14 passes over rows or columns.
+//! w, cos and sin are products of functions of x and y, or sums of two such products. All filters together take 14
+//! passes over rows or columns.
 
 use super::pyramid::{reflect_borders, reflected};
 use plane::Plane;
 use std::f32::consts::{SQRT_2, TAU};
 
-/// λ in samples of a level, from the SaliencyToolbox \[Walther06\].
+/// Wavelength λ \[samples\], from the SaliencyToolbox \[Walther06\].
 const WAVELENGTH: f32 = 7.0;
-/// σ in samples, from the SaliencyToolbox \[Walther06\].
+/// Standard deviation σ of the window \[samples\], from the SaliencyToolbox \[Walther06\].
 const SIGMA: f32 = 7.0 / 3.0;
 /// Filter radius \[samples\]: 3 σ.
 const REACH: usize = 7;
@@ -28,7 +29,7 @@ const TAPS: usize = 2 * REACH + 1;
 /// Filter weights along a row or column.
 type Taps = [f32; TAPS];
 
-/// Returns the taps of `exp(−x² / 2σ²) f(2π x / wavelength)`.
+/// Returns `exp(−x² / 2σ²) f(2π x / wavelength)` for each tap.
 fn taps(f: fn(f32) -> f32, wavelength: f32) -> Taps {
     std::array::from_fn(|i| {
         let x = i as f32 - REACH as f32;
@@ -36,7 +37,7 @@ fn taps(f: fn(f32) -> f32, wavelength: f32) -> Taps {
     })
 }
 
-/// Filters the plane along the rows.
+/// Filters each row of the plane.
 fn along_rows(plane: &Plane<f32>, taps: &Taps) -> Plane<f32> {
     let width = plane.width();
     let mut out = Plane::filled(width, plane.height(), 0.0);
@@ -51,7 +52,7 @@ fn along_rows(plane: &Plane<f32>, taps: &Taps) -> Plane<f32> {
     out
 }
 
-/// Filters the plane along the columns.
+/// Filters each column of the plane.
 fn along_columns(plane: &Plane<f32>, taps: &Taps) -> Plane<f32> {
     let (width, height) = (plane.width(), plane.height());
     let mut out = Plane::filled(width, height, 0.0);
@@ -73,12 +74,12 @@ fn add(sum: &mut [f32], weight: f32, row: &[f32]) {
 
 /// Returns O(θ) of an intensity level, for θ = 0°, 45°, 90° and 135°.
 pub fn orientations(level: &Plane<f32>) -> [Plane<f32>; 4] {
-    // Along a diagonal, waves have 1/√2 of their frequency in x and in y.
+    // Along a diagonal, a wave has 1/√2 of its frequency in x and in y.
     let bell = taps(|_| 1.0, WAVELENGTH);
     let [cos, sin] = [f32::cos, f32::sin].map(|f| taps(f, WAVELENGTH));
     let [diagonal_cos, diagonal_sin] = [f32::cos, f32::sin].map(|f| taps(f, SQRT_2 * WAVELENGTH));
 
-    // Filter along the rows, then down the columns. Names list the function of x first.
+    // Filter along the rows, then down the columns. In names of two functions, the first is the function of x.
     let rows = [&bell, &diagonal_cos, &diagonal_sin].map(|taps| along_rows(level, taps));
     let [bell_row, cos_row, sin_row] = &rows;
     let mean = along_columns(bell_row, &bell);
@@ -87,14 +88,14 @@ pub fn orientations(level: &Plane<f32>) -> [Plane<f32>; 4] {
     let [cos_cos, cos_sin] = [&diagonal_cos, &diagonal_sin].map(|taps| along_columns(cos_row, taps));
     let [sin_cos, sin_sin] = [&diagonal_cos, &diagonal_sin].map(|taps| along_columns(sin_row, taps));
 
-    // m. The mean of sin φ is 0.
+    // Compute m. The mean of sin φ is 0.
     let sum = |taps: &Taps| taps.iter().sum::<f32>();
     let m = sum(&cos) / sum(&bell);
     let diagonal_m = (sum(&diagonal_cos) / sum(&bell)).powi(2);
     let scale = 2.0 / sum(&bell).powi(2);
     let magnitude = |even: f32, odd: f32| scale * (even * even + odd * odd).sqrt();
 
-    // cos(a ± b) = cos a cos b ∓ sin a sin b, sin(a ± b) = sin a cos b ± cos a sin b.
+    // Addition theorems: cos(a ± b) = cos a cos b ∓ sin a sin b; sin(a ± b) = sin a cos b ± cos a sin b.
     let mut out = std::array::from_fn(|_| Plane::filled(level.width(), level.height(), 0.0));
     let [o0, o45, o90, o135] = out.each_mut().map(Plane::samples_mut);
     for (i, &mean) in mean.samples().iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Saliency: a model of the first glance of a viewer without a task, after \[Itti98\].
+//! Saliency: a model of the first glance of a viewer without a task, based on \[Itti98\].
 //!
 //! ```text
 //! (S1)  I = (r + g + b) / 3                    r, g, b ← r/I, g/I, b/I  where I > max(I) / 10,  0 elsewhere
@@ -16,18 +16,18 @@
 //! ```
 //!
 //! # Differences from the paper
-//! - **Surround.** The paper prints |(R−G)_c − (G−R)_s|. That sign hides a red item among green ones, because its
-//!   center and surround cancel. Here center and surround have the same sign.
-//! - **Noise.** N has a floor f. Without it, a map of pure noise would be stretched to the range of the other maps.
-//!   Channels have the floor 1, so that a channel of suppressed maps stays small.
-//! - **Local maxima** are searched in windows of an eighth of the map. Equal values in a window count as one.
-//! - **Quadrature.** O is the magnitude of an even and an odd filter, so it does not depend on the phase of an edge.
-//! - **Motion** is a fourth channel with one map per axis, like the two color pairs. An item with its own direction
-//!   of motion is then alone in one of the maps.
-//! - Borders are reflected. Small pictures have fewer levels. Pairs (c, s) beyond them are skipped.
+//! - **Surround.** The paper prints |(R−G)_c − (G−R)_s|. That sign hides a red item among green items, because its
+//!   center and surround cancel. This module uses the same sign for center and surround.
+//! - **Noise.** N has a floor f. Without a floor, a map of pure noise would be stretched to the range of the other
+//!   maps. Channels have the floor 1, so that a channel of suppressed maps stays small.
+//! - **Local maxima** are searched in windows of an eighth of the map. Equal values in a window count as one maximum.
+//! - **Quadrature.** O is the magnitude of an even and an odd filter, so the phase of an edge does not change it.
+//! - **Motion** is a fourth channel with one map per axis, like the two color pairs. An item with its own direction of
+//!   motion is then the only item in one of the maps.
+//! - **Size.** Borders are reflected. Small pictures have fewer levels. Pairs (c, s) with missing levels are skipped.
 //!
-//! S is in 0…1 and is not stretched. An item that is odd in one of three channels has about ⅓. Frames of `cornell`,
-//! `nave` and `sponza` peak at 0.18 to 0.35. Noise of a standard deviation of 0.01 stays below 0.01.
+//! S is in 0…1 and is not stretched. An item that is odd in one of three channels has a saliency of about ⅓. Frames of
+//! `cornell`, `nave` and `sponza` peak at 0.18 to 0.35. Noise with a standard deviation of 0.01 stays below 0.01.
 //!
 //! `bench/saliency.py` of the project `render2mpeg` is an independent implementation of these formulas.
 
@@ -45,26 +45,27 @@ use pyramid::{MAP_LEVEL, Pyramid, enlarged};
 
 pub use steady::steady_saliency;
 
-// Floors f: smallest divisor M_max of maps. White noise with a standard deviation of 0.01, 2.6 code values of eight
-// bits, reaches at most half of each floor. On 512×512 pixels of 0.5 it is 0.005 in I, 0.013 in R−G and B−Y, and
-// 0.002 in O.
+// Floors f: smallest divisor M_max of maps. White noise with a standard deviation of 0.01 (2.6 code values of eight
+// bits) reaches at most half of each floor. For 512×512 pixels with a mean of 0.5, its maximum is 0.005 in I, 0.013 in
+// R−G and B−Y, and 0.002 in O.
 
-/// Floor of I maps: 1 % of the range. Chosen by experiments with noise.
+/// Floor of I maps: 1 % of the range, chosen in experiments with noise.
 const INTENSITY_FLOOR: f32 = 0.01;
-/// Floor of R−G and B−Y maps: 2 % of 3, the largest value of R, G and B. Chosen by experiments with noise. Hues of
-/// dark pixels are noisier.
+/// Floor of R−G and B−Y maps: 2 % of 3, the largest value of R, G and B, chosen in experiments with noise. Hues of dark
+/// pixels are noisier.
 const COLOR_FLOOR: f32 = 0.02 * 3.0;
-/// Floor of O maps: 0.5 %. A wave from black to white has ½. Chosen by experiments with noise.
+/// Floor of O maps: 0.5 %, chosen in experiments with noise. A wave from black to white has O = ½.
 const ORIENTATION_FLOOR: f32 = 0.005;
-/// Floor of motion maps \[pixels per frame\]. At 25 frames per second and 30 pixels per degree it is 0.08° per
-/// second, about the slowest visible relative motion.
+/// Floor of motion maps \[pixels per frame\]. At 25 frames per second and 30 pixels per degree, 0.1 pixels per frame
+/// are 0.08° per second, about the slowest visible relative motion.
 const MOTION_FLOOR: f32 = 0.1;
 
 /// Returns the saliency S of every pixel, 0…1.
 ///
-/// `rgb` contains display values, clamped to 0…1. A pixel with a NaN or infinite component counts as black. `motion`
-/// is in pixels per frame. Its sign does not matter, and motion that is not finite counts as 0. Pictures with a
-/// longer side of at most 16 pixels have no pair of levels, and their saliency is 0.
+/// `rgb` contains display values, which are clamped to 0…1. A pixel with a NaN or infinite component counts as black.
+/// `motion` is in pixels per frame. Reversing all motion does not change the result. Motion that is not finite counts
+/// as 0. If the longer side of a picture has at most 16 pixels, the pyramid has no pair of levels and the saliency is
+/// 0.
 ///
 /// ```
 /// use plane::Plane;
@@ -77,7 +78,7 @@ const MOTION_FLOOR: f32 = 0.1;
 /// ```
 ///
 /// # Panics
-/// If the two planes differ in size.
+/// If the two planes have different sizes.
 #[must_use]
 pub fn saliency(rgb: &Plane<[f32; 3]>, motion: Option<&Plane<[f32; 2]>>) -> Plane<f32> {
     let (width, height) = (rgb.width(), rgb.height());
@@ -87,7 +88,7 @@ pub fn saliency(rgb: &Plane<[f32; 3]>, motion: Option<&Plane<[f32; 2]>>) -> Plan
     if !Pyramid::has_pairs(width, height) {
         return Plane::filled(width, height, 0.0);
     }
-    // Feature channels: (S1) to (S6).
+    // Compute the channels according to (S1) to (S6).
     let Opponents { intensity, red_green, blue_yellow } = Opponents::new(rgb);
     let intensity = Pyramid::new(intensity);
     let colors = [red_green, blue_yellow].map(Pyramid::new);
@@ -97,7 +98,7 @@ pub fn saliency(rgb: &Plane<[f32; 3]>, motion: Option<&Plane<[f32; 2]>>) -> Plan
         channels.push(channel(&motion_axes(motion).map(Pyramid::new), MOTION_FLOOR));
     }
 
-    // Mean of the channels: (S7).
+    // Compute the mean of the channels according to (S7).
     let count = channels.len() as f32;
     let mean = sum_of(channels.into_iter()).map(|sum| sum / count);
     enlarged(&mean, MAP_LEVEL, width, height)

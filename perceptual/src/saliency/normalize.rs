@@ -1,16 +1,16 @@
-//! (S4): promotes maps with one outstanding location and suppresses maps with many similar ones.
+//! Normalization (S4): promotes maps with one outstanding location and suppresses maps with many similar locations.
 
 use plane::Plane;
 
-/// Number of local-maximum windows across a map. With windows of 3×3 samples every ripple would count and lower m̄. A
-/// red item among 24 green ones would then rank as low as 21st on 512×512 pixels. Not in the paper.
+/// Number of local-maximum windows across a map, not from the paper. With windows of 3×3 samples every ripple would
+/// count and lower m̄. A red item among 24 green items would then rank as low as 21st on 512×512 pixels.
 const WINDOWS: usize = 8;
-/// Smallest local maximum relative to M_max. It excludes rounding noise in flat areas. Not in the paper.
+/// Smallest local maximum relative to M_max, not from the paper. It excludes rounding noise in flat areas.
 const LEAST_MAXIMUM: f32 = 0.01;
 
-/// Returns the largest value, at least 0.
+/// Returns the largest value, or 0 if all values are negative.
 pub fn largest_of(values: &[f32]) -> f32 {
-    // Eight independent maxima, because sequential comparisons would wait for each other.
+    // Compute eight independent maxima, because sequential comparisons would wait for each other.
     let (groups, rest) = values.as_chunks::<8>();
     let mut largest = [0.0f32; 8];
     for group in groups {
@@ -21,7 +21,7 @@ pub fn largest_of(values: &[f32]) -> f32 {
     largest.iter().chain(rest).copied().fold(0.0, f32::max)
 }
 
-/// Computes N(M) in place: `M / max(M_max, f) · (1 − m̄ / M_max)²`, for a map without negative values.
+/// Replaces a map M without negative values by N(M) = `M / max(M_max, f) · (1 − m̄ / M_max)²`.
 pub fn promote(map: &mut Plane<f32>, f: f32) {
     let highest = largest_of(map.samples());
     if highest <= 0.0 {
@@ -32,7 +32,7 @@ pub fn promote(map: &mut Plane<f32>, f: f32) {
     map.samples_mut().iter_mut().for_each(|value| *value *= factor);
 }
 
-/// Returns m̄: the mean of `maxima` without one `highest` maximum, or 0 if no other exists.
+/// Returns m̄, the mean of `maxima` without one `highest` maximum. It is 0 if no other maximum exists.
 fn mean_of_others(maxima: &[f32], highest: f32) -> f32 {
     let sum: f64 = maxima.iter().copied().map(f64::from).sum();
     match maxima.len() {
@@ -41,10 +41,10 @@ fn mean_of_others(maxima: &[f32], highest: f32) -> f32 {
     }
 }
 
-/// Returns the local maxima above `least`: samples that are the largest in the window around them, clipped to the
-/// map. The first of equal samples in raster order counts.
+/// Returns the local maxima above `least`. A local maximum is the largest sample in the window around it, which is
+/// clipped to the map. Of equal samples, only the first in raster order counts.
 ///
-/// A tile of half a window fits into the window of each of its samples. Each tile therefore has at most one local
+/// A tile of half a window is inside the window of each of its samples. Each tile therefore contains at most one local
 /// maximum, and only its largest sample needs a window test.
 fn local_maxima(map: &Plane<f32>, least: f32) -> Vec<f32> {
     let reach = [map.width(), map.height()].map(|side| (side / (2 * WINDOWS)).max(1));
@@ -61,14 +61,14 @@ fn local_maxima(map: &Plane<f32>, least: f32) -> Vec<f32> {
     maxima
 }
 
-/// A sample and its position.
+/// Value and position of a sample.
 struct Candidate {
     x: usize,
     y: usize,
     value: f32,
 }
 
-/// Returns the largest sample of a tile, the first in raster order of equal ones.
+/// Returns the largest sample of a tile. Of equal samples, it is the first in raster order.
 fn largest(map: &Plane<f32>, [left, top]: [usize; 2], [width, height]: [usize; 2]) -> Candidate {
     let mut found = Candidate { x: left, y: top, value: f32::NEG_INFINITY };
     for y in top..(top + height).min(map.height()) {
@@ -81,13 +81,13 @@ fn largest(map: &Plane<f32>, [left, top]: [usize; 2], [width, height]: [usize; 2
     found
 }
 
-/// Returns whether no sample of the window is larger and no earlier sample in raster order is equal.
+/// Returns whether the candidate is the largest sample of its window, and no earlier sample in raster order is equal.
 fn is_largest(map: &Plane<f32>, candidate: &Candidate, [across, down]: [usize; 2]) -> bool {
     let &Candidate { x, y, value } = candidate;
     let columns = x.saturating_sub(across)..(x + across + 1).min(map.width());
     let rows = y.saturating_sub(down)..(y + down + 1).min(map.height());
     rows.into_iter().all(|row| {
-        // Number of samples in this row before the candidate.
+        // Count the samples in this row before the candidate.
         let before = match row.cmp(&y) {
             std::cmp::Ordering::Less => columns.len(),
             std::cmp::Ordering::Equal => x - columns.start,
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Compares every sample with every sample of its window.
+    /// Returns the local maxima by comparing every sample with every sample of its window.
     fn by_definition(map: &Plane<f32>) -> Vec<f32> {
         let (width, height) = (map.width(), map.height());
         let reach = |side: usize| (side / 16).max(1);
@@ -132,7 +132,7 @@ mod tests {
         }
     }
 
-    /// A map with the given peaks on zero.
+    /// Returns a map with the given peaks; all other samples are zero.
     fn map(peaks: &[(usize, usize, f32)]) -> Plane<f32> {
         let mut map = Plane::filled(64, 64, 0.0);
         peaks.iter().for_each(|&(x, y, value)| map.set(x, y, value));

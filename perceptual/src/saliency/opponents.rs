@@ -1,12 +1,12 @@
-//! Features of single pixels: intensity, opponent colors, axes of motion.
+//! Features of single pixels: intensity, opponent colors, and motion along each axis.
 
 use super::normalize::largest_of;
 use plane::Plane;
 
-/// Intensity below which a pixel has no hue, relative to the largest intensity \[Itti98\].
+/// Intensity below which a pixel has no hue, as a fraction of the largest intensity \[Itti98\].
 const DARKEST_HUE: f32 = 0.1;
 
-/// Intensity and opponent colors of a picture: (S1) and (S2).
+/// Intensity and opponent colors of a picture, according to (S1) and (S2).
 pub struct Opponents {
     /// Intensity I, 0…1.
     pub intensity: Plane<f32>,
@@ -17,13 +17,13 @@ pub struct Opponents {
 }
 
 impl Opponents {
-    /// Computes the features of display values. Pixels that are not finite count as black.
+    /// Computes the features from display values. Pixels that are not finite count as black.
     pub fn new(rgb: &Plane<[f32; 3]>) -> Self {
-        // I. Its maximum decides which pixels have hues.
+        // Compute I. Its maximum decides which pixels have hues.
         let intensity = rgb.map(|rgb| shown(rgb).iter().sum::<f32>() / 3.0);
         let darkest = DARKEST_HUE * largest_of(intensity.samples());
 
-        // R − G and B − Y.
+        // Compute R − G and B − Y.
         let (width, height) = (rgb.width(), rgb.height());
         let mut red_green = Plane::filled(width, height, 0.0);
         let mut blue_yellow = red_green.clone();
@@ -37,14 +37,14 @@ impl Opponents {
     }
 }
 
-/// Clamps display values to 0…1. Returns black if one is not finite.
+/// Returns display values clamped to 0…1, or black if a value is not finite.
 #[inline(always)]
 fn shown(rgb: [f32; 3]) -> [f32; 3] {
     let finite = rgb.iter().all(|c| c.is_finite());
     rgb.map(|c| if finite { c.clamp(0.0, 1.0) } else { 0.0 })
 }
 
-/// Returns R − G and B − Y of r/I, g/I and b/I: (S2).
+/// Returns R − G and B − Y of (S2) for r/I, g/I and b/I.
 #[inline(always)]
 fn opponents_of([r, g, b]: [f32; 3]) -> [f32; 2] {
     let red = (r - 0.5 * (g + b)).max(0.0);
@@ -54,8 +54,8 @@ fn opponents_of([r, g, b]: [f32; 3]) -> [f32; 2] {
     [red - green, blue - yellow]
 }
 
-/// Returns u_x and u_y. Motion that is not finite counts as 0. Longer motion is clamped to the longer side of the
-/// picture.
+/// Returns planes of u_x and u_y. Motion that is not finite counts as 0. Motion longer than the longer side of the
+/// picture is clamped to it.
 pub fn motion_axes(motion: &Plane<[f32; 2]>) -> [Plane<f32>; 2] {
     let longest = motion.width().max(motion.height()) as f32;
     [0, 1].map(|axis| {

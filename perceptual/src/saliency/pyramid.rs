@@ -4,40 +4,40 @@
 //! F_(k+1)(x, y) = Σ_ij b_i b_j F_k(2x − 2 + i, 2y − 2 + j)         b = [1 5 10 10 5 1] / 32,  i, j = 0 … 5
 //! ```
 //!
-//! The kernel is from the SaliencyToolbox \[Walther06\]. It has even length, so each sample is in the middle of the
-//! 2×2 samples that it represents. Mirrored pictures therefore have mirrored pyramids. With a kernel of five samples,
-//! the single level-8 sample of a 256×256 picture would be centered on the picture's corner.
+//! The kernel is from the SaliencyToolbox \[Walther06\]. Its length is even, so each sample is in the middle of the 2×2
+//! samples that it represents. Mirrored pictures therefore have mirrored pyramids. With a kernel of five samples, the
+//! single level-8 sample of a 256×256 picture would be centered on the picture's corner.
 //!
 //! Borders are reflected: … 1 0 | 0 1 … .
 
 use plane::Plane;
 
-/// Coarsest level \[Itti98\].
+/// Number of the coarsest level \[Itti98\].
 const DEEPEST: usize = 8;
-/// Level of the smallest center c \[Itti98\], the finest stored level.
+/// Level of the smallest center c \[Itti98\]. It is the finest stored level.
 const FINEST: usize = 2;
 /// Levels c of centers \[Itti98\].
 pub const CENTERS: [usize; 3] = [FINEST, 3, 4];
 /// Level differences s − c from centers to surrounds \[Itti98\].
 pub const DELTAS: [usize; 2] = [3, 4];
-/// Level at which maps are added \[Itti98\]: the level of the largest center.
+/// Level at which maps are added \[Itti98\]. It is the level of the largest center.
 pub const MAP_LEVEL: usize = CENTERS[2];
 
 /// Half of the symmetric kernel: b_2 = b_3, b_1 = b_4 and b_0 = b_5.
 const KERNEL: [f32; 3] = [10.0 / 32.0, 5.0 / 32.0, 1.0 / 32.0];
 
-/// Levels of a feature, starting at the smallest center.
+/// Levels of a feature, starting with the level of the smallest center.
 pub struct Pyramid {
     levels: Vec<Plane<f32>>,
 }
 
 impl Pyramid {
-    /// Returns whether pyramids of pictures of this size have a center and a surround.
+    /// Returns whether pyramids of pictures of this size have at least one center with a surround.
     pub fn has_pairs(width: usize, height: usize) -> bool {
         width > 0 && height > 0 && deepest(width, height) >= CENTERS[0] + DELTAS[0]
     }
 
-    /// Builds the levels of a feature with the values `finest` at level 0.
+    /// Builds the levels of a feature. `finest` is level 0.
     pub fn new(finest: Plane<f32>) -> Self {
         let deepest = deepest(finest.width(), finest.height());
         let mut levels = vec![halved(&halved(&finest))];
@@ -47,7 +47,7 @@ impl Pyramid {
         Self { levels }
     }
 
-    /// Returns level `k` ≥ 2, or `None` beyond the coarsest level.
+    /// Returns level `k` ≥ 2, or `None` if the level is beyond the coarsest level.
     pub fn level(&self, k: usize) -> Option<&Plane<f32>> {
         self.levels.get(k - FINEST)
     }
@@ -75,7 +75,7 @@ pub fn halved(plane: &Plane<f32>) -> Plane<f32> {
     let mut out = Plane::filled(width.div_ceil(2), height.div_ceil(2), 0.0);
     let mut padded = vec![0.0; width + 6];
     for y in 0..out.height() {
-        // Down the columns, after two samples of padding for the left border.
+        // Filter down the columns. The left border needs two samples of padding.
         let row = |j: usize| &plane.row(reflected((2 * y + j) as isize - 2, height))[..width];
         let [b0, b1, b2, b3, b4, b5] = std::array::from_fn(row);
         for (x, sum) in padded[2..2 + width].iter_mut().enumerate() {
@@ -83,7 +83,7 @@ pub fn halved(plane: &Plane<f32>) -> Plane<f32> {
         }
         reflect_borders(&mut padded, 2, width);
 
-        // Along the row.
+        // Filter along the row.
         for (x, out) in out.row_mut(y).iter_mut().enumerate() {
             let b = &padded[2 * x..2 * x + 6];
             *out = KERNEL[0] * (b[2] + b[3]) + KERNEL[1] * (b[1] + b[4]) + KERNEL[2] * (b[0] + b[5]);
@@ -115,7 +115,7 @@ struct Between {
     fraction: f32,
 }
 
-/// Returns the positions of `wanted` samples among `count` samples, which are coarser by `levels` levels.
+/// Returns the positions of `wanted` samples in a row of `count` samples, which is coarser by `levels` levels.
 fn places(count: usize, wanted: usize, levels: usize) -> Vec<Between> {
     let step = 0.5f32.powi(levels as i32);
     let place = |i: usize| {
@@ -126,13 +126,12 @@ fn places(count: usize, wanted: usize, levels: usize) -> Vec<Between> {
     (0..wanted).map(place).collect()
 }
 
-/// Enlarges `plane` by `levels` levels to `width` × `height` samples, with linear interpolation between sample
-/// centers.
+/// Enlarges `plane` by `levels` levels to `width` × `height` samples. Interpolates linearly between sample centers.
 pub fn enlarged(plane: &Plane<f32>, levels: usize, width: usize, height: usize) -> Plane<f32> {
     let (columns, rows) = (places(plane.width(), width, levels), places(plane.height(), height, levels));
     let between = |low: f32, high: f32, fraction: f32| low + fraction * (high - low);
 
-    // Along the rows first, while the plane still has few of them.
+    // Interpolate along the rows first, while the plane still has few of them.
     let mut wide = Plane::filled(width, plane.height(), 0.0);
     for (wide, row) in wide.samples_mut().chunks_exact_mut(width).zip(plane.rows()) {
         for (wide, at) in wide.iter_mut().zip(&columns) {
@@ -140,7 +139,7 @@ pub fn enlarged(plane: &Plane<f32>, levels: usize, width: usize, height: usize) 
         }
     }
 
-    // Down the columns.
+    // Interpolate down the columns.
     let mut out = Plane::filled(width, height, 0.0);
     for (out, at) in out.samples_mut().chunks_exact_mut(width).zip(&rows) {
         for ((out, &low), &high) in out.iter_mut().zip(wide.row(at.low)).zip(wide.row(at.high)) {
@@ -185,7 +184,8 @@ mod tests {
 
     #[test]
     fn saliency_enlarges_ramps_to_ramps() {
-        // Sample i of a level represents the samples 4i … 4i + 3 two levels below. Its center is at 4i + 1.5.
+        // Sample i of a level represents the samples 4i … 4i + 3 of the level two levels finer. Its center is at 4i +
+        // 1.5.
         let coarse = Plane::from_fn(8, 6, |x, y| (4 * x + 8 * y) as f32 + 4.5);
         let fine = enlarged(&coarse, 2, 32, 24);
         let exact = |x: usize, y: usize| x as f32 + 2.0 * y as f32;

@@ -3,12 +3,12 @@
 use crate::bounded;
 use plane::{Correspondence, Plane};
 
-/// w, the weight of the past, equal to the weight of thresholds in \[Herzog08, §5.2\].
+/// Weight w of the past. It equals the weight of thresholds in \[Herzog08, §5.2\].
 const WEIGHT: f32 = 0.5;
-/// Saliency of disoccluded areas: new objects attract the eye, and no previous saliency exists.
+/// Saliency of disoccluded areas. New objects attract the eye, and no previous saliency exists.
 const UNCOVERED: f32 = 1.0;
 
-/// Blends the saliency of this frame with the previous frame's:
+/// Blends the saliency of this frame with the saliency of the previous frame:
 ///
 /// ```text
 /// (S8)  S'_t(x) = (1 − w) S_t(x) + w S'_(t−1)(x')        w = ½
@@ -16,11 +16,11 @@ const UNCOVERED: f32 = 1.0;
 ///       S'_t(x) = S_t(x)   if only x has no match
 /// ```
 ///
-/// `now` is S_t, 0…1. `before` is S'_(t−1) from this function, or S for the first frame. `known` contains the match
-/// x' of every pixel. Indices outside `before` count as no match. Values are clamped to 0…1, and NaN counts as 0.
+/// `now` is S_t, 0…1. `before` is S'_(t−1) from this function, or S for the first frame. `known` contains the match x'
+/// of every pixel. An index outside `before` is not a match. Values are clamped to 0…1. NaN becomes 0.
 ///
 /// # Panics
-/// If `now` and `known` differ in size.
+/// If `now` and `known` have different sizes.
 #[must_use]
 pub fn steady_saliency(now: &Plane<f32>, before: &Plane<f32>, known: &Correspondence) -> Plane<f32> {
     let size = (known.width(), known.height());
@@ -36,8 +36,8 @@ pub fn steady_saliency(now: &Plane<f32>, before: &Plane<f32>, known: &Correspond
     })
 }
 
-/// Returns whether no pixel in the 3×3 neighborhood has a match. On the rim of an object a single match may be
-/// missing, because the surface is thinner than a pixel.
+/// Returns whether no pixel in the 3×3 neighborhood has a match. On the rim of an object a single match may be missing,
+/// where the surface is thinner than a pixel.
 fn is_new(then: &Plane<Option<f32>>, x: usize, y: usize) -> bool {
     let is_missing = |u: usize, v: usize| u >= then.width() || v >= then.height() || then.get(u, v).is_none();
     let beside = |at: usize| [at.wrapping_sub(1), at, at + 1];

@@ -12,15 +12,15 @@ pub struct PixelPart {
 }
 
 impl ToneMap {
-    /// Returns the radiance that is displayed as the mean of the displayed `parts`, like a finer display seen from a
-    /// distance:
+    /// Returns the radiance that is displayed as the mean of the displayed `parts`. A finer display, seen from a
+    /// distance, has the same effect:
     ///
     /// ```text
     /// L = C⁻¹(Σ s C(Lₛ))      C  display light of radiance, before the transfer curve      s  area fraction
     /// ```
     ///
-    /// No part contributes more than display white. With a mean of radiance, a light far above white would hide thin
-    /// objects in front of it.
+    /// Lₛ is the radiance of the part with the fraction s. No part contributes more than display white. With a mean of
+    /// radiance, a light far above white would hide thin objects in front of it.
     #[must_use]
     pub fn mean_shown(&self, parts: impl IntoIterator<Item = PixelPart>) -> [f32; 3] {
         let (curve, exposure) = (self.curve(), self.exposure());
@@ -40,13 +40,13 @@ mod tests {
     use super::*;
     use crate::{Display, Operator};
 
-    /// Returns the display light of a display value, by IEC 61966-2-1.
+    /// Returns the display light of a display value, according to IEC 61966-2-1.
     fn light(value: f32) -> f32 {
         if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
     }
 
-    /// If half of a pixel is dark and half far above white, the result displays the mean of both lights, for any
-    /// curve.
+    /// If half of a pixel is dark and half is far above white, the result displays the mean of the two displayed
+    /// lights. This holds for any curve.
     #[test]
     fn the_mean_is_that_of_the_display() {
         for operator in Operator::ALL {
@@ -67,7 +67,7 @@ mod tests {
         }
     }
 
-    /// The blend of equal parts is the part, up to white.
+    /// The blend of equal regions is the radiance of one of them, up to white.
     #[test]
     fn equal_parts_stay() {
         let part = |share| PixelPart { share, radiance: [0.01, 0.4, 2.0] };

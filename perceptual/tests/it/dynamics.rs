@@ -1,5 +1,5 @@
-//! The loop over frames as a dynamical system: equation (5) compared with its closed form for several kinds of input,
-//! and the closed loop with a renderer that uses its whole error budget.
+//! Tests of the loop over frames as a dynamical system. Equation (5) is compared with its closed form for several kinds
+//! of input. In the closed loop, a renderer uses its whole error budget.
 //!
 //! ```text
 //! (5)  T(n) = (1 − w) e(n) + w T(n−1)        for constant e(n) = e*: T(n) − e* = wⁿ (T(0) − e*)
@@ -9,11 +9,11 @@
 use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA, tolerable_error};
 use plane::{Correspondence, NO_MATCH, Plane};
 
-/// A single block in a single thread, so that ten thousand frames are fast.
+/// Side of the picture. A single block in a single thread is fast enough for ten thousand frames.
 const SIDE: usize = 8;
 const LONG: usize = 10_000;
 const WEIGHTS: [f32; 6] = [0.0, 0.25, 0.5, 0.75, 0.9, 0.99];
-/// A pixel inside the picture. All others behave alike.
+/// Position of the observed pixel. All other pixels behave alike.
 const PLACE: (usize, usize) = (5, 6);
 
 struct Frame {
@@ -33,7 +33,7 @@ fn frame_of(luminance: impl Fn(usize, usize) -> f32) -> Frame {
     Frame { luma: luminance.map(|y| WHITE_LUMA * tone_map.encode(y)), luminance }
 }
 
-/// Luminance of a detailed picture with brightness 1.
+/// Returns the luminance of a detailed picture with brightness 1.
 fn detail(x: usize, y: usize) -> f32 {
     0.2 + 0.1 * ((x * 7 + y * 3) % 5) as f32
 }
@@ -46,12 +46,12 @@ fn feedback(weight: f32) -> Feedback {
     Feedback::new(MaskingModel::default(), ToneMap::default(), weight)
 }
 
-/// Runs in a separate single thread.
+/// Runs a function in a separate pool of one thread.
 fn alone<T: Send>(run: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(run)
 }
 
-/// Returns e of a frame, without a past.
+/// Returns e of a frame without a previous frame.
 fn e_of(frame: &Frame, quantiser_scale: f32) -> Plane<f32> {
     tolerable_error(&frame.luma, &frame.luminance, quantiser_scale, &ToneMap::default(), &MaskingModel::default())
 }
@@ -60,12 +60,12 @@ fn at(plane: &Plane<f32>) -> f64 {
     f64::from(plane.get(PLACE.0, PLACE.1))
 }
 
-/// Maximum rounding error: each frame rounds three times, and w propagates it.
+/// Returns the maximum rounding error. Each frame rounds three times, and w propagates the error.
 fn rounding(weight: f32) -> f64 {
     3.0 * f64::from(f32::EPSILON) / (1.0 - f64::from(weight))
 }
 
-/// T under a sequence of (frame, quantiser_scale), one value per frame.
+/// Returns T of the observed pixel for a sequence of (frame, quantiser_scale), one value per frame.
 fn response(weight: f32, start: f32, inputs: impl Iterator<Item = (usize, f32)> + Send, frames: &[Frame]) -> Vec<f64> {
     alone(move || {
         let (mut feedback, still) = (feedback(weight), Correspondence::still(SIDE, SIDE));
@@ -75,7 +75,8 @@ fn response(weight: f32, start: f32, inputs: impl Iterator<Item = (usize, f32)> 
     })
 }
 
-/// A step: the distance from the new steady state falls by w per frame, and is below 1 % at the predicted frame.
+/// After a step, the distance from the new steady state falls by the factor w per frame. It is below 1 % at the
+/// predicted frame.
 #[test]
 fn a_step_decays_by_the_weight() {
     let frames = [lit(0.5)];
@@ -98,7 +99,7 @@ fn a_step_decays_by_the_weight() {
     }
 }
 
-/// A static scene for ten thousand frames: no drift, and no two frames differ once the rounding has converged.
+/// Over ten thousand frames of a static scene, T does not drift. Once the rounding has converged, no two frames differ.
 #[test]
 fn nothing_drifts_in_ten_thousand_frames() {
     let frames = [lit(0.5)];
@@ -125,7 +126,8 @@ fn an_impulse_is_forgotten() {
     }
 }
 
-/// Two alternating inputs, each held for some frames: T oscillates exactly between the limits of a geometric series.
+/// Checks two alternating inputs, each constant for `held` frames: T oscillates between the limits of a geometric
+/// series.
 fn check_square_wave(frames: &[Frame], inputs: [(usize, f32); 2], e: [f64; 2], held: usize) {
     for weight in WEIGHTS {
         let w = f64::from(weight);
@@ -133,7 +135,7 @@ fn check_square_wave(frames: &[Frame], inputs: [(usize, f32); 2], e: [f64; 2], h
         let tail = &found[LONG - 4 * held..];
         let swing =
             tail.iter().fold(0.0f64, |most, t| most.max(*t)) - tail.iter().fold(f64::MAX, |least, t| least.min(*t));
-        // Over a half period the distance shrinks by w^held. The distances at both ends are symmetric.
+        // Over a half period the distance shrinks by the factor w^held. The distances at both ends are symmetric.
         let decay = w.powi(held as i32);
         let exact = (1.0 - decay) / (1.0 + decay) * (e[1] - e[0]).abs();
         let tolerance = 4.0 * rounding(weight) * e[0].max(e[1]);
@@ -152,7 +154,7 @@ fn a_square_wave_swings_as_its_series_says() {
     }
 }
 
-/// Alternates between the coarsest and the finest quantiser every frame.
+/// The quantiser alternates between the finest and the coarsest in every frame.
 #[test]
 fn jumping_quantisers_swing_as_their_series_says() {
     let frames = [lit(0.5)];
@@ -161,10 +163,10 @@ fn jumping_quantisers_swing_as_their_series_says() {
     check_square_wave(&frames, [(0, 1.0), (0, 112.0)], e, 1);
 }
 
-/// Uniform, uncorrelated noise in the light: its variance falls to (1 − w) / (1 + w) of the input variance.
+/// The light has uniform, uncorrelated noise. The variance of T is (1 − w) / (1 + w) of the variance of e.
 #[test]
 fn noise_is_smoothed_as_a_filter_of_one_pole_does() {
-    // The brightnesses to draw from. Only the variance of e over them matters.
+    // Draw brightnesses from a fixed set. Only the variance of e over this set has an effect.
     let frames: Vec<Frame> = (0..64).map(|k| lit(0.5 + k as f32 / 64.0)).collect();
     let e: Vec<f64> = frames.iter().map(|frame| at(&e_of(frame, 8.0))).collect();
     let variance = |list: &[f64]| {
@@ -178,14 +180,14 @@ fn noise_is_smoothed_as_a_filter_of_one_pole_does() {
         let found = response(weight, e[32] as f32, drawn.iter().copied(), &frames);
         let ratio = variance(&found[LONG..]) / variance(&e);
         let exact = (1.0 - w) / (1.0 + w);
-        // 20 000 values with a fraction (1 − w) / (1 + w) independent: their variance has a relative deviation of
-        // √(2/n).
+        // Of 20 000 values, a fraction (1 − w) / (1 + w) is independent. With n independent values, the relative
+        // deviation of the variance is √(2/n).
         let deviation = (2.0 / (2.0 * LONG as f64 * exact)).sqrt();
         assert!((ratio / exact - 1.0).abs() < 4.0 * deviation, "w = {w}: {ratio}, {exact} by theory");
     }
 }
 
-/// A different scene in every frame: no threshold depends on the previous one.
+/// With a different scene in every frame, no threshold depends on the previous frame.
 #[test]
 fn cuts_in_every_frame_leave_no_memory() {
     let frames = [lit(0.5), lit(3.0), lit(1e-6), lit(1e6)];
@@ -227,8 +229,8 @@ fn rendered(kind: Renderer, truth: f32, threshold: f32, pixel: usize, n: usize) 
     (truth + off).max(0.0)
 }
 
-/// The closed loop over `frames`, from a uniform threshold. Returns the lowest, mean and highest threshold of the
-/// last thousand frames.
+/// Runs the closed loop over `frames` frames, from a uniform threshold `start`. Returns the lowest, mean and highest
+/// threshold of the last thousand frames.
 fn band(kind: Renderer, (weight, kappa, scale): (f32, f32, f32), start: f32, frames: usize) -> [f64; 3] {
     let still = Correspondence::still(SIDE, SIDE);
     let mut feedback = feedback(weight).with_kappa(kappa);
@@ -250,11 +252,11 @@ fn band(kind: Renderer, (weight, kappa, scale): (f32, f32, f32), start: f32, fra
     [low, sum / 1000.0, high]
 }
 
-/// Repeats thresholds → picture → thresholds thousands of times. No closed form exists, but T is bounded: it is a
-/// mean of values of e, which is bounded for any picture.
+/// The loop from thresholds to a picture and back runs for thousands of frames. No closed form exists, but T is
+/// bounded: it is a mean of values of e, which is bounded for any picture.
 ///
 /// With the default weight, thresholds that start at 10⁻⁴ and at 10⁴ converge to the same band. Without any past the
-/// loop is chaotic. With a weight near 1 a thousand frames are few. In these two cases only the order of magnitude of
+/// loop is chaotic. With a weight near 1, a thousand frames are few. In these two cases, only the order of magnitude of
 /// the means must agree.
 #[test]
 fn the_closed_loop_stays_in_a_band_wherever_it_starts() {

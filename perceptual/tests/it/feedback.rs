@@ -1,4 +1,4 @@
-//! The loop over frames: steady state, no drift, shot changes, flashes, invalid frames, threads.
+//! Tests of the loop over frames: steady state, no drift, shot changes, flashes, invalid frames, threads.
 
 use perceptual::{
     DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, ToneMap, YCbCr, luminance_plane, tolerable_error,
@@ -87,7 +87,7 @@ fn a_cut_forgets() {
     assert_eq!(feedback.observe(dim.observed(Some(&nothing_matches)), 8.0), &alone(&dim, 8.0));
     let map = feedback.thresholds_for_next(&nothing_matches);
     assert!((0..WIDTH).all(|x| map.get(x, 3).is_none()));
-    // A picture of another size resets the state.
+    // A picture of a different size resets the state.
     let small = frame_of(&Plane::filled(8, 8, [0.5; 3]));
     assert_eq!(feedback.observe(small.observed(Some(&Correspondence::still(8, 8))), 8.0), &alone(&small, 8.0));
 }

@@ -1,4 +1,4 @@
-//! Equations (1) to (3) compared with a transcription in `f64`, and their guarantees.
+//! Tests of equations (1) to (3), which are compared with a transcription in `f64`, and of their guarantees.
 
 use perceptual::{DEFAULT_INTRA_MATRIX, MaskingModel, mean_dc};
 use plane::{Plane, dct_definition, idct_definition};
@@ -53,7 +53,7 @@ proptest! {
             let exact_m = equation_2(exact_t, coefficient, ij);
             prop_assert!((f64::from(m[ij]) / exact_m - 1.0).abs() < 1e-5);
             prop_assert!(m[ij] >= t[ij], "masking never lowers a threshold");
-            // Both sides of eq. (3) are exact in `f32` up to here, so both take the same case.
+            // Rounding does not change the case of eq. (3), because its condition is exact in `f32`.
             let exact = equation_3(coefficient, exact_m, q, s);
             prop_assert!((f64::from(distorted[ij]) - exact).abs() <= 1e-5 * exact.abs(), "{} {exact}", distorted[ij]);
         }
@@ -68,7 +68,7 @@ proptest! {
             .collect();
         let mean = blocks.iter().map(|c| c[0]).sum::<f64>() / blocks.len() as f64;
         prop_assert!((f64::from(mean_dc(&luma)) / mean - 1.0).abs() < 1e-5);
-        // Rounding may move a coefficient at the edge to either case.
+        // At the border between the two cases of eq. (3), rounding may select either case.
         let at_the_edge = |c: &[f64; 64]| (0..64).any(|ij| {
             (c[ij].abs() - 0.5 * f64::from(DEFAULT_INTRA_MATRIX[ij]) * s).abs() < 1e-3
                 || c[ij].abs() < 1e-3
@@ -120,7 +120,7 @@ fn a_blank_block_has_the_root_mean_square_of_the_smallest_step() {
         let distorted = MaskingModel::default().worst_case_luma(&flat, quantiser_scale);
         let block = distorted.block(1, 0);
         let square: f32 = block.iter().map(|v| (v - 100.0).powi(2)).sum::<f32>() / 64.0;
-        // 63 waves of ½ s · 16, and the DC by ½ s · 8.
+        // The distortion has 63 waves of ½ s · 16, and ½ s · 8 in the DC.
         let wanted = (63.0 * (8.0f32 * s).powi(2) + (4.0f32 * s).powi(2)) / 64.0;
         assert!((square / wanted - 1.0).abs() < 1e-4, "{square} {wanted}");
     }
@@ -136,7 +136,7 @@ fn a_black_picture_has_ratio_one() {
     for quantiser_scale in [1.0, 112.0] {
         let distorted = model.worst_case_luma(&black, quantiser_scale);
         assert!(distorted.samples().iter().all(|v| v.is_finite()));
-        // The DC vanishes and is replaced: the mean changes by s · 16 / 2 / 8.
+        // The DC vanishes and is replaced, so the mean changes by s · 16 / 2 / 8.
         let mean = distorted.block(0, 0).iter().sum::<f32>() / 64.0;
         assert!((mean - quantiser_scale / 16.0).abs() < 1e-3, "{mean}");
     }

@@ -1,4 +1,4 @@
-//! Picture metrics compared with closed forms and identities.
+//! Tests of picture metrics, which are compared with closed forms and identities.
 
 use perceptual::{flicker, mse, psnr, relative_mse, rmse, ssim};
 use plane::{Correspondence, NO_MATCH, Plane};
@@ -38,7 +38,7 @@ fn structural_similarity_of_constants() {
     }
 }
 
-/// Compares with the definition by the two-dimensional window, at the only window position of an 11×11 picture.
+/// SSIM is compared with its definition with a two-dimensional window, at the only window position of an 11×11 picture.
 #[test]
 fn structural_similarity_of_one_window() {
     let (a, b) = (noise(11, 11, 1), noise(11, 11, 2));
@@ -100,7 +100,7 @@ fn only_errors_that_change_flicker() {
     assert_eq!(of(7, 5, &still), 4.0);
     assert_eq!(of(0, 3, &still), 9.0);
     assert_eq!(of(0, 3, &Correspondence::from_matches(Plane::filled(16, 8, NO_MATCH))), 0.0, "nothing to compare with");
-    // An error that moves with its surface, one pixel to the right per frame.
+    // The error moves with its surface, one pixel to the right per frame.
     let error = Plane::from_fn(16, 8, |x, y| ((3 * x + 5 * y) % 11) as u8);
     let moved = Plane::from_fn(16, 8, |x, y| error.get_clamped(x as isize - 1, y as isize));
     let plus = |a: &Plane<u8>, b: &Plane<u8>| Plane::from_fn(16, 8, |x, y| a.get(x, y) + b.get(x, y));

@@ -1,4 +1,4 @@
-//! Saliency: odd items are found, flat pictures stay flat, and no input panics.
+//! Tests of saliency: odd items are found, flat pictures stay flat, and no input panics.
 
 use perceptual::{saliency, steady_saliency};
 use plane::{Correspondence, NO_MATCH, Plane};
@@ -8,40 +8,40 @@ const GRID: usize = 5;
 /// Display value of the background.
 const FIELD: f32 = 0.5;
 
-/// Property in which the odd item differs from the others, by contrast k.
+/// Property in which the odd item differs from the other items. k is the contrast.
 #[derive(Clone, Copy, Debug)]
 enum Oddity {
-    /// Difference from the background, larger by k.
+    /// Difference from the background, larger by the factor 1 + k.
     Brightness,
-    /// Tint by a fraction k towards red. The other items are gray.
+    /// Tint towards red, with a strength k. The other items are gray.
     Tint,
     /// Hue, rotated by k · 180° at equal intensity and chroma.
     Hue,
-    /// Radius, larger by k.
+    /// Radius, larger by the factor 1 + k.
     Size,
     /// Orientation of a bar, rotated by k · 90°.
     Orientation,
-    /// Speed, larger by k. All other items move with the background.
+    /// Speed, larger by the factor 1 + k. The other items move with the background.
     Speed,
-    /// Speed, larger by k. The items move over a static background.
+    /// Speed, larger by the factor 1 + k. All items move over a static background.
     Overtaking,
-    /// Direction of motion, rotated by k · 180°. The items move over a static background.
+    /// Direction of motion, rotated by k · 180°. All items move over a static background.
     Direction,
 }
 
-/// Fraction of a pixel within a border at a distance of `inside` pixels.
+/// Returns the covered fraction of a pixel at a distance of `inside` pixels inside a border.
 fn coverage(inside: f32) -> f32 {
     (inside + 0.5).clamp(0.0, 1.0)
 }
 
-/// Color of an item.
+/// Returns the color of an item.
 fn color(oddity: Oddity, k: f32) -> [f32; 3] {
     match oddity {
         Oddity::Brightness => [FIELD + 0.15 * (1.0 + k); 3],
         Oddity::Tint => [1.0 + 0.5 * k, 1.0 - 0.25 * k, 1.0 - 0.25 * k].map(|c| 0.6 * c),
         Oddity::Hue => {
             let (sin, cos) = (std::f32::consts::PI * k).sin_cos();
-            // From green to red, and from their mean to blue: at equal I.
+            // The hue rotates from green to red, and towards blue, at equal I.
             let axes: [[f32; 2]; 3] = [[-0.5, -1.0 / 3.0], [0.5, -1.0 / 3.0], [0.0, 2.0 / 3.0]];
             axes.map(|[green, blue]| 0.55 + 0.25 * (green * cos + blue * sin))
         }
@@ -49,7 +49,7 @@ fn color(oddity: Oddity, k: f32) -> [f32; 3] {
     }
 }
 
-/// Motion of an item and of the background.
+/// Returns the motion of an item and of the background.
 fn motion(oddity: Oddity, k: f32) -> Option<[[f32; 2]; 2]> {
     let (sin, cos) = (std::f32::consts::PI * k).sin_cos();
     match oddity {
@@ -60,7 +60,7 @@ fn motion(oddity: Oddity, k: f32) -> Option<[[f32; 2]; 2]> {
     }
 }
 
-/// Fraction of the pixel covered by an item around the origin, in a cell of `cell` pixels.
+/// Returns the fraction of a pixel that an item around the origin covers, in a cell of `cell` pixels.
 fn shape(oddity: Oddity, k: f32, cell: f32, [x, y]: [f32; 2]) -> f32 {
     match oddity {
         Oddity::Orientation => {
@@ -73,7 +73,7 @@ fn shape(oddity: Oddity, k: f32, cell: f32, [x, y]: [f32; 2]) -> f32 {
     }
 }
 
-/// A picture of `size` × `size` pixels with a grid of items, and their motion.
+/// Returns a picture of `size` × `size` pixels with a grid of items, and its motion.
 fn search(oddity: Oddity, k: f32, odd: usize, size: usize) -> (Plane<[f32; 3]>, Option<Plane<[f32; 2]>>) {
     let cell = size as f32 / GRID as f32;
     let place = |x: usize, y: usize| {
@@ -97,7 +97,7 @@ fn search(oddity: Oddity, k: f32, odd: usize, size: usize) -> (Plane<[f32; 3]>, 
     (rgb, motion)
 }
 
-/// Rank of the odd item by its largest saliency. Ties rank last.
+/// Returns the rank of the odd item, with items sorted by their largest saliency. In a tie the odd item ranks last.
 fn rank(map: &Plane<f32>, odd: usize) -> usize {
     let cell = map.width() as f32 / GRID as f32;
     let mut maxima = [0.0f32; GRID * GRID];
@@ -111,7 +111,7 @@ fn rank(map: &Plane<f32>, odd: usize) -> usize {
     maxima.iter().filter(|&&maximum| maximum >= maxima[odd]).count()
 }
 
-/// Ranks of the odd item at six positions.
+/// Returns the ranks of the odd item at six positions.
 fn ranks(oddity: Oddity, k: f32, size: usize) -> [usize; 6] {
     [0, 3, 7, 12, 22, 24].map(|odd| {
         let (rgb, motion) = search(oddity, k, odd, size);
@@ -121,7 +121,7 @@ fn ranks(oddity: Oddity, k: f32, size: usize) -> [usize; 6] {
 
 #[test]
 fn saliency_of_the_odd_item_ranks_first() {
-    // Each oddity with the smallest contrast that is found in all cases.
+    // Test each oddity with the smallest contrast that is found in all cases.
     let oddities = [
         (Oddity::Brightness, 0.25),
         (Oddity::Tint, 0.25),
@@ -141,7 +141,7 @@ fn saliency_of_the_odd_item_ranks_first() {
     }
 }
 
-/// Random numbers from a fixed seed, −1…1, with a variance of ⅓.
+/// Returns random numbers from a fixed seed, −1…1, with a variance of ⅓.
 fn noise() -> impl FnMut() -> f32 {
     let mut state = 7u32;
     move || {
@@ -154,7 +154,7 @@ fn largest(map: &Plane<f32>) -> f32 {
     map.samples().iter().copied().fold(0.0, f32::max)
 }
 
-/// A picture with items, waves and a little noise.
+/// Returns a picture with items, waves and faint noise.
 fn busy(width: usize, height: usize) -> Plane<[f32; 3]> {
     let mut noise = noise();
     Plane::from_fn(width, height, |x, y| {
@@ -171,7 +171,7 @@ fn saliency_of_flat_pictures_and_of_noise_is_next_to_nothing() {
         let map = saliency(&Plane::filled(200, 150, rgb), Some(&Plane::filled(200, 150, [3.0, -1.0])));
         assert!(largest(&map) < 1e-4, "{rgb:?}: {}", largest(&map));
     }
-    // A standard deviation of 0.01.
+    // Scale the noise to a standard deviation of 0.01.
     let mut noise = noise();
     let mut sample = || 0.5 + 0.01 * 3.0f32.sqrt() * noise();
     let colored = Plane::from_fn(256, 256, |_, _| [sample(), sample(), sample()]);
@@ -231,7 +231,7 @@ fn saliency_takes_what_is_not_finite_as_black_and_at_rest() {
     let map = saliency(&rgb, Some(&motion));
     assert_eq!(map, saliency(&black, Some(&at_rest)));
     assert!(map.samples().iter().all(|s| (0.0..=1.0).contains(s)));
-    // Finite, but far outside any plausible range.
+    // Test finite values far outside any plausible range.
     let wild = saliency(&rgb.map(|rgb| rgb.map(|c| 1e30 * c)), Some(&motion.map(|u| u.map(|c| -1e38 * c))));
     assert!(wild.samples().iter().all(|s| (0.0..=1.0).contains(s)));
 }
@@ -250,7 +250,7 @@ fn saliency_needs_the_motion_of_every_pixel() {
     let _ = saliency(&busy(30, 20), Some(&Plane::filled(20, 30, [0.0; 2])));
 }
 
-/// A new object is an area without matches. Along the rim of an old object some matches are missing too.
+/// A new object is an area without matches. Along the rim of an old object, only some matches are missing.
 #[test]
 fn saliency_of_new_things_is_full_and_that_of_rims_is_not() {
     let new = |x: usize, y: usize| (2..6).contains(&x) && (2..6).contains(&y);
@@ -278,7 +278,7 @@ fn saliency_is_steadied_along_the_motion() {
     // The third pixel is not a new object, because its neighbors have matches.
     let expected = [0.4, 0.7, 0.5, 0.25];
     assert!(steady.samples().iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{steady:?}");
-    // Without previous saliency, everything is new.
+    // Without previous saliency, all pixels count as new.
     let first = steady_saliency(&now, &Plane::default(), &known);
     assert_eq!(first.samples(), [1.0; 4]);
     // The disoccluded pixels converge within a few frames.

@@ -1,4 +1,4 @@
-//! Equations (4) and (5) compared with a transcription in `f64`, and guarantees of thresholds.
+//! Tests of equations (4) and (5), which are compared with a transcription in `f64`, and of guarantees of thresholds.
 
 use perceptual::{
     DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, Operator, ThresholdMap, ToneMap, YCbCr, blend,
@@ -79,7 +79,7 @@ proptest! {
         let radiance = Plane::from_vec(10, 10, pixels.clone());
         let e = thresholds(&radiance, quantiser_scale, &ToneMap::of(operator));
         prop_assert!(e.samples().iter().all(|e| e.is_finite() && *e > 0.0));
-        // Not a valid picture: random bits as luma and luminance.
+        // Random bits as luma and luminance are not a valid picture.
         let (luma, luminance) = (radiance.map(|p| p[0]), radiance.map(|p| p[1]));
         let (tone_map, model) = (ToneMap::of(operator), MaskingModel::default());
         let e = tolerable_error_counted(&luma, &luminance, quantiser_scale, &tone_map, &model);
@@ -136,7 +136,7 @@ fn a_white_block_in_black_leaves_the_rest_alone() {
     let e = thresholds(&lone, 16.0, &tone_map);
     let black = thresholds(&Plane::filled(256, 256, [0.0; 3]), 16.0, &tone_map);
     assert!(e.samples().iter().all(|e| *e <= 1.0));
-    // A black block's DC vanishes, so all its coefficients are q_min, independent of masking.
+    // The DC of a black block vanishes, so all its coefficients are q_min, independent of masking.
     assert_eq!(e.get(200, 200), black.get(200, 200));
 }
 
@@ -155,8 +155,8 @@ fn twelve_decades_in_a_frame() {
     }
 }
 
-/// A pure color of luminance Y at a display gamma of 2 has luma weight · √(Y / weight). Equal relative changes of
-/// luma must give equal relative changes of luminance as for gray.
+/// A pure color of luminance Y at a display gamma of 2 has luma weight · √(Y / weight). For pure colors and for gray,
+/// equal relative changes of luma must give equal relative changes of luminance.
 #[test]
 fn pure_colors_get_their_relative_error() {
     let (tone_map, model) = (ToneMap::gamma(2.0), MaskingModel::default());
@@ -191,8 +191,7 @@ fn maps_keep_what_is_known() {
     assert!((0..6).all(|i| still.get(i % 3, i / 3) == Some(0.25)));
 }
 
-/// One call gives the same result as its separate steps, here through the loop over frames, as errors relative to
-/// white.
+/// One call gives the same result as its separate steps: the loop over frames, then division by white.
 #[test]
 fn a_picture_in_one_call_is_the_steps_by_hand() {
     let picture = Plane::from_fn(21, 13, |x, y| [(x * 12) as u8, (y * 19) as u8, ((x * y) % 256) as u8]);

@@ -1,9 +1,9 @@
-//! The tone curves: round trips, slopes, limits and settings files.
+//! Tests of tone curves: round trips, slopes, limits and settings files.
 
 use perceptual::{Display, Operator, ToneMap};
 use proptest::prelude::*;
 
-/// Every operator, with each display where relevant, at several exposures.
+/// Returns every operator at several exposures, with each display curve that it uses.
 fn all() -> Vec<ToneMap> {
     let mut out = Vec::new();
     for operator in Operator::ALL {
@@ -60,7 +60,7 @@ fn curves_never_fall_and_stay_within_zero_and_one() {
 fn slopes_are_those_of_the_curve() {
     for tone_map in all() {
         for i in 0..200 {
-            // From 1e-4 to 0.9 of the saturating radiance. Finite differences in `f32` are accurate to about 1 %.
+            // Test from 1e-4 to 0.9 of the saturating radiance. Finite differences in `f32` are accurate to about 1 %.
             let linear = tone_map.saturation() * 0.9 * 10f32.powf(-4.0 * i as f32 / 200.0);
             let step = 0.005 * linear;
             let difference = (tone_map.encode(linear + step) - tone_map.encode(linear - step)) / (2.0 * step);
@@ -121,7 +121,7 @@ fn known_values() {
 fn filmic_keeps_gray_and_has_toe_and_shoulder() {
     let filmic = ToneMap { gamma: 1.0, display: Display::Gamma, ..ToneMap::of(Operator::Filmic) };
     assert!((filmic.encode(0.18) - 0.18).abs() < 1e-6);
-    // Slope relative to proportional: above 1 in the toe, well below 1 in the shoulder.
+    // Compute the slope relative to a proportional curve: above 1 in the toe, well below 1 in the shoulder.
     let steepness = |linear: f32| filmic.derivative(linear) * linear / filmic.encode(linear);
     assert!((1.05..1.2).contains(&steepness(0.02)), "the toe is there and slight: {}", steepness(0.02));
     assert!((0.85..1.0).contains(&steepness(0.18)), "{}", steepness(0.18));

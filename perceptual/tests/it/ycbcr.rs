@@ -1,4 +1,4 @@
-//! Conversion to pictures for the encoder: Rec. 709 colors, chroma siting, odd sizes, invalid pixels.
+//! Tests of conversion to pictures for the encoder: Rec. 709 colors, chroma siting, odd sizes, invalid pixels.
 
 use perceptual::{Operator, ToneMap, YCbCr, luminance, luminance_plane, to_rgb8};
 use plane::Plane;
@@ -7,7 +7,7 @@ fn flat(rgb: [f32; 3]) -> YCbCr {
     YCbCr::from_radiance(&Plane::filled(6, 4, rgb), &ToneMap::srgb())
 }
 
-/// Eight-bit limited-range code values of Rec. 709 for fully saturated colors.
+/// Fully saturated colors have the eight-bit limited-range code values of Rec. 709.
 #[test]
 fn known_colors() {
     for (name, rgb, codes) in [
@@ -43,7 +43,8 @@ fn luma_before_rounding_starts_at_black() {
     assert!(flat([1e6; 3]).luma.samples().iter().all(|&luma| luma == 219.0));
 }
 
-/// A single red column weighs ½ in a chroma sample on that column, otherwise ¼ in the samples on both sides.
+/// A red column at a chroma sample has the weight ½ in this sample. A red column between two chroma samples has the
+/// weight ¼ in each.
 #[test]
 fn chroma_lies_in_line_with_even_columns() {
     let red_at = |column: usize| {
