@@ -122,7 +122,7 @@ impl Feedback {
     /// Observes frame t and returns ΔY(t) according to eqs. (4) to (8), from the coding of this frame and the mode of
     /// the next.
     ///
-    /// κ multiplies e′ of eq. (8). w is 0.8, because the weight of [`Feedback::new`] does not apply. ΔY(t−1) is limited to 4 e.
+    /// κ multiplies e′ of eq. (8). w is 0.8. The weight of [`Feedback::new`] does not apply. ΔY(t−1) is limited to 4 e.
     /// Before an intra picture the past is not blended in, because its thresholds are for predicted pictures and would
     /// be too large.
     ///

@@ -1,4 +1,4 @@
-//! Animation: smooth paths through given points, and rotations.
+//! Animation: smooth paths through given points, and rotations over time.
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -7,7 +7,7 @@ use glam::{Mat3, Quat, Vec3};
 pub enum Interpolation {
     /// Linear interpolation between keys.
     Linear,
-    /// Cubic Hermite interpolation between keys. Each key has in-tangent, value and out-tangent.
+    /// Cubic Hermite interpolation between keys. Each key contains in-tangent, value and out-tangent.
     CubicSpline,
 }
 
@@ -27,13 +27,13 @@ pub struct Keys {
     pub property: Property,
     /// Interpolation between the keys.
     pub interpolation: Interpolation,
-    /// Ascending times \[s\].
+    /// Times of the keys in ascending order \[s\].
     pub times: Vec<f32>,
-    /// Values as a flat list, three or four numbers each.
+    /// Values of the keys as a flat list, three or four numbers per key.
     pub values: Vec<f32>,
 }
 
-/// A smooth path through points at given times (cubic Hermite with finite-difference tangents).
+/// A smooth path through points at given times, with cubic Hermite interpolation and finite-difference tangents.
 #[derive(Clone, Debug)]
 pub struct Path {
     keys: Vec<(f32, Vec3)>,
@@ -41,13 +41,13 @@ pub struct Path {
 }
 
 impl Path {
-    /// Path through the keys. Its end speeds are the mean speeds of the first and last segments.
+    /// Creates a path through the keys. The speeds at its ends are the mean speeds of the first and last segments.
     #[must_use]
     pub fn new(keys: &[(f32, Vec3)]) -> Self {
         Self::with_ends(keys, false)
     }
 
-    /// Closed path. The last key equals the first, and the speed is continuous there.
+    /// Creates a closed path through the keys. The last key must equal the first. The speed is continuous at this key.
     #[must_use]
     pub fn closed(keys: &[(f32, Vec3)]) -> Self {
         Self::with_ends(keys, true)
@@ -65,7 +65,7 @@ impl Path {
         Self { keys: keys.to_vec(), tangents }
     }
 
-    /// Returns the position at a time \[s\], clamped to the first and last key.
+    /// Returns the position at a time \[s\], which is clamped to the first and last key.
     #[must_use]
     pub fn at(&self, time: f32) -> Vec3 {
         let last = self.keys.len() - 1;
@@ -105,7 +105,7 @@ impl Path {
     }
 }
 
-/// Builds rotation keys from a function of time, `rate` keys per second over `duration` seconds.
+/// Builds rotation keys from a function of time \[s\]: `rate` keys per second over `duration` seconds.
 pub fn rotation(duration: f32, rate: f32, f: impl Fn(f32) -> Quat) -> Keys {
     let n = (duration * rate).round() as usize;
     let mut values = Vec::new();
@@ -125,7 +125,7 @@ pub fn rotation(duration: f32, rate: f32, f: impl Fn(f32) -> Quat) -> Keys {
     Keys { property: Property::Rotation, interpolation: Interpolation::Linear, times, values }
 }
 
-/// Returns the rotation of a glTF camera (which looks along -z) at `eye` that looks at `target`.
+/// Returns the rotation of a camera at `eye` that looks at `target`. glTF cameras look along -z.
 #[must_use]
 pub fn look_at(eye: Vec3, target: Vec3) -> Quat {
     let back = (eye - target).normalize();

@@ -5,10 +5,11 @@ use glam::{Vec2, Vec3, vec2};
 use crate::mesh::{Mesh, Vertex};
 use crate::shapes::{Frame, close_ends, sweep};
 
-/// Half of an arch of unit span and rise: the point and the derivative at a fraction of its angle.
+/// Returns the point and the derivative, at a fraction `share` of its angle, of half an arch with unit half span and
+/// rise.
 ///
 /// `point` is the distance of the arc's center beyond the middle: 0 for a round arch, 1 for an equilateral pointed
-/// one.
+/// arch.
 fn half_arch(point: f32, share: f32) -> (Vec2, Vec2) {
     let radius = 1.0 + point;
     let top = (point / radius).acos();
@@ -20,8 +21,8 @@ fn half_arch(point: f32, share: f32) -> (Vec2, Vec2) {
     )
 }
 
-/// Points of an arch from its left foot over the crown to its right foot, `steps` on each side, with normals into the
-/// opening. A pointed crown appears twice, once per side.
+/// Returns the points of an arch from its left foot over the crown to its right foot, with normals into the opening.
+/// Each side has `steps` segments. A pointed crown appears twice, once per side.
 #[must_use]
 pub fn arch_points(half: f32, rise: f32, point: f32, steps: usize) -> Vec<(Vec2, Vec2)> {
     let side = |sign: f32, k: usize| {
@@ -35,7 +36,7 @@ pub fn arch_points(half: f32, rise: f32, point: f32, steps: usize) -> Vec<(Vec2,
     out
 }
 
-/// Rise of an arch of true circular arcs.
+/// Returns the rise of an arch of true circular arcs.
 #[must_use]
 pub fn natural_rise(half: f32, point: f32) -> f32 {
     half * (1.0 + 2.0 * point).sqrt()
@@ -44,41 +45,41 @@ pub fn natural_rise(half: f32, point: f32) -> f32 {
 /// Plane of a wall. Seen from the visible side, `along` points to the right.
 #[derive(Clone, Copy, Debug)]
 pub struct Plane {
-    /// Point of the wall at position 0 and height 0 \[m\].
+    /// Point of the wall with position 0 and height 0 \[m\].
     pub origin: Vec3,
     /// Horizontal unit direction along the wall.
     pub along: Vec3,
-    /// Unit normal on the visible side.
+    /// Unit normal of the wall on the visible side.
     pub out: Vec3,
 }
 
 impl Plane {
-    /// Point at a position along the wall, a height, and a distance in front of it \[m\].
+    /// Returns the point at a position along the wall, a height, and a distance in front of the wall \[m\].
     #[must_use]
     pub fn at(&self, s: f32, y: f32, out: f32) -> Vec3 {
         self.origin + self.along * s + Vec3::Y * y + self.out * out
     }
 
-    /// Back face of a wall of this thickness \[m\].
+    /// Returns the back face of a wall of this thickness \[m\].
     #[must_use]
     pub fn behind(&self, thickness: f32) -> Plane {
         Plane { origin: self.origin - self.out * thickness, along: self.along, out: -self.out }
     }
 
-    /// Adds a rectangle of the wall at distance `out` in front of it.
+    /// Adds a rectangle parallel to the wall at a distance `out` in front of it.
     pub fn rectangle(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: f32) {
         let p = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])];
         mesh.quad_facing(p.map(|(s, y)| self.at(s, y, out)), self.out);
     }
 
-    /// Adds a picture on the wall, with the whole texture once and upright.
+    /// Adds a picture parallel to the wall. It shows the whole texture once and upright.
     pub fn picture(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: f32) {
         let p = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])];
         let uv = [vec2(0.0, 1.0), vec2(1.0, 1.0), vec2(1.0, 0.0), vec2(0.0, 0.0)];
         mesh.quad_uv(p.map(|(s, y)| self.at(s, y, out)), uv);
     }
 
-    /// Adds a raised panel with beveled edges over positions `s` and heights `y`. The bevel is `inset` wide and rises
+    /// Adds a raised panel with beveled edges at the positions `s` and heights `y`. The bevel is `inset` wide and rises
     /// from `low` to `high` in front of the wall.
     pub fn field(&self, mesh: &mut Mesh, [s, y]: [[f32; 2]; 2], inset: f32, [low, high]: [f32; 2]) {
         let outer = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])].map(|(s, y)| self.at(s, y, low));
@@ -91,7 +92,7 @@ impl Plane {
         self.rectangle(mesh, a, b, high);
     }
 
-    /// Adds a box in front of the wall, given its positions, heights and distances.
+    /// Adds a box at the positions `s`, heights `y`, and distances `out` in front of the wall.
     pub fn block(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: [f32; 2]) {
         let a = self.at(s[0], y[0], out[0]);
         let b = self.at(s[1], y[1], out[1]);
@@ -99,12 +100,12 @@ impl Plane {
     }
 }
 
-/// Arched opening of a wall.
+/// Arched opening in a wall.
 #[derive(Clone, Copy, Debug)]
 pub struct Opening {
-    /// Position of the middle along the wall \[m\].
+    /// Position of the opening's middle along the wall \[m\].
     pub center: f32,
-    /// Half the width \[m\].
+    /// Half the width of the opening \[m\].
     pub half: f32,
     /// Height of the lower edge \[m\].
     pub sill: f32,
@@ -115,7 +116,7 @@ pub struct Opening {
 }
 
 impl Opening {
-    /// Height of the crown \[m\].
+    /// Height of the arch's crown \[m\].
     #[must_use]
     pub fn crown(&self) -> f32 {
         self.spring + natural_rise(self.half, self.point)
@@ -129,9 +130,9 @@ impl Opening {
         points
     }
 
-    /// Adds the inner faces of the opening, from the plane `depth` backwards.
+    /// Adds the inner faces of the opening, from the wall's plane to `depth` behind it.
     pub fn reveal(&self, mesh: &mut Mesh, plane: &Plane, depth: f32, steps: usize) {
-        // Sweep the depth along jambs and arch.
+        // Sweep a profile of this depth along jambs and arch.
         let mut points = vec![(vec2(self.center - self.half, self.sill), Vec2::X)];
         if self.spring > self.sill {
             points.push((vec2(self.center - self.half, self.spring), Vec2::X));
@@ -162,15 +163,15 @@ impl Opening {
         }
     }
 
-    /// Adds a band around the arch. The profile lists (distance from the opening's edge, distance in front of the
-    /// wall), from the outer edge inwards.
+    /// Adds a band around the arch. `profile` lists the distance from the opening's edge and the distance in front of
+    /// the wall, from the outer edge inwards.
     pub fn archivolt(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize) {
         let frames: Vec<Frame> = self.curve(steps).into_iter().map(|(p, n)| edge_frame(plane, p, n)).collect();
         sweep(mesh, &frames, profile);
         close_ends(mesh, &frames, profile);
     }
 
-    /// Adds an [`archivolt`](Self::archivolt) with jambs: the band extends down to the sill.
+    /// Adds an [`archivolt`](Self::archivolt) with jambs: the band extends down to the sill on both sides.
     pub fn archivolt_with_jambs(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize) {
         let mut points = self.curve(steps);
         points.insert(0, (vec2(self.center - self.half, self.sill), Vec2::X));
@@ -180,8 +181,8 @@ impl Opening {
         close_ends(mesh, &frames, profile);
     }
 
-    /// Fills the opening with a pane. `uv` returns the texture coordinate of a point with a horizontal position in
-    /// -1..1 and a vertical position in 0..1.
+    /// Fills the opening with a pane. `uv` returns the texture coordinates for a horizontal position in -1..1 and a
+    /// vertical position in 0..1.
     pub fn pane(&self, mesh: &mut Mesh, plane: &Plane, pane: Pane, uv: impl Fn(f32, f32) -> Vec2) {
         let Pane { depth, steps } = pane;
         let height = self.crown() - self.sill;
@@ -206,16 +207,16 @@ impl Opening {
 pub struct Pane {
     /// Distance behind the plane of the wall \[m\].
     pub depth: f32,
-    /// Number of segments on each side of its arch.
+    /// Number of segments on each side of the pane's arch.
     pub steps: usize,
 }
 
-/// Frame of a profile at a point of an opening's edge, given the normal into the opening.
+/// Returns the frame of a profile at a point of an opening's edge, given the normal into the opening.
 fn edge_frame(plane: &Plane, p: Vec2, n: Vec2) -> Frame {
     Frame { origin: plane.at(p.x, p.y, 0.0), x: -(plane.along * n.x + Vec3::Y * n.y), y: plane.out }
 }
 
-/// Adds one face of a wall with openings, which are sorted along it: positions `s`, heights `y`.
+/// Adds one face of a wall with positions `s` and heights `y`. The openings are sorted along the wall.
 pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[Opening], steps: usize) {
     let mut face = |p: [Vec2; 4]| {
         mesh.quad_facing(p.map(|p| plane.at(p.x, p.y, 0.0)), plane.out);
@@ -242,8 +243,8 @@ pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[O
     }
 }
 
-/// Adds half a web of a groin vault, visible from below. Level lines run from the groin between `center` and `corner`
-/// outwards to the wall with its middle at `middle` (x and z each).
+/// Adds half a web of a groin vault, visible from below. Level lines extend from the groin, which connects `center` and
+/// `corner`, to the wall. The middle of the wall is at `middle`. All points are in x and z.
 pub fn half_web(mesh: &mut Mesh, [center, middle, corner]: [Vec2; 3], spring: f32, arch: (f32, f32), steps: usize) {
     let (rise, point) = arch;
     let (out, side) = (middle - center, corner - middle);
@@ -263,7 +264,7 @@ pub fn half_web(mesh: &mut Mesh, [center, middle, corner]: [Vec2; 3], spring: f3
     });
 }
 
-/// Adds a groin vault over the rectangle from `min` to `max` (x and z), visible from below.
+/// Adds a groin vault over the rectangle from `min` to `max` in x and z. It is visible from below.
 pub fn groin_vault(mesh: &mut Mesh, [min, max]: [Vec2; 2], spring: f32, arch: (f32, f32), steps: usize) {
     let center = (min + max) / 2.0;
     let half = (max - min) / 2.0;
@@ -280,9 +281,9 @@ pub fn groin_vault(mesh: &mut Mesh, [min, max]: [Vec2; 2], spring: f32, arch: (f
 pub struct RibSection {
     /// Width \[m\].
     pub width: f32,
-    /// Depth below the vault \[m\].
+    /// Depth of the rib below the vault \[m\].
     pub depth: f32,
-    /// Whether the rib ends at the crown, instead of the second foot.
+    /// Whether the rib ends at the crown instead of at the second foot.
     pub half: bool,
 }
 

@@ -1,8 +1,8 @@
-//! Binary chunk of a glTF file.
+//! Binary chunk of a glTF file, with its buffer views and accessors.
 
 use serde_json::{Map, Value, json};
 
-/// The binary chunk with its views and accessors.
+/// Writer of the binary chunk, with its buffer views and accessors.
 #[derive(Default)]
 pub(crate) struct Writer {
     bytes: Vec<u8>,
@@ -11,7 +11,7 @@ pub(crate) struct Writer {
 }
 
 impl Writer {
-    /// Appends bytes as a separate view and returns its index.
+    /// Appends bytes as a separate buffer view and returns its index.
     pub(crate) fn view(&mut self, data: &[u8], target: Option<u32>) -> usize {
         let mut view = json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": data.len()});
         if let Some(target) = target {
@@ -24,7 +24,8 @@ impl Writer {
         self.views.len() - 1
     }
 
-    /// Appends an accessor of floats, with its bounds where the format requires them.
+    /// Appends an accessor of floats and returns its index. With `bounds`, adds the minimum and maximum that the format
+    /// requires.
     pub(crate) fn floats(&mut self, data: &[f32], kind: &str, target: Option<u32>, bounds: bool) -> usize {
         let width = match kind {
             "SCALAR" => 1,
@@ -48,7 +49,7 @@ impl Writer {
         self.accessors.len() - 1
     }
 
-    /// Appends an accessor of indices, two bytes each if they fit.
+    /// Appends an accessor of indices and returns its index. Indices take two bytes each if they fit, otherwise four.
     pub(crate) fn indices(&mut self, data: &[u32]) -> usize {
         let small = data.iter().all(|&i| i < 65_535);
         let bytes: Vec<u8> = if small {
@@ -64,7 +65,7 @@ impl Writer {
         self.accessors.len() - 1
     }
 
-    /// Assembles the whole file from the remaining description.
+    /// Assembles the whole file. `root` is the rest of the glTF description.
     pub(crate) fn finish(mut self, mut root: Map<String, Value>) -> Vec<u8> {
         root.insert("bufferViews".into(), self.views.into());
         root.insert("accessors".into(), self.accessors.into());

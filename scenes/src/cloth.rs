@@ -1,4 +1,4 @@
-//! Cloth: patterns, curtains and banners.
+//! Textures and shapes of cloth: patterns, curtains and banners.
 
 use std::f32::consts::TAU;
 
@@ -8,12 +8,12 @@ use crate::mesh::Mesh;
 use crate::noise::{fractal, mix, smoothstep, value};
 use crate::texture::Texture;
 
-/// Texture of a dyed cloth with a woven diaper pattern of lighter thread.
+/// Returns the texture of a dyed cloth with a woven diaper pattern of lighter thread.
 #[must_use]
 pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let p = vec2(u, v) * 2.0;
-        // Lozenges with a four-petalled flower in each.
+        // The pattern has lozenges with a four-petalled flower in each.
         let (a, b) = ((p.x + p.y).fract(), (p.x - p.y + 4.0).fract());
         let lattice = a.min(1.0 - a).min(b).min(1.0 - b);
         let band = smoothstep(0.045, 0.03, lattice) * smoothstep(0.008, 0.016, lattice);
@@ -28,8 +28,7 @@ pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
     })
 }
 
-/// A curtain in folds that hangs from `a` to `b`. `gather` is its narrowing at the tie, at three quarters of its
-/// drop. 0 hangs straight.
+/// A curtain in folds that hangs from the rod between `a` and `b`. It is tied at three quarters of its drop.
 #[derive(Clone, Copy, Debug)]
 pub struct Curtain {
     /// One end of the rod \[m\].
@@ -42,7 +41,7 @@ pub struct Curtain {
     pub folds: f32,
     /// Depth of the folds \[m\].
     pub depth: f32,
-    /// Narrowing towards `a` at the tie, as a fraction of the width.
+    /// Narrowing towards `a` at the tie, as a fraction of the width. With 0 the curtain hangs straight.
     pub gather: f32,
 }
 
@@ -66,7 +65,7 @@ impl Curtain {
     }
 }
 
-/// Adds a free-hanging banner with gentle waves, longer in the middle, where it ends in a point.
+/// Adds a free-hanging banner with gentle waves. It is longer in the middle, where it ends in a point.
 pub fn banner(mesh: &mut Mesh, a: Vec3, b: Vec3, drop: f32, seed: u32) {
     let along = b - a;
     let out = along.normalize().cross(Vec3::Y);

@@ -8,10 +8,10 @@ use crate::glb::{MaterialId, Model};
 use crate::mesh::{Mesh, Side};
 use crate::shapes::{arc, chain, lathe};
 
-/// A round column with attic base and leafy capital and its foot at the origin.
+/// Returns a round column with an attic base and a leafy capital. The foot is at the origin.
 ///
-/// `radius` is the radius at the foot of the shaft, `height` the height of the abacus's top \[m\]. With fewer than 20
-/// `segments`, a plain cushion replaces the capital.
+/// `radius` is the radius at the foot of the shaft, and `height` is the height of the abacus's top \[m\]. With fewer
+/// than 20 `segments`, a plain cushion replaces the capital.
 #[must_use]
 pub fn column(trim: MaterialId, shaft: MaterialId, radius: f32, height: f32, segments: usize) -> Model {
     let r = radius;
@@ -20,7 +20,7 @@ pub fn column(trim: MaterialId, shaft: MaterialId, radius: f32, height: f32, seg
     let plinth = 0.45 * r;
     let w = 1.48 * r;
     mesh.cuboid_without(vec3(-w, 0.0, -w), vec3(w, plinth, w), &[Side::Bottom]);
-    // Torus, scotia, torus, fillet.
+    // The base consists of torus, scotia, torus and fillet.
     let fine = segments >= 20;
     let steps = if fine { [5, 2, 4, 3] } else { [3, 1, 2, 2] };
     let base = chain(&[
@@ -75,17 +75,17 @@ fn bell(mesh: &mut Mesh, radius: f32, low: f32, high: f32, top: f32) {
         let leaf = |phase: f32, from: f32, to: f32| {
             let t = ((v - from) / (to - from)).clamp(0.0, 1.0);
             let lobe = (8.0 * angle + phase).cos().max(0.0).powf(0.6);
-            // Thick at the curl, zero above it.
+            // A leaf is thickest at the curl and has no thickness above it.
             let fall = if v > to { (1.0 - (v - to) * 14.0).max(0.0) } else { 1.0 };
             lobe * (0.10 + 0.32 * t.powi(3)) * fall * radius
         };
         let r = bell + leaf(0.0, 0.0, 0.42).max(leaf(PI, 0.1, 0.78));
-        // Clockwise with rising angle, so that the cross product points outwards.
+        // The angle rises clockwise, so that the cross product points outwards.
         vec3(r * angle.cos(), low + height * v, -r * angle.sin())
     });
 }
 
-/// Adds a baluster of this height with its foot at the origin.
+/// Adds a baluster with this height \[m\]. The foot is at the origin.
 pub fn baluster(mesh: &mut Mesh, height: f32, segments: usize) {
     let h = height;
     let w = 0.105 * h;
@@ -108,7 +108,7 @@ pub fn baluster(mesh: &mut Mesh, height: f32, segments: usize) {
     lathe(mesh, Vec3::ZERO, &profile, segments, 0.6);
 }
 
-/// Profile of an urn of unit height, open at the top.
+/// Returns the profile of an urn of unit height, which is open at the top.
 #[must_use]
 pub fn urn() -> Vec<Vec2> {
     chain(&[
@@ -119,7 +119,8 @@ pub fn urn() -> Vec<Vec2> {
     ])
 }
 
-/// Profile of a crowning cornice, from its foot, with projection `out` and `height` \[m\].
+/// Returns the profile of a crowning cornice, starting at its foot. `out` is its projection and `height` its height
+/// \[m\].
 #[must_use]
 pub fn cornice(out: f32, height: f32) -> Vec<Vec2> {
     let (o, h) = (out, height);
@@ -138,7 +139,7 @@ pub fn cornice(out: f32, height: f32) -> Vec<Vec2> {
     ])
 }
 
-/// Profile of a flat band with a small molding above and below.
+/// Returns the profile of a flat band with a small molding above and below.
 #[must_use]
 pub fn band(out: f32, height: f32) -> Vec<Vec2> {
     let (o, h) = (out, height);
@@ -153,7 +154,7 @@ pub fn band(out: f32, height: f32) -> Vec<Vec2> {
     ]
 }
 
-/// Profile of an archivolt of this `width`, for [`crate::arches::Opening::archivolt`].
+/// Returns the profile of an archivolt with this `width` \[m\], for [`crate::arches::Opening::archivolt`].
 #[must_use]
 pub fn archivolt(width: f32, out: f32) -> Vec<Vec2> {
     let (w, o) = (width, out);

@@ -1,8 +1,8 @@
 //! The Cornell box in two versions: with wallpaper, parquet and two moving blocks, and as published.
 //!
-//! Measurements and reflectances are as published by Cornell's Program of Computer Graphics. They are converted to
-//! meters and rotated about the vertical, so that the camera looks along -z as in glTF. The red wall stays on the
-//! left.
+//! Measurements and reflectances are the values published by Cornell's Program of Computer Graphics. The coordinates
+//! are converted to meters and rotated about the vertical axis, so that the camera looks along -z as in glTF. The red
+//! wall is on the left, as in the published box.
 
 use std::f32::consts::TAU;
 
@@ -20,27 +20,30 @@ pub const DURATION: f32 = 4.0;
 const WHITE: Vec3 = vec3(0.725, 0.71, 0.68);
 const RED: Vec3 = vec3(0.63, 0.065, 0.05);
 const GREEN: Vec3 = vec3(0.14, 0.45, 0.091);
-/// The published emission, scaled so that white surfaces have a radiance of about 0.4 \[W·m⁻²·sr⁻¹\].
+/// The published emission, scaled so that white surfaces reflect a radiance of about 0.4 \[W·m⁻²·sr⁻¹\].
 const EMISSION: Vec3 = vec3(17.0 * 3.0, 12.0 * 3.0, 4.0 * 3.0);
 
-/// Corners of the room \[mm\], from the viewer's left in front around to the left at the back.
+/// Corners of the floor \[mm\], as seen by the viewer: front left, front right, back right, back left.
 const FLOOR: [[f32; 3]; 4] = [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]];
+/// Corners of the ceiling \[mm\], in the order of `FLOOR`.
 const CEILING: [[f32; 3]; 4] = [[556.0, 548.8, 0.0], [0.0, 548.8, 0.0], [0.0, 548.8, 559.2], [556.0, 548.8, 559.2]];
-/// Corners of the blocks' tops, x and z \[mm\].
+/// Corners of the top of the short block, x and z \[mm\].
 const SHORT_BLOCK: [[f32; 2]; 4] = [[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]];
+/// Corners of the top of the tall block, x and z \[mm\].
 const TALL_BLOCK: [[f32; 2]; 4] = [[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]];
 
-/// Converts a published point \[mm\] to the scene's axes \[m\].
+/// Converts a published point \[mm\] to the scene's coordinates \[m\].
 fn point([x, y, z]: [f32; 3]) -> Vec3 {
     at(x, y, z)
 }
 
-/// Converts published coordinates \[mm\] to the scene's axes \[m\].
+/// Converts published coordinates \[mm\] to the scene's coordinates \[m\].
 fn at(x: f32, y: f32, z: f32) -> Vec3 {
     vec3(278.0 - x, y, -z) / 1000.0
 }
 
-/// A block without its bottom, centered on its axis, from the published corners of its top.
+/// Returns a block without its bottom, relative to its vertical axis, and the position of the axis. `corners` are the
+/// published corners of the top.
 fn block(corners: [[f32; 2]; 4], height: f32) -> (Mesh, Vec3) {
     let mut top = corners.map(|[x, z]| at(x, height, z));
     let center = top.iter().sum::<Vec3>() / 4.0;
@@ -56,7 +59,8 @@ fn block(corners: [[f32; 2]; 4], height: f32) -> (Mesh, Vec3) {
     (mesh, center)
 }
 
-/// Adds a wall, subdivided so that it bends evenly if its four corners are not exactly in one plane.
+/// Adds a wall that faces `towards`. It is subdivided, so that it bends evenly if its four corners are not exactly in
+/// one plane.
 fn wall(mesh: &mut Mesh, [a, b, c, d]: [Vec3; 4], towards: Vec3) {
     let normal = (c - a).cross(d - b).normalize();
     let normal = normal * normal.dot(towards).signum();
@@ -95,7 +99,7 @@ pub fn published() -> Scene {
         let mesh = scene.mesh(name, model);
         scene.node(name, Some(mesh), home, Quat::IDENTITY);
     }
-    // Published focal length 0.035 and film width 0.025.
+    // The published focal length is 0.035 and the film width is 0.025.
     let yfov = 2.0 * (0.0125f32 / 0.035).atan();
     let eye = at(278.0, 273.0, -800.0);
     scene.camera(yfov, eye, look_at(eye, at(278.0, 273.0, 0.0)));
@@ -129,8 +133,8 @@ pub fn build() -> Scene {
     add_room(&mut scene, &Room { red, green, plaster, oak, frame, skirting, lamp });
     add_blocks(&mut scene, linen, stone);
 
-    // From the published viewpoint, slightly nearer so that the walls' edges stay outside the picture, slowly forward
-    // and to the side.
+    // The camera starts near the published viewpoint, slightly closer so that the walls' edges stay outside the
+    // picture. It moves slowly forward and to the side.
     let walk = Path::new(&[
         (0.0, at(278.0, 273.0, -755.0)),
         (DURATION / 3.0, at(290.0, 279.0, -735.0)),
@@ -156,7 +160,7 @@ fn add_room(scene: &mut Scene, materials: &Room) {
     wall(room.of(plaster), [bl, br, ctr, ctl], Vec3::Z);
     wall(room.of(red), [fl, bl, ctl, cl], Vec3::X);
     wall(room.of(green), [fr, br, ctr, cr], Vec3::NEG_X);
-    // A skirting board along the three walls, 4 mm in front of them.
+    // Add a skirting board along the three walls, 4 mm in front of them.
     let board = |model: &mut Model, a: Vec3, b: Vec3, inward: Vec3| {
         let (height, depth) = (Vec3::Y * 0.016, inward * 0.004);
         let (a, b) = (a + depth, b + depth);
@@ -167,7 +171,7 @@ fn add_room(scene: &mut Scene, materials: &Room) {
     board(&mut room, fl, bl, Vec3::X);
     board(&mut room, fr, br, Vec3::NEG_X);
     board(&mut room, bl, br, Vec3::Z);
-    // The lamp hangs 3 mm below the ceiling in a frame that reaches 3 mm lower.
+    // The lamp hangs 3 mm below the ceiling, in a frame that extends 3 mm lower.
     let (x0, x1) = (at(343.0, 0.0, 0.0).x, at(213.0, 0.0, 0.0).x);
     let (z0, z1) = (at(0.0, 0.0, 332.0).z, at(0.0, 0.0, 227.0).z);
     let (top, bottom, rim) = (0.5488, 0.5428, 0.006);
@@ -193,7 +197,7 @@ fn add_blocks(scene: &mut Scene, linen: MaterialId, stone: MaterialId) {
     *model.of(linen) = mesh;
     let short = scene.mesh("short block", model);
     let short = scene.node("short block", Some(short), home, Quat::IDENTITY);
-    // A loop in the free corner of the floor. The blocks never touch.
+    // The short block follows a loop in the free corner of the floor. The blocks never touch.
     let step = |x: f32, z: f32| home + vec3(-x, 0.0, -z) / 1000.0;
     let slide = Path::closed(&[
         (0.0, step(0.0, 0.0)),
@@ -209,6 +213,6 @@ fn add_blocks(scene: &mut Scene, linen: MaterialId, stone: MaterialId) {
     *model.of(stone) = mesh;
     let tall = scene.mesh("tall block", model);
     let tall = scene.node("tall block", Some(tall), home, Quat::IDENTITY);
-    // A quarter rotation per second, like a display stand.
+    // The tall block rotates by a quarter turn per second, like a display stand.
     scene.animate(tall, rotation(DURATION, 8.0, |t| Quat::from_rotation_y(TAU * t / DURATION)));
 }

@@ -1,4 +1,4 @@
-//! Leaded glass: colored panes between dark lines.
+//! Textures of leaded glass: colored panes between dark lines.
 
 use std::f32::consts::TAU;
 
@@ -7,19 +7,19 @@ use glam::{Vec2, Vec3, vec2, vec3};
 use crate::noise::{fractal, hash, mix, smoothstep};
 use crate::texture::Texture;
 
-/// Brightness factor of the glass from uneven thickness and weathering.
+/// Returns the brightness factor of the glass, from uneven thickness and weathering.
 fn piece(u: f32, v: f32, seed: u32) -> f32 {
     mix(0.78, 1.15, fractal([u, v], [24, 24], 3, seed)) * mix(0.85, 1.05, fractal([u, v], [3, 5], 3, seed + 4))
 }
 
 const LEAD: Vec3 = vec3(0.006, 0.006, 0.007);
 
-/// Pale lozenge glazing in two lights with a colored border, for windows `aspect` times as high as wide. The picture
-/// covers the whole opening.
+/// Returns pale lozenge glazing in two lights with a colored border, for windows `aspect` times as high as wide. The
+/// texture covers the whole opening.
 #[must_use]
 pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
-        // Each light is half the width.
+        // Each light has half the width of the window.
         let x = (u * 2.0).fract();
         let y = v * aspect * 2.0;
         let side = x.min(1.0 - x);
@@ -30,7 +30,7 @@ pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) 
         if id > 0.86 {
             c = c.lerp(border, 0.65);
         }
-        // A medallion at regular intervals up the light.
+        // Add a medallion at regular intervals up the light.
         let m = vec2(x - 0.5, (y / 1.5).fract() * 1.5 - 0.75);
         let r = m.length();
         if r < 0.30 {
@@ -52,14 +52,14 @@ pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) 
             c = if step % 2 == 0 { border } else { border.lerp(warm, 0.55) };
             lead = lead.max(1.0).min(0.10 - side).min((y * 3.0).fract() / 3.0);
         }
-        // Iron crossbars, as wide windows need.
+        // Add iron crossbars, which wide windows need.
         let bar = ((y / 0.75).fract() - 0.5).abs() * 0.75;
         let line = smoothstep(0.008, 0.020, lead) * smoothstep(0.008, 0.016, bar);
         LEAD.lerp(c * piece(u, v, seed), line)
     })
 }
 
-/// Rich glass: a column of quatrefoil scenes on a blue and ruby ground.
+/// Returns richly colored glass: a column of quatrefoil scenes on a blue and ruby ground.
 #[must_use]
 pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
     let ground = [vec3(0.015, 0.085, 0.52), vec3(0.46, 0.022, 0.012)];
@@ -75,7 +75,7 @@ pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
         let y = v * aspect * 2.0;
         let row = (y / 1.6).floor();
         let m = vec2(x, y - (row + 0.5) * 1.6);
-        // A quatrefoil: the union of four circles.
+        // A quatrefoil is the union of four circles.
         let foil = |scale: f32| {
             [vec2(0.30, 0.0), vec2(-0.30, 0.0), vec2(0.0, 0.30), vec2(0.0, -0.30)]
                 .iter()
@@ -83,7 +83,7 @@ pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
                 .fold(f32::MAX, f32::min)
         };
         let (outer, inner) = (foil(1.0), foil(0.82));
-        // Irregular cells around the nearest jittered point, like the glass pieces of a scene.
+        // The cells around the nearest jittered points are irregular, like the glass pieces of a scene.
         let cells = |p: Vec2, scale: f32, seed: u32| {
             let q = p * scale;
             let (mut best, mut second, mut id) = (f32::MAX, f32::MAX, 0.0);
@@ -129,7 +129,7 @@ pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
     })
 }
 
-/// A rose window: rings of petals around the middle of the picture.
+/// Returns a rose window: rings of petals around the middle of the texture.
 #[must_use]
 pub fn rose(size: usize, seed: u32) -> Texture {
     let inks = [vec3(0.62, 0.07, 0.05), vec3(0.06, 0.16, 0.62), vec3(0.85, 0.58, 0.12), vec3(0.12, 0.40, 0.18)];

@@ -28,35 +28,35 @@ pub struct NodeId(usize);
 pub struct Material {
     /// Name, displayed in viewers.
     pub name: &'static str,
-    /// Reflectance, or the factor of the texture, linear RGB.
+    /// Reflectance, or the factor on the texture; linear RGB.
     pub color: Vec3,
-    /// Picture of the reflectance.
+    /// Texture of the reflectance.
     pub texture: Option<TextureId>,
-    /// Size of one repetition of the pictures \[m\].
+    /// Size of one repetition of the textures \[m\].
     pub tile: Vec2,
     /// Emitted radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub emission: Vec3,
-    /// Picture that multiplies the emission.
+    /// Texture that multiplies the emission.
     pub emission_texture: Option<TextureId>,
-    /// Whether it is a thin layer that reflects on both sides, such as cloth. Other materials reflect only on the
-    /// front.
+    /// Whether the surface is a thin layer that reflects on both sides, such as cloth. Other surfaces reflect only on
+    /// the front.
     pub sheet: bool,
 }
 
 impl Material {
-    /// Material of a plain color.
+    /// Returns a material with a plain color.
     #[must_use]
     pub fn plain(name: &'static str, color: Vec3) -> Self {
         Self { name, color, texture: None, tile: Vec2::ONE, emission: Vec3::ZERO, emission_texture: None, sheet: false }
     }
 
-    /// Material with a picture that repeats every `tile` meters.
+    /// Returns a material with a texture that repeats every `tile` meters.
     #[must_use]
     pub fn textured(name: &'static str, texture: TextureId, tile: f32) -> Self {
         Self { texture: Some(texture), tile: Vec2::splat(tile), ..Self::plain(name, Vec3::ONE) }
     }
 
-    /// Light source with a dark surface.
+    /// Returns an emissive material with a reflectance of zero.
     #[must_use]
     pub fn glowing(name: &'static str, emission: Vec3) -> Self {
         Self { emission, ..Self::plain(name, Vec3::splat(0.2)) }
@@ -68,13 +68,13 @@ impl Material {
 pub struct Model(BTreeMap<MaterialId, Mesh>);
 
 impl Model {
-    /// An empty model.
+    /// Returns an empty model.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Mesh of one material, created if missing.
+    /// Returns the mesh of one material. Creates an empty mesh if none exists.
     pub fn of(&mut self, material: MaterialId) -> &mut Mesh {
         self.0.entry(material).or_default()
     }
@@ -90,9 +90,9 @@ impl Model {
 /// A punctual light.
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// Kind of light: `directional` or `point`.
+    /// Light type of `KHR_lights_punctual`: `directional` or `point`.
     pub kind: &'static str,
-    /// Color, linear RGB.
+    /// Color of the light, linear RGB.
     pub color: Vec3,
     /// Irradiance at normal incidence \[W·m⁻²\] of a directional light, or intensity \[W·sr⁻¹\] of a point light.
     pub intensity: f32,
@@ -124,7 +124,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// An empty scene.
+    /// Returns an empty scene.
     #[must_use]
     pub fn new(name: &'static str) -> Self {
         Self {
@@ -139,42 +139,42 @@ impl Scene {
         }
     }
 
-    /// Adds a picture.
+    /// Adds a texture and returns its index.
     pub fn texture(&mut self, name: &str, texture: &Texture) -> TextureId {
         self.textures.push((name.to_owned(), texture.jpeg(88)));
         TextureId(self.textures.len() - 1)
     }
 
-    /// Adds a material.
+    /// Adds a material and returns its index.
     pub fn material(&mut self, material: Material) -> MaterialId {
         self.materials.push(material);
         MaterialId(self.materials.len() - 1)
     }
 
-    /// Adds a picture and a material that repeats it every `tile` meters.
+    /// Adds a texture, and a material that repeats it every `tile` meters. Returns the index of the material.
     pub fn textured(&mut self, name: &'static str, tile: f32, texture: &Texture) -> MaterialId {
         let texture = self.texture(name, texture);
         self.material(Material::textured(name, texture, tile))
     }
 
-    /// Adds a material of one color.
+    /// Adds a material of one color and returns its index.
     pub fn plain(&mut self, name: &'static str, color: Vec3) -> MaterialId {
         self.material(Material::plain(name, color))
     }
 
-    /// Makes a material a thin layer, see [`Material::sheet`].
+    /// Makes a material a thin layer that reflects on both sides, see [`Material::sheet`].
     pub fn sheet(&mut self, material: MaterialId) -> MaterialId {
         self.materials[material.0].sheet = true;
         material
     }
 
-    /// Adds a mesh.
+    /// Adds a mesh and returns its index.
     pub fn mesh(&mut self, name: &str, model: Model) -> MeshId {
         self.meshes.push((name.to_owned(), model));
         MeshId(self.meshes.len() - 1)
     }
 
-    /// Adds a node with a mesh, or without one as a parent of other nodes.
+    /// Adds a node and returns its index. Without a mesh, the node serves as a parent of other nodes.
     pub fn node(&mut self, name: &str, mesh: Option<MeshId>, translation: Vec3, rotation: Quat) -> NodeId {
         self.nodes.push(GlbNode {
             name: name.to_owned(),
@@ -189,7 +189,7 @@ impl Scene {
         NodeId(self.nodes.len() - 1)
     }
 
-    /// Adds a mesh and a node that shows it without a transform.
+    /// Adds a mesh and a node that shows it without a transform. Returns the index of the node.
     pub fn show(&mut self, name: &str, model: Model) -> NodeId {
         let mesh = self.mesh(name, model);
         self.node(name, Some(mesh), Vec3::ZERO, Quat::IDENTITY)
@@ -201,7 +201,7 @@ impl Scene {
         self.nodes[child.0].is_child = true;
     }
 
-    /// Adds a punctual light that shines along `direction`.
+    /// Adds a punctual light that shines along `direction`. Returns the index of its node.
     pub fn light(&mut self, name: &str, light: Light, position: Vec3, direction: Vec3) -> NodeId {
         let rotation = Quat::from_rotation_arc(Vec3::NEG_Z, direction.normalize());
         let node = self.node(name, None, position, rotation);
@@ -210,7 +210,7 @@ impl Scene {
         node
     }
 
-    /// Adds the camera, with its vertical field of view \[rad\].
+    /// Adds the camera with the vertical field of view `yfov` \[rad\]. Returns the index of its node.
     pub fn camera(&mut self, yfov: f32, translation: Vec3, rotation: Quat) -> NodeId {
         let node = self.node("camera", None, translation, rotation);
         self.nodes[node.0].camera = true;
@@ -223,7 +223,7 @@ impl Scene {
         self.channels.push((node.0, keys));
     }
 
-    /// Number of visible triangles. A mesh counts once per node that shows it.
+    /// Number of visible triangles. A mesh counts once for each node that shows it.
     #[must_use]
     pub fn triangles(&self) -> usize {
         let of = |m: usize| self.meshes[m].1.0.values().map(Mesh::triangles).sum::<usize>();
@@ -249,7 +249,7 @@ impl Scene {
         root.insert("meshes".into(), meshes.into());
         root.insert("nodes".into(), self.nodes.iter().map(node_json).collect());
         self.animation_json(&mut root, &mut w);
-        // Extensions are listed only if the scene uses them.
+        // List an extension only if the scene uses it.
         let mut used: Vec<&str> = Vec::new();
         root.insert("materials".into(), self.materials.iter().map(material_json).collect());
         if self.materials.iter().any(|m| m.emission.max_element() > 1.0) {
@@ -262,7 +262,7 @@ impl Scene {
                 .map(|(name, bytes)| json!({"name": name, "mimeType": "image/jpeg", "bufferView": w.view(bytes, None)}))
                 .collect();
             root.insert("images".into(), images.into());
-            // Linear filtering with mipmaps, repeated in both directions.
+            // The sampler uses linear filtering with mipmaps, and repeats textures in both directions.
             root.insert(
                 "samplers".into(),
                 json!([
@@ -377,7 +377,7 @@ fn material_json(material: &Material) -> Value {
     let mut m = json!({"name": material.name, "pbrMetallicRoughness": pbr, "doubleSided": material.sheet});
     let e = material.emission;
     if e != Vec3::ZERO {
-        // The factor must not exceed 1, so the strength contains the magnitude.
+        // The emissive factor must not exceed 1, so the emissive strength contains the magnitude.
         let strength = e.max_element().max(1.0);
         m["emissiveFactor"] = json!((e / strength).to_array());
         if strength > 1.0 {

@@ -27,15 +27,15 @@ use toml::Settings;
 /// A scene that ships with the project.
 #[derive(Clone, Copy, Debug)]
 pub struct Shipped {
-    /// Name of its folder and files.
+    /// Name of the scene, its folder and its files.
     pub name: &'static str,
     /// Function that builds the scene.
     pub build: fn() -> Scene,
-    /// Content of its settings file.
+    /// Content of the scene's settings file.
     pub settings: Settings,
 }
 
-/// Number of frames of an animation at 25 frames per second.
+/// Returns the number of frames of an animation at 25 frames per second. `duration` is in seconds.
 const fn frames(duration: f32) -> u32 {
     (duration * 25.0) as u32
 }

@@ -1,6 +1,6 @@
 //! Triangle meshes and their primitives.
 //!
-//! Texture coordinates are in meters. The writer divides them by the size of the material's texture, so that any
+//! Texture coordinates are in meters. The glTF writer divides them by the size of the material's texture, so that any
 //! material has the correct scale on any shape.
 
 use glam::{Mat3, Mat4, Vec2, Vec3, vec2};
@@ -25,8 +25,8 @@ pub struct Mesh {
     pub indices: Vec<u32>,
 }
 
-/// Returns the texture coordinates of a flat face \[m\], along the horizontal and down the slope. Courses of stone
-/// stay level, and neighboring faces of one plane continue each other.
+/// Returns the texture coordinates of a flat face \[m\], along the horizontal and down the slope. Stone courses stay
+/// level, and they continue across neighboring faces of one plane.
 #[must_use]
 pub fn planar_uv(position: Vec3, normal: Vec3) -> Vec2 {
     if normal.y.abs() > 0.75 {
@@ -37,7 +37,7 @@ pub fn planar_uv(position: Vec3, normal: Vec3) -> Vec2 {
     vec2(position.dot(right), -position.dot(up))
 }
 
-/// Sides of a box, for a list of omitted sides.
+/// Sides of a box, to select omitted sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// Side towards +x.
@@ -55,7 +55,7 @@ pub enum Side {
 }
 
 impl Mesh {
-    /// An empty mesh.
+    /// Returns an empty mesh.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -67,7 +67,7 @@ impl Mesh {
         self.indices.len() / 3
     }
 
-    /// Adds a triangle of existing corners, oriented to match their normals. Triangles without area are dropped.
+    /// Adds a triangle from existing vertices, oriented to match their normals. Triangles without area are ignored.
     pub fn face(&mut self, a: u32, b: u32, c: u32) {
         let [p, q, r] = [a, b, c].map(|i| self.vertices[i as usize]);
         let cross = (q.position - p.position).cross(r.position - p.position);
@@ -88,7 +88,8 @@ impl Mesh {
         self.vertices.len() as u32 - 1
     }
 
-    /// Adds a flat quad, counterclockwise seen from its visible side, with world-scale texture coordinates.
+    /// Adds a flat quad with world-scale texture coordinates. Seen from the visible side, its corners are
+    /// counterclockwise.
     pub fn quad(&mut self, corners: [Vec3; 4]) {
         let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize();
         self.quad_uv(corners, corners.map(|p| planar_uv(p, normal)));
@@ -156,8 +157,8 @@ impl Mesh {
         }
     }
 
-    /// Adds a smooth surface over the unit square, with a texture of `size` meters in each direction. The cross
-    /// product of the derivatives along u and v points to the visible side.
+    /// Adds a smooth surface over the unit square. Its texture is `size` meters in each direction. The cross product of
+    /// the derivatives along u and v points to the visible side.
     pub fn surface(&mut self, nu: usize, nv: usize, size: Vec2, f: impl Fn(f32, f32) -> Vec3) {
         const H: f32 = 2e-3;
         self.grid(nu, nv, |i, j| {

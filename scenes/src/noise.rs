@@ -13,7 +13,7 @@ pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
     (h >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Returns the smooth step from 0 at `low` to 1 at `high`.
+/// Returns the smooth step of x from 0 at `low` to 1 at `high`.
 #[must_use]
 pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
@@ -26,14 +26,14 @@ pub fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
-/// Value noise in 0..1 that repeats over the unit square, with `nx` × `ny` cells.
+/// Returns value noise in 0..1 that repeats over the unit square. The grid has `nx` × `ny` cells.
 #[must_use]
 pub fn value(u: f32, v: f32, nx: i32, ny: i32, seed: u32) -> f32 {
     let (x, y) = (u * nx as f32, v * ny as f32);
     let (x0, y0) = (x.floor(), y.floor());
     let (fx, fy) = (x - x0, y - y0);
     let (sx, sy) = (fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy));
-    // The four corners of the cell. The last cell of a row or column wraps around to the first.
+    // Find the four corners of the cell. The last cell of a row or column wraps around to the first.
     let (left, top) = ((x0 as i32).rem_euclid(nx), (y0 as i32).rem_euclid(ny));
     let right = if left + 1 == nx { 0 } else { left + 1 };
     let bottom = if top + 1 == ny { 0 } else { top + 1 };
@@ -42,7 +42,8 @@ pub fn value(u: f32, v: f32, nx: i32, ny: i32, seed: u32) -> f32 {
     mix(upper, lower, sy)
 }
 
-/// Several octaves of value noise in 0..1 with a mean near ½, each twice as fine and half as strong.
+/// Returns several octaves of value noise in 0..1 with a mean near ½. Each octave is twice as fine and half as strong
+/// as the previous one.
 #[must_use]
 pub fn fractal([u, v]: [f32; 2], [nx, ny]: [i32; 2], octaves: u32, seed: u32) -> f32 {
     let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);

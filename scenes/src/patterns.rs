@@ -1,4 +1,4 @@
-//! Wallpapers, plasters and veined stones.
+//! Textures of wallpapers, plasters and veined stones.
 
 use std::f32::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3, vec2};
 use crate::noise::{fractal, mix, smoothstep, value};
 use crate::texture::Texture;
 
-/// Fine plaster with faint clouds and trowel marks around a mean reflectance.
+/// Returns fine plaster with faint clouds and trowel marks around a mean reflectance.
 #[must_use]
 pub fn plaster(size: usize, mean: Vec3, contrast: f32, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
@@ -19,7 +19,7 @@ pub fn plaster(size: usize, mean: Vec3, contrast: f32, seed: u32) -> Texture {
     .with_mean(mean)
 }
 
-/// Woven cloth: alternating threads of slightly uneven strength.
+/// Returns the brightness of woven cloth: alternating threads of slightly uneven strength.
 fn weave(u: f32, v: f32, threads: i32, seed: u32) -> f32 {
     let (x, y) = (u * threads as f32, v * threads as f32);
     let over = (x.floor() as i32 + y.floor() as i32).rem_euclid(2) == 0;
@@ -28,7 +28,7 @@ fn weave(u: f32, v: f32, threads: i32, seed: u32) -> f32 {
     (if over { warp } else { weft }) * 0.7 + 0.3 * uneven
 }
 
-/// Linen: a weave with slubs.
+/// Returns linen: a weave with slubs around a mean reflectance.
 #[must_use]
 pub fn linen(size: usize, mean: Vec3, threads: i32, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
@@ -38,7 +38,7 @@ pub fn linen(size: usize, mean: Vec3, threads: i32, seed: u32) -> Texture {
     .with_mean(mean)
 }
 
-/// Coverage of a leaf-shaped blade of this `width` from `a` to `b`: 1 inside, 0 outside.
+/// Returns the coverage of a leaf-shaped blade with this `width` from `a` to `b`: 1 inside, 0 outside.
 fn blade(p: Vec2, a: Vec2, b: Vec2, width: f32) -> f32 {
     let axis = b - a;
     let t = ((p - a).dot(axis) / axis.length_squared()).clamp(0.0, 1.0);
@@ -47,11 +47,11 @@ fn blade(p: Vec2, a: Vec2, b: Vec2, width: f32) -> f32 {
     smoothstep(0.008, -0.008, d)
 }
 
-/// Damask motif in a cell of x in -½..½ and y in -½..½, mirrored about x = 0.
+/// Returns the damask motif in a cell with x and y in -½..½, mirrored about x = 0.
 fn damask_motif(p: Vec2) -> f32 {
     let p = vec2(p.x.abs(), p.y);
     let mut ink = 0.0f32;
-    // A palmette: blades that fan out from a foot.
+    // Draw a palmette: blades that fan out from a foot.
     let foot = vec2(0.0, -0.10);
     for k in 0..5 {
         let angle = k as f32 * 0.42;
@@ -59,7 +59,7 @@ fn damask_motif(p: Vec2) -> f32 {
         let tip = foot + length * vec2(angle.sin(), angle.cos());
         ink = ink.max(blade(p, foot + (tip - foot) * 0.18, tip, 0.043));
     }
-    // Volutes next to the foot, a stem with two leaves below it, and a bud at its end.
+    // Draw volutes next to the foot, a stem with two leaves below it, and a bud at the end of the stem.
     let volute = (p - vec2(0.115, -0.155)).length();
     ink = ink.max(smoothstep(0.010, -0.004, (volute - 0.052).abs() - 0.014));
     ink = ink.max(smoothstep(0.006, -0.006, volute - 0.016));
@@ -69,18 +69,18 @@ fn damask_motif(p: Vec2) -> f32 {
     ink.max(smoothstep(0.006, -0.006, (p - vec2(0.0, 0.29)).length() - 0.028))
 }
 
-/// Damask: woven palmettes in half-drop repeat inside an ogee lattice, around a mean reflectance.
+/// Returns damask around a mean reflectance: woven palmettes in half-drop repeat inside an ogee lattice.
 #[must_use]
 pub fn damask(size: usize, mean: Vec3, contrast: f32) -> Texture {
     Texture::new(size, |u, v| {
-        // Two cells of the repeat: one at the corner, one shifted by half in both directions.
+        // Each repeat has two cells: one at the corner, and one shifted by half in both directions.
         let cell = |du: f32, dv: f32| {
             let wrap = |x: f32| x - x.round();
             // The cell is narrower than the repeat, so that the two columns do not touch.
             vec2(wrap(u + du) * 1.55, -wrap(v + dv) * 1.08)
         };
         let mut ink = damask_motif(cell(0.0, 0.0)).max(damask_motif(cell(0.5, 0.5)));
-        // The lattice: two opposed sine bands that touch between the motifs.
+        // Draw the lattice: two opposed sine bands that touch between the motifs.
         for phase in [0.0, 0.5] {
             let wave = 0.25 * (TAU * (v + 0.25 + phase)).sin();
             for side in [0.25, 0.75] {
@@ -91,7 +91,7 @@ pub fn damask(size: usize, mean: Vec3, contrast: f32) -> Texture {
                 }
             }
         }
-        // The figure is satin, the ground is plain weave. They differ in thread and tone.
+        // The figure is satin, and the ground is plain weave. They differ in thread and tone.
         let thread = weave(u, v, 128, 5);
         let satin = value(u, v, 60, 240, 11);
         Vec3::splat(1.0 + contrast * (ink - 0.35) + mix(0.16 * (thread - 0.4), 0.10 * (satin - 0.5), ink))
@@ -99,7 +99,7 @@ pub fn damask(size: usize, mean: Vec3, contrast: f32) -> Texture {
     .with_mean(mean)
 }
 
-/// Veined marble.
+/// Returns veined marble.
 #[must_use]
 pub fn marble(size: usize, base: Vec3, vein: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {

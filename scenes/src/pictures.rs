@@ -1,4 +1,4 @@
-//! Wall pictures, a whiteboard and carpets.
+//! Textures of wall pictures, a whiteboard and carpets.
 
 use std::f32::consts::TAU;
 
@@ -7,13 +7,13 @@ use glam::{Vec2, Vec3, vec2, vec3};
 use crate::noise::{fractal, hash, mix, smoothstep, value};
 use crate::texture::Texture;
 
-/// Distance from a point to a segment.
+/// Returns the distance from a point to a segment.
 fn segment(p: Vec2, a: Vec2, b: Vec2) -> f32 {
     let t = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
     p.distance(a + (b - a) * t)
 }
 
-/// A landscape in layers: a low sun over hills that fade with distance.
+/// Returns a landscape in layers: a low sun over hills that fade with distance.
 #[must_use]
 pub fn landscape(size: usize, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
@@ -31,12 +31,12 @@ pub fn landscape(size: usize, seed: u32) -> Texture {
             let hill = hill * mix(0.85, 1.2, fractal([u, v], [12, 30], 3, seed + 9));
             c = c.lerp(hill, smoothstep(line, line + 0.006, v));
         }
-        // Brush strokes.
+        // Add brush strokes.
         c * (1.0 + 0.14 * (value(u, v, 40, 130, seed + 4) - 0.5))
     })
 }
 
-/// Overlapping discs and bands of flat color.
+/// Returns an abstract picture: overlapping discs and bands of flat color.
 #[must_use]
 pub fn abstract_picture(size: usize, seed: u32) -> Texture {
     let inks = [
@@ -65,7 +65,7 @@ pub fn abstract_picture(size: usize, seed: u32) -> Texture {
     })
 }
 
-/// A whiteboard after a meeting: axes, a falling and a rising curve, boxes and lines of writing.
+/// Returns a whiteboard after a meeting: axes, a falling and a rising curve, boxes and lines of writing.
 #[must_use]
 pub fn whiteboard(size: usize) -> Texture {
     Texture::new(size, |u, v| {
@@ -96,7 +96,7 @@ pub fn whiteboard(size: usize) -> Texture {
         };
         draw(curve(&|s| 0.76 - 0.52 * (-3.2 * s).exp()), red);
         draw(curve(&|s| 0.74 - 0.30 * s * s - 0.03 * (9.0 * s).sin()), blue);
-        // Three boxes connected by arrows.
+        // Draw three boxes connected by arrows.
         for k in 0..3 {
             let y = 0.17 + 0.22 * k as f32;
             let corners = [vec2(1.15, y), vec2(1.42, y), vec2(1.42, y + 0.12), vec2(1.15, y + 0.12)];
@@ -120,7 +120,7 @@ pub fn whiteboard(size: usize) -> Texture {
     })
 }
 
-/// Carpet tiles of cut pile with a broken line pattern.
+/// Returns carpet tiles of cut pile with a broken line pattern.
 #[must_use]
 pub fn carpet(size: usize, base: Vec3, accent: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {

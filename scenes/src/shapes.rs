@@ -1,7 +1,7 @@
-//! Shapes swept from a profile: turned on a lathe, extruded along a path, mitered around corners.
+//! Shapes swept from a profile: turned on a lathe, extruded along a path, or mitered around corners.
 //!
-//! A profile is a chain of points in its own plane. The visible side is to the right of its direction, so a profile
-//! that rises along +y is visible from +x.
+//! A profile is a chain of points in its own plane. The visible side is on the right of the chain's direction, so a
+//! profile that rises along +y is visible from +x.
 
 use std::f32::consts::{PI, TAU};
 
@@ -31,7 +31,7 @@ fn profile_normals(profile: &[Vec2]) -> Vec<[Vec2; 2]> {
         .collect()
 }
 
-/// Points of an arc in a profile, including both ends. Angles are in degrees.
+/// Returns the points of an arc in a profile, including both ends. Angles are in degrees.
 #[must_use]
 pub fn arc(center: Vec2, radius: f32, from: f32, to: f32, steps: usize) -> Vec<Vec2> {
     (0..=steps)
@@ -54,8 +54,8 @@ pub fn chain(pieces: &[&[Vec2]]) -> Vec<Vec2> {
     out
 }
 
-/// Adds a body of revolution about the vertical through `center`. The profile lists (radius, height), upwards. The
-/// texture circumference is `around` meters, best a whole number of repeats.
+/// Adds a body of revolution about the vertical axis through `center`. The profile lists (radius, height), upwards. The
+/// texture extends over `around` meters per revolution. Choose a whole number of repeats to avoid a seam.
 pub fn lathe(mesh: &mut Mesh, center: Vec3, profile: &[Vec2], segments: usize, around: f32) {
     let normals = profile_normals(profile);
     let mut length = 0.0;
@@ -74,7 +74,7 @@ pub fn lathe(mesh: &mut Mesh, center: Vec3, profile: &[Vec2], segments: usize, a
     }
 }
 
-/// A position on a path: the profile's origin and the directions of its axes.
+/// A position on a path: the profile's origin, and the directions of the profile's axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
     /// Position of the profile's origin \[m\].
@@ -91,7 +91,7 @@ impl Frame {
     }
 }
 
-/// Sweeps a profile along a curve, with smooth shading along it.
+/// Sweeps a profile along a curve. Shading is smooth along the curve.
 pub fn sweep(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     let normals = profile_normals(profile);
     let mut lengths = vec![0.0];
@@ -110,7 +110,7 @@ pub fn sweep(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     }
 }
 
-/// Closes both ends of a swept profile down to the surface below it, where the profile's y is 0.
+/// Closes both ends of a swept profile, from the profile down to the surface at y = 0 of its plane.
 pub fn close_ends(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     let [first, second, .., before, last] = frames else { return };
     for (end, inner) in [(first, second), (last, before)] {
@@ -122,14 +122,14 @@ pub fn close_ends(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     }
 }
 
-/// Adds a molding along horizontal straight segments with mitered corners. The profile's x axis points to the right
-/// of the direction from corner to corner, its y axis up.
+/// Adds a molding along horizontal straight segments with mitered corners. The profile's x axis points to the right of
+/// the direction from corner to corner. Its y axis points up.
 pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]) {
     let n = corners.len();
     let right = |i: usize| (corners[(i + 1) % n] - corners[i % n]).normalize().cross(Vec3::Y);
     let normals = profile_normals(profile);
     let stretches = if closed { n } else { n - 1 };
-    // Offset directions at the corners. Open ends are not mitered.
+    // Compute offset directions at the corners. Open ends are not mitered.
     let miter = |i: usize| {
         let after = right(i.min(stretches - 1));
         let before = if i > 0 {
@@ -167,11 +167,11 @@ pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]
     }
 }
 
-/// Adds a body with a horizontal outline scaled by a profile of (scale, height), upwards: bases, shafts and capitals
-/// of compound piers. The outline may have either orientation.
+/// Adds a body with a horizontal outline, scaled by a profile of (scale, height), upwards. It suits bases, shafts and
+/// capitals of compound piers. The outline may have either orientation.
 pub fn loft(mesh: &mut Mesh, center: Vec3, outline: &[Vec2], profile: &[Vec2]) {
     let n = outline.len();
-    // Outward edge normals, for either orientation of the outline.
+    // Compute outward edge normals, for either orientation of the outline.
     let edges: Vec<Vec2> = (0..n)
         .map(|i| {
             let d = outline[(i + 1) % n] - outline[i];
@@ -216,7 +216,7 @@ pub fn ball(mesh: &mut Mesh, center: Vec3, radius: f32, segments: usize) {
     lathe(mesh, center, &profile, segments, TAU * radius);
 }
 
-/// Adds a round bar from point to point, without end caps.
+/// Adds a round bar from `a` to `b`, without end caps.
 pub fn bar(mesh: &mut Mesh, a: Vec3, b: Vec3, radius: f32, segments: usize) {
     let axis = (b - a).normalize();
     let x = axis.any_orthonormal_vector();
@@ -225,7 +225,8 @@ pub fn bar(mesh: &mut Mesh, a: Vec3, b: Vec3, radius: f32, segments: usize) {
     sweep(mesh, &[Frame { origin: a, x, y }, Frame { origin: b, x, y }], &circle);
 }
 
-/// Adds a ring about `axis` with a round section.
+/// Adds a ring about `axis` with a round section. `radius` is its radius and `thickness` the radius of the section
+/// \[m\].
 pub fn ring(mesh: &mut Mesh, center: Vec3, axis: Vec3, [radius, thickness]: [f32; 2], segments: usize) {
     let x = axis.normalize().any_orthonormal_vector();
     let y = axis.normalize().cross(x);

@@ -1,11 +1,11 @@
-//! Masonry, paving and foliage: textures with joints or cells.
+//! Textures of masonry, paving and foliage, with joints or cells.
 
 use glam::{Vec2, Vec3, vec2};
 
 use crate::noise::{fractal, hash, mix, smoothstep, value};
 use crate::texture::Texture;
 
-/// Brightness factor around 1 with pits and clouds, as on a dressed stone face.
+/// Returns a brightness factor around 1 with pits and clouds, as on a dressed stone face.
 fn stone_face(u: f32, v: f32, seed: u32) -> f32 {
     let clouds = fractal([u, v], [4, 4], 5, seed) - 0.5;
     let grain = value(u, v, 220, 220, seed + 31) - 0.5;
@@ -13,14 +13,14 @@ fn stone_face(u: f32, v: f32, seed: u32) -> f32 {
     1.0 + 0.34 * clouds + 0.10 * grain - 0.22 * pits
 }
 
-/// Coursed ashlar: `courses` rows per repeat, with blocks of uneven length and tone.
+/// Returns coursed ashlar. A repeat has `courses` rows, with blocks of uneven length and tone.
 #[must_use]
 pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let row = (v * courses as f32).floor();
         let local_v = v * courses as f32 - row;
         let id = row as i32;
-        // Two or three blocks per row, with joints shifted from row to row.
+        // Each row has two or three blocks. The joints are shifted from row to row.
         let blocks = 2 + (id + seed as i32).rem_euclid(2);
         let shifted = (u + hash(id, 1, seed)).rem_euclid(1.0) * blocks as f32;
         let jitter = |k: i32| 0.28 * (hash(id, k.rem_euclid(blocks) + 10, seed) - 0.5);
@@ -33,7 +33,7 @@ pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32)
         }
         let left = shifted - (k as f32 + jitter(k));
         let right = (k + 1) as f32 + jitter(k + 1) - shifted;
-        // Distances to the joints in units of the course height.
+        // Compute the distances to the joints, in units of the course height.
         let wide = courses as f32 / blocks as f32;
         let edge = (left.min(right) * wide).min(local_v).min(1.0 - local_v);
         let worn = 0.02 * (fractal([u, v], [30, 30], 2, seed + 3) - 0.5);
@@ -47,13 +47,13 @@ pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32)
     .with_mean(mean)
 }
 
-/// Stone without joints, for columns and moldings.
+/// Returns stone without joints, for columns and moldings.
 #[must_use]
 pub fn plain_stone(size: usize, mean: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| Vec3::splat(stone_face(u, v, seed))).with_mean(mean)
 }
 
-/// Square slabs of two stones in a checkerboard, `n` × `n` per repeat.
+/// Returns square slabs of two stones in a checkerboard, `n` × `n` per repeat.
 #[must_use]
 pub fn checker(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
@@ -70,7 +70,7 @@ pub fn checker(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Tex
     })
 }
 
-/// Paving of octagons with small dark squares between their corners, `n` × `n` per repeat.
+/// Returns a paving of octagons with small dark squares between their corners, `n` × `n` per repeat.
 #[must_use]
 pub fn octagons(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
@@ -78,7 +78,7 @@ pub fn octagons(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Te
         let cell = p.floor();
         let f = p - cell;
         let (x, y) = (cell.x as i32, cell.y as i32);
-        // The corner squares are rotated by 45°: inside where |dx| + |dy| is small.
+        // The corner squares are rotated by 45°. Their inside has a small |dx| + |dy|.
         let c = vec2(f.x.min(1.0 - f.x), f.y.min(1.0 - f.y));
         let tip = c.x + c.y - 0.26;
         let (base, id, edge) = if tip < 0.0 {
@@ -93,7 +93,7 @@ pub fn octagons(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Te
     })
 }
 
-/// Leaves of a dense hedge.
+/// Returns the leaves of a dense hedge.
 #[must_use]
 pub fn leaves(size: usize, mean: Vec3, seed: u32) -> Texture {
     const N: i32 = 22;

@@ -1,4 +1,4 @@
-//! Procedural pictures: linear reflectances as input, JPEG bytes as output.
+//! Procedural textures: linear reflectances as input, JPEG bytes as output.
 
 use glam::Vec3;
 use image::codecs::jpeg::JpegEncoder;
@@ -8,12 +8,12 @@ use image::codecs::jpeg::JpegEncoder;
 pub struct Texture {
     /// Width and height \[pixels\].
     pub size: usize,
-    /// Pixels in rows from the top.
+    /// Pixels in raster order, from the top row.
     pub pixels: Vec<Vec3>,
 }
 
 impl Texture {
-    /// Builds a square picture from `f(u, v)`, the value at a point of the unit square with v downwards. Each pixel
+    /// Builds a square texture. `f(u, v)` returns the value at a point of the unit square, with v downwards. Each pixel
     /// is the mean of four samples.
     pub fn new(size: usize, f: impl Fn(f32, f32) -> Vec3) -> Self {
         let mut pixels = Vec::with_capacity(size * size);
@@ -29,10 +29,10 @@ impl Texture {
         Self { size, pixels }
     }
 
-    /// Mean over all pixels.
+    /// Mean of all pixels.
     #[must_use]
     pub fn mean(&self) -> Vec3 {
-        // Summed in double precision, because a million terms lose digits otherwise.
+        // Use a sum in double precision, because a sum of a million terms loses digits in single precision.
         let mut sum = glam::DVec3::ZERO;
         for p in &self.pixels {
             sum += p.as_dvec3();
@@ -40,7 +40,7 @@ impl Texture {
         (sum / self.pixels.len() as f64).as_vec3()
     }
 
-    /// Scales the picture to the given mean reflectance.
+    /// Scales the texture to the given mean reflectance.
     #[must_use]
     pub fn with_mean(mut self, mean: Vec3) -> Self {
         let scale = mean / self.mean();
@@ -50,10 +50,10 @@ impl Texture {
         self
     }
 
-    /// Encodes the picture as a JPEG in sRGB.
+    /// Encodes the texture as a JPEG in sRGB.
     ///
     /// # Panics
-    /// If the picture has no pixels, or more than 65 535 per side.
+    /// If the texture has no pixels, or more than 65 535 per side.
     #[must_use]
     pub fn jpeg(&self, quality: u8) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
@@ -68,7 +68,7 @@ impl Texture {
     }
 }
 
-/// Returns the sRGB code value of a linear value, both 0..1.
+/// Returns the sRGB value of a linear value, both 0..1.
 #[must_use]
 pub fn srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }

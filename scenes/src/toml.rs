@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-/// The sky and the sun's size, for scenes under the open sky.
+/// Sky radiance and angular diameter of the sun, for scenes under the open sky.
 #[derive(Clone, Copy, Debug)]
 pub struct Sky {
     /// Radiance at the zenith \[W·m⁻²·sr⁻¹\].
@@ -18,18 +18,18 @@ pub struct Sky {
 /// Contents of the settings file.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Factor on radiance before the tone curve.
+    /// Factor applied to radiance before the tone curve.
     pub exposure: f32,
-    /// The sky, or `None` without one.
+    /// Sky of the scene, or `None` for indoor scenes.
     pub sky: Option<Sky>,
-    /// Names of the nodes that viewers watch. May be empty.
+    /// Names of the nodes that viewers watch, possibly none.
     pub watched: &'static [&'static str],
     /// Number of frames of the whole animation at 25 frames per second.
     pub frames: u32,
 }
 
 impl Settings {
-    /// Returns the text of the file.
+    /// Returns the text of the settings file.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut s = format!("[tone_mapping]\noperator = \"filmic\"\nexposure = {:?}\n", self.exposure);

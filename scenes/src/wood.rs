@@ -1,22 +1,22 @@
-//! Wood: boards, parquet and veneer.
+//! Textures of wood: boards, parquet and veneer.
 
 use glam::{Vec2, Vec3, vec2};
 
 use crate::noise::{fractal, hash, mix, smoothstep, value};
 use crate::texture::Texture;
 
-/// Brightness factor around 1 for the figure of one board. `along` and `across` are in board widths.
+/// Returns a brightness factor around 1 for the figure of one board. `along` and `across` are in board widths.
 fn grain(along: f32, across: f32, seed: u32) -> f32 {
     let shift = hash(seed as i32, 3, 77) * 17.0;
     let (s, t) = ((along * 0.02 + shift).rem_euclid(1.0), (across * 0.05 + shift).rem_euclid(1.0));
-    // Slanted growth rings: bands across the board that meander along it.
+    // Slanted growth rings appear as bands across the board that meander along it.
     let wander = fractal([s, t], [24, 20], 3, seed);
     let rings = ((across * 2.2 + wander * 3.4 + shift) * std::f32::consts::TAU).sin();
     let pores = value(s, t, 60, 900, seed + 5);
     1.0 + 0.10 * rings + 0.16 * (pores - 0.5) + 0.25 * (wander - 0.5)
 }
 
-/// Straight veneer without joints. The grain runs along v.
+/// Returns straight veneer without joints. The grain extends along v.
 #[must_use]
 pub fn veneer(size: usize, mean: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
@@ -31,15 +31,16 @@ pub fn veneer(size: usize, mean: Vec3, seed: u32) -> Texture {
     .with_mean(mean)
 }
 
-/// Herringbone parquet with `n` blocks of `1 : 4` per repeat. `n` must be a multiple of 4.
+/// Returns herringbone parquet. Its blocks are four times as long as wide. A repeat is `n` block widths wide, and `n`
+/// must be a multiple of 4.
 #[must_use]
 pub fn herringbone(size: usize, mean: Vec3, n: usize, seed: u32) -> Texture {
     const LENGTH: i32 = 4;
     Texture::new(size, |u, v| {
         let p = vec2(u, v) * n as f32;
         let (x, y) = (p.x.floor() as i32, p.y.floor() as i32);
-        // In each row, four cells belong to a horizontal block and the next four to vertical ones. The pattern shifts
-        // by one cell from row to row.
+        // In each row, four cells belong to a horizontal block and the next four cells to vertical blocks. The pattern
+        // shifts by one cell from row to row.
         let k = (x - y).rem_euclid(2 * LENGTH);
         let (start, lying) = if k < LENGTH {
             (vec2((x - k) as f32, y as f32), true)

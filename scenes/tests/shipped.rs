@@ -1,4 +1,4 @@
-//! Checks of every shipped scene: a well-formed file with the described content.
+//! Tests of every shipped scene: the file is well-formed and has the described content.
 
 use std::collections::HashSet;
 use std::sync::LazyLock;
@@ -39,7 +39,8 @@ impl Glb {
         &self.json["accessors"][size(index)]
     }
 
-    /// Returns the bytes of an accessor. Checks that it is inside its view and the view inside the binary chunk.
+    /// Returns the bytes of an accessor. Checks that the accessor is inside its view, and the view inside the binary
+    /// chunk.
     fn bytes(&self, accessor: &Value) -> &[u8] {
         let components = match accessor["type"].as_str().unwrap() {
             "SCALAR" => 1,
@@ -89,7 +90,7 @@ impl Glb {
     }
 }
 
-/// The files, built once for all tests.
+/// Files of all scenes, built once for all tests.
 static FILES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(build_all);
 
 /// Builds the file of each scene in a separate thread.
@@ -193,7 +194,7 @@ fn one_camera_walks_for_the_length_of_the_video() {
         assert!(moved.contains(&(cameras[0], "translation".into())));
         assert!(moved.contains(&(cameras[0], "rotation".into())));
         let others = moved.iter().filter(|(node, _)| *node != cameras[0]).count();
-        // In the church only the camera moves. All other animated scenes have moving objects too.
+        // In the church only the camera is animated. All other animated scenes also have animated objects.
         assert_eq!(others == 0, shipped.name == "nave", "{}", shipped.name);
     });
 }
@@ -281,7 +282,7 @@ fn the_blocks_of_the_cornell_box_never_meet() {
 
 #[test]
 fn everything_stands_in_its_room() {
-    // Half sizes of each scene, from its meshes transformed by their nodes.
+    // Half size of each scene, as a limit for its meshes after the transforms of their nodes \[m\].
     let limits = [("cornell", 0.7), ("cornell-box", 0.85), ("atrium", 16.0), ("conference", 7.5), ("nave", 40.0)];
     for (name, limit) in limits {
         let glb = named(name);

@@ -21,7 +21,7 @@ const PARAPET: f32 = 11.6;
 pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut model = Model::new();
     slabs(&mut model, stones);
-    // One baluster mesh serves all nodes.
+    // All nodes share one baluster mesh.
     let mut one = Model::new();
     baluster(one.of(stones.trim), RAIL - UPPER - 0.26, 6);
     let one = scene.mesh("baluster", one);
@@ -52,7 +52,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     }
 }
 
-/// Adds the gallery's floor and the roof above it, both as rings around the court.
+/// Adds the gallery's floor and the roof above it. Both are rings around the court.
 fn slabs(model: &mut Model, stones: &Stones) {
     let mut ring = |material, inner: [f32; 2], y: f32, facing: Vec3| {
         let ([ix, iz], [ox, oz]) = (inner, OUTER);
@@ -86,7 +86,7 @@ fn arches(model: &mut Model, stones: &Stones, side: &CourtSide) {
         o.reveal(model.of(stones.trim), plane, THIN, 6);
         o.archivolt(model.of(stones.trim), plane, &archivolt(0.15, 0.05), 6);
     }
-    // Pedestals under the small columns, with plinth and rail of the balustrade between them.
+    // Add pedestals under the small columns, with plinth and rail of the balustrade between the pedestals.
     let trim = model.of(stones.trim);
     for i in 1..2 * side.bays {
         let s = -side.half + bay * i as f32;

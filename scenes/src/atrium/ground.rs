@@ -1,4 +1,4 @@
-//! The ground floor: paving, the columns and arches around the court, and the vaults behind them.
+//! The ground floor: paving, the columns and arches around the court, and the vaults behind the arches.
 
 use glam::{Quat, Vec2, Vec3, vec2, vec3};
 
@@ -9,14 +9,14 @@ use crate::glb::{Model, Scene};
 use crate::mesh::Side;
 use crate::shapes::molding;
 
-/// Height of the capitals' upper edge, the springing of the arches \[m\].
+/// Height of the capitals' upper edge, where the arches begin \[m\].
 const SPRING: f32 = 3.3;
 /// Depth of the court below the arcade's floor \[m\].
 const STEP: f32 = 0.16;
 /// Rise of the vaults \[m\].
 const RISE: f32 = 1.55;
 
-/// The arches of each bay.
+/// Returns the arch of each bay of a side.
 pub(super) fn arches(side: &CourtSide) -> Vec<Opening> {
     let bay = 2.0 * side.half / side.bays as f32;
     (0..side.bays)
@@ -65,7 +65,7 @@ fn floors(model: &mut Model, stones: &Stones) {
     for (x0, x1, z0, z1) in [(-ox, ox, cz, oz), (-ox, ox, -oz, -cz), (-ox, -cx, -cz, cz), (cx, ox, -cz, cz)] {
         mesh.quad_facing([(x0, z0), (x1, z0), (x1, z1), (x0, z1)].map(|(x, z)| vec3(x, arcade, z)), Vec3::Y);
     }
-    // The step down to the court, with a rounded nosing.
+    // Add the step down to the court, with a rounded nosing.
     let nosing = [
         vec2(0.0, -STEP),
         vec2(0.0, -0.06),
@@ -87,7 +87,7 @@ fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
     for o in &openings {
         o.reveal(model.of(stones.trim), &side.plane, THICK, 10);
         o.archivolt(model.of(stones.trim), &side.plane, &archivolt(0.26, 0.07), 10);
-        // A keystone that supports the string course.
+        // Add a keystone that supports the string course.
         let key = [[o.center - 0.11, o.center + 0.11], [o.crown() - 0.03, o.crown() + 0.42]];
         side.plane.block(model.of(stones.trim), key[0], key[1], [0.0, 0.10]);
         side.plane.block(
@@ -97,7 +97,7 @@ fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
             [0.0, 0.125],
         );
     }
-    // A plain disc in each spandrel, high enough to clear the capitals.
+    // Add a plain disc to each spandrel, high enough to clear the capitals.
     let bay = 2.0 * side.half / side.bays as f32;
     for i in 1..side.bays {
         let at = side.plane.at(-side.half + bay * i as f32, SPRING + 1.08, 0.0);
@@ -127,7 +127,7 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let plane = &side.outer;
     let s = [-side.outer_half, side.outer_half];
     let bay = 2.0 * side.half / side.bays as f32;
-    // One door in every third bay.
+    // Every third bay has a door.
     let doors: Vec<Opening> = (0..side.bays)
         .filter(|i| i % 3 == 1)
         .map(|i| Opening {
@@ -162,7 +162,7 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
     }
 }
 
-/// Returns the sections of a wall between doors, without the door frames.
+/// Returns the sections of a wall between doors. The sections exclude the door frames.
 fn spans(doors: &[Opening], half: f32) -> Vec<[f32; 2]> {
     let mut out = Vec::new();
     let mut from = -half;
@@ -174,7 +174,7 @@ fn spans(doors: &[Opening], half: f32) -> Vec<[f32; 2]> {
     out
 }
 
-/// Adds panels, rails and studs of a double door.
+/// Adds the panels, rails and studs of a double door.
 fn door_leaves(model: &mut Model, stones: &Stones, side: &CourtSide, o: &Opening) {
     let mesh = model.of(stones.door);
     for sign in [-1.0, 1.0] {

@@ -1,7 +1,7 @@
-//! A two-storey colonnaded courtyard under the open sky.
+//! The scene `atrium`: a two-storey colonnaded courtyard under the open sky.
 //!
-//! The court is 24 m by 10 m inside its columns and 30.8 m by 16.8 m inside its outer walls. The arcade is vaulted,
-//! the gallery above it has a beamed ceiling, and a parapet ends at 11.6 m.
+//! The court is 24 m by 10 m inside its columns and 30.8 m by 16.8 m inside its outer walls. The arcade is vaulted, and
+//! the gallery above it has a beamed ceiling. The parapet is 11.6 m high.
 
 mod gallery;
 mod ground;
@@ -22,7 +22,7 @@ use crate::wood::veneer;
 /// Duration of the animation \[s\].
 pub const DURATION: f32 = 9.0;
 
-/// The sky on a clear morning.
+/// Radiance of the sky on a clear morning.
 pub const SKY: Sky = Sky {
     zenith: vec3(0.30, 0.52, 1.05),
     horizon: vec3(1.0, 1.15, 1.35),
@@ -30,11 +30,11 @@ pub const SKY: Sky = Sky {
     sun_diameter: 0.53,
 };
 
-/// Half the distances between the short and between the long colonnades \[m\].
+/// Half the distance between the short colonnades, and half the distance between the long colonnades \[m\].
 const COURT: [f32; 2] = [12.0, 5.0];
 /// Thickness of the arcade walls \[m\].
 const THICK: f32 = 0.5;
-/// Half the outer walls' rectangle \[m\].
+/// Half the sides of the rectangle of the outer walls \[m\].
 const OUTER: [f32; 2] = [15.4, 8.4];
 /// Height of the gallery floor \[m\].
 const UPPER: f32 = 5.6;
@@ -59,7 +59,7 @@ struct CourtSide {
     plane: Plane,
     half: f32,
     bays: usize,
-    /// Opposite outer wall, and half its length.
+    /// Outer wall opposite the side.
     outer: Plane,
     outer_half: f32,
 }
@@ -80,7 +80,7 @@ fn sides() -> [CourtSide; 4] {
     ]
 }
 
-/// Corners of a rectangle, ordered so that its inside is on the right.
+/// Returns the corners of a rectangle, ordered so that its inside is on the right.
 fn round(half: [f32; 2], y: f32) -> [Vec3; 4] {
     let [x, z] = half;
     [vec3(-x, y, -z), vec3(x, y, -z), vec3(x, y, z), vec3(-x, y, z)]
@@ -130,7 +130,7 @@ pub fn build() -> Scene {
     let sun = Light { kind: "directional", color: vec3(1.0, 0.90, 0.74), intensity: 6.5 };
     scene.light("sun", sun, vec3(0.0, 30.0, 0.0), vec3(0.42, -0.86, -0.40));
 
-    // The camera walks along the court. `aim` is the point that it looks at.
+    // The camera walks along the court. `aim` is the path of the point that it looks at.
     let walk = Path::new(&[
         (0.0, vec3(-11.2, 1.60, 1.6)),
         (2.0, vec3(-8.6, 1.64, 2.1)),

@@ -15,7 +15,8 @@ use crate::shapes::{arc, ball, bar, chain, lathe, ring};
 pub(super) fn drapes(scene: &mut Scene, cloths: &[MaterialId; 3], brass: MaterialId) {
     let mut model = Model::new();
     let all = sides();
-    // Side, bay, and half of the arch: 0 is gathered towards the left column, 1 towards the right.
+    // Each entry lists side, bay, and half of the arch. Half 0 is gathered towards the left column, half 1 towards the
+    // right column.
     let hung = [
         (0, 1, 0),
         (0, 1, 1),
@@ -45,7 +46,7 @@ pub(super) fn drapes(scene: &mut Scene, cloths: &[MaterialId; 3], brass: Materia
             bar(model.of(brass), l, r, 0.016, 8);
         }
     }
-    // Banners hang in front of the gallery's rail, each from a bar with two brackets.
+    // Each banner hangs in front of the gallery's rail, from a bar with two brackets.
     for (k, &(s, bay)) in [(0, 2), (0, 4), (0, 6), (1, 1), (1, 3), (1, 5), (3, 1)].iter().enumerate() {
         let side = &all[s];
         let width = 2.0 * side.half / side.bays as f32;
@@ -105,7 +106,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     lathe(model.of(stone), foot, &post, 16, 1.0);
     scene.show("fountain", model);
 
-    // The outer rings of the sphere rotate about the vertical.
+    // The outer rings of the sphere rotate about the vertical axis.
     let center = foot + vec3(0.0, 2.55, 0.0);
     let mut outer = Model::new();
     bar(outer.of(bronze), vec3(0.0, -0.68, 0.0), vec3(0.0, 0.72, 0.0), 0.022, 8);
@@ -121,7 +122,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     ball(inner.of(brass), Vec3::ZERO, 0.17, 24);
     let inner = scene.mesh("armillary rings", inner);
     let inner = scene.node("armillary rings", Some(inner), Vec3::ZERO, Quat::IDENTITY);
-    // The inner rings hang in the outer ones and counterrotate about a slanted axis.
+    // The inner rings hang in the outer rings and counterrotate about a slanted axis.
     let axis = vec3(0.2, 1.0, 0.35).normalize();
     scene.animate(inner, rotation(DURATION, 6.0, |t| Quat::from_axis_angle(axis, -2.0 * TAU * t / DURATION)));
     scene.attach(inner, outer);
@@ -129,7 +130,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
 
 /// Adds clipped box trees in terracotta, and urns on pedestals.
 pub(super) fn pots(scene: &mut Scene, terracotta: MaterialId, hedge: MaterialId, stone: MaterialId) {
-    // One mesh serves all box trees.
+    // All box trees share one mesh.
     let mut pot = Model::new();
     let profile = [
         vec2(0.24, 0.0),
@@ -153,7 +154,7 @@ pub(super) fn pots(scene: &mut Scene, terracotta: MaterialId, hedge: MaterialId,
     {
         scene.node("box tree", Some(pot), vec3(x, -0.16, z), Quat::from_rotation_y(i as f32 * 1.3));
     }
-    // Urns on pedestals surround the fountain.
+    // Place urns on pedestals around the fountain.
     let mut urns = Model::new();
     let high: Vec<Vec2> = urn().iter().map(|p| *p * 1.1).collect();
     for (x, z) in [(0.1, -3.4), (5.9, -3.4), (0.1, 3.4), (5.9, 3.4)] {
@@ -167,7 +168,7 @@ pub(super) fn pots(scene: &mut Scene, terracotta: MaterialId, hedge: MaterialId,
     scene.show("urns", urns);
 }
 
-/// Adds a slightly uneven ball of leaves.
+/// Adds a slightly uneven ball of leaves in the material `hedge`.
 fn bush(model: &mut Model, hedge: MaterialId, center: Vec3, radius: f32, seed: u32) {
     let p = seed as f32 * 1.9;
     model.of(hedge).surface(18, 10, vec2(TAU * radius, 3.1 * radius), |u, v| {
@@ -198,7 +199,7 @@ pub(super) fn lamps(scene: &mut Scene, bronze: MaterialId, brass: MaterialId) {
         let hook = all[s].plane.at(o.center, o.crown(), -0.25);
         let node = scene.node("lamp", Some(lamp), hook, Quat::IDENTITY);
         if k < 2 {
-            // A pendulum of about a meter: a period of about two seconds.
+            // A pendulum with a length of about one meter has a period of about two seconds.
             let period = DURATION / 4.0;
             scene.animate(
                 node,

@@ -1,4 +1,4 @@
-//! The table and the objects on it, the chairs, the plants.
+//! Furniture of the conference room: the table and the objects on it, the chairs, the plants.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -12,15 +12,15 @@ use crate::shapes::{Frame, arc, ball, bar, chain, lathe, sweep};
 
 /// Half the table's length \[m\].
 const LENGTH: f32 = 3.5;
-/// Height of the table's top \[m\].
+/// Height of the tabletop \[m\].
 const TOP: f32 = 0.75;
 
-/// Half the table's width at position `x`, widest in the middle \[m\].
+/// Returns half the table's width at position `x` \[m\]. The table is widest in the middle.
 fn half_width(x: f32) -> f32 {
     1.02 - 0.24 * (x / LENGTH).powi(2)
 }
 
-/// Outline of the table, reduced by `inset`.
+/// Returns the outline of the table, reduced by `inset` \[m\].
 fn outline(inset: f32) -> Vec<Vec2> {
     let n = 20;
     let round = 0.22 - inset.min(0.2);
@@ -43,7 +43,7 @@ fn outline(inset: f32) -> Vec<Vec2> {
 /// Adds the table, papers, cups and a bowl.
 pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     let mut model = Model::new();
-    // The edge follows the outline: underside, nosing, top rim.
+    // The edge profile follows the outline: underside, nosing, top rim.
     let profile = [(0.08, -0.045), (0.01, -0.040), (0.0, -0.030), (0.0, -0.012), (0.008, 0.0), (0.03, 0.0)];
     for w in profile.windows(2) {
         let (a, b) = (outline(w[0].0), outline(w[1].0));
@@ -65,7 +65,7 @@ pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     for (inset, y, normal) in [(0.03, 0.0, Vec3::Y), (0.08, -0.045, Vec3::NEG_Y)] {
         fan(model.of(f.table), &outline(inset), TOP + y, normal);
     }
-    // A darker inlay strip of leather down the middle.
+    // Add an inlaid strip of darker leather along the middle.
     model.of(f.dark).cuboid(vec3(-2.4, TOP + 0.001, -0.14), vec3(2.4, TOP + 0.005, 0.14));
     for x in [-1.9, 0.0, 1.9] {
         let body = model.of(f.walnut);
@@ -81,13 +81,13 @@ pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     scene.show("table", model);
 }
 
-/// Adds a flat plate with this outline, built of strips between its two long sides.
+/// Adds a flat plate with this outline, built from strips between its edges and its center line.
 fn fan(mesh: &mut Mesh, outline: &[Vec2], y: f32, normal: Vec3) {
     let n = outline.len();
     for i in 0..n {
         let (a, b) = (outline[i], outline[(i + 1) % n]);
         let corner = |p: Vec2, mesh: &mut Mesh| mesh.vertex(vec3(p.x, y, p.y), normal, vec2(p.y, p.x));
-        // Towards the middle line, which avoids slivers across the whole table.
+        // Build strips to the center line, so that no sliver spans the table.
         let line = |p: Vec2| vec2(p.x.clamp(-LENGTH + 0.6, LENGTH - 0.6), 0.0);
         let v = [corner(a, mesh), corner(b, mesh), corner(line(b), mesh), corner(line(a), mesh)];
         mesh.face(v[0], v[1], v[2]);
@@ -95,7 +95,7 @@ fn fan(mesh: &mut Mesh, outline: &[Vec2], y: f32, normal: Vec3) {
     }
 }
 
-/// Adds paper, a pencil and a cup in front of a seat.
+/// Adds paper or a laptop, and sometimes a cup, in front of a seat.
 fn setting(model: &mut Model, f: &RoomMaterials, at: Vec3, angle: f32, seed: i32) {
     let turn = angle + 0.5 * (hash(seed, 1, 3) - 0.5);
     let (sin, cos) = turn.sin_cos();
@@ -115,7 +115,7 @@ fn setting(model: &mut Model, f: &RoomMaterials, at: Vec3, angle: f32, seed: i32
         }
     };
     if seed % 4 == 1 {
-        // A closed laptop.
+        // Add a closed laptop.
         block(f.metal, [-0.16, 0.16], [-0.11, 0.11], 0.003, 0.022);
     } else {
         block(f.white, [-0.105, 0.105], [-0.148, 0.148], 0.002, 0.008 + 0.01 * hash(seed, 2, 3));
@@ -163,7 +163,7 @@ fn bowl(model: &mut Model, f: &RoomMaterials) {
     }
 }
 
-/// Positions of the chairs, and their direction as an angle about y from -z \[rad\].
+/// Returns the positions of the chairs, and the direction of each as an angle about y from -z \[rad\].
 pub(super) fn seats() -> Vec<(Vec3, f32)> {
     let mut out = Vec::new();
     for i in 0..7 {
@@ -178,10 +178,10 @@ pub(super) fn seats() -> Vec<(Vec3, f32)> {
     out
 }
 
-/// Adds a cushion: a box with rounded edges and extents `size`.
+/// Adds a cushion: a box with rounded edges and the extents `size` \[m\].
 fn cushion(mesh: &mut Mesh, center: Vec3, size: Vec3, bend: impl Fn(Vec3) -> Vec3) {
     let (nu, nv) = (20, 10);
-    // A superellipsoid: rounder than a box, flatter than a ball.
+    // The shape is a superellipsoid: rounder than a box, flatter than a ball.
     let power = |x: f32, e: f32| x.signum() * x.abs().powf(e);
     mesh.surface(nu, nv, vec2(1.6, 0.8), |u, v| {
         let (a, b) = (TAU * u, PI * (v.clamp(0.004, 0.996) - 0.5));
@@ -194,7 +194,7 @@ fn cushion(mesh: &mut Mesh, center: Vec3, size: Vec3, bend: impl Fn(Vec3) -> Vec
     });
 }
 
-/// An office chair that looks along -z, with its foot at the origin.
+/// Returns an office chair that faces -z. The foot is at the origin.
 pub(super) fn chair(f: &RoomMaterials) -> Model {
     let mut model = Model::new();
     cushion(model.of(f.cloth), vec3(0.0, 0.47, 0.0), vec3(0.50, 0.09, 0.50), |p| p - Vec3::Y * 0.25 * p.x * p.x);
@@ -209,7 +209,7 @@ pub(super) fn chair(f: &RoomMaterials) -> Model {
         bar(model.of(f.metal), vec3(0.0, 0.12, 0.0), vec3(0.29 * sin, 0.07, 0.29 * cos), 0.02, 6);
         ball(model.of(f.dark), vec3(0.29 * sin, 0.033, 0.29 * cos), 0.031, 8);
     }
-    // Spine between seat and back, and the arms.
+    // Add the spine between seat and back, and the arms.
     bar(model.of(f.dark), vec3(0.0, 0.41, 0.12), vec3(0.0, 0.45, 0.30), 0.022, 6);
     bar(model.of(f.dark), vec3(0.0, 0.45, 0.30), vec3(0.0, 0.75, 0.295), 0.022, 6);
     for side in [-1.0, 1.0] {

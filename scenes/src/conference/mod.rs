@@ -1,4 +1,4 @@
-//! A meeting room lit by more than a hundred small lamps.
+//! The scene `conference`: a meeting room lit by more than a hundred small lamps.
 //!
 //! The room measures 14.4 m by 10.8 m and is 3.4 m high. Each of the 12 by 9 coffers of the ceiling has its own
 //! panel. A pendant over the table and sconces on the walls add further lamps.
@@ -42,7 +42,7 @@ struct RoomMaterials {
     glass: MaterialId,
     pictures: [MaterialId; 3],
     board: MaterialId,
-    /// Ceiling panels: over the table, around it, along the walls.
+    /// Emissive materials of the ceiling panels: over the table, around it, along the walls.
     panels: [MaterialId; 3],
     sconce: MaterialId,
     pendant: MaterialId,
@@ -95,7 +95,7 @@ pub fn build() -> Scene {
     for (i, (at, angle)) in furniture::seats().into_iter().enumerate() {
         let node = scene.node("chair", Some(chair), at, Quat::from_rotation_y(angle));
         if i == 9 {
-            // Someone has just stood up: the chair swings back and forth and comes to a stop.
+            // Someone has just left the chair, which swings back and forth and comes to a stop.
             let swing = move |t: f32| 1.1 * (TAU * t / 4.0).sin() * (-0.18 * t).exp();
             scene.animate(node, rotation(DURATION, 10.0, move |t| Quat::from_rotation_y(angle + swing(t))));
         }

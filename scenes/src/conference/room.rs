@@ -1,4 +1,4 @@
-//! The room: coffered ceiling, panelled walls, windows, pictures and lamps.
+//! The conference room: coffered ceiling, panelled walls, windows, pictures and lamps.
 
 use glam::{Vec2, Vec3, vec2, vec3};
 
@@ -9,9 +9,9 @@ use crate::shapes::{Frame, arc, bar, molding, sweep};
 
 /// Top of the panelling \[m\].
 const DADO: f32 = 1.05;
-/// Number of coffer columns and rows.
+/// Number of coffers in x and in z.
 const COFFERS: [usize; 2] = [12, 9];
-/// Side of a coffer's module \[m\].
+/// Side of the square that each coffer occupies \[m\].
 const MODULE: f32 = 1.2;
 
 fn wall(out: Vec3, distance: f32) -> Plane {
@@ -46,7 +46,7 @@ pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     door_with_frame(&mut room, f, &right, door);
     window_wall(&mut room, &mut lamps, f, &windows);
 
-    // Dado rail, skirting and cornice. The first two stop at the door.
+    // Add dado rail, skirting and cornice. The dado rail and the skirting end at the door.
     let rail = [vec2(0.0, 0.0), vec2(0.03, 0.0), vec2(0.045, 0.02), vec2(0.045, 0.045), vec2(0.0, 0.06)];
     let skirting = [vec2(0.028, 0.0), vec2(0.028, 0.11), vec2(0.018, 0.13), vec2(0.0, 0.135)];
     let corner = |x: f32, z: f32, y: f32| vec3(x, y, z);
@@ -62,7 +62,7 @@ pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     };
     molding(room.of(f.walnut), &line(DADO), false, &rail);
     molding(room.of(f.walnut), &line(0.0), false, &skirting);
-    // A concave quarter round, slightly below the beams.
+    // Add a concave quarter round, slightly below the beams.
     let crown: Vec<Vec2> =
         arc(vec2(0.10, -0.10), 0.10, 180.0, 90.0, 4).iter().map(|p| vec2(p.x, p.y - 0.003)).collect();
     let ring = [corner(-hx, -hz, CEILING), corner(hx, -hz, CEILING), corner(hx, hz, CEILING), corner(-hx, hz, CEILING)];
@@ -107,7 +107,7 @@ fn ceiling(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
                 mesh.quad_facing([ledge[a], ledge[b], top[b], top[a]], inward);
             }
             mesh.quad_facing(top, Vec3::NEG_Y);
-            // The panel's housing, two centimeters deep, and the pane slightly inside it.
+            // Add the panel's housing, 3 cm high, and the pane slightly inside it.
             let low = CEILING + depth - 0.03;
             room.of(f.metal).cuboid_without(
                 vec3(x - panel, low, z - panel),
@@ -169,7 +169,7 @@ fn window_wall(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &P
         plane.rectangle(room.of(f.wall), [c - half, c + half], [DADO, sill], 0.0);
         plane.rectangle(room.of(f.wall), [c - half, c + half], [head, CEILING], 0.0);
         from = c + half;
-        // Reveals, frame, and the pane of dusk behind.
+        // Add the reveals and the frame, and behind them the pane that emits the light of dusk.
         let deep = -0.22;
         let wood = room.of(f.walnut);
         plane.block(wood, [c - half - 0.06, c + half + 0.06], [sill - 0.04, sill], [deep, 0.07]);
@@ -180,7 +180,7 @@ fn window_wall(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &P
         plane.block(wood, [c - half, c - 0.03], [2.2, 2.25], [deep - 0.01, deep + 0.05]);
         plane.block(wood, [c + 0.03, c + half], [2.2, 2.25], [deep - 0.01, deep + 0.05]);
         plane.rectangle(lamps.of(f.dusk), [c - half, c + half], [sill, head], deep);
-        // Tilted slats, each a shallow trough.
+        // Add tilted slats. Each slat is a shallow trough.
         let (count, pitch) = (if c.abs() > 3.0 { 30 } else { 20 }, 0.05);
         for k in 0..count {
             let y = head - 0.07 - pitch * k as f32;
@@ -195,7 +195,7 @@ fn window_wall(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &P
     plane.rectangle(room.of(f.wall), [from, HALF[0]], [DADO, CEILING], 0.0);
 }
 
-/// Adds pictures on the long wall and the whiteboard on the short wall.
+/// Adds pictures to the long wall and a whiteboard to the short wall.
 fn hangings(room: &mut Model, f: &RoomMaterials, back: &Plane, left: &Plane) {
     let mut framed = |plane: &Plane, s: [f32; 2], y: [f32; 2], rim: f32, frame, picture| {
         let mesh = room.of(frame);

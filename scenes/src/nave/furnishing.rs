@@ -1,4 +1,4 @@
-//! Pews, altar, chandeliers.
+//! Furnishing of the church: pews, altar, chandeliers.
 
 use std::f32::consts::TAU;
 
@@ -47,7 +47,7 @@ fn one_pew(mesh: &mut Mesh) {
     block(mesh, inside, [0.50, 0.90], [0.20, 0.235]);
     block(mesh, inside, [0.90, 0.935], [0.16, 0.28]);
     block(mesh, inside, [0.70, 0.725], [0.236, 0.38]);
-    // The ends follow an outline with a rounded shoulder and a small finial.
+    // The ends have an outline with a rounded shoulder and a small finial.
     let outline: [Vec2; 13] = [
         vec2(-0.26, 0.0),
         vec2(-0.26, 0.52),
@@ -84,7 +84,7 @@ fn one_pew(mesh: &mut Mesh) {
 fn altar(model: &mut Model, stones: &Stones) {
     let z = APSE.y - 0.6;
     let floor = CHANCEL;
-    // A step on all sides, the table, its cloth, and a gilded cross between candlesticks.
+    // Add a step on all sides, the table, its cloth, and a gilded cross between candlesticks.
     model.of(stones.steps).cuboid(vec3(-2.2, floor - 0.05, z - 1.1), vec3(2.2, floor + 0.14, z + 1.2));
     let top = floor + 0.14;
     model.of(stones.trim).cuboid(vec3(-1.3, top - 0.01, z - 0.45), vec3(1.3, top + 0.95, z + 0.45));
@@ -153,6 +153,6 @@ fn chandelier(model: &mut Model, stones: &Stones) {
             bar(model.of(stones.iron), out * 0.35 + Vec3::Y * 0.55, vec3(0.0, 1.3, 0.0), 0.012, 6);
         }
     }
-    // Up to the vault's boss.
+    // Hang the chandelier from the vault's boss.
     bar(model.of(stones.iron), vec3(0.0, 1.28, 0.0), vec3(0.0, 8.72, 0.0), 0.012, 6);
 }

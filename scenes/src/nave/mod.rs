@@ -1,7 +1,7 @@
-//! A vaulted church lit only through its windows.
+//! The scene `nave`: a vaulted church lit only through its windows.
 //!
-//! Six bays of 5 m with aisles, a chancel bay, and an apse of three sides. The nave is 8.4 m wide between its walls
-//! and 14.4 m high. It extends from the west wall at z = 0 along -z.
+//! The church has six bays of 5 m with aisles, a chancel bay, and an apse of three sides. The nave is 8.4 m wide
+//! between its walls and 14.4 m high. It extends from the west wall at z = 0 along -z.
 
 mod furnishing;
 mod shell;
@@ -41,7 +41,7 @@ const HIGH: (f32, f32) = (4.8, 0.5);
 const LOW: (f32, f32) = (3.1, 0.5);
 /// Height of the chancel's floor \[m\].
 const CHANCEL: f32 = 0.48;
-/// Middle of the apse's chord, x and z \[m\].
+/// Middle of the chord of the apse, x and z \[m\].
 const APSE: Vec2 = Vec2::new(0.0, -(BAY * (BAYS as f32 + 1.0)));
 
 /// Materials of the church.
@@ -63,7 +63,7 @@ struct Stones {
     rose_glass: MaterialId,
 }
 
-/// Corners of the apse, from the left end of its chord around to the right.
+/// Returns the corners of the apse, from the left end of its chord around to the right end.
 fn apse_corners() -> [Vec2; 4] {
     let side = NAVE * 3f32.sqrt() / 2.0;
     [

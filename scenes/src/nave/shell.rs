@@ -1,4 +1,4 @@
-//! Walls, piers and vaults.
+//! Walls, piers and vaults of the church.
 
 use std::f32::consts::TAU;
 
@@ -14,7 +14,7 @@ use crate::glb::{Model, Scene};
 use crate::mesh::Mesh;
 use crate::shapes::{lathe, loft, molding};
 
-/// Lower and upper edge of the blind arcade between the nave's arches and its windows \[m\].
+/// Heights of the lower and upper edge of the blind arcade between the nave's arches and windows \[m\].
 const TRIFORIUM: [f32; 2] = [6.9, 8.5];
 /// Top of the nave's walls, hidden behind the vault's edge \[m\].
 const TOP: f32 = 14.6;
@@ -59,7 +59,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     low_vaults(&mut vaults, stones);
     scene.show("vaults", vaults);
 
-    // Piers, vault shafts and responds are one mesh each, positioned by nodes.
+    // Piers, vault shafts and responds have one mesh each, which nodes position.
     let mut pier = Model::new();
     let outline = pier_outline();
     let profile: Vec<Vec2> = [
@@ -89,7 +89,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut shaft = Model::new();
     vault_shaft(shaft.of(stones.trim));
     let shaft = scene.mesh("vault shaft", shaft);
-    // Responds carry the aisle vaults on the outer walls.
+    // Responds support the aisle vaults on the outer walls.
     let mut respond = Model::new();
     let profile = [
         vec2(0.30, 0.0),
@@ -106,7 +106,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     ];
     lathe(respond.of(stones.trim), Vec3::ZERO, &profile, 16, 1.0);
     let respond = scene.mesh("respond", respond);
-    // Every bay border gets supports on both sides. The chancel has no aisles.
+    // Add supports on both sides of every bay border. The chancel has no aisles.
     for i in 0..=BAYS + 1 {
         let z = -BAY * i as f32;
         for side in [-1.0, 1.0] {
@@ -126,13 +126,13 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     }
 }
 
-/// Outline of a pier: a round core with four shafts.
+/// Returns the outline of a pier: a round core with four shafts.
 fn pier_outline() -> Vec<Vec2> {
     (0..48)
         .map(|i| {
             let a = TAU * i as f32 / 48.0;
             let near = ((a + TAU / 8.0).rem_euclid(TAU / 4.0) - TAU / 8.0).abs();
-            // Distance along the ray to a circle of radius 0.155 with its center at 0.395.
+            // Compute the distance along the ray to a circle with radius 0.155 and center at 0.395.
             let (c, r) = (0.395f32, 0.155f32);
             let reach = r * r - (c * near.sin()).powi(2);
             let shaft = if reach > 0.0 { c * near.cos() + reach.sqrt() } else { 0.0 };
@@ -142,7 +142,7 @@ fn pier_outline() -> Vec<Vec2> {
 }
 
 /// Adds three shafts on the nave's wall, from the pier's capital or a corbel to the springing of the high vault. The
-/// wall is at x = 0, with the nave towards +x.
+/// wall is at x = 0, and the nave is towards +x.
 fn vault_shaft(mesh: &mut Mesh) {
     for (x, z, r) in [(0.03, 0.0, 0.13), (0.0, 0.17, 0.08), (0.0, -0.17, 0.08)] {
         let low = LOW_SPRING - 0.12;
@@ -184,7 +184,7 @@ fn floors(model: &mut Model, stones: &Stones) {
         let riser = [(-NAVE, y), (NAVE, y), (NAVE, y + CHANCEL / 3.0), (-NAVE, y + CHANCEL / 3.0)];
         model.of(stones.steps).quad_facing(riser.map(|(x, y)| vec3(x, y, z)), Vec3::Z);
     }
-    // The steps end at the piers. Beyond the last pair the chancel's walls start at its floor.
+    // The steps end at the piers. Beyond the last pair of piers, the chancel's walls start at the height of its floor.
     let [a, b, c, d] = apse_corners();
     model.of(stones.floor).quad_facing([a, b, c, d].map(|p| vec3(p.x, CHANCEL, p.y)), Vec3::Y);
 }
@@ -206,7 +206,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
         o.reveal(model.of(stones.trim), &plane, THICK, 12);
         o.archivolt(model.of(stones.trim), &plane, &archivolt(0.32, 0.09), 12);
         o.archivolt(model.of(stones.trim), &back, &archivolt(0.24, 0.06), 12);
-        // A second order inside the arch, narrower than the wall.
+        // Add a second order inside the arch, narrower than the wall.
         let inner = Opening { half: o.half - 0.005, ..*o };
         let order = [
             vec2(0.0, -0.14),
@@ -228,7 +228,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
         );
         o.pane(model.of(stones.web), &plane, Pane { depth: 0.22, steps: 5 }, |x, y| vec2(0.4 * x, -1.2 * y));
     }
-    // Small shafts between the blind arches.
+    // Add small shafts between the blind arches.
     let shaft =
         [vec2(0.085, 7.12), vec2(0.05, 7.18), vec2(0.045, 7.60), vec2(0.08, 7.70), vec2(0.08, 7.75), vec2(0.0, 7.75)];
     for w in blind.windows(2) {
@@ -253,10 +253,10 @@ fn aisle_side(model: &mut Model, stones: &Stones, side: f32) {
     let string = [vec2(0.0, -0.04), vec2(0.05, 0.0), vec2(0.08, 0.03), vec2(0.08, 0.08), vec2(0.0, 0.14)];
     let ends = |y: f32| [plane.at(span[0], y, 0.0), plane.at(span[1], y, 0.0)];
     molding(model.of(stones.trim), &ends(1.62), false, &string);
-    // The bench along the wall.
+    // Add the bench along the wall.
     let bench = [vec2(0.36, 0.0), vec2(0.36, 0.38), vec2(0.40, 0.40), vec2(0.40, 0.45), vec2(-0.01, 0.45)];
     molding(model.of(stones.steps), &ends(0.0), false, &bench);
-    // The aisle's east end.
+    // Close the east end of the aisle.
     let (a, b) = (side * NAVE, side * AISLE);
     let p = [(a, 0.0), (b, 0.0), (b, AISLE_TOP), (a, AISLE_TOP)].map(|(x, y)| vec3(x, y, -nave));
     model.of(stones.ashlar).quad_facing(p, Vec3::Z);
@@ -309,7 +309,7 @@ fn high_vault(model: &mut Model, stones: &Stones) {
         let wide = RibSection { width: 0.46, depth: 0.27, half: false };
         rib(model.of(stones.trim), [vec3(-NAVE, HIGH_SPRING, z), vec3(NAVE, HIGH_SPRING, z)], HIGH, wide, 14);
     }
-    // The webs and ribs of the apse meet at the middle of its chord.
+    // The webs and ribs of the apse meet at the middle of the apse's chord.
     let corners = apse_corners();
     for i in 0..3 {
         let (p, q) = (corners[i], corners[i + 1]);

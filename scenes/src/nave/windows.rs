@@ -1,4 +1,4 @@
-//! Windows: emissive leaded panes in splayed openings behind stone tracery.
+//! Windows of the church: emissive leaded panes in splayed openings behind stone tracery.
 
 use std::f32::consts::TAU;
 
@@ -12,7 +12,7 @@ use crate::glb::{Model, Scene};
 use crate::mesh::Mesh;
 use crate::shapes::{Frame, arc, ring, sweep};
 
-/// Distance of the glass behind the wall's face \[m\].
+/// Distance from the wall's face back to the glass \[m\].
 const DEPTH: f32 = 0.42;
 
 /// Adds all windows.
@@ -41,7 +41,7 @@ fn window(glass: &mut Mesh, tracery: &mut Model, stones: &Stones, plane: &Plane,
     o.reveal(tracery.of(stones.trim), plane, DEPTH, 10);
     o.archivolt_with_jambs(tracery.of(stones.trim), plane, &archivolt(0.20, 0.06), 10);
     o.pane(glass, plane, Pane { depth: DEPTH - 0.01, steps: 10 }, |x, y| vec2(0.5 + 0.5 * x, 1.0 - y));
-    // Two lights with pointed heads and a ring above them, all 12 cm in front of the glass.
+    // Two lights have pointed heads and a ring above them. The tracery's plane is 9 cm in front of the glass.
     let face = Plane { origin: plane.origin - plane.out * (DEPTH - 0.10), ..*plane };
     let stone = tracery.of(stones.trim);
     let (w, d) = (0.055, 0.07);
