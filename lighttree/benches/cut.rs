@@ -1,4 +1,4 @@
-//! Benchmarks of building, updating and cutting trees of several sizes, and of the exhaustive sum. The lights are on
+//! Benchmarks of tree builds, updates, lightcuts and the exhaustive sum, for trees of several sizes. The lights are on
 //! the walls of a box, the receivers on its floor. Run with `cargo bench -p lighttree`.
 
 #[path = "../examples/walls/mod.rs"]
@@ -49,7 +49,7 @@ fn update(bencher: Bencher, count: usize) {
     bencher.bench_local(|| tree.update(black_box(&intensities)));
 }
 
-/// Times 256 cuts with all lights visible. Time divided by the counter is the time of one node visit.
+/// Times 256 lightcuts with all lights visible. The counter is the number of node visits.
 fn cuts(bencher: Bencher, count: usize, stop: Stop) {
     let tree = LightTree::build(&walls(count), params(count));
     let receivers = floor();
@@ -72,8 +72,8 @@ fn cut_relative(bencher: Bencher, count: usize) {
     cuts(bencher, count, Stop::Relative { fraction: 0.02, known_luminance: 0.0 });
 }
 
-/// Times shared cuts of the 256 receivers in four bundles of 8×8 neighbors. The counter equals the counter of
-/// independent cuts.
+/// Times shared lightcuts of the 256 receivers in four bundles of 8×8 neighbors. The counter is the number of node
+/// visits of independent lightcuts.
 #[divan::bench(args = SIZES)]
 fn cut_shared(bencher: Bencher, count: usize) {
     let tree = LightTree::build(&walls(count), params(count));

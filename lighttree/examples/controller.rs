@@ -1,7 +1,7 @@
 //! Plots the response of calibrated stopping to changing light: `docs/controller.svg`.
 //!
-//! Model: a cut that ends at κ times the threshold has an error between 0 and `scale · κ` thresholds, uniformly
-//! distributed. The target κ is therefore known: 0.9 / (0.95 scale). Each frame audits 200 pixels.
+//! In the model, a lightcut that ends at κ times the threshold has an error between 0 and `scale · κ` thresholds,
+//! uniformly distributed. The target κ is therefore known: 0.9 / (0.95 scale). Each frame audits 200 pixels.
 //!
 //! `cargo run --release -p lighttree --example controller`
 
@@ -11,16 +11,16 @@ use plot::{GRAY, Plot, RED};
 const CLASS: usize = 2;
 const AUDITS: u32 = 200;
 
-/// Error scale of the cuts of a frame.
+/// Returns the error scale of the lightcuts of a frame.
 fn scale(frame: usize) -> f32 {
     match frame {
-        // A light switched on and off every frame.
+        // A light is switched on and off every frame.
         30..70 => [0.5, 2.0][frame % 2],
-        // A shot change to another scene, then back.
+        // A shot change switches to another scene, and a second one switches back.
         100..130 => 5.0,
-        // A flash.
+        // A flash lasts one frame.
         160 => 1e6,
-        // Different light in every frame: scales from a half to twice, uniform in octaves.
+        // The light differs in every frame: scales from a half to twice, uniform in octaves.
         190..230 => (((frame * 7919 % 97) as f32 / 96.0) * 2.0 - 1.0).exp2(),
         _ => 1.0,
     }

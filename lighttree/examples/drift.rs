@@ -1,6 +1,6 @@
-//! Cost of a tree over a thousand frames of moving light. A spot circles over walls of 10 000 lights. Cuts in the
-//! tree of the first frame, which is never rebuilt, are compared with cuts in a new tree. The growth of the tree's
-//! cost is printed too.
+//! Cost of a tree over a thousand frames of moving light. A spot circles over walls of 10 000 lights. Lightcuts in the
+//! tree of the first frame, which is never rebuilt, are compared with lightcuts in a new tree. The example also prints
+//! the growth of the tree's cost.
 //!
 //! `cargo run --release -p lighttree --example drift`
 
@@ -13,13 +13,13 @@ use room::{floor, params, room};
 const LIGHTS: usize = 10_000;
 const FRAMES: usize = 1000;
 
-/// Returns the processor time of this thread \[s\].
+/// Returns the CPU time of this thread \[s\].
 fn now() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// Intensities of the lights under a spot that circles twice.
+/// Returns the intensities of the lights under a spot that circles twice.
 fn lit(lights: &[Light], frame: usize) -> Vec<Vec3> {
     let turn = 2.0 * std::f32::consts::TAU * frame as f32 / FRAMES as f32;
     let spot = Vec3::new(5.0 * turn.cos(), 5.0 * turn.sin(), 2.0 + 1.5 * (0.7 * turn).sin());

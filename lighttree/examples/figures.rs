@@ -1,4 +1,4 @@
-//! Draws the figures of `docs/`, bit-identical in every run.
+//! Draws the figures of `docs/`. They are bit-identical in every run.
 //!
 //! `cargo run --release -p lighttree --example figures`
 
@@ -12,7 +12,7 @@ use rivals::{Method, illuminate};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 20_000;
-/// Allowed error of a cluster relative to the pixel's luminance, as in figure 6b of \[Herzog08\].
+/// Allowed error of a cluster as a fraction of the pixel's luminance, as in figure 6b of \[Herzog08\].
 const THRESHOLD: f32 = 0.03;
 
 fn main() {
@@ -33,7 +33,7 @@ fn main() {
     }
 }
 
-/// Returns the clusters of the cut at a receiver.
+/// Returns the clusters of the lightcut at a receiver.
 fn cut(tree: &LightTree, receiver: &Lambert, threshold: f32) -> Vec<KeptCluster> {
     let mut scratch = Scratch::default();
     let visible = |light: &Light, _| unblocked(receiver.position, light.position);
@@ -46,7 +46,7 @@ fn truth(tree: &LightTree, receiver: &Lambert) -> f32 {
     luminance(tree.exhaustive(receiver, |light, _| unblocked(receiver.position, light.position)))
 }
 
-/// Draws twelve lamps above a floor and the clusters of a cut, which are smaller near the receiver.
+/// Draws twelve lamps above a floor and the clusters of a lightcut. Clusters are smaller near the receiver.
 fn explain() -> String {
     let lamp = |k: usize| Light {
         position: Vec3::new([0.3, 0.8, 1.4, 1.9, 3.0, 3.4, 4.2, 5.0, 6.3, 6.8, 7.9, 8.4][k], 0.0, 2.6),
@@ -78,7 +78,7 @@ fn explain() -> String {
         let text = if bound > 0.0 { format!("≤ {:.0} %", 100.0 * bound / all) } else { "exact".into() };
         svg.text(((left + right) / 2.0, top - 30.0), 12.0, "middle", &text);
     }
-    // Brighter lamps are larger. Representatives are red.
+    // Draw brighter lamps larger, and representatives in red.
     for (k, lamp) in lamps.iter().enumerate() {
         let represents = clusters.iter().any(|cluster| cluster.light as usize == k);
         let radius = 3.0 + 3.0 * luminance(lamp.intensity).sqrt();
@@ -94,8 +94,8 @@ fn explain() -> String {
     svg.finish()
 }
 
-/// Plots one pixel's cut, largest bounds first: bounds, true errors and their running sum (figure 6b of
-/// \[Herzog08\]).
+/// Plots one pixel's lightcut, largest bounds first: bounds, true errors, and the running sum of the true errors
+/// (figure 6b of \[Herzog08\]).
 fn bounds(tree: &LightTree) -> String {
     let receiver = floor(64)[64 * 20 + 44];
     let all = truth(tree, &receiver);
@@ -134,12 +134,12 @@ fn bounds(tree: &LightTree) -> String {
 fn errors(tree: &LightTree) -> [String; 2] {
     const WIDTH: f32 = 0.1;
     let receivers = floor(48);
-    // Number of pixels and sum of their thresholds in each error bin.
+    // Count the pixels and sum their thresholds in each error bin.
     let mut found = vec![(0u32, 0.0f32); 60];
     let mut outside = 0;
     let mut scratch = Scratch::default();
     for (k, receiver) in receivers.iter().enumerate() {
-        // Multiples of the golden ratio spread all thresholds over the floor.
+        // Use multiples of the golden ratio to spread all thresholds over the floor.
         let threshold = 0.01 * 40f32.powf((k as f32 * 0.618_034).fract());
         let all = truth(tree, receiver);
         let visible = |light: &Light, _| unblocked(receiver.position, light.position);
@@ -149,7 +149,7 @@ fn errors(tree: &LightTree) -> [String; 2] {
         let (count, sum) = &mut found[((ratio / WIDTH + 30.0) as usize).min(59)];
         (*count, *sum) = (*count + 1, *sum + threshold);
     }
-    // Bars within the threshold and beyond it have different colors.
+    // Give different colors to bars within the threshold and beyond it.
     let center = |k: usize| (k as f32 - 29.5) * WIDTH;
     let bars = |value: &dyn Fn(u32, f32) -> f32| {
         [true, false].map(|inside| -> Vec<(f32, f32)> {
@@ -177,7 +177,7 @@ fn methods(tree: &LightTree) -> String {
     let all: Vec<f32> = receivers.iter().map(|receiver| truth(tree, receiver)).collect();
     let mean = all.iter().sum::<f32>() / all.len() as f32;
     let mut scratch = Scratch::default();
-    // Logarithms of the mean number of rays and the relative error in percent.
+    // Plot the logarithms of the mean number of rays and of the relative error in percent.
     let mut measure = |method: &dyn Fn(u64) -> Method| {
         let (mut squares, mut rays) = (0.0, 0);
         for ((stream, receiver), all) in (0..).zip(&receivers).zip(&all) {

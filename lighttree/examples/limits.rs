@@ -9,8 +9,8 @@ use std::f64::consts::PI;
 
 const GEOMETRY_TERM_BOUND: f32 = 0.01;
 
-/// Relative error of the light from one source at `position` that faces the receiver, in `f32` roundings, at least
-/// 0.1.
+/// Returns the relative error of the light from one source at `position` that faces the receiver, in `f32` roundings.
+/// The result is at least 0.1.
 fn error(position: Vec3) -> f32 {
     let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::new(0.6, 0.0, 0.8), reflectance: Vec3::ONE };
     let light = Light { position, emission: Emission::Cosine(-position.normalize()), intensity: Vec3::ONE };
@@ -23,7 +23,7 @@ fn error(position: Vec3) -> f32 {
     ((found / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
 }
 
-/// Evaluates the lobe of a rough metal seen from straight above in `f64`, by definition.
+/// Evaluates the lobe of a rough metal, seen from straight above, by definition in `f64`.
 fn lobe(alpha: f64, way: DVec3) -> f64 {
     let (alpha2, cos_i) = (alpha * alpha, way.z);
     let cos_h = (way + DVec3::Z).normalize().z;
@@ -31,7 +31,7 @@ fn lobe(alpha: f64, way: DVec3) -> f64 {
     density / (2.0 * ((cos_i * cos_i * (1.0 - alpha2) + alpha2).sqrt() + cos_i)) * cos_i
 }
 
-/// Largest relative error of the lobe within four half widths and 80°, as (log₁₀ α, log₁₀ error).
+/// Returns the largest relative error of the lobe within four half widths and 80°, as (log₁₀ α, log₁₀ error).
 fn lobes(alpha: f32) -> (f32, f32) {
     let (position, normal, view) = (Vec3::ZERO, Vec3::Z, Vec3::Z);
     let receiver = Ggx { position, normal, view, diffuse: Vec3::ZERO, specular: Vec3::ONE, alpha };
@@ -46,7 +46,7 @@ fn lobes(alpha: f32) -> (f32, f32) {
     (alpha.log10(), errors.fold(0.0, f32::max).log10())
 }
 
-/// Largest error of 64 neighboring positions, as (log₁₀ parameter, log₁₀ error).
+/// Returns the largest error for 64 neighboring positions, as (log₁₀ parameter, log₁₀ error).
 fn worst(parameter: f32, place: impl Fn(f32) -> Vec3) -> (f32, f32) {
     let errors = (0..64).map(|k| error(place(k as f32 / 64.0)));
     (parameter.log10(), errors.fold(0.0, f32::max).log10())
@@ -64,7 +64,7 @@ fn main() {
         |distance: f32| move |k: f32| Vec3::new(k - 0.5, 0.3, 1.0).normalize() * distance * GEOMETRY_TERM_BOUND.sqrt();
     plot.line("contact to far away", BLUE, distances.map(|d| worst(d, at(d))).collect());
     let cosines = (0..=16).map(|k| 10f32.powf(-k as f32 / 4.0));
-    // Direction at the angle from the receiver's plane with this sine.
+    // Compute a light position. Its angle to the receiver's plane has this sine.
     let grazing = |cosine: f32| {
         move |k: f32| {
             let (normal, along) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.8 * k.cos(), k.sin(), -0.6 * k.cos()));
@@ -72,7 +72,7 @@ fn main() {
         }
     };
     plot.line("grazing light, by cosine", RED, cosines.map(|c| worst(c, grazing(c))).collect());
-    // 0.02 is the smallest roughness.
+    // The smallest roughness is 0.02.
     let alphas = (0..=6).map(|k| 10f32.powf(-k as f32 / 4.0)).chain([0.02]);
     plot.line("rough metal, by α", GREEN, alphas.map(lobes).collect());
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/limits.svg");

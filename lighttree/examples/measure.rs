@@ -1,14 +1,14 @@
-//! Measures builds, cuts and shared cuts on the lights and pixels of a real scene, in processor time of this thread
-//! \[s\].
+//! Measures builds, lightcuts and shared lightcuts on the lights and pixels of a real scene. Times are CPU times of
+//! this thread \[s\].
 //!
 //! ```sh
 //! cargo run --release -p tests --example many_lights -- SCENE 512x512 150000 out/conference.lights
 //! cargo run --release -p lighttree --features serde --example measure -- out/conference.lights
 //! ```
 //!
-//! All shadow rays reach their lights, so that only the tree is measured. Thresholds are 2 % of each pixel's
-//! luminance. Without a file, `measure` uses lights in a room (`measure COUNT` sets their number) and a picture of
-//! its floor. The plain loop for comparison evaluates one light per visited node.
+//! No light is occluded, so that only the tree is measured. Thresholds are 2 % of each pixel's luminance. Without a
+//! file, `measure` uses lights in a room and a picture of its floor; `measure COUNT` sets the number of lights. The
+//! plain loop for comparison evaluates one light per visited node.
 
 mod walls;
 
@@ -16,7 +16,7 @@ use glam::Vec3;
 use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Receivers, Scratch, Stop, luminance};
 use walls::walls;
 
-/// Returns the processor time of this thread \[s\].
+/// Returns the CPU time of this thread \[s\].
 fn now() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
@@ -68,7 +68,7 @@ fn main() {
     println!("{} lights, {} pixels", lights.len(), pixels.len());
 
     let mut trees = Vec::new();
-    // With one thread, thread time is total time.
+    // With one thread, the time of the thread is the total time.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool of one thread");
     for builder in [Builder::TopDown, Builder::BottomUp] {
         let (tree, time) = pool.install(|| seconds(|| LightTree::build_by(builder, &lights, params)));
@@ -80,7 +80,7 @@ fn main() {
     let time = (0..9).map(|_| update()).fold(f64::INFINITY, f64::min);
     println!("update: {:.2} ms", 1e3 * time);
     let tree = trees.pop().expect("bottom-up");
-    // An upper limit of the cut size in these scenes.
+    // 20 000 is an upper limit of the lightcut size in these scenes.
     let mut scratch = Scratch::with_max_size(20_000);
 
     // Divide the picture into blocks of 8×8 pixels with thresholds of 2 %.
@@ -147,7 +147,7 @@ fn peak_memory() -> u64 {
     line.split_whitespace().next().and_then(|number| number.parse::<u64>().ok()).unwrap_or(0) / 1024
 }
 
-/// Sums over all lights without a tree.
+/// Returns the sum over all lights, computed without a tree.
 fn plain_loop(lights: &[Light], geometry_term_bound: f32, receiver: &Lambert) -> Vec3 {
     let mut radiance = Vec3::ZERO;
     for light in lights {
@@ -167,7 +167,7 @@ fn plain_loop(lights: &[Light], geometry_term_bound: f32, receiver: &Lambert) ->
     radiance * receiver.reflectance / std::f32::consts::PI
 }
 
-/// Sums over many cuts.
+/// Sums over many lightcuts.
 #[derive(Default)]
 struct Sum {
     cuts: usize,

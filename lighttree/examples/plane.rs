@@ -1,5 +1,5 @@
-//! Lights a plane with 100 000 virtual lights, without a renderer. The walls and ceiling of a room glow unevenly, and
-//! a ball casts shadows on the floor. Prints cut size, time and error for several thresholds.
+//! Lights a plane with 100 000 virtual lights, without a renderer. The walls and ceiling of a room glow unevenly, and a
+//! ball casts shadows on the floor. Prints lightcut size, time and error for several thresholds.
 //!
 //! `cargo run --release -p lighttree --example plane [lights] [floor points along a side]`
 
@@ -25,7 +25,7 @@ fn main() {
     let stats = tree.update(&intensities);
     println!("updated in {:?}, {:.1} % of nodes swapped", start.elapsed(), 100.0 * stats.swapped_share);
 
-    // Compute the reference at few points only, because it is slow.
+    // Compute the reference only at a few points, because it is slow.
     let stride = (points.len() / 100).max(1);
     let start = Instant::now();
     let truth: Vec<Vec3> = points
@@ -39,7 +39,7 @@ fn main() {
     println!("every light: {exhaustive_time:?} per point, mean luminance {mean:.4} W/(m²·sr)\n");
 
     println!("threshold     | cut size | shadow rays | visited | µs/point | ns/node | × faster | error rms, worst");
-    // Each threshold gives one line of the table.
+    // Print one line of the table for each threshold.
     let mut scratch = Scratch::default();
     let absolute =
         [0.05, 0.02, 0.01, 0.005, 0.002].map(|share| (format!("{share:.3} of mean"), Stop::Absolute(share * mean)));
@@ -55,9 +55,9 @@ fn main() {
     }
 }
 
-/// Reference: sums over every light.
+/// Reference, computed as sums over all lights.
 struct Truth {
-    /// Luminance at every `stride`-th point.
+    /// Luminance of every `stride`-th point.
     luminance: Vec<f32>,
     stride: usize,
     /// Time per point.

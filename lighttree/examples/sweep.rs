@@ -1,10 +1,10 @@
-//! Prints error against time for several methods of lighting a receiver from 100 000 lights. With a path, plots it
-//! too.
+//! Prints error against time for several methods of lighting a receiver from 100 000 lights. If a path is given, also
+//! plots the results.
 //!
 //! `cargo run --release -p lighttree --example sweep [out.svg]`
 //!
-//! Shadow rays only test a ball and cost almost nothing. Where they are more expensive, compare their number too.
-//! Figures with times vary between runs. The figures of `docs/`, made by `examples/figures.rs`, do not.
+//! Shadow rays only test a ball and cost almost nothing. Where rays are more expensive, also compare their number.
+//! Figures with times vary between runs. The figures of `docs/`, made by `examples/figures.rs`, do not vary.
 
 mod rivals;
 mod room;
@@ -16,20 +16,20 @@ use rivals::{Method, illuminate};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 100_000;
-/// Number of runs. The shortest time counts.
+/// Number of runs. The shortest time is reported.
 const REPEATS: usize = 5;
 
-/// Name of a setting, and the method for a stream of random numbers.
+/// Name of a setting, and the function from a stream of random numbers to the method.
 type Setting = (String, Box<dyn Fn(u64) -> Method>);
 
-/// A method and its color in the plot.
+/// A method with the color of its line in the plot.
 struct Rival {
     name: &'static str,
     color: &'static str,
     settings: Vec<Setting>,
 }
 
-/// Returns the processor time of this thread \[s\].
+/// Returns the CPU time of this thread \[s\].
 fn now() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
@@ -66,7 +66,7 @@ fn main() {
                 })
                 .collect()
             };
-            // The first run gives the error, the repetitions the time.
+            // Measure the error in the first run and the time in the repetitions.
             let found = light_all();
             let mut least = f64::INFINITY;
             for _ in 0..REPEATS {
@@ -89,7 +89,7 @@ fn main() {
     }
 }
 
-/// All methods, for receivers of this mean luminance.
+/// Returns all methods, for receivers with this mean luminance.
 fn rivals(mean: f32) -> [Rival; 4] {
     const SHARES: [f32; 6] = [0.2, 0.1, 0.05, 0.02, 0.01, 0.005];
     fn by<T: Copy + 'static>(

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use crate::lanes::{Real, Vector3};
 
-/// Cone of directions around a unit axis. Uses `f64`, so that thousands of unions do not widen the cone of a flat
+/// Cone of directions around a unit axis. It uses `f64`, so that thousands of unions do not widen the cone of a flat
 /// wall.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
@@ -17,12 +17,12 @@ impl Cone {
     /// Cone of all directions.
     pub const SPHERE: Self = Self { axis: DVec3::Z, half_angle: std::f64::consts::PI };
 
-    /// Cone of a single direction.
+    /// Returns the cone of a single direction.
     pub fn ray(axis: Vec3) -> Self {
         Self { axis: axis.as_dvec3().normalize(), half_angle: 0.0 }
     }
 
-    /// Smallest cone around two cones.
+    /// Returns the smallest cone around two cones.
     pub fn union(self, other: Self) -> Self {
         let (wide, narrow) = if self.half_angle >= other.half_angle { (self, other) } else { (other, self) };
         let sine_axis = wide.axis.cross(narrow.axis);
@@ -34,7 +34,7 @@ impl Cone {
         if half_angle >= std::f64::consts::PI {
             return Self::SPHERE;
         }
-        // Rotate the wide cone's axis towards the narrow one's. Opposite axes may rotate around any normal.
+        // Rotate the wide cone's axis towards the narrow cone's axis. Opposite axes may rotate around any normal.
         let turn = half_angle - wide.half_angle;
         let across = sine_axis.cross(wide.axis).try_normalize().unwrap_or_else(|| wide.axis.any_orthonormal_vector());
         let axis = wide.axis * turn.cos() + across * turn.sin();
@@ -42,7 +42,7 @@ impl Cone {
     }
 }
 
-/// Box of a cluster relative to a receiver: the basis of upper bounds over all directions to the cluster.
+/// Box of a cluster relative to a receiver. Upper bounds over all directions to the cluster are computed from it.
 ///
 /// Lengths are in meters, relative to the receiver's position, along the world axes. For directional lights the box
 /// contains the unit directions towards them, which gives the same cosine bounds. `F` is `f32` for one box,
@@ -56,7 +56,7 @@ pub struct Region<F = f32> {
 }
 
 impl<F: Real> Region<F> {
-    /// Box from `low` to `high`, relative to the receiver \[m\].
+    /// Creates a box from `low` to `high`, relative to the receiver \[m\].
     #[inline(always)]
     pub fn new(low: Vector3<F>, high: Vector3<F>) -> Self {
         let nearest = low.max(-high).max(Vector3::splat(Vec3::ZERO));
@@ -76,34 +76,35 @@ impl<F: Real> Region<F> {
         self.high
     }
 
-    /// Squared distance from the receiver to the box \[m²\], zero inside the box.
+    /// Squared distance from the receiver to the box \[m²\]. It is zero inside the box.
     #[inline(always)]
     pub fn nearest_distance2(&self) -> F {
         self.nearest2
     }
 
-    /// Largest `axis · d` over the points d of the box \[m for a unit axis\].
+    /// Returns the largest `axis · d` over the points d of the box \[m for a unit axis\].
     ///
-    /// Computed from the products of the corners. Center and half size would cancel if a huge box begins close to the
-    /// receiver, and a rounded-down value would not be a bound.
+    /// The result is computed from products of the corners. Products of center and half size would cancel if a huge box
+    /// begins close to the receiver. A value that is rounded down would not be a bound.
     #[inline(always)]
     fn furthest_along(&self, axis: Vector3<F>) -> F {
         let corner = self.low.times(axis).max(self.high.times(axis));
         corner.x + corner.y + corner.z
     }
 
-    /// Upper bound of the cosine between a unit axis and the directions to the box, −1 … 1. 1 if the receiver is
-    /// inside.
+    /// Returns an upper bound of the cosine between a unit axis and the directions to the box, −1 … 1. It is 1 if the
+    /// receiver is inside the box.
     #[inline(always)]
     pub fn max_cosine(&self, axis: Vector3<F>) -> F {
         let along = self.furthest_along(axis);
         let (_, inverse) = self.distance_to_divide_by(along);
-        // `along` = 0 and `nearest` = 0 give 0 · ∞ = NaN. `min` then returns 1, a valid bound.
+        // If `along` and `nearest` are 0, then 0 · ∞ = NaN. `min` then returns 1, a valid bound.
         let cosine = (along * inverse).min(F::splat(1.0));
         cosine.max(F::splat(-1.0))
     }
 
-    /// Upper bound of the cosine like [`Region::max_cosine`], but 0 if the whole box is behind the plane of the axis.
+    /// Returns an upper bound of the cosine like [`Region::max_cosine`], but 0 if the whole box is behind the plane of
+    /// the axis.
     #[inline(always)]
     pub fn max_cosine_in_front(&self, axis: Vector3<F>) -> F {
         let along = self.furthest_along(axis);
@@ -111,7 +112,8 @@ impl<F: Real> Region<F> {
         F::select(F::splat(0.0).lt(along), cosine, F::splat(0.0))
     }
 
-    /// Upper bound of the cosine between any axis in a cone and the directions to the box, 0 if all are behind.
+    /// Returns an upper bound of the cosine between any axis in a cone and the directions to the box, cos(max(0, φ −
+    /// β)). It is 0 if all directions are behind the axes.
     ///
     /// ```text
     /// φ  smallest angle between the cone's axis and those directions
@@ -121,15 +123,15 @@ impl<F: Real> Region<F> {
     pub fn max_cosine_of_cone(&self, cone: &DirectionCone<F>) -> F {
         let along = self.furthest_along(cone.axis);
         let (distance2, inverse) = self.distance_to_divide_by(along);
-        // Sine times distance. The square roots and the quotient are independent of each other.
+        // Compute the sine times the distance. The square roots and the quotient are independent of each other.
         let across = (distance2 - along * along).max(F::splat(0.0)).sqrt();
         let turned = ((along * cone.cosine + across * cone.sine) * inverse).max(F::splat(0.0));
-        // Inside the box 0 · ∞ may give NaN. The comparison with NaN is false and selects 1.
+        // Inside the box, 0 · ∞ may give NaN. The comparison with NaN is false and selects 1.
         F::select((along * inverse).lt(cone.cosine), turned.min(F::splat(1.0)), F::splat(1.0))
     }
 
-    /// Squared distance and inverse distance that convert the largest scalar product to the largest cosine. The
-    /// nearest point's distance if `along` is positive, otherwise the furthest corner's.
+    /// Returns the squared distance and the inverse distance that convert the largest scalar product to the largest
+    /// cosine. They belong to the nearest point of the box if `along` is positive, otherwise to the furthest corner.
     #[inline(always)]
     fn distance_to_divide_by(&self, along: F) -> (F, F) {
         let furthest = self.high.max(-self.low);
@@ -140,7 +142,7 @@ impl<F: Real> Region<F> {
     }
 }
 
-/// Cone of directions for bounds: unit axis, and cosine and sine of its half-angle. A cosine of −1 means all
+/// Cone of directions for bounds: unit axis, and cosine and sine of the half-angle. A cosine of −1 means all
 /// directions.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectionCone<F = f32> {
@@ -153,14 +155,14 @@ pub struct DirectionCone<F = f32> {
 }
 
 impl DirectionCone {
-    /// Cone that contains all given unit directions, or all directions if `directions` is empty.
+    /// Returns a cone that contains all given unit directions, or all directions if `directions` is empty.
     pub fn around(directions: impl Iterator<Item = Vec3>) -> Self {
         let cone = directions.map(Cone::ray).reduce(Cone::union).unwrap_or(Cone::SPHERE);
         let (sine, cosine) = cone.half_angle.sin_cos();
         Self { axis: cone.axis.as_vec3().into(), cosine: cosine as f32, sine: sine.max(0.0) as f32 }
     }
 
-    /// Same cone in every lane.
+    /// Returns the cone repeated in every lane.
     #[inline(always)]
     #[must_use]
     pub fn splat<F: Real>(&self) -> DirectionCone<F> {

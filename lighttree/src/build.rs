@@ -1,10 +1,10 @@
 //! Tree construction: the clusters and their properties.
 //!
-//! Two builders choose the clusters, [bottom-up](agglomerate) and [top-down](top_down). Both share the node layout,
-//! bounds, sums and the draw of representatives.
+//! Two builders choose the clusters, [bottom-up](agglomerate) and [top-down](top_down). They share the node layout, the
+//! bounds, the sums and the draw of representatives.
 //!
-//! Directional lights form a tree of their own, over their directions. If other lights exist too, a last node joins
-//! both trees.
+//! Directional lights have a separate tree over their directions. If other lights exist too, one more node joins both
+//! trees.
 
 mod agglomerate;
 mod cluster;
@@ -21,27 +21,27 @@ use crate::sites::Sites;
 use crate::tree::LightTree;
 use cluster::{Cluster, Metric};
 
-/// Smallest weight of a light in the cost, in mean lights. Not in the papers.
+/// Minimum luminance of a light in the cost, as a fraction of the mean luminance. It is not in the papers.
 const LUMINANCE_FLOOR: f32 = 1e-3;
-/// Smallest diagonal of a cluster in the cost, in scene diagonals. Not in the papers.
+/// Minimum diagonal of a cluster in the cost, as a fraction of the scene's diagonal. It is not in the papers.
 const COINCIDENCE: f32 = 1e-6;
-/// Smallest s² \[m²\], which keeps G in the range of `f32`. Not in the papers.
+/// Minimum s² \[m²\], which keeps G in the range of `f32`. It is not in the papers.
 pub(crate) const SMALLEST_BOUND: f32 = 1e-12;
 
 /// Parameters of a build.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct BuildParams {
-    /// s² in G = cos θ / (r² + s²) \[m²\], which bounds the geometry term by 1/s². It is the squared radius of the
-    /// disc that a light represents. NaN and values below 1e-12 count as 1e-12.
+    /// s² in G = cos θ / (r² + s²) \[m²\], which limits the geometry term to 1/s². It is the squared radius of the disc
+    /// that a light represents. NaN and values below 1e-12 are replaced by 1e-12.
     pub geometry_term_bound: f32,
-    /// Seed of the draw of representatives, 0 by default.
+    /// Seed for the draw of representatives, 0 by default.
     pub seed: u64,
 }
 
 impl BuildParams {
-    /// Parameters for lights that represent equal fractions of a surface of this area \[m²\]: virtual lights, or
-    /// samples of an area light. Each light counts as a disc of `area / lights`, so that s² = area / (π · lights).
+    /// Returns parameters for lights that represent equal fractions of a surface with this area \[m²\]: virtual lights,
+    /// or samples of an area light. Each light counts as a disc of `area / lights`, so that s² = area / (π · lights).
     ///
     /// ```
     /// use lighttree::BuildParams;
@@ -54,13 +54,13 @@ impl BuildParams {
         Self::bounded_by(area / (std::f32::consts::PI * lights.max(1) as f32))
     }
 
-    /// Parameters with this `geometry_term_bound` \[m²\] and seed 0.
+    /// Returns parameters with this `geometry_term_bound` \[m²\] and seed 0.
     #[must_use]
     pub const fn bounded_by(geometry_term_bound: f32) -> Self {
         Self { geometry_term_bound, seed: 0 }
     }
 
-    /// Same parameters with another seed.
+    /// Returns the same parameters with another seed.
     #[must_use]
     pub const fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
@@ -71,18 +71,19 @@ impl BuildParams {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Builder {
-    /// Repeatedly joins the two clusters with the lowest cost until one is left.
+    /// Repeatedly joins the two clusters with the lowest cost until one cluster remains.
     BottomUp,
-    /// Recursively splits the lights where the cost is lowest. Many times faster than `BottomUp`.
+    /// Recursively splits the lights where the cost is lowest. It is many times faster than `BottomUp`.
     TopDown,
 }
 
 impl LightTree {
-    /// Builds the tree over the lights, bottom-up. Light k keeps its index in [`update`](LightTree::update) and in
+    /// Builds the tree over the lights, bottom-up. Light k has the index k in [`update`](LightTree::update) and in
     /// visibility queries.
     ///
-    /// A light gets no intensity if a field is not finite, its intensity is negative, or it has no axis. The same
-    /// applies beyond 10¹⁵ m or 10²⁵ W·sr⁻¹. [`LightTree::rejected`] counts these lights.
+    /// The intensity of a light becomes zero if a field is not finite, its intensity is negative, or it has no axis.
+    /// The same applies to coordinates beyond 10¹⁵ m and intensities beyond 10²⁵ W·sr⁻¹. [`LightTree::rejected`] counts
+    /// these lights.
     ///
     /// The representative of a cluster is one of its lights, drawn with probability proportional to luminance.
     ///
@@ -94,7 +95,7 @@ impl LightTree {
         Self::build_by(Builder::BottomUp, lights, params)
     }
 
-    /// Builds the tree like [`LightTree::build`], with the given builder. The tree is the same for any number of
+    /// Builds the tree like [`LightTree::build`], with the given builder. The tree does not depend on the number of
     /// threads.
     ///
     /// # Panics
@@ -125,8 +126,8 @@ impl LightTree {
         tree
     }
 
-    /// Orders the nodes: parents first, siblings next to each other, subtrees close together. Cluster k < n is light
-    /// k, cluster n + k is the k-th merge.
+    /// Orders the nodes: parents first, siblings next to each other, subtrees close together. Cluster k < n is light k,
+    /// and cluster n + k is the k-th merge.
     fn assemble(&mut self, merges: &[[u32; 2]], metrics: &Metrics) {
         let leaf_count = self.lights.len();
         if leaf_count == 0 {
@@ -150,7 +151,7 @@ impl LightTree {
         self.fill(metrics);
     }
 
-    /// Computes bounds, sums and representatives of all nodes, children first.
+    /// Computes bounds, sums and representatives of all nodes, children before parents.
     pub(crate) fn fill(&mut self, metrics: &Metrics) {
         let count = self.nodes.len();
         let arrivals = arrivals(self.seed, &self.lights);
@@ -158,7 +159,7 @@ impl LightTree {
         let mut cones = vec![Cone::SPHERE; count];
         let mut oriented = vec![false; count];
         self.extents = vec![0.0; count];
-        // Children follow their parents, so the reverse order visits them first.
+        // Children follow their parents, so the reverse order visits children first.
         for index in (0..count).rev() {
             let mut node = self.nodes[index];
             if node.is_leaf() {
@@ -174,7 +175,7 @@ impl LightTree {
                 node.low = a.low.min(b.low);
                 node.high = a.high.max(b.high);
                 node.intensity = a.intensity + b.intensity;
-                // The child with the earlier arrival wins the race.
+                // The child whose representative arrives earlier wins the race.
                 let chosen = if arrivals[b.representative as usize] < arrivals[a.representative as usize] {
                     first + 1
                 } else {
@@ -182,7 +183,7 @@ impl LightTree {
                 };
                 node.representative_child = chosen as u32;
                 node.representative = self.nodes[chosen].representative;
-                // Directional clusters have no cone. The joint of both trees is not directional.
+                // Directional clusters have no cone. The node that joins both trees is not directional.
                 let diagonal2 = (node.high - node.low).length_squared();
                 if a.is_directional() && !(joint && index == 0) {
                     (node.axis, node.cone_cosine, node.cone_sine) = (a.axis, a.cone_cosine, a.cone_sine);
@@ -213,9 +214,9 @@ fn is_directional(light: &Light) -> bool {
 /// Constants of the cost functions of both trees.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Metrics {
-    /// Metric of lights with a position.
+    /// Metric for lights with a position.
     pub points: Metric,
-    /// Metric of directional lights, on the unit sphere.
+    /// Metric for directional lights, on the unit sphere.
     pub directions: Metric,
     /// Squared length in the scene that equals a distance of 1 on the unit sphere \[m²\].
     unit_length2: f32,
@@ -226,7 +227,7 @@ impl Metrics {
         let placed = lights.iter().filter(|light| !is_directional(light));
         let scene2 = diagonal2(placed.clone());
         let points = Metric {
-            // In a scene of one point, cost depends only on orientation and luminance.
+            // In a scene with a single light position, the cost depends only on orientation and luminance.
             coincidence2: if scene2 > 0.0 { COINCIDENCE * COINCIDENCE * scene2 } else { 1.0 },
             orientation2: diagonal2(placed.filter(|light| light.emission != Emission::Omni)),
         };
@@ -266,7 +267,7 @@ fn merges(builder: Builder, lights: &[Light], metrics: &Metrics) -> Vec<[u32; 2]
 /// Returns one cluster per light.
 fn leaf_clusters(lights: &[Light]) -> Vec<Cluster> {
     let brightest = lights.iter().map(|light| luminance(light.intensity)).fold(0.0, f32::max);
-    // Relative to the brightest light, costs stay in the range of `f32` for any unit of the scene.
+    // With luminances relative to the brightest light, costs stay in the range of `f32` for any unit of the scene.
     let relative = |light: &Light| if brightest > 0.0 { luminance(light.intensity) / brightest } else { 1.0 };
     let mean = lights.iter().map(|light| f64::from(relative(light))).sum::<f64>() / lights.len().max(1) as f64;
     let floor = LUMINANCE_FLOOR * mean as f32;

@@ -1,47 +1,50 @@
-//! Calibrated stopping: the ratio of bounds to thresholds, learned from measured errors. Not from any paper.
+//! Calibrated stopping: the ratio of bounds to thresholds, learned from measured errors. The method is not from any
+//! paper.
 //!
-//! The bound of a cut holds for each of its clusters. The error of a pixel is their sum. Errors add up where clusters
-//! are many and cancel where they are few. The bound alone does not predict the error. Therefore some pixels are
-//! *audited*, which means cut again with a much finer threshold:
+//! The bound of a lightcut holds for each of its clusters. The error of a pixel is the sum of the clusters' errors.
+//! Errors add up where clusters are many and cancel where clusters are few, so the bound alone does not predict the
+//! error. Therefore some pixels are *audited*: a second lightcut with a much finer threshold measures the error.
 //!
 //! ```text
-//! a cut ends when no cluster's bound exceeds κ ΔY
-//! r = |L − L_fine| / ΔY            error of an audited pixel
-//! κ ← κ · (AIM / q)^DAMPING        q  quantile of r, 95 % by default; step and κ are clamped
+//! a lightcut ends when no cluster's bound exceeds κ ΔY
+//! r = |L − L_fine| / ΔY            error of an audited pixel; L, L_fine: luminance of the two lightcuts
+//! κ ← κ · (AIM / q)^DAMPING        q: quantile of r, 95 % by default; step and κ are clamped
 //! ```
 //!
-//! Each octave of ΔY / Y has its own κ, because cut size and error depend on it: at 2 % of the luminance cuts have
-//! hundreds of clusters, above one half a dozen. The first audits of an octave may lower κ by any factor, because its
-//! initial value is a guess. Until its first step, an octave's κ is at most the κ of the next finer octave, because a
-//! film begins at 2 %.
+//! Each octave of ΔY / Y, the ratio of threshold to luminance, has its own κ. Lightcut size and error depend on this
+//! ratio: at 2 % of the luminance lightcuts have hundreds of clusters, above one half they have about six. The first
+//! audits of an octave may lower κ by any factor, because its initial value is a guess. A film begins at 2 %. Until the
+//! first step of an octave, its κ is therefore at most the κ of the next finer octave.
 //!
-//! Audits are counted in integer buckets. Their sum is independent of the order, so any number of threads learns the
-//! same κ.
+//! Audits are counted in integer buckets. Their sum does not depend on the order, so κ does not depend on the number of
+//! threads.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Number of octaves of ΔY / Y.
 const CLASSES: usize = 6;
 const FIRST: f32 = 0.02;
-/// Initial κ. At 0.4, cuts of `cornell` at 2 % leave one pixel in twenty outside its threshold.
+/// Initial κ. With 0.4, lightcuts of `cornell` at 2 % leave one pixel in twenty outside its threshold.
 const START: f32 = 0.4;
 const LEAST: f32 = 1.0 / 16.0;
 const MOST: f32 = 16.0;
-/// Target of the error quantile \[thresholds\]. A quantile of a few dozen numbers is uncertain by about a tenth.
+/// Target for the quantile of the errors \[thresholds\]. The quantile of a few dozen numbers is uncertain by about a
+/// tenth.
 const AIM: f32 = 0.9;
-/// Exponent of a step. Below 1, an outlier of the quantile is followed only partially.
+/// Exponent of a step. With less than 1, κ follows an outlier of the quantile only partially.
 const DAMPING: f32 = 0.7;
 const LARGEST_STEP: f32 = 1.6;
-/// Mean number of audits beyond the quantile that a step requires: 48 audits for 95 %.
+/// Mean number of audits beyond the quantile that a step requires. For a quantile of 95 %, 2.4 require 48 audits.
 const ENOUGH_BEYOND: f64 = 2.4;
-/// Threshold of an audit's cut, relative to the pixel's threshold. Its own error is then below the measurable tenth.
+/// Threshold of an audit's lightcut, relative to the pixel's threshold. The lightcut's own error is then below the
+/// measurable tenth.
 const FINE: f32 = 0.1;
 
-/// Number of buckets of r: eighths of an octave from 2⁻⁸ to 2⁸. The end buckets include everything beyond.
+/// Number of buckets of r: eighths of an octave from 2⁻⁸ to 2⁸. The end buckets include all values beyond.
 const BUCKETS: usize = 128;
 const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 
-/// κ of every class of thresholds, learned frame by frame.
+/// κ of every class of thresholds, learned from frame to frame.
 ///
 /// ```
 /// use lighttree::{Audits, Calibration};
@@ -51,7 +54,7 @@ const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 /// for _frame in 0..20 {
 ///     let audits = Audits::default();
 ///     for k in 0..100 {
-///         // Here the error of a cut that ends at κ thresholds is 0 … 3 κ. Measure yours with `Calibration::fine`.
+///         // A lightcut that ends at κ thresholds errs by 0 … 3 κ. Measure real errors with `Calibration::fine`.
 ///         audits.note(class, 3.0 * calibration.kappa(class) * k as f32 / 100.0);
 ///     }
 ///     calibration.learn(&audits);
@@ -65,7 +68,7 @@ pub struct Calibration {
     kappas: [f32; CLASSES],
     /// Whether the class has taken a step.
     learned: [bool; CLASSES],
-    /// Audits since the last step.
+    /// Counts of the audits since the last step.
     pending: [Counts; CLASSES],
 }
 
@@ -94,7 +97,7 @@ impl TryFrom<Vec<u32>> for Counts {
     }
 }
 
-/// Errors found by the audits of a frame. Threads may add errors concurrently.
+/// Errors measured by the audits of a frame. Threads may add errors concurrently.
 #[derive(Debug)]
 pub struct Audits([[AtomicU32; BUCKETS]; CLASSES]);
 
@@ -116,7 +119,7 @@ impl Default for Audits {
 pub struct Learned {
     /// 95 % quantile of the errors \[thresholds\].
     pub error_p95: f64,
-    /// Mean κ over the audits.
+    /// Mean of κ over the audits.
     pub kappa: f64,
 }
 
@@ -135,13 +138,13 @@ impl Audits {
         }
     }
 
-    /// Returns all counts, for transfer to another process.
+    /// Returns all counts, to send them to another process.
     #[must_use]
     pub fn numbers(&self) -> Vec<u32> {
         self.0.iter().flatten().map(|count| count.load(Ordering::Relaxed)).collect()
     }
 
-    /// Adds the [`numbers`](Self::numbers) of another process.
+    /// Adds the counts from [`numbers`](Self::numbers) of another process.
     pub fn add_numbers(&self, numbers: &[u32]) {
         for (sum, &count) in self.0.iter().flatten().zip(numbers) {
             sum.fetch_add(count, Ordering::Relaxed);
@@ -154,15 +157,15 @@ impl Audits {
 }
 
 impl Calibration {
-    /// Recommended maximum cut size \[clusters\]. `atrium` at 2 % needs 800 on average to keep 95 % of the pixels
-    /// within their thresholds. The paper's maximum is 1000.
+    /// Recommended maximum size of a lightcut \[clusters\]. `atrium` at 2 % needs 800 clusters on average to keep 95 %
+    /// of the pixels within their thresholds. The paper's maximum is 1000.
     pub const LARGEST_CUT: u32 = 8000;
 
     /// Default fraction of pixels within their thresholds.
     pub const DEFAULT_SHARE: f64 = 0.95;
 
-    /// Calibration that keeps this fraction of the pixels within their thresholds, 0.5…0.999. NaN means
-    /// [`Calibration::DEFAULT_SHARE`]. Fractions near 1 need more audits.
+    /// Creates a calibration that keeps this fraction of the pixels within their thresholds, 0.5…0.999. NaN is replaced
+    /// by [`Calibration::DEFAULT_SHARE`]. Fractions near 1 need more audits.
     #[must_use]
     pub fn keeping(share: f64) -> Self {
         let share = if share.is_nan() { Self::DEFAULT_SHARE } else { share.clamp(0.5, 0.999) };
@@ -177,7 +180,7 @@ impl Calibration {
         ((1.0 - Self::DEFAULT_SHARE) / (1.0 - self.share)).round().clamp(1.0, 16.0) as usize
     }
 
-    /// Returns the class of a threshold, below 6, from its ratio to the luminance.
+    /// Returns the class of a threshold, 0 to 5, from its ratio to the luminance.
     #[must_use]
     pub fn class(threshold: f32, luminance: f32) -> usize {
         // NaN and black pixels belong to the first class.
@@ -185,7 +188,7 @@ impl Calibration {
         if octaves.is_finite() { (octaves.max(0.0) as usize).min(CLASSES - 1) } else { 0 }
     }
 
-    /// Returns the threshold of the audit's cut for a pixel with this `threshold`.
+    /// Returns the threshold of an audit's lightcut for a pixel with this `threshold`.
     #[must_use]
     pub fn fine(threshold: f32) -> f32 {
         FINE * threshold
@@ -201,7 +204,7 @@ impl Calibration {
         self.kappas[class]
     }
 
-    /// Learns from the audits of a frame and returns their summary, or `None` without audits.
+    /// Learns from the audits of a frame and returns their summary. Returns `None` without audits.
     pub fn learn(&mut self, audits: &Audits) -> Option<Learned> {
         let counts = audits.counts();
         let mut all = Counts([0; BUCKETS]);
@@ -212,17 +215,17 @@ impl Calibration {
             all.add(found);
             kappas += f64::from(*kappa) * f64::from(found.total());
             pending.add(found);
-            // Step once enough audits are beyond the quantile.
+            // Step as soon as enough audits are beyond the quantile.
             if f64::from(pending.total()) >= enough {
                 let wanted = AIM / pending.quantile(self.share);
                 let damped = wanted.powf(DAMPING).clamp(1.0 / LARGEST_STEP, LARGEST_STEP);
-                // The first step must not raise κ: a film that begins in the dark shows no errors.
+                // The first step must not raise κ, because a film that begins in the dark shows no errors.
                 let step = if self.learned[class] { damped } else { damped.min(wanted) };
                 *kappa = (*kappa * step).clamp(LEAST, MOST);
                 *pending = Counts([0; BUCKETS]);
                 self.learned[class] = true;
             }
-            // A class without a step follows the next finer class.
+            // Limit a class without a step to the κ of the next finer class.
             if class > 0 && !self.learned[class] {
                 self.kappas[class] = self.kappas[class].min(self.kappas[class - 1]);
             }
@@ -241,7 +244,7 @@ impl Counts {
         self.0.iter().sum()
     }
 
-    /// Returns the quantile of the errors: the upper end of its bucket.
+    /// Returns the quantile of the errors, which is the upper end of the quantile's bucket.
     fn quantile(&self, share: f64) -> f32 {
         let wanted = (f64::from(self.total()) * share).ceil() as u32;
         let mut sum = 0;
@@ -254,7 +257,7 @@ impl Counts {
 }
 
 fn bucket(ratio: f32) -> usize {
-    // 0/0 = NaN counts as no error, infinity as the largest.
+    // 0/0 = NaN counts as no error, infinity counts as the largest error.
     if ratio.is_nan() {
         return 0;
     }
@@ -270,14 +273,14 @@ fn upper_end(bucket: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// Audits one frame. Audit `k` of `count` has the error `error(k, κ)` in class 2.
+    /// Audits and learns one frame. Audit `k` of `count` has the error `error(k, κ)` in class 2.
     fn frame(calibration: &mut Calibration, count: u32, error: impl Fn(u32, f32) -> f32) -> Option<Learned> {
         let audits = Audits::default();
         (0..count).for_each(|k| audits.note(2, error(k, calibration.kappa(2))));
         calibration.learn(&audits)
     }
 
-    /// Errors uniform between 0 and `scale` times κ. Their 95 % quantile gives the expected κ.
+    /// Returns errors that are uniform between 0 and `scale` times κ. Their 95 % quantile gives the expected κ.
     fn even(scale: f32) -> impl Fn(u32, f32) -> f32 {
         move |k, kappa| (k as f32 + 0.5) / 200.0 * scale * kappa
     }
@@ -300,8 +303,8 @@ mod tests {
         }
     }
 
-    /// The initial κ falls in one frame of audits but rises step by step, because a film that begins in the dark
-    /// shows no errors.
+    /// The initial κ falls in one frame of audits. It rises step by step, because a film that begins in the dark shows
+    /// no errors.
     #[test]
     fn the_first_audits_are_followed_down_at_once() {
         for scale in [5.0, 20.0] {
@@ -330,7 +333,7 @@ mod tests {
         }
     }
 
-    /// A light switched every frame, then a flash of 10⁶, then the original light.
+    /// A light is switched every frame. Then follow a flash of 10⁶ and the original light.
     #[test]
     fn the_loop_stays_in_its_bounds_and_returns() {
         let mut calibration = Calibration::default();
@@ -366,11 +369,11 @@ mod tests {
         assert_eq!(calibration.kappa(2), LEAST);
     }
 
-    /// Errors grow with κ^`power`. In each frame log κ moves by DAMPING · power of its distance, and errors are
-    /// quantised to eighths of an octave. κ therefore ends in a cycle of at most DAMPING/8 octaves, divided by the
-    /// relative reduction per frame.
+    /// Errors are proportional to κ^`power`. In each frame log κ moves by DAMPING · power of its distance from the
+    /// target, and errors are quantised to eighths of an octave. κ therefore ends in a cycle of at most DAMPING/8
+    /// octaves, divided by the relative reduction per frame.
     ///
-    /// This holds for powers up to 2/DAMPING = 2.86. Beyond, κ oscillates by at most a step per frame.
+    /// This holds for powers up to 2/DAMPING = 2.86. For larger powers, κ oscillates by at most a step per frame.
     #[test]
     fn ten_thousand_still_frames_end_in_a_small_cycle() {
         for (power, scale) in [(0.5, 1.0), (1.0, 0.3), (1.0, 1.0), (1.0, 4.0), (2.0, 1.0), (2.5, 1.0)] {
@@ -394,7 +397,7 @@ mod tests {
                 distance(least).max(distance(most)) <= 0.3,
                 "power {power}, scale {scale}: {least}…{most} for {aim}"
             );
-            // Each frame reduces the distance to the fraction `kept`, or by a whole step if that is less.
+            // Each frame multiplies the distance by `kept`, or reduces it by a whole step if that is less.
             let frames =
                 (distance(START) / LARGEST_STEP.log2() + (0.05f32.ln() / kept.max(0.01).ln())).ceil() as usize + 8;
             let settled = kappas.iter().position(|&kappa| distance(kappa) <= 0.3).unwrap();

@@ -2,16 +2,16 @@
 //!
 //! # Differences from the paper
 //!
-//! * With an absolute threshold the order of refinement does not matter: a node is refined if its bound and the
-//!   bounds of all its ancestors exceed the threshold. The tree is therefore [walked](walk) by bounds only, four
-//!   nodes at a time, without a heap. The representatives of the cut are evaluated afterwards, once each and four at
-//!   a time. Cuts that would exceed the maximum size, and relative thresholds, are refined [best first](best_first)
-//!   as in the paper.
-//! * A cluster with a bound of exactly zero contributes nothing. It is dropped: no estimate, no shadow ray, not
-//!   counted in the size. In [walked](walk) cuts this applies to single lights too.
-//! * A cluster is estimated by [both of its halves](halves), with one shadow ray. Kept clusters use the paper's
+//! * With an absolute threshold, the order of refinement has no effect: a node is refined if its bound and the bounds
+//!   of all its ancestors exceed the threshold. The tree is therefore [walked](walk) with bounds only, four nodes at a
+//!   time, without a heap. The representatives of the lightcut are evaluated afterwards, once each and four at a time.
+//!   Lightcuts that would exceed the maximum size, and lightcuts with relative thresholds, are refined [best
+//!   first](best_first) as in the paper.
+//! * A cluster with a bound of exactly zero contributes nothing. It is dropped: it gets no estimate and no shadow ray,
+//!   and does not count in the size. In [walked](walk) lightcuts this applies to single lights too.
+//! * A cluster is estimated with [both of its halves](halves) and one shadow ray. Kept clusters use the paper's
 //!   estimate with one representative.
-//! * Neighboring receivers can [share](bundle) most of their walk.
+//! * Neighboring receivers can [share](bundle) most of their walks.
 
 mod best_first;
 mod bundle;
@@ -32,26 +32,26 @@ use bundle::Shared;
 pub use evaluate::ShadowRay;
 pub use group::Receivers;
 
-/// Maximum cut size of \[Walter05\].
+/// Maximum lightcut size in \[Walter05\].
 const PAPER_MAX_SIZE: u32 = 1000;
 
-/// Stopping rule of a cut. Each cut also ends at the maximum size of its [`Scratch`].
+/// Stopping rule of a lightcut. Each lightcut also ends at the maximum size of its [`Scratch`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Stop {
-    /// Absolute limit of each cluster's error, as luminance \[W·m⁻²·sr⁻¹\]. With 0 the cut contains every light.
+    /// Absolute limit of each cluster's error, as luminance \[W·m⁻²·sr⁻¹\]. With 0 the lightcut contains every light.
     Absolute(f32),
-    /// Limit of each cluster's error as a fraction of the pixel's luminance: the paper's rule, with 2 %.
+    /// Limit of each cluster's error as a fraction of the pixel's luminance. This is the paper's rule, with 2 %.
     Relative {
         /// Maximum error of a cluster as a fraction of the luminance, 0.02 in the paper.
         fraction: f32,
-        /// Luminance of the pixel from other sources, added to the cut's \[W·m⁻²·sr⁻¹\].
+        /// Luminance of the pixel from other sources \[W·m⁻²·sr⁻¹\]. It is added to the luminance of the lightcut.
         known_luminance: f32,
     },
 }
 
 impl Stop {
-    /// Returns the error limit of a cluster for a cut of this `luminance` \[W·m⁻²·sr⁻¹\].
+    /// Returns the error limit of a cluster for a lightcut with this `luminance` \[W·m⁻²·sr⁻¹\].
     #[must_use]
     pub fn threshold_at(self, luminance: f32) -> f32 {
         match self {
@@ -60,7 +60,7 @@ impl Stop {
         }
     }
 
-    /// Same rule with the threshold multiplied by `factor`.
+    /// Returns the same rule with the threshold multiplied by `factor`.
     #[must_use]
     pub fn scaled(self, factor: f32) -> Self {
         match self {
@@ -72,29 +72,30 @@ impl Stop {
     }
 }
 
-/// Result of a cut at one receiver.
+/// Result of a lightcut at one receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Cut {
     /// Reflected radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Vec3,
-    /// Number of clusters in the cut, including single lights and excluding clusters that provably contribute
+    /// Number of clusters in the lightcut, including single lights and excluding clusters that provably contribute
     /// nothing. At most the maximum of the [`Scratch`], plus one if the tree has both directional and other lights.
     pub size: u32,
-    /// Number of calls of `visible`, at most one per light. An absolute cut traces rays only for its own clusters. A
-    /// relative cut, or a cut that reaches the maximum size, also traces rays for clusters that it later refines.
+    /// Number of calls of `visible`, at most one per light. A lightcut with an absolute threshold traces rays only for
+    /// its own clusters. A lightcut with a relative threshold, or with the maximum size, also traces rays for clusters
+    /// that it later refines.
     pub shadow_rays: u32,
-    /// Largest error bound of a cluster in the cut, as luminance \[W·m⁻²·sr⁻¹\].
+    /// Largest error bound of a cluster in the lightcut, as luminance \[W·m⁻²·sr⁻¹\].
     pub largest_bound: f32,
-    /// Sum of all error bounds \[W·m⁻²·sr⁻¹\]: maximum difference between the luminance of `radiance` and the sum
-    /// over every light.
+    /// Sum of all error bounds \[W·m⁻²·sr⁻¹\]. It is the maximum difference between the luminance of `radiance` and the
+    /// luminance of the sum over all lights.
     pub total_bound: f32,
-    /// Number of nodes visited, for a bound or an estimate.
+    /// Number of nodes visited to compute a bound or an estimate.
     pub nodes_visited: u32,
 }
 
-/// Cluster of a cut. It outlives the cut, because positions in a tree never change and intensities are updated in
-/// place.
+/// Cluster of a lightcut. It remains valid after the lightcut, because positions in a tree never change and intensities
+/// are updated in place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cluster {
@@ -103,50 +104,51 @@ pub struct Cluster {
     pub light: u32,
 }
 
-/// Kept cluster of a cut, with its light transport.
+/// Kept cluster of a lightcut, with its light transport.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct KeptCluster {
-    /// Cluster of the cut.
+    /// Cluster of the lightcut.
     pub cluster: Cluster,
-    /// M · G · V of its representative: radiance per intensity \[m⁻²\], zero if the light is occluded. The cut's
-    /// radiance is the sum of `transport` times [`LightTree::cluster_intensity`].
+    /// M · G · V of the cluster's representative: radiance per intensity \[m⁻²\], zero if the light is occluded. The
+    /// radiance of the lightcut is the sum of `transport` times [`LightTree::cluster_intensity`].
     pub transport: Vec3,
 }
 
-/// Reusable memory for cuts, one per thread.
+/// Reusable memory for lightcuts, one per thread.
 #[derive(Clone, Debug)]
 pub struct Scratch {
     max_size: u32,
     /// First children of the nodes to refine, in order of refinement.
     pending: Vec<u32>,
-    /// Nodes in the cut: `selected_count` entries, and room for the largest cut.
+    /// Nodes in the lightcut: `selected_count` entries, and room for the largest lightcut.
     selected: Vec<u32>,
     selected_count: usize,
     /// Number of selected nodes that are not single lights.
     inner_count: usize,
-    /// Shadow rays: `ray_count` entries, and room for the largest cut.
+    /// Shadow rays: `ray_count` entries, and room for the largest lightcut.
     rays: Vec<ShadowRay>,
     ray_count: usize,
-    /// Unoccluded radiance along each of the `rays`. The fourth component is nonzero.
+    /// Unoccluded radiance of each of the `rays`. The fourth component is nonzero.
     radiance: Vec<Vec4>,
-    /// M · G of the light of each of the `rays`, and its node, for kept clusters. The fourth component is unused.
+    /// M · G of the light of each of the `rays`, and the node of the light, for kept clusters. The fourth component is
+    /// unused.
     terms: Vec<(Vec4, u32)>,
-    /// Clusters of the last kept cut.
+    /// Clusters of the last kept lightcut.
     pub(crate) kept: Vec<KeptCluster>,
     refined: Refined,
     shared: Shared,
 }
 
 impl Default for Scratch {
-    /// Scratch memory for cuts of at most 1000 clusters, as in the paper.
+    /// Creates scratch memory for lightcuts of at most 1000 clusters, as in the paper.
     fn default() -> Self {
         Self::with_max_size(PAPER_MAX_SIZE)
     }
 }
 
 impl Scratch {
-    /// Allocates memory for cuts of at most `max_size` clusters, at least one.
+    /// Allocates memory for lightcuts of at most `max_size` clusters, at least one.
     #[must_use]
     pub fn with_max_size(max_size: u32) -> Self {
         Self {
@@ -171,7 +173,7 @@ impl Scratch {
         &self.kept
     }
 
-    /// Maximum cut size \[clusters\].
+    /// Maximum lightcut size \[clusters\].
     #[must_use]
     pub fn max_size(&self) -> u32 {
         self.max_size
@@ -179,11 +181,11 @@ impl Scratch {
 }
 
 impl LightTree {
-    /// Returns the light reflected at a receiver from all lights of the tree, with the accuracy that `stop` demands.
+    /// Returns the light reflected at a receiver from all lights of the tree, with the accuracy demanded by `stop`.
     ///
     /// `visible(light, index)` traces the shadow ray between the receiver's position and the light. It is called only
-    /// for lights that contribute if visible. The result depends only on the arguments. Once the scratch has served a
-    /// cut of this tree, no memory is allocated.
+    /// for lights that contribute if visible. The result depends only on the arguments. After the first lightcut of
+    /// this tree with the same scratch, no memory is allocated.
     pub fn lightcut<R: Receiver>(
         &self,
         receiver: &R,
@@ -206,11 +208,11 @@ impl LightTree {
         self.best_first::<false, R>(receiver, threshold, &mut visible, scratch)
     }
 
-    /// Computes a [`LightTree::lightcut`] and keeps its clusters in [`Scratch::kept`], for summation with other
+    /// Computes a [`LightTree::lightcut`] and stores its clusters in [`Scratch::kept`], for summation with other
     /// intensities.
     ///
     /// The estimate follows the paper, with one representative per cluster. `lightcut` uses both halves of a cluster
-    /// and has a lower error.
+    /// and has a smaller error.
     pub fn lightcut_kept<R: Receiver>(
         &self,
         receiver: &R,
@@ -238,8 +240,7 @@ impl LightTree {
         (cluster.node as usize) < self.nodes.len() && (cluster.light as usize) < self.lights().len()
     }
 
-    /// Root clusters, which together contain all lights: none, one, or two if directional lights have a tree of their
-    /// own.
+    /// Root clusters, which together contain all lights: none, one, or two if directional lights have a separate tree.
     pub fn root_clusters(&self) -> impl Iterator<Item = Cluster> {
         self.roots().map(|node| self.cluster(node))
     }
@@ -255,12 +256,12 @@ impl LightTree {
         (!node.is_leaf()).then(|| [0, 1].map(|k| self.cluster(node.children() + k)))
     }
 
-    /// Cluster of a node, with its current representative.
+    /// Returns the cluster of a node, with its current representative.
     fn cluster(&self, node: usize) -> Cluster {
         Cluster { node: node as u32, light: self.nodes[node].representative }
     }
 
-    /// Returns the current intensity of a cluster, including later [`update`](LightTree::update)s \[W·sr⁻¹\].
+    /// Returns the current intensity of a cluster \[W·sr⁻¹\]. It includes each later [`update`](LightTree::update).
     ///
     /// # Panics
     ///
@@ -271,10 +272,10 @@ impl LightTree {
         self.nodes[cluster.node as usize].intensity
     }
 
-    /// Returns the cluster with another representative, drawn in proportion to luminance. The draw depends only on
-    /// the tree, the cluster and `seed`.
+    /// Returns the cluster with another representative, drawn in proportion to luminance. The draw depends only on the
+    /// tree, the cluster and `seed`.
     ///
-    /// Cuts of one tree share their representatives and therefore have correlated errors. Receivers with separate
+    /// Lightcuts of one tree share their representatives and therefore have correlated errors. Receivers with separate
     /// draws have independent errors.
     ///
     /// # Panics
@@ -287,7 +288,7 @@ impl LightTree {
         while !self.nodes[index].is_leaf() {
             let first = self.nodes[index].children();
             let [a, b] = [first, first + 1].map(|child| f64::from(luminance(self.nodes[child].intensity)));
-            // If both children are dark, draw them with equal probability.
+            // If both children are dark, draw each with a probability of ½.
             let share = if a + b > 0.0 { a / (a + b) } else { 0.5 };
             // Rescale the random number at each step.
             (index, draw) =
@@ -315,7 +316,7 @@ impl LightTree {
         lights
     }
 
-    /// Returns the error bound of a cluster's estimate at a receiver \[W·m⁻²·sr⁻¹, as luminance\]. It is zero for a
+    /// Returns the error bound of a cluster's estimate at a receiver, as luminance \[W·m⁻²·sr⁻¹\]. It is zero for a
     /// single light.
     ///
     /// # Panics
@@ -330,13 +331,13 @@ impl LightTree {
     }
 }
 
-/// Fills up to four entries by repeating the last one.
+/// Returns up to four entries, filled up by repeating the last one.
 #[inline(always)]
 fn padded(four: &[u32]) -> [u32; 4] {
     std::array::from_fn(|k| four[k.min(four.len() - 1)])
 }
 
-/// Bit mask of the padding lanes of four.
+/// Returns the bit mask of the lanes that [`padded`] fills up.
 #[inline(always)]
 fn missing(four: &[u32]) -> u32 {
     0b1111 << four.len() & 0b1111

@@ -1,17 +1,16 @@
 //! Error bound of a cluster: an upper bound of M·G·I over the cluster, with visibility at most 1.
 //!
-//! The estimate and the true value of a cluster both lie between 0 and this bound. It therefore also bounds their
+//! The estimate and the true value of a cluster are both between 0 and this bound. It therefore also bounds their
 //! difference \[Walter05, section 4.1\].
 //!
 //! # Differences from the paper
 //!
-//! The paper bounds the cosine over a box with a box in rotated axes. Here the bound is the furthest extent along the
-//! axis, divided by the distance to the nearest point. This takes three multiplications. The distance is shared with G and between
-//! the cosines of receiver and light.
+//! The paper bounds the cosine over a box with a box in rotated axes. This module uses the furthest extent along the
+//! axis, divided by the distance to the nearest point. This takes three multiplications. The distance is shared with G
+//! and between the cosines of receiver and light.
 //!
-//! Measured with `examples/plane.rs` and 10 000 lights, cuts are 5 % larger than with the paper's bound, which takes
-//! twice as long. The exact maximum of M·G over box and cone, found by brute force, would make cuts 16 … 20 %
-//! smaller.
+//! With 10 000 lights in `examples/plane.rs`, lightcuts are 5 % larger than with the paper's bound, which takes twice
+//! as long. The exact maximum of M·G over box and cone, found by brute force, would make lightcuts 16 … 20 % smaller.
 
 use glam::{Vec3, Vec4};
 
@@ -21,7 +20,7 @@ use crate::light::{LUMINANCE_WEIGHTS, transpose};
 use crate::node::Node;
 use crate::receiver::{Receiver, ReflectBound};
 
-/// Bounds of one cluster or of four: the input of an error bound.
+/// Bounds of one cluster or of four clusters. They are the input of an error bound.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClusterBounds<F> {
     pub low: Vector3<F>,
@@ -56,8 +55,8 @@ impl ClusterBounds<Vec4> {
     }
 }
 
-/// Returns the error bound of a cluster \[W·m⁻²·sr⁻¹, as luminance\]. It is exactly zero if no light of the cluster
-/// can reach the receiver. For a single light it is the light's contribution, up to rounding.
+/// Returns the error bound of a cluster, as luminance \[W·m⁻²·sr⁻¹\]. It is exactly zero if no light of the cluster can
+/// reach the receiver. For a single light, it is the light's contribution up to rounding.
 #[inline(always)]
 pub(crate) fn error_bound<F: Real, R: Receiver>(
     receiver: &R,
@@ -92,11 +91,12 @@ fn bound_with<F: Real>(
     let low = Vector3::select(far, nowhere, low);
     let high = Vector3::select(far, nowhere, high);
     let region = Region::new(cluster.low - high, cluster.high - low);
-    // Largest cosine between any axis in the cone and the direction from any point of the box to the receiver.
+    // Compute the largest cosine between any axis in the cone and the direction from any point of the box to the
+    // receiver.
     let everywhere = cluster.cone.cosine.lt(F::splat(-1.0 + f32::EPSILON));
     let turned = DirectionCone { axis: -cluster.cone.axis, ..cluster.cone };
     let emission = F::select(everywhere, one, region.max_cosine_of_cone(&turned));
-    // Multiply by the reciprocal: a quotient of `emission` would have to wait for it.
+    // Multiply by the reciprocal, because a quotient of `emission` would have to wait for it.
     let g = emission * (one / F::select(far, one, region.nearest_distance2() + geometry_term_bound));
     let material = reflect_bound(&region);
     let luminance = material.times(cluster.intensity).dot(Vector3::splat(LUMINANCE_WEIGHTS));

@@ -1,4 +1,4 @@
-//! Exhaustive sum over all lights: the reference for cuts.
+//! Exhaustive sum over all lights: the reference for lightcuts.
 
 use glam::{DVec3, Vec3};
 
@@ -6,9 +6,9 @@ use crate::light::{Light, unshadowed_by};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// Returns the sum over all lights with the estimator of [`LightTree::lightcut`] \[W·m⁻²·sr⁻¹\], in `f64`.
+/// Returns the sum over all lights with the estimator of [`LightTree::lightcut`] \[W·m⁻²·sr⁻¹\], summed in `f64`.
 ///
-/// `visible` is called with the light and its index, for each light that contributes if visible.
+/// `visible` is called with a light and its index, for each light that contributes if visible.
 pub fn exhaustive<R: Receiver>(
     lights: &[Light],
     geometry_term_bound: f32,
@@ -26,7 +26,7 @@ pub fn exhaustive<R: Receiver>(
 }
 
 impl LightTree {
-    /// Returns [`exhaustive`] over the lights of this tree.
+    /// Returns the sum of [`exhaustive`] over the lights of this tree.
     pub fn exhaustive<R: Receiver>(&self, receiver: &R, visible: impl FnMut(&Light, usize) -> bool) -> Vec3 {
         exhaustive(&self.lights, self.geometry_term_bound, receiver, visible)
     }

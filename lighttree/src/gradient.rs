@@ -1,20 +1,21 @@
 //! Gradients of the irradiance from one light over position and normal.
 //!
-//! Irradiance gradients of a cut need no sampling: they are sums over its lights \[Krivanek08\].
+//! Irradiance gradients of a lightcut need no sampling: they are sums over the lights of the lightcut \[Krivanek08\].
 
 use glam::Vec3;
 
 use crate::light::{Emission, Light, SMALLEST_DISTANCE2};
 
-/// Irradiance from a light per unit of its intensity, without visibility, and its derivatives at fixed visibility.
+/// Irradiance from a light per unit of the light's intensity, without visibility, and its derivatives at fixed
+/// visibility.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct IrradianceTerm {
-    /// cos θ · G \[m⁻²\]. Zero if the light is behind the surface or faces away.
+    /// cos θ · G \[m⁻²\]. It is zero if the light is behind the surface or faces away.
     pub value: f32,
-    /// Derivative by the normal \[m⁻²\]. For a rotated normal n′ with the light above its horizon, `value` is n′ ·
-    /// `by_normal`.
+    /// Derivative with respect to the normal \[m⁻²\]. For a rotated normal n′ with the light above its horizon, `value`
+    /// is n′ · `by_normal`.
     pub by_normal: Vec3,
-    /// Derivative by the position \[m⁻³\].
+    /// Derivative with respect to the position \[m⁻³\].
     pub by_position: Vec3,
 }
 
@@ -27,7 +28,7 @@ pub struct IrradianceTerm {
 #[inline]
 #[must_use]
 pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, geometry_term_bound: f32) -> IrradianceTerm {
-    // Directional light does not depend on position.
+    // Directional light does not depend on the position.
     if let Emission::Directional(travel) = light.emission {
         let value = -normal.dot(travel);
         return if value > 0.0 {
@@ -43,7 +44,7 @@ pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, geometry_ter
         return IrradianceTerm::default();
     }
     let soft = r2 + geometry_term_bound;
-    // b and its derivative by position. Moving the receiver by x changes d by −x.
+    // Compute b and its derivative with respect to the position. Moving the receiver by x changes d by −x.
     let (b, b_by_position) = match light.emission {
         Emission::Cosine(axis) => (-axis.dot(d), axis),
         Emission::Omni | Emission::Directional(_) => (r2.sqrt(), -d / r2.sqrt()),
@@ -70,7 +71,8 @@ mod tests {
     use crate::testing;
 
     proptest! {
-        /// The value equals the value in cuts. The derivatives agree with finite differences in `f32`, within a
+        /// The value equals the value in lightcuts. The derivatives agree with finite differences in `f32`, within a
+        /// tolerance.
         /// tolerance.
         #[test]
         fn derivatives_agree_with_differences(scene in testing::scene(1..2)) {
@@ -79,8 +81,8 @@ mod tests {
             let term = irradiance_term(position, normal, &light, s2);
             let white = Lambert { position, normal, reflectance: Vec3::splat(std::f32::consts::PI) };
             let expected = unshadowed_by(&white, &light, s2).x;
-            // Near a horizon the cosine is mostly rounding error, so the tolerance includes the light's face-to-face
-            // value.
+            // Near a horizon the cosine is mostly rounding error, so the tolerance includes the light's value face to
+            // face.
             let far = matches!(light.emission, Emission::Directional(_));
             let face_to_face = if far { 1.0 } else { 1.0 / ((light.position - position).length_squared() + s2) };
             let rounding = 1e-5 * expected + 1e-6 * face_to_face;

@@ -1,4 +1,4 @@
-//! Generic code over one, four or eight lanes: bounds and estimates are written once for one or several clusters.
+//! Generic code over one, four or eight lanes. Bounds and estimates are written once for one or several clusters.
 //!
 //! All types perform the same IEEE operations in the same order, without fusion, so each lane is bit-identical to the
 //! scalar result. `f32` is the scalar type. [`Vec4`] is a vector register where the processor has one. [`F8`] is
@@ -121,16 +121,16 @@ impl Real for Vec4 {
 #[repr(C, align(32))]
 pub(crate) struct Eight(pub [Vec4; 2]);
 
-/// Number type that processes an [`Eight`], all at once or four at a time.
+/// Number type that processes an [`Eight`] at once or in two groups of four.
 pub(crate) trait PartOfEight: Real {
     /// Number of groups of four lanes.
     const FOURS: usize;
     /// Loads lanes from the group of four at index `at`.
     fn load(eight: &Eight, at: usize) -> Self;
-    /// Stores lanes at the position of [`load`](PartOfEight::load).
+    /// Stores the lanes to the group of four at index `at`.
     fn store(self, eight: &mut Eight, at: usize);
 
-    /// Loads three coordinates like [`load`](PartOfEight::load).
+    /// Loads three coordinates from the group of four at index `at`.
     #[inline(always)]
     fn load3(v: &Vector3<Eight>, at: usize) -> Vector3<Self> {
         Vector3 { x: Self::load(&v.x, at), y: Self::load(&v.y, at), z: Self::load(&v.z, at) }
@@ -150,7 +150,7 @@ impl PartOfEight for Vec4 {
     }
 }
 
-/// Eight numbers in a register of the lane type L.
+/// Eight numbers in a register of the lanes type L.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct F8<L: Lanes>(L::F);
 
@@ -235,15 +235,15 @@ impl<L: Lanes> PartOfEight for F8<L> {
     }
 }
 
-/// Computation on contiguous groups of eight numbers.
+/// A computation on contiguous groups of eight numbers.
 ///
-/// `run` and all functions that it calls with these numbers are `#[inline(always)]`, as for [`lanes::Kernel`].
+/// `run`, and each function that `run` calls with these numbers, is `#[inline(always)]`, as for [`lanes::Kernel`].
 pub(crate) trait Kernel {
     type Output;
     fn run<F: PartOfEight>(self) -> Self::Output;
 }
 
-/// A [`Kernel`] that processes eight numbers at once.
+/// Adapter that runs a [`Kernel`] on eight numbers at once.
 struct ByEight<K>(K);
 
 impl<K: Kernel> lanes::Kernel for ByEight<K> {
@@ -263,7 +263,7 @@ pub(crate) enum Width {
 }
 
 impl Width {
-    /// Returns the largest width that this processor supports.
+    /// Returns the largest width supported by this processor.
     #[inline]
     pub fn best() -> Self {
         let best = Choice::best();
@@ -396,7 +396,7 @@ mod tests {
 
     use super::*;
 
-    /// Applies every operation to eight pairs of numbers.
+    /// Kernel that applies every operation to eight pairs of numbers.
     struct Everything<'a>(&'a Eight, &'a Eight);
 
     impl Kernel for Everything<'_> {
@@ -437,7 +437,7 @@ mod tests {
         }
     }
 
-    /// Finite numbers, zeros of both signs, infinities and NaN, in all pairs.
+    /// The pairs contain finite numbers, zeros of both signs, infinities and NaN.
     #[test]
     fn eight_at_once_have_the_bits_of_four() {
         let numbers = [0.0, -0.0, 1.0, -2.5, 1e-40, -3e38, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 0.3, 7e20];

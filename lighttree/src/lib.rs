@@ -2,11 +2,11 @@
 //!
 //! # Figures
 //!
-//! Figures of the text above, embedded for viewers that do not display linked pictures. A cut:
+//! The figures are embedded for viewers that do not display linked pictures. A lightcut:
 //!
 #![doc = include_str!("../docs/cut.svg")]
 //!
-//! Bounds and errors of its clusters, errors and thresholds of pixels, and the comparison of methods:
+//! Bounds and errors of the clusters of a lightcut, errors and thresholds of pixels, and the comparison of methods:
 //!
 #![doc = include_str!("../docs/bounds.svg")]
 #![doc = include_str!("../docs/errors.svg")]
@@ -19,7 +19,7 @@ mod build;
 mod calibration; // ratio of bounds to thresholds
 mod cut; // the lightcut
 mod error_bound; // error bound of a cluster
-mod exhaustive; // reference: the sum over every light
+mod exhaustive; // reference: the sum over all lights
 mod gradient; // gradients of irradiance over position and normal
 mod lanes; // one, four or eight lanes
 mod light; // lights

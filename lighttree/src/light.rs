@@ -1,11 +1,11 @@
-//! Point lights, the elements of clusters: geometry term and unshadowed contribution at a receiver.
+//! Point lights, which are the elements of clusters: geometry term and unshadowed contribution at a receiver.
 
 use glam::{Vec3, Vec4};
 
 use crate::lanes::{Real, Vector3};
 use crate::receiver::Receiver;
 
-/// Weights of linear RGB (Rec. 709 primaries) in luminance. They sum to one, so luminance has the unit of its
+/// Weights of linear RGB (Rec. 709 primaries) in luminance. Their sum is 1, so luminance has the unit of its
 /// components.
 pub const LUMINANCE_WEIGHTS: Vec3 = Vec3::from_array(plane::LUMINANCE_WEIGHTS);
 
@@ -16,9 +16,9 @@ pub fn luminance(rgb: Vec3) -> f32 {
     rgb.dot(LUMINANCE_WEIGHTS)
 }
 
-/// Largest coordinate of a light \[m\] and largest intensity \[W·sr⁻¹\]. Beyond them, sums and squares may overflow
-/// `f32`.
+/// Largest coordinate of a light \[m\]. Beyond it, sums or squares may overflow `f32`.
 const LARGEST_COORDINATE: f32 = 1e15;
+/// Largest intensity of a light \[W·sr⁻¹\]. Beyond it, sums or squares may overflow `f32`.
 const LARGEST_INTENSITY: f32 = 1e25;
 
 /// Smallest squared distance \[m²\] with a defined direction to the light in `f32`.
@@ -33,8 +33,8 @@ pub enum Emission {
     Omni,
     /// Intensity times `max(0, cos θ)`, θ being the angle to this unit axis: a virtual light on a surface.
     Cosine(Vec3),
-    /// Parallel light that travels along this unit vector, like sunlight: uniform everywhere and independent of the
-    /// light's position. Its `intensity` is the irradiance on a surface that faces it \[W·m⁻²\].
+    /// Parallel light that travels along this unit vector, like sunlight. It is uniform everywhere, and the light's
+    /// position has no effect. `intensity` is the irradiance on a surface that faces the light \[W·m⁻²\].
     Directional(Vec3),
 }
 
@@ -42,24 +42,24 @@ pub enum Emission {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Light {
-    /// World-space position \[m\]. Unused for [`Emission::Directional`], but has to be finite.
+    /// World-space position \[m\]. It is unused for [`Emission::Directional`] but must be finite.
     pub position: Vec3,
     /// Directional distribution.
     pub emission: Emission,
-    /// Radiant intensity, linear RGB \[W·sr⁻¹\], not negative. Intensity along the axis for [`Emission::Cosine`],
-    /// irradiance \[W·m⁻²\] for [`Emission::Directional`].
+    /// Radiant intensity, linear RGB \[W·sr⁻¹\], not negative. For [`Emission::Cosine`] it is the intensity along the
+    /// axis, for [`Emission::Directional`] the irradiance \[W·m⁻²\].
     pub intensity: Vec3,
 }
 
 impl Light {
-    /// Normalizes a light for a tree: unit axis, and zero intensity if any field is unusable.
+    /// Normalizes a light for a tree: makes its axis a unit vector, and its intensity zero if any field is unusable.
     pub(crate) fn accepted(mut self) -> (Self, Fitness) {
         let mut placed = self.position.is_finite() && self.position.abs().max_element() <= LARGEST_COORDINATE;
         if !placed {
             self.position = Vec3::ZERO;
         }
         let mut unit = |axis: Vec3| {
-            // Keep the bits of an axis that already has unit length.
+            // Do not change the bits of an axis that already has unit length.
             let unit = if (axis.length_squared() - 1.0).abs() < 1e-6 { Some(axis) } else { axis.try_normalize() };
             placed &= unit.is_some();
             unit.unwrap_or(Vec3::Z)
@@ -84,13 +84,13 @@ impl Light {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fitness {
     Good,
-    /// The intensity was unusable and is now zero.
+    /// The intensity was unusable and is replaced by zero.
     Darkened,
-    /// The position or axis was unusable. The intensity has to stay zero.
+    /// The position or the axis is unusable. The intensity must stay zero.
     Misplaced,
 }
 
-/// Returns the intensity and whether it is usable. If it is not finite, negative or too large for sums, returns zero.
+/// Returns the intensity and `true`, or zero and `false` if it is not finite, negative or too large for sums.
 pub(crate) fn accepted_intensity(intensity: Vec3) -> (Vec3, bool) {
     // Comparisons with NaN are false, so these also reject NaN.
     let usable =
@@ -98,19 +98,19 @@ pub(crate) fn accepted_intensity(intensity: Vec3) -> (Vec3, bool) {
     (if usable { intensity } else { Vec3::ZERO }, usable)
 }
 
-/// Marks directional lights in [`Node::cone_cosine`](crate::node::Node) and [`Site::kind`]. Less than any cosine.
+/// Marker of directional lights in [`Node::cone_cosine`](crate::node::Node) and [`Site::kind`], less than any cosine.
 pub(crate) const DIRECTIONAL: f32 = -2.0;
 
-/// Position and axis of one or four lights: the input of an estimate.
+/// Position and axis of one light or of four lights. They are the input of an estimate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Site<F> {
     /// Position \[m\], or the unit direction towards a directional light.
     pub position: Vector3<F>,
     pub axis: Vector3<F>,
     /// Cosine of the cone of axes, as in nodes: 1 for an axis, −1 for omni lights, [`DIRECTIONAL`] for directional
-    /// ones.
+    /// lights.
     pub kind: F,
-    /// Delay in the race of halves, see [`StoredSite::delay`].
+    /// Delay in the race between the halves of a cluster, see [`StoredSite::delay`].
     pub delay: F,
 }
 
@@ -121,12 +121,13 @@ pub(crate) struct StoredSite {
     pub position: Vec3,
     pub kind: f32,
     pub axis: Vec3,
-    /// Delay of the light in the race of [halves](crate::cut) at unit radiance \[W·m⁻²·sr⁻¹\], 0 without a light.
+    /// Delay of the light in the race between [halves](crate::cut) at unit radiance \[W·m⁻²·sr⁻¹\]. It is 0 without a
+    /// light.
     pub delay: f32,
 }
 
 impl StoredSite {
-    /// Placeholder without a light.
+    /// Site without a light.
     pub const NOWHERE: Self = Self { position: Vec3::ZERO, kind: -1.0, axis: Vec3::Z, delay: 0.0 };
 
     pub fn new(light: &Light) -> Self {
@@ -152,15 +153,15 @@ impl StoredSite {
     }
 }
 
-/// Transposes rows and columns.
+/// Returns the transpose of four rows.
 #[inline(always)]
 pub(crate) fn transpose([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
     let m = glam::Mat4::from_cols(a, b, c, d).transpose();
     [m.x_axis, m.y_axis, m.z_axis, m.w_axis]
 }
 
-/// Returns M·G of a light: radiance at the receiver per unit of the light's intensity, without visibility \[m⁻², 1
-/// for directional lights\].
+/// Returns M·G of a light: radiance at the receiver per unit of the light's intensity, without visibility. The unit is
+/// m⁻², or 1 for directional lights.
 ///
 /// ```text
 /// L = M · G · V · I                        \[Walter05\], eq. 1
@@ -171,8 +172,8 @@ pub(crate) fn transpose([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
 ///   V  visibility, 0 or 1
 ///   I  intensity
 /// ```
-/// `s²` (`geometry_term_bound`) is not in the paper. It keeps G finite close to a light that represents a disc. A
-/// receiver exactly at the light's position receives nothing, because the direction is undefined.
+/// The paper has no s² (`geometry_term_bound`). It keeps G finite close to a light that represents a disc. A receiver
+/// exactly at the light's position receives nothing, because the direction is undefined.
 #[inline(always)]
 pub(crate) fn unshadowed<F: Real, R: Receiver>(
     receiver: &R,
@@ -183,7 +184,7 @@ pub(crate) fn unshadowed<F: Real, R: Receiver>(
     unshadowed_of::<false, F, R>(receiver, position, site, geometry_term_bound)
 }
 
-/// Returns the same bits as [`unshadowed`]. With `COSINE`, all lights must be `Cosine` and their kind is not read.
+/// Returns the same bits as [`unshadowed`]. With `COSINE`, all lights must be `Cosine`, and their `kind` is not read.
 #[inline(always)]
 pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     receiver: &R,
@@ -206,7 +207,7 @@ pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     Vector3::select(zero.lt(lit), receiver.reflect(direction) * g, Vector3::splat(Vec3::ZERO))
 }
 
-/// Returns [`unshadowed`] for one light.
+/// Returns the result of [`unshadowed`] for one light.
 #[inline]
 pub(crate) fn unshadowed_by<R: Receiver>(receiver: &R, light: &Light, geometry_term_bound: f32) -> Vec3 {
     unshadowed(receiver, receiver.position().into(), &StoredSite::new(light).one(), geometry_term_bound).into()
@@ -237,7 +238,8 @@ mod tests {
         }
     }
 
-    /// Includes receivers at the light, behind it and in its plane, and lights behind the receiver.
+    /// The receivers include receivers at the light, behind it and in its plane. The lights include lights behind the
+    /// receiver.
     #[test]
     fn known_kinds_change_no_bit() {
         let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::new(0.7, 0.5, 0.3) };
@@ -257,7 +259,7 @@ mod tests {
         }
     }
 
-    /// A lamp of 1 W/sr two meters above a white diffuse floor: L = ρ/π · I/r² = 1/(4π). It shines down or sideways.
+    /// A lamp of 1 W/sr is two meters above a white diffuse floor: L = ρ/π · I/r² = 1/(4π). It emits down or sideways.
     #[test]
     fn closed_form_below_a_lamp() {
         let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::ONE };
@@ -268,7 +270,7 @@ mod tests {
         assert!((value(Emission::Cosine(-Vec3::Z)) - expected).abs() < 1e-7);
         assert_eq!(value(Emission::Cosine(Vec3::X)), 0.0);
         assert_eq!(value(Emission::Cosine(Vec3::Z)), 0.0);
-        // Sunlight of 1 W/m² at 60° from the zenith: L = ρ/π · E cos 60°, independent of the light's position.
+        // Sunlight of 1 W/m² arrives at 60° from the zenith: L = ρ/π · E cos 60°, for any position of the light.
         let sun = Emission::Directional(Vec3::new(0.75f32.sqrt(), 0.0, -0.5));
         assert!((value(sun) - 0.5 / std::f32::consts::PI).abs() < 1e-7);
         assert_eq!(value(Emission::Directional(Vec3::Z)), 0.0);

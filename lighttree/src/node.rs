@@ -7,24 +7,24 @@ use crate::light::{DIRECTIONAL, Light, StoredSite};
 
 /// A cluster of lights in one cache line.
 ///
-/// Node 0 is the root. The two children of a node are adjacent, at an odd index and the following even index, and
-/// always follow their parent. A pass over the array from its end therefore visits children before parents.
+/// Node 0 is the root. The two children of a node are adjacent, at an odd index and the following even index. They
+/// always follow their parent, so a pass over the array from its end visits children before parents.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(C, align(64))]
 pub(crate) struct Node {
-    /// Smallest corner of the box of positions \[m\], or of unit directions to directional lights.
+    /// Smallest corner of the box of positions \[m\], or of the unit directions to directional lights.
     pub low: Vec3,
     /// Index of the child with the same representative. 0 marks a leaf.
     pub representative_child: u32,
     pub high: Vec3,
-    /// Index of the representative light, in a leaf its only light.
+    /// Index of the representative light. A leaf's representative is its only light.
     pub representative: u32,
     /// Cone of emission axes: axis, cosine and sine of its half-angle. The cosine is −1 for all directions and
     /// [`DIRECTIONAL`] for directional lights.
     pub axis: Vec3,
     pub cone_cosine: f32,
-    /// Sum of the lights' intensities.
+    /// Sum of the intensities of the cluster's lights.
     pub intensity: Vec3,
     pub cone_sine: f32,
 }
@@ -47,19 +47,19 @@ impl Node {
         self.representative_child == 0
     }
 
-    /// Index of the first child. The second follows it.
+    /// Index of the first child. The second child follows the first.
     #[inline]
     pub fn children(&self) -> usize {
         first_of_pair(self.representative_child as usize)
     }
 
-    /// Returns whether its lights are directional.
+    /// Returns whether the lights of this node are directional.
     #[inline]
     pub fn is_directional(&self) -> bool {
         self.cone_cosine == DIRECTIONAL
     }
 
-    /// Sets the bounds of a single light.
+    /// Sets the bounds of a leaf to the position and axis of its light.
     pub fn set_light(&mut self, light: &Light) {
         let site = StoredSite::new(light);
         (self.low, self.high, self.intensity) = (site.position, site.position, light.intensity);
@@ -74,13 +74,13 @@ impl Node {
     }
 }
 
-/// Index of the first child in the pair that contains `child`.
+/// Returns the index of the first child in the pair that contains `child`.
 #[inline]
 pub(crate) fn first_of_pair(child: usize) -> usize {
     (child - 1) | 1
 }
 
-/// Index of the other child of the pair.
+/// Returns the index of the other child in the pair.
 #[inline]
 pub(crate) fn sibling(child: usize) -> usize {
     ((child - 1) ^ 1) + 1

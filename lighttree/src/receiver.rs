@@ -1,4 +1,4 @@
-//! Receivers: surface properties required by a cut.
+//! Receivers: surface properties that a lightcut requires.
 
 mod ggx;
 
@@ -13,11 +13,11 @@ pub use ggx::{Ggx, GgxBundle};
 
 /// A shading point: position, reflection, and an upper bound of the reflection, all in world space.
 ///
-/// The two reflection functions must be consistent. For every point of a region, `reflect` of the direction to it
-/// must not exceed `reflect_bound` of the region, in each channel. The error bound of a cut depends only on this
-/// condition.
+/// The two reflection functions must be consistent. For every point of a region, `reflect` of the direction to the
+/// point must not exceed `reflect_bound` of the region, in each channel. The error bound of a lightcut depends only on
+/// this condition.
 ///
-/// Both functions are generic over [`Real`] numbers, one or four at a time. A material with scalar code for one
+/// Both functions are generic over [`Real`] numbers, one or several at a time. A material with scalar code for one
 /// direction can use [`Real::map3`]:
 ///
 /// ```
@@ -41,32 +41,32 @@ pub trait Receiver {
     /// Position of the receiver \[m\].
     fn position(&self) -> Vec3;
 
-    /// Material term M of \[Walter05\], linear RGB \[sr⁻¹\], not negative: BRDF times the receiver's cosine. Light
-    /// arrives from `direction` (unit length, pointing away from the receiver).
+    /// Returns the material term M of \[Walter05\], linear RGB \[sr⁻¹\], not negative: BRDF times the receiver's
+    /// cosine. Light arrives from `direction` (unit length, pointing away from the receiver).
     fn reflect<F: Real>(&self, direction: Vector3<F>) -> Vector3<F>;
 
-    /// Upper bound M_max of [`Receiver::reflect`] over all directions to the region, per channel \[sr⁻¹\]. Exactly
-    /// zero means that nothing can be reflected, and the cut drops the whole cluster.
+    /// Returns an upper bound M_max of [`Receiver::reflect`] over all directions to the region, per channel \[sr⁻¹\].
+    /// Exactly zero means that nothing can be reflected, and the lightcut drops the whole cluster.
     fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F>;
 }
 
 /// Receivers with common bounds, for [`LightTree::lightcuts`](crate::LightTree::lightcuts).
 pub trait Bundled: Receiver + Sized {
-    /// Common bounds of several receivers.
+    /// Type of the common bounds of several receivers.
     type Bundle: ReflectBound;
 
-    /// Returns bounds that are valid for each of these receivers. There is at least one.
+    /// Returns bounds that are valid for each of these receivers. At least one receiver is given.
     fn bundle(receivers: &[Self]) -> Self::Bundle;
 }
 
-/// Upper bound of the reflection of every receiver of a bundle.
+/// Upper bound of the reflection at every receiver of a bundle.
 pub trait ReflectBound {
-    /// Bounds [`Receiver::reflect_bound`] for all receivers. The region contains the vector from any receiver's
-    /// position to any point of the cluster's box.
+    /// Returns an upper bound of [`Receiver::reflect`] for all receivers. The region contains the vector from any
+    /// receiver's position to any point of the cluster's box.
     fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F>;
 }
 
-/// Diffuse surface seen from its front: M = reflectance/π · max(0, cos θ).
+/// Diffuse surface that reflects on its front side: M = reflectance/π · max(0, cos θ).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lambert {
     /// Position \[m\].

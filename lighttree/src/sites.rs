@@ -1,8 +1,8 @@
 //! Positions and axes of the clusters' representatives, in node order.
 //!
 //! An estimate reads the representatives of a cluster's two children. In light order they would be in separate cache
-//! lines and pages. In node order both share a line, next to the representatives of nearby clusters. A cut over 150
-//! 000 lights takes a tenth less time than with sites in light order.
+//! lines and pages. In node order both share a cache line, next to the representatives of nearby clusters. A lightcut
+//! over 150 000 lights takes a tenth less time than with sites in light order.
 
 use glam::Vec4;
 
@@ -10,7 +10,7 @@ use crate::light::{Light, Site, StoredSite};
 use crate::node::Node;
 use crate::race::delay;
 
-/// Site of each node's representative.
+/// Sites of the representatives of all nodes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sites {
     /// Pairs of siblings. The first pair contains only the root's site, in its second slot.
@@ -23,11 +23,11 @@ pub(crate) struct Sites {
 struct Pair([StoredSite; 2]);
 
 impl Sites {
-    /// Collects the sites of nodes with known representatives. Nodes and lights may come from an unchecked file: an
+    /// Collects the sites of nodes with known representatives. Nodes and lights may come from an unchecked file, so an
     /// invalid index gets the placeholder site.
     pub fn new(nodes: &[Node], lights: &[Light], seed: u64) -> Self {
         let mut sites = Self { pairs: vec![Pair([StoredSite::NOWHERE; 2]); nodes.len() / 2 + 1] };
-        // Children follow their parents.
+        // Visit children before parents, because children follow their parents in the array.
         for (index, node) in nodes.iter().enumerate().rev() {
             if node.is_leaf() {
                 *sites.slot(index) = Self::of_leaf(node, lights, seed);
@@ -69,8 +69,8 @@ impl Sites {
     }
 }
 
-/// Returns the pair of a node and its slot in the pair. The children of a node have an odd index and the following
-/// even one.
+/// Returns the index of the pair that contains a node, and the node's slot in the pair. The children of a node have an
+/// odd index and the following even index.
 #[inline(always)]
 fn place(node: usize) -> (usize, usize) {
     let slot = node + 1;

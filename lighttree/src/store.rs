@@ -15,13 +15,13 @@ const VERSION: u32 = 2;
 const HEADER: usize = 20;
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 
-/// Error of a failed deserialization.
+/// Error in the deserialization of a tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StoreError {
     /// The magic number is missing.
     NotATree,
-    /// Written by another version of this crate.
+    /// The bytes were written by another version of this crate.
     Version(u32),
     /// The bytes are truncated or changed: the length or the checksum does not match.
     Damaged,
@@ -42,7 +42,7 @@ impl std::fmt::Display for StoreError {
 
 impl std::error::Error for StoreError {}
 
-/// Deserialized fields of a tree, before validation.
+/// Deserialized fields of a tree before they are validated.
 #[derive(serde::Deserialize)]
 pub(crate) struct Stored {
     nodes: Vec<Node>,
@@ -105,7 +105,7 @@ impl LightTree {
         bytes
     }
 
-    /// Deserializes a tree written by [`LightTree::to_bytes`] and validates it completely. Foreign bytes give an
+    /// Deserializes a tree written by [`LightTree::to_bytes`] and validates it completely. Any other bytes give an
     /// error, not a panic.
     ///
     /// # Errors
@@ -165,7 +165,7 @@ mod tests {
         }
     }
 
-    /// Calls every function that reads or changes a tree. An accepted tree must not cause a panic.
+    /// Calls every function that reads or changes a tree. A valid tree must not cause a panic.
     fn use_it(mut tree: LightTree) {
         assert_eq!(tree.validate(), Ok(()));
         let receiver = Lambert { position: Vec3::new(7.0, 2.0, -1.0), normal: Vec3::Z, reflectance: Vec3::ONE };
@@ -180,8 +180,8 @@ mod tests {
         assert_eq!(tree.validate(), Ok(()));
     }
 
-    /// Replaces one byte of the body at a time. Deserializes it both with [`LightTree::from_bytes`] and a correct
-    /// checksum, and directly with serde.
+    /// One byte of the body is replaced at a time. The result is deserialized with [`LightTree::from_bytes`] and a
+    /// correct checksum, and directly with serde.
     #[test]
     fn a_forged_body_is_refused_or_harmless() {
         let bytes = tree().to_bytes();
@@ -198,14 +198,14 @@ mod tests {
                     assert!(by_serde.is_ok());
                 }
                 refused += usize::from(by_serde.is_err());
-                // Some changes are harmless, such as changes of a seed or an extent.
+                // Some changes, such as changes of a seed or an extent, are harmless.
                 by_serde.into_iter().for_each(|(tree, _)| use_it(tree));
             }
         }
         assert!(refused > bytes.len(), "{refused} refused");
     }
 
-    /// Forgeries that serde accepts: each breaks one invariant.
+    /// The forgeries are accepted by serde. Each breaks one invariant.
     #[test]
     fn broken_invariants_are_named() {
         type Forgery = fn(&mut LightTree);
@@ -232,7 +232,7 @@ mod tests {
             let error = bincode::serde::decode_from_slice::<LightTree, _>(&body, CONFIG).unwrap_err();
             assert!(error.to_string().contains(expected), "{expected}: {error}");
         }
-        // Two unreachable subtrees. One of them points outside the tree.
+        // This tree has two unreachable subtrees. One of them points outside the tree.
         let mut tree = tree();
         let leaf = (0..tree.nodes.len()).rev().find(|&k| tree.nodes[k].is_leaf()).unwrap();
         tree.nodes[0] = tree.nodes[leaf];

@@ -1,4 +1,4 @@
-//! Random scenes for tests: all scales, coincident and dark lights, both emissions, receivers on lights.
+//! Random scenes for tests: all scales, coincident and dark lights, all emissions, receivers on lights.
 
 use glam::Vec3;
 use proptest::prelude::*;
@@ -10,13 +10,13 @@ use crate::receiver::Lambert;
 pub(crate) struct TestScene {
     pub lights: Vec<Light>,
     pub receiver: Lambert,
-    /// A unit vector for any use.
+    /// Unit vector for any use.
     pub direction: Vec3,
     pub geometry_term_bound: f32,
     pub seed: u64,
 }
 
-/// Reproducible random visibility of light k.
+/// Returns the reproducible random visibility of light k.
 pub(crate) fn visible(seed: u64, k: usize) -> bool {
     (seed ^ (k as u64 + 1)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 63 == 0
 }
@@ -57,14 +57,14 @@ fn light() -> impl Strategy<Value = Light> {
     (point(), emission, intensity).prop_map(|(position, emission, intensity)| Light { position, emission, intensity })
 }
 
-/// Free points, coincident points of a coarse grid, and distant points like a sky dome.
+/// Generates free points, coincident points of a coarse grid, and distant points like a sky dome.
 fn point() -> impl Strategy<Value = Vec3> {
     let free = (-1.0..1.0f32, -1.0..1.0f32, -1.0..1.0f32).prop_map(|(x, y, z)| Vec3::new(x, y, z));
     let grid = (-1..2i32, -1..2i32, 0..2i32).prop_map(|(x, y, z)| Vec3::new(x as f32, y as f32, z as f32) * 0.5);
     prop_oneof![6 => free, 3 => grid, 1 => unit().prop_map(|direction| direction * 100.0)]
 }
 
-/// Unit vectors, including the six axes.
+/// Generates unit vectors, including the six axes.
 fn unit() -> impl Strategy<Value = Vec3> {
     let free = (-1.0..1.0f32, 0.0..std::f32::consts::TAU).prop_map(|(z, phi)| {
         let (sin, cos) = phi.sin_cos();
@@ -75,7 +75,8 @@ fn unit() -> impl Strategy<Value = Vec3> {
     prop_oneof![2 => free, 1 => axes]
 }
 
-/// Reproducible random numbers for tests of many cases, where proptest strategies would be too slow (SplitMix64).
+/// Generator of reproducible random numbers (SplitMix64), for tests of many cases. Proptest strategies would be too
+/// slow.
 #[derive(Clone, Debug)]
 pub(crate) struct Random(pub u64);
 
@@ -88,12 +89,12 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// A number in `low` … `high`.
+    /// Returns a number in `low` … `high`.
     pub fn within(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * ((self.bits() >> 40) as f32 / (1u64 << 24) as f32)
     }
 
-    /// True with probability 1 / `times`.
+    /// Returns whether an event with probability 1 / `times` occurs.
     pub fn once_in(&mut self, times: u64) -> bool {
         self.bits().is_multiple_of(times)
     }
@@ -102,7 +103,7 @@ impl Random {
         Vec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
     }
 
-    /// A unit vector, often an axis.
+    /// Returns a unit vector, often an axis.
     pub fn unit(&mut self) -> Vec3 {
         let sign = if self.once_in(2) { 1.0 } else { -1.0 };
         let axis = Vec3::AXES[(self.bits() % 3) as usize] * sign;
@@ -117,12 +118,12 @@ impl Random {
         }
     }
 
-    /// Lights and a receiver at any scale of length and power between 10⁻⁶ and 10⁶. Includes coincident, dark and
-    /// distant lights, axes in all directions, all emissions, and receivers on lights.
+    /// Returns lights and a receiver at any scale of length and power between 10⁻⁶ and 10⁶. The scenes include
+    /// coincident, dark and distant lights, axes in all directions, all emissions, and receivers on lights.
     pub fn scene(&mut self, most: u64) -> TestScene {
         let (length, power) = (10f32.powf(self.within(-6.0, 6.0)), 10f32.powf(self.within(-6.0, 6.0)));
         let geometry_term_bound = length * length * 10f32.powf(self.within(-6.0, 0.0));
-        // In a third of the scenes all lights face a similar direction, as on a wall, and their cones are narrow.
+        // In a third of the scenes all lights face a similar direction, as on a wall, and the cones are narrow.
         let wall = self.once_in(3).then(|| (self.unit(), self.within(0.0, 0.5)));
         let lights: Vec<Light> = (0..1 + self.bits() % most)
             .map(|_| {

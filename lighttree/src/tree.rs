@@ -9,29 +9,29 @@ use crate::sites::Sites;
 /// Binary tree over lights. Each node is a cluster with bounds, total intensity and one representative light
 /// \[Walter05\].
 ///
-/// Directional lights have a tree of their own over the unit sphere. If other lights exist too, the root joins both
-/// trees and is not a cluster.
+/// Directional lights have a separate tree over the unit sphere. If other lights exist too, the root joins both trees
+/// and is not a cluster.
 ///
-/// Built by [`LightTree::build`], updated by [`LightTree::update`], read by [`LightTree::lightcut`].
+/// A tree is built by [`LightTree::build`], updated by [`LightTree::update`] and read by [`LightTree::lightcut`].
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "crate::store::Stored"))]
 pub struct LightTree {
     pub(crate) nodes: Vec<Node>,
     pub(crate) lights: Vec<Light>,
-    /// Sites of the representatives, read by estimates.
+    /// Sites of the representatives. Estimates read them.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub(crate) sites: Sites,
-    /// s² in G \[m²\], see [`BuildParams`](crate::BuildParams).
+    /// s² of the geometry term G \[m²\], see [`BuildParams`](crate::BuildParams).
     pub(crate) geometry_term_bound: f32,
-    /// Cost of each node per luminance \[m²\]. Depends only on positions and axes.
+    /// Cost of each node per luminance \[m²\]. It depends only on positions and axes.
     pub(crate) extents: Vec<f32>,
     pub(crate) depth: usize,
-    /// Cost of the tree per total luminance when built. Zero for a dark tree.
+    /// Cost of the tree per total luminance when it was built. It is zero for a dark tree.
     pub(crate) cost_at_build: f64,
-    /// Indices of lights without a usable position or axis, which stay dark, in ascending order.
+    /// Indices of the lights without a usable position or axis, in ascending order. These lights stay dark.
     pub(crate) misplaced: Vec<u32>,
     pub(crate) rejected: usize,
-    /// Seed of the draw of representatives.
+    /// Seed for the draw of representatives.
     pub(crate) seed: u64,
 }
 
@@ -54,7 +54,7 @@ impl LightTree {
         self.lights.is_empty()
     }
 
-    /// Number of nodes on the longest path from root to leaf, 0 for the empty tree.
+    /// Number of nodes on the longest path from root to leaf. It is 0 for the empty tree.
     #[must_use]
     pub fn depth(&self) -> usize {
         self.depth
@@ -67,32 +67,33 @@ impl LightTree {
         self.nodes.len() > 2 && self.nodes[1].is_directional() != self.nodes[2].is_directional()
     }
 
-    /// Clusters that cover all lights: none without lights, one, or two if the root is a joint.
+    /// Returns the indices of the clusters that together contain all lights: none, one, or two if the root joins two
+    /// trees.
     #[inline]
     pub(crate) fn roots(&self) -> std::ops::Range<usize> {
         if self.is_joint() { 1..3 } else { 0..self.nodes.len().min(1) }
     }
 
-    /// Four nodes. Written out, because a closure that can panic is not inlined.
+    /// Returns four nodes. The loop is unrolled by hand, because a closure that can panic is not inlined.
     #[inline(always)]
     pub(crate) fn four(&self, [a, b, c, d]: [usize; 4]) -> [&Node; 4] {
         [&self.nodes[a], &self.nodes[b], &self.nodes[c], &self.nodes[d]]
     }
 
-    /// Sum of all intensities \[W·sr⁻¹\]. Irradiances of directional lights are added unchanged.
+    /// Sum of all intensities \[W·sr⁻¹\]. Irradiances of directional lights are added without conversion.
     #[must_use]
     pub fn total_intensity(&self) -> Vec3 {
         self.nodes.first().map_or(Vec3::ZERO, |root| root.intensity)
     }
 
-    /// s² \[m²\], which bounds the geometry term: see [`BuildParams`](crate::BuildParams).
+    /// Parameter s² \[m²\], which limits the geometry term: see [`BuildParams`](crate::BuildParams).
     #[must_use]
     pub fn geometry_term_bound(&self) -> f32 {
         self.geometry_term_bound
     }
 
-    /// Number of lights with an unusable field, which [`LightTree::build`] made dark. An
-    /// [`update`](LightTree::update) can restore lights if only their intensity was unusable.
+    /// Number of lights that [`LightTree::build`] made dark because a field was unusable. An
+    /// [`update`](LightTree::update) can restore a light if only its intensity was unusable.
     #[must_use]
     pub fn rejected(&self) -> usize {
         self.rejected

@@ -1,14 +1,14 @@
-//! New intensities for an existing tree.
+//! Updates of a tree with new intensities.
 //!
 //! `[Herzog08]` R. Herzog, S. Kinuwaki, K. Myszkowski, H.-P. Seidel: Render2MPEG: a perception-based framework towards
 //! integrating rendering and video compression. Eurographics 2008, section on the temporal light tree.
 //!
 //! # Differences from the paper
 //!
-//! [`LightTree::update`] follows the paper's rule. The rule compares only the two current intensities. The first
-//! update therefore also reverses draws of [`LightTree::build`] that the much dimmer child had won.
+//! [`LightTree::update`] follows the paper's rule, which compares only the two current intensities. The first update
+//! therefore also reverses draws of [`LightTree::build`] that the much dimmer child has won.
 //!
-//! [`LightTree::update_drawn`] is not in the paper. It keeps the draws (`race.rs`).
+//! [`LightTree::update_drawn`] is not in the paper. It preserves the draws (`race.rs`).
 
 use glam::Vec3;
 
@@ -17,31 +17,33 @@ use crate::node::{Node, sibling};
 use crate::race::arrivals;
 use crate::tree::LightTree;
 
-/// C_I of \[Herzog08\]: minimum intensity of the representative child relative to its sibling.
+/// Constant C_I of \[Herzog08\]: minimum intensity of the representative child as a fraction of its sibling's
+/// intensity.
 const SWAP_RATIO: f32 = 0.7;
 
-/// Changes of an update, and the fit of the old clusters to the new intensities.
+/// Changes of an update, and how well the old clusters fit the new intensities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct UpdateStats {
-    /// Number of nodes with a representative from a different child than before.
+    /// Number of nodes that changed the child from which their representative comes.
     pub swapped: usize,
     /// Swapped nodes as a fraction of all nodes with children, 0 … 1.
     pub swapped_share: f64,
-    /// Number of nodes with a changed representative light, by a swap in the node or below.
+    /// Number of nodes with a new representative light, after a swap in the node or below it.
     pub representatives_changed: usize,
-    /// Number of lights made dark because their new intensity is negative, not finite or too large, or because they
-    /// have no usable position.
+    /// Number of lights made dark. Their new intensity is negative, not finite or too large, or they have no usable
+    /// position.
     pub rejected: usize,
-    /// Cost of the clusters below the root per total luminance, relative to the cost when built. At 1 the tree fits
-    /// like a new one. The value grows when intensity moves into spread-out clusters. At a growth of 7, cuts are 2 to
-    /// 7 % larger than in a new tree. At 11 they are 7 to 10 % larger (`examples/drift.rs`).
+    /// Cost of the clusters below the root per total luminance, relative to this cost when the tree was built. At 1 the
+    /// tree fits like a new tree. The value grows when intensity moves into spread-out clusters. At a growth of 7,
+    /// lightcuts are 2 to 7 % larger than in a new tree. At 11 they are 7 to 10 % larger (`examples/drift.rs`).
     pub cost_growth: f64,
 }
 
 impl LightTree {
-    /// Gives light k the intensity `intensities[k]` \[W·sr⁻¹\] and updates the sums. A node takes its other child's
-    /// representative if the current child's intensity is below 0.7 times the other's. Structure and bounds stay.
+    /// Sets the intensity of light k to `intensities[k]` \[W·sr⁻¹\] and updates the sums. A node switches to its other
+    /// child's representative if the current child's intensity is below 0.7 times the other child's. Structure and
+    /// bounds do not change.
     ///
     /// # Panics
     ///
@@ -53,12 +55,13 @@ impl LightTree {
         UpdateStats { rejected, ..self.sum_upward(dimmer) }
     }
 
-    /// Updates the tree like [`LightTree::update`], but each node's representative is the winner of its lights' race.
-    /// A light keeps its random number from the build and races with its current intensity.
+    /// Updates the tree like [`LightTree::update`], but the representative of each node is the winner of the race
+    /// between its lights. The random number of a light is the number from the build, and its speed is its current
+    /// luminance.
     ///
-    /// The representative therefore stays drawn in proportion to intensity. The paper's rule favors the brighter
+    /// The representative is therefore still drawn in proportion to luminance. The paper's rule favors the brighter
     /// child, which biases the errors of all clusters to one side. Swaps still happen only where the balance of
-    /// intensities changed.
+    /// intensities has changed.
     ///
     /// # Panics
     ///
@@ -70,7 +73,7 @@ impl LightTree {
         UpdateStats { rejected, ..self.sum_upward(|chosen, other| arrival(other) < arrival(chosen)) }
     }
 
-    /// Stores usable intensities, replaces others by zero, and returns the number of replaced ones.
+    /// Stores usable intensities and replaces other intensities by zero. Returns the number of replaced intensities.
     fn accept(&mut self, intensities: &[Vec3]) -> usize {
         assert_eq!(intensities.len(), self.lights.len(), "update needs one intensity per light");
         let mut rejected = 0;
@@ -87,10 +90,10 @@ impl LightTree {
         rejected
     }
 
-    /// Recomputes sums and representatives. `swap` compares a node's chosen child with the other.
+    /// Recomputes sums and representatives. `swap` compares a node's chosen child with the other child.
     fn sum_upward(&mut self, swap: impl Fn(&Node, &Node) -> bool) -> UpdateStats {
         let mut stats = UpdateStats::default();
-        // Children follow their parents.
+        // Visit children before parents, because children follow their parents in the array.
         for index in (0..self.nodes.len()).rev() {
             let mut node = self.nodes[index];
             if node.is_leaf() {
@@ -121,10 +124,10 @@ impl LightTree {
         stats
     }
 
-    /// Returns the cost of all clusters below the root, as in the build, divided by the total luminance. Zero for a
-    /// dark tree.
+    /// Returns the cost of all clusters below the root, as in the build, divided by the total luminance. It is zero for
+    /// a dark tree.
     ///
-    /// The root's cost per luminance is constant and larger than the rest. Including it would hide changes.
+    /// The root's cost per luminance is constant and larger than all other costs. Including it would hide changes.
     pub(crate) fn relative_cost(&self) -> f64 {
         let cost = |(node, &extent): (&Node, &f32)| f64::from(luminance(node.intensity)) * f64::from(extent);
         let total: f64 = self.nodes.iter().zip(&self.extents).skip(1).map(cost).sum();
@@ -157,7 +160,7 @@ mod tests {
             let mut tree = build(&before, seed);
             let same: Vec<Vec3> = before.iter().map(|&i| Vec3::splat(i)).collect();
             assert_eq!(tree.update_drawn(&same).swapped, 0);
-            // Reverse the intensities and restore them: the first representatives return, and the structure is
+            // Reverse the intensities and restore them. The first representatives return, and the structure is
             // unchanged.
             let representatives: Vec<u32> = tree.nodes.iter().map(|node| node.representative).collect();
             let reversed: Vec<Vec3> = same.iter().rev().copied().collect();
@@ -179,7 +182,7 @@ mod tests {
         }
         for (k, share) in [0.1, 0.4, 0.2, 0.3].iter().enumerate() {
             let found = f64::from(count[k]) / 4000.0;
-            // Tolerance: four standard deviations of a fraction of 4000 draws.
+            // The tolerance is four standard deviations of a fraction of 4000 draws.
             assert!((found - share).abs() < 4.0 * (share * (1.0 - share) / 4000.0f64).sqrt(), "light {k}: {found}");
         }
     }

@@ -1,6 +1,6 @@
-//! Validation of a whole tree: each invariant required by cuts and updates.
+//! Validation of a whole tree. It checks each invariant that lightcuts and updates require.
 //!
-//! Deserialized trees pass [`LightTree::validate`] before any other code reads them. A forged tree gives an error,
+//! Deserialized trees pass [`LightTree::validate`] before any other code reads them. A forged tree gives an error, but
 //! never a panic or an endless loop.
 
 use std::fmt;
@@ -11,12 +11,12 @@ use crate::node::Node;
 use crate::sites::Sites;
 use crate::tree::LightTree;
 
-/// Tolerance of unit axes, and of sine and cosine of one angle, which are rounded to `f32`.
+/// Tolerance for the length of unit axes, and for sine and cosine of one angle, which are rounded to `f32`.
 const ROUNDING: f32 = 1e-3;
-/// Maximum angle by which a child's cone may exceed its parent's \[rad\]. Axes and angles are rounded to `f32`.
+/// Maximum angle by which a child's cone may exceed its parent's cone \[rad\]. Axes and angles are rounded to `f32`.
 const ANGLE_ROUNDING: f64 = 1e-3;
 
-/// A broken invariant of a [`LightTree`]. The message names the first failing node or light and the reason.
+/// Error for a broken invariant of a [`LightTree`]. The message names the first failing node or light and the reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InvalidTree {
     what: String,
@@ -36,14 +36,15 @@ impl fmt::Display for InvalidTree {
 
 impl std::error::Error for InvalidTree {}
 
-/// Returns `Ok` if the condition is true, otherwise an error with the text.
+/// Returns `Ok` if the condition is true, otherwise an error with the text from `what`.
 fn ensure(holds: bool, what: impl FnOnce() -> String) -> Result<(), InvalidTree> {
     if holds { Ok(()) } else { Err(InvalidTree::new(what())) }
 }
 
 impl LightTree {
-    /// Checks the invariants of the whole tree. Each light is in one leaf. Boxes, cones and sums cover the
-    /// children's. The representative is the chosen child's. Deserialized trees have passed this check.
+    /// Checks the invariants of the whole tree. Each light is in one leaf. The box, cone and sum of a node include its
+    /// children's. The representative of a node is the chosen child's representative. Deserialized trees have passed
+    /// this check.
     ///
     /// # Errors
     ///
@@ -128,7 +129,7 @@ impl LightTree {
         })
     }
 
-    /// Checks a node and its two children, which have to exist.
+    /// Checks a node and its two children, which must exist.
     fn validate_inner(&self, index: usize) -> Result<(), InvalidTree> {
         let node = &self.nodes[index];
         let (first, chosen) = (node.children(), node.representative_child as usize);
@@ -161,13 +162,13 @@ fn has_cone(node: &Node) -> bool {
     is_unit(node.axis.length_squared()) && (node.is_directional() || is_angle)
 }
 
-/// Checks that the child's box is inside the parent's.
+/// Checks that the child's box is inside the parent's box.
 fn check_box(parent: &Node, child: &Node) -> Result<(), InvalidTree> {
     let inside = parent.low.cmple(child.low).all() && parent.high.cmpge(child.high).all();
     ensure(inside, || format!("box {}…{} in {}…{}", child.low, child.high, parent.low, parent.high))
 }
 
-/// Checks that the child's cone is inside the parent's.
+/// Checks that the child's cone is inside the parent's cone.
 fn check_cone(parent: &Node, child: &Node) -> Result<(), InvalidTree> {
     if parent.is_directional() || child.is_directional() {
         let both = parent.is_directional() && child.is_directional();

@@ -1,51 +1,51 @@
-//! The lightcut and two other methods behind one function: a cut with representatives drawn for each receiver, and
+//! The lightcut and two other methods behind one function: a lightcut with representatives drawn for each receiver, and
 //! plain importance sampling of the tree.
 //!
 //! `[Yuksel19]` C. Yuksel: Stochastic lightcuts. High-Performance Graphics 2019.
 //!
-//! A light of a cluster is drawn by descending from the cluster's node. Each step takes child i with probability w_i
-//! / (w_0 + w_1). The drawn light contributes I_light / p, p being the product of these probabilities.
+//! A light of a cluster is drawn by descending from the cluster's node. Each step selects child i with probability w_i
+//! / (w_0 + w_1). The drawn light contributes I_light / p, where p is the product of these probabilities.
 //!
 //! # Differences from the paper
 //!
-//! * \[Yuksel19\] weighs children by intensity over squared distance, and uses the largest distance at close range.
-//!   Here w has two terms: the child's fraction of both error bounds, and its fraction of the intensity times
+//! * \[Yuksel19\] weighs children by intensity over squared distance, and uses the largest distance at close range. In
+//!   this module w has two terms: the child's fraction of both error bounds, and its fraction of the intensity times
 //!   `FLOOR`. The bound of a single light is its unshadowed contribution. Only children with a bound of zero are
 //!   excluded, so the estimate is unbiased.
-//! * Random numbers depend only on stream and counter.
+//! * Random numbers depend only on the stream and a counter.
 
 #![allow(dead_code, reason = "examples and tests use parts of it")]
 
 use glam::{DVec3, Vec3};
 use lighttree::{Cluster, Light, LightTree, Receiver, Scratch, Stop, exhaustive, luminance};
 
-/// Minimum weight of a child, relative to its fraction of the intensity. Bounds may be far too large, and a light
-/// that is drawn far too rarely appears as a bright spot.
+/// Minimum weight of a child, relative to its fraction of the intensity. Bounds may be far too large. A light that is
+/// then drawn far too rarely appears as a bright spot.
 const FLOOR: f32 = 0.05;
 
 /// Estimator of the light at a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// A deterministic cut by [`LightTree::lightcut`].
+    /// A deterministic lightcut, computed by [`LightTree::lightcut`].
     Lightcut(Stop),
-    /// The clusters of a cut, each estimated by a light drawn for this receiver \[Yuksel19\]. Errors become noise
-    /// that differs between streams. The cut's own representatives cause equal errors in all neighbors.
+    /// The clusters of a lightcut, each estimated by a light drawn for this receiver \[Yuksel19\]. Errors become noise
+    /// that differs between streams. The lightcut's own representatives cause equal errors in all neighbors.
     Stochastic {
-        /// Stopping rule of the cut. Thresholds bound the errors of clusters, as for cuts.
+        /// Stopping rule of the lightcut. Its threshold bounds the error of each cluster.
         stop: Stop,
-        /// Number of the random sequence, such as the pixel's index.
+        /// Index of the random sequence, such as the pixel's index.
         stream: u64,
     },
     /// Independent lights, drawn by importance from the root.
     Sampled {
-        /// Number of samples, at least one.
+        /// Number of samples, at least 1.
         samples: u32,
-        /// Number of the random sequence, such as the pixel's index.
+        /// Index of the random sequence, such as the pixel's index.
         stream: u64,
     },
 }
 
-/// Light at a receiver and its cost.
+/// Light at a receiver, and its cost.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lit {
     /// Reflected radiance, linear RGB \[W·m⁻²·sr⁻¹\].
@@ -68,7 +68,7 @@ pub fn illuminate<R: Receiver>(
             Lit { radiance: cut.radiance, shadow_rays: cut.shadow_rays }
         }
         Method::Stochastic { stop, stream } => {
-            // Choose the cut by bounds. A relative threshold uses the unshadowed estimate.
+            // Choose the lightcut by bounds. A relative threshold uses the unshadowed estimate.
             tree.lightcut_kept(receiver, stop, |_, _| true, scratch);
             let mut sum = Sum::new(tree, receiver, visible);
             for (counter, kept) in (0..).zip(scratch.kept()) {
@@ -80,7 +80,7 @@ pub fn illuminate<R: Receiver>(
             let samples = samples.max(1);
             let mut sum = Sum::new(tree, receiver, visible);
             for sample in 0..samples {
-                // Stratified samples: one random number per stratum.
+                // Draw stratified samples: one random number per stratum.
                 let number = (f64::from(sample) + uniform(stream, u64::from(sample))) / f64::from(samples);
                 tree.root_clusters().for_each(|root| sum.add(root, number));
             }
@@ -103,17 +103,18 @@ impl<'a, R: Receiver, V: FnMut(&Light, usize) -> bool> Sum<'a, R, V> {
         Self { tree, receiver, visible, radiance: DVec3::ZERO, shadow_rays: 0 }
     }
 
-    /// Adds the light that a `number` in 0 … 1 draws from a cluster.
+    /// Adds the light that the number `number`, 0 … 1, draws from a cluster.
     fn add(&mut self, cluster: Cluster, number: f64) {
         let drawn = draw(self.tree, self.receiver, cluster, number);
         let radiance = self.share(&drawn);
         self.radiance += radiance;
     }
 
-    /// Radiance that the light of a drawn leaf represents. Zero if the descent ended in a dark cluster.
+    /// Returns the radiance represented by the light of a drawn leaf. It is zero if the descent ended in a dark
+    /// cluster.
     pub fn share(&mut self, drawn: &Drawn) -> DVec3 {
         let &Drawn { cluster, probability } = drawn;
-        // Rounding may still select a dark child, with probability zero.
+        // Rounding may select a dark child with probability zero.
         if self.tree.children(cluster).is_some() || probability == 0.0 {
             return DVec3::ZERO;
         }
@@ -139,7 +140,7 @@ pub struct Drawn {
     probability: f64,
 }
 
-/// Descends from a cluster by the number `draw` in 0 … 1, which is rescaled at each step.
+/// Descends from a cluster with the random number `draw`, 0 … 1, which is rescaled at each step.
 pub fn draw<R: Receiver>(tree: &LightTree, receiver: &R, from: Cluster, mut draw: f64) -> Drawn {
     let (mut cluster, mut probability) = (from, 1.0);
     while let Some(children) = tree.children(cluster) {
@@ -183,7 +184,7 @@ fn alone<R: Receiver>(
     exhaustive(&tree.lights()[index..=index], tree.geometry_term_bound(), receiver, visible)
 }
 
-/// Returns a number in the open interval (0, 1) that depends only on stream and counter (the finalizer of
+/// Returns a number in the open interval (0, 1) that depends only on the stream and a counter (the finalizer of
 /// SplitMix64).
 fn uniform(stream: u64, counter: u64) -> f64 {
     let seed = stream.wrapping_mul(0xd134_2543_de82_ef95);

@@ -14,7 +14,7 @@ const HALF_WIDTH: f32 = 5.0;
 const HEIGHT: f32 = 4.0;
 const BALL: (Vec3, f32) = (Vec3::new(1.0, 0.5, 1.0), 0.8);
 
-/// Reproducible numbers in 0 … 1 (xorshift64*).
+/// Generator of reproducible numbers in 0 … 1 (xorshift64*).
 struct Random(u64);
 
 impl Random {
@@ -26,13 +26,13 @@ impl Random {
     }
 }
 
-/// Parameters of a tree over `count` lights of the room.
+/// Returns the parameters of a tree over `count` lights of the room.
 pub fn params(count: usize) -> BuildParams {
     BuildParams::for_area(4.0 * 2.0 * HALF_WIDTH * HEIGHT + 4.0 * HALF_WIDTH * HALF_WIDTH, count).with_seed(1)
 }
 
-/// Virtual lights on four walls and the ceiling, brighter near two lamps. One percent of them are inside the room and
-/// shine in all directions.
+/// Returns virtual lights on four walls and the ceiling, brighter near two lamps. One percent of them are inside the
+/// room and emit in all directions.
 pub fn room(count: usize) -> Vec<Light> {
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     let lamps = [Vec3::new(-4.0, -4.0, 3.0), Vec3::new(4.5, 2.0, 2.0)];
@@ -58,7 +58,7 @@ pub fn room(count: usize) -> Vec<Light> {
         .collect()
 }
 
-/// Returns true if the ball does not block the segment.
+/// Returns whether the ball leaves the segment unblocked.
 pub fn unblocked(from: Vec3, to: Vec3) -> bool {
     let (center, radius) = BALL;
     let along = to - from;
@@ -66,7 +66,7 @@ pub fn unblocked(from: Vec3, to: Vec3) -> bool {
     (from + along * t).distance_squared(center) > radius * radius
 }
 
-/// Points of the floor, in rows.
+/// Returns points of the floor, in rows.
 pub fn floor(side: usize) -> Vec<Lambert> {
     let place = |k: usize| ((k as f32 + 0.5) / side as f32 * 2.0 - 1.0) * HALF_WIDTH;
     (0..side * side)

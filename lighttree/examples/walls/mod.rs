@@ -3,7 +3,7 @@
 use glam::Vec3;
 use lighttree::{Emission, Light};
 
-/// Reproducible numbers in 0 … 1: fractional parts of multiples of roots (Roberts' R3 sequence).
+/// Returns reproducible numbers in 0 … 1: fractional parts of multiples of roots (Roberts' R3 sequence).
 pub fn spread(k: usize) -> Vec3 {
     let step = [0.819_172_5, 0.671_043_6, 0.549_700_5f64];
     Vec3::from_array(step.map(|s| (s * (k + 1) as f64).fract() as f32))

@@ -1,4 +1,4 @@
-//! Bottom-up greedy clustering: repeatedly joins the two clusters with the cheapest union until one is left.
+//! Bottom-up greedy clustering: repeatedly joins the two clusters with the cheapest union until one cluster remains.
 //!
 //! `[Walter05]` B. Walter, S. Fernandez, A. Arbree, K. Bala, M. Donikian, D. P. Greenberg: Lightcuts: a scalable
 //! approach to illumination. SIGGRAPH 2005, section 5.
@@ -10,25 +10,25 @@
 //!   β  half-angle of its cone            c  diagonal of the scene
 //! ```
 //!
-//! The cost of a union never falls when one of its clusters grows. Two clusters that are each other's cheapest
-//! partners therefore stay so until they are joined, and may be joined at once \[Walter08\]. The tree equals the tree
-//! of the greedy order. A cluster's cheapest partner, once found, also stays so while it exists.
+//! The cost of a union never falls when one of its clusters grows. Two clusters that are each other's cheapest partners
+//! therefore remain so until they are joined, and may be joined at once \[Walter08\]. The resulting tree is the tree of
+//! the greedy order. For the same reason, the cheapest partner of a cluster remains the cheapest while it exists.
 //!
 //! # Differences from the papers
 //!
 //! * All pairs that are each other's cheapest partners are joined together, in rounds. Rounds visit clusters in the
-//!   order of the search tree, so that consecutive searches share cached nodes. Searches of one round are
-//!   independent. (An exact order with one heap took twice as long.) A cluster that lost its partner searches again
-//!   only when another cluster waits for it.
-//! * Omni and oriented lights share one tree. Directional lights have a separate tree. A cluster of both kinds has a
-//!   cone of all directions (β = 180°), the largest possible cost, so the kinds meet near the root. c is zero for
-//!   clusters of omni lights only.
-//! * c is the diagonal of the oriented lights' box. A distant dome of omni lights must not raise the cost of
+//!   order of the search tree. Consecutive searches then share cached nodes. Searches of one round are independent.
+//!   (An exact order with one heap took twice as long.) A cluster that has lost its partner searches again only when
+//!   another cluster waits for it.
+//! * Omni and oriented lights share one tree. Directional lights have a separate tree. A cluster with both omni and
+//!   oriented lights has a cone of all directions (β = 180°). This is the largest possible cost, so such clusters are
+//!   near the root. c is zero for clusters of only omni lights.
+//! * c is the diagonal of the box of the oriented lights. A distant dome of omni lights must not raise the cost of
 //!   orientation.
-//! * I has a lower limit of [`LUMINANCE_FLOOR`](super::LUMINANCE_FLOOR) of the mean light, so that lights that are
-//!   dark at build time still get near neighbors. α² has a lower limit of [`COINCIDENCE`](super::COINCIDENCE)² of the
-//!   scene's, so that coincident lights merge dimmest first into a balanced tree. Neither limit affects intensities
-//!   or representatives.
+//! * I is at least [`LUMINANCE_FLOOR`](super::LUMINANCE_FLOOR) times the mean luminance, so that lights that are dark
+//!   at build time still get near neighbors. α² is at least [`COINCIDENCE`](super::COINCIDENCE)² times the scene's
+//!   squared diagonal, so that coincident lights merge dimmest first into a balanced tree. Neither limit affects
+//!   intensities or representatives.
 //! * The search uses a static median-split tree. It is rebuilt whenever a quarter of its clusters have been merged
 //!   away.
 
@@ -38,10 +38,10 @@ use super::cluster::{Cluster, Metric};
 use super::nearest::{DEAD, Neighborhood, Partner};
 use crate::bounds::Cone;
 
-/// Minimum number of searches for parallel execution. Fewer searches finish before another thread wakes.
+/// Minimum number of searches for parallel execution. Fewer searches would finish before another thread wakes.
 const PARALLEL: usize = 4096;
 
-/// Merges until one cluster is left and numbers the merges from `first_merge`.
+/// Merges clusters until one remains. The merges are numbered from `first_merge`.
 ///
 /// Returns the greedy tree, except for ties. The merges are not in greedy order, but children precede their parents.
 pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) -> Vec<[u32; 2]> {
@@ -87,7 +87,7 @@ pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u3
             partners.heir[b as usize] = merged;
             searching.push(merged);
         }
-        // Prepare the next round. Without new clusters, those that lost their partner search again.
+        // Prepare the next round. If no cluster is new, search again for all clusters that have lost their partner.
         if neighborhood.is_sparse() {
             neighborhood.rebuild();
         }
@@ -100,23 +100,23 @@ pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u3
 
 const NOBODY: Partner = Partner { cost: f32::INFINITY, id: DEAD };
 
-/// Partner of each cluster, indexed by cluster number.
+/// Partners of the clusters, indexed by cluster number.
 struct Partners {
     of: Vec<Partner>,
-    /// Cluster that each cluster was merged into.
+    /// Union that contains each merged cluster.
     heir: Vec<u32>,
     /// Whether a cluster is in the next round of searches.
     searches: Vec<bool>,
 }
 
 impl Partners {
-    /// Returns whether the cluster has to search before it can be joined.
+    /// Returns whether the cluster has no living partner and must search before it can be joined.
     fn is_alone(&self, id: u32, neighborhood: &Neighborhood) -> bool {
         let partner = self.of[id as usize].id;
         partner == DEAD || !neighborhood.is_alive(partner)
     }
 
-    /// Returns the cluster that a merged partner is now in. It is usually close to `id`.
+    /// Returns the living cluster that contains the former partner of `id`. It is usually close to `id`.
     fn hint(&self, id: u32, neighborhood: &Neighborhood) -> Option<u32> {
         let mut near = self.of[id as usize].id;
         while near != DEAD && !neighborhood.is_alive(near) {
@@ -125,11 +125,12 @@ impl Partners {
         (near != DEAD).then_some(near)
     }
 
-    /// Makes partners mutual: if a cluster's partner has a more expensive partner of its own, both choose each other.
+    /// Makes partners mutual: if a cluster's partner has a more expensive partner of its own, both clusters choose each
+    /// other.
     ///
     /// Costs are symmetric, but searches may break ties differently, and rounding may make a union cheaper than its
-    /// child. This way the cheapest pair always agrees. Clusters without a living partner are added to `searching`,
-    /// once each.
+    /// child. With mutual partners, the cheapest pair always agrees. Clusters without a living partner are added to
+    /// `searching`, once each.
     fn agree(&mut self, neighborhood: &Neighborhood, searching: &mut Vec<u32>) {
         for id in neighborhood.alive() {
             let Partner { cost, id: other } = self.of[id as usize];

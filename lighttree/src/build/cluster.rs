@@ -29,10 +29,10 @@ pub(super) struct Cluster {
     pub high: Vec3A,
     /// Axis of the cone, for oriented clusters.
     pub axis: Vec3A,
-    /// Axis of one light of the cluster. It stays fixed while each merge rotates the cone.
+    /// Axis of one light of the cluster. It stays fixed, while each merge rotates the cone's axis.
     pub member_axis: Vec3A,
     pub luminance: f32,
-    /// Cosine and sine of half the cone's half-angle. Sums of these angles stay below 3π/4, where signs are
+    /// Cosine and sine of half the cone's half-angle. Sums of these angles stay below 3π/4, where their signs are
     /// unambiguous.
     pub half_cosine: f32,
     pub half_sine: f32,
@@ -45,7 +45,7 @@ impl Cluster {
         let (kind, axis, position) = match light.emission {
             Emission::Omni => (Kind::Omni, Vec3A::Z, light.position.into()),
             Emission::Cosine(axis) => (Kind::Oriented, axis.into(), light.position.into()),
-            // A point of the unit sphere.
+            // The position is a point of the unit sphere.
             Emission::Directional(travel) => (Kind::Omni, Vec3A::Z, (-travel).into()),
         };
         Self {
@@ -65,7 +65,7 @@ impl Cluster {
         if self.kind == Kind::Oriented { Cone::ray(self.axis.into()) } else { Cone::SPHERE }
     }
 
-    /// Returns the union. `cone` is the union of both cones.
+    /// Returns the union of two clusters. `cone` is the union of both cones.
     pub fn merged(&self, other: &Self, id: u32, cone: Cone) -> Self {
         let (half_sine, half_cosine) = (0.5 * cone.half_angle).sin_cos();
         Self {
@@ -88,7 +88,7 @@ impl Cluster {
         (self.luminance + other.luminance) * (metric.coincidence2 + diagonal2 + self.turn_cost(other, metric))
     }
 
-    /// Returns the orientation term: c² (1 − cos β)².
+    /// Returns the orientation term of the cost: c² (1 − cos β)².
     #[inline]
     fn turn_cost(&self, other: &Self, metric: &Metric) -> f32 {
         let spread = match (self.kind, other.kind) {
@@ -108,12 +108,12 @@ impl Cluster {
     }
 }
 
-/// Returns the cosine of the half-angle of the cone around `a`'s cone and another cone. `cos_between` is the cosine
-/// between their axes. `half_cosine` and `half_sine` belong to half of the other cone's half-angle. The result is at
-/// most the cosine of `a`'s own cone.
+/// Returns the cosine of the half-angle β of the smallest cone around `a`'s cone and another cone. `cos_between` is the
+/// cosine of the angle θ between their axes. `half_cosine` and `half_sine` belong to half of the other cone's
+/// half-angle β_b. The result is at most the cosine of `a`'s own half-angle β_a.
 ///
-/// β = max(β_a, (β_a + β_b + θ)/2), θ being the angle between the axes. Addition theorems make this fast, because it
-/// runs for every compared pair. The caller handles β_b, the other half of the maximum.
+/// β = max(β_a, (β_a + β_b + θ)/2). Addition theorems make this fast, because it is computed for every compared pair.
+/// The caller handles the case that β_b is larger.
 #[inline]
 pub(super) fn union_cosine(a: &Cluster, cos_between: f32, half_cosine: f32, half_sine: f32) -> f32 {
     let cos_half_between = (0.5 + 0.5 * cos_between).max(0.0).sqrt();

@@ -1,26 +1,26 @@
-//! Nearest-partner search among the living clusters.
+//! Search for the cheapest partner among the living clusters.
 
 use glam::Vec3A;
 
 use super::cluster::{Cluster, Kind, Metric, union_cosine};
 
-/// A cluster's cheapest partner and the cost of joining it.
+/// A cluster's cheapest partner, and the cost of the union of both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Partner {
     pub cost: f32,
     pub id: u32,
 }
 
-/// Clusters per leaf of the search tree. 4 … 8 took the same time.
+/// Number of clusters per leaf of the search tree. Builds with 4 to 8 took the same time.
 const LEAF_SIZE: usize = 6;
-/// Scale from the extent of axes (at most 2) to a length when the search tree splits, in units of c. Lights at right
-/// angles cost as much as a distance of about 0.3 c (β = 45°).
+/// Scale from the extent of axes (at most 2) to a length for splits of the search tree, in units of c. Two lights at
+/// right angles (β = 45°) cost as much as lights at a distance of about 0.3 c.
 const AXIS_SCALE: f32 = 0.3;
 /// Marks a missing cluster.
 pub(super) const DEAD: u32 = u32::MAX;
 
-/// Static tree over the clusters that were alive when it was built. A merged cluster reuses the slot of one of its
-/// children. It contains that child, so the node bounds stay lower bounds of costs.
+/// Static search tree over the clusters that were alive when it was built. A merged cluster reuses the slot of one of
+/// its children. It contains that child, so the bounds of the nodes stay lower bounds of costs.
 pub(super) struct Neighborhood<'a> {
     metric: &'a Metric,
     slots: Vec<Cluster>,
@@ -30,19 +30,19 @@ pub(super) struct Neighborhood<'a> {
     alive: usize,
 }
 
-/// Lower bound of the extent of a union with any cluster below.
+/// Lower bound of the extent of a union with any cluster below this node.
 struct SearchNode {
-    /// Largest `low` and smallest `high` of the boxes.
+    /// Largest `low` and smallest `high` of the clusters' boxes.
     low: Vec3A,
     high: Vec3A,
-    /// Box of the member axes of oriented clusters. Empty (low > high) if there are none.
+    /// Box of the member axes of oriented clusters. It is empty (low > high) if no cluster is oriented.
     axis_low: Vec3A,
     axis_high: Vec3A,
     luminance: f32,
     has_omni: bool,
     first: u32,
     last: u32,
-    /// Index of the second child, 0 in leaves. The first child follows its parent.
+    /// Index of the second child, or 0 in leaves. The first child follows its parent.
     second: u32,
 }
 
@@ -67,7 +67,7 @@ impl<'a> Neighborhood<'a> {
         self.slot_of[id as usize] != DEAD
     }
 
-    /// Returns whether a quarter of the slots have died since the last rebuild.
+    /// Returns whether a quarter of the slots have become empty since the last rebuild.
     pub fn is_sparse(&self) -> bool {
         4 * self.alive < 3 * self.slots.len()
     }
@@ -84,7 +84,7 @@ impl<'a> Neighborhood<'a> {
         self.alive -= 1;
     }
 
-    /// Drops the dead slots and rebuilds the tree.
+    /// Drops the empty slots and rebuilds the tree.
     pub fn rebuild(&mut self) {
         self.slots.retain(|cluster| cluster.id != DEAD);
         self.nodes.clear();
@@ -111,8 +111,8 @@ impl<'a> Neighborhood<'a> {
         self.split(right, first + middle);
     }
 
-    /// Returns the living cluster with the cheapest union and the cost, or [`DEAD`] if no other cluster is alive.
-    /// `hint` is a nearby cluster.
+    /// Returns the living cluster with the cheapest union, and the cost of the union. The cluster is [`DEAD`] if no
+    /// other cluster is alive. `hint` is a nearby cluster.
     pub fn nearest(&self, id: u32, hint: Option<u32>) -> Partner {
         let own = *self.cluster(id);
         let mut best = hint.map_or((f32::INFINITY, DEAD), |hint| (own.cost(self.cluster(hint), self.metric), hint));
@@ -122,7 +122,7 @@ impl<'a> Neighborhood<'a> {
         while top > 0 {
             top -= 1;
             let (bound, index) = stack[top];
-            // A partner with an overflowed cost is still a partner.
+            // A partner with a cost that overflows is still valid.
             if bound >= best.0 && best.1 != DEAD {
                 continue;
             }
@@ -179,7 +179,7 @@ impl SearchNode {
         node
     }
 
-    /// Lower bound of the cost of a union of `cluster` with any cluster below this node, up to rounding.
+    /// Returns a lower bound of the cost of a union of `cluster` with any cluster below this node, up to rounding.
     #[inline]
     fn lower_bound(&self, cluster: &Cluster, metric: &Metric) -> f32 {
         let diagonal2 = (cluster.high.max(self.high) - cluster.low.min(self.low)).length_squared();
@@ -196,8 +196,8 @@ impl SearchNode {
     }
 }
 
-/// Returns the coordinate with the largest extent of the clusters: a position coordinate, or an axis coordinate times
-/// a length.
+/// Returns the function from a cluster to the coordinate with the largest extent: a position coordinate, or an axis
+/// coordinate times a length.
 fn widest_dimension(clusters: &[Cluster], axis_length: f32) -> impl Fn(&Cluster) -> f32 + use<> {
     let coordinates = move |c: &Cluster| {
         let axis = if c.kind == Kind::Oriented { c.member_axis } else { Vec3A::ZERO };

@@ -6,9 +6,10 @@ use super::*;
 use crate::bounds::Cone;
 use crate::testing;
 
-/// Replays the merges, cheapest first, and compares each with the definition: no pair alive at that step is cheaper.
+/// Replays the merges, cheapest first, and compares each merge with the definition: no living pair is cheaper at that
+/// step.
 ///
-/// Checks step by step, because pairs that tie up to rounding lead to different greedy trees.
+/// The comparison is step by step, because pairs that tie up to rounding lead to different greedy trees.
 fn check_greedy(leaves: &[Cluster], merges: &[[u32; 2]], metric: &Metric) -> Result<(), TestCaseError> {
     let mut alive: Vec<(Cluster, Cone)> = leaves.iter().map(|leaf| (*leaf, leaf.leaf_cone())).collect();
     let mut waiting: Vec<usize> = (0..merges.len()).collect();

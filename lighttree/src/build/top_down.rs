@@ -6,14 +6,14 @@
 //! cost of a split = I_a (α_a² + c² (1 − cos β_a)²) + I_b (α_b² + c² (1 − cos β_b)²)
 //! ```
 //!
-//! Symbols and metric are defined in [bottom-up](super::agglomerate). Candidates are the borders of [`BINS`] slabs
-//! along each coordinate of position and axis.
+//! Symbols and metric are defined in [bottom-up](super::agglomerate). Candidate splits are the borders between [`BINS`]
+//! slabs along each coordinate of position and axis.
 //!
 //! # Differences from the paper
 //!
-//! \[Conty18\] weighs surface area and solid angle, for sampling. This builder uses the metric of Lightcuts and
-//! splits axes like positions, as points in six dimensions. Cones of candidates are bounded by the box of their axes,
-//! at the cost of six comparisons. The cones of the final tree are exact.
+//! \[Conty18\] weighs surface area and solid angle, for sampling. This builder uses the metric of Lightcuts and splits
+//! axes like positions, as points in six dimensions. Cones of candidate splits are bounded by the box of their axes, at
+//! the cost of six comparisons. The cones of the final tree are exact.
 
 use glam::Vec3A;
 
@@ -21,20 +21,20 @@ use super::cluster::{Cluster, Kind, Metric};
 
 /// Number of slabs along a coordinate.
 const BINS: usize = 16;
-/// Minimum size of subtrees built in parallel \[lights\]. Smaller subtrees finish before another thread wakes.
+/// Minimum size of subtrees built in parallel \[lights\]. Smaller subtrees would finish before another thread wakes.
 const PARALLEL: usize = 4096;
 
-/// A light during partitioning.
+/// A light during the partition.
 #[derive(Clone, Copy)]
 struct Item {
     position: Vec3A,
-    /// Zero for lights without an axis.
+    /// Axis of the light, or zero for lights without an axis.
     axis: Vec3A,
     luminance: f32,
     id: u32,
 }
 
-/// Returns the merges of the tree, numbered from `first_merge`, children before parents.
+/// Returns the merges of the tree, numbered from `first_merge`. Children precede their parents.
 pub(super) fn divide(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) -> Vec<[u32; 2]> {
     let (mut omni, mut oriented): (Vec<Item>, Vec<Item>) = (Vec::new(), Vec::new());
     for leaf in &leaves {
@@ -50,7 +50,7 @@ pub(super) fn divide(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) ->
         split(items, &mut merges, first_merge, metric);
         return merges;
     }
-    // A cluster of both kinds shines in all directions, the most expensive split.
+    // A cluster with both omni and oriented lights has a cone of all directions and the largest cost. Split it first.
     let (of_omni, rest) = merges.split_at_mut(omni.len() - 1);
     let (of_oriented, last) = rest.split_at_mut(oriented.len() - 1);
     let a = split(&mut omni, of_omni, first_merge, metric);
@@ -59,8 +59,8 @@ pub(super) fn divide(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) ->
     merges
 }
 
-/// Splits the items and returns the number of their root. `merges` has one entry less than `items`. The last is the
-/// root.
+/// Splits the items and returns the number of the root of their tree. `merges` has one entry less than `items`. The
+/// last entry is the root.
 fn split(items: &mut [Item], merges: &mut [[u32; 2]], first_merge: u32, metric: &Metric) -> u32 {
     match items {
         [] => return u32::MAX,
@@ -125,16 +125,16 @@ impl LightGroup {
         }
     }
 
-    /// Returns the cost I (α² + c² (1 − cos β)²).
+    /// Returns the cost of the group: I (α² + c² (1 − cos β)²).
     fn cost(&self, metric: &Metric) -> f32 {
         let diagonal2 = (self.high - self.low).length_squared();
         let spread = 1.0 - self.cone_cosine();
         self.luminance * (metric.coincidence2 + diagonal2 + metric.orientation2 * spread * spread)
     }
 
-    /// Lower bound of cos β, or 1 without axes.
+    /// Returns a lower bound of cos β, or 1 for lights without axes.
     ///
-    /// Let the box have center m and half diagonal h. A unit axis a in it satisfies |a − m| ≤ h,
+    /// Let m be the center of the box of axes and h its half diagonal. A unit axis a in the box satisfies |a − m| ≤ h,
     /// therefore a · m ≥ (1 + m² − h²)/2.
     fn cone_cosine(&self) -> f32 {
         let middle = 0.5 * (self.axis_low + self.axis_high);
@@ -150,14 +150,14 @@ impl LightGroup {
     }
 }
 
-/// Sorts the items into the two halves of the cheapest split. Returns the length of the first half, between 1 and
-/// `items.len() - 1`.
+/// Sorts the items into the two halves of the cheapest split. Returns the length of the first half, which is between 1
+/// and `items.len() - 1`.
 fn partition(items: &mut [Item], metric: &Metric) -> usize {
     let mut all = LightGroup::EMPTY;
     items.iter().for_each(|item| all.add(item));
     let mut best = (f32::INFINITY, 0, 0);
     let bins_in_use = BINS.min(2 * items.len());
-    // Find the cheapest border between slabs over all six coordinates.
+    // Find the cheapest border between slabs along all six coordinates.
     for dimension in 0..6 {
         let (low, high) =
             (coordinate_of(all.low, all.axis_low, dimension), coordinate_of(all.high, all.axis_high, dimension));
@@ -188,14 +188,14 @@ fn partition(items: &mut [Item], metric: &Metric) -> usize {
         }
     }
     let (cost, dimension, border) = best;
-    // All items coincide, or costs overflow `f32`: any split is equally good.
+    // If all items coincide, or costs overflow `f32`, any split is equally good.
     if cost == f32::INFINITY {
         return items.len() / 2;
     }
     let (low, high) =
         (coordinate_of(all.low, all.axis_low, dimension), coordinate_of(all.high, all.axis_high, dimension));
     let bin_of = binning(low, high, dimension, bins_in_use);
-    // Partition in place. The result is the same for any number of threads.
+    // Partition in place. The result does not depend on the number of threads.
     let mut middle = 0;
     for k in 0..items.len() {
         if bin_of(&items[k]) < border {
@@ -216,7 +216,7 @@ fn binning(low: f32, high: f32, dimension: usize, bins: usize) -> impl Fn(&Item)
     let scale = bins as f32 / (high - low);
     move |item| {
         let x = coordinate_of(item.position, item.axis, dimension);
-        // An overflowed scale may give NaN, which `as` converts to 0. The upper border belongs to the last bin.
+        // A scale that overflows may give NaN, which `as` converts to 0. The upper border belongs to the last slab.
         (((x - low) * scale) as usize).min(bins - 1)
     }
 }

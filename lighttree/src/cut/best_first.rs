@@ -1,4 +1,5 @@
-//! Refinement in the paper's order, for thresholds relative to the estimate and for cuts that reach the maximum size.
+//! Refinement in the paper's order, for thresholds relative to the estimate and for lightcuts that reach the maximum
+//! size.
 
 use glam::{DVec3, Vec3, Vec4};
 
@@ -11,26 +12,26 @@ use crate::node::sibling;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// Clusters of a growing cut, and a heap of the refinable ones.
+/// Clusters of a growing lightcut, and a heap of the clusters that can be refined.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Refined {
     clusters: Vec<Evaluated>,
     /// Free slots in `clusters`.
     free: Vec<u32>,
-    /// Binary max-heap of (bit pattern of the bound, slot). Bounds are not negative, so bit patterns sort like
-    /// bounds.
+    /// Binary max-heap of (bit pattern of the bound, slot). Bounds are not negative, so their bit patterns have the
+    /// same order.
     heap: Vec<u64>,
 }
 
-/// Cluster with its estimate.
+/// A cluster with its estimate.
 #[derive(Clone, Copy, Debug)]
 struct Evaluated {
     node: u32,
-    /// The traced shadow ray, or `None` in a free slot.
+    /// Traced shadow ray, or `None` in a free slot.
     ray: Option<ShadowRay>,
-    /// A shadow ray to the other half's light, traced for an ancestor.
+    /// Shadow ray to the other half's light, if it was traced for an ancestor.
     spare: Option<ShadowRay>,
-    /// M · G · V of the representative \[m⁻²\], for kept clusters.
+    /// M · G · V of the cluster's representative \[m⁻²\], for kept clusters.
     unit: Vec3,
     radiance: Vec3,
 }
@@ -122,10 +123,10 @@ fn bound_of(key: u64) -> f32 {
 }
 
 impl LightTree {
-    /// Refines the cluster with the largest bound until that bound is below `threshold` of the estimated luminance,
-    /// or the cut has its maximum size.
+    /// Refines the cluster with the largest bound until that bound is below `threshold` of the estimated luminance, or
+    /// the lightcut has its maximum size.
     ///
-    /// With `KEPT`, clusters are estimated by their representatives, as in the paper, and kept in the scratch.
+    /// With `KEPT`, clusters are estimated by their representatives, as in the paper, and stored in the scratch.
     /// Otherwise both [halves](super::halves) are used.
     pub(super) fn best_first<const KEPT: bool, R: Receiver>(
         &self,
@@ -138,7 +139,7 @@ impl LightTree {
         let max_size = *max_size;
         refined.clear(max_size);
         let mut cut = Cut::default();
-        // A running sum in `f64` does not drift. It only steers the threshold. The result is summed at the end.
+        // A running sum in `f64` does not drift. It is used only for the threshold. The result is summed at the end.
         let mut estimate = 0.0f64;
         let mut place =
             |cluster: Unshadowed, bound: f32, known: Option<ShadowRay>, refined: &mut Refined, cut: &mut Cut| {
@@ -149,7 +150,7 @@ impl LightTree {
                 if !leaf && bound == 0.0 {
                     return 0.0;
                 }
-                // Reuse a ray of the ancestor if it goes to the same light, which is then the representative.
+                // Reuse the ray of the ancestor if it was traced to the same light, which is then the representative.
                 let visible = match known {
                     _ if radiance == Vec3::ZERO => false,
                     Some(ray) if ray.light == light => ray.visible,
@@ -236,7 +237,7 @@ impl LightTree {
     }
 }
 
-/// Light of a cluster without visibility.
+/// Light of a cluster, computed without visibility.
 struct Unshadowed {
     node: u32,
     light: u32,

@@ -1,20 +1,20 @@
-//! Cuts for neighboring receivers: one common walk, then a walk for each receiver.
+//! Lightcuts for neighboring receivers: one common walk, then a walk for each receiver.
 //!
-//! A cluster's bound for the whole bundle is its bound for the box of positions and the cone of normals of all
-//! receivers. With this bound and the bounds for a few receivers, a node of the common walk is
+//! The bound of a cluster for the whole bundle covers the box of positions and the cone of normals of all receivers.
+//! Based on this bound and the bounds for a few receivers, a node of the common walk is
 //!
-//! * *common*, if the bundle's bound is within every threshold or the node is a single light: it is in every cut.
-//! * *refined*, if at least three of four receivers would refine it. Compared with requiring all four, cuts are 1 %
-//!   larger and need a quarter fewer visits (`examples/measure.rs`).
-//! * *undecided* otherwise: every receiver tests it with its own bound, and takes it or continues below it.
+//! * *common*, if the bundle's bound is within every threshold or the node is a single light: it is in every lightcut.
+//! * *refined*, if at least three of four receivers would refine it. Compared with requiring all four, lightcuts are
+//!   1 % larger and need a quarter fewer visits (`examples/measure.rs`).
+//! * *undecided* otherwise: every receiver tests it with its own bound, and selects it or continues below it.
 //! * *dark*, if the bundle's bound is zero.
 //!
 //! The walk continues from the undecided clusters, first for each [group](super::group) of receivers, then for each
-//! receiver. Shadow rays are traced by light, for all receivers that need the light. Most lights belong to common
-//! clusters, to which half of the receivers trace a ray. Rays between a light and a small area are coherent and
-//! cheap.
+//! receiver. Shadow rays are traced light by light, for all receivers that need the light. Most lights belong to common
+//! clusters, to which half of the receivers trace a ray. Rays between a light and a small area are coherent and cheap.
 //!
-//! Four receivers do not represent all. But refining is always safe: no cluster of any cut exceeds its threshold.
+//! Four receivers do not represent all receivers. But refining is always safe: no cluster of any lightcut exceeds its
+//! threshold.
 
 use glam::{Vec3, Vec4};
 
@@ -37,7 +37,7 @@ const PROBES: usize = 4;
 pub(super) struct Shared {
     of_all: Shares,
     of_group: Shares,
-    /// Cut of the undecided clusters that each receiver of a group takes.
+    /// For each receiver of a group, the lightcut of the undecided clusters that it selects.
     begun: Vec<Cut>,
     shadow_rays: ShadowRays,
 }
@@ -45,13 +45,14 @@ pub(super) struct Shared {
 /// Shadow rays of a bundle.
 #[derive(Clone, Debug, Default)]
 struct ShadowRays {
-    /// Rays of one receiver after the other.
+    /// Rays of all receivers, receiver by receiver.
     rays: Vec<ShadowRay>,
     /// Unoccluded radiance along each ray.
     radiance: Vec<Vec4>,
-    /// End of each receiver's rays.
+    /// End of each receiver's rays in `rays`.
     ends: Vec<usize>,
-    /// Bit set for each light: the receivers with a ray to it, after tracing the receivers that see it.
+    /// For each light, a bit set of receivers: before tracing, the receivers with a ray to the light; afterwards, the
+    /// receivers that see it.
     receivers_of: Vec<u64>,
     /// Lights with rays.
     lights: Vec<u32>,
@@ -84,7 +85,7 @@ impl ShadowRays {
         }
     }
 
-    /// Adds the visible radiance to the cuts.
+    /// Adds the visible radiance to the lightcuts.
     fn add_to(&mut self, cuts: &mut [Cut]) {
         let mut begin = 0;
         for (receiver, (cut, &end)) in cuts.iter_mut().zip(&self.ends).enumerate() {
@@ -99,14 +100,14 @@ impl ShadowRays {
 }
 
 impl LightTree {
-    /// Computes cuts for neighboring receivers, each with its own absolute threshold. The cuts correspond to
+    /// Computes lightcuts for neighboring receivers, each with its own absolute threshold. The lightcuts correspond to
     /// [`LightTree::lightcut`] for each receiver, with fewer node visits.
     ///
     /// `visible(light, index, rays)` traces shadow rays between a light and the receivers in the bit set `rays`. It
     /// returns the bit set of the receivers that see the light.
     ///
-    /// `cuts` is cleared and receives one cut per receiver. A cut is never coarser than an independent cut and may be
-    /// slightly finer. [`Cut::nodes_visited`] of the first cut includes the common walk.
+    /// `cuts` is cleared and receives one lightcut per receiver. Its clusters are never coarser than in an independent
+    /// lightcut and may be slightly finer. [`Cut::nodes_visited`] of the first lightcut includes the common walk.
     ///
     /// # Panics
     ///
@@ -126,12 +127,12 @@ impl LightTree {
             cuts.resize(receivers.len(), Cut::default());
             return;
         }
-        // Taken out because the walks borrow the rest of the scratch.
+        // Move the shared memory out, because the walks borrow the rest of the scratch.
         let mut shared = std::mem::take(&mut scratch.shared);
         let Shared { of_all, of_group, begun, shadow_rays } = &mut shared;
         shadow_rays.clear(self.lights.len());
         let most = scratch.max_size as usize;
-        // A bundle of one group needs no walk for all receivers.
+        // A bundle with a single group needs no walk for all receivers.
         let roots = [self.roots().start as u32, self.roots().end as u32 - 1];
         let roots = &roots[..self.roots().len()];
         let mut all = if receivers.len() > GROUP {
@@ -141,7 +142,7 @@ impl LightTree {
             of_all.undecided.extend(roots);
             Some(Cut::default())
         };
-        // Continue the walk for each group, then for each receiver. Cuts above the maximum size are made
+        // Continue the walk for each group, then for each receiver. Lightcuts above the maximum size are computed
         // independently.
         for (receivers, thresholds) in receivers.chunks(GROUP).zip(thresholds.chunks(GROUP)) {
             let group = Receivers { receivers, thresholds };
@@ -172,7 +173,7 @@ impl LightTree {
                 };
                 shadow_rays.ends.push(shadow_rays.rays.len());
                 cuts.push(cut);
-                // Count the common walks once, with the first cut.
+                // Count the common walks once, with the first lightcut.
                 for walk in [&mut all, &mut common].into_iter().flatten() {
                     walk.nodes_visited = 0;
                 }
@@ -244,7 +245,7 @@ impl LightTree {
         Some(cut)
     }
 
-    /// Returns whether at least all but one of the probes would refine a cluster, for four clusters.
+    /// For four clusters, returns whether all probes, or all but one, would refine the cluster.
     #[inline(always)]
     fn most_refine<R: Receiver>(&self, together: Receivers<R>, clusters: &ClusterBounds<Vec4>) -> [bool; 4] {
         let Receivers { receivers, thresholds } = together;
@@ -263,7 +264,7 @@ impl LightTree {
     }
 }
 
-/// Combines the bounds and counts of two cuts.
+/// Combines the bounds and counts of two lightcuts.
 fn plus(a: Cut, b: Cut) -> Cut {
     Cut {
         largest_bound: a.largest_bound.max(b.largest_bound),

@@ -1,5 +1,5 @@
-//! The paper's estimate of a cut: M · G · V of each representative times its cluster's intensity. The clusters can be
-//! kept and summed again with other intensities.
+//! The paper's estimate of a lightcut: M · G · V of each representative times its cluster's intensity. The clusters can
+//! be kept and summed again with other intensities.
 
 use glam::{Vec3, Vec4};
 
@@ -14,13 +14,13 @@ use crate::tree::LightTree;
 pub struct ShadowRay {
     /// Index of the light.
     pub light: u32,
-    /// Whether the light is visible. False before the ray is traced.
+    /// Whether the light is visible. It is false before the ray is traced.
     pub visible: bool,
 }
 
 impl LightTree {
-    /// Sums the estimates of the nodes in `scratch.selected`, traces all shadow rays together, and keeps the
-    /// clusters.
+    /// Sums the estimates of the nodes in `scratch.selected`, traces all shadow rays together, and stores the clusters
+    /// in the scratch.
     #[inline(always)]
     pub(super) fn evaluate<R: Receiver>(
         &self,
@@ -45,8 +45,9 @@ impl LightTree {
         cut
     }
 
-    /// Computes M · G of the representatives of the nodes in `scratch.selected`, four at a time. Lit ones are
-    /// appended to `rays` and `terms`, dark ones go directly to `kept`.
+    /// Computes M · G of the representatives of the nodes in `scratch.selected`, four at a time. Representatives that
+    /// contribute are appended to `rays` and `terms`. Clusters with a dark representative are appended directly to
+    /// `kept`.
     #[inline(always)]
     fn estimate_selected<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) {
         let Scratch { selected, selected_count, rays, ray_count, terms, kept, .. } = scratch;
@@ -73,7 +74,7 @@ impl LightTree {
 }
 
 impl Scratch {
-    /// Clears the estimate and reserves room for the largest cut.
+    /// Clears the estimate and reserves room for the largest lightcut.
     pub(super) fn begin_estimate(&mut self) {
         let room = self.max_size as usize + 8;
         self.ray_count = 0;

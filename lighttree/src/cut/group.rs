@@ -1,13 +1,13 @@
 //! Clusters that the receivers of a bundle share.
 //!
-//! Shared clusters are gathered once, four at a time, in the order in which every receiver reads them. Each receiver
-//! of a group bounds the undecided clusters itself. Those within its threshold are used like common clusters. Below
-//! the others it continues with its own [walk](super::walk).
+//! Shared clusters are gathered once, four at a time, in the order in which every receiver reads them. Each receiver of
+//! a group bounds the undecided clusters itself. Clusters within its threshold are used like common clusters. Below the
+//! other clusters, the receiver continues with its own [walk](super::walk).
 //!
-//! Estimates of shared clusters are almost half of the work. Their operands are contiguous. They are computed
-//! [eight lanes](Width) at a time where the processor supports it. This saves a seventh of the time of a shared cut.
+//! Estimates of shared clusters are almost half of the work. Their operands are contiguous, so they are computed [eight
+//! lanes](Width) at a time where the processor supports it. This saves a seventh of the time of a shared lightcut.
 //!
-//! Time relative to independent cuts (`examples/measure.rs` on conference, 152 043 lights, blocks of 8×8 pixels):
+//! Time relative to independent lightcuts (`examples/measure.rs` on conference, 152 043 lights, blocks of 8×8 pixels):
 //!
 //! | method | time |
 //! |---|---|
@@ -27,9 +27,9 @@ use crate::tree::LightTree;
 /// Number of consecutive receivers in a group.
 pub(super) const GROUP: usize = 16;
 
-/// Number of fours evaluated before halves are chosen for the first. Each step from square root to ray position
-/// depends on the previous one, and the processor looks ahead further over short loops. This saves a tenth of the
-/// time of a shared cut.
+/// Number of groups of four clusters that are evaluated before halves are chosen for the first group. Each step from
+/// square root to ray position depends on the previous step, and the processor looks ahead further over short loops.
+/// This saves a tenth of the time of a shared lightcut.
 const AHEAD: usize = 8;
 
 /// Neighboring receivers, such as the pixels of a block, and the threshold of each.
@@ -68,13 +68,13 @@ impl<R> Copy for Member<'_, R> {}
 /// Clusters that several receivers share.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shares {
-    /// Nodes that are in every cut.
+    /// Nodes that are in every lightcut.
     pub common: Vec<u32>,
-    /// Nodes that only some receivers refine.
+    /// Nodes that only some of the receivers refine.
     pub undecided: Vec<u32>,
-    /// Common clusters, then undecided clusters.
+    /// Gathered common clusters, then gathered undecided clusters.
     fours: Vec<FourShared>,
-    /// Nodes that the common walk still has to refine.
+    /// Nodes that the common walk has not refined yet.
     pub pending: Vec<u32>,
 }
 
@@ -82,11 +82,11 @@ pub(super) struct Shares {
 #[derive(Clone, Copy, Debug)]
 struct FourShared {
     halves: Halves,
-    /// Bit set of the clusters that each receiver of a group does not use.
+    /// For each receiver of a group, the bit set of the clusters that it does not use.
     left_out: [u8; GROUP],
 }
 
-/// Shadow rays of a receiver and the unoccluded radiance along each.
+/// Shadow rays of a receiver, and the unoccluded radiance of each.
 pub(super) type Estimated<'a> = (&'a [ShadowRay], &'a [Vec4]);
 
 impl Shares {
@@ -96,7 +96,7 @@ impl Shares {
         fours.clear();
     }
 
-    /// Undecided clusters that the k-th receiver of the group refines.
+    /// Returns the undecided clusters that the k-th receiver of the group refines.
     fn refined_by(&self, k: usize) -> impl Iterator<Item = u32> {
         let fours = &self.fours[self.common.len().div_ceil(4)..];
         self.undecided.chunks(4).zip(fours).flat_map(move |(nodes, four)| {
@@ -117,15 +117,15 @@ impl LightTree {
         );
     }
 
-    /// Tests the undecided clusters for every receiver of a group and gathers them after the common ones. `begun`
-    /// receives the cut of the undecided clusters for each receiver. Visits of their halves are counted with the
-    /// first.
+    /// Tests the undecided clusters for every receiver of a group and gathers them after the common clusters. `begun`
+    /// receives, for each receiver, the lightcut of the undecided clusters. Visits of the clusters' halves count for
+    /// the first receiver.
     pub(super) fn decide<R: Receiver>(&self, group: Receivers<R>, shares: &mut Shares, begun: &mut Vec<Cut>) {
         let Shares { undecided, fours, .. } = shares;
         begun.clear();
         let looked_at = undecided.len() as u32;
         begun.resize(group.receivers.len(), Cut { nodes_visited: looked_at, ..Cut::default() });
-        // None of these clusters is a single light.
+        // None of the undecided clusters is a single light, so each has two halves.
         begun[0].nodes_visited += 2 * looked_at;
         let geometry_term_bound = Vec4::splat(self.geometry_term_bound);
         for four in undecided.chunks(4) {
@@ -146,8 +146,8 @@ impl LightTree {
         }
     }
 
-    /// Walks below the undecided clusters that one receiver refines and fills `selected`. Returns `None` if it
-    /// selects more than `most` clusters.
+    /// Walks below the undecided clusters that one receiver refines and fills `selected`. Returns `None` if more than
+    /// `most` clusters are selected.
     #[inline(always)]
     pub(super) fn walk_on<R: Receiver>(
         &self,
@@ -161,8 +161,8 @@ impl LightTree {
         (queued && walk.finish_walk(most)).then(|| walk.finish())
     }
 
-    /// Estimates the shared clusters and the own clusters of a receiver. No shadow ray is traced yet, so the radiance
-    /// of the cut is still zero.
+    /// Estimates the shared clusters and the receiver's own clusters. No shadow ray is traced yet, so the radiance of
+    /// the lightcut is still zero.
     #[inline(always)]
     pub(super) fn estimate_shared<'a, R: Receiver>(
         &self,
@@ -183,7 +183,7 @@ impl LightTree {
     }
 }
 
-/// Appends the estimates of a receiver's clusters in `fours` and returns the new number of rays.
+/// Kernel that appends the estimates of a receiver's clusters in `fours` and returns the new number of rays.
 struct EstimateShared<'a, R> {
     receiver: &'a R,
     fours: [&'a [FourShared]; 2],

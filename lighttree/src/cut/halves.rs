@@ -1,30 +1,31 @@
-//! Estimates of clusters by their halves.
+//! Estimates of clusters from their halves.
 //!
-//! The paper estimates a cluster by one light, L = M · G · V · I. Without the shadow ray a light's contribution costs
-//! almost nothing. Two lights are therefore evaluated, the representatives a and b of the cluster's children, and one
-//! shadow ray is traced:
+//! The paper estimates a cluster by one light, L = M · G · V · I. Without the shadow ray, the contribution of a light
+//! is almost free to compute. Two lights are therefore evaluated, the representatives a and b of the cluster's
+//! children, and one shadow ray is traced:
 //!
 //! ```text
 //! L = V_k (M_a G_a I_a + M_b G_b I_b)        k is a with probability M_a G_a I_a / (M_a G_a I_a + M_b G_b I_b), else b
 //! ```
 //!
-//! The mean over k is M_a G_a V_a I_a + M_b G_b V_b I_b: unbiased like one representative, and both halves stay below
-//! their bounds. This is resampling \[Talbot05\] of two stratified candidates.
+//! The mean over k is M_a G_a V_a I_a + M_b G_b V_b I_b. The estimate is unbiased like the estimate with one
+//! representative, and both halves stay below their bounds. This is resampling \[Talbot05\] of two stratified
+//! candidates.
 //!
-//! k is the winner of a second race. Each light keeps its exponentially distributed number, and its speed is its
-//! unoccluded contribution at the receiver. So k is equal for neighbors and stable over time.
+//! k is the winner of a second race. Each light has a fixed, exponentially distributed random number, and its speed is
+//! its unoccluded contribution at the receiver. So k is equal for neighbors and stable over time.
 //!
-//! Measured on the lights, pixels and shadows of `scenes/`, 96×96 pixels, with identical cuts of 20 %. The table
-//! lists the root mean square of the relative error over all pixels and 50 seeds:
+//! The table was measured with the lights, pixels and shadows of `scenes/`, 96×96 pixels, with identical lightcuts at a
+//! threshold of 20 %. It lists the root mean square of the relative error over all pixels and 50 seeds:
 //!
 //! ```text
 //!                            one representative   both, k drawn   both, k the cluster's representative
-//! cornell, cut size 41                   8.7 %           6.4 %           6.5 %, on average −0.1 %
-//! nave, cut size 175                    11.7 %          10.4 %          10.7 %, on average −1.7 %
-//! atrium, cut size 155                  11.5 %          10.3 %          10.4 %, on average −1.7 %
+//! cornell, 41 clusters                   8.7 %           6.4 %           6.5 %, on average −0.1 %
+//! nave, 175 clusters                    11.7 %          10.4 %          10.7 %, on average −1.7 %
+//! atrium, 155 clusters                  11.5 %          10.3 %          10.4 %, on average −1.7 %
 //! ```
 //!
-//! The third column is biased because near lights are visible more often. Variants without benefit:
+//! The third column is biased because near lights are visible more often. These variants had no benefit:
 //!
 //! * Candidates from all four grandchildren gave 5.7 %, 10.2 % and 10.3 %, for twice the work.
 //! * Representatives near the middle of their clusters made nave 4 % too bright.
@@ -41,18 +42,18 @@ use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
 /// Halves of four clusters: first all first halves, then all second halves. The first half of a single light is the
-/// light, and its second half is dark.
+/// light. Its second half is dark.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halves {
     sites: Site<Eight>,
     intensity: Vector3<Eight>,
     /// Indices of the lights, as bit patterns.
     lights: Eight,
-    /// Whether all lights are `Cosine`, the most common kind.
+    /// Whether all lights are `Cosine`, the most common type.
     cosine: bool,
 }
 
-/// Light of the shadow ray and unoccluded radiance of four clusters.
+/// For each of four clusters, the light of the shadow ray and the unoccluded radiance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimates {
     pub lights: [u32; 4],
@@ -98,12 +99,12 @@ impl Halves {
 }
 
 impl Estimates {
-    /// Combines the radiance of each cluster's two halves.
+    /// Combines the radiance of the two halves of each cluster.
     #[inline(always)]
     fn of_halves([a, b]: [Vector3<Vec4>; 2], delays: [Vec4; 2], lights: [Vec4; 2]) -> Self {
         let [light_a, light_b] = [a.x + a.y + a.z, b.x + b.y + b.z];
-        // The light with the larger delay divided by radiance loses. The first light loses if it is dark.
-        // Branch-free, because half of the branches would be mispredicted.
+        // The light with the larger ratio of delay to radiance loses. The first light loses if it is dark. The code has
+        // no branches, because half of them would be mispredicted.
         let loses = light_a.cmple(Vec4::ZERO) | (delays[0] * light_b).cmpgt(delays[1] * light_a);
         let (both, light) = (a + b, light_a + light_b);
         Self {
@@ -114,7 +115,7 @@ impl Estimates {
     }
 }
 
-/// M · G · I of the given sites.
+/// Returns M · G · I of the given sites.
 #[inline(always)]
 fn unoccluded<F: Real, R: Receiver>(
     receiver: &R,
@@ -162,7 +163,7 @@ impl LightTree {
         }
     }
 
-    /// Estimates two clusters, in the first two lanes.
+    /// Estimates two clusters. The results are in the first two lanes.
     #[inline(always)]
     pub(super) fn estimates_of_two<R: Receiver>(&self, receiver: &R, clusters: [u32; 2]) -> Estimates {
         let [(a, lit_a), (b, lit_b)] = clusters.map(|cluster| self.below(cluster as usize));
@@ -178,7 +179,7 @@ impl LightTree {
     #[inline(always)]
     fn below(&self, cluster: usize) -> ([usize; 2], f32) {
         let node = &self.nodes[cluster];
-        // Most clusters of a cut are not single lights. With a branch, the processor fetches the halves
+        // Most clusters of a lightcut are not single lights. With a branch, the processor fetches the halves
         // speculatively.
         if node.is_leaf() { ([cluster; 2], 0.0) } else { ([node.children(), node.children() + 1], 1.0) }
     }
@@ -191,8 +192,8 @@ impl LightTree {
         FourNodes { sites: self.sites.four(indices), intensity: Vector3 { x, y, z }, lights }
     }
 
-    /// Estimates the nodes in `scratch.selected` and appends lit ones to `rays` and `radiance`. Returns the number of
-    /// additional nodes visited.
+    /// Estimates the nodes in `scratch.selected` and appends estimates that are not dark to `rays` and `radiance`.
+    /// Returns the number of additional nodes visited.
     #[inline(always)]
     pub(super) fn estimate_halves<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) -> u32 {
         let selected = &scratch.selected[..scratch.selected_count];
@@ -205,7 +206,7 @@ impl LightTree {
         2 * scratch.inner_count as u32
     }
 
-    /// Sums the estimates of the nodes in `scratch.selected` by their halves and traces all shadow rays together.
+    /// Sums the estimates of the nodes in `scratch.selected` from their halves. Traces all shadow rays together.
     #[inline(always)]
     pub(super) fn evaluate_halves<R: Receiver>(
         &self,
@@ -234,17 +235,17 @@ pub(super) struct Arriving<'a> {
 }
 
 impl<'a> Arriving<'a> {
-    /// Appends after the first `count` entries.
+    /// Creates a buffer that appends after the first `count` entries.
     #[inline(always)]
     pub fn after(count: usize, rays: &'a mut [ShadowRay], radiance: &'a mut [Vec4]) -> Self {
         Self { rays, radiance, count }
     }
 
-    /// Appends the estimates with bits set in `wanted`. Branch-free, because branches would be mispredicted too
-    /// often.
+    /// Appends the estimates with bits set in `wanted`. The code has no branches, because they would be mispredicted
+    /// too often.
     #[inline(always)]
     pub fn push(&mut self, estimates: &Estimates, wanted: u32) {
-        // Check the bounds for all four once.
+        // Check the slice bounds of all four entries once.
         let rays = &mut self.rays[self.count..self.count + 4];
         let radiance = &mut self.radiance[self.count..self.count + 4];
         let wanted = (wanted & estimates.lit) as usize;
@@ -258,7 +259,7 @@ impl<'a> Arriving<'a> {
     }
 }
 
-/// Sums the radiance along the unoccluded rays.
+/// Returns the sum of the radiance of the unoccluded rays.
 #[inline(always)]
 pub(super) fn sum_of_seen(rays: &[ShadowRay], radiance: &[Vec4]) -> Vec4 {
     rays.iter().zip(radiance).fold(Vec4::ZERO, |sum, (ray, &value)| sum + value * f32::from(ray.visible))

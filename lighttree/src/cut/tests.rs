@@ -16,7 +16,7 @@ fn ceiling(side: u32) -> LightTree {
     LightTree::build(&lights, BuildParams::bounded_by(0.3).with_seed(3))
 }
 
-/// Both refinement orders give the same cut if both are applicable.
+/// Both refinement orders give the same lightcut wherever both are applicable.
 #[test]
 fn order_of_refinement_does_not_matter() {
     let tree = ceiling(40);
@@ -36,8 +36,8 @@ fn order_of_refinement_does_not_matter() {
     }
 }
 
-/// The kept clusters equal the cut in number and, up to rounding, in sum. They respond to new intensities like the
-/// tree.
+/// The kept clusters equal the lightcut in number and, up to rounding, in sum. Like the tree, they respond to new
+/// intensities.
 #[test]
 fn clusters_sum_to_the_cut() {
     let mut tree = ceiling(30);
@@ -58,7 +58,7 @@ fn clusters_sum_to_the_cut() {
     }
 }
 
-/// A redrawn cluster is represented by each of its lights in proportion to luminance, and never by dark lights.
+/// After redraws, each light of a cluster represents it in proportion to luminance. Dark lights never represent it.
 #[test]
 fn lights_are_drawn_anew_in_proportion_to_luminance() {
     let light = |k: u32| Light {
@@ -102,8 +102,8 @@ fn lights_are_drawn_anew_in_proportion_to_luminance() {
     assert!((chi2 - freedom).abs() < 4.0 * (2.0 * freedom).sqrt(), "{chi2} of {freedom}");
 }
 
-/// Over many draws the mean estimate equals the sum over every light, including shadows. Its error is lower than with
-/// one representative per cluster, for the same clusters and number of rays.
+/// Over many draws, the mean estimate equals the sum over all lights, including shadows. For the same clusters and
+/// number of rays, the error is lower than with one representative per cluster.
 #[test]
 fn halves_are_right_on_average_and_nearer() {
     let lights: Vec<Light> = (0..400)
@@ -136,7 +136,7 @@ fn halves_are_right_on_average_and_nearer() {
     assert!(rays[0] <= rays[1], "{rays:?}");
 }
 
-/// After the first cut in a tree no buffer grows, at any threshold.
+/// After the first lightcut in a tree, no buffer grows at any threshold.
 #[test]
 fn scratch_is_reused() {
     let tree = ceiling(50);
@@ -154,10 +154,10 @@ fn scratch_is_reused() {
     }
 }
 
-/// Rounding of cosines near 90°, relative to the light if all lights and the receiver faced each other.
+/// Rounding error of cosines near 90°, relative to the light if all lights and the receiver faced each other.
 const ROUNDING: f32 = 1e-4;
 
-/// Luminance at a receiver with the given largest M if all lights and the receiver face each other.
+/// Returns the luminance at a receiver with the given largest M, if all lights and the receiver face each other.
 fn face_to_face(tree: &LightTree, position: Vec3, strongest: Vec3) -> f32 {
     let arrives = |light: &Light| {
         let reflected = luminance(light.intensity * strongest);
@@ -177,7 +177,7 @@ fn build(scene: &TestScene, builder: Builder) -> LightTree {
     )
 }
 
-/// 10⁵ cuts of all scales, with random thresholds, maximum sizes and shadows.
+/// Tests 10⁵ lightcuts of all scales, with random thresholds, maximum sizes and shadows.
 #[test]
 fn cuts_keep_their_promises() {
     let mut random = Random(7);
@@ -213,7 +213,7 @@ fn cuts_keep_their_promises() {
     assert!(refined > 50_000, "{refined} cuts of more than one cluster");
 }
 
-/// Shared cuts of near and distant receivers satisfy the same conditions as independent cuts.
+/// Shared lightcuts of near and distant receivers satisfy the same conditions as independent lightcuts.
 #[test]
 fn shared_cuts_keep_the_promises_of_each() {
     let mut random = Random(8);
@@ -223,7 +223,7 @@ fn shared_cuts_keep_the_promises_of_each() {
         let tree = build(&scene, Builder::BottomUp);
         let length = scene.geometry_term_bound.sqrt() * 10f32.powf(random.within(-2.0, 1.0));
         let tilt = random.within(0.0, 1.0);
-        // Some bundles exceed one group.
+        // Some bundles have more than one group.
         let count = if random.once_in(4) { 17 + random.bits() % 32 } else { 1 + random.bits() % 12 };
         let receivers: Vec<Ggx> = (0..count)
             .map(|_| Ggx {
@@ -267,7 +267,7 @@ fn shared_cuts_keep_the_promises_of_each() {
     assert!(saved > 2000, "{saved} bundles with fewer visits");
 }
 
-/// Radiance at a receiver from the halves of four clusters.
+/// Kernel that computes the radiance at a receiver from the halves of four clusters.
 struct Arriving<'a, R>(&'a halves::Halves, &'a R, f32);
 
 impl<R: Receiver> Kernel for Arriving<'_, R> {
@@ -281,7 +281,8 @@ impl<R: Receiver> Kernel for Arriving<'_, R> {
     }
 }
 
-/// Lights of all kinds and scales, with every material: eight lanes, four lanes and pairs of clusters agree.
+/// For lights of all types and scales and every material, eight lanes, four lanes and pairs of clusters give the same
+/// bits.
 #[test]
 fn estimates_have_the_same_bits_however_many_at_once() {
     let mut random = Random(9);

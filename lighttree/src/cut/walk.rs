@@ -1,8 +1,9 @@
-//! Clusters of a cut with an absolute threshold, found by bounds only, four nodes at a time.
+//! Clusters of a lightcut with an absolute threshold, found with bounds only, four nodes at a time.
 //!
 //! Two nodes to refine leave the queue together, and their four children are bounded together. The queue is first in,
-//! first out. The next nodes are known long before they are needed, so the processor works on several fours at once
-//! without speculation. A stack, on which the next four depend on the last four, took half as long again.
+//! first out. The next nodes are known long before they are needed, so the processor works on several groups of four at
+//! once without speculation. With a stack, the next group of four depends on the last one. A stack took half as long
+//! again.
 
 use glam::Vec4;
 
@@ -12,12 +13,12 @@ use crate::lanes::Vector3;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// Queue size: refined nodes per cluster of the largest cut. A cut without dark clusters refines one node less than
-/// its number of clusters. If the queue is too small, best-first refinement takes over.
+/// Queue size: number of refined nodes per cluster of the largest lightcut. A lightcut without dark clusters refines
+/// one node less than its number of clusters. If the queue is too small, best-first refinement replaces the walk.
 const QUEUE_PER_CLUSTER: usize = 4;
 
 impl LightTree {
-    /// Collects the nodes of the cut into `scratch.selected`. Returns `None` if they exceed the maximum size.
+    /// Collects the nodes of the lightcut in `scratch.selected`. Returns `None` if they exceed the maximum size.
     pub(super) fn walk<R: Receiver>(&self, receiver: &R, threshold: f32, scratch: &mut Scratch) -> Option<Cut> {
         let most = scratch.max_size as usize;
         let mut walk = Walk::new(self, receiver, threshold, scratch);
@@ -26,10 +27,10 @@ impl LightTree {
     }
 }
 
-/// A walk in progress: nodes to refine, and the cut so far.
+/// A walk in progress: nodes to refine, and the lightcut so far.
 ///
-/// Nodes are sorted with branches. A branch-free version that writes each node to both queue and selection took a
-/// third more time.
+/// Branches decide where each node is stored. A branch-free version that writes each node to both queue and selection
+/// took a third more time.
 pub(super) struct Walk<'a, R> {
     tree: &'a LightTree,
     receiver: &'a R,
@@ -37,7 +38,7 @@ pub(super) struct Walk<'a, R> {
     threshold: f32,
     /// First children of the nodes to refine.
     queue: &'a mut [u32],
-    /// Next position to leave the queue, and end of the queue.
+    /// Index of the next node to leave the queue, and end of the queue.
     head: usize,
     tail: usize,
     selected: &'a mut [u32],
@@ -76,7 +77,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
         self.visit([first, last, first, first], nodes.len());
     }
 
-    /// Starts with a node that must be refined. Returns false if the queue is full.
+    /// Starts with a node that must be refined. Returns whether the queue had room for it.
     #[inline(always)]
     pub fn refine(&mut self, node: u32) -> bool {
         let room = self.tail < self.queue.len();
@@ -118,13 +119,14 @@ impl<'a, R: Receiver> Walk<'a, R> {
         }
     }
 
-    /// Returns whether four more nodes fit.
+    /// Returns whether four more nodes fit in the selection and in the queue.
     #[inline(always)]
     fn has_room(&self, most: usize) -> bool {
         *self.selected_count <= most && self.tail + 4 < self.queue.len()
     }
 
-    /// Refines all nodes in the queue. Returns false if the cut has more than `most` clusters or the queue is full.
+    /// Refines all nodes in the queue. Returns false if the lightcut has more than `most` clusters or the queue is
+    /// full.
     #[inline(always)]
     pub fn finish_walk(&mut self, most: usize) -> bool {
         while self.head < self.tail {
@@ -144,7 +146,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
         *self.selected_count <= most
     }
 
-    /// Returns the size and bounds of the cut. Its nodes are in `scratch.selected`.
+    /// Returns the size and bounds of the lightcut. Its nodes are in `scratch.selected`.
     #[inline(always)]
     pub fn finish(self) -> Cut {
         Cut { size: *self.selected_count as u32, ..self.cut }

@@ -7,10 +7,10 @@ use crate::receiver::{Bundled, Ggx, Lambert};
 use crate::testing::{self, Random, TestScene};
 use crate::tree::LightTree;
 
-/// Number of random trees. Each cluster is compared with all lights below it. 10⁵ for the diffuse receiver.
+/// Number of random trees for the diffuse receiver, 10⁵. Each cluster is compared with all lights below it.
 const TREES: u64 = 100_000;
 
-/// Rounding of cosines, relative to the cluster's contribution face to face. Narrow lobes multiply it.
+/// Rounding error of cosines, relative to the cluster's contribution face to face. Narrow lobes multiply it.
 const ROUNDING: f32 = 1e-4;
 
 fn build(scene: &TestScene) -> LightTree {
@@ -26,8 +26,8 @@ fn lights_below(tree: &LightTree, index: usize) -> Vec<usize> {
     [lights_below(tree, first), lights_below(tree, first + 1)].concat()
 }
 
-/// Largest luminance from the cluster if all lights and the receiver face each other. `strongest` is the material's
-/// largest M.
+/// Returns the largest luminance from the cluster if all lights and the receiver face each other. `strongest` is the
+/// material's largest M.
 fn face_to_face(tree: &LightTree, node: &Node, from: Vec3, strongest: Vec3) -> f32 {
     let reflected = luminance(strongest * node.intensity);
     if node.is_directional() {
@@ -37,8 +37,8 @@ fn face_to_face(tree: &LightTree, node: &Node, from: Vec3, strongest: Vec3) -> f
     reflected / (nearest.length_squared() + tree.geometry_term_bound)
 }
 
-/// Checks that estimate, truth with random shadows, unoccluded truth, and their differences stay below the bound.
-/// Returns the number of clusters checked.
+/// Checks that the estimate, the true value with random shadows, the unoccluded true value, and their differences stay
+/// below the bound. Returns the number of clusters checked.
 fn check<R: Receiver>(tree: &LightTree, receiver: &R, strongest: Vec3, shadows: u64) -> usize {
     let position = receiver.position();
     let clusters = tree.nodes.iter().enumerate().filter(|(index, _)| *index > 0 || !tree.is_joint());
@@ -84,7 +84,7 @@ fn nor_for_a_rough_metal() {
     }
 }
 
-/// A box around the receiver, which contains all directions.
+/// Returns a box around the receiver, which contains all directions.
 fn around() -> Region {
     Region::new(Vec3::NEG_ONE.into(), Vec3::ONE.into())
 }
@@ -95,7 +95,7 @@ fn rough(random: &mut Random, scene: &TestScene) -> Ggx {
     Ggx { position, normal, view: scene.direction, diffuse: reflectance, specular: Vec3::new(0.04, 0.5, 1.0), alpha }
 }
 
-/// Reflection bound alone, compared with directions over small and large boxes.
+/// The reflection bound alone is compared with directions over small and large boxes.
 #[test]
 fn a_rough_metal_reflects_no_more_than_its_bound() {
     let mut random = Random(4);
@@ -119,7 +119,7 @@ fn a_rough_metal_reflects_no_more_than_its_bound() {
     assert!(closest > 0.9, "a bound that is nowhere near: {closest}");
 }
 
-/// A single light's bound is its contribution, and four lanes are bit-identical to one.
+/// The bound of a single light is its contribution. Four lanes are bit-identical to one.
 #[test]
 fn four_at_a_time_are_the_bits_of_one() {
     let mut random = Random(5);

@@ -17,16 +17,16 @@
 //!
 //! The bound is not from the papers.
 //!
-//! *D.* Reflection at a half vector h is a rotation by π around h. The light direction l is therefore the view's
-//! mirror direction, rotated first by π around the normal and then by π around h. Together this is a rotation by 2
+//! *D.* Reflection at a half vector h is a rotation by π around h. The light direction l is therefore the mirror
+//! direction of the view, rotated first by π around the normal and then by π around h. Together this is a rotation by 2
 //! θ_h. It moves no direction by a larger angle, so the angle δ between l and the mirror direction is at most 2 θ_h.
-//! Therefore cos² θ_h ≤ (1 + cos δ)/2. D grows with that cosine.
+//! Therefore cos² θ_h ≤ (1 + cos δ)/2. D grows with this cosine.
 //!
-//! *V cos θ_i* is 1 / (2 (cos θ_o √(1 − α² + α²/cos² θ_i) + s(θ_o))), and grows with cos θ_i.
+//! *V cos θ_i* equals 1 / (2 (cos θ_o √(1 − α² + α²/cos² θ_i) + s(θ_o))). It grows with cos θ_i.
 //!
 //! *F* falls with cos θ_d = √((1 + l · view)/2). The smallest cos θ_d follows from the largest cosine to −view.
 //!
-//! Three maximum cosines over the region therefore bound M. They need not belong to one direction. The bound is tight
+//! Three maximum cosines over the region therefore bound M. They may belong to different directions. The bound is tight
 //! if the lobe is not seen at grazing angles.
 
 use std::f32::consts::FRAC_1_PI;
@@ -57,13 +57,13 @@ pub struct Ggx {
     pub alpha: f32,
 }
 
-/// Computes M from three cosines, or a bound of M from their bounds.
+/// Evaluator of M from three cosines, or of a bound of M from bounds of these cosines.
 struct Lobe {
     diffuse: Vec3,
     specular: Vec3,
-    /// Smallest and largest α².
+    /// Smallest and largest α² of the receivers.
     alpha2: [f32; 2],
-    /// Cosine between view and normal, or the smallest of several.
+    /// Cosine between view and normal, or the smallest of several such cosines.
     cos_view: f32,
 }
 
@@ -75,7 +75,7 @@ impl Lobe {
         let [narrow, wide] = self.alpha2;
         let spread = one - F::splat(1.0 - narrow) * cos2_half.min(one);
         let d = F::splat(wide * FRAC_1_PI) / (spread * spread);
-        // V cos θ_i. Both square roots grow with α² if the cosines are at most one.
+        // Compute V cos θ_i. Both square roots grow with α² if the cosines are at most one.
         let cos_light = cos_light.max(zero);
         let smith_light = (cos_light * cos_light * F::splat(1.0 - narrow) + F::splat(narrow)).sqrt();
         let smith_view = F::splat((self.cos_view * self.cos_view * (1.0 - narrow) + narrow).sqrt());
@@ -96,7 +96,7 @@ impl Lobe {
 }
 
 impl Ggx {
-    /// A viewer behind the shading normal is treated like a viewer at the horizon.
+    /// Returns the lobe of the receiver. A viewer behind the shading normal is treated like a viewer at the horizon.
     #[inline(always)]
     fn lobe(&self) -> Lobe {
         let alpha = self.alpha.clamp(SMALLEST_ALPHA, 1.0);
@@ -124,7 +124,7 @@ impl Receiver for Ggx {
         let lobe = self.lobe();
         let cos_light = Vector3::splat(self.normal).dot(direction);
         let cos_between = Vector3::splat(self.view).dot(direction);
-        // |l + v|² = 2 + 2 l·v
+        // The half vector follows from |l + v|² = 2 + 2 l·v.
         let sum2 = (F::splat(2.0) + F::splat(2.0) * cos_between).max(F::splat(1e-12));
         let along = (cos_light + F::splat(self.normal.dot(self.view))).max(F::splat(0.0));
         // If light and view are opposite, the half vector is mostly rounding error, but the bound by the mirror

@@ -1,4 +1,4 @@
-//! Guarantees of a cut, compared with the sum over every light.
+//! Tests of the guarantees of a lightcut, which is compared with the sum over all lights.
 
 use glam::Vec3;
 use lighttree::{
@@ -6,7 +6,7 @@ use lighttree::{
 };
 use proptest::prelude::*;
 
-/// Rounding of cosines near 90°, relative to the light if all lights and the receiver faced each other.
+/// Rounding error of cosines near 90°, relative to the light if all lights and the receiver faced each other.
 const ROUNDING: f32 = 2e-5;
 
 fn vector(range: f32) -> impl Strategy<Value = Vec3> {
@@ -27,7 +27,7 @@ fn light() -> impl Strategy<Value = Light> {
     (position, emission, intensity).prop_map(|(position, emission, intensity)| Light { position, emission, intensity })
 }
 
-/// Lights, and a receiver with some of them occluded.
+/// Lights and a receiver. Some of the lights are occluded.
 #[derive(Clone, Debug)]
 pub struct Scene {
     lights: Vec<Light>,
@@ -53,7 +53,7 @@ impl Scene {
         tree.exhaustive(&self.receiver, |_, k| self.visible(k))
     }
 
-    /// Luminance at a receiver if it and all lights face each other.
+    /// Returns the luminance at the receiver if it and all lights face each other.
     fn face_to_face(&self) -> f32 {
         let arrives = |light: &Light| {
             let r2 = light.position.distance_squared(self.receiver.position);
@@ -62,7 +62,7 @@ impl Scene {
         self.lights.iter().map(arrives).sum::<f32>() / std::f32::consts::PI
     }
 
-    /// A typical threshold: `share` times the face-to-face luminance.
+    /// Returns a typical threshold: `share` times the face-to-face luminance.
     fn threshold(&self, share: f32) -> Stop {
         Stop::Absolute(share * self.face_to_face())
     }
@@ -92,7 +92,7 @@ pub fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scene> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(500))]
 
-    /// The central guarantee: the error is within the total bound.
+    /// The error is within the total bound. This is the central guarantee.
     #[test]
     fn cut_is_within_its_bound(scene in scene(0..200), seed: u64, share in -5.0..0.0f32, max_size in 1..300u32) {
         let tree = scene.build(seed);
@@ -121,7 +121,7 @@ proptest! {
         }
     }
 
-    /// Lengths ×2 and intensities ×4 are powers of two, so all bits agree.
+    /// Lengths are scaled by 2 and intensities by 4. These are powers of two, so all bits agree.
     #[test]
     fn scale_changes_nothing(scene in scene(0..200), seed: u64, share in 0.001..0.1f32) {
         let mut larger = scene.clone();
@@ -158,7 +158,7 @@ proptest! {
         let cut = later.cut(&tree, later.threshold(0.01), 1000);
         let error = luminance(cut.radiance - later.truth(&rebuilt)).abs();
         prop_assert!(error <= cut.total_bound * 1.0001 + ROUNDING * later.face_to_face());
-        // A second update with the same light swaps nothing.
+        // A second update with the same intensities swaps nothing.
         prop_assert_eq!(tree.update(&intensities).swapped, 0);
     }
 
@@ -203,7 +203,7 @@ fn few_lights() {
     assert_eq!(one.lightcut(&FLOOR, stop, |_, _| false, &mut scratch).radiance, Vec3::ZERO);
 }
 
-/// Black receivers, dark lights and lights behind the receiver cost no estimate and no shadow ray.
+/// Black receivers, dark lights and lights behind the receiver need no estimate and no shadow ray.
 #[test]
 fn nothing_is_cheap() {
     let lights: Vec<Light> = (0..100).map(|k| lamp(k as f32, 1.0)).collect();
@@ -222,14 +222,14 @@ fn nothing_is_cheap() {
     assert_eq!(cut(&tree, FLOOR), nothing);
 }
 
-/// A child reuses the value and the shadow ray of a representative that it has in common with its parent.
+/// If a child has the same representative as its parent, it reuses the value and the shadow ray of that representative.
 #[test]
 fn no_light_gets_two_shadow_rays() {
     let lights: Vec<Light> = (0..500).map(|k| lamp((k % 25) as f32 - 12.0, 1.0 + (k / 25) as f32)).collect();
     let tree = LightTree::build(&lights, PARAMS);
     let truth = luminance(tree.exhaustive(&FLOOR, |_, _| true));
     let mut scratch = Scratch::with_max_size(100);
-    // The last one reaches the maximum size.
+    // The last stopping rule reaches the maximum size.
     for stop in [
         Stop::Absolute(0.02 * truth),
         Stop::Relative { fraction: 0.02, known_luminance: 0.0 },
@@ -248,7 +248,7 @@ fn no_light_gets_two_shadow_rays() {
             };
             assert!(rays.iter().all(|&count| count <= 1), "{stop:?}");
             assert_eq!(rays.iter().sum::<u32>(), cut.shadow_rays);
-            // If rays depend on previous rays, some go to halves that are not used in the end.
+            // If rays depend on previous rays, some rays are traced to halves that are not in the final lightcut.
             let allowed = if kept || stop == Stop::Absolute(0.02 * truth) { 0 } else { cut.size / 2 };
             assert!((cut.size..=cut.size + allowed).contains(&cut.shadow_rays), "{stop:?}: {cut:?}");
             assert!(cut.size > 10, "{cut:?}");
@@ -265,7 +265,7 @@ impl Receiver for Probe {
     }
     fn reflect<F: Real>(&self, direction: Vector3<F>) -> Vector3<F> {
         F::map3(direction, |direction| {
-            // Towards a light at the receiver's position the direction is undefined and the value is ignored.
+            // If a light is at the receiver's position, the direction is undefined and the value is ignored.
             assert!((direction.length() - 1.0).abs() < 1e-5 || direction == Vec3::ZERO, "{direction}");
             Vec3::ONE
         })
@@ -284,7 +284,7 @@ fn receiver_on_a_light_sees_the_others() {
     assert!((cut.radiance.x - expected).abs() < 1e-5, "{cut:?}");
 }
 
-/// A fading lamp loses its role as representative at 0.7 of the other's intensity.
+/// A fading lamp is no longer the representative once its intensity falls below 0.7 times the other lamp's.
 #[test]
 fn faded_representative_is_swapped() {
     let mut tree = LightTree::build(&[lamp(0.0, 1.0), lamp(1.0, 1.0)], PARAMS);
@@ -294,7 +294,7 @@ fn faded_representative_is_swapped() {
             lights.push(k);
             true
         };
-        // The shadow ray of a kept cluster goes to its representative.
+        // The shadow ray of a kept cluster is traced to its representative.
         tree.lightcut_kept(&FLOOR, Stop::Absolute(f32::INFINITY), visible, &mut Scratch::default());
         lights
     };
@@ -313,7 +313,7 @@ fn faded_representative_is_swapped() {
     assert_eq!(tree.update(&intensities(1.0)).swapped, 0);
 }
 
-/// Light that moves from two tight groups to their far ends makes the old clusters worse than new ones.
+/// If the light moves from two tight groups to their far ends, the old clusters are worse than new clusters.
 #[test]
 fn cost_grows_when_clusters_no_longer_fit() {
     let lights: Vec<Light> =

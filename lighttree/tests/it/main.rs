@@ -1,4 +1,4 @@
-//! Tests of the public API of light trees and cuts, in one program with a module per subject.
+//! Tests of the public API of light trees and lightcuts, in one program with a module per subject.
 
 mod cut;
 mod precision;

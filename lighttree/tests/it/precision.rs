@@ -1,15 +1,16 @@
-//! Precision loss of `f32`, compared with the same sums and kernels in `f64`: a million lights, whole cuts, and the
-//! singularities of the geometry term (contact, grazing angles) and of the GGX lobe (zero roughness).
+//! Tests of the precision loss of `f32`, compared with the same sums and kernels in `f64`. They cover a million lights,
+//! whole lightcuts, and the singularities of the geometry term (contact, grazing angles) and of the GGX lobe (zero
+//! roughness).
 
 use glam::{DVec3, Vec3};
 use lighttree::{BuildParams, Builder, Emission, Ggx, Lambert, Light, LightTree, Scratch, Stop, exhaustive};
 use std::f64::consts::PI;
 
-/// A cheap, platform-independent random generator (xorshift).
+/// A fast, platform-independent random generator (xorshift).
 struct Random(u64);
 
 impl Random {
-    /// A random number in 0 … 1.
+    /// Returns a random number in 0 … 1.
     fn unit(&mut self) -> f32 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -18,7 +19,7 @@ impl Random {
     }
 }
 
-/// Lights below the ceiling of a hall with intensities over four decades.
+/// Returns lights below the ceiling of a hall, with intensities over four decades.
 fn hall(count: usize) -> Vec<Light> {
     let mut random = Random(0x2545_f491_4f6c_dd1d);
     (0..count)
@@ -34,7 +35,7 @@ const FLOOR: Lambert =
     Lambert { position: Vec3::new(37.0, 61.0, 0.0), normal: Vec3::Z, reflectance: Vec3::new(0.5, 0.5, 0.5) };
 const GEOMETRY_TERM_BOUND: f32 = 0.01;
 
-/// M·G·I in `f64` from the kernel's `f32` inputs.
+/// Returns M·G·I, computed in `f64` from the kernel's `f32` inputs.
 fn contribution(receiver: &Lambert, light: &Light, geometry_term_bound: f32) -> DVec3 {
     let way = light.position.as_dvec3() - receiver.position.as_dvec3();
     let r2 = way.length_squared();
@@ -50,7 +51,7 @@ fn relative(found: f32, exact: f64) -> f64 {
     (f64::from(found) / exact - 1.0).abs()
 }
 
-/// The sum over a million lights uses `f64` and is exact to a few roundings of its terms. A naive sequential sum in
+/// The sum over a million lights uses `f64` and is exact to a few roundings of its terms. A simple sequential sum in
 /// `f32` has a hundred times the error. Nodes add in pairs, level by level.
 #[test]
 fn a_million_lights_add_up() {
@@ -72,8 +73,8 @@ fn a_million_lights_add_up() {
     assert!(ours < 1e-6, "{ours:.1e}");
 }
 
-/// A cut of the maximum size for calibrated stopping adds its clusters sequentially in `f32`. The sum of 8000 terms
-/// of similar size loses at most 8000 / 2 roundings, in practice far fewer.
+/// A lightcut with the maximum size for calibrated stopping adds its clusters sequentially in `f32`. The sum of 8000
+/// terms of similar size loses at most 8000 / 2 roundings, and far fewer in practice.
 #[test]
 fn a_whole_cut_adds_up() {
     let lights = hall(8000);
@@ -81,7 +82,7 @@ fn a_whole_cut_adds_up() {
     for builder in [Builder::TopDown, Builder::BottomUp] {
         let tree = LightTree::build_by(builder, &lights, BuildParams::bounded_by(GEOMETRY_TERM_BOUND).with_seed(1));
         let cut = tree.lightcut(&FLOOR, Stop::Absolute(0.0), |_, _| true, &mut Scratch::with_max_size(8000));
-        // The other lights are behind the receiver or face away.
+        // All other lights are behind the receiver or face away.
         assert!(cut.size > 4000, "{cut:?}");
         let off = relative(cut.radiance.x, exact.x);
         println!("{builder:?}: a cut of {} lights is {off:.1e} off", cut.size);
@@ -89,7 +90,7 @@ fn a_whole_cut_adds_up() {
     }
 }
 
-/// Sum over one light straight above the receiver at this distance.
+/// Returns the sum over one light straight above the receiver at this distance, in `f32` and in `f64`.
 fn facing(distance: f32, geometry_term_bound: f32) -> (f32, DVec3) {
     let receiver = Lambert { position: Vec3::ZERO, ..FLOOR };
     let light = Light { position: Vec3::Z * distance, emission: Emission::Cosine(Vec3::NEG_Z), intensity: Vec3::ONE };
@@ -99,8 +100,8 @@ fn facing(distance: f32, geometry_term_bound: f32) -> (f32, DVec3) {
     )
 }
 
-/// For r → 0, L tends to ρ I / (π s²), for r → ∞ to ρ I / (π r²). In between it is ρ I / (π (r² + s²)), over forty
-/// decades. Below 10⁻¹⁵ m the direction is undefined and L is zero.
+/// For r → 0, L tends to ρ I / (π s²). For r → ∞, L tends to ρ I / (π r²). Between these limits L is ρ I / (π (r² +
+/// s²)), over forty decades. Below 10⁻¹⁵ m the direction is undefined and L is zero.
 #[test]
 fn the_geometric_term_has_its_limits() {
     for geometry_term_bound in [1e-12f32, 1e-4, 0.01, 100.0, 1e10] {
@@ -121,8 +122,8 @@ fn the_geometric_term_has_its_limits() {
     }
 }
 
-/// For cos θ → 0 the cosine is a difference of products and keeps its absolute, not its relative, precision. The
-/// relative error is an `f32` rounding divided by the cosine. Lights behind the receiver contribute nothing.
+/// For cos θ → 0 the cosine is a difference of products. It keeps its absolute precision, not its relative precision.
+/// The relative error is an `f32` rounding divided by the cosine. Lights behind the receiver contribute nothing.
 #[test]
 fn grazing_light_is_right_to_a_rounding_of_the_cosine() {
     for exponent in 0..60 {
@@ -130,7 +131,7 @@ fn grazing_light_is_right_to_a_rounding_of_the_cosine() {
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
         for turn in 0..16 {
             let angle = f64::from(turn) * 0.4;
-            // The receiver's normal is tilted, so that its cosine is a sum of three products.
+            // The receiver's normal is tilted, so that the cosine is a sum of three products.
             let normal = DVec3::new(angle.cos(), angle.sin(), 1.3).normalize();
             let along = normal.any_orthonormal_vector();
             let position = (along * sine + normal * cosine).as_vec3();
@@ -144,7 +145,7 @@ fn grazing_light_is_right_to_a_rounding_of_the_cosine() {
     }
 }
 
-/// The lobe of a rough metal by definition, in `f64`. α is at least 0.02, where the peak is 1/(4 π α²) = 199.
+/// Returns the lobe of a rough metal by definition, in `f64`. α is at least 0.02, where the peak is 1/(4 π α²) = 199.
 fn lobe(receiver: &Ggx, direction: DVec3) -> f64 {
     let alpha2 = f64::from(receiver.alpha.clamp(0.02, 1.0)).powi(2);
     let (n, view) = (receiver.normal.as_dvec3(), receiver.view.as_dvec3());
@@ -160,8 +161,8 @@ fn lobe(receiver: &Ggx, direction: DVec3) -> f64 {
     f64::from(receiver.diffuse.x) * cos_i / PI + f * d * v * cos_i
 }
 
-/// For zero roughness the lobe is narrowest at and around the mirror direction. There the kernel is within 2 % of the
-/// definition, because α² = 4·10⁻⁴ of a squared cosine near 1 spans enough `f32` roundings.
+/// At zero roughness the lobe is narrowest. At and around the mirror direction, the kernel is within 2 % of the
+/// definition. The reason is that α² = 4·10⁻⁴ of a squared cosine near 1 spans enough `f32` roundings.
 #[test]
 fn the_narrowest_lobe_keeps_its_peak() {
     let mut worst = 0.0f64;

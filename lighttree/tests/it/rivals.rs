@@ -1,4 +1,4 @@
-//! Tests that drawn lights give unbiased estimates.
+//! Tests that estimates with drawn lights are unbiased.
 
 #[path = "../../examples/rivals/mod.rs"]
 mod methods;
@@ -9,8 +9,8 @@ use lighttree::{BuildParams, Cluster, Emission, Lambert, Light, LightTree, Scrat
 use methods::{Drawn, Method, Sum, draw, illuminate};
 use proptest::prelude::*;
 
-/// Exact mean of [`Sum::share`] over all numbers passed to [`draw`]. The drawn light is constant on intervals of the
-/// number. Bisection finds their ends.
+/// Returns the exact mean of [`Sum::share`] over all numbers passed to [`draw`]. The drawn light is constant on
+/// intervals of the number. Bisection finds the ends of the intervals.
 fn mean_of_draws(tree: &LightTree, scene: &Scene, root: Cluster) -> DVec3 {
     let draw = |number| draw(tree, &scene.receiver, root, number);
     let is_same = |a: &Drawn, b: &Drawn| a.cluster == b.cluster;
@@ -29,7 +29,7 @@ fn mean_of_draws(tree: &LightTree, scene: &Scene, root: Cluster) -> DVec3 {
     sum
 }
 
-/// Rows of eight lights above a floor, with intensities within a factor of three.
+/// Returns a tree over rows of eight lights above a floor, with intensities within a factor of three.
 fn ceiling(rows: usize) -> LightTree {
     let lights: Vec<Light> = (0..8 * rows)
         .map(|k| Light {
@@ -46,7 +46,7 @@ const RECEIVER: Lambert = Lambert { position: Vec3::new(3.0, 1.0, 0.0), normal: 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// The mean light drawn from the roots equals the sum over every light, even if some lights are rarely drawn.
+    /// The mean light drawn from the roots equals the sum over all lights, even if some lights are rarely drawn.
     #[test]
     fn drawn_lights_are_right_on_average(scene in scene(1..40)) {
         let tree = scene.build(1);
@@ -56,8 +56,8 @@ proptest! {
     }
 }
 
-/// The mean over many streams equals the sum over every light within five standard errors. Intensities differ little,
-/// so that no rarely drawn light distorts the estimated standard error.
+/// The mean over many streams equals the sum over all lights within five standard errors. Intensities differ little, so
+/// that no rarely drawn light distorts the estimated standard error.
 #[test]
 fn streams_are_right_on_average() {
     let tree = ceiling(5);
@@ -83,7 +83,7 @@ fn streams_are_right_on_average() {
     }
 }
 
-/// Equal streams give identical bits, different streams different draws.
+/// Equal streams give identical bits, and different streams give different draws.
 #[test]
 fn streams_are_stable_and_differ() {
     let tree = ceiling(25);
