@@ -60,7 +60,7 @@ struct Truth {
     /// Luminance of every `stride`-th point.
     luminance: Vec<f32>,
     stride: usize,
-    /// Time per point.
+    /// Computation time per point.
     time: Duration,
 }
 

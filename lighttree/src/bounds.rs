@@ -9,7 +9,7 @@ use crate::lanes::{Real, Vector3};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
     pub axis: DVec3,
-    /// Half-angle \[rad\], 0 … π.
+    /// Half-angle of the cone \[rad\], 0 … π.
     pub half_angle: f64,
 }
 
@@ -64,13 +64,13 @@ impl<F: Real> Region<F> {
         Self { low, high, nearest2, inverse_nearest: F::splat(1.0) / nearest2.sqrt() }
     }
 
-    /// Smallest corner, relative to the receiver \[m\].
+    /// Corner of the box with the smallest coordinates, relative to the receiver \[m\].
     #[inline]
     pub fn low(&self) -> Vector3<F> {
         self.low
     }
 
-    /// Largest corner, relative to the receiver \[m\].
+    /// Corner of the box with the largest coordinates, relative to the receiver \[m\].
     #[inline]
     pub fn high(&self) -> Vector3<F> {
         self.high
@@ -146,11 +146,11 @@ impl<F: Real> Region<F> {
 /// directions.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectionCone<F = f32> {
-    /// Unit axis.
+    /// Unit axis of the cone.
     pub axis: Vector3<F>,
-    /// Cosine of the half-angle.
+    /// Cosine of the cone's half-angle.
     pub cosine: F,
-    /// Sine of the half-angle.
+    /// Sine of the cone's half-angle.
     pub sine: F,
 }
 

@@ -211,7 +211,7 @@ fn is_directional(light: &Light) -> bool {
     matches!(light.emission, Emission::Directional(_))
 }
 
-/// Constants of the cost functions of both trees.
+/// Constants of the cost functions: one metric for each tree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Metrics {
     /// Metric for lights with a position.

@@ -117,14 +117,14 @@ impl Default for Audits {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Learned {
-    /// 95 % quantile of the errors \[thresholds\].
+    /// The 95 % quantile of the errors \[thresholds\].
     pub error_p95: f64,
     /// Mean of κ over the audits.
     pub kappa: f64,
 }
 
 impl Audits {
-    /// Records the error of an audit \[thresholds\] in this class.
+    /// Records the error of an audit in this class \[thresholds\].
     pub fn note(&self, class: usize, ratio: f32) {
         self.0[class][bucket(ratio)].fetch_add(1, Ordering::Relaxed);
     }

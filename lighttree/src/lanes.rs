@@ -28,7 +28,7 @@ pub trait Real:
     fn min(self, other: Self) -> Self;
     /// Returns `self > other ? self : other`, which is `other` if either is NaN.
     fn max(self, other: Self) -> Self;
-    /// Returns the square root.
+    /// Returns the square root of each lane.
     fn sqrt(self) -> Self;
     /// Returns `self < other` for each lane.
     fn lt(self, other: Self) -> Self::Mask;
@@ -36,7 +36,7 @@ pub trait Real:
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     /// Applies a scalar function to each lane.
     fn map(self, f: impl Fn(f32) -> f32) -> Self;
-    /// Applies a function of three coordinates to each lane, for materials written for a single direction.
+    /// Applies a function of a vector to each lane, for materials written for a single direction.
     fn map3(v: Vector3<Self>, f: impl Fn(Vec3) -> Vec3) -> Vector3<Self>;
 }
 
@@ -255,7 +255,7 @@ impl<K: Kernel> lanes::Kernel for ByEight<K> {
     }
 }
 
-/// Number of lanes per operation.
+/// Number of lanes that an operation processes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Width {
     Four,
@@ -297,13 +297,13 @@ impl<F: Real> Vector3<F> {
         Self { x: F::splat(v.x), y: F::splat(v.y), z: F::splat(v.z) }
     }
 
-    /// Returns the scalar product.
+    /// Returns the scalar product of two vectors.
     #[inline(always)]
     pub fn dot(self, other: Self) -> F {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
-    /// Returns the componentwise product.
+    /// Returns the componentwise product of two vectors.
     #[inline(always)]
     pub fn times(self, other: Self) -> Self {
         Self { x: self.x * other.x, y: self.y * other.y, z: self.z * other.z }

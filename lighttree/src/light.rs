@@ -31,7 +31,7 @@ pub(crate) const SMALLEST_DISTANCE2: f32 = 1e-30;
 pub enum Emission {
     /// Equal intensity in all directions.
     Omni,
-    /// Intensity times `max(0, cos θ)`, θ being the angle to this unit axis: a virtual light on a surface.
+    /// Intensity times `max(0, cos θ)`, where θ is the angle to this unit axis: a virtual light on a surface.
     Cosine(Vec3),
     /// Parallel light that travels along this unit vector, like sunlight. It is uniform everywhere, and the light's
     /// position has no effect. `intensity` is the irradiance on a surface that faces the light \[W·m⁻²\].
@@ -44,7 +44,7 @@ pub enum Emission {
 pub struct Light {
     /// World-space position \[m\]. It is unused for [`Emission::Directional`] but must be finite.
     pub position: Vec3,
-    /// Directional distribution.
+    /// Directional distribution of the intensity.
     pub emission: Emission,
     /// Radiant intensity, linear RGB \[W·sr⁻¹\], not negative. For [`Emission::Cosine`] it is the intensity along the
     /// axis, for [`Emission::Directional`] the irradiance \[W·m⁻²\].
@@ -92,7 +92,7 @@ pub(crate) enum Fitness {
 
 /// Returns the intensity and `true`, or zero and `false` if it is not finite, negative or too large for sums.
 pub(crate) fn accepted_intensity(intensity: Vec3) -> (Vec3, bool) {
-    // Comparisons with NaN are false, so these also reject NaN.
+    // Comparisons with NaN are false, so NaN is rejected too.
     let usable =
         intensity.min_element() >= 0.0 && intensity.max_element() <= LARGEST_INTENSITY && intensity.is_finite();
     (if usable { intensity } else { Vec3::ZERO }, usable)

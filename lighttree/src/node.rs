@@ -15,7 +15,7 @@ use crate::light::{DIRECTIONAL, Light, StoredSite};
 pub(crate) struct Node {
     /// Smallest corner of the box of positions \[m\], or of the unit directions to directional lights.
     pub low: Vec3,
-    /// Index of the child with the same representative. 0 marks a leaf.
+    /// Index of the child with the same representative, or 0 in a leaf.
     pub representative_child: u32,
     pub high: Vec3,
     /// Index of the representative light. A leaf's representative is its only light.

@@ -154,7 +154,7 @@ impl LightTree {
     }
 }
 
-/// Returns whether axis, cosine and sine form a cone or mark a directional cluster.
+/// Returns whether axis, cosine and sine of a node are a valid cone, or mark a directional cluster.
 fn has_cone(node: &Node) -> bool {
     let (cosine, sine) = (node.cone_cosine, node.cone_sine);
     let is_unit = |length2: f32| (length2 - 1.0).abs() < ROUNDING;

@@ -8,7 +8,7 @@
 use plane::Plane;
 use std::{env, fs, process::ExitCode};
 
-/// Size and samples of a PPM or PFM file.
+/// Picture size and samples of a PPM or PFM file.
 struct Portable {
     width: usize,
     height: usize,

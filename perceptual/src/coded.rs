@@ -242,7 +242,7 @@ mod tests {
                 let busy = 60.0 * (random(&mut state) + 0.5).powi(3);
                 let mut c: [f32; 64] = std::array::from_fn(|k| {
                     let r = ((k / 8).pow(2) + (k % 8).pow(2)) as f32;
-                    // The product of three has many small, fewer large and a few very large values.
+                    // The product of three random numbers is often small, sometimes large and rarely very large.
                     busy * 8.0 * random(&mut state) * random(&mut state) * random(&mut state) / (1.0 + 0.2 * r)
                 });
                 c[0] = 800.0 + 600.0 * random(&mut state);
@@ -363,7 +363,7 @@ mod tests {
         }
     }
 
-    /// If predicted pictures send nothing, an error in an intra picture is visible in all pictures of its group.
+    /// If predicted pictures code no levels, an error in an intra picture is visible in all pictures of its group.
     #[test]
     fn what_stays_counts_as_often_as_it_is_seen() {
         let model = CodedMasking::new(QuantiserSteps::default());
@@ -371,7 +371,7 @@ mod tests {
         let (luma, decoded) = (Plane::filled(16, 16, 84.4f32), Plane::filled(16, 16, 100));
         let picture = coded_as(&decoded, &Plane::filled(2, 2, 1), true, 112);
         let of = |group| model.tolerable_luma(&luma, &picture, NextPicture::Intra { group }).get(0, 0);
-        // d_00 = 3.2 within a dead zone of 112.
+        // The DC difference d_00 = 3.2 is within a dead zone of 112.
         let stays = 1.0 - model.p[0] * (3.2f32 / 112.0).powi(2);
         for group in [1, 2, 15] {
             let expected = of(1) / (1.0 + (group - 1) as f32 * stays).sqrt();

@@ -58,7 +58,7 @@ pub use crate::ycbcr::{ColorMatrix, YCbCr, luminance_plane, to_rgb8, to_rgb8_by}
 pub use plane::matrices::DEFAULT_INTRA_MATRIX;
 pub use plane::{LUMINANCE_WEIGHTS, luminance};
 
-/// Planes, pictures, correspondences and codings, which are input and output of this crate.
+/// Planes, pictures, correspondences and codings: the input and output of this crate.
 pub use plane::{Coded, Correspondence, NO_MATCH, Picture, Plane};
 
 /// Luma of white in code values above black.

@@ -47,7 +47,7 @@ pub struct MaskingModel {
     /// q_ij in raster order, 1…255. 0 is replaced by 1. Default: [`DEFAULT_INTRA_MATRIX`].
     #[cfg_attr(feature = "serde", serde(with = "matrix"))]
     pub intra_matrix: [u8; 64],
-    /// γ of the display in eq. (1). Default 2.0 \[Herzog08, §5.1\].
+    /// Display gamma γ in eq. (1). Default 2.0 \[Herzog08, §5.1\].
     pub display_gamma: f32,
     /// Limit r of c_00 / c̄_00, which is clamped to 1/r…r. At least 1, default 16. Only nearly black pictures reach the
     /// default: the ratio of white to the mean is 16 if the mean luma is 14.
@@ -157,7 +157,7 @@ pub fn mean_dc(luma: &Plane<f32>) -> f32 {
         sums.iter().sum::<f32>() / 8.0
     };
     let of_row = |row| (0..columns).map(|column| f64::from(dc(column, row))).sum::<f64>();
-    // Collect the sums of rows and add them in order, so that the result does not depend on the number of threads.
+    // Add the sums of rows in order, so that the result does not depend on the number of threads.
     let sums: Vec<f64> = (0..rows).into_par_iter().map(of_row).collect();
     (sums.iter().sum::<f64>() / (columns * rows) as f64) as f32
 }

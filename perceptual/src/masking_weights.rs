@@ -81,7 +81,7 @@ mod tests {
         // A step between two blocks causes no masking inside them.
         assert!(even == step && step < faint && faint < strong, "{weights:?}");
         assert!((even * step * faint * strong - 1.0).abs() < 1e-5, "{weights:?}");
-        // For pure checkerboards the ratio of weights is the ratio of 1 + variance to the power s.
+        // The ratio of the weights of two pure checkerboards is the ratio of their (1 + variance), to the power s.
         assert!((faint / even - 257f32.powf(STRENGTH)).abs() < 0.02, "{weights:?}");
         assert!(masking_weights(&Plane::filled(33, 17, 7.0)).samples().iter().all(|&weight| weight == 1.0));
     }

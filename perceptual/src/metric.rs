@@ -103,7 +103,7 @@ pub fn rmse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
     mean(picture, reference, |a, b| (a - b).powi(2)).sqrt()
 }
 
-/// Mean of (a − b)² / (b² + 0.01): squared error relative to the reference b.
+/// Relative squared error of a to the reference b: mean of (a − b)² / (b² + 0.01).
 #[must_use]
 pub fn relative_mse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
     mean(picture, reference, |a, b| (a - b).powi(2) / (b * b + RELATIVE_MSE_EPSILON))
@@ -141,7 +141,7 @@ pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     let (aa, bb, ab) = (moment(|a, _| a * a), moment(|_, b| b * b), moment(|a, b| a * b));
     let places = |length: usize| if length > 2 * RADIUS { RADIUS..length - RADIUS } else { 0..length };
     let mut sum = 0.0;
-    // Variances and covariance follow from the windowed moments.
+    // Compute variances and covariance from the windowed moments.
     for y in places(height) {
         for x in places(width) {
             let (a, b) = (mean_a.get(x, y), mean_b.get(x, y));

@@ -57,7 +57,7 @@ fn squared_distances(set: &Plane<bool>) -> Plane<f32> {
     distances
 }
 
-/// Replaces C(x) by min_u ((x − u)² + C(u)).
+/// Replaces each C(x) of a row by min_u ((x − u)² + C(u)).
 fn lower_envelope(row: &mut [f32]) {
     // List the parabolas of the envelope from left to right: position, height, and start of the interval where the
     // parabola is the lowest.

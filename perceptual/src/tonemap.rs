@@ -35,11 +35,11 @@ const SMALLEST_SLOPE_ARGUMENT: f64 = 1e-9;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Operator {
-    /// Clips at 1, then applies the power `1 / gamma`. Ignores [`ToneMap::display`].
+    /// Clipping at 1, then the power `1 / gamma`. Ignores [`ToneMap::display`].
     Gamma,
-    /// Clips at 1, then applies the sRGB transfer curve. Ignores [`ToneMap::display`].
+    /// Clipping at 1, then the sRGB transfer curve. Ignores [`ToneMap::display`].
     Srgb,
-    /// `x / (1 + x)` \[Reinhard02, eq. 3\], then the display's transfer curve. Never clips.
+    /// `x / (1 + x)` \[Reinhard02, eq. 3\], then the display's transfer curve. It never clips.
     Reinhard,
     /// `x (1 + x / white²) / (1 + x)` \[Reinhard02, eq. 4\], then the display's transfer curve. `white` maps to 1.
     ExtendedReinhard,
@@ -100,10 +100,10 @@ impl FromStr for Operator {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Display {
-    /// Piecewise curve of IEC 61966-2-1.
+    /// Piecewise transfer curve of IEC 61966-2-1.
     #[default]
     Srgb,
-    /// Power `1 / gamma`.
+    /// Transfer curve with the power `1 / gamma`.
     Gamma,
 }
 
@@ -123,7 +123,7 @@ pub enum Display {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct ToneMap {
-    /// Tone curve.
+    /// Tone curve from linear light to display light.
     pub operator: Operator,
     /// Factor applied to radiance before the curve, 1e-20…1e20. A factor of 4 is two stops. Default 1.
     pub exposure: f32,

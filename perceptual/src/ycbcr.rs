@@ -14,7 +14,7 @@ use plane::{LUMINANCE_WEIGHTS, Picture, Plane, luminance};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Code value of black.
+/// Luma code value of black.
 const BLACK: f32 = 16.0;
 /// Weights of red, green and blue in BT.601 luma.
 const BT601_WEIGHTS: [f32; 3] = [0.299, 0.587, 0.114];
@@ -45,7 +45,7 @@ impl ColorMatrix {
         }
     }
 
-    /// Returns the code values per unit of B′ − Y′ and R′ − Y′.
+    /// Returns the number of chroma code values per unit of B′ − Y′, and per unit of R′ − Y′.
     fn chroma_scales(self) -> [f32; 2] {
         match self {
             Self::Bt709 => [224.0 / 1.8556, 224.0 / 1.5748],

@@ -279,7 +279,7 @@ pub fn groin_vault(mesh: &mut Mesh, [min, max]: [Vec2; 2], spring: f32, arch: (f
 /// Section of a rib.
 #[derive(Clone, Copy, Debug)]
 pub struct RibSection {
-    /// Width \[m\].
+    /// Width of the rib \[m\].
     pub width: f32,
     /// Depth of the rib below the vault \[m\].
     pub depth: f32,

@@ -33,7 +33,7 @@ pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
 pub struct Curtain {
     /// One end of the rod \[m\].
     pub a: Vec3,
-    /// The other end of the rod \[m\].
+    /// Other end of the rod \[m\].
     pub b: Vec3,
     /// Length of the cloth \[m\].
     pub drop: f32,

@@ -1,4 +1,4 @@
-//! Classical elements: columns, balusters, urns, cornices.
+//! Classical building elements: columns, balusters, urns, cornices.
 
 use std::f32::consts::{PI, TAU};
 

@@ -73,7 +73,7 @@ fn wall(mesh: &mut Mesh, [a, b, c, d]: [Vec3; 4], towards: Vec3) {
 
 /// Builds the box as published, with plain static surfaces, for comparison with other renderers.
 ///
-/// Its lamp is half a millimeter below the ceiling. In the published data both are in the same plane.
+/// The lamp is half a millimeter below the ceiling. In the published data, both are in the same plane.
 pub fn published() -> Scene {
     let mut scene = Scene::new("cornell-box");
     let white = scene.plain("white", WHITE);

@@ -1,4 +1,4 @@
-//! Scenes in memory and their output as binary glTF.
+//! Scenes in memory, and their output as binary glTF.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::texture::Texture;
 /// Index of a material in a [`Scene`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MaterialId(usize);
-/// Index of a picture in a [`Scene`].
+/// Index of a texture in a [`Scene`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextureId(usize);
 /// Index of a mesh in a [`Scene`].
@@ -26,7 +26,7 @@ pub struct NodeId(usize);
 /// A diffuse material, optionally emissive.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Name, displayed in viewers.
+    /// Name of the material, displayed in viewers.
     pub name: &'static str,
     /// Reflectance, or the factor on the texture; linear RGB.
     pub color: Vec3,
@@ -63,7 +63,7 @@ impl Material {
     }
 }
 
-/// A shape with one mesh per material.
+/// Shape with one mesh per material.
 #[derive(Clone, Debug, Default)]
 pub struct Model(BTreeMap<MaterialId, Mesh>);
 

@@ -40,17 +40,17 @@ pub fn planar_uv(position: Vec3, normal: Vec3) -> Vec2 {
 /// Sides of a box, to select omitted sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Side towards +x.
+    /// Side of the box towards +x.
     Right,
-    /// Side towards -x.
+    /// Side of the box towards -x.
     Left,
-    /// Side towards +y.
+    /// Side of the box towards +y.
     Top,
-    /// Side towards -y.
+    /// Side of the box towards -y.
     Bottom,
-    /// Side towards +z.
+    /// Side of the box towards +z.
     Front,
-    /// Side towards -z.
+    /// Side of the box towards -z.
     Back,
 }
 

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use image::codecs::jpeg::JpegEncoder;
 
-/// A picture of linear Rec. 709 reflectances, or of relative radiances for emissive panes.
+/// A square texture of linear Rec. 709 reflectances, or of relative radiances for emissive panes.
 #[derive(Clone, Debug)]
 pub struct Texture {
     /// Width and height \[pixels\].

@@ -1,4 +1,4 @@
-//! Settings file of each scene.
+//! The settings file of a scene.
 
 use glam::Vec3;
 
@@ -15,7 +15,7 @@ pub struct Sky {
     pub sun_diameter: f32,
 }
 
-/// Contents of the settings file.
+/// Contents of a scene's settings file.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Factor applied to radiance before the tone curve.

@@ -1,4 +1,4 @@
-//! Clusters during a build, and the cost of joining two of them.
+//! Clusters during a build, and the cost of a union of two clusters.
 
 use glam::Vec3A;
 
@@ -14,7 +14,7 @@ pub(crate) struct Metric {
     pub orientation2: f32,
 }
 
-/// Kind of the lights in a cluster.
+/// Type of the lights in a cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
     Omni,

@@ -16,7 +16,7 @@ const LEAF_SIZE: usize = 6;
 /// Scale from the extent of axes (at most 2) to a length for splits of the search tree, in units of c. Two lights at
 /// right angles (β = 45°) cost as much as lights at a distance of about 0.3 c.
 const AXIS_SCALE: f32 = 0.3;
-/// Marks a missing cluster.
+/// Index that marks a missing cluster.
 pub(super) const DEAD: u32 = u32::MAX;
 
 /// Static search tree over the clusters that were alive when it was built. A merged cluster reuses the slot of one of

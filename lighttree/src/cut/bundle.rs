@@ -27,7 +27,7 @@ use crate::light::Light;
 use crate::receiver::{Bundled, Receiver};
 use crate::tree::LightTree;
 
-/// Maximum number of receivers of a bundle.
+/// Maximum number of receivers in a bundle.
 const MOST: usize = 64;
 /// Number of receivers that decide whether a node is refined.
 const PROBES: usize = 4;
@@ -47,14 +47,14 @@ pub(super) struct Shared {
 struct ShadowRays {
     /// Rays of all receivers, receiver by receiver.
     rays: Vec<ShadowRay>,
-    /// Unoccluded radiance along each ray.
+    /// Unoccluded radiance of each ray.
     radiance: Vec<Vec4>,
     /// End of each receiver's rays in `rays`.
     ends: Vec<usize>,
     /// For each light, a bit set of receivers: before tracing, the receivers with a ray to the light; afterwards, the
     /// receivers that see it.
     receivers_of: Vec<u64>,
-    /// Lights with rays.
+    /// Indices of the lights to which rays are traced.
     lights: Vec<u32>,
 }
 

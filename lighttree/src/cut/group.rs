@@ -53,7 +53,7 @@ impl<R> Copy for Receivers<'_, R> {}
 pub(super) struct Member<'a, R> {
     pub receiver: &'a R,
     pub threshold: f32,
-    /// Index in the group.
+    /// Index of the receiver in the group.
     pub k: usize,
 }
 

@@ -70,7 +70,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
         }
     }
 
-    /// Visits one or two nodes.
+    /// Starts the walk with one or two nodes.
     #[inline(always)]
     pub fn start_at(&mut self, nodes: std::ops::Range<usize>) {
         let (first, last) = (nodes.start, nodes.end - 1);

@@ -37,7 +37,7 @@ use super::{Bundled, Receiver, ReflectBound};
 use crate::bounds::{DirectionCone, Region};
 use crate::lanes::{Real, Vector3};
 
-/// Smallest α. Narrower lobes would lose their peak to `f32` rounding and are better traced with mirror rays.
+/// Smallest α. Narrower lobes would lose their peak to `f32` rounding, and mirror rays sample them better.
 const SMALLEST_ALPHA: f32 = 0.02;
 
 /// Diffuse surface with a rough specular lobe, as in the metallic-roughness materials of glTF.

@@ -21,7 +21,7 @@ use std::f32::consts::{SQRT_2, TAU};
 const WAVELENGTH: f32 = 7.0;
 /// Standard deviation σ of the window \[samples\], from the SaliencyToolbox \[Walther06\].
 const SIGMA: f32 = 7.0 / 3.0;
-/// Filter radius \[samples\]: 3 σ.
+/// Filter radius \[samples\]. It is 3 σ.
 const REACH: usize = 7;
 /// Filter length \[samples\].
 const TAPS: usize = 2 * REACH + 1;

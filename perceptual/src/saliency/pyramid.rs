@@ -52,7 +52,7 @@ impl Pyramid {
         self.levels.get(k - FINEST)
     }
 
-    /// Computes `N` features from each level.
+    /// Computes `N` features from each level and returns their pyramids.
     pub fn map<const N: usize>(&self, feature: impl Fn(&Plane<f32>) -> [Plane<f32>; N]) -> [Self; N] {
         let mut pyramids = std::array::from_fn(|_| Self { levels: Vec::new() });
         for level in &self.levels {
@@ -69,7 +69,7 @@ fn deepest(width: usize, height: usize) -> usize {
     (0..DEEPEST).find(|&k| width.max(height) <= 1 << k).unwrap_or(DEEPEST)
 }
 
-/// Returns the next coarser level.
+/// Returns the next coarser level of `plane`.
 pub fn halved(plane: &Plane<f32>) -> Plane<f32> {
     let (width, height) = (plane.width(), plane.height());
     let mut out = Plane::filled(width.div_ceil(2), height.div_ceil(2), 0.0);

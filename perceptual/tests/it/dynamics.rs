@@ -271,7 +271,7 @@ fn the_closed_loop_stays_in_a_band_wherever_it_starts() {
             let open = e.samples().iter().zip(truth.luminance.samples());
             let open = open.map(|(e, y)| f64::from((settings.1 * e).max(0.02 * y))).sum::<f64>() / (SIDE * SIDE) as f64;
             println!("{kind:?}, (w, κ, quantiser) = {settings:?}: open {open:.4}, closed {bands:.4?}");
-            // e cannot exceed the saturating luminance, unless the picture is brighter than that.
+            // e cannot exceed the saturating luminance, unless the picture is brighter than this luminance.
             for [low, mean, high] in bands {
                 assert!(low > 0.0 && high <= largest && low <= mean && mean <= high, "{kind:?}: {bands:?}");
             }

@@ -147,7 +147,7 @@ fn twelve_decades_in_a_frame() {
         for quantiser_scale in [1.0, 112.0] {
             let e = thresholds(&radiance, quantiser_scale, &ToneMap::of(operator));
             for (e, pixel) in e.samples().iter().zip(radiance.samples()) {
-                // 255 is the largest decoded display value.
+                // The largest decoded display value is 255.
                 let most = (0.0201 * pixel[0]).max(255.0 / 0.0722);
                 assert!(*e >= 0.0199 * pixel[0] && *e <= most, "{operator}: {e} at {}", pixel[0]);
             }

@@ -8,13 +8,13 @@ use crate::columns::{archivolt, baluster, column, cornice, urn};
 use crate::glb::{Model, Scene};
 use crate::shapes::{lathe, molding};
 
-/// Top of the balustrade and foot of the small columns \[m\].
+/// Height of the balustrade's top and the small columns' feet \[m\].
 const RAIL: f32 = UPPER + 1.0;
 /// Height of the springing of the small arches \[m\].
 const SPRING: f32 = UPPER + 2.95;
 /// Thickness of the gallery's wall \[m\].
 const THIN: f32 = 0.36;
-/// Top of the parapet \[m\].
+/// Height of the parapet's top \[m\].
 const PARAPET: f32 = 11.6;
 
 /// Adds the gallery.
@@ -41,7 +41,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     crown(&mut model, stones);
     scene.show("gallery", model);
 
-    // Small columns between the bays carry the arches.
+    // Small columns between the bays support the arches.
     let mesh = scene.mesh("small column", column(stones.trim, stones.shaft, 0.125, SPRING - RAIL, 12));
     for side in sides() {
         let bay = side.half / side.bays as f32;

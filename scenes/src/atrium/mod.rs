@@ -38,7 +38,7 @@ const THICK: f32 = 0.5;
 const OUTER: [f32; 2] = [15.4, 8.4];
 /// Height of the gallery floor \[m\].
 const UPPER: f32 = 5.6;
-/// Top of the gallery's walls \[m\].
+/// Height of the top of the gallery's walls \[m\].
 const EAVES: f32 = 10.4;
 
 /// Materials of the building.

@@ -7,7 +7,7 @@ use crate::arches::Plane;
 use crate::glb::{Model, Scene};
 use crate::shapes::{Frame, arc, bar, molding, sweep};
 
-/// Top of the panelling \[m\].
+/// Height of the panelling's top \[m\].
 const DADO: f32 = 1.05;
 /// Number of coffers in x and in z.
 const COFFERS: [usize; 2] = [12, 9];
@@ -212,7 +212,7 @@ fn hangings(room: &mut Model, f: &RoomMaterials, back: &Plane, left: &Plane) {
     left.block(room.of(f.metal), [-1.5, 1.5], [1.19, 1.214], [0.045, 0.11]);
 }
 
-/// Adds a half-round shade that shines up and down the wall.
+/// Adds a half-round lamp shade that emits light up and down the wall.
 fn sconce(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &Plane, s: f32) {
     let (y, half, radius) = (2.05, 0.13, 0.10);
     let curve: Vec<Frame> = (0..=8)

@@ -16,9 +16,9 @@ use crate::shapes::{lathe, loft, molding};
 
 /// Heights of the lower and upper edge of the blind arcade between the nave's arches and windows \[m\].
 const TRIFORIUM: [f32; 2] = [6.9, 8.5];
-/// Top of the nave's walls, hidden behind the vault's edge \[m\].
+/// Height of the top of the nave's walls, which is hidden behind the vault's edge \[m\].
 const TOP: f32 = 14.6;
-/// Top of the aisles' walls \[m\].
+/// Height of the top of the aisles' walls \[m\].
 const AISLE_TOP: f32 = 6.9;
 
 fn arcade(plane: &Plane) -> Vec<Opening> {
@@ -43,7 +43,7 @@ fn blind_arcade(plane: &Plane, bays: usize) -> Vec<Opening> {
     sorted((0..4 * bays).map(one).collect())
 }
 
-/// Adds the building.
+/// Adds the walls, piers and vaults of the church.
 pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut model = Model::new();
     floors(&mut model, stones);

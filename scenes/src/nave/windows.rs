@@ -15,7 +15,7 @@ use crate::shapes::{Frame, arc, ring, sweep};
 /// Distance from the wall's face back to the glass \[m\].
 const DEPTH: f32 = 0.42;
 
-/// Adds all windows.
+/// Adds all windows of the church.
 pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut glass = Model::new();
     let mut tracery = Model::new();

@@ -55,7 +55,7 @@ impl Avx2 {
         fn compiled_for_avx2<K: Kernel>(kernel: K, lanes: Avx2) -> K::Output {
             kernel.run(lanes)
         }
-        // SAFETY: `self` exists only where `detect` found all four features.
+        // SAFETY: `self` exists only where `detect` has found all four features.
         unsafe { compiled_for_avx2(kernel, self) }
     }
 }

@@ -24,7 +24,7 @@ macro_rules! memory {
         impl Memory for $Bytes {
             #[inline(always)]
             unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self {
-                // SAFETY: guaranteed by the caller.
+                // SAFETY: the caller guarantees that the samples are accessible.
                 unsafe {
                     if N == 16 {
                         Self::load(&*first.cast())
@@ -37,7 +37,7 @@ macro_rules! memory {
             #[inline(always)]
             unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize) {
                 let [low, high] = self.halves();
-                // SAFETY: guaranteed by the caller.
+                // SAFETY: the caller guarantees that the samples are accessible.
                 unsafe {
                     *first.cast() = low;
                     *first.add(if N == 16 { 8 } else { stride }).cast() = high;

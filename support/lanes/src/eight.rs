@@ -65,9 +65,9 @@ pub trait Lanes: Copy + Debug {
     fn eq(self, a: Self::F, b: Self::F) -> Self::Mask;
     /// Returns `a < b`, with the lanes interpreted as signed integers.
     fn lt_bits(self, a: Self::F, b: Self::F) -> Self::Mask;
-    /// Returns the logical and of two masks.
+    /// Returns the logical AND of two masks.
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Returns the logical or of two masks.
+    /// Returns the logical OR of two masks.
     fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// Returns `yes` where the mask is set, `no` elsewhere.
     fn select(self, mask: Self::Mask, yes: Self::F, no: Self::F) -> Self::F;
@@ -102,14 +102,14 @@ pub trait Lanes: Copy + Debug {
     fn eq_i(self, a: Self::I, b: Self::I) -> Self::Mask;
     /// Returns the sum of all lanes, wrapped to 32 bits.
     fn sum_i(self, a: Self::I) -> i32;
-    /// Converts to the nearest `f32`, ties to even.
+    /// Converts each lane to the nearest `f32`, ties to even.
     fn to_f(self, a: Self::I) -> Self::F;
     /// Reinterprets the bits of floats as integers.
     fn to_bits(self, a: Self::F) -> Self::I;
     /// Returns lane j of element i as byte 8·i + j, clamped to 0…255.
     fn to_u8(self, rows: [Self::I; 4]) -> [u8; 4 * LANES];
 
-    /// Subtracts sixteen samples from sixteen others.
+    /// Returns the differences between two groups of sixteen samples.
     fn differences(self, samples: Bytes, minus: Bytes) -> Self::Words;
 
     /// Returns three coordinates, each repeated in all lanes.
@@ -262,7 +262,7 @@ mod tests {
         }
     }
 
-    /// Minimum and maximum follow C's `a < b ? a : b` for ±0 and NaN, independent of the processor's instructions.
+    /// Minimum and maximum match C's `a < b ? a : b` for ±0 and NaN, independent of the processor's instructions.
     #[test]
     fn least_and_greatest_of_zeros_and_of_what_is_not_a_number() {
         struct Extremes(f32, f32);

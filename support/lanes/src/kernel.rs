@@ -1,4 +1,4 @@
-//! Code that is compiled for every instruction set.
+//! Computations that are compiled for every instruction set.
 
 use crate::Lanes;
 

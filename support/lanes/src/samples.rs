@@ -9,7 +9,7 @@ pub(crate) use memory::Memory;
 
 /// Samples that are processed together: one or several rows of a block.
 pub trait Samples: Memory + Copy + Debug {
-    /// Number of samples.
+    /// Number of samples per group.
     const COUNT: usize;
 
     /// Sums of absolute differences. Sums over 256 samples do not overflow.

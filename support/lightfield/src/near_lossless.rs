@@ -64,7 +64,7 @@ impl NearLossless {
         unfit.map_or(Ok(field), |tile| Err(FieldError::Tile(tile)))
     }
 
-    /// Stored bytes.
+    /// Bytes of the stored field.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         &self.bytes

@@ -129,7 +129,7 @@ fn folded(place: Vec2) -> Vec2 {
 mod tests {
     use super::*;
 
-    /// Directions spread over the sphere, including axes and diagonals.
+    /// Returns directions spread over the sphere, including axes and diagonals.
     fn sphere(rings: usize) -> Vec<Vec3> {
         let mut directions = vec![Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
         for ring in 0..=rings {

@@ -153,7 +153,7 @@ impl Correspondence {
     }
 }
 
-/// Raster index of a pixel, or [`NO_MATCH`] if the index exceeds 32 bits.
+/// Returns the raster index of a pixel, or [`NO_MATCH`] if the index exceeds 32 bits.
 fn raster_index(x: usize, y: usize, width: usize) -> u32 {
     u32::try_from(y * width + x).unwrap_or(NO_MATCH)
 }

@@ -16,7 +16,7 @@
 
 use std::f64::consts::PI;
 
-/// One value for each of eight columns.
+/// One number for each of eight columns.
 type Lanes = [f32; 8];
 
 /// `½ cos(kπ/16)` for k = 0 … 8. Every entry of the basis is one of these values or its negative.

@@ -5,7 +5,7 @@
 pub enum SampleDepth {
     /// 16 bits, with a significand of 11 bits and values up to 65504. Channels that exceed this range use 32 bits.
     Half,
-    /// 32 bits: single precision.
+    /// 32 bits, single precision.
     #[default]
     Float,
 }
@@ -40,7 +40,7 @@ pub struct FrameCamera {
 /// Position of a frame in its film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FramePlace {
-    /// Index of the frame, from 0.
+    /// Index of the frame in its film, starting at 0.
     pub number: u32,
     /// Numerator of the frame rate, such as 30000 for 29.97 frames per second. [`seconds`](Self::seconds) is the
     /// denominator.

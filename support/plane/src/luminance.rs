@@ -1,4 +1,4 @@
-//! Luminance of linear RGB.
+//! Luminance of linear RGB, and the weights of its components.
 
 /// Weights of linear red, green and blue in luminance, and of R′, G′ and B′ in luma (Rec. ITU-R BT.709). Their sum is
 /// 1, so luminance has the unit of its components.

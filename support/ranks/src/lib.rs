@@ -39,7 +39,7 @@ use std::fmt::Debug;
 /// complete. This may be long after the call, because other ranks may be busy. Never call an operation inside a rayon
 /// job.
 pub trait Ranks: Send + Sync + Debug {
-    /// Number of this process, from 0.
+    /// Number of this process, starting at 0.
     fn rank(&self) -> usize;
 
     /// Total number of processes, at least 1.

@@ -21,7 +21,7 @@ pub struct Message {
 ///
 /// Any thread may send and receive, but no thread may wait inside a rayon job.
 pub trait Mail: Send + Sync + Debug {
-    /// Number of this process, from 0.
+    /// Number of this process, starting at 0.
     fn rank(&self) -> usize;
 
     /// Total number of processes, at least 1.
@@ -70,7 +70,7 @@ impl Inbox {
         Self { others, arrived: Mutex::default(), changed: Condvar::new() }
     }
 
-    /// Adds a message.
+    /// Adds a message to the end of the queue.
     pub fn put(&self, message: Message) {
         self.arrived().messages.push_back(message);
         self.changed.notify_one();
@@ -111,7 +111,7 @@ impl Inbox {
 #[derive(Debug)]
 pub struct ThreadMail {
     rank: usize,
-    /// Inboxes by rank.
+    /// Inboxes, indexed by rank.
     inboxes: Arc<[Inbox]>,
 }
 

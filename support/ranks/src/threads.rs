@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 #[derive(Debug)]
 pub struct ThreadRanks {
     rank: usize,
-    /// Channels to the ranks, by rank.
+    /// Channels to the ranks, indexed by rank.
     to: Vec<Sender<Vec<u8>>>,
     from: Vec<Mutex<Receiver<Vec<u8>>>>,
 }

@@ -21,7 +21,7 @@ macro_rules! avx2 {
 pub(crate) struct Words(__m256i);
 
 impl Words {
-    /// Subtracts sixteen samples from sixteen others.
+    /// Returns the differences between two groups of sixteen samples.
     #[inline(always)]
     pub(super) fn between(samples: Bytes, minus: Bytes) -> Self {
         avx2! { Self(_mm256_sub_epi16(_mm256_cvtepu8_epi16(samples.0), _mm256_cvtepu8_epi16(minus.0))) }
@@ -87,7 +87,7 @@ impl Sum for Squared {
     }
 }
 
-/// Two rows of sixteen samples, or four of eight.
+/// Two rows of sixteen samples, or four rows of eight samples.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows(__m256i);
 
@@ -95,7 +95,7 @@ impl Memory for Rows {
     #[inline(always)]
     unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self {
         const { assert!(N == 8 || N == 16) };
-        // SAFETY: guaranteed by the caller.
+        // SAFETY: the caller guarantees that the samples are accessible.
         unsafe {
             if N == 16 {
                 return Self(_mm256_loadu2_m128i(first.add(stride).cast(), first.cast()));
@@ -108,7 +108,7 @@ impl Memory for Rows {
     #[inline(always)]
     unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize) {
         const { assert!(N == 8 || N == 16) };
-        // SAFETY: guaranteed by the caller.
+        // SAFETY: the caller guarantees that the samples are accessible.
         unsafe {
             if N == 16 {
                 return _mm256_storeu2_m128i(first.add(stride).cast(), first.cast(), self.0);

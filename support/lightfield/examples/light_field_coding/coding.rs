@@ -10,7 +10,7 @@ use rayon::prelude::*;
 const NAMES: [&str; 9] =
     ["T=0", "T=6", "T=9", "T=6, line", "T=9, line", "`zstd -19`", "ours δ=0", "ours δ=2", "ours δ=3"];
 
-/// Errors \[codes\].
+/// Errors of decoded codes \[codes\].
 #[derive(Clone, Copy, Default)]
 struct Errors {
     /// Sum over all codes of the mean error of the three channels.

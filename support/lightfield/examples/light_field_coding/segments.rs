@@ -57,7 +57,7 @@ pub struct Segmented {
 /// Texels that share a table of colors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Object {
-    /// Rank of the first texel.
+    /// Rank of the object's first texel.
     first: usize,
     table: Vec<Color>,
 }
@@ -74,7 +74,7 @@ impl Segmented {
     ///
     /// # Panics
     ///
-    /// If codes are not 8-bit codes.
+    /// If the codes of the field are not 8-bit codes.
     pub fn encode(field: &Field, threshold: u16, rule: SegmentRule) -> Self {
         let Samples::Bytes(codes) = field.samples() else { panic!("segments hold 8-bit codes alone") };
         let directions = field.directions();

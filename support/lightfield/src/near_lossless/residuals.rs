@@ -152,7 +152,7 @@ pub(crate) fn decode<C: Code>(residuals: &[u8], mask: &Mask, directions: usize, 
 mod tests {
     use super::*;
 
-    /// Compares with the definition of the median: the middle one of W, N and W + N − NW.
+    /// The prediction equals the median of W, N and W + N − NW.
     #[test]
     fn the_edge_detector_is_a_median() {
         for (west, north, northwest) in (0..12 * 12 * 12).map(|k| (k % 12, k / 12 % 12, k / 144)) {
@@ -162,7 +162,7 @@ mod tests {
         }
     }
 
-    /// Tests every code, prediction and limit of 8 bits.
+    /// The test covers every 8-bit code, prediction and limit.
     #[test]
     fn every_code_is_decoded_within_delta() {
         for delta in 0..=255 {
