@@ -56,8 +56,7 @@ impl LightTree {
     }
 
     /// Updates the tree like [`LightTree::update`], but the representative of each node is the winner of the race
-    /// between its lights. The random number of a light is the number from the build, and its speed is its current
-    /// luminance.
+    /// between its lights. Each light keeps its random number from the build, and its speed is its current luminance.
     ///
     /// The representative is therefore still drawn in proportion to luminance. The paper's rule favors the brighter
     /// child, which biases the errors of all clusters to one side. Swaps still happen only where the balance of

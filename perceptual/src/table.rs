@@ -6,7 +6,7 @@ use crate::ToneMap;
 const SEGMENTS_PER_OCTAVE: u32 = 64;
 /// Number of mantissa bits below the segment number in an `f32`.
 const SHIFT: u32 = 23 - SEGMENTS_PER_OCTAVE.ilog2();
-/// Smallest argument with its own segment, 2⁻⁴⁰. Below it the table is linear, and 0 at 0.
+/// Smallest argument with its own segment, 2⁻⁴⁰. Below this argument, the table is a straight line to 0.
 const SMALLEST: f32 = 1.0 / (1u64 << 40) as f32;
 /// Largest argument, 2²⁴. Above it the curve is constant.
 const LARGEST: f32 = (1 << 24) as f32;
@@ -52,8 +52,8 @@ const LUMA_SEGMENTS: usize = 4096;
 /// black.
 ///
 /// The table approximates [`ToneMap::decode`] of `luma / 219`. It is exact at the nodes. The error is below 0.1 % for
-/// luma from 1 to 218. In the last code value below white, where the inverse of Reinhard's global curve is steep, it is
-/// below 0.6 %.
+/// luma from 1 to 218. The error is below 0.6 % in the last code value below white, where the inverse of Reinhard's
+/// global curve is steep.
 pub(crate) struct LumaDecodeTable {
     /// Start value and rise of each segment. Both are read together.
     segments: Box<[[f32; 2]; LUMA_SEGMENTS]>,

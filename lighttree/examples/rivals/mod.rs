@@ -19,8 +19,8 @@
 use glam::{DVec3, Vec3};
 use lighttree::{Cluster, Light, LightTree, Receiver, Scratch, Stop, exhaustive, luminance};
 
-/// Minimum weight of a child, relative to its fraction of the intensity. Bounds may be far too large. A light that is
-/// then drawn far too rarely appears as a bright spot.
+/// Minimum weight of a child, relative to its fraction of the intensity. One child's bound may be far too large, so
+/// that the other child would be drawn far too rarely. A light that is drawn too rarely appears as a bright spot.
 const FLOOR: f32 = 0.05;
 
 /// Estimator of the light at a receiver.

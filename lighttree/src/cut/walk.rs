@@ -2,7 +2,7 @@
 //!
 //! Two nodes to refine leave the queue together, and their four children are bounded together. The queue is first in,
 //! first out. The next nodes are known long before they are needed, so the processor works on several groups of four at
-//! once without speculation. With a stack, the next group of four depends on the last one. A stack took half as long
+//! once without speculation. With a stack, the next group of four depends on the last one. This version took half as long
 //! again.
 
 use glam::Vec4;

@@ -309,7 +309,7 @@ fn faded_representative_is_swapped() {
     let stats = tree.update(&intensities(0.69));
     assert_eq!((stats.swapped, stats.swapped_share, stats.representatives_changed), (1, 1.0, 1));
     assert_eq!(representatives(&tree), [1 - first]);
-    // At equal intensity the new representative stays.
+    // At equal intensity, the new representative is kept.
     assert_eq!(tree.update(&intensities(1.0)).swapped, 0);
 }
 

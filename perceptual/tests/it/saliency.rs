@@ -34,7 +34,7 @@ fn coverage(inside: f32) -> f32 {
     (inside + 0.5).clamp(0.0, 1.0)
 }
 
-/// Returns the color of an item.
+/// Returns the color of the odd item if k is the contrast, or of another item if k is 0.
 fn color(oddity: Oddity, k: f32) -> [f32; 3] {
     match oddity {
         Oddity::Brightness => [FIELD + 0.15 * (1.0 + k); 3],

@@ -154,7 +154,7 @@ impl<'a, const N: usize, const R: usize, const H: bool, const V: bool> Window<'a
     fn load<S: Samples>(&self, row: usize, x: usize) -> S {
         let first = row * self.stride + x;
         debug_assert!(first + (S::COUNT / N - 1) * self.stride + N <= self.samples.len());
-        // SAFETY: the last sample read is not after the end of `samples`, which `new` has sliced for this window.
+        // SAFETY: the last sample read is inside `samples`, which `new` has sliced for this window.
         unsafe { S::load::<N>(self.samples.as_ptr().add(first), self.stride) }
     }
 }
@@ -190,7 +190,7 @@ impl<'a, const N: usize, const R: usize> WindowMut<'a, N, R> {
         assert!(i < R * N / S::COUNT, "a group of a window");
         let first = i * S::COUNT / N * self.stride;
         debug_assert!(first + (S::COUNT / N - 1) * self.stride + N <= self.samples.len());
-        // SAFETY: the last sample written is not after the end of `samples`, which `new` has sliced for this window.
+        // SAFETY: the last sample written is inside `samples`, which `new` has sliced for this window.
         unsafe { group.store::<N>(self.samples.as_mut_ptr().add(first), self.stride) };
     }
 }

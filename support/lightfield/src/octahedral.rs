@@ -222,8 +222,8 @@ mod tests {
     #[test]
     fn linear_functions_are_interpolated() {
         // Bound: a step (Δu, Δv) moves a point of the octahedron by at most √2 (|Δu| + |Δv|), and its direction by √3
-        // times that distance. No point is nearer than 1/√3 to the center. Linear interpolation with weights w and
-        // 1 − w errs by at most 2 w (1 − w) h ≤ h / 2 per axis, where h = 2 / n is the cell width. Together these give
+        // times that distance. No point is nearer than 1/√3 to the center. Let h = 2 / n be the cell width. Linear
+        // interpolation with weights w and 1 − w errs by at most 2 w (1 − w) h ≤ h / 2 per axis. Together these give
         // √6 · 2 / n. Errors across the creases of the octahedron are of this order.
         for side in [4, 5, 8, 15, 16, 24] {
             let (found, bound) = (largest_error(side), 6f32.sqrt() * 2.0 / side as f32);

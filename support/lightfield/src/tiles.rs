@@ -86,7 +86,7 @@ impl TexelTiles {
         (0..self.len() * TILE_SLOTS).filter(|slot| is_set(&self.masks[slot / TILE_SLOTS], slot % TILE_SLOTS))
     }
 
-    /// Returns the slot of the texel with a rank.
+    /// Returns the slot of the texel with the given rank.
     ///
     /// # Panics
     ///

@@ -20,7 +20,7 @@
 
 use crate::tiles::{Mask, TILE_SIDE, TILE_SLOTS, is_set};
 
-/// A sample code type, with values from 0 to [`Code::MOST`].
+/// Type of sample codes, with values from 0 to [`Code::MOST`].
 pub(crate) trait Code: Copy + Default + Into<i32> {
     /// The largest code.
     const MOST: i32;
