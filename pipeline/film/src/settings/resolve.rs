@@ -126,23 +126,32 @@ impl Options {
             leave_out: !self.run_everything,
             aov: self.aov.clone(),
         };
-        let coding = CodingSettings {
+        let (coding, files) = (self.fill_in_coding(), self.files());
+        Ok(Settings { scene: path, output, range: self.range, aspect, render, coding, files })
+    }
+
+    /// Fills in the options of the encoder and returns its settings.
+    fn fill_in_coding(&mut self) -> CodingSettings {
+        CodingSettings {
             aq: *self.aq.get_or_insert(AdaptiveQuantiser::Off),
             gop: *self.gop.get_or_insert(15),
             bitrate: self.bitrate,
             cbr: self.cbr,
             effort: *self.effort.get_or_insert(Effort::Balanced),
             mpeg1: self.mpeg1,
-        };
-        let files = FileSettings {
+        }
+    }
+
+    /// Returns the files of the film, except scene and video.
+    fn files(&self) -> FileSettings {
+        FileSettings {
             baked: self.baked.clone(),
             png: self.png.clone(),
             exr: self.exr.clone(),
             exr_depth: self.exr_depth,
             y4m: self.y4m.clone(),
             y4m_is_coded: false,
-        };
-        Ok(Settings { scene: path, output, range: self.range, aspect, render, coding, files })
+        }
     }
 
     /// Fills in a preset's values for options that are not set.
