@@ -23,7 +23,7 @@ pub use plan::Plan;
 pub use prepare::Preparation;
 pub use renderer::Renderer;
 pub use shade::{
-    Audits, Crew, CutCounts, FootprintPixel, Layer, Lit, PartSample, RecordCounts, Shading, SimulatedFrame,
+    Audits, Crew, CutCounts, FootprintPixel, Layer, Lit, PartLayer, PartSample, RecordCounts, Shading, SimulatedFrame,
     SimulatedRanks, Tolerance, Visible,
 };
 #[cfg(feature = "bake")]

@@ -44,7 +44,7 @@ pub use audits::Audits;
 #[cfg(feature = "bake")]
 pub(crate) use coats::{KnownScene, TexelCoat};
 pub use counts::{CutCounts, RecordCounts};
-pub use layer::{Layer, Lit, PartSample, Visible};
+pub use layer::{Layer, Lit, PartLayer, PartSample, Visible};
 pub use tiles::{Crew, SimulatedFrame, SimulatedRanks};
 pub use tolerance::{FootprintPixel, Tolerance};
 #[cfg(feature = "bake")]
