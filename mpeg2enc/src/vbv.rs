@@ -20,7 +20,7 @@ pub(crate) struct Buffer {
     fullness: i64,
     /// Whether filling pauses when the buffer is full (variable rate). At a constant rate a full buffer is an error.
     pauses: bool,
-    /// With pulldown, whether the next period has three fields instead of two; otherwise `None`.
+    /// Whether the next period has three fields instead of two; `None` without pulldown.
     is_long: Option<bool>,
 }
 

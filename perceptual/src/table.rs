@@ -24,7 +24,7 @@ impl EncodeTable {
     pub fn new(tone_map: &ToneMap) -> Self {
         let saturation = tone_map.saturation();
         let (first, last) = (SMALLEST.to_bits() >> SHIFT, LARGEST.to_bits() >> SHIFT);
-        // The table has one node more than segments, so that the last segment has an end.
+        // The table has one more node than segments, so that the last segment has an end.
         let node = |segment| tone_map.encode(f32::from_bits(segment << SHIFT) * saturation);
         Self { scale: 1.0 / saturation, nodes: (first..=last + 1).map(node).collect() }
     }

@@ -1,7 +1,7 @@
 //! Reprojection of irradiance from one picture to the next.
 //!
 //! The irradiance of a static matte surface does not depend on the viewer. Each pixel stores a sample: a point and its
-//! irradiance. The surface point of a pixel in the next picture is reprojected to the previous picture. The irradiance
+//! irradiance. The surface point of a pixel in the next picture is reprojected to the previous frame. The irradiance
 //! at this point follows from the samples around it:
 //!
 //! ```text
@@ -46,7 +46,7 @@ pub struct CarriedLight {
     trust: Trust,
 }
 
-/// Permission for a pixel to reuse the light of the previous picture.
+/// Permission for a pixel to reuse the light of the previous frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reuse {
     /// The pixel's light is unchanged and is reused.
@@ -178,7 +178,7 @@ impl CarriedLight {
         let usual = (to.unseen == Unseen::Shadows).then(|| self.usual_luminance());
         let transfer = Transfer { light, to, reuse: &reuse, tolerance: &tolerance, limit, usual };
 
-        // Process rows of macroblocks in parallel. Each row reads samples anywhere in the previous picture, and writes
+        // Process rows of macroblocks in parallel. Each row reads samples anywhere in the previous frame, and writes
         // its own pixels only.
         let strip = (MACROBLOCK * width).max(1);
         let strips = samples
@@ -317,7 +317,7 @@ where
 
     /// Determines the result at pixel (x, y), which shows `pixel`.
     fn outcome(&self, x: usize, y: usize, pixel: &PixelSurface) -> Outcome {
-        // Reject surfaces that were not visible in the previous picture, and surfaces with changed light.
+        // Reject surfaces that were not visible in the previous frame, and surfaces with changed light.
         let Destination { seen, known, .. } = self.to;
         let Some(from) = known.and_then(|known| known.match_of(x, y)) else { return Outcome::Lost };
         let reuse = (self.reuse)(x, y);

@@ -40,7 +40,7 @@ impl<const N: usize> Kernel for Transformed<'_, N> {
     }
 }
 
-/// Work on the differences between the prediction and a single block.
+/// Work of a block: sums the transformed differences between one block and its prediction.
 struct SingleBlock<'a>(Window<'a, 8, 8, false, false>);
 
 impl BlockWork<8, 8> for SingleBlock<'_> {
@@ -56,7 +56,7 @@ impl BlockWork<8, 8> for SingleBlock<'_> {
     }
 }
 
-/// Work on the differences between the prediction and four blocks.
+/// Work of a macroblock: sums the transformed differences between four blocks and their prediction.
 struct Macroblock<'a, L>(Window<'a, 16, 16, false, false>, L);
 
 impl<L: Lanes> BlockWork<16, 16> for Macroblock<'_, L> {

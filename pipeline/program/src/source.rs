@@ -44,7 +44,7 @@ pub(crate) struct Reading {
     /// Camera of the film, by name or by number from 0 [default: the first dynamic one, else the first]
     #[arg(long, value_name = "NAME|N", help_heading = "Film", hide_short_help = true)]
     camera: Option<String>,
-    /// Animation to play, or "all" for all that affect different properties [default: the first]
+    /// Animation to play; "all" plays all animations of different properties [default: the first]
     #[arg(long, value_name = "NAME|all", help_heading = "Film", hide_short_help = true)]
     animation: Option<String>,
     /// Material variant to show [default: the materials of the meshes]

@@ -147,7 +147,7 @@ impl Kernel for SumUpTo<'_> {
         let mut sum = 0.0;
         for group in self.groups {
             let error2 = group.error2(self.shown);
-            // Add 0 for lanes without a weight, without branches.
+            // Sum all lanes without a branch per lane: lanes with e² ≥ 1 add 0.
             if below(&error2, 1.0) != 0 {
                 for e in error2 {
                     sum += weight(e);

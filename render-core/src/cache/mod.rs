@@ -90,7 +90,7 @@ pub struct IrradianceCache<R> {
     made: u32,
     /// Transforms of the instances in the previous frame.
     world: Vec<Affine3A>,
-    /// Openness of the previous picture's pixels.
+    /// Openness of the previous frame's pixels.
     openness: Openness,
     /// Neighbors of the records of the current frame, for further pictures of the frame.
     #[cfg_attr(feature = "serde", serde(skip))]

@@ -104,7 +104,7 @@ impl Openness {
                 return Some(Felt::default());
             }
 
-            // Reuse the value of the previous picture unless geometry has moved.
+            // Reuse the value of the previous frame unless geometry has moved.
             let scale = scale();
             let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
             known.filter(|_| illumination.is_undisturbed(&site, scale))

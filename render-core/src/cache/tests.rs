@@ -475,8 +475,8 @@ fn records_crowd_where_they_are_contradicted() {
     let mut cache = IrradianceCache::default();
     let lit = cache.light(Request::whole(&seen, &[false, true]), NO_CHANGES, &Unforeseen { light }).value;
     let at_step = cache.records.iter().filter(|record| record.site.position.x.abs() < 0.2).count();
-    let beside = cache.records.iter().filter(|record| record.site.position.x.abs() > 0.6).count();
-    assert!(2 * at_step > 3 * beside, "{at_step} records at the step, {beside} on twice as much floor around it");
+    let around = cache.records.iter().filter(|record| record.site.position.x.abs() > 0.6).count();
+    assert!(2 * at_step > 3 * around, "{at_step} records at the step, {around} on twice as much floor around it");
     let pixels = lit.irradiance.samples().iter().zip(seen.pixels.samples());
     let worst = pixels.map(|(e, pixel)| (e[0] - light(pixel.position[0])).abs()).fold(0.0, f32::max);
     assert!(worst < 0.1, "{worst} of a step of 1");

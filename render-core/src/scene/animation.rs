@@ -34,7 +34,7 @@ pub enum Track {
 pub struct Channel {
     /// Index into the scene's nodes.
     pub node: usize,
-    /// Times of the keys in ascending order, at least one \[s\].
+    /// Times of the keys \[s\], in ascending order; never empty.
     pub times: Vec<f32>,
     /// Values of the keys.
     pub track: Track,

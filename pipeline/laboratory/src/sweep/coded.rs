@@ -24,7 +24,7 @@ pub(super) struct CodedFrame {
     pub seconds: f64,
 }
 
-/// Encodes a film like the driver, with one quantiser.
+/// Film encoder with a single quantiser; it encodes as the driver does.
 pub struct Coder {
     settings: Settings,
     encoder: Encoder,

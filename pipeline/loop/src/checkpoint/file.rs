@@ -16,7 +16,7 @@ const MAGIC: [u8; 4] = *b"R2MC";
 const VERSION: u32 = 16;
 const HEADER: usize = 20;
 
-/// Program, settings and inputs of a film: only a run with equal ones can continue it.
+/// Program, settings and inputs of a film. A run can resume the film only if all three are equal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Identity {
     pub program: String,

@@ -32,7 +32,7 @@ impl Loader<'_> {
             let missing = match camera.type_ {
                 Checked::Valid(camera::Type::Perspective) => camera.perspective.is_none().then_some("perspective"),
                 Checked::Valid(camera::Type::Orthographic) => camera.orthographic.is_none().then_some("orthographic"),
-                // The crate reports invalid types.
+                // The crate `gltf` reports invalid types.
                 Checked::Invalid => None,
             };
             if let Some(part) = missing {

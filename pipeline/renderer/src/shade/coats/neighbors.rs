@@ -82,8 +82,8 @@ impl Lobe {
     }
 }
 
-/// Returns the light of a pixel's own rays beyond the typical light around the pixel. In a smooth coat, the pixel's own
-/// rays are typical, too: reflections in smooth coats have edges.
+/// Returns the excess of a pixel's own rays over the typical light around the pixel. In a smooth coat, typical light
+/// includes the pixel's own rays, because reflections in smooth coats have edges.
 pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
     let own = lobes.get(x, y);
     let mut typical = Typical::default();
