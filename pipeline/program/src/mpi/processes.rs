@@ -4,7 +4,6 @@
 //! own thread. The thread accepts one operation at a time, polls for completion and returns the result. A third thread
 //! exchanges messages between two ranks; see `post.rs`.
 
-use super::Team;
 use super::post::Post;
 use super::waiting::{PIECE, wait};
 use crossbeam_channel::{Receiver, Sender, bounded};
@@ -13,8 +12,9 @@ use mpi::environment::Universe;
 use mpi::request::scope;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Root};
+use pipeline::error::{Error, Result};
+use pipeline::team::Team;
 use render_core::ranks::Ranks;
-use render2mpeg::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Exit code of all ranks if one of them panics, as in Rust.
