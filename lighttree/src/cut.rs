@@ -282,7 +282,7 @@ impl LightTree {
     ///
     /// If the cluster comes from a larger tree.
     #[must_use]
-    pub fn drawn_anew(&self, cluster: Cluster, seed: u64) -> Cluster {
+    pub fn redrawn(&self, cluster: Cluster, seed: u64) -> Cluster {
         let mut index = cluster.node as usize;
         let mut draw = uniform(seed, u64::from(cluster.node));
         while !self.nodes[index].is_leaf() {

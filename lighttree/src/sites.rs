@@ -24,7 +24,7 @@ struct Pair([StoredSite; 2]);
 
 impl Sites {
     /// Collects the sites of nodes with known representatives. Nodes and lights may come from an unchecked file, so an
-    /// invalid index gets the placeholder site.
+    /// invalid index gets [`StoredSite::NOWHERE`].
     pub fn new(nodes: &[Node], lights: &[Light], seed: u64) -> Self {
         let mut sites = Self { pairs: vec![Pair([StoredSite::NOWHERE; 2]); nodes.len() / 2 + 1] };
         // Visit children before parents, because children follow their parents in the array.

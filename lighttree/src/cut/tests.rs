@@ -60,7 +60,7 @@ fn clusters_sum_to_the_cut() {
 
 /// After redraws, each light of a cluster represents it in proportion to luminance. Dark lights never represent it.
 #[test]
-fn lights_are_drawn_anew_in_proportion_to_luminance() {
+fn lights_are_redrawn_in_proportion_to_luminance() {
     let light = |k: u32| Light {
         position: Vec3::new((k % 20) as f32, (k / 20) as f32, 20.0),
         emission: Emission::Omni,
@@ -80,7 +80,7 @@ fn lights_are_drawn_anew_in_proportion_to_luminance() {
     for &KeptCluster { cluster, .. } in scratch.kept() {
         let total = f64::from(luminance(tree.cluster_intensity(cluster)));
         let mut drawn = vec![0; tree.lights().len()];
-        (0..draws).for_each(|seed| drawn[tree.drawn_anew(cluster, seed).light as usize] += 1);
+        (0..draws).for_each(|seed| drawn[tree.redrawn(cluster, seed).light as usize] += 1);
         let lights = tree.cluster_lights(cluster);
         assert_eq!(
             lights.iter().map(|&light| drawn[light as usize]).sum::<u32>(),

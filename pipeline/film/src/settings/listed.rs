@@ -2,77 +2,77 @@
 
 use super::{CodingSettings, FileSettings, Settings};
 use renderer::settings::RenderSettings;
-use serde::ser::{Serialize, SerializeStruct, Serializer};
-
-/// Number of keys if every setting is listed.
-const MOST_KEYS: usize = 46;
+use serde::ser::{Serialize, SerializeMap, Serializer};
 
 impl Serialize for Settings {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        // Name every field, so that the compiler reports a new setting that is not listed.
         let Self { scene, output, range, aspect, render, coding, files } = self;
         let CodingSettings { aq, gop, bitrate, cbr, effort, mpeg1 } = coding;
-        // The user does not choose the matrix of the YUV4MPEG2 file, so do not list it.
         let FileSettings { baked, png, exr, exr_depth, y4m, y4m_is_coded: _ } = files;
-        // Do not list derived values.
-        let RenderSettings { end: _, rate: _, pixel_aspect: _, .. } = render;
-        let r = render;
+        #[rustfmt::skip]
+        let RenderSettings {
+            frames, end: _, chunk, fps, rate: _, from, every, size, pixel_aspect: _, importance, importance_gain, tiles,
+            tone_map, auto_exposure, samples, antialiasing, lighting, cache, shading, compensation, bounces, vpls,
+            moving_vpls, photons, seed, thresholds, kappa, stopping, within, qscale, motion, bframes, leave_out, aov,
+        } = render;
 
-        let mut table = serializer.serialize_struct("Settings", MOST_KEYS)?;
+        let mut table = serializer.serialize_map(None)?;
         // List a key unless its condition fails.
         macro_rules! list {
-            ($($key:ident $(if ($listed:expr))?: $value:expr),* $(,)?) => {
+            ($($key:ident $(if $listed:expr)?),* $(,)?) => {
                 $(if true $(&& $listed)? {
-                    table.serialize_field(stringify!($key), $value)?;
+                    table.serialize_entry(stringify!($key), $key)?;
                 })*
             };
         }
         list! {
-            scene: scene,
-            output: output,
-            frames: &r.frames,
-            from if (r.from > 0): &r.from,
-            every if (r.every > 1): &r.every,
-            chunk if (r.chunk.is_some()): &r.chunk,
-            range if (range.is_some()): range,
-            fps: &r.fps,
-            size: &r.size,
-            aspect if (!aspect.is_square()): aspect,
-            qscale: &r.qscale,
-            aq: aq,
-            gop: gop,
-            bitrate: bitrate,
-            cbr: cbr,
-            bframes: &r.bframes,
-            effort: effort,
-            mpeg1: mpeg1,
-            thresholds: &r.thresholds,
-            kappa: &r.kappa,
-            stopping: &r.stopping,
-            within: &r.within,
-            shading: &r.shading,
-            importance if (r.importance.is_some()): &r.importance,
-            importance_gain if (r.importance.is_some()): &r.importance_gain,
-            tiles if (r.tiles.is_some()): &r.tiles,
-            samples: &r.samples,
-            antialiasing: &r.antialiasing,
-            bounces: &r.bounces,
-            lighting: &r.lighting,
-            baked if (baked.is_some()): baked,
-            cache: &r.cache,
-            compensation: &r.compensation,
-            vpls: &r.vpls,
-            moving_vpls: &r.moving_vpls,
-            photons: &r.photons,
-            seed: &r.seed,
-            leave_out: &r.leave_out,
-            motion: &r.motion,
-            tone_map: &r.tone_map,
-            auto_exposure: &r.auto_exposure,
-            png if (png.is_some()): png,
-            exr: exr,
-            exr_depth if (exr_depth.is_some()): exr_depth,
-            aov: &r.aov,
-            y4m: y4m,
+            scene,
+            output,
+            frames,
+            from if *from > 0,
+            every if *every > 1,
+            chunk if chunk.is_some(),
+            range if range.is_some(),
+            fps,
+            size,
+            aspect if !aspect.is_square(),
+            qscale,
+            aq,
+            gop,
+            bitrate,
+            cbr,
+            bframes,
+            effort,
+            mpeg1,
+            thresholds,
+            kappa,
+            stopping,
+            within,
+            shading,
+            importance if importance.is_some(),
+            importance_gain if importance.is_some(),
+            tiles if tiles.is_some(),
+            samples,
+            antialiasing,
+            bounces,
+            lighting,
+            baked if baked.is_some(),
+            cache,
+            compensation,
+            vpls,
+            moving_vpls,
+            photons,
+            seed,
+            leave_out,
+            motion,
+            tone_map,
+            auto_exposure,
+            png if png.is_some(),
+            exr,
+            exr_depth if exr_depth.is_some(),
+            aov,
+            y4m,
         }
         table.end()
     }

@@ -64,7 +64,7 @@ fn settings_without_folders(settings: &Settings) -> Settings {
     let mut named = settings.clone();
     (named.scene, named.output) = (name(&settings.scene), name(&settings.output));
     let files = &mut named.files;
-    for path in [&mut files.baked, &mut files.exr, &mut files.y4m].into_iter().flatten() {
+    for path in [&mut files.baked, &mut files.png, &mut files.exr, &mut files.y4m].into_iter().flatten() {
         *path = name(path);
     }
     named

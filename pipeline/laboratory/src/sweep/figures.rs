@@ -175,7 +175,7 @@ impl MethodRun {
 }
 
 /// Compares each run with its baseline at the same quantiser.
-pub fn set_beside_baselines(runs: &mut [MethodRun]) {
+pub fn compare_with_baselines(runs: &mut [MethodRun]) {
     let found: Vec<Option<AgainstBaseline>> = runs
         .iter()
         .map(|run| {

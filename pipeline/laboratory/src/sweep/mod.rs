@@ -139,7 +139,7 @@ impl Sweep {
             references: &references,
         };
         let mut found = measuring.measure(&mut work)?;
-        figures::set_beside_baselines(&mut found.runs);
+        figures::compare_with_baselines(&mut found.runs);
 
         // Collect the figures, and the last frame of the reference.
         let of_all = references.of_all()?;

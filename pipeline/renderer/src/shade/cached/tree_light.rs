@@ -103,7 +103,7 @@ impl Illumination for TreeLight<'_> {
         // Draw the lights of the clusters for this record.
         let threshold = stop.threshold_at(luminance(cut.radiance));
         let least_bound = if later { 0.0 } else { DRAWN_ANEW * threshold };
-        let DrawnClusters { clusters, visible, unknown } = self.drawn_anew(&white, cuts.kept(), site.key, least_bound);
+        let DrawnClusters { clusters, visible, unknown } = self.redrawn(&white, cuts.kept(), site.key, least_bound);
         let mut recipe = Recipe {
             size: clusters.len() as u32,
             clusters,
@@ -221,11 +221,11 @@ impl TreeLight<'_> {
     ///
     /// Clusters with error bounds up to `least_bound` keep the lights and the visibility of the lightcut. If
     /// `least_bound` is 0, no visibility is known yet.
-    fn drawn_anew(&self, receiver: &Lambert, kept: &[KeptCluster], key: u64, least_bound: f32) -> DrawnClusters {
+    fn redrawn(&self, receiver: &Lambert, kept: &[KeptCluster], key: u64, least_bound: f32) -> DrawnClusters {
         let tree = &self.visible.frame.tree;
         let is_drawn = |cluster| least_bound == 0.0 || tree.cluster_bound(receiver, cluster) > least_bound;
         let of_record = |kept: &KeptCluster| {
-            if is_drawn(kept.cluster) { tree.drawn_anew(kept.cluster, key) } else { kept.cluster }
+            if is_drawn(kept.cluster) { tree.redrawn(kept.cluster, key) } else { kept.cluster }
         };
         let gives = |cluster: &Cluster| {
             let light = &tree.lights()[cluster.light as usize];

@@ -158,7 +158,7 @@ fn nodes(root: &mut Value) {
     }
 }
 
-/// Replaces cameras of types that extensions add with placeholders, and removes the cameras from nodes.
+/// Turns cameras of types that extensions add into plain perspective cameras, which glTF parsers accept, and removes them from nodes.
 fn cameras(root: &mut Value, found: &mut Normalized) {
     let mut unknown = BTreeSet::new();
     for (index, camera) in objects(root, "cameras").enumerate() {
