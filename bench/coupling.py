@@ -139,8 +139,8 @@ def frames_before_coding(options, alone, coupled):
         "PSNR of coding": tables.decibels(coding[1] - coding[0], "+.2f"),
         "apart before coding": tables.decibels(apart.psnr, ".1f"),
         "flicker before coding": tables.change(flickers[1] / flickers[0]),
-        "carried": tables.share(coupled.mean(lambda frame: frame["carried_share"])),
-        "audits within": tables.share(coupled.mean(lambda frame: frame["audit_carried_within"])),
+        "carried": tables.share(coupled.mean(lambda frame: frame["reprojected_share"])),
+        "audits within": tables.share(coupled.mean(lambda frame: frame["audit_reprojected_within"])),
     }
 
 

@@ -1,7 +1,7 @@
 //! Plots the response of calibrated stopping to changing light: `docs/controller.svg`.
 //!
-//! In the model, a lightcut that ends at κ times the threshold has an error between 0 and `scale · κ` thresholds,
-//! uniformly distributed. The target κ is therefore known: 0.9 / (0.95 scale). Each frame audits 200 pixels.
+//! In the model, a lightcut that ends at λ times the threshold has an error between 0 and `scale · λ` thresholds,
+//! uniformly distributed. The target λ is therefore known: 0.9 / (0.95 scale). Each frame audits 200 pixels.
 //!
 //! `cargo run --release -p lighttree --example controller`
 
@@ -30,23 +30,23 @@ fn main() {
     let mut calibration = Calibration::default();
     let (mut found, mut exact) = (Vec::new(), Vec::new());
     for frame in 0..260 {
-        let kappa = calibration.kappa(CLASS);
-        found.push((frame as f32, kappa.log2()));
+        let lambda = calibration.lambda(CLASS);
+        found.push((frame as f32, lambda.log2()));
         let aim = 0.9 / (0.95 * scale(frame));
         exact.push((frame as f32, aim.log2().max(-4.0)));
         let audits = Audits::default();
         for k in 0..AUDITS {
-            audits.note(CLASS, (k as f32 + 0.5) / AUDITS as f32 * scale(frame) * kappa);
+            audits.note(CLASS, (k as f32 + 0.5) / AUDITS as f32 * scale(frame) * lambda);
         }
         calibration.learn(&audits);
     }
     let mut plot = Plot::new(
-        "κ: switched light, a cut and back, a flash of a million, noise",
+        "λ: switched light, a cut and back, a flash of a million, noise",
         "frame",
-        "octaves of the multiplier κ",
+        "octaves of the multiplier λ",
     );
     plot.line("what errors would allow", GRAY, exact);
-    plot.line("κ", RED, found);
+    plot.line("λ", RED, found);
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/controller.svg");
     std::fs::write(path, plot.finish()).unwrap_or_else(|error| panic!("{path}: {error}"));
     println!("{path}");

@@ -13,7 +13,9 @@
 mod walls;
 
 use glam::Vec3;
-use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Receivers, Scratch, Stop, luminance};
+use lighttree::{
+    BuildParams, Builder, Emission, Lambert, Light, LightTree, Lightcut, Receivers, Scratch, Stop, luminance,
+};
 use walls::walls;
 
 /// Returns the CPU time of this thread \[s\].
@@ -104,7 +106,7 @@ fn main() {
     let rounds = 100_000usize.div_ceil(blocks.iter().map(|(block, _)| block.len()).sum::<usize>().max(1));
     let mut shared = Vec::new();
     for (block, thresholds) in std::iter::repeat_n(&blocks, rounds).flatten() {
-        let cut = |tree: &LightTree, scratch: &mut Scratch| -> Vec<Cut> {
+        let cut = |tree: &LightTree, scratch: &mut Scratch| -> Vec<Lightcut> {
             let each = block.iter().zip(thresholds);
             each.map(|(r, &t)| tree.lightcut(r, Stop::Absolute(t), |_, _| true, scratch)).collect()
         };
@@ -177,7 +179,7 @@ struct Sum {
 }
 
 impl Sum {
-    fn add(&mut self, cuts: &[Cut], time: f64) {
+    fn add(&mut self, cuts: &[Lightcut], time: f64) {
         self.cuts += cuts.len();
         self.time += time;
         self.visited += cuts.iter().map(|cut| f64::from(cut.nodes_visited)).sum::<f64>();

@@ -8,7 +8,7 @@ mod room;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use lighttree::{Cut, LightTree, Scratch, Stop, luminance};
+use lighttree::{LightTree, Lightcut, Scratch, Stop, luminance};
 use room::{floor, params, room, unblocked};
 
 fn main() {
@@ -47,7 +47,7 @@ fn main() {
         .map(|fraction| (format!("relative {fraction:.2}"), Stop::Relative { fraction, known_luminance: 0.0 }));
     for (name, stop) in absolute.into_iter().chain(relative) {
         let start = Instant::now();
-        let cuts: Vec<Cut> = points
+        let cuts: Vec<Lightcut> = points
             .iter()
             .map(|p| tree.lightcut(p, stop, |light, _| unblocked(p.position, light.position), &mut scratch))
             .collect();
@@ -64,9 +64,9 @@ struct Truth {
     time: Duration,
 }
 
-fn report(name: &str, time: Duration, cuts: &[Cut], truth: &Truth) {
+fn report(name: &str, time: Duration, cuts: &[Lightcut], truth: &Truth) {
     let count = cuts.len() as f64;
-    let mean = |f: fn(&Cut) -> u32| cuts.iter().map(|cut| f64::from(f(cut))).sum::<f64>() / count;
+    let mean = |f: fn(&Lightcut) -> u32| cuts.iter().map(|cut| f64::from(f(cut))).sum::<f64>() / count;
     let errors: Vec<f32> = cuts
         .iter()
         .step_by(truth.stride)

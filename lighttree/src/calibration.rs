@@ -6,17 +6,17 @@
 //! error. Therefore some pixels are *audited*: a second lightcut with a much finer threshold measures the error.
 //!
 //! ```text
-//! a lightcut ends when no cluster's bound exceeds κ ΔY
+//! a lightcut ends when no cluster's bound exceeds λ ΔY
 //! r = |L − L_fine| / ΔY            error of an audited pixel; L, L_fine: luminance of the two lightcuts
-//! κ ← κ · (AIM / q)^DAMPING        q: quantile of r, 95 % by default; step and κ are clamped
+//! λ ← λ · (AIM / q)^DAMPING        q: quantile of r, 95 % by default; step and λ are clamped
 //! ```
 //!
-//! Each octave of ΔY / Y, the ratio of threshold to luminance, has its own κ. Lightcut size and error depend on this
+//! Each octave of ΔY / Y, the ratio of threshold to luminance, has its own λ. Lightcut size and error depend on this
 //! ratio: at 2 % of the luminance lightcuts have hundreds of clusters, above one half they have about six. The first
-//! audits of an octave may lower κ by any factor, because its initial value is a guess. A film begins at 2 %. Until the
-//! first step of an octave, its κ is therefore at most the κ of the next finer octave.
+//! audits of an octave may lower λ by any factor, because its initial value is a guess. A film begins at 2 %. Until the
+//! first step of an octave, its λ is therefore at most the λ of the next finer octave.
 //!
-//! Audits are counted in integer buckets. Their sum does not depend on the order, so κ does not depend on the number of
+//! Audits are counted in integer buckets. Their sum does not depend on the order, so λ does not depend on the number of
 //! threads.
 
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -24,14 +24,14 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// Number of octaves of ΔY / Y.
 const CLASSES: usize = 6;
 const FIRST: f32 = 0.02;
-/// Initial κ. With 0.4, lightcuts of `cornell` at 2 % leave one pixel in twenty outside its threshold.
+/// Initial λ. With 0.4, lightcuts of `cornell` at 2 % leave one pixel in twenty outside its threshold.
 const START: f32 = 0.4;
 const LEAST: f32 = 1.0 / 16.0;
 const MOST: f32 = 16.0;
 /// Target for the quantile of the errors \[thresholds\]. The quantile of a few dozen numbers is uncertain by about a
 /// tenth.
 const AIM: f32 = 0.9;
-/// Exponent of a step. With less than 1, κ follows an outlier of the quantile only partially.
+/// Exponent of a step. With less than 1, λ follows an outlier of the quantile only partially.
 const DAMPING: f32 = 0.7;
 const LARGEST_STEP: f32 = 1.6;
 /// Mean number of audits beyond the quantile that a step requires. For a quantile of 95 %, 2.4 require 48 audits.
@@ -44,7 +44,7 @@ const FINE: f32 = 0.1;
 const BUCKETS: usize = 128;
 const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 
-/// κ of every class of thresholds, learned from frame to frame.
+/// λ of every class of thresholds, learned from frame to frame.
 ///
 /// ```
 /// use lighttree::{Audits, Calibration};
@@ -54,18 +54,18 @@ const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 /// for _frame in 0..20 {
 ///     let audits = Audits::default();
 ///     for k in 0..100 {
-///         // A lightcut that ends at κ thresholds errs by 0 … 3 κ. Measure real errors with `Calibration::fine`.
-///         audits.note(class, 3.0 * calibration.kappa(class) * k as f32 / 100.0);
+///         // A lightcut that ends at λ thresholds errs by 0 … 3 λ. Measure real errors with `Calibration::fine`.
+///         audits.note(class, 3.0 * calibration.lambda(class) * k as f32 / 100.0);
 ///     }
 ///     calibration.learn(&audits);
 /// }
-/// assert!((2.6..3.1).contains(&(0.9 / calibration.kappa(class))));
+/// assert!((2.6..3.1).contains(&(0.9 / calibration.lambda(class))));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Calibration {
     share: f64,
-    kappas: [f32; CLASSES],
+    lambdas: [f32; CLASSES],
     /// Whether the class has taken a step.
     learned: [bool; CLASSES],
     /// Counts of the audits since the last step.
@@ -119,8 +119,8 @@ impl Default for Audits {
 pub struct Learned {
     /// The 95 % quantile of the errors \[thresholds\].
     pub error_p95: f64,
-    /// Mean of κ over the audits.
-    pub kappa: f64,
+    /// Mean of λ over the audits.
+    pub lambda: f64,
 }
 
 impl Audits {
@@ -170,7 +170,7 @@ impl Calibration {
     pub fn keeping(share: f64) -> Self {
         let share = if share.is_nan() { Self::DEFAULT_SHARE } else { share.clamp(0.5, 0.999) };
         let pending = std::array::from_fn(|_| Counts([0; BUCKETS]));
-        Self { share, kappas: [START; CLASSES], learned: [false; CLASSES], pending }
+        Self { share, lambdas: [START; CLASSES], learned: [false; CLASSES], pending }
     }
 
     /// Returns the number of pixels to audit in each 16×16 macroblock: one for 95 %, more for larger fractions, at
@@ -194,44 +194,44 @@ impl Calibration {
         FINE * threshold
     }
 
-    /// Returns κ for the thresholds of a class.
+    /// Returns λ for the thresholds of a class.
     ///
     /// # Panics
     ///
     /// If `class` is 6 or more.
     #[must_use]
-    pub fn kappa(&self, class: usize) -> f32 {
-        self.kappas[class]
+    pub fn lambda(&self, class: usize) -> f32 {
+        self.lambdas[class]
     }
 
     /// Learns from the audits of a frame and returns their summary. Returns `None` without audits.
     pub fn learn(&mut self, audits: &Audits) -> Option<Learned> {
         let counts = audits.counts();
         let mut all = Counts([0; BUCKETS]);
-        let mut kappas = 0.0;
+        let mut lambdas = 0.0;
         let enough = ENOUGH_BEYOND / (1.0 - self.share);
         for (class, found) in counts.iter().enumerate() {
-            let (kappa, pending) = (&mut self.kappas[class], &mut self.pending[class]);
+            let (lambda, pending) = (&mut self.lambdas[class], &mut self.pending[class]);
             all.add(found);
-            kappas += f64::from(*kappa) * f64::from(found.total());
+            lambdas += f64::from(*lambda) * f64::from(found.total());
             pending.add(found);
             // Step as soon as enough audits are beyond the quantile.
             if f64::from(pending.total()) >= enough {
                 let wanted = AIM / pending.quantile(self.share);
                 let damped = wanted.powf(DAMPING).clamp(1.0 / LARGEST_STEP, LARGEST_STEP);
-                // The first step must not raise κ, because a film that begins in the dark shows no errors.
+                // The first step must not raise λ, because a film that begins in the dark shows no errors.
                 let step = if self.learned[class] { damped } else { damped.min(wanted) };
-                *kappa = (*kappa * step).clamp(LEAST, MOST);
+                *lambda = (*lambda * step).clamp(LEAST, MOST);
                 *pending = Counts([0; BUCKETS]);
                 self.learned[class] = true;
             }
-            // Limit a class without a step to the κ of the next finer class.
+            // Limit a class without a step to the λ of the next finer class.
             if class > 0 && !self.learned[class] {
-                self.kappas[class] = self.kappas[class].min(self.kappas[class - 1]);
+                self.lambdas[class] = self.lambdas[class].min(self.lambdas[class - 1]);
             }
         }
         let count = all.total();
-        (count > 0).then(|| Learned { error_p95: all.quantile(0.95).into(), kappa: kappas / f64::from(count) })
+        (count > 0).then(|| Learned { error_p95: all.quantile(0.95).into(), lambda: lambdas / f64::from(count) })
     }
 }
 
@@ -273,16 +273,16 @@ fn upper_end(bucket: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// Audits and learns one frame. Audit `k` of `count` has the error `error(k, κ)` in class 2.
+    /// Audits and learns one frame. Audit `k` of `count` has the error `error(k, λ)` in class 2.
     fn frame(calibration: &mut Calibration, count: u32, error: impl Fn(u32, f32) -> f32) -> Option<Learned> {
         let audits = Audits::default();
-        (0..count).for_each(|k| audits.note(2, error(k, calibration.kappa(2))));
+        (0..count).for_each(|k| audits.note(2, error(k, calibration.lambda(2))));
         calibration.learn(&audits)
     }
 
-    /// Returns errors that are uniform between 0 and `scale` times κ. Their 95 % quantile gives the expected κ.
+    /// Returns errors that are uniform between 0 and `scale` times λ. Their 95 % quantile gives the expected λ.
     fn even(scale: f32) -> impl Fn(u32, f32) -> f32 {
-        move |k, kappa| (k as f32 + 0.5) / 200.0 * scale * kappa
+        move |k, lambda| (k as f32 + 0.5) / 200.0 * scale * lambda
     }
 
     #[test]
@@ -293,31 +293,31 @@ mod tests {
                 frame(&mut calibration, 200, even(scale));
             }
             let expected = AIM / (0.95 * scale);
-            let ratio = calibration.kappa(2) / expected;
+            let ratio = calibration.lambda(2) / expected;
             assert!((0.9..1.1).contains(&ratio), "scale {scale}: {ratio}");
-            assert_eq!(calibration.kappa(1), START, "finer classes have learned nothing");
+            assert_eq!(calibration.lambda(1), START, "finer classes have learned nothing");
             assert!(
-                calibration.kappa(3) <= calibration.kappa(2),
+                calibration.lambda(3) <= calibration.lambda(2),
                 "coarser ones neither, but what is too far for others"
             );
         }
     }
 
-    /// The initial κ falls in one frame of audits. It rises step by step, because a film that begins in the dark shows
+    /// The initial λ falls in one frame of audits. It rises step by step, because a film that begins in the dark shows
     /// no errors.
     #[test]
     fn the_first_audits_are_followed_down_at_once() {
         for scale in [5.0, 20.0] {
             let mut calibration = Calibration::default();
             frame(&mut calibration, 200, even(scale));
-            let ratio = calibration.kappa(2) * 0.95 * scale / AIM;
-            assert!((0.9..1.1).contains(&ratio) || calibration.kappa(2) == LEAST, "scale {scale}: {ratio}");
-            assert_eq!(calibration.kappa(5), calibration.kappa(2));
+            let ratio = calibration.lambda(2) * 0.95 * scale / AIM;
+            assert!((0.9..1.1).contains(&ratio) || calibration.lambda(2) == LEAST, "scale {scale}: {ratio}");
+            assert_eq!(calibration.lambda(5), calibration.lambda(2));
         }
         let mut calibration = Calibration::default();
         frame(&mut calibration, 200, |_, _| f32::NAN);
-        assert!(calibration.kappa(2) <= START * LARGEST_STEP * 1.001);
-        assert_eq!(calibration.kappa(3), START);
+        assert!(calibration.lambda(2) <= START * LARGEST_STEP * 1.001);
+        assert_eq!(calibration.lambda(3), START);
     }
 
     #[test]
@@ -328,7 +328,7 @@ mod tests {
             for _ in 0..80 {
                 frame(&mut calibration, 200, even(1.0));
             }
-            let ratio = calibration.kappa(2) * share as f32 / AIM;
+            let ratio = calibration.lambda(2) * share as f32 / AIM;
             assert!((0.9..1.1).contains(&ratio), "{share}: {ratio}");
         }
     }
@@ -340,56 +340,56 @@ mod tests {
         for _ in 0..40 {
             frame(&mut calibration, 200, even(1.0));
         }
-        let settled = calibration.kappa(2);
+        let settled = calibration.lambda(2);
         let (mut least, mut most) = (f32::MAX, 0.0f32);
         for n in 0..100 {
             frame(&mut calibration, 200, even(if n % 2 == 0 { 0.5 } else { 2.0 }));
             if n > 20 {
-                least = least.min(calibration.kappa(2));
-                most = most.max(calibration.kappa(2));
+                least = least.min(calibration.lambda(2));
+                most = most.max(calibration.lambda(2));
             }
         }
         assert!(most / least <= LARGEST_STEP * 1.01, "no more than a step: {least}…{most}");
         frame(&mut calibration, 200, even(1e6));
         frame(&mut calibration, 200, |_, _| f32::INFINITY);
         frame(&mut calibration, 200, |_, _| f32::NAN);
-        assert!((LEAST..=MOST).contains(&calibration.kappa(2)));
+        assert!((LEAST..=MOST).contains(&calibration.lambda(2)));
         let back = (1..=10).find(|_| {
             frame(&mut calibration, 200, even(1.0));
-            (0.8..1.25).contains(&(calibration.kappa(2) / settled))
+            (0.8..1.25).contains(&(calibration.lambda(2) / settled))
         });
-        assert!(back.is_some(), "κ {} was {settled} before", calibration.kappa(2));
+        assert!(back.is_some(), "λ {} was {settled} before", calibration.lambda(2));
         for _ in 0..1000 {
             frame(&mut calibration, 200, |_, _| 0.0);
         }
-        assert_eq!(calibration.kappa(2), MOST);
+        assert_eq!(calibration.lambda(2), MOST);
         for _ in 0..1000 {
             frame(&mut calibration, 200, |_, _| 1e30);
         }
-        assert_eq!(calibration.kappa(2), LEAST);
+        assert_eq!(calibration.lambda(2), LEAST);
     }
 
-    /// Errors are proportional to κ^`power`. In each frame log κ moves by DAMPING · power of its distance from the
-    /// target, and errors are quantised to eighths of an octave. κ therefore ends in a cycle of at most DAMPING/8
+    /// Errors are proportional to λ^`power`. In each frame log λ moves by DAMPING · power of its distance from the
+    /// target, and errors are quantised to eighths of an octave. λ therefore ends in a cycle of at most DAMPING/8
     /// octaves, divided by the relative reduction per frame.
     ///
-    /// This holds for powers up to 2/DAMPING = 2.86. For larger powers, κ oscillates by at most a step per frame.
+    /// This holds for powers up to 2/DAMPING = 2.86. For larger powers, λ oscillates by at most a step per frame.
     #[test]
     fn ten_thousand_still_frames_end_in_a_small_cycle() {
         for (power, scale) in [(0.5, 1.0), (1.0, 0.3), (1.0, 1.0), (1.0, 4.0), (2.0, 1.0), (2.5, 1.0)] {
             let mut calibration = Calibration::default();
-            let error = |k: u32, kappa: f32| (k as f32 + 0.5) / 200.0 * scale * kappa.powf(power);
-            let kappas: Vec<f32> = (0..10_000)
+            let error = |k: u32, lambda: f32| (k as f32 + 0.5) / 200.0 * scale * lambda.powf(power);
+            let lambdas: Vec<f32> = (0..10_000)
                 .map(|_| {
                     frame(&mut calibration, 200, error);
-                    calibration.kappa(2)
+                    calibration.lambda(2)
                 })
                 .collect();
             let aim = (AIM / (0.95 * scale)).powf(1.0 / power);
-            let distance = |kappa: f32| (kappa / aim).log2().abs();
+            let distance = |lambda: f32| (lambda / aim).log2().abs();
             let kept = (1.0 - DAMPING * power).abs();
             let width = DAMPING / BUCKETS_TO_AN_OCTAVE / (1.0 - kept);
-            let last = &kappas[9000..];
+            let last = &lambdas[9000..];
             let (least, most) = last.iter().fold((f32::MAX, 0.0f32), |(least, most), &k| (least.min(k), most.max(k)));
             let cycle = (most / least).log2();
             assert!(cycle <= width * 1.001, "power {power}, scale {scale}: {cycle} octaves, {width} are allowed");
@@ -400,21 +400,21 @@ mod tests {
             // Each frame multiplies the distance by `kept`, or reduces it by a whole step if that is less.
             let frames =
                 (distance(START) / LARGEST_STEP.log2() + (0.05f32.ln() / kept.max(0.01).ln())).ceil() as usize + 8;
-            let settled = kappas.iter().position(|&kappa| distance(kappa) <= 0.3).unwrap();
+            let settled = lambdas.iter().position(|&lambda| distance(lambda) <= 0.3).unwrap();
             assert!(
                 settled <= frames,
                 "power {power}, scale {scale}: settled after {settled} frames, {frames} predicted"
             );
-            println!("error ~ κ^{power} · {scale}: settled after {settled} frames, a cycle of {cycle:.3} octaves");
+            println!("error ~ λ^{power} · {scale}: settled after {settled} frames, a cycle of {cycle:.3} octaves");
         }
-        // For larger powers κ oscillates, but by at most a step per frame and within its limits.
+        // For larger powers λ oscillates, but by at most a step per frame and within its limits.
         let mut calibration = Calibration::default();
-        let mut before = calibration.kappa(2);
+        let mut before = calibration.lambda(2);
         for _ in 0..1000 {
-            frame(&mut calibration, 200, |k, kappa| (k as f32 + 0.5) / 200.0 * kappa.powi(6));
-            let step = calibration.kappa(2) / before;
+            frame(&mut calibration, 200, |k, lambda| (k as f32 + 0.5) / 200.0 * lambda.powi(6));
+            let step = calibration.lambda(2) / before;
             assert!((1.0 / LARGEST_STEP / 1.001..=LARGEST_STEP * 1.001).contains(&step), "{step}");
-            before = calibration.kappa(2);
+            before = calibration.lambda(2);
             assert!((LEAST..=MOST).contains(&before));
         }
     }

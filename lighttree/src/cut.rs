@@ -75,7 +75,7 @@ impl Stop {
 /// Result of a lightcut at one receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct Cut {
+pub struct Lightcut {
     /// Reflected radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Vec3,
     /// Number of clusters in the lightcut, including single lights and excluding clusters that provably contribute
@@ -192,9 +192,9 @@ impl LightTree {
         stop: Stop,
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
-    ) -> Cut {
+    ) -> Lightcut {
         if self.nodes.is_empty() {
-            return Cut::default();
+            return Lightcut::default();
         }
         if let Stop::Absolute(threshold) = stop
             && let Some(cut) = self.walk(receiver, threshold, scratch)
@@ -219,10 +219,10 @@ impl LightTree {
         stop: Stop,
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
-    ) -> Cut {
+    ) -> Lightcut {
         scratch.kept.clear();
         match stop {
-            _ if self.nodes.is_empty() => Cut::default(),
+            _ if self.nodes.is_empty() => Lightcut::default(),
             Stop::Absolute(threshold) => match self.walk(receiver, threshold, scratch) {
                 Some(cut) => self.evaluate(receiver, visible, scratch, cut),
                 None => self.best_first::<true, R>(receiver, |_| threshold, &mut visible, scratch),

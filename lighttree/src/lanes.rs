@@ -122,7 +122,7 @@ impl Real for Vec4 {
 pub(crate) struct Eight(pub [Vec4; 2]);
 
 /// Number type that processes an [`Eight`] at once or in two groups of four.
-pub(crate) trait PartOfEight: Real {
+pub(crate) trait EightLanes: Real {
     /// Number of groups of four lanes.
     const FOURS: usize;
     /// Loads lanes from the group of four at index `at`.
@@ -137,7 +137,7 @@ pub(crate) trait PartOfEight: Real {
     }
 }
 
-impl PartOfEight for Vec4 {
+impl EightLanes for Vec4 {
     const FOURS: usize = 1;
 
     #[inline(always)]
@@ -222,7 +222,7 @@ impl<L: Lanes> Real for F8<L> {
     }
 }
 
-impl<L: Lanes> PartOfEight for F8<L> {
+impl<L: Lanes> EightLanes for F8<L> {
     const FOURS: usize = 2;
 
     #[inline(always)]
@@ -240,7 +240,7 @@ impl<L: Lanes> PartOfEight for F8<L> {
 /// `run`, and each function that `run` calls with these numbers, is `#[inline(always)]`, as for [`lanes::Kernel`].
 pub(crate) trait Kernel {
     type Output;
-    fn run<F: PartOfEight>(self) -> Self::Output;
+    fn run<F: EightLanes>(self) -> Self::Output;
 }
 
 /// Adapter that runs a [`Kernel`] on eight numbers at once.
@@ -403,7 +403,7 @@ mod tests {
         type Output = Vec<u32>;
 
         #[inline(always)]
-        fn run<F: PartOfEight>(self) -> Vec<u32> {
+        fn run<F: EightLanes>(self) -> Vec<u32> {
             let mut results = [Eight([Vec4::ZERO; 2]); 15];
             for at in (0..2).step_by(F::FOURS) {
                 let (a, b) = (F::load(self.0, at), F::load(self.1, at));

@@ -38,7 +38,7 @@ mod validate; // checks of a whole tree
 pub use crate::bounds::{DirectionCone, Region};
 pub use crate::build::{BuildParams, Builder};
 pub use crate::calibration::{Audits, Calibration, Learned};
-pub use crate::cut::{Cluster, Cut, KeptCluster, Receivers, Scratch, ShadowRay, Stop};
+pub use crate::cut::{Cluster, KeptCluster, Lightcut, Receivers, Scratch, ShadowRay, Stop};
 pub use crate::exhaustive::exhaustive;
 pub use crate::gradient::{IrradianceTerm, irradiance_term};
 pub use crate::lanes::{Real, Vector3};

@@ -76,14 +76,14 @@ impl Container {
 /// and Matroska a group of pictures is written when the next group begins.
 ///
 /// ```
-/// use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Picture};
+/// use mpeg2enc::{Config, Container, FrameRate, SuppliedMotion, Multiplexer, Picture};
 ///
 /// let config = Config::new(64, 48, FrameRate::FPS_25);
 /// let mut multiplexer = Multiplexer::new(Container::Program, &config);
 /// let mut encoder = config.encoder()?;
 /// let mut file = Vec::new();
 /// for _ in 0..3 {
-///     for packet in encoder.push(&Picture::black(64, 48), KnownMotion::default()) {
+///     for packet in encoder.push(&Picture::black(64, 48), SuppliedMotion::default()) {
 ///         file.extend(multiplexer.push(packet));
 ///     }
 /// }

@@ -5,7 +5,7 @@ mod immediate;
 mod weighted;
 
 use crate::{
-    Config, ConfigError, KnownMotion, Picture, RestoreError,
+    Config, ConfigError, Picture, RestoreError, SuppliedMotion,
     coder::{Coder, Packet, sequence_end},
     lookahead::weights,
     quantiser_scale::quantiser_scale_code,
@@ -133,7 +133,7 @@ impl Encoder {
     /// # Panics
     /// If the size of the frame or of a motion field differs from the [`Config`].
     #[must_use = "the packets form the stream"]
-    pub fn push(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
+    pub fn push(&mut self, frame: &Picture, motion: SuppliedMotion) -> Vec<Packet> {
         self.push_frame(frame, motion, None)
     }
 
@@ -154,7 +154,7 @@ impl Encoder {
     /// If the size of the frame or of a motion field differs from the [`Config`]. If `weights` does not have one sample for each
     /// 16×16 luma samples, with width and height rounded up.
     #[must_use = "the packets form the stream"]
-    pub fn push_weighted(&mut self, frame: &Picture, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
+    pub fn push_weighted(&mut self, frame: &Picture, motion: SuppliedMotion, weights: &Plane<f32>) -> Vec<Packet> {
         let counts = self.config().shown_macroblocks();
         assert_eq!((weights.width(), weights.height()), counts, "the weights must have one sample for each macroblock");
         self.push_frame(frame, motion, Some(weights))
@@ -166,15 +166,15 @@ impl Encoder {
     /// # Panics
     /// If [`Encoder::push`] would panic, or no frame was pushed before.
     #[must_use = "the packets form the stream"]
-    pub fn push_again(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
+    pub fn push_again(&mut self, frame: &Picture, motion: SuppliedMotion) -> Vec<Packet> {
         match &mut self.state.mode {
             CodingMode::Immediate(immediate) => vec![immediate.push_again(&mut self.coder)],
             CodingMode::Ahead(_) => self.push_frame(frame, motion, None),
         }
     }
 
-    fn push_frame(&mut self, frame: &Picture, motion: KnownMotion, weights: Option<&Plane<f32>>) -> Vec<Packet> {
-        let KnownMotion { to_previous, to_next } = motion;
+    fn push_frame(&mut self, frame: &Picture, motion: SuppliedMotion, weights: Option<&Plane<f32>>) -> Vec<Packet> {
+        let SuppliedMotion { to_previous, to_next } = motion;
         check_input(self.config(), frame, [to_previous, to_next]);
         let coded = self.config().macroblock_counts();
         let weights = weights.map(|weights| weights::given(weights, coded));

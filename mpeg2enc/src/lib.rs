@@ -11,7 +11,7 @@
 //! pictures, bit rates ([`Rate`]), and finer quantisers in areas from which later pictures are predicted.
 //!
 //! ```
-//! use mpeg2enc::{Config, Correspondence, FrameRate, KnownMotion, Picture, Plane};
+//! use mpeg2enc::{Config, Correspondence, FrameRate, SuppliedMotion, Picture, Plane};
 //!
 //! let mut encoder = Config::new(64, 48, FrameRate::FPS_25).with_gop(12).with_quantiser_scale(6).encoder()?;
 //! let mut stream = Vec::new();
@@ -20,7 +20,7 @@
 //!     let luma = Plane::from_fn(64, 48, |x, y| (128.0 + 90.0 * ((x + time) as f32 * 0.4 + y as f32 * 0.1).sin()) as u8);
 //!     let frame = Picture::new(luma, Plane::filled(32, 24, 110), Plane::filled(32, 24, 140))?;
 //!     let motion = Correspondence::from_motion(Plane::filled(64, 48, [1.0, 0.0]));
-//!     for packet in encoder.push(&frame, KnownMotion::from(&motion)) {
+//!     for packet in encoder.push(&frame, SuppliedMotion::from(&motion)) {
 //!         assert!(packet.psnr_y > 35.0);
 //!         stream.extend(packet.data);
 //!     }
@@ -102,7 +102,7 @@ pub use crate::{
     frame::psnr,
     frame_rate::FrameRate,
     level::Level,
-    motion::KnownMotion,
+    motion::SuppliedMotion,
     picture::{MacroblockKind, PictureStatistics},
     quantiser_scale::{QuantiserScaleCode, quantiser_scale_code},
     rate::{Passes, Rate},

@@ -13,7 +13,7 @@ mod waiting;
 pub(crate) mod weights;
 
 use crate::{
-    Config, Effort, KnownMotion, Picture, RestoreError,
+    Config, Effort, Picture, RestoreError, SuppliedMotion,
     motion::{BlockPosition, Candidates, all_candidates},
     restore::ensure,
     vector::HalfSample,
@@ -72,7 +72,7 @@ impl Lookahead {
 
     /// Accepts the next frame extended to whole macroblocks, and the factors of quantiser_scale of its macroblocks. Decides
     /// whether the frame begins a group.
-    pub fn push(&mut self, config: &Config, source: Arc<Picture>, motion: KnownMotion, weights: Option<Vec<u32>>) {
+    pub fn push(&mut self, config: &Config, source: Arc<Picture>, motion: SuppliedMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known = [motion.to_previous, motion.to_next]
             .map(|known| known.map(|known| all_candidates(known, columns, rows).into()));

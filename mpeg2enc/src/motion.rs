@@ -2,10 +2,10 @@
 
 mod coarse;
 mod field;
-mod known;
 mod search;
+mod supplied;
 
-pub use known::KnownMotion;
+pub use supplied::SuppliedMotion;
 pub(crate) use {
     coarse::{CoarseSearch, quarter},
     field::{Candidates, all_candidates},

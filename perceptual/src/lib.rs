@@ -53,7 +53,7 @@ pub use crate::task_map::task_map;
 pub use crate::threshold_map::{
     RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, reproject, tolerable_error, tolerable_error_counted,
 };
-pub use crate::tonemap::{Display, Operator, OutOfRange, PixelPart, ToneMap, UnknownOperator};
+pub use crate::tonemap::{Display, Operator, OutOfRange, PixelFragment, ToneMap, UnknownOperator};
 pub use crate::ycbcr::{ColorMatrix, YCbCr, luminance_plane, to_rgb8, to_rgb8_by};
 pub use plane::matrices::DEFAULT_INTRA_MATRIX;
 pub use plane::{LUMINANCE_WEIGHTS, luminance};

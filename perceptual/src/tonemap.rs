@@ -23,7 +23,7 @@ mod blend;
 use crate::bounded;
 use std::{fmt, str::FromStr};
 
-pub use blend::PixelPart;
+pub use blend::PixelFragment;
 
 /// Curve value at which the inverse of Reinhard's global curve stops. Decoded white is then finite (x = 255).
 const REINHARD_LIMIT: f64 = 1.0 - 1.0 / 256.0;

@@ -16,7 +16,7 @@ use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-pub use coverage::{Coverage, MixedPixel, SurfacePart};
+pub use coverage::{Coverage, MixedPixel, SurfaceFragment};
 pub use layers::LayeredPixel;
 pub use shares::{InstanceShare, InstanceShares};
 

@@ -10,7 +10,6 @@ mod anchor;
 mod atlas;
 mod bsdf;
 pub mod cache;
-mod carried;
 mod environment;
 mod gather;
 mod gbuffer;
@@ -20,6 +19,7 @@ mod photon;
 mod polygon;
 mod posed_scene;
 mod reconstruct;
+mod reprojected;
 mod steps;
 mod surface;
 mod swept;
@@ -32,12 +32,11 @@ pub use anchor::{Anchor, Anchors, DynamicAnchor, Moved, ZoneSearch, Zones};
 #[cfg(feature = "bake")]
 pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};
-pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse, Unseen};
 pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
 pub use gbuffer::{
     Coverage, GBuffer, InstanceShare, InstanceShares, LayeredPixel, MACROBLOCK, MixedPixel, NOTHING, PixelSample,
-    PixelSurface, SurfacePart,
+    PixelSurface, SurfaceFragment,
 };
 pub use light::{
     AreaLight, AreaSample, DirectLights, DomeLight, DynamicLights, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, Lamps,
@@ -48,6 +47,7 @@ pub use photon::{AnchorFlux, Guide, GuideSearch, Photons};
 pub use posed_scene::PosedScene;
 pub use ranks::{self, Busy, Timed, process_seconds};
 pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
+pub use reprojected::{AuditCounts, Completed, Destination, Reprojected, ReprojectedLight, Reuse, Unseen};
 pub use surface::{Paint, Surface, Surfaces};
 pub use swept::SweptVolume;
 

@@ -18,7 +18,7 @@ pub use guide::{Guide, GuideSearch};
 
 use crate::anchor::{Anchors, Moved, Sight, SurfelMap};
 use crate::light::Emitters;
-use crate::ranks::{Alone, Meter, Ranks, Turn, sum_of_all};
+use crate::ranks::{Alone, Assignment, Meter, Ranks, sum_of_all};
 use crate::swept::SweptVolume;
 use crate::{Busy, PosedScene, Timed, Units};
 use glam::Vec3;
@@ -85,12 +85,12 @@ enum Other {
 
 impl Other {
     /// Returns the owner assignment of the photon's batch.
-    fn turn(&self) -> Turn {
+    fn assignment(&self) -> Assignment {
         let photon = match self {
             Self::Whole(photon) => *photon,
             Self::From(leg) => leg.photon(),
         };
-        turn_of(photon.into())
+        assignment_of(photon.into())
     }
 }
 
@@ -98,8 +98,8 @@ impl Other {
 const BATCH: u64 = 16_384;
 
 /// Returns the owner assignment of the batch of a photon.
-fn turn_of(photon: u64) -> Turn {
-    Turn::InOrder((photon / BATCH) as u32)
+fn assignment_of(photon: u64) -> Assignment {
+    Assignment::InOrder((photon / BATCH) as u32)
 }
 
 impl Photons {
@@ -199,7 +199,7 @@ impl Photons {
         let swept = &Swept { entered: swept.clone(), near: swept.widened(emission.surfels[0].reach()) };
         let (mut change, mut others) = (emission.no_sums(), Vec::new());
         let stay = emission.of_all_ranks(|meter| {
-            let parted = emission.trace_apart(swept, meter);
+            let parted = emission.trace_split(swept, meter);
             (change, others) = (parted.change, parted.others);
             parted.stay
         });
@@ -229,14 +229,14 @@ struct Swept {
 }
 
 /// Flux of whole paths, split by whether moving geometry may change it.
-struct Parted {
+struct SplitFlux {
     stay: Sums,
     change: Sums,
     /// Photons, completely or from a segment, that contribute to `change`.
     others: Vec<Other>,
 }
 
-impl Parted {
+impl SplitFlux {
     /// Returns the sum of `self` and `other`.
     fn plus(self, other: Self) -> Self {
         Self {
@@ -257,7 +257,7 @@ impl FrameEmission<'_> {
         let count = self.walk.count;
         let (rank, ranks) = (self.ranks.rank(), self.ranks.count());
         let begins = (0..count.div_ceil(BATCH)).into_par_iter().map(|batch| batch * BATCH);
-        let of_this_rank = begins.filter(move |&begin| turn_of(begin).owner(ranks) == rank);
+        let of_this_rank = begins.filter(move |&begin| assignment_of(begin).owner(ranks) == rank);
         of_this_rank.map(move |begin| begin..(begin + BATCH).min(count))
     }
 
@@ -286,7 +286,7 @@ impl FrameEmission<'_> {
     fn trace_all(&self, meter: &Meter) -> Sums {
         let started = || (self.no_sums(), Left::default());
         let fold = self.batches().fold(started, |(mut sums, mut left), batch| {
-            let (mut laps, turn) = (meter.laps(), turn_of(batch.start));
+            let (mut laps, assignment) = (meter.laps(), assignment_of(batch.start));
             self.busy.measure(|| {
                 let mut path = Path::default();
                 for index in batch {
@@ -295,7 +295,7 @@ impl FrameEmission<'_> {
                 }
                 self.settle(&mut sums, &mut left);
             });
-            laps.note(turn);
+            laps.note(assignment);
             (sums, left)
         });
         fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
@@ -317,18 +317,18 @@ impl FrameEmission<'_> {
                 }
                 self.settle(&mut sums, &mut left);
             });
-            laps.note_together(others.iter().map(Other::turn));
+            laps.note_together(others.iter().map(Other::assignment));
             (sums, left)
         });
         fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
     }
 
     /// Traces every photon, and splits its path where the path first enters `swept`.
-    fn trace_apart(&self, swept: &Swept, meter: &Meter) -> Parted {
-        let nothing = || Parted { stay: self.no_sums(), change: self.no_sums(), others: Vec::new() };
+    fn trace_split(&self, swept: &Swept, meter: &Meter) -> SplitFlux {
+        let nothing = || SplitFlux { stay: self.no_sums(), change: self.no_sums(), others: Vec::new() };
         let fold = self.batches().fold(nothing, |mut parted, batch| {
-            let (mut laps, turn) = (meter.laps(), turn_of(batch.start));
-            let Parted { stay, change, others } = &mut parted;
+            let (mut laps, assignment) = (meter.laps(), assignment_of(batch.start));
+            let SplitFlux { stay, change, others } = &mut parted;
             self.busy.measure(|| {
                 let (mut left_to_stay, mut left_to_change) = (Left::default(), Left::default());
                 let (mut path, mut legs) = (Path::default(), Vec::new());
@@ -350,9 +350,9 @@ impl FrameEmission<'_> {
                 self.settle(change, &mut left_to_change);
                 self.settle(stay, &mut left_to_stay);
             });
-            laps.note(turn);
+            laps.note(assignment);
             parted
         });
-        fold.reduce(nothing, Parted::plus)
+        fold.reduce(nothing, SplitFlux::plus)
     }
 }

@@ -4,7 +4,7 @@
 //! and lights, the stage did not run.
 
 use pipeline::Run;
-use pipeline::parts::Prepare;
+use pipeline::stage::Prepare;
 use render_core::scene::Scene;
 use render2mpeg::{Options, Settings};
 use renderer::Preparation;

@@ -12,7 +12,7 @@
 //! ```
 
 use glam::{Vec3, Vec3A};
-use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop, luminance};
+use lighttree::{Lambert, Light, Lightcut, Receivers, Scratch, Stop, luminance};
 use render_core::Busy;
 use render2mpeg::Options;
 use renderer::Preparation;
@@ -81,7 +81,7 @@ fn main() {
             .map(|cut| 0.02 * luminance(cut.radiance))
             .collect();
         // Independent cuts, then shared cuts with the same thresholds.
-        let cuts: Vec<Cut> = alone.measure(|| {
+        let cuts: Vec<Lightcut> = alone.measure(|| {
             let each = block.iter().zip(&thresholds);
             each.map(|(r, &t)| {
                 frame.tree.lightcut(r, Stop::Absolute(t), |light, _| sees(r.position, light), &mut scratch)

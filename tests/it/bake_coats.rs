@@ -2,7 +2,7 @@
 
 use super::bake::{add, gray, outside, within};
 use glam::{Quat, Vec3, vec3};
-use pipeline::parts::{LastThresholds, Shade};
+use pipeline::stage::{LastThresholds, Shade};
 use plane::Plane;
 use render_core::scene::{Camera, Gradient, Material, Node, Projection, Scene, Transform};
 use render_core::{Environment, PathOptions, PixelSampling, Surfaces, luminance};

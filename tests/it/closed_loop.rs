@@ -3,7 +3,7 @@
 //!
 //! `docs/limits.md` contains the analysis; `perceptual/tests/it/dynamics.rs` covers masking alone.
 
-use mpeg2enc::{Config, Effort, Encoder, FrameRate, KnownMotion};
+use mpeg2enc::{Config, Effort, Encoder, FrameRate, SuppliedMotion};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
 use plane::{Correspondence, Plane};
 
@@ -70,7 +70,7 @@ impl Loop {
             [(self.renderer)(self.frame, y * WIDTH + x, truth, threshold).max(0.0); 3]
         });
         let picture = YCbCr::from_radiance(&radiance, &ToneMap::default());
-        let packet = self.encoder.push(&picture.picture, KnownMotion::default()).remove(0);
+        let packet = self.encoder.push(&picture.picture, SuppliedMotion::default()).remove(0);
         self.frame += 1;
         let begins_group = (self.frame as u32).is_multiple_of(GROUP);
         let next = if begins_group { NextPicture::Intra { group: GROUP } } else { NextPicture::Predicted };

@@ -1,9 +1,9 @@
 //! Thresholds from the encoder's actual quantisation, through the whole program and with the encoder alone.
 
-use mpeg2enc::{Config, FrameRate, KnownMotion, PictureType};
+use mpeg2enc::{Config, FrameRate, PictureType, SuppliedMotion};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
-use pipeline::parts;
-use pipeline::parts::{Displayed, Encode};
+use pipeline::stage;
+use pipeline::stage::{Displayed, Encode};
 use plane::{Coded, Plane};
 use render2mpeg::Options;
 use render2mpeg::stages::Video;
@@ -33,7 +33,7 @@ fn coded(quantiser_scale: u32, gop: u32) -> Vec<CodedFrame> {
         .map(|time| {
             let radiance = hills(time as f32);
             let frame = YCbCr::from_radiance(&radiance, &ToneMap::default());
-            let packet = encoder.push(&frame.picture, KnownMotion::default()).remove(0);
+            let packet = encoder.push(&frame.picture, SuppliedMotion::default()).remove(0);
             CodedFrame { luminance: luminance_plane(&radiance), coded: packet.coded(), frame }
         })
         .collect()
@@ -160,7 +160,7 @@ fn thresholds_follow_the_groups_after_a_scene_cut() {
     pictures.extend(video.finish().unwrap().pictures);
 
     // Every group except the shot change was announced.
-    let is_intra = |picture: &&parts::CodedFrame| picture.picture_type == PictureType::I;
+    let is_intra = |picture: &&stage::CodedFrame| picture.picture_type == PictureType::I;
     let mut intra: Vec<u32> = pictures.iter().filter(is_intra).map(|picture| picture.index).collect();
     intra.sort_unstable();
     assert_eq!(intra, [0, 6, 12, 14, 20, 26]);

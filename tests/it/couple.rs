@@ -5,9 +5,9 @@ use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr};
 use pipeline::Result;
 use pipeline::checkpoint::{Checkpoints, FilmJob};
 use pipeline::observe::Observer;
-use pipeline::parts::{Displayed, Encode, Encoded, LastThresholds, Prepare, Prepared, Shade, Shaded};
 use pipeline::report::FrameReport;
-use pipeline::{Parts, Run, couple};
+use pipeline::stage::{Displayed, Encode, Encoded, LastThresholds, Prepare, Prepared, Shade, Shaded};
+use pipeline::{Run, Stages, couple};
 use plane::{Correspondence, Plane};
 use render2mpeg::stages::{Display, Video};
 use std::path::Path;
@@ -68,12 +68,12 @@ impl Shade<u32> for Pattern {
     }
 }
 
-type Film<E> = Parts<Still, Pattern, Display, Feedback, E>;
+type Film<E> = Stages<Still, Pattern, Display, Feedback, E>;
 
 fn film(quantiser_scale: u32, panics_at: Option<u32>) -> Film<Video> {
     let config = Config::new(SIZE.0, SIZE.1, FrameRate::FPS_25);
     let tone_map = ToneMap::default();
-    Parts {
+    Stages {
         prepare: Still,
         shade: Pattern { allowed: Arc::default(), panics_at, count: 0 },
         display: Display::new(tone_map),
@@ -163,8 +163,8 @@ impl Encode for Full {
 #[test]
 fn whatever_fails_the_loop_ends() {
     for at in [0, 2, 4] {
-        let Parts { prepare, shade, display, encode, mask } = film(8, None);
-        let full = Parts { prepare, shade, display, encode: Full(encode, at), mask };
+        let Stages { prepare, shade, display, encode, mask } = film(8, None);
+        let full = Stages { prepare, shade, display, encode: Full(encode, at), mask };
         assert_eq!(run(full, &Seen::default()).unwrap_err().to_string(), "the disk is full");
     }
     let film = film(8, Some(2));

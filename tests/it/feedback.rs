@@ -1,7 +1,7 @@
 //! The feedback from the encoder's quantiser to the lightcuts of the next frame.
 
 use perceptual::{ToneMap, YCbCr, luminance_plane};
-use pipeline::parts::{Coding, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade};
+use pipeline::stage::{Coding, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade};
 use plane::Plane;
 use render_core::scene::Scene;
 use render2mpeg::settings::Switch;

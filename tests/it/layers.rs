@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use pipeline::Result;
-use pipeline::parts::{LastThresholds, LuminanceThresholds, Prepare, Shade};
+use pipeline::stage::{LastThresholds, LuminanceThresholds, Prepare, Shade};
 use plane::Plane;
 use render_core::scene::Scene;
 use render2mpeg::Options;

@@ -5,7 +5,6 @@
 mod bake;
 mod bake_coats;
 mod bake_export;
-mod carried;
 #[cfg(unix)]
 mod chunks;
 mod closed_loop;
@@ -43,6 +42,7 @@ mod ranks;
 mod reference;
 mod regions;
 mod report;
+mod reprojected;
 #[cfg(target_os = "linux")]
 mod resume;
 mod rooms;

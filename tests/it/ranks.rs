@@ -3,8 +3,8 @@
 use pipeline::Run;
 use pipeline::checkpoint::Checkpoints;
 use pipeline::observe::{Observer, OnFrame};
-use pipeline::parts::Shaded;
 use pipeline::report::FrameReport;
+use pipeline::stage::Shaded;
 use pipeline::team::Team;
 use render_core::ranks::{ThreadMail, ThreadRanks};
 use render_core::scene::Scene;

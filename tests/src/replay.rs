@@ -2,7 +2,7 @@
 
 use mpeg2enc::{Packet, Picture};
 use pipeline::Run;
-use pipeline::parts::Prepare;
+use pipeline::stage::Prepare;
 use plane::Correspondence;
 use render_core::scene::{self, Scene};
 use render2mpeg::{Options, Report, Settings};

@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::halves::Estimates;
-use super::{Cluster, Cut, KeptCluster, Scratch, ShadowRay};
+use super::{Cluster, KeptCluster, Lightcut, Scratch, ShadowRay};
 use crate::error_bound::{ClusterBounds, error_bound};
 use crate::lanes::Vector3;
 use crate::light::{Light, luminance, unshadowed};
@@ -134,15 +134,15 @@ impl LightTree {
         threshold: impl Fn(f32) -> f32,
         visible: &mut impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
-    ) -> Cut {
+    ) -> Lightcut {
         let Scratch { max_size, refined, kept, .. } = scratch;
         let max_size = *max_size;
         refined.clear(max_size);
-        let mut cut = Cut::default();
+        let mut cut = Lightcut::default();
         // A running sum in `f64` does not drift. It is used only for the threshold. The result is summed at the end.
         let mut estimate = 0.0f64;
         let mut place =
-            |cluster: Unshadowed, bound: f32, known: Option<ShadowRay>, refined: &mut Refined, cut: &mut Cut| {
+            |cluster: Unshadowed, bound: f32, known: Option<ShadowRay>, refined: &mut Refined, cut: &mut Lightcut| {
                 let Unshadowed { node: index, light, unit, radiance } = cluster;
                 let leaf = self.nodes[index as usize].is_leaf();
                 let bound = if leaf { 0.0 } else { bound };

@@ -20,7 +20,7 @@ use glam::{Vec3, Vec4};
 
 use super::group::{GROUP, Member, Receivers, Shares};
 use super::halves::sum_of_seen;
-use super::{Cut, Scratch, ShadowRay, Stop, padded};
+use super::{Lightcut, Scratch, ShadowRay, Stop, padded};
 use crate::error_bound::{ClusterBounds, error_bound, error_bound_of_bundle};
 use crate::lanes::Vector3;
 use crate::light::Light;
@@ -38,7 +38,7 @@ pub(super) struct Shared {
     of_all: Shares,
     of_group: Shares,
     /// For each receiver of a group, the lightcut of the undecided clusters that it selects.
-    begun: Vec<Cut>,
+    begun: Vec<Lightcut>,
     shadow_rays: ShadowRays,
 }
 
@@ -86,7 +86,7 @@ impl ShadowRays {
     }
 
     /// Adds the visible radiance to the lightcuts.
-    fn add_to(&mut self, cuts: &mut [Cut]) {
+    fn add_to(&mut self, cuts: &mut [Lightcut]) {
         let mut begin = 0;
         for (receiver, (cut, &end)) in cuts.iter_mut().zip(&self.ends).enumerate() {
             let rays = &mut self.rays[begin..end];
@@ -107,7 +107,7 @@ impl LightTree {
     /// returns the bit set of the receivers that see the light.
     ///
     /// `cuts` is cleared and receives one lightcut per receiver. Its clusters are never coarser than in an independent
-    /// lightcut and may be slightly finer. [`Cut::nodes_visited`] of the first lightcut includes the common walk.
+    /// lightcut and may be slightly finer. [`Lightcut::nodes_visited`] of the first lightcut includes the common walk.
     ///
     /// # Panics
     ///
@@ -117,14 +117,14 @@ impl LightTree {
         together: Receivers<R>,
         mut visible: impl FnMut(&Light, usize, u64) -> u64,
         scratch: &mut Scratch,
-        cuts: &mut Vec<Cut>,
+        cuts: &mut Vec<Lightcut>,
     ) {
         let Receivers { receivers, thresholds } = together;
         assert_eq!(thresholds.len(), receivers.len(), "one threshold per receiver");
         assert!(receivers.len() <= MOST, "{} receivers in a bundle of at most {MOST}", receivers.len());
         cuts.clear();
         if self.nodes.is_empty() || receivers.is_empty() {
-            cuts.resize(receivers.len(), Cut::default());
+            cuts.resize(receivers.len(), Lightcut::default());
             return;
         }
         // Move the shared memory out, because the walks borrow the rest of the scratch.
@@ -140,7 +140,7 @@ impl LightTree {
         } else {
             of_all.clear();
             of_all.undecided.extend(roots);
-            Some(Cut::default())
+            Some(Lightcut::default())
         };
         // Continue the walk for each group, then for each receiver. Lightcuts above the maximum size are computed
         // independently.
@@ -159,7 +159,7 @@ impl LightTree {
                 let cut = match common.and_then(|common| {
                     let shared = begun[k].size as usize + of_all.common.len() + of_group.common.len();
                     let own = self.walk_on(member, of_group, most.checked_sub(shared)?, scratch)?;
-                    Some(Cut { size: shared as u32 + own.size, ..plus(plus(common, begun[k]), own) })
+                    Some(Lightcut { size: shared as u32 + own.size, ..plus(plus(common, begun[k]), own) })
                 }) {
                     Some(cut) => {
                         let (cut, (rays, radiance)) = self.estimate_shared(member, [of_all, of_group], scratch, cut);
@@ -195,7 +195,7 @@ impl LightTree {
         from: &[u32],
         most: usize,
         shares: &mut Shares,
-    ) -> Option<Cut> {
+    ) -> Option<Lightcut> {
         shares.clear();
         let Shares { common, undecided, pending, .. } = shares;
         // Bound the whole bundle by its box of positions and its cone of normals.
@@ -204,7 +204,7 @@ impl LightTree {
         let bundle = R::bundle(together.receivers);
         let smallest = together.thresholds.iter().fold(f32::INFINITY, |a, &b| a.min(b)).max(0.0);
         let geometry_term_bound = Vec4::splat(self.geometry_term_bound);
-        let mut cut = Cut::default();
+        let mut cut = Lightcut::default();
         let mut visit = |indices: [usize; 4], count: usize, pending: &mut Vec<u32>| {
             let clusters = ClusterBounds::four(indices.map(|index| &self.nodes[index]));
             let of_bundle = error_bound_of_bundle(&bundle, corners, &clusters, geometry_term_bound).to_array();
@@ -265,11 +265,11 @@ impl LightTree {
 }
 
 /// Combines the bounds and counts of two lightcuts.
-fn plus(a: Cut, b: Cut) -> Cut {
-    Cut {
+fn plus(a: Lightcut, b: Lightcut) -> Lightcut {
+    Lightcut {
         largest_bound: a.largest_bound.max(b.largest_bound),
         total_bound: a.total_bound + b.total_bound,
         nodes_visited: a.nodes_visited + b.nodes_visited,
-        ..Cut::default()
+        ..Lightcut::default()
     }
 }

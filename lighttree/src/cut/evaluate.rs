@@ -3,7 +3,7 @@
 
 use glam::{Vec3, Vec4};
 
-use super::{Cluster, Cut, KeptCluster, Scratch};
+use super::{Cluster, KeptCluster, Lightcut, Scratch};
 use crate::lanes::Vector3;
 use crate::light::{Light, unshadowed};
 use crate::receiver::Receiver;
@@ -27,8 +27,8 @@ impl LightTree {
         receiver: &R,
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
-        mut cut: Cut,
-    ) -> Cut {
+        mut cut: Lightcut,
+    ) -> Lightcut {
         scratch.begin_estimate();
         self.estimate_selected(receiver, scratch);
         let Scratch { rays, ray_count, terms, kept, .. } = scratch;

@@ -18,9 +18,9 @@ use glam::{BVec4A, Vec4};
 
 use super::halves::{Arriving, Halves};
 use super::walk::Walk;
-use super::{Cut, Scratch, ShadowRay, missing, padded};
+use super::{Lightcut, Scratch, ShadowRay, missing, padded};
 use crate::error_bound::{ClusterBounds, error_bound};
-use crate::lanes::{Kernel, PartOfEight, Vector3, Width};
+use crate::lanes::{EightLanes, Kernel, Vector3, Width};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
@@ -120,11 +120,11 @@ impl LightTree {
     /// Tests the undecided clusters for every receiver of a group and gathers them after the common clusters. `begun`
     /// receives, for each receiver, the lightcut of the undecided clusters. Visits of the clusters' halves count for
     /// the first receiver.
-    pub(super) fn decide<R: Receiver>(&self, group: Receivers<R>, shares: &mut Shares, begun: &mut Vec<Cut>) {
+    pub(super) fn decide<R: Receiver>(&self, group: Receivers<R>, shares: &mut Shares, begun: &mut Vec<Lightcut>) {
         let Shares { undecided, fours, .. } = shares;
         begun.clear();
         let looked_at = undecided.len() as u32;
-        begun.resize(group.receivers.len(), Cut { nodes_visited: looked_at, ..Cut::default() });
+        begun.resize(group.receivers.len(), Lightcut { nodes_visited: looked_at, ..Lightcut::default() });
         // None of the undecided clusters is a single light, so each has two halves.
         begun[0].nodes_visited += 2 * looked_at;
         let geometry_term_bound = Vec4::splat(self.geometry_term_bound);
@@ -155,7 +155,7 @@ impl LightTree {
         shares: &Shares,
         most: usize,
         scratch: &mut Scratch,
-    ) -> Option<Cut> {
+    ) -> Option<Lightcut> {
         let mut walk = Walk::new(self, member.receiver, member.threshold, scratch);
         let queued = shares.refined_by(member.k).all(|node| walk.refine(node));
         (queued && walk.finish_walk(most)).then(|| walk.finish())
@@ -169,8 +169,8 @@ impl LightTree {
         Member { receiver, k, .. }: Member<R>,
         shares: [&Shares; 2],
         scratch: &'a mut Scratch,
-        mut cut: Cut,
-    ) -> (Cut, Estimated<'a>) {
+        mut cut: Lightcut,
+    ) -> (Lightcut, Estimated<'a>) {
         scratch.begin_estimate();
         let (fours, geometry_term_bound) = (shares.map(|shares| &shares.fours[..]), self.geometry_term_bound);
         let arriving = Arriving::after(0, &mut scratch.rays, &mut scratch.radiance);
@@ -196,7 +196,7 @@ impl<R: Receiver> Kernel for EstimateShared<'_, R> {
     type Output = usize;
 
     #[inline(always)]
-    fn run<F: PartOfEight>(mut self) -> usize {
+    fn run<F: EightLanes>(mut self) -> usize {
         for fours in self.fours {
             for fours in fours.chunks(AHEAD) {
                 let mut arriving = [Vector3::ZERO; AHEAD];

@@ -35,8 +35,8 @@
 
 use glam::{Vec4, Vec4Swizzles};
 
-use super::{Cut, Scratch, ShadowRay, missing, padded};
-use crate::lanes::{Eight, PartOfEight, Real, Vector3};
+use super::{Lightcut, Scratch, ShadowRay, missing, padded};
+use crate::lanes::{Eight, EightLanes, Real, Vector3};
 use crate::light::{Light, Site, transpose, unshadowed_of};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
@@ -64,13 +64,13 @@ pub(super) struct Estimates {
 
 impl Halves {
     #[inline(always)]
-    pub fn estimates<F: PartOfEight, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Estimates {
+    pub fn estimates<F: EightLanes, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Estimates {
         self.choose(&self.arriving::<F, R>(receiver, geometry_term_bound))
     }
 
     /// Returns the unoccluded radiance of all eight halves.
     #[inline(always)]
-    pub fn arriving<F: PartOfEight, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Vector3<Eight> {
+    pub fn arriving<F: EightLanes, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Vector3<Eight> {
         let mut arriving = Vector3::ZERO;
         let mut at = 0;
         while at < 2 {
@@ -213,8 +213,8 @@ impl LightTree {
         receiver: &R,
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
-        mut cut: Cut,
-    ) -> Cut {
+        mut cut: Lightcut,
+    ) -> Lightcut {
         scratch.begin_estimate();
         cut.nodes_visited += self.estimate_halves(receiver, scratch);
         let rays = &mut scratch.rays[..scratch.ray_count];

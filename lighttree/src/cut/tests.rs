@@ -1,6 +1,6 @@
 use super::*;
 use crate::build::{BuildParams, Builder};
-use crate::lanes::{Kernel, PartOfEight, Width};
+use crate::lanes::{EightLanes, Kernel, Width};
 use crate::light::{Emission, luminance};
 use crate::receiver::{Ggx, Lambert};
 use crate::testing::{self, Random, TestScene};
@@ -274,7 +274,7 @@ impl<R: Receiver> Kernel for Arriving<'_, R> {
     type Output = [Vec4; 6];
 
     #[inline(always)]
-    fn run<F: PartOfEight>(self) -> [Vec4; 6] {
+    fn run<F: EightLanes>(self) -> [Vec4; 6] {
         let arriving = self.0.arriving::<F, R>(self.1, self.2);
         let [[a, b], [c, d], [e, f]] = [arriving.x.0, arriving.y.0, arriving.z.0];
         [a, b, c, d, e, f]

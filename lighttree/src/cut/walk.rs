@@ -7,7 +7,7 @@
 
 use glam::Vec4;
 
-use super::{Cut, Scratch};
+use super::{Lightcut, Scratch};
 use crate::error_bound::{ClusterBounds, error_bound};
 use crate::lanes::Vector3;
 use crate::receiver::Receiver;
@@ -19,7 +19,7 @@ const QUEUE_PER_CLUSTER: usize = 4;
 
 impl LightTree {
     /// Collects the nodes of the lightcut in `scratch.selected`. Returns `None` if they exceed the maximum size.
-    pub(super) fn walk<R: Receiver>(&self, receiver: &R, threshold: f32, scratch: &mut Scratch) -> Option<Cut> {
+    pub(super) fn walk<R: Receiver>(&self, receiver: &R, threshold: f32, scratch: &mut Scratch) -> Option<Lightcut> {
         let most = scratch.max_size as usize;
         let mut walk = Walk::new(self, receiver, threshold, scratch);
         walk.start_at(self.roots());
@@ -44,7 +44,7 @@ pub(super) struct Walk<'a, R> {
     selected: &'a mut [u32],
     selected_count: &'a mut usize,
     inner_count: &'a mut usize,
-    pub cut: Cut,
+    pub cut: Lightcut,
 }
 
 impl<'a, R: Receiver> Walk<'a, R> {
@@ -66,7 +66,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
             selected,
             selected_count,
             inner_count,
-            cut: Cut::default(),
+            cut: Lightcut::default(),
         }
     }
 
@@ -148,7 +148,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
 
     /// Returns the size and bounds of the lightcut. Its nodes are in `scratch.selected`.
     #[inline(always)]
-    pub fn finish(self) -> Cut {
-        Cut { size: *self.selected_count as u32, ..self.cut }
+    pub fn finish(self) -> Lightcut {
+        Lightcut { size: *self.selected_count as u32, ..self.cut }
     }
 }

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 use lighttree::{
-    BuildParams, Cut, Emission, Lambert, Light, LightTree, Real, Receiver, Region, Scratch, Stop, Vector3, luminance,
+    BuildParams, Emission, Lambert, Light, LightTree, Lightcut, Real, Receiver, Region, Scratch, Stop, Vector3,
+    luminance,
 };
 use proptest::prelude::*;
 
@@ -45,7 +46,7 @@ impl Scene {
         (self.shadow_seed ^ (index as u64 + 1)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 62 != 0
     }
 
-    fn cut(&self, tree: &LightTree, stop: Stop, max_size: u32) -> Cut {
+    fn cut(&self, tree: &LightTree, stop: Stop, max_size: u32) -> Lightcut {
         tree.lightcut(&self.receiver, stop, |_, k| self.visible(k), &mut Scratch::with_max_size(max_size))
     }
 
@@ -193,7 +194,7 @@ fn few_lights() {
     let stop = Stop::Absolute(0.0);
     let none = LightTree::build(&[], PARAMS);
     assert_eq!((none.len(), none.is_empty(), none.depth(), none.validate()), (0, true, 0, Ok(())));
-    assert_eq!(none.lightcut(&FLOOR, stop, |_, _| true, &mut scratch), Cut::default());
+    assert_eq!(none.lightcut(&FLOOR, stop, |_, _| true, &mut scratch), Lightcut::default());
     assert_eq!(none.clone().update(&[]).swapped, 0);
 
     let one = LightTree::build(&[lamp(0.0, 3.0)], PARAMS);
@@ -213,7 +214,7 @@ fn nothing_is_cheap() {
         let no_ray = |_: &Light, _| unreachable!("a shadow ray for nothing");
         tree.lightcut(&receiver, Stop::Absolute(0.0), no_ray, &mut scratch)
     };
-    let mut nothing = Cut::default();
+    let mut nothing = Lightcut::default();
     nothing.nodes_visited = 1;
     assert_eq!(cut(&tree, Lambert { reflectance: Vec3::ZERO, ..FLOOR }), nothing);
     assert_eq!(cut(&tree, Lambert { normal: Vec3::NEG_Z, ..FLOOR }), nothing);

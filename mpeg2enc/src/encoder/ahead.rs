@@ -1,7 +1,7 @@
 //! Codes pictures after a look-ahead: I, P and B, optionally within a bit rate.
 
 use crate::{
-    Config, KnownMotion, Picture, PictureType, Rate, RestoreError,
+    Config, Picture, PictureType, Rate, RestoreError, SuppliedMotion,
     bounds::Bounds,
     coder::{CodedPacket, Coder, Direction, Packet, PictureJob},
     header::VBV_DELAY_VARIABLE,
@@ -35,7 +35,7 @@ struct Anchor {
 }
 
 /// Parameters of the next picture to code.
-struct Turn<'a> {
+struct NextCoded<'a> {
     /// Display index of the picture.
     index: usize,
     picture_type: PictureType,
@@ -68,7 +68,7 @@ impl Ahead {
         &mut self,
         coder: &mut Coder,
         frame: &Picture,
-        motion: KnownMotion,
+        motion: SuppliedMotion,
         weights: Option<Vec<u32>>,
     ) -> Vec<Packet> {
         let source = coder.whole(frame);
@@ -155,7 +155,7 @@ impl Ahead {
         }
         let is_closed = span.b_pictures == 0;
         let picture_type = if span.is_intra { PictureType::I } else { PictureType::P };
-        let anchor = Turn {
+        let anchor = NextCoded {
             index: span.anchor,
             picture_type,
             factors: &factors,
@@ -171,7 +171,7 @@ impl Ahead {
         // B pictures follow their anchor in the stream.
         let b_factors = vec![16 * B_SCALE_SIXTEENTHS; count];
         for (i, index) in (span.anchor - span.b_pictures..span.anchor).enumerate() {
-            let turn = Turn {
+            let next = NextCoded {
                 index,
                 picture_type: PictureType::B,
                 factors: &b_factors,
@@ -180,18 +180,18 @@ impl Ahead {
                 upcoming: upcoming.get(i + 1..).unwrap_or_default(),
                 complete,
             };
-            packets.push(self.code_within_rate(coder, turn).packet);
+            packets.push(self.code_within_rate(coder, next).packet);
         }
     }
 
     /// Codes one picture with the quantiser that the rate allows, times its factors. Codes it again if it does not fit.
-    fn code_within_rate(&mut self, coder: &mut Coder, turn: Turn) -> CodedPacket {
+    fn code_within_rate(&mut self, coder: &mut Coder, next: NextCoded) -> CodedPacket {
         let wanted_x256 = coder.config.quantiser_x256();
         let Some(mut rate) = self.rate.take() else {
-            return self.code_within_bounds(coder, turn);
+            return self.code_within_bounds(coder, next);
         };
-        let Turn { picture_type, upcoming, complete, .. } = turn;
-        let header_bits = 8 * turn.headers.len() as i64;
+        let NextCoded { picture_type, upcoming, complete, .. } = next;
+        let header_bits = 8 * next.headers.len() as i64;
         let vbv_delay = match coder.config.rate {
             Rate::Constant { .. } => rate.buffer.delay(header_bits + 32), // picture_start_code has 32 bits
             _ => VBV_DELAY_VARIABLE,
@@ -206,7 +206,7 @@ impl Ahead {
         let mut coded = loop {
             // The quantiser of the settings may lie between sixteenths.
             let base_x256 = if base_x16 == wanted_x256 / 16 { wanted_x256 } else { 16 * base_x16 };
-            let coded = self.code_picture(coder, &turn, base_x256, vbv_delay);
+            let coded = self.code_picture(coder, &next, base_x256, vbv_delay);
             let bits = coded.packet.bits as i64 + header_bits;
             let surprise = bits - rate.predicted(upcoming[0], base_x16).bits();
             let is_surprise =
@@ -228,7 +228,7 @@ impl Ahead {
         };
         // Pad pictures that are too small, so that the buffer does not overflow.
         coded.fill_to(rate.buffer.least() - header_bits);
-        coded.packet.prepend(turn.headers);
+        coded.packet.prepend(next.headers);
         rate.take(coded.packet.bits as i64, base_x16);
         self.rate = Some(rate);
         coded
@@ -236,11 +236,11 @@ impl Ahead {
 
     /// Codes one picture with the quantiser of the settings times its factors, or a coarser one if the level's buffer requires
     /// it.
-    fn code_within_bounds(&mut self, coder: &mut Coder, turn: Turn) -> CodedPacket {
+    fn code_within_bounds(&mut self, coder: &mut Coder, next: NextCoded) -> CodedPacket {
         let mut base_x256 = coder.config.quantiser_x256();
         let mut coded = loop {
-            let coded = self.code_picture(coder, &turn, base_x256, VBV_DELAY_VARIABLE);
-            let bits = coded.packet.bits + 8 * turn.headers.len() as u64;
+            let coded = self.code_picture(coder, &next, base_x256, VBV_DELAY_VARIABLE);
+            let bits = coded.packet.bits + 8 * next.headers.len() as u64;
             self.bounds.begin(&mut coder.config, bits);
             match self.bounds.coarser(base_x256, bits) {
                 Some(coarser) => base_x256 = coarser,
@@ -248,8 +248,8 @@ impl Ahead {
             }
         };
         // The first picture has now determined the level in the headers.
-        let is_first = !turn.headers.is_empty();
-        let headers = if is_first { self.group_headers(coder, turn.is_closed) } else { Vec::new() };
+        let is_first = !next.headers.is_empty();
+        let headers = if is_first { self.group_headers(coder, next.is_closed) } else { Vec::new() };
         coded.packet.prepend(headers);
         self.bounds.take(coded.packet.bits);
         coded
@@ -265,8 +265,8 @@ impl Ahead {
     }
 
     /// Codes one picture; `base_x256` is quantiser_scale before factors, in 256ths.
-    fn code_picture(&mut self, coder: &mut Coder, turn: &Turn, base_x256: u32, vbv_delay: u32) -> CodedPacket {
-        let &Turn { index, picture_type, factors, .. } = turn;
+    fn code_picture(&mut self, coder: &mut Coder, next: &NextCoded, base_x256: u32, vbv_delay: u32) -> CodedPacket {
+        let &NextCoded { index, picture_type, factors, .. } = next;
         let columns = coder.config.macroblock_counts().0;
         // A factor common to all macroblocks would round all of them to the same existing quantiser.
         let spreads = coder.config.has_mean_quantiser() && factors.iter().all(|&factor| factor == factors[0]);

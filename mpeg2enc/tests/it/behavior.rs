@@ -1,7 +1,7 @@
 //! Behavior of the encoder for all kinds of input.
 
 use crate::common::*;
-use mpeg2enc::{Config, FrameRate, KnownMotion, Packet, PictureType, Rate};
+use mpeg2enc::{Config, FrameRate, Packet, PictureType, Rate, SuppliedMotion};
 use plane::{Correspondence, Plane};
 use proptest::prelude::*;
 
@@ -18,7 +18,7 @@ fn exact_motion_saves_bits() {
     let with = |motion: [f32; 2]| {
         let mut encoder = config(width, height).with_gop(132).with_quantiser_scale(6).encoder().unwrap();
         let motion = uniform_motion(width, height, motion[0], motion[1]);
-        frames.iter().flat_map(|frame| encoder.push(frame, KnownMotion::from(&motion))).collect::<Vec<_>>()
+        frames.iter().flat_map(|frame| encoder.push(frame, SuppliedMotion::from(&motion))).collect::<Vec<_>>()
     };
     let (exact, still) = (with(step.map(|s| s as f32)), with([0.0, 0.0]));
     let (_, searched) = encode(config(width, height).with_gop(132).with_quantiser_scale(6), frames.iter().cloned());
@@ -138,7 +138,7 @@ fn the_quantiser_of_waiting_frames_is_planned() {
     assert_eq!(encoder.planned_quantiser_scale(), None, "nothing waits");
     let mut planned = Vec::new();
     for time in 0..20 {
-        assert!(encoder.push(&moving(96, 80, time), KnownMotion::default()).is_empty(), "it waits");
+        assert!(encoder.push(&moving(96, 80, time), SuppliedMotion::default()).is_empty(), "it waits");
         planned.extend(encoder.planned_quantiser_scale());
     }
     assert_eq!(planned.len(), 19, "all but the first frame, whose successor is unknown");
@@ -149,7 +149,7 @@ fn the_quantiser_of_waiting_frames_is_planned() {
     // A constant quantiser needs no plan, and without look-ahead no frames wait.
     for config in [config(), Config::new(96, 80, FrameRate::FPS_25)] {
         let mut encoder = config.encoder().expect("a valid configuration");
-        let _ = encoder.push(&moving(96, 80, 0), KnownMotion::default());
+        let _ = encoder.push(&moving(96, 80, 0), SuppliedMotion::default());
         assert_eq!(encoder.planned_quantiser_scale(), None);
     }
 }

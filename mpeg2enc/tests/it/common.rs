@@ -1,6 +1,6 @@
 //! Synthetic moving pictures, and the two decoders that check a stream.
 
-use mpeg2enc::{Config, FrameRate, KnownMotion, Packet, Picture, PictureType, psnr};
+use mpeg2enc::{Config, FrameRate, Packet, Picture, PictureType, SuppliedMotion, psnr};
 use plane::{Correspondence, Plane};
 use std::{
     io::Write,
@@ -82,7 +82,7 @@ pub fn uniform_motion(width: usize, height: usize, x: f32, y: f32) -> Correspond
 /// Encodes frames without a motion field.
 pub fn encode(config: Config, frames: impl Iterator<Item = Picture>) -> (Vec<u8>, Vec<Packet>) {
     let mut encoder = config.encoder().expect("a valid configuration");
-    let packets: Vec<Packet> = frames.flat_map(|frame| encoder.push(&frame, KnownMotion::default())).collect();
+    let packets: Vec<Packet> = frames.flat_map(|frame| encoder.push(&frame, SuppliedMotion::default())).collect();
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
     stream.extend(encoder.finish().end);
     (stream, packets)
@@ -95,7 +95,7 @@ pub fn encode_ahead(
     motion: Option<&Correspondence>,
 ) -> (Vec<u8>, Vec<Packet>) {
     let mut encoder = config.with_lookahead(Config::LOOKAHEAD_MAX).encoder().expect("a valid configuration");
-    let known = KnownMotion::from(motion);
+    let known = SuppliedMotion::from(motion);
     let mut packets: Vec<Packet> = frames.flat_map(|frame| encoder.push(&frame, known)).collect();
     let finish = encoder.finish();
     packets.extend(finish.packets);

@@ -1,14 +1,14 @@
 //! Program and transport streams: timestamps of pictures, and the unchanged elementary stream.
 
 use crate::common::*;
-use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Packet, PictureType, Rate, Standard};
+use mpeg2enc::{Config, Container, FrameRate, Multiplexer, Packet, PictureType, Rate, Standard, SuppliedMotion};
 use std::process::{Command, Stdio};
 
 /// Returns the packets of an encoder in the order of coding, and its sequence_end_code.
 fn packets(config: &Config, frames: usize) -> (Vec<Packet>, Vec<u8>) {
     let mut encoder = config.clone().with_lookahead(Config::LOOKAHEAD_MAX).encoder().expect("a valid configuration");
     let mut packets: Vec<Packet> =
-        (0..frames).flat_map(|time| encoder.push(&moving(96, 80, time), KnownMotion::default())).collect();
+        (0..frames).flat_map(|time| encoder.push(&moving(96, 80, time), SuppliedMotion::default())).collect();
     let finish = encoder.finish();
     packets.extend(finish.packets);
     (packets, finish.end)

@@ -1,7 +1,7 @@
 //! Tests that decoded pictures equal the encoder's reconstructions.
 
 use crate::common::*;
-use mpeg2enc::{KnownMotion, Level, Packet};
+use mpeg2enc::{Level, Packet, SuppliedMotion};
 use plane::Plane;
 
 /// Minimum agreement in a group of 15 pictures, in dB. In each picture both decoders' integer transforms are off by one in 1 to 2
@@ -89,7 +89,7 @@ fn the_quantiser_may_change_between_pictures() {
     let mut packets = Vec::new();
     for (time, quantiser_scale) in [1, 62, 112, 7, 24, 2, 8, 5].into_iter().cycle().take(20).enumerate() {
         encoder.set_quantiser_scale(quantiser_scale).unwrap();
-        packets.extend(encoder.push(&moving(80, 48, time), KnownMotion::default()));
+        packets.extend(encoder.push(&moving(80, 48, time), SuppliedMotion::default()));
     }
     assert!(encoder.set_quantiser_scale(9).is_err());
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
@@ -119,7 +119,7 @@ fn wide_vectors_at_every_level() {
             let (here, sign) = if time % 2 == 0 { (0.0, -1.0) } else { (1.0, 1.0) };
             let motion = uniform_motion(width, height, sign * x, sign * y);
             let frame = pan(width, height, here * f64::from(x), here * f64::from(y));
-            packets.extend(encoder.push(&frame, KnownMotion::from(&motion)));
+            packets.extend(encoder.push(&frame, SuppliedMotion::from(&motion)));
         }
         let predicted: u32 = packets[1..].iter().map(|packet| packet.statistics.inter).sum();
         assert!(predicted > 40, "the vectors must reach visible content: {predicted} macroblocks");
@@ -152,7 +152,7 @@ fn a_multiple_of_4096_takes_weights_and_gives_planes_of_its_own_size() {
             let weights = Plane::filled(columns, rows, 0.5);
             let frames = (0..2).map(|time| moving(width, height, time));
             let mut packets: Vec<Packet> =
-                frames.flat_map(|frame| encoder.push_weighted(&frame, KnownMotion::default(), &weights)).collect();
+                frames.flat_map(|frame| encoder.push_weighted(&frame, SuppliedMotion::default(), &weights)).collect();
             packets.extend(encoder.finish().packets);
             assert_eq!(packets.len(), 2);
             for packet in packets {

@@ -1,14 +1,14 @@
 //! Parsing of elementary streams.
 
 use crate::common::*;
-use mpeg2enc::{AccessUnit, Config, ElementaryStream, FrameRate, KnownMotion, Standard, StreamError};
+use mpeg2enc::{AccessUnit, Config, ElementaryStream, FrameRate, Standard, StreamError, SuppliedMotion};
 
 /// Returns the packets of moving pictures as access units, and the bytes of the whole stream.
 fn stream(config: &Config, frames: usize) -> (Vec<AccessUnit>, Vec<u8>) {
     let mut encoder = config.clone().encoder().expect("a valid configuration");
     let mut units: Vec<AccessUnit> = Vec::new();
     for time in 0..frames {
-        units.extend(encoder.push(&moving(96, 80, time), KnownMotion::default()).into_iter().map(AccessUnit::from));
+        units.extend(encoder.push(&moving(96, 80, time), SuppliedMotion::default()).into_iter().map(AccessUnit::from));
     }
     let finish = encoder.finish();
     units.extend(finish.packets.into_iter().map(AccessUnit::from));

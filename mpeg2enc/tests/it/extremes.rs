@@ -6,7 +6,7 @@
 
 use crate::common::*;
 use mpeg2enc::{
-    Config, Container, Effort, FrameRate, KnownMotion, Multiplexer, Packet, Picture, PictureType, Rate, Standard,
+    Config, Container, Effort, FrameRate, Multiplexer, Packet, Picture, PictureType, Rate, Standard, SuppliedMotion,
 };
 use plane::Plane;
 use std::process::{Command, Stdio};
@@ -98,7 +98,7 @@ fn vectors_beyond_the_picture() {
         let mut encoder = config(width, height).with_gop(6).encoder().unwrap();
         let field = uniform_motion(width, height, motion[0], motion[1]);
         let packets: Vec<_> =
-            (0..6).flat_map(|n| encoder.push(&moving(width, height, n), KnownMotion::from(&field))).collect();
+            (0..6).flat_map(|n| encoder.push(&moving(width, height, n), SuppliedMotion::from(&field))).collect();
         let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.clone()).collect();
         stream.extend(encoder.finish().end);
         check(&stream, &packets, &format!("motion {motion:?}"));
@@ -155,7 +155,7 @@ fn a_hundred_thousand_pictures_keep_their_times() {
         let mut file = Vec::new();
         for n in 0..COUNT {
             // Change the picture occasionally.
-            for packet in encoder.push(&frames[n / 5000 % 2], KnownMotion::from(&still)) {
+            for packet in encoder.push(&frames[n / 5000 % 2], SuppliedMotion::from(&still)) {
                 file.extend(multiplexer.push(packet));
             }
         }
@@ -195,7 +195,7 @@ fn buffers_at_their_edge() {
                     .map(|n| if n / 10 % 2 == 1 { noise(width, height, n) } else { Picture::black(width, height) });
                 let mut encoder = settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().unwrap();
                 let mut packets: Vec<_> =
-                    frames.flat_map(|frame| encoder.push(&frame, KnownMotion::default())).collect();
+                    frames.flat_map(|frame| encoder.push(&frame, SuppliedMotion::default())).collect();
                 let finish = encoder.finish();
                 packets.extend(finish.packets);
                 let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.clone()).collect();
@@ -253,7 +253,7 @@ fn short_films_with_many_b_pictures() {
     for count in 1..=9 {
         let mut encoder = config(32, 32).with_b_pictures(7).with_gop(132).with_lookahead(30).encoder().unwrap();
         let field = uniform_motion(32, 32, 0.5, -0.5);
-        let known = KnownMotion { to_previous: Some(&field), to_next: Some(&field) };
+        let known = SuppliedMotion { to_previous: Some(&field), to_next: Some(&field) };
         let mut packets: Vec<_> = (0..count).flat_map(|n| encoder.push(&moving(32, 32, n), known)).collect();
         let finish = encoder.finish();
         packets.extend(finish.packets);

@@ -2,8 +2,8 @@
 
 use crate::common::*;
 use mpeg2enc::{
-    AspectRatio, ColorDescription, ColorPrimaries, Config, Container, FrameRate, KnownMotion, MatrixCoefficients,
-    Multiplexer, Packet, PictureType, Standard, TransferCharacteristics,
+    AspectRatio, ColorDescription, ColorPrimaries, Config, Container, FrameRate, MatrixCoefficients, Multiplexer,
+    Packet, PictureType, Standard, SuppliedMotion, TransferCharacteristics,
 };
 
 const BOTH: [Container; 2] = [Container::Mp4, Container::Matroska];
@@ -22,7 +22,7 @@ impl Film {
         let mut encoder = config.clone().encoder().expect("a valid configuration");
         let pictures = (0..frames).map(|time| moving(96, 80, time));
         let mut packets: Vec<Packet> =
-            pictures.flat_map(|picture| encoder.push(&picture, KnownMotion::default())).collect();
+            pictures.flat_map(|picture| encoder.push(&picture, SuppliedMotion::default())).collect();
         let finish = encoder.finish();
         packets.extend(finish.packets);
         Self { config, packets, end: finish.end }

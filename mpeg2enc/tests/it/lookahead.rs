@@ -3,7 +3,7 @@
 use crate::common::*;
 use fastrand::Rng;
 use mpeg2enc::{
-    CoefficientTable, Config, Effort, FrameRate, KnownMotion, Packet, Passes, PictureType, Rate, RestoreError,
+    CoefficientTable, Config, Effort, FrameRate, Packet, Passes, PictureType, Rate, RestoreError, SuppliedMotion,
 };
 use plane::Plane;
 
@@ -85,7 +85,7 @@ fn pictures_come_in_the_order_of_coding() {
     let mut encoder = settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().unwrap();
     let mut packets: Vec<Packet> = Vec::new();
     for time in 0..14 {
-        packets.extend(encoder.push(&moving(64, 48, time), KnownMotion::default()));
+        packets.extend(encoder.push(&moving(64, 48, time), SuppliedMotion::default()));
     }
     packets.extend(encoder.finish().packets);
     let order: String = packets.iter().map(|p| format!("{:?}{} ", p.picture_type, p.display_index)).collect();
@@ -97,7 +97,7 @@ fn without_b_pictures_a_packet_follows_each_frame() {
     let settings = config(64, 48).with_effort(Effort::Fast);
     let mut encoder = settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().unwrap();
     for time in 0..5 {
-        assert_eq!(encoder.push(&moving(64, 48, time), KnownMotion::default()).len(), 1);
+        assert_eq!(encoder.push(&moving(64, 48, time), SuppliedMotion::default()).len(), 1);
     }
 }
 
@@ -261,7 +261,7 @@ fn weights_move_quantisers_and_bits() {
     let mut encoder = config(width, height).with_quantiser_scale(16).with_lookahead(30).encoder().unwrap();
     let mut packets = Vec::new();
     for time in 0..6 {
-        packets.extend(encoder.push_weighted(&moving(width, height, time), KnownMotion::default(), &weights));
+        packets.extend(encoder.push_weighted(&moving(width, height, time), SuppliedMotion::default(), &weights));
     }
     let finish = encoder.finish();
     packets.extend(finish.packets);
@@ -341,7 +341,7 @@ fn groups_are_known_before_they_are_coded() {
         let mut packets: Vec<Packet> = Vec::new();
         let (mut known, mut announced) = (Vec::new(), vec![encoder.begins_group(0)]);
         for index in 0..count {
-            packets.extend(encoder.push(&moving(96, 64, start + index), KnownMotion::default()));
+            packets.extend(encoder.push(&moving(96, 64, start + index), SuppliedMotion::default()));
             known.push(encoder.begins_group(index as u64));
             announced.push(encoder.begins_group(index as u64 + 1));
         }
@@ -377,7 +377,7 @@ fn a_state_fits_its_settings_only() {
         let (mut continued, mut encoder, mut other) =
             (Vec::new(), settings.clone().encoder().unwrap(), settings.clone().encoder().unwrap());
         for frame in &frames {
-            whole.extend(encoder.push(frame, KnownMotion::default()).into_iter().flat_map(|packet| packet.data));
+            whole.extend(encoder.push(frame, SuppliedMotion::default()).into_iter().flat_map(|packet| packet.data));
             let state = other.state().clone();
             // Encoders with other settings must refuse the state.
             for settings in &others {
@@ -388,7 +388,7 @@ fn a_state_fits_its_settings_only() {
             other = settings.clone().with_quantiser_scale(62).encoder().unwrap();
             other.restore(state).unwrap();
             other.set_quantiser_scale(8).unwrap();
-            continued.extend(other.push(frame, KnownMotion::default()).into_iter().flat_map(|packet| packet.data));
+            continued.extend(other.push(frame, SuppliedMotion::default()).into_iter().flat_map(|packet| packet.data));
         }
         for (stream, encoder) in [(&mut whole, encoder), (&mut continued, other)] {
             let finish = encoder.finish();

@@ -1,7 +1,7 @@
 //! Bounded rates on quiet films, compared with a constant quantiser that fits the same buffer.
 
 use crate::common::*;
-use mpeg2enc::{Config, Effort, KnownMotion, Picture, Rate};
+use mpeg2enc::{Config, Effort, Picture, Rate, SuppliedMotion};
 use plane::Plane;
 
 const SIZE: (usize, usize) = (96, 80);
@@ -18,7 +18,7 @@ impl Film {
         let mut encoder = config.with_lookahead(30).with_b_pictures(2).encoder().expect("a valid configuration");
         let mut packets = Vec::new();
         for frame in frames {
-            packets.extend(encoder.push(frame, KnownMotion::default()));
+            packets.extend(encoder.push(frame, SuppliedMotion::default()));
         }
         packets.extend(encoder.finish().packets);
         let error: f64 = packets.iter().map(|packet| 10f64.powf(-packet.psnr_y / 10.0)).sum();

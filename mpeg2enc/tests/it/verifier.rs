@@ -47,7 +47,7 @@ fn lateness(settings: Config, frames: impl Iterator<Item = Picture>) -> Vec<f64>
     let mut late = Vec::new();
     let mut take =
         |packets: Vec<mpeg2enc::Packet>| late.extend(packets.iter().map(|packet| verifier.take(packet.bits)));
-    frames.for_each(|frame| take(encoder.push(&frame, mpeg2enc::KnownMotion::default())));
+    frames.for_each(|frame| take(encoder.push(&frame, mpeg2enc::SuppliedMotion::default())));
     take(encoder.finish().packets);
     late
 }

@@ -1,7 +1,7 @@
 //! Weights without a look-ahead: their effect on quality and bits, and the scales that packets report.
 
 use crate::common::*;
-use mpeg2enc::{Config, Effort, KnownMotion, MacroblockKind, Packet, Picture, Standard};
+use mpeg2enc::{Config, Effort, MacroblockKind, Packet, Picture, Standard, SuppliedMotion};
 use plane::Plane;
 
 /// Columns and rows of macroblocks of the clips.
@@ -22,8 +22,8 @@ fn rectangle(inside: f32, outside: f32) -> Plane<f32> {
 fn encode_weighted(settings: Config, clip: &[Picture], weights: Option<&Plane<f32>>) -> (Vec<u8>, Vec<Packet>) {
     let mut encoder = settings.encoder().expect("a valid configuration");
     let push = |frame: &Picture| match weights {
-        Some(weights) => encoder.push_weighted(frame, KnownMotion::default(), weights),
-        None => encoder.push(frame, KnownMotion::default()),
+        Some(weights) => encoder.push_weighted(frame, SuppliedMotion::default(), weights),
+        None => encoder.push(frame, SuppliedMotion::default()),
     };
     let packets: Vec<Packet> = clip.iter().flat_map(push).collect();
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();

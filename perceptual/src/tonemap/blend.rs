@@ -4,7 +4,7 @@ use super::ToneMap;
 
 /// Region of a pixel that shows one surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PixelPart {
+pub struct PixelFragment {
     /// Fraction of the pixel's area. The fractions of a pixel sum to 1.
     pub share: f32,
     /// Linear RGB radiance \[W·m⁻²·sr⁻¹\].
@@ -22,10 +22,10 @@ impl ToneMap {
     /// Lₛ is the radiance of the part with the fraction s. No part contributes more than display white. With a mean of
     /// radiance, a light far above white would hide thin objects in front of it.
     #[must_use]
-    pub fn mean_shown(&self, parts: impl IntoIterator<Item = PixelPart>) -> [f32; 3] {
+    pub fn mean_shown(&self, parts: impl IntoIterator<Item = PixelFragment>) -> [f32; 3] {
         let (curve, exposure) = (self.curve(), self.exposure());
         let mut sum = [0.0f64; 3];
-        for PixelPart { share, radiance } in parts {
+        for PixelFragment { share, radiance } in parts {
             for (sum, channel) in sum.iter_mut().zip(radiance) {
                 // `max` turns NaN into 0.
                 *sum += f64::from(share) * curve.forward(exposure * f64::from(channel.max(0.0)));
@@ -55,7 +55,7 @@ mod tests {
             }
             let tone_map = ToneMap { operator, display: Display::Srgb, ..ToneMap::default() }.with_exposure(2.0);
             for (dark, bright) in [(0.02, 1.0), (0.0, 1e6), (0.1, 0.12), (0.3, f32::INFINITY)] {
-                let half = |radiance: f32| PixelPart { share: 0.5, radiance: [radiance, 0.5 * radiance, 0.0] };
+                let half = |radiance: f32| PixelFragment { share: 0.5, radiance: [radiance, 0.5 * radiance, 0.0] };
                 let mean = tone_map.mean_shown([half(dark), half(bright)]);
                 assert!(mean.iter().all(|channel| channel.is_finite()));
                 for (c, factor) in [(0, 1.0), (1, 0.5)] {
@@ -70,7 +70,7 @@ mod tests {
     /// The blend of equal regions is the radiance of one of them, up to white.
     #[test]
     fn equal_parts_stay() {
-        let part = |share| PixelPart { share, radiance: [0.01, 0.4, 2.0] };
+        let part = |share| PixelFragment { share, radiance: [0.01, 0.4, 2.0] };
         let mean = ToneMap::default().mean_shown([part(0.25), part(0.75)]);
         assert!(mean.iter().zip([0.01, 0.4, 2.0]).all(|(a, b)| (a - b).abs() < 1e-5 * b), "{mean:?}");
     }

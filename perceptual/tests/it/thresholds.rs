@@ -61,13 +61,13 @@ proptest! {
         let known = Correspondence::new(no_motion, Plane::from_vec(6, 4, matches.clone())).unwrap();
         let past = Plane::from_vec(6, 4, previous.clone());
         let blended = blend(&Plane::from_vec(6, 4, e.clone()), &past, &known, w);
-        let carried = reproject(&past, &known);
+        let reprojected = reproject(&past, &known);
         for i in 0..24 {
             let (now, w) = (f64::from(e[i]), f64::from(w));
             let past = previous.get(matches[i] as usize).copied();
             let exact = past.map_or(now, |past| (1.0 - w) * now + w * f64::from(past));
             prop_assert!((f64::from(blended.samples()[i]) / exact - 1.0).abs() < 1e-5);
-            prop_assert_eq!(carried.get(i % 6, i / 6), past);
+            prop_assert_eq!(reprojected.get(i % 6, i / 6), past);
         }
     }
 

@@ -11,8 +11,8 @@ use mpeg2enc::{Config, Container, FrameRate};
 use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap};
 use pipeline::checkpoint::Checkpoints;
 use pipeline::observe::Observer;
-use pipeline::parts::{LastThresholds, Prepare, Prepared, Shade, Shaded};
-use pipeline::{Parts, Run, couple};
+use pipeline::stage::{LastThresholds, Prepare, Prepared, Shade, Shaded};
+use pipeline::{Run, Stages, couple};
 use plane::{Correspondence, NO_MATCH, Plane};
 use render2mpeg::stages::{Display, Video};
 use std::path::PathBuf;
@@ -137,7 +137,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let tone_map = ToneMap::default();
         let masking = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT);
         let samples = Samples::default();
-        let mut parts = Parts {
+        let mut stages = Stages {
             prepare: Motion,
             shade: samples.clone(),
             display: Display::new(tone_map),
@@ -145,10 +145,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             mask: Some(masking),
         };
         let checkpoints = Checkpoints::off();
-        let mut start = parts.begin(&checkpoints)?;
+        let mut start = stages.begin(&checkpoints)?;
         start.write_to(&path)?;
         let widest = Widest::default();
-        let frames = couple(parts, start, Run { observer: &widest, ..Run::default() })?;
+        let frames = couple(stages, start, Run { observer: &widest, ..Run::default() })?;
         let per_pixel = samples.0.load(Ordering::Relaxed) as f64 / (SIZE.0 * SIZE.1) as f64 / f64::from(FRAMES);
         println!(
             "quantiser_scale {quantiser_scale}: {per_pixel:.2} samples per pixel, {} bits, thresholds up to {:.3}",

@@ -7,7 +7,7 @@ use crate::settings::Settings;
 use crate::stages::{Display, Masking, Video};
 use pipeline::checkpoint::Checkpoints;
 use pipeline::team::{Lead, Team};
-use pipeline::{Parts, Run, Start, couple, follow};
+use pipeline::{Run, Stages, Start, couple, follow};
 use render_core::scene::Scene;
 use renderer::plan::{Plan, Stage};
 use renderer::settings::Aov;
@@ -27,7 +27,7 @@ pub struct Render<'a> {
     scene: &'a Scene,
     settings: &'a Settings,
     plan: &'a Plan,
-    parts: Parts<Preparation<'a>, Shading<'a>, Display, Masking, Video>,
+    stages: Stages<Preparation<'a>, Shading<'a>, Display, Masking, Video>,
     #[cfg(feature = "bake")]
     baked: Option<Arc<BakedTexels>>,
     start: Start<'a>,
@@ -61,21 +61,21 @@ impl<'a> Render<'a> {
         // Create the lead first: if a later step fails, dropping the lead notifies the other ranks.
         let lead = Lead::of(team.shade.clone());
         let masks = plan.is_on(Stage::Masking);
-        let light = LightParts::new(scene, settings, plan, team)?;
-        let mut parts = Parts {
+        let light = LightStages::new(scene, settings, plan, team)?;
+        let mut stages = Stages {
             prepare: light.prepare,
             shade: light.shade,
             display: Display::of(settings)?,
             encode: Video::new(settings)?,
             mask: masks.then(|| Masking::new(settings)).transpose()?,
         };
-        let start = parts.begin_among(settings.frame_range().start, checkpoints, lead)?;
+        let start = stages.begin_among(settings.frame_range().start, checkpoints, lead)?;
         // Start the stages from a checkpoint, or from the first frame.
         Ok(Self {
             scene,
             settings,
             plan,
-            parts,
+            stages,
             #[cfg(feature = "bake")]
             baked: light.baked,
             start,
@@ -89,7 +89,7 @@ impl<'a> Render<'a> {
     /// # Errors
     /// If the baked light cannot be read, a checkpoint is invalid, or the ranks computed different light.
     pub fn follow(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<()> {
-        let LightParts { prepare, shade, .. } = LightParts::new(scene, settings, plan, team)?;
+        let LightStages { prepare, shade, .. } = LightStages::new(scene, settings, plan, team)?;
         Ok(follow(prepare, shade, team)?)
     }
 
@@ -110,15 +110,15 @@ impl<'a> Render<'a> {
         Some(move || Ok(end.end()?))
     }
 
-    /// Passes the channels `aov` of each frame to observers, in [`Shaded::watched`](pipeline::parts::Shaded::watched).
+    /// Passes the channels `aov` of each frame to observers, in [`Shaded::watched`](pipeline::stage::Shaded::watched).
     /// These channels are not written to files.
     pub fn watch(&mut self, aov: &[Aov]) {
-        self.parts.shade.watch(aov);
+        self.stages.shade.watch(aov);
     }
 
     /// Makes this process simulate several ranks: it shades their tiles in sequence, and records simulated times.
     pub fn simulate(&mut self, ranks: SimulatedRanks) {
-        self.parts.shade.set_crew(Crew::Simulated(ranks));
+        self.stages.shade.set_crew(Crew::Simulated(ranks));
     }
 
     /// Returns the first frame that is not finished yet.
@@ -133,11 +133,11 @@ impl<'a> Render<'a> {
     /// Returns the first error of a stage: a file cannot be written, or the stage has a bug.
     pub fn finish(mut self, run: Run<'_>) -> Result<Report> {
         if let Some(exposure) = self.exposure_before() {
-            self.parts.display.set_exposure(exposure);
+            self.stages.display.set_exposure(exposure);
         }
         let inputs = Some(sum_of_inputs(self.scene, self.settings)?);
-        let Self { scene, settings, plan, parts, start, begin, .. } = self;
-        let reports = couple(parts, start, run)?;
+        let Self { scene, settings, plan, stages, start, begin, .. } = self;
+        let reports = couple(stages, start, run)?;
         let interrupted = run.stop.load(Ordering::Relaxed) && reports.len() < settings.frame_range().len();
         let ending = Ending { interrupted, wall_seconds: begin.elapsed().as_secs_f64() };
         Ok(Report { inputs, ..Report::new(scene, settings, plan.steps(), reports, ending) })
@@ -168,14 +168,14 @@ impl<'a> Render<'a> {
 }
 
 /// Stages that compute light, needed on every rank.
-struct LightParts<'a> {
+struct LightStages<'a> {
     prepare: Preparation<'a>,
     shade: Shading<'a>,
     #[cfg(feature = "bake")]
     baked: Option<Arc<BakedTexels>>,
 }
 
-impl<'a> LightParts<'a> {
+impl<'a> LightStages<'a> {
     fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<Self> {
         let renderer = settings.render.clone();
         let mut shade = Shading::among(&renderer, plan, team.shade.clone());

@@ -6,7 +6,7 @@ use crate::settings::{ExrDepth, Settings};
 use crate::stages::linear::write_linear;
 use perceptual::luminance_plane;
 use pipeline::exposure::exposure_for;
-use pipeline::parts::{LastThresholds, Shade};
+use pipeline::stage::{LastThresholds, Shade};
 use plane::Plane;
 use render_core::image_file::FrameHeader;
 use render_core::scene::Scene;

@@ -4,11 +4,11 @@ use super::checkpoint::Checkpoints;
 use super::observe::Observer;
 use super::pace::Pace;
 use super::stages::{Displaying, Encoding, Masking, Preparing, Shading};
-use super::start::{Parts, Start};
+use super::start::{Stages, Start};
 use super::threads::{self, Stamped, stage, work};
 use crate::error::Result;
-use crate::parts::{Display, Encode, LuminanceThresholds, Mask, Prepare, Prepared, Shade};
 use crate::report::FrameReport;
+use crate::stage::{Display, Encode, LuminanceThresholds, Mask, Prepare, Prepared, Shade};
 use crate::team::Lead;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::sync::atomic::AtomicBool;
@@ -45,11 +45,11 @@ impl std::fmt::Debug for Run<'_> {
 /// # Errors
 /// Returns the first failure of a stage, a file or a checkpoint, or the panic of a stage.
 pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
-    parts: Parts<P, S, D, M, E>,
+    stages: Stages<P, S, D, M, E>,
     start: Start<'_>,
     run: Run<'_>,
 ) -> Result<Vec<FrameReport>> {
-    let Parts { prepare, shade, display, encode, mask } = parts;
+    let Stages { prepare, shade, display, encode, mask } = stages;
     let Start { checkpoints, begin, first, thresholds, mut masking_seconds, mut log, lead } = start;
     let Run { observer, stop } = run;
     checkpoints.begin(mask.is_some())?;

@@ -69,10 +69,10 @@ pub struct FrameFigures {
     /// Fraction of the lit pixels for which some light was computed.
     pub shaded_share: f64,
     /// Fraction of the lit pixels with light reprojected from the previous frame.
-    pub carried_share: f64,
+    pub reprojected_share: f64,
     /// Fraction of the audited pixels with reprojected light within the permitted error; `None` without audited
     /// pixels.
-    pub audit_carried_within: Option<f64>,
+    pub audit_reprojected_within: Option<f64>,
     /// Fraction of the light tree's inner nodes with changed children.
     pub tree_swaps_share: f64,
     /// Mean ratio of threshold to luminance, over the pixels that show a surface.
@@ -84,7 +84,7 @@ pub struct FrameFigures {
     /// Mean change in a surface's number of samples since the previous frame; `None` without previously visible
     /// surfaces.
     pub samples_change: Option<f64>,
-    /// Mean multiplier on thresholds: κ of masking, or the multiplier of calibrated stopping.
+    /// Mean factor on thresholds: κ of masking, or λ of calibrated stopping.
     pub kappa: Option<f64>,
     /// 95th percentile of the ratio of true error to threshold; `None` without audited pixels.
     pub audit_error_p95: Option<f64>,

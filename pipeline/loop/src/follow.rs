@@ -3,7 +3,7 @@
 use super::stages::Shading;
 use super::threads::{self, Stage, stage};
 use crate::error::{Error, Result};
-use crate::parts::{Prepare, Prepared, Shade};
+use crate::stage::{Prepare, Prepared, Shade};
 use crate::team::{Order, Team};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use ranks::Ranks;
@@ -111,8 +111,8 @@ fn unexpected(order: &Order) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parts::LastThresholds;
-    use crate::parts::Shaded;
+    use crate::stage::LastThresholds;
+    use crate::stage::Shaded;
     use crate::team::Lead;
     use ranks::{ThreadMail, ThreadRanks};
     use std::sync::Arc;

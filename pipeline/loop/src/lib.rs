@@ -14,8 +14,8 @@ mod log;
 pub mod observe;
 pub mod output;
 mod pace;
-pub mod parts;
 pub mod report;
+pub mod stage;
 mod stages;
 mod start;
 pub mod state;
@@ -26,7 +26,7 @@ mod threads;
 pub use driver::{Run, couple};
 pub use error::{Error, Result};
 pub use follow::follow;
-pub use start::{Parts, Start};
+pub use start::{Stages, Start};
 
 /// Crates that define types in public signatures.
 pub use {perceptual, plane};

@@ -1,7 +1,7 @@
 //! Observers of a running film.
 
-use crate::parts::Shaded;
 use crate::report::FrameReport;
+use crate::stage::Shaded;
 use perceptual::YCbCr;
 use plane::{Picture, Plane};
 use std::sync::Mutex;

@@ -1,7 +1,7 @@
 //! The report of each frame, with stable field names.
 
 use crate::figures::FrameFigures;
-use crate::parts::CodedFrame;
+use crate::stage::CodedFrame;
 use plane::PictureType;
 use serde::{Deserialize, Deserializer, Serialize};
 

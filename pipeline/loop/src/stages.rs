@@ -1,12 +1,12 @@
 //! Stages as the driver runs them: with spans, CPU seconds, and results for observers and the report.
 
-use super::checkpoint::Part;
+use super::checkpoint::StageName;
 use super::log::FilmLog;
 use super::observe::Observer;
 use super::threads::Stage;
 use crate::error::{Context, Error, Result};
 use crate::figures::{FrameFigures, RANK_FIGURES};
-use crate::parts::{
+use crate::stage::{
     Coding, Display, Displayed, Encode, LastThresholds, LuminanceThresholds, Mask, Prepare, Prepared, Shade, Shaded,
 };
 use crate::state::encode;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 pub(super) struct Preparing<P>(pub P);
 
 impl<P: Prepare> Stage for Preparing<P> {
-    const PART: Part = Part::Prepare;
+    const STAGE: StageName = StageName::Prepare;
     type In = ();
     type Out = Prepared<P::Frame>;
 
@@ -53,7 +53,7 @@ impl<S, F> Shading<S, F> {
 }
 
 impl<F, S: Shade<F>> Stage for Shading<S, F> {
-    const PART: Part = Part::Shade;
+    const STAGE: StageName = StageName::Shade;
     type In = (Prepared<F>, Option<LuminanceThresholds>);
     type Out = (Shaded, Motion);
 
@@ -122,7 +122,7 @@ impl<'a, D: Display> Displaying<'a, D> {
 }
 
 impl<D: Display> Stage for Displaying<'_, D> {
-    const PART: Part = Part::Display;
+    const STAGE: StageName = StageName::Display;
     type In = (Shaded, Motion);
     type Out = (Displayed, FrameFigures);
 
@@ -168,7 +168,7 @@ impl<'a, E: Encode> Encoding<'a, E> {
 }
 
 impl<E: Encode> Stage for Encoding<'_, E> {
-    const PART: Part = Part::Encode;
+    const STAGE: StageName = StageName::Encode;
     type In = (Displayed, FrameFigures);
     type Out = (Displayed, Coding);
 
@@ -213,7 +213,7 @@ impl<'a, M> Masking<'a, M> {
 }
 
 impl<M: Mask> Stage for Masking<'_, M> {
-    const PART: Part = Part::Mask;
+    const STAGE: StageName = StageName::Mask;
     type In = (Displayed, Coding);
     type Out = LuminanceThresholds;
 

@@ -1,10 +1,10 @@
 //! The stages of a film, and the start of a new or resumed film.
 
-use super::checkpoint::{Checkpoints, Part};
+use super::checkpoint::{Checkpoints, StageName};
 use super::log::FilmLog;
 use crate::early_end::EarlyEnd;
 use crate::error::{Error, Result};
-use crate::parts::{Display, Encode, LuminanceThresholds, Mask, Prepare, Shade};
+use crate::stage::{Display, Encode, LuminanceThresholds, Mask, Prepare, Shade};
 use crate::state::{NONSENSE, decode};
 use crate::team::Lead;
 use plane::Plane;
@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// Stages of a film. Without masking, no thresholds flow back.
 #[derive(Debug)]
-pub struct Parts<P, S, D, M, E> {
+pub struct Stages<P, S, D, M, E> {
     /// First half of the renderer.
     pub prepare: P,
     /// Second half of the renderer.
@@ -25,7 +25,7 @@ pub struct Parts<P, S, D, M, E> {
     pub mask: Option<M>,
 }
 
-/// Start of a new or resumed film, returned by [`Parts::begin`].
+/// Start of a new or resumed film, returned by [`Stages::begin`].
 #[derive(Debug)]
 pub struct Start<'a> {
     pub(super) checkpoints: &'a Checkpoints,
@@ -44,7 +44,7 @@ pub struct Start<'a> {
 /// frame.
 type MaskState = (Vec<u8>, Option<(Plane<f32>, Plane<f32>)>, Vec<(u32, f64)>);
 
-impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S, D, M, E> {
+impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Stages<P, S, D, M, E> {
     /// Prepares every stage for the first frame, or restores the stages after the last finished frame of `checkpoints`.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S,
         self.begin_at(0, checkpoints)
     }
 
-    /// Prepares or restores every stage as [`begin`](Parts::begin) does, for a range of a film with first frame
+    /// Prepares or restores every stage as [`begin`](Stages::begin) does, for a range of a film with first frame
     /// `begin`.
     ///
     /// # Errors
@@ -62,7 +62,7 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S,
         self.begin_among(begin, checkpoints, Lead::nobody())
     }
 
-    /// Prepares or restores every stage as [`begin_at`](Parts::begin_at) does, with this process as `lead` of other
+    /// Prepares or restores every stage as [`begin_at`](Stages::begin_at) does, with this process as `lead` of other
     /// ranks.
     pub fn begin_among<'a>(&mut self, begin: u32, checkpoints: &'a Checkpoints, lead: Lead) -> Result<Start<'a>> {
         let log = FilmLog::beginning(begin);
@@ -82,22 +82,22 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Parts<P, S,
         let checkpoints = start.checkpoints;
         let state = |part| checkpoints.state(part);
         start.first = last.checked_add(1).ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;
-        let (log, encoder) = FilmLog::restored(state(Part::Encode), start.begin..start.first)?;
+        let (log, encoder) = FilmLog::restored(state(StageName::Encode), start.begin..start.first)?;
         start.log = log;
         self.encode.restore(&encoder)?;
         if let Some(mask) = &mut self.mask {
-            let (own, planes, masking_seconds): MaskState = decode(state(Part::Mask))?;
+            let (own, planes, masking_seconds): MaskState = decode(state(StageName::Mask))?;
             let (delta, luminance) = planes.ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;
             let thresholds = LuminanceThresholds { of: last, delta: delta.into(), luminance: luminance.into() };
             mask.restore(&own, &thresholds)?;
             (start.thresholds, start.masking_seconds) = (Some(thresholds), masking_seconds);
         }
         // All ranks restore the same state, so rank 0 sends it before the remaining steps.
-        start.lead.start(start.first, Some((state(Part::Prepare), state(Part::Shade))));
-        let done = self.prepare.restore(state(Part::Prepare), last)?;
-        self.shade.restore(state(Part::Shade), &done)?;
+        start.lead.start(start.first, Some((state(StageName::Prepare), state(StageName::Shade))));
+        let done = self.prepare.restore(state(StageName::Prepare), last)?;
+        self.shade.restore(state(StageName::Shade), &done)?;
         // Restore the display last, because it truncates its file.
-        self.display.restore(state(Part::Display), &checkpoints.kept())
+        self.display.restore(state(StageName::Display), &checkpoints.kept())
     }
 }
 

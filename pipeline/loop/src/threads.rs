@@ -1,6 +1,6 @@
 //! A stage of the loop on its own thread: one step per frame, and its state whenever a checkpoint is due.
 
-use super::checkpoint::{Checkpoints, Part};
+use super::checkpoint::{Checkpoints, StageName};
 use crate::error::{Context, Error, Result};
 
 /// Message between two stages, labeled with its frame.
@@ -21,7 +21,7 @@ impl<T> Stamped<T> {
 /// Stage as the driver runs it: with measured time, spans and observers.
 pub(super) trait Stage: Sized {
     /// Index of the stage's state in a checkpoint.
-    const PART: Part;
+    const STAGE: StageName;
     type In;
     type Out;
 
@@ -53,7 +53,7 @@ pub(super) fn work<S: Stage>(
     for Stamped { index, marked, content } in frames {
         let Some(content) = stage.step(index, content)? else { break };
         if marked {
-            checkpoints.leave(index, S::PART, stage.state()?);
+            checkpoints.leave(index, S::STAGE, stage.state()?);
         }
         last = Some(index);
         if !send(Stamped { index, marked, content }) {
@@ -62,7 +62,7 @@ pub(super) fn work<S: Stage>(
         }
     }
     if let Some(index) = last.filter(|&index| checkpoints.ends_after(index)) {
-        checkpoints.leave(index, S::PART, stage.state()?);
+        checkpoints.leave(index, S::STAGE, stage.state()?);
     }
     stage.finish()
 }

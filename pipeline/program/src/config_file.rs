@@ -2,7 +2,7 @@
 //! win.
 
 use super::args::Arguments;
-use super::{foreign, guesses, parts, ranks};
+use super::{features, foreign, guesses, ranks};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
@@ -32,9 +32,9 @@ const NOT_IN_FILES: [&str; 11] = [
 pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     let typed = with_command(typed);
     if let Some(command) = typed.get(1).and_then(|word| word.to_str()) {
-        parts::need_for(command)?;
+        features::need_for(command)?;
     }
-    let command = Arguments::command().long_version(parts::version());
+    let command = Arguments::command().long_version(features::version());
     let matches = match command.clone().try_get_matches_from(&typed) {
         Ok(matches) => matches,
         Err(error) => match guess(&error, &command, &typed) {

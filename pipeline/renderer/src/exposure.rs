@@ -12,7 +12,7 @@ use crate::plan::{Plan, lamp_moves};
 use crate::settings::{RenderSettings, Size};
 use perceptual::luminance_plane;
 use pipeline::exposure::{exposure_for, exposure_for_luminances};
-use pipeline::parts::{LastThresholds, Shade};
+use pipeline::stage::{LastThresholds, Shade};
 use render_core::scene::Scene;
 use render_core::{PathOptions, Still, path_traced};
 

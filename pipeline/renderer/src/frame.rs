@@ -31,4 +31,4 @@ impl std::fmt::Debug for Frame<'_> {
 }
 
 /// Prepared frame with its motion, ready for [`Shading`](super::Shading).
-pub type PreparedFrame<'s> = pipeline::parts::Prepared<Frame<'s>>;
+pub type PreparedFrame<'s> = pipeline::stage::Prepared<Frame<'s>>;

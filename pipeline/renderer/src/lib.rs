@@ -23,8 +23,8 @@ pub use plan::Plan;
 pub use prepare::Preparation;
 pub use renderer::Renderer;
 pub use shade::{
-    Audits, Crew, CutCounts, FootprintPixel, Layer, Lit, PartLayer, PartSample, RecordCounts, Shading, SimulatedFrame,
-    SimulatedRanks, Tolerance, Visible,
+    Audits, Crew, FootprintPixel, Layer, LightcutCounts, Lit, RecordCounts, RegionLayer, RegionSample, Shading,
+    SimulatedFrame, SimulatedRanks, Tolerance, Visible,
 };
 #[cfg(feature = "bake")]
 pub(crate) use shade::{GATHER_RAYS, KnownScene, TexelCoat, Visibility};

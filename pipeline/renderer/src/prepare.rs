@@ -9,7 +9,7 @@ use lighttree::{BuildParams, Emission, Light, LightTree};
 use pipeline::chunks::begins_chunk;
 use pipeline::error::{Context, Result};
 use pipeline::figures::FrameFigures;
-use pipeline::parts::{Prepare, Prepared};
+use pipeline::stage::{Prepare, Prepared};
 use pipeline::state::NONSENSE;
 use plane::Correspondence;
 use render_core::ranks::{Alone, Ranks};

@@ -5,7 +5,7 @@ use crate::plan::Plan;
 use crate::settings::{Lighting, RenderSettings, Size};
 #[cfg(feature = "exr")]
 use pipeline::error::{Error, Result};
-use pipeline::parts::{LastThresholds, Shade};
+use pipeline::stage::{LastThresholds, Shade};
 use plane::Plane;
 use render_core::image_file::FrameHeader;
 #[cfg(feature = "exr")]

@@ -3,7 +3,7 @@
 use crate::plan::Plan;
 use crate::settings::RenderSettings;
 use crate::{Preparation, Shading};
-use pipeline::parts::{LastThresholds, Shade, Shaded};
+use pipeline::stage::{LastThresholds, Shade, Shaded};
 use render_core::scene::Scene;
 
 /// Both halves of the renderer, for use without an encoder.

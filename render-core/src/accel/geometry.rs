@@ -23,7 +23,7 @@ const QUALITY: BvhBuildParams = BvhBuildParams { pre_split: true, ..BvhBuildPara
 
 /// Trees and holes of a scene that stay constant during rendering.
 pub struct Geometry {
-    parts: Vec<Part>,
+    subsets: Vec<Subset>,
     /// Opacity of all instances with holes.
     cut_outs: Option<Arc<CutOuts>>,
     sides: Arc<AllSides>,
@@ -32,17 +32,17 @@ pub struct Geometry {
 
 impl std::fmt::Debug for Geometry {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.debug_struct("Geometry").field("trees", &self.parts.len()).finish_non_exhaustive()
+        f.debug_struct("Geometry").field("trees", &self.subsets.len()).finish_non_exhaustive()
     }
 }
 
 /// Triangles with a common transform or deformation.
-enum Part {
+enum Subset {
     /// Static geometry, in the scaled world.
     Fixed(PlacedGroup),
     /// Tree of a mesh in its local space, and the node that moves the mesh. The node is `None` for a skin that keeps
     /// its shape.
-    Carried { group: Arc<Group>, instance: usize, node: Option<usize> },
+    Attached { group: Arc<Group>, instance: usize, node: Option<usize> },
     /// Instance with a tree that is rebuilt for each pose. `node` is the parent node, or `None` if a skin positions the
     /// instance.
     Deforming { instance: usize, node: Option<usize> },
@@ -142,18 +142,18 @@ impl Geometry {
 
         // Collect static triangles in three common trees: opaque surfaces, masks and blended surfaces.
         let [mut whole, mut masked, mut blended] = [(); 3].map(|()| Soup::default());
-        let mut parts = Vec::new();
+        let mut subsets = Vec::new();
         for (index, &Instance { mesh, .. }) in scene.instances.iter().enumerate() {
             let to_tree = Affine3A::from_scale(Vec3::splat(scale)) * scene.instance_world(&pose, index);
             if deforming[index] {
-                parts.push(Part::Deforming { instance: index, node: scene.carrier(index) });
+                subsets.push(Subset::Deforming { instance: index, node: scene.carrier(index) });
             } else if moving[index] {
                 let group = own_tree(index, mesh);
                 let node = scene.carrier(index);
-                parts.extend(group.map(|group| Part::Carried { group, instance: index, node }));
+                subsets.extend(group.map(|group| Subset::Attached { group, instance: index, node }));
             } else if sharing.shares(scene, &pose, index) {
-                let placed = own_tree(index, mesh).and_then(|group| PlacedGroup::carried(group, index, to_tree));
-                parts.extend(placed.map(Part::Fixed));
+                let placed = own_tree(index, mesh).and_then(|group| PlacedGroup::attached(group, index, to_tree));
+                subsets.extend(placed.map(Subset::Fixed));
             } else {
                 let soup = match holes_of(index) {
                     None => &mut whole,
@@ -165,8 +165,8 @@ impl Geometry {
         }
         let fixed = [(whole, None), (masked, cut_outs.clone()), (blended, cut_outs.clone())];
         let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes, &sides));
-        parts.extend(fixed.map(|group| Part::Fixed(PlacedGroup::in_world(group))));
-        Self { parts, cut_outs, sides: Arc::new(sides), scale }
+        subsets.extend(fixed.map(|group| Subset::Fixed(PlacedGroup::in_world(group))));
+        Self { subsets, cut_outs, sides: Arc::new(sides), scale }
     }
 
     /// Returns the number of triangles in the trees of `scene` at the first frame, without building them. A mesh shared
@@ -187,9 +187,9 @@ impl Geometry {
 
     /// Returns an accelerator of the static geometry only.
     pub(crate) fn place_still(&self) -> Accelerator {
-        let still = self.parts.iter().filter_map(|part| match part {
-            Part::Fixed(placed) => Some(placed.clone()),
-            Part::Carried { .. } | Part::Deforming { .. } => None,
+        let still = self.subsets.iter().filter_map(|subset| match subset {
+            Subset::Fixed(placed) => Some(placed.clone()),
+            Subset::Attached { .. } | Subset::Deforming { .. } => None,
         });
         Accelerator::new(still.collect(), self.sides.clone(), self.scale)
     }
@@ -205,13 +205,13 @@ impl Geometry {
             Some(changed) if changed.has_changing_holes(instance) => Arc::new(group.with_cut_outs(changed.clone())),
             _ => group.clone(),
         };
-        let placed = |part: &Part| match part {
-            Part::Fixed(placed) => Some(placed.clone()),
-            Part::Carried { group, instance, node } => {
+        let placed = |subset: &Subset| match subset {
+            Subset::Fixed(placed) => Some(placed.clone()),
+            Subset::Attached { group, instance, node } => {
                 let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
-                PlacedGroup::carried(with_holes(group, *instance), *instance, to_tree)
+                PlacedGroup::attached(with_holes(group, *instance), *instance, to_tree)
             }
-            Part::Deforming { instance, node } => {
+            Subset::Deforming { instance, node } => {
                 let bent = pose.deformed(*instance)?;
                 let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
                 let mut own = Soup::default();
@@ -220,7 +220,7 @@ impl Geometry {
                 own.group(BvhBuildParams::fast_build(), holes, &self.sides).map(PlacedGroup::in_world)
             }
         };
-        let groups: Vec<PlacedGroup> = self.parts.iter().filter_map(placed).collect();
+        let groups: Vec<PlacedGroup> = self.subsets.iter().filter_map(placed).collect();
         Accelerator::new(groups, self.sides.clone(), self.scale)
     }
 
@@ -228,8 +228,8 @@ impl Geometry {
     #[cfg(test)]
     pub(super) fn triangles_held(&self) -> usize {
         let mut groups = HashMap::new();
-        for part in &self.parts {
-            if let Part::Fixed(PlacedGroup { group, .. }) | Part::Carried { group, .. } = part {
+        for subset in &self.subsets {
+            if let Subset::Fixed(PlacedGroup { group, .. }) | Subset::Attached { group, .. } = subset {
                 groups.insert(Arc::as_ptr(group), group.owners.len());
             }
         }

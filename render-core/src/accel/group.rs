@@ -15,7 +15,7 @@ use std::{sync::Arc, time::Duration};
 const COSTS: Costs = Costs { leaf: 0.6, primitive: 0.12, most: LANES };
 
 /// Maximum mean number of pieces per triangle. Large triangles are split, so a triangle may be in several leaves.
-const MOST_PARTS: usize = 2;
+const MOST_REFERENCES: usize = 2;
 
 /// Bottom-level tree, with the owners of its triangles.
 pub(super) struct Group {
@@ -104,7 +104,7 @@ impl Group {
         let build = |params| build_bvh2_from_tris(triangles, params, &mut Duration::default());
         // Rebuild without splitting if splitting increases the number of triangles too much.
         let mut binary = build(params);
-        if params.pre_split && binary.primitive_indices.len() > MOST_PARTS * triangles.len() {
+        if params.pre_split && binary.primitive_indices.len() > MOST_REFERENCES * triangles.len() {
             binary = build(BvhBuildParams { pre_split: false, ..params });
         }
         let mut blocks = Vec::new();

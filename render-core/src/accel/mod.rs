@@ -103,7 +103,7 @@ impl PlacedGroup {
 
     /// Creates a group in the local space of a mesh, placed as `instance`. Returns `None` for a transform that flattens
     /// the mesh or is not finite.
-    fn carried(group: Arc<Group>, instance: usize, to_world: Affine3A) -> Option<Self> {
+    fn attached(group: Arc<Group>, instance: usize, to_world: Affine3A) -> Option<Self> {
         if to_world.matrix3.determinant() == 0.0 || !to_world.is_finite() {
             return None;
         }
@@ -129,11 +129,11 @@ impl PlacedGroup {
 impl Accelerator {
     /// Builds the top-level tree over `groups`. Internal lengths are `scale` times the lengths in meters.
     fn new(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, scale: f32) -> Self {
-        let views = Views::of(&groups, |groups, sheets| Self::of_part(groups, sides.clone(), sheets, scale));
-        Self { views: views.map(Arc::new), ..Self::of_part(groups, sides, Sheets::ByChance, scale) }
+        let views = Views::of(&groups, |groups, sheets| Self::of_groups(groups, sides.clone(), sheets, scale));
+        Self { views: views.map(Arc::new), ..Self::of_groups(groups, sides, Sheets::ByChance, scale) }
     }
 
-    fn of_part(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, sheets: Sheets, scale: f32) -> Self {
+    fn of_groups(groups: Vec<PlacedGroup>, sides: Arc<AllSides>, sheets: Sheets, scale: f32) -> Self {
         // Add slack to the boxes. A box entry is computed in world space and a triangle hit in local space, so rounding
         // can swap the order of the two.
         let boxes: Vec<Aabb> = groups

@@ -9,7 +9,7 @@ use super::record::{Record, RecordLight};
 use super::spacing::{clamp_to_neighbors, least_radius};
 use super::tile::Tiles;
 use super::{IrradianceCache, openness};
-use crate::ranks::{Turn, share};
+use crate::ranks::{Assignment, share};
 use plane::Plane;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -26,18 +26,18 @@ const DOUBTS: usize = 3;
 
 impl<R: Send + Sync> IrradianceCache<R> {
     /// Adds records until every pixel of the picture is covered and no pixel is contradicted. Returns the number of new
-    /// records. The records listed at the positions `carried` have moved and may contradict their neighbors.
+    /// records. The records listed at the positions `moved` have moved and may contradict their neighbors.
     pub(super) fn fill<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
         tiles: &mut Tiles,
-        carried: Vec<usize>,
+        moved: Vec<usize>,
         illumination: &I,
     ) -> usize {
         // Compare records attached to moving geometry with their new neighbors.
         let (first, first_place) = (self.records.len(), tiles.listed.len());
-        if !carried.is_empty() {
-            self.doubt(picture, tiles, &carried);
+        if !moved.is_empty() {
+            self.doubt(picture, tiles, &moved);
             tiles.list_again(picture, &self.records, 0);
         }
 
@@ -55,7 +55,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
 
         // Add a small record at each pixel with contradictory predictions. All pixels are covered now.
-        let unsettled: Vec<usize> = carried.into_iter().chain(first_place..tiles.listed.len()).collect();
+        let unsettled: Vec<usize> = moved.into_iter().chain(first_place..tiles.listed.len()).collect();
         if !unsettled.is_empty() {
             let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled);
             let new = self.make(picture, contradicted, illumination);
@@ -110,15 +110,15 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let sites = picture.busy.measure(|| thinned(picture, pixels));
         let (ranks, before, made) = (picture.ranks(), self.records.len(), self.made);
         let number = |place: usize| made.wrapping_add(place as u32);
-        let turns: Vec<Turn> = (0..sites.len()).map(|place| Turn::Golden(number(place))).collect();
+        let assignments: Vec<Assignment> = (0..sites.len()).map(|place| Assignment::Golden(number(place))).collect();
 
         // Send the light to all ranks, but keep the recipe on the rank that computed it.
         let mut recipes = Vec::new();
-        let lights = share(ranks, &turns, |own, meter| {
+        let lights = share(ranks, &assignments, |own, meter| {
             let compute = |scratch: &mut I::Scratch, &place: &usize| {
                 let mut laps = meter.laps();
                 let computed = picture.busy.measure(|| illumination.compute(&sites[place], scratch));
-                laps.note(turns[place]);
+                laps.note(assignments[place]);
                 computed
             };
             let computed: Vec<Computed<R>> =
@@ -134,7 +134,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         for (place, (site, light)) in sites.iter().zip(lights).enumerate() {
             let scale = openness::scale(site, picture.seen);
             let mut record = Record::new(*site, scale, light, number(place), self.frame);
-            if turns[place].owner(ranks.count()) == ranks.rank() {
+            if assignments[place].owner(ranks.count()) == ranks.rank() {
                 record.recipe = recipes.next();
             }
             self.records.push(record);
@@ -142,7 +142,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // Clamp the radii of neighbors, because a surface close to one record is close to its neighbors too.
         self.made = number(sites.len());
-        let among = self.parts.around();
+        let among = self.regions.around();
         clamp_to_neighbors(&mut self.records, before, among, picture.busy);
         before..self.records.len()
     }

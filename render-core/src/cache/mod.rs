@@ -30,34 +30,34 @@ mod illumination;
 mod interpolate;
 mod known;
 mod openness;
-mod parts;
 mod picture;
 mod predict;
 mod radius;
 mod record;
+mod regions;
 mod request;
 mod spacing;
 mod tile;
 mod tolerance;
 
 pub use illumination::{Computed, Illumination, LastUpdate, LocalIrradiance, Site};
-pub use parts::SharedRecord;
 pub use record::KeptRecipe;
+pub use regions::SharedRecord;
 pub use request::Request;
 pub use spacing::footprint;
 
 use crate::gbuffer::{GBuffer, NOTHING};
-use crate::ranks::{Meter, Ranks, Turn, share};
+use crate::ranks::{Assignment, Meter, Ranks, share};
 use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
 use known::{KnownNeighbors, Taught};
 use openness::Openness;
-use parts::FrameParts;
 use picture::SurfacePicture;
 use plane::Plane;
 use predict::{Predicted, predictions};
 use rayon::prelude::*;
 use record::{Record, RecordLight};
+use regions::FrameRegions;
 use tile::Tiles;
 
 /// Maximum number of frames for which an unseen record is kept.
@@ -97,7 +97,7 @@ pub struct IrradianceCache<R> {
     known: KnownNeighbors,
     /// State of a frame that is lit in regions.
     #[cfg_attr(feature = "serde", serde(skip))]
-    parts: FrameParts,
+    regions: FrameRegions,
 }
 
 impl<R> std::fmt::Debug for IrradianceCache<R> {
@@ -139,7 +139,7 @@ impl<R> Default for IrradianceCache<R> {
             world: Vec::new(),
             openness: Openness::default(),
             known: KnownNeighbors::default(),
-            parts: FrameParts::default(),
+            regions: FrameRegions::default(),
         }
     }
 }
@@ -180,12 +180,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let needed = self.without_superfluous(&picture, &tiles, needed);
 
         // List records again before gaps between them are filled, because radii depend on the new light.
-        let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
+        let moved: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].moved).collect();
         let update = self.update_by(changes);
         let mut computed = self.bring_up_to_date(&needed, &update, illumination, &picture);
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
-        computed += self.fill(&picture, &mut tiles, carried, illumination);
+        computed += self.fill(&picture, &mut tiles, moved, illumination);
         let predicted = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
 
         // Interpolate the light, and keep the sums for further pictures.
@@ -345,7 +345,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
                     && let Some(carry) = carry[carrier as usize]
                 {
                     record.site.carried_by(&carry);
-                    record.carried = true;
+                    record.moved = true;
                 }
             }
 
@@ -382,11 +382,11 @@ impl<R: Send + Sync> IrradianceCache<R> {
         // Select the records that were last lit before the last change.
         let is_outdated = |&index: &usize| self.records[index].current < self.changed;
         let outdated: Vec<usize> = needed.iter().copied().filter(is_outdated).collect();
-        let turns: Vec<Turn> = outdated.iter().map(|&index| self.records[index].turn()).collect();
+        let assignments: Vec<Assignment> = outdated.iter().map(|&index| self.records[index].assignment()).collect();
 
         // Light this rank's records in chunks: reading the clock for each record would take longer than lighting some
         // of them.
-        let lights: Vec<RecordLight> = share(ranks, &turns, |places, meter| {
+        let lights: Vec<RecordLight> = share(ranks, &assignments, |places, meter| {
             let mut own = vec![Fate::Stays; self.records.len()];
             for &place in places {
                 own[outdated[place]] = Fate::IsOutdated;
@@ -402,8 +402,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // Receive the light of the other records from their ranks.
         let mut computed = 0;
-        for ((&index, turn), light) in outdated.iter().zip(turns).zip(lights) {
-            if turn.owner(ranks.count()) != ranks.rank() {
+        for ((&index, assignment), light) in outdated.iter().zip(assignments).zip(lights) {
+            if assignment.owner(ranks.count()) != ranks.rank() {
                 update.take(&mut self.records[index], light);
             }
             computed += usize::from(light.afresh);
@@ -478,14 +478,14 @@ impl Update {
             if *fate == Fate::IsOutdated {
                 let computed = self.bring(record, illumination, scratch);
                 *fate = if computed { Fate::WasComputed } else { Fate::WasRelit };
-                laps.note(record.turn());
+                laps.note(record.assignment());
             }
         }
     }
 
     /// Stores light that another rank computed.
     fn take<R>(&self, record: &mut Record<R>, light: RecordLight) {
-        (record.current, record.carried) = (self.frame, false);
+        (record.current, record.moved) = (self.frame, false);
         record.relit(light.estimate);
         record.note = light.note;
     }
@@ -501,9 +501,9 @@ impl Update {
         let is_its_turn = self.geometry && record.number.wrapping_add(self.frame).is_multiple_of(TURN);
 
         // Relight the record if possible. Relighting costs least if only the latest motion can have changed the light.
-        let kept_up = !record.carried && record.current >= self.changed_before;
+        let kept_up = !record.moved && record.current >= self.changed_before;
         let known = if kept_up { LastUpdate::LastFrame } else { LastUpdate::Earlier };
-        (record.current, record.carried) = (self.frame, false);
+        (record.current, record.moved) = (self.frame, false);
         if !is_its_turn
             && let Some(recipe) = &mut record.recipe
             && let Some(estimate) = illumination.relight(&record.site, recipe, known)

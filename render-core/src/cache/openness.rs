@@ -195,7 +195,7 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
         let scale = scale(&record.site, seen);
         // Keep the values of records outside the view.
         let is_known =
-            || is_alike(scale / record.scale) && !record.carried && illumination.is_undisturbed(&record.site, scale);
+            || is_alike(scale / record.scale) && !record.moved && illumination.is_undisturbed(&record.site, scale);
         (scale > 0.0 && !is_known()).then_some(scale)
     };
     let look = |(chunk, records): (usize, &[Record<R>])| {

@@ -2,7 +2,7 @@
 
 use super::illumination::{Computed, LocalIrradiance, Site};
 use super::radius::radius;
-use crate::ranks::{Ranks, Turn};
+use crate::ranks::{Assignment, Ranks};
 use ranks::portable;
 
 /// Record: a site with its light.
@@ -25,7 +25,7 @@ pub(super) struct Record<R> {
     /// Creation number of the record.
     pub number: u32,
     /// Whether the record has moved since its last update.
-    pub carried: bool,
+    pub moved: bool,
     /// Frame of the last update.
     pub current: u32,
     /// Frame in which the record last lit a pixel.
@@ -74,7 +74,7 @@ impl<R> Record<R> {
             share: 1.0,
             scale,
             number,
-            carried: false,
+            moved: false,
             current: frame,
             seen: frame,
         }
@@ -94,13 +94,13 @@ impl<R> Record<R> {
 
     /// Returns the rank that computes the record's light and stores its recipe.
     pub fn owner(&self, ranks: &dyn Ranks) -> usize {
-        self.turn().owner(ranks.count())
+        self.assignment().owner(ranks.count())
     }
 
     /// Returns the owner assignment of the record: a golden sequence over creation numbers. The sequence also spreads
     /// the records of one refresh frame (every 32nd) evenly over the ranks.
-    pub fn turn(&self) -> Turn {
-        Turn::Golden(self.number)
+    pub fn assignment(&self) -> Assignment {
+        Assignment::Golden(self.number)
     }
 
     /// Returns the record's light for transfer to other ranks.

@@ -29,7 +29,7 @@ pub struct Coverage {
     /// Pixels with more than one surface.
     mixed: Vec<Mixed>,
     /// Regions of the mixed pixels, pixel by pixel.
-    parts: Vec<SurfacePart>,
+    parts: Vec<SurfaceFragment>,
 }
 
 /// Pixel with more than one surface.
@@ -51,7 +51,7 @@ struct Mixed {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SurfacePart {
+pub struct SurfaceFragment {
     /// Fraction of the pixel's area that the region covers. The fractions of a pixel sum to 1.
     pub share: f32,
     /// Index of the pixel that provides the light, in raster order.
@@ -60,7 +60,7 @@ pub struct SurfacePart {
     emission: Vec3,
 }
 
-impl SurfacePart {
+impl SurfaceFragment {
     /// Returns the radiance of the region. `light` is the radiance of the pixels' centers.
     #[must_use]
     pub fn radiance(&self, light: &Plane<Vec3>) -> Vec3 {
@@ -82,13 +82,13 @@ pub struct MixedPixel<'a> {
     /// Whether no outline crosses the pixel: its surfaces are layers over its whole area.
     pub is_layered: bool,
     /// Surfaces of the pixel, with the fractions of its area that they cover.
-    pub parts: &'a [SurfacePart],
+    pub parts: &'a [SurfaceFragment],
 }
 
 impl MixedPixel<'_> {
     /// Returns the mean of `light` over the regions, weighted by area.
     #[must_use]
-    pub fn mean(&self, light: impl Fn(&SurfacePart) -> Vec3) -> Vec3 {
+    pub fn mean(&self, light: impl Fn(&SurfaceFragment) -> Vec3) -> Vec3 {
         self.parts.iter().map(|part| part.share * light(part)).sum()
     }
 }
@@ -191,7 +191,7 @@ impl Coverage {
         self.blended(light, |part| part.reflected(light))
     }
 
-    fn blended(&self, light: &Plane<Vec3>, of: impl Fn(&SurfacePart) -> Vec3) -> Plane<Vec3> {
+    fn blended(&self, light: &Plane<Vec3>, of: impl Fn(&SurfaceFragment) -> Vec3) -> Plane<Vec3> {
         let mut blended = light.clone();
         for pixel in self.pixels() {
             blended.samples_mut()[pixel.index] = pixel.mean(&of);

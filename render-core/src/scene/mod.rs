@@ -246,8 +246,8 @@ impl Scene {
         let (moving, deforming, changing) =
             (self.moving_nodes(), self.deforming_instances(), self.changing_materials());
         let moves = |(index, deforms): (usize, bool)| {
-            let is_carried = self.carrier(index).is_some_and(|node| moving[node]);
-            deforms || is_carried || changing[self.meshes[self.instances[index].mesh].material]
+            let is_attached = self.carrier(index).is_some_and(|node| moving[node]);
+            deforms || is_attached || changing[self.meshes[self.instances[index].mesh].material]
         };
         deforming.into_iter().enumerate().map(moves).collect()
     }

@@ -14,21 +14,21 @@
 
 #![forbid(unsafe_code)]
 
+mod assignment;
 mod busy;
 mod log;
 mod mail;
 mod portable;
 mod simulation;
 mod threads;
-mod turn;
 
+pub use assignment::{Assignment, in_order};
 pub use busy::{Busy, Timed, process_seconds};
 pub use log::{Laps, LoggedAlone, LoopLog, Meter, Parcel, WorkLog};
 pub use mail::{Inbox, Mail, Message, ThreadMail};
 pub use portable::Portable;
 pub use simulation::{LoggedRun, Network, Simulated};
 pub use threads::ThreadRanks;
-pub use turn::{Turn, in_order};
 
 use rayon::prelude::*;
 use std::fmt::Debug;
@@ -86,7 +86,7 @@ impl Ranks for Alone {
     }
 }
 
-/// Shares a loop among the ranks. `turns` assigns each item to a rank and must be equal on every rank.
+/// Shares a loop among the ranks. `assignments` assigns each item to a rank and must be equal on every rank.
 ///
 /// `compute` receives the indices of this rank's own items in ascending order and returns one result per item. It notes
 /// every finished item in the meter. Every rank receives the results of all items in order.
@@ -95,19 +95,20 @@ impl Ranks for Alone {
 /// If `compute` does not return one result per item, or if the ranks run different programs.
 pub fn share<T: Portable>(
     ranks: &dyn Ranks,
-    turns: &[Turn],
+    assignments: &[Assignment],
     compute: impl FnOnce(&[usize], &Meter) -> Vec<T>,
 ) -> Vec<T> {
     let (count, meter) = (ranks.count(), Meter::of(ranks.log()));
-    let own: Vec<usize> = (0..turns.len()).filter(|&item| turns[item].owner(count) == ranks.rank()).collect();
+    let own: Vec<usize> =
+        (0..assignments.len()).filter(|&item| assignments[item].owner(count) == ranks.rank()).collect();
     let computed = compute(&own, &meter);
     assert_eq!(computed.len(), own.len(), "a result for each item");
-    if turns.is_empty() {
+    if assignments.is_empty() {
         return computed;
     }
     if count == 1 {
         if let Some(log) = ranks.log() {
-            log.add_results(meter, turns, &computed);
+            log.add_results(meter, assignments, &computed);
         }
         return computed;
     }
@@ -115,7 +116,7 @@ pub fn share<T: Portable>(
     // Decode even the rank's own results from the transmitted bytes, so that all ranks decode the same bits. Ranks that
     // share different loops have diverged and cannot recover.
     let mut bytes = Vec::new();
-    (turns.len() as u64).put(&mut bytes);
+    (assignments.len() as u64).put(&mut bytes);
     for value in &computed {
         value.put(&mut bytes);
     }
@@ -123,11 +124,16 @@ pub fn share<T: Portable>(
     let mut left: Vec<&[u8]> = all.iter().map(Vec::as_slice).collect();
     for (rank, left) in left.iter_mut().enumerate() {
         let items = u64::take(left).unwrap_or_default();
-        assert!(items == turns.len() as u64, "{} items here and {items} on rank {rank}: ranks differ", turns.len());
+        assert!(
+            items == assignments.len() as u64,
+            "{} items here and {items} on rank {rank}: ranks differ",
+            assignments.len()
+        );
     }
-    let next =
-        |turn: &Turn| T::take(&mut left[turn.owner(count)]).expect("every rank gives a result for each of its items");
-    turns.iter().map(next).collect()
+    let next = |assignment: &Assignment| {
+        T::take(&mut left[assignment.owner(count)]).expect("every rank gives a result for each of its items")
+    };
+    assignments.iter().map(next).collect()
 }
 
 /// Shares a loop like [`share`], but calls `compute` for each item with its index and scratch memory. `scratch` creates
@@ -139,20 +145,20 @@ pub fn share<T: Portable>(
 /// If the ranks run different programs.
 pub fn share_each<T: Portable + Send, S>(
     ranks: &dyn Ranks,
-    turns: &[Turn],
+    assignments: &[Assignment],
     at_once: usize,
     scratch: impl Fn() -> S + Sync + Send,
     compute: impl Fn(&mut S, usize) -> T + Sync,
 ) -> Timed<Vec<T>> {
     Timed::of(|busy| {
-        share(ranks, turns, |own, meter| {
+        share(ranks, assignments, |own, meter| {
             let some = |scratch: &mut S, items: &[usize]| {
                 busy.measure(|| {
                     let mut laps = meter.laps();
                     let mut results = Vec::with_capacity(items.len());
                     for &item in items {
                         results.push(compute(scratch, item));
-                        laps.note(turns[item]);
+                        laps.note(assignments[item]);
                     }
                     results
                 })
@@ -240,8 +246,8 @@ mod tests {
     #[test]
     fn logs_have_every_item_and_its_bytes() {
         let ranks = LoggedAlone::default();
-        let turns = [3, 3, 1, 8].map(Turn::Golden);
-        let lists = share_each(&ranks, &turns, 2, || (), |(), k| vec![k as u32; k]).value;
+        let assignments = [3, 3, 1, 8].map(Assignment::Golden);
+        let lists = share_each(&ranks, &assignments, 2, || (), |(), k| vec![k as u32; k]).value;
         assert_eq!(lists, [vec![], vec![1], vec![2; 2], vec![3; 3]]);
         let none: Vec<u8> = share(&ranks, &[], |_, _| Vec::new());
         assert!(none.is_empty());
@@ -249,23 +255,26 @@ mod tests {
             &ranks,
             |meter| {
                 let mut laps = meter.laps();
-                laps.note_together([Turn::InOrder(4); 2].into_iter());
-                laps.note(Turn::InOrder(5));
+                laps.note_together([Assignment::InOrder(4); 2].into_iter());
+                laps.note(Assignment::InOrder(5));
                 [7.0f32; 6]
             },
             |_, other| other,
         );
         assert_eq!(sum, [7.0; 6]);
 
-        // A list starts with its length. Consecutive items with the same turn are merged.
+        // A list starts with its length. Consecutive items with the same assignment are merged.
         let [items, sums] = &ranks.log().expect("it keeps one").loops()[..] else { panic!("two loops") };
-        assert_eq!(items.results, [(turns[0], 8), (turns[1], 12), (turns[2], 16), (turns[3], 20)]);
+        assert_eq!(
+            items.results,
+            [(assignments[0], 8), (assignments[1], 12), (assignments[2], 16), (assignments[3], 20)]
+        );
         assert_eq!((items.items.bytes, items.sums), (56, Parcel::default()));
-        let turns_of = |one: &LoopLog| one.work.iter().map(|&(turn, _)| turn).collect::<Vec<_>>();
-        let mut timed = turns_of(items);
-        timed.sort_unstable_by_key(|&turn| turns.iter().position(|&one| one == turn));
-        assert_eq!(timed, [turns[0], turns[2], turns[3]]);
-        assert_eq!(turns_of(sums), [Turn::InOrder(4), Turn::InOrder(5)]);
+        let assignments_of = |one: &LoopLog| one.work.iter().map(|&(assignment, _)| assignment).collect::<Vec<_>>();
+        let mut timed = assignments_of(items);
+        timed.sort_unstable_by_key(|&assignment| assignments.iter().position(|&one| one == assignment));
+        assert_eq!(timed, [assignments[0], assignments[2], assignments[3]]);
+        assert_eq!(assignments_of(sums), [Assignment::InOrder(4), Assignment::InOrder(5)]);
         assert_eq!((sums.sums.bytes, sums.items, sums.results.len()), (24, Parcel::default(), 0));
         assert!([items, sums].iter().all(|one| one.work.iter().all(|(_, seconds)| *seconds >= 0.0)));
     }
@@ -274,10 +283,10 @@ mod tests {
     #[test]
     fn items_are_computed_by_their_owners_alone() {
         let owners = [2, 2, 0, 3, 2, 0];
-        let turns = owners.map(Turn::InOrder);
+        let assignments = owners.map(Assignment::InOrder);
         let results = on_ranks(4, |ranks| {
             let mut seen = Vec::new();
-            let all = share(ranks, &turns, |own, _| {
+            let all = share(ranks, &assignments, |own, _| {
                 seen = own.to_vec();
                 own.iter().map(|&k| (k as u32, ranks.rank() as u32)).collect()
             });

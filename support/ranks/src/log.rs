@@ -1,7 +1,7 @@
 //! Costs of shared loops, measured on a single rank. From these costs, a simulation predicts the cost on any number of
 //! ranks.
 
-use super::{Alone, Portable, Ranks, Turn};
+use super::{Alone, Assignment, Portable, Ranks};
 use crate::busy::thread_nanoseconds;
 use std::sync::{Mutex, PoisonError};
 
@@ -46,10 +46,10 @@ pub struct WorkLog {
 /// Cost of one shared loop: the work on the items, and packing and unpacking of results. Entries are not in item order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoopLog {
-    /// CPU time of each item \[s\], with the [`Turn`] that determines its owner.
-    pub work: Vec<(Turn, f64)>,
-    /// Size of each item's result \[bytes\], with the [`Turn`] that determines its owner.
-    pub results: Vec<(Turn, usize)>,
+    /// CPU time of each item \[s\], with the [`Assignment`] that determines its owner.
+    pub work: Vec<(Assignment, f64)>,
+    /// Size of each item's result \[bytes\], with the [`Assignment`] that determines its owner.
+    pub results: Vec<(Assignment, usize)>,
     /// All items' results, packed together.
     pub items: Parcel,
     /// The sum that each rank sends. Its size does not depend on the rank's items.
@@ -80,14 +80,14 @@ impl WorkLog {
         self.loops.lock().unwrap_or_else(PoisonError::into_inner).push(done);
     }
 
-    /// Logs a loop with the given results of items and the `turns` that assign them to ranks.
-    pub(super) fn add_results<T: Portable>(&self, meter: Meter, turns: &[Turn], results: &[T]) {
+    /// Logs a loop with the given results of items and the `assignments` that assign them to ranks.
+    pub(super) fn add_results<T: Portable>(&self, meter: Meter, assignments: &[Assignment], results: &[T]) {
         let start = thread_nanoseconds();
         let mut done = LoopLog { work: meter.into_work(), ..LoopLog::default() };
 
         // Serialize and deserialize the results as for other ranks.
         let mut bytes = Vec::new();
-        let mut sizes = Vec::with_capacity(turns.len());
+        let mut sizes = Vec::with_capacity(assignments.len());
         done.items.packing = seconds_of(|| {
             for result in results {
                 let before = bytes.len();
@@ -98,7 +98,7 @@ impl WorkLog {
         done.items.bytes = bytes.len();
         let mut left = &bytes[..];
         done.items.unpacking = seconds_of(|| drop(Vec::from_iter(results.iter().map(|_| T::take(&mut left)))));
-        done.results = turns.iter().copied().zip(sizes).collect();
+        done.results = assignments.iter().copied().zip(sizes).collect();
         done.logging = seconds_since(start);
         self.add(done);
     }
@@ -121,7 +121,7 @@ impl WorkLog {
 /// Timer for the items of a shared loop. Without a log it does nothing.
 #[derive(Debug)]
 pub struct Meter {
-    work: Option<Mutex<Vec<(Turn, f64)>>>,
+    work: Option<Mutex<Vec<(Assignment, f64)>>>,
 }
 
 impl Meter {
@@ -135,7 +135,7 @@ impl Meter {
         Laps { last: if self.work.is_some() { thread_nanoseconds() } else { 0 }, work: Vec::new(), meter: self }
     }
 
-    fn into_work(self) -> Vec<(Turn, f64)> {
+    fn into_work(self) -> Vec<(Assignment, f64)> {
         self.work.map(|work| work.into_inner().unwrap_or_else(PoisonError::into_inner)).unwrap_or_default()
     }
 }
@@ -146,27 +146,27 @@ pub struct Laps<'a> {
     meter: &'a Meter,
     /// End of the previous item \[ns\].
     last: u64,
-    work: Vec<(Turn, f64)>,
+    work: Vec<(Assignment, f64)>,
 }
 
 impl Laps<'_> {
-    /// Records that this thread has finished an item with this `turn`.
-    pub fn note(&mut self, turn: Turn) {
-        self.note_together(std::iter::once(turn));
+    /// Records that this thread has finished an item with this `assignment`.
+    pub fn note(&mut self, assignment: Assignment) {
+        self.note_together(std::iter::once(assignment));
     }
 
-    /// Records that this thread has finished items of equal cost with these `turns`.
-    pub fn note_together(&mut self, turns: impl ExactSizeIterator<Item = Turn>) {
+    /// Records that this thread has finished items of equal cost with these `assignments`.
+    pub fn note_together(&mut self, assignments: impl ExactSizeIterator<Item = Assignment>) {
         if self.meter.work.is_none() {
             return;
         }
         let now = thread_nanoseconds();
-        let seconds = now.saturating_sub(self.last) as f64 * 1e-9 / turns.len() as f64;
+        let seconds = now.saturating_sub(self.last) as f64 * 1e-9 / assignments.len() as f64;
         self.last = now;
-        for turn in turns {
+        for assignment in assignments {
             match self.work.last_mut() {
-                Some((last, sum)) if *last == turn => *sum += seconds,
-                _ => self.work.push((turn, seconds)),
+                Some((last, sum)) if *last == assignment => *sum += seconds,
+                _ => self.work.push((assignment, seconds)),
             }
         }
     }

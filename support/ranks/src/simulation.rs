@@ -19,7 +19,7 @@
 //! * Messages from rank 0 to the other ranks (two numbers per pixel and frame) take no time.
 //! * All ranks are equally fast, and memory access does not slow down with the number of ranks.
 
-use super::{LoopLog, Turn};
+use super::{Assignment, LoopLog};
 
 /// Connections between ranks. All connections have the same speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,17 +99,17 @@ impl LoggedRun {
 /// Returns, for each of `count` ranks, the CPU time in a loop \[s\] and the number of bytes that the rank sends.
 fn of_each(one: &LoopLog, count: usize) -> (Vec<f64>, Vec<usize>) {
     let (mut own, mut sizes) = (vec![0.0; count], vec![0; count]);
-    let of = |turn: &Turn| turn.owner(count);
-    for (turn, seconds) in &one.work {
-        own[of(turn)] += seconds;
+    let of = |assignment: &Assignment| assignment.owner(count);
+    for (assignment, seconds) in &one.work {
+        own[of(assignment)] += seconds;
     }
     if count == 1 {
         return (own, sizes);
     }
 
     // Each rank packs its own results and unpacks the results of all ranks. The results start with the number of items.
-    for (turn, bytes) in &one.results {
-        sizes[of(turn)] += bytes;
+    for (assignment, bytes) in &one.results {
+        sizes[of(assignment)] += bytes;
     }
     let header = if one.results.is_empty() { 0 } else { LENGTH };
     for (own, size) in own.iter_mut().zip(&mut sizes) {
@@ -138,7 +138,7 @@ mod tests {
     }
 
     fn items(seconds: &[f64]) -> LoopLog {
-        let work = seconds.iter().zip(0..).map(|(&seconds, k)| (Turn::InOrder(k), seconds)).collect();
+        let work = seconds.iter().zip(0..).map(|(&seconds, k)| (Assignment::InOrder(k), seconds)).collect();
         LoopLog { work, ..LoopLog::default() }
     }
 
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn bytes_are_those_of_the_longest() {
         let network = Network { latency: 0.0, bandwidth: 100.0 };
-        let results = (0..5).map(|k| (Turn::InOrder(k), 4)).collect();
+        let results = (0..5).map(|k| (Assignment::InOrder(k), 4)).collect();
         let of_items = LoopLog { results, items: Parcel { bytes: 20, ..Parcel::default() }, ..LoopLog::default() };
         let sum = LoopLog { sums: Parcel { bytes: 92, ..Parcel::default() }, ..LoopLog::default() };
         let run = run(vec![of_items, sum], 0.0);
@@ -212,7 +212,7 @@ mod tests {
     /// of all ranks. The log's own CPU time is not counted.
     #[test]
     fn packing_takes_time_among_several() {
-        let (results, half) = (vec![(Turn::InOrder(0), 3), (Turn::InOrder(1), 1)], 0.5);
+        let (results, half) = (vec![(Assignment::InOrder(0), 3), (Assignment::InOrder(1), 1)], 0.5);
         let packed = Parcel { bytes: 4, packing: 4.0, unpacking: 8.0 };
         let of_items = LoopLog { results, items: packed, logging: half, ..LoopLog::default() };
         let sum = LoopLog { sums: packed, logging: half, ..LoopLog::default() };

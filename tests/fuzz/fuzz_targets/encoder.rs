@@ -4,7 +4,7 @@
 use arbitrary::{Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
 use mpeg2enc::{
-    CoefficientTable, Config, Container, Effort, Picture, FrameRate, KnownMotion, Level, Multiplexer, Packet,
+    CoefficientTable, Config, Container, Effort, Picture, FrameRate, SuppliedMotion, Level, Multiplexer, Packet,
     Rate, Standard,
 };
 use plane::{Correspondence, Plane};
@@ -135,7 +135,7 @@ fuzz_target!(|data: &[u8]| {
     };
     let Ok(mut encoder) = config.clone().encoder() else { return };
     let field = field(width, height);
-    let motion = KnownMotion { to_previous: field.as_ref(), to_next: field.as_ref() };
+    let motion = SuppliedMotion { to_previous: field.as_ref(), to_next: field.as_ref() };
     for n in 0..count {
         if n == count / 2 {
             let state = encoder.state().clone();

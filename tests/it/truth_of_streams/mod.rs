@@ -4,7 +4,7 @@
 
 mod films;
 
-use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Level, Multiplexer, Picture, Plane, Rate, Standard};
+use mpeg2enc::{Config, Container, FrameRate, Level, Multiplexer, Picture, Plane, Rate, Standard, SuppliedMotion};
 use tests::truth::{Elementary, assert_true};
 
 /// Containers with and without clocks.
@@ -31,7 +31,7 @@ fn film(container: Container, config: &Config, frames: impl Iterator<Item = Pict
     let mut encoder = config.clone().encoder().unwrap();
     let mut film = Vec::new();
     for frame in frames {
-        for packet in encoder.push(&frame, KnownMotion::default()) {
+        for packet in encoder.push(&frame, SuppliedMotion::default()) {
             film.extend(multiplexer.push(packet));
         }
     }

@@ -4,8 +4,8 @@
 //! and 13818-2.
 
 mod bits;
-mod carried;
 mod elementary;
+mod extracted;
 mod program_stream;
 mod transport_stream;
 mod video;

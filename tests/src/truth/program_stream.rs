@@ -1,8 +1,8 @@
 //! Program streams (13818-1, 2.5.3): packs, system headers and packets.
 
 use super::bits::Bits;
-use super::carried::{Carried, Stamps};
 use super::elementary::Elementary;
+use super::extracted::{Extracted, Stamps};
 
 /// Frequency of the system clock \[Hz\].
 const CLOCK: f64 = 27_000_000.0;
@@ -10,8 +10,8 @@ const CLOCK: f64 = 27_000_000.0;
 const REFERENCE_INTERVAL: f64 = 0.7;
 
 /// Demultiplexes a program stream; returns the video and all faults.
-pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
-    let (mut carried, mut faults) = (Carried::default(), Vec::new());
+pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
+    let (mut extracted, mut faults) = (Extracted::default(), Vec::new());
     let (mut at, mut buffer, mut bound) = (0, None, None);
     let mut before = None;
     let mut pack = (0, 0.0, 1.0);
@@ -49,11 +49,11 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
             // Video packets: bytes arrive at the rate of the pack.
             0xe0 => {
                 let length = bits.take(16) as usize;
-                let fields = read_header(&mut bits, &mut buffer, &mut carried);
+                let fields = read_header(&mut bits, &mut buffer, &mut extracted);
                 let begin = at + 9 + fields;
                 let when = |at: usize| pack.1 + (at - pack.0) as f64 / pack.2;
                 let end = at + 6 + length;
-                carried.add(&file[begin..end], (when(begin), when(end)));
+                extracted.add(&file[begin..end], (when(begin), when(end)));
                 at = end;
             }
             0xbd..=0xbf => at += 6 + bits.take(16) as usize,
@@ -65,21 +65,21 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
     }
 
     // The elementary stream, in the buffer that the packets state.
-    let video = Elementary::read(&carried.stream);
+    let video = Elementary::read(&extracted.stream);
     match buffer {
-        Some(buffer) => faults.extend(carried.faults(&video, buffer as f64)),
+        Some(buffer) => faults.extend(extracted.faults(&video, buffer as f64)),
         None => faults.push("no P-STD_buffer_size".into()),
     }
-    (carried, video, faults)
+    (extracted, video, faults)
 }
 
 /// Parses a packet's header after its length, and returns PES_header_data_length.
-fn read_header(bits: &mut Bits, buffer: &mut Option<u64>, carried: &mut Carried) -> usize {
+fn read_header(bits: &mut Bits, buffer: &mut Option<u64>, extracted: &mut Extracted) -> usize {
     bits.skip(8);
     let (has, _) = (bits.take(2), bits.take(5));
     let extension = bits.flag();
     let fields = bits.take(8) as usize;
-    read_stamps(bits, has, carried);
+    read_stamps(bits, has, extracted);
     if extension {
         bits.skip(8 + 2);
         let scale = if bits.flag() { 1024 } else { 128 };
@@ -89,8 +89,8 @@ fn read_header(bits: &mut Bits, buffer: &mut Option<u64>, carried: &mut Carried)
 }
 
 /// Reads PTS and DTS after the PTS_DTS_flags `has`.
-pub(super) fn read_stamps(bits: &mut Bits, has: u64, carried: &mut Carried) {
-    let at = carried.stream.len();
+pub(super) fn read_stamps(bits: &mut Bits, has: u64, extracted: &mut Extracted) {
+    let at = extracted.stream.len();
     if has & 2 != 0 {
         bits.skip(4);
         let presentation = bits.stamp();
@@ -99,6 +99,6 @@ pub(super) fn read_stamps(bits: &mut Bits, has: u64, carried: &mut Carried) {
             bits.skip(4);
             decoding = bits.stamp();
         }
-        carried.stamps.push(Stamps { at, presentation, decoding });
+        extracted.stamps.push(Stamps { at, presentation, decoding });
     }
 }

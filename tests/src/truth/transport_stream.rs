@@ -1,8 +1,8 @@
 //! Transport streams (13818-1, 2.4.3): packets, tables and clock references.
 
 use super::bits::Bits;
-use super::carried::Carried;
 use super::elementary::Elementary;
+use super::extracted::Extracted;
 use super::program_stream::read_stamps;
 use super::video::level_bounds;
 use std::collections::BTreeMap;
@@ -30,14 +30,14 @@ struct Reference {
 }
 
 /// Demultiplexes a transport stream; returns the video and all faults.
-pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
+pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
     let mut faults = Vec::new();
     if !file.len().is_multiple_of(PACKET) {
         faults.push(format!("{} bytes are no whole packets", file.len()));
     }
     let references = references(file);
     faults.extend(reference_faults(&references));
-    let (mut carried, mut counters, mut tables) = (Carried::default(), BTreeMap::new(), BTreeMap::new());
+    let (mut extracted, mut counters, mut tables) = (Extracted::default(), BTreeMap::new(), BTreeMap::new());
     let mut nulls = 0;
     for (number, packet) in file.chunks_exact(PACKET).enumerate() {
         let Packet { pid, begins, counter, payload } = header(packet);
@@ -70,14 +70,14 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
             let has = bits.take(2);
             bits.skip(6);
             data += 9 + bits.take(8) as usize;
-            read_stamps(&mut bits, has, &mut carried);
+            read_stamps(&mut bits, has, &mut extracted);
         }
         let arrival = (time_of(&references, at + data), time_of(&references, at + PACKET));
-        carried.add(&packet[data..], arrival);
+        extracted.add(&packet[data..], arrival);
     }
 
     // Constant rates need exact clocks and null packets.
-    let video = Elementary::read(&carried.stream);
+    let video = Elementary::read(&extracted.stream);
     let sequence = &video.sequences[0];
     let is_constant = sequence.bit_rate.is_some() && video.pictures[0].vbv_delay != 0xffff;
     if is_constant {
@@ -92,8 +92,8 @@ pub(super) fn read(file: &[u8]) -> (Carried, Elementary, Vec<String>) {
         let buffer = if sequence.profile_and_level & 15 >= 8 { buffer } else { sequence.buffer };
         (buffer as f64 + MULTIPLEXING * rate as f64) / 8.0
     });
-    faults.extend(carried.faults(&video, buffer));
-    (carried, video, faults)
+    faults.extend(extracted.faults(&video, buffer));
+    (extracted, video, faults)
 }
 
 /// The header of a packet.

@@ -5,7 +5,7 @@ use super::{
     y4m::{Format, MAKE, Reader},
 };
 use anyhow::{Context, Result, ensure};
-use mpeg2enc::{KnownMotion, Picture};
+use mpeg2enc::{Picture, SuppliedMotion};
 use plane::{Correspondence, Plane};
 use std::{
     fs::File,
@@ -65,7 +65,7 @@ impl<'a> Clip<'a> {
     }
 
     /// Reads the next frame and its known motion; `None` after the last one. A clip without frames is an error.
-    pub fn next(&mut self) -> Result<Option<(&Picture, KnownMotion<'_>)>> {
+    pub fn next(&mut self) -> Result<Option<(&Picture, SuppliedMotion<'_>)>> {
         let (number, size) = (self.reader.count(), (self.reader.format.width, self.reader.format.height));
         if number == 0 {
             self.frame = Picture::black(size.0, size.1);
@@ -80,7 +80,7 @@ impl<'a> Clip<'a> {
             }
         }
         let [to_previous, to_next] = self.known.each_ref().map(Option::as_ref);
-        Ok(Some((&self.frame, KnownMotion { to_previous, to_next })))
+        Ok(Some((&self.frame, SuppliedMotion { to_previous, to_next })))
     }
 }
 

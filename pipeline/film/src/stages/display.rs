@@ -7,7 +7,7 @@ use perceptual::{ColorMatrix, ToneMap, YCbCr, luminance_plane};
 use pipeline::error::Result;
 use pipeline::exposure::exposure_for;
 use pipeline::output::{Output, Written};
-use pipeline::parts::{Displayed, Shaded};
+use pipeline::stage::{Displayed, Shaded};
 use pipeline::state::{decode, encode};
 use plane::Picture;
 use renderer::settings::Size;
@@ -60,7 +60,7 @@ impl Display {
     }
 }
 
-impl pipeline::parts::Display for Display {
+impl pipeline::stage::Display for Display {
     fn begin(&mut self, kept: &Arc<AtomicBool>) -> Result<()> {
         self.y4m.as_mut().map_or(Ok(()), |file| file.begin(kept.clone()))
     }

@@ -2,7 +2,7 @@
 
 use crate::settings::ExrDepth;
 use pipeline::error::{Error, Result};
-use pipeline::parts::Channels;
+use pipeline::stage::Channels;
 use plane::Plane;
 use render_core::image_file::FrameHeader;
 #[cfg(feature = "exr")]

@@ -4,7 +4,7 @@ use crate::settings::Settings;
 use perceptual::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap};
 use pipeline::chunks::begins_chunk;
 use pipeline::error::Result;
-use pipeline::parts::{Coding, Displayed, LuminanceThresholds, Mask};
+use pipeline::stage::{Coding, Displayed, LuminanceThresholds, Mask};
 use pipeline::state::{decode, encode};
 use plane::Plane;
 use renderer::settings::RenderSettings;

@@ -2,11 +2,11 @@
 
 use super::weights::weights;
 use crate::settings::{AdaptiveQuantiser, CodedRate, Settings};
-use mpeg2enc::{AccessUnit, Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
+use mpeg2enc::{AccessUnit, Container, Encoder, Finish, Multiplexer, Packet, Picture, SuppliedMotion};
 use perceptual::NextPicture;
 use pipeline::chunks::begins_chunk;
 use pipeline::error::{Error, Result};
-use pipeline::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
+use pipeline::stage::{CodedFrame, Coding, Displayed, Encode, Encoded};
 use pipeline::state::{NONSENSE, decode, encode};
 use plane::{Correspondence, Plane};
 use render_core::MACROBLOCK;
@@ -123,14 +123,14 @@ impl Video {
         let Waiting { picture, to_previous, weights } = waiting;
         // All pictures of a frame are equal, so code no motion between them.
         let still = (self.pictures > 1).then(|| Correspondence::still(picture.width(), picture.height()));
-        let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next: still.as_ref().or(to_next) };
+        let motion = SuppliedMotion { to_previous: to_previous.as_deref(), to_next: still.as_ref().or(to_next) };
         let mut packets = match weights {
             Some(weights) => self.encoder.push_weighted(&picture, motion, &weights),
             None => self.encoder.push(&picture, motion),
         };
         for number in 1..self.pictures {
             let to_next = if number + 1 == self.pictures { to_next } else { still.as_ref() };
-            packets.extend(self.encoder.push_again(&picture, KnownMotion { to_previous: still.as_ref(), to_next }));
+            packets.extend(self.encoder.push_again(&picture, SuppliedMotion { to_previous: still.as_ref(), to_next }));
         }
         self.stream.wrap(packets, self.first)
     }

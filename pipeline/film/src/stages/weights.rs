@@ -7,7 +7,7 @@
 //! The geometric mean of the weights is 1, so that the mean quantiser is unchanged.
 
 use perceptual::masking_weights;
-use pipeline::parts::Displayed;
+use pipeline::stage::Displayed;
 use plane::Plane;
 use render_core::MACROBLOCK;
 

@@ -7,7 +7,7 @@ use super::svg::Svg;
 use minijinja::{Value, context};
 use perceptual::{ColorMatrix, to_rgb8_by};
 use pipeline::observe::Observer;
-use pipeline::parts::Shaded;
+use pipeline::stage::Shaded;
 use plane::{Picture, Plane};
 use render2mpeg::error::Result;
 use render2mpeg::settings::Settings;

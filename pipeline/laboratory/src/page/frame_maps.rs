@@ -5,7 +5,7 @@ use super::scale::{CUT_SIZE, THRESHOLD, css_color, gradient};
 use crate::false_color::false_color;
 use minijinja::{Value, context};
 use perceptual::luminance;
-use pipeline::parts::Shaded;
+use pipeline::stage::Shaded;
 use plane::Plane;
 use renderer::settings::Aov;
 

@@ -86,8 +86,8 @@ mod tests {
     use mpeg2enc::PictureType;
     use pipeline::figures::FrameFigures;
     use pipeline::observe::Observer;
-    use pipeline::parts::CodedFrame;
     use pipeline::report::FrameReport;
+    use pipeline::stage::CodedFrame;
     use plane::{Picture, Plane};
     use render_core::scene::Scene;
     use render2mpeg::Options;

@@ -32,7 +32,7 @@ pub(super) struct Stored {
     pub identity: Identity,
     /// Last finished frame.
     pub frame: u32,
-    /// States, indexed by [`Part`](super::Part); empty if a stage has none.
+    /// States, indexed by [`StageName`](super::StageName); empty if a stage has none.
     pub states: Vec<Vec<u8>>,
 }
 
@@ -100,7 +100,7 @@ impl Stored {
             return Err(Error::Checkpoint("the checkpoint is truncated or damaged".into()));
         }
         let stored: Self = decode_bytes(body)?;
-        if stored.states.len() != super::PARTS {
+        if stored.states.len() != super::STAGES {
             return Err(Error::Checkpoint(format!("a checkpoint with {} states", stored.states.len())));
         }
         Ok(stored)
@@ -116,10 +116,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("film.m2v.checkpoint");
         let job = Identity { program: "p 1".into(), settings: r#"{"qscale":8,"gop":15}"#.into(), inputs: 7 };
-        let parts = vec![vec![1], vec![], vec![2, 3], vec![250; 300], vec![4]];
-        Stored { identity: job.clone(), frame: 41, states: parts.clone() }.write(&path).unwrap();
+        let stages = vec![vec![1], vec![], vec![2, 3], vec![250; 300], vec![4]];
+        Stored { identity: job.clone(), frame: 41, states: stages.clone() }.write(&path).unwrap();
         let read = Stored::read(&path).unwrap();
-        assert!(read.identity == job && read.frame == 41 && read.states == parts);
+        assert!(read.identity == job && read.frame == 41 && read.states == stages);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no other file remains");
 
         let bytes = fs::read(&path).unwrap();

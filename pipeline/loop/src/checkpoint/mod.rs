@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 
 /// Stage of the loop, as the owner of a state in a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum StageName {
     /// Preparation, with the light tree as its state.
     Prepare,
     /// Shading, with the irradiance cache or the light of a static film as its state.
@@ -39,10 +39,10 @@ pub enum Part {
     Mask,
 }
 
-const PARTS: usize = 5;
+const STAGES: usize = 5;
 
-/// Collected states of one frame, indexed by [`Part`].
-type States = [Option<Vec<u8>>; PARTS];
+/// Collected states of one frame, indexed by [`StageName`].
+type States = [Option<Vec<u8>>; STAGES];
 
 /// Destination of a run's checkpoints, and the checkpoint from which the run starts.
 #[derive(Debug)]
@@ -130,8 +130,8 @@ impl Checkpoints {
 
     /// Returns the state of a stage after [`Checkpoints::last_frame`]; empty if the stage has none.
     #[must_use]
-    pub fn state(&self, part: Part) -> &[u8] {
-        self.from.as_ref().map_or(&[], |stored| &stored.states[part as usize])
+    pub fn state(&self, stage: StageName) -> &[u8] {
+        self.from.as_ref().map_or(&[], |stored| &stored.states[stage as usize])
     }
 
     /// Adds the checkpoint's path to the error of a stage that could not restore its state. Returns errors with a path
@@ -166,7 +166,7 @@ impl Checkpoints {
             remove(path)?;
         }
         if let Some(place) = &self.place {
-            place.lock().expected = if masking { PARTS } else { PARTS - 1 };
+            place.lock().expected = if masking { STAGES } else { STAGES - 1 };
         }
         Ok(())
     }
@@ -205,12 +205,12 @@ impl Checkpoints {
 
     /// Stores the state of a stage after `frame`, and writes the checkpoint if this state completes it. If writing
     /// fails, the previous checkpoint remains, and [`take_warning`](Self::take_warning) returns the error.
-    pub(super) fn leave(&self, frame: u32, part: Part, state: Vec<u8>) {
+    pub(super) fn leave(&self, frame: u32, stage: StageName, state: Vec<u8>) {
         let Some(place) = &self.place else { return };
         let mut progress = place.lock();
         let expected = progress.expected;
         let states = progress.waiting.entry(frame).or_default();
-        states[part as usize] = Some(state);
+        states[stage as usize] = Some(state);
         let whole = states.iter().flatten().count() == expected;
         let Some(states) = whole.then(|| progress.waiting.remove(&frame)).flatten() else { return };
         // Write under the lock, so that checkpoints are written in frame order.
@@ -235,7 +235,7 @@ impl Destination {
         let progress = CheckpointProgress {
             last: Instant::now(),
             ends_after: None,
-            expected: PARTS,
+            expected: STAGES,
             waiting: BTreeMap::new(),
             failure: None,
         };

@@ -1,7 +1,7 @@
 //! Orders of rank 0 to the other ranks: initial state, next frame, end.
 
 use crate::error::{Error, Result};
-use crate::parts::LuminanceThresholds;
+use crate::stage::LuminanceThresholds;
 use crate::state::{decode_bytes, encode};
 use plane::Plane;
 use ranks::{Alone, Ranks};
@@ -89,8 +89,8 @@ impl Lead {
         }
     }
 
-    /// Starts a film at frame `first`, with states of [`Prepare`](crate::parts::Prepare) and
-    /// [`Shade`](crate::parts::Shade) after the previous frame if it is resumed.
+    /// Starts a film at frame `first`, with states of [`Prepare`](crate::stage::Prepare) and
+    /// [`Shade`](crate::stage::Shade) after the previous frame if it is resumed.
     pub fn start(&self, first: u32, restored: Option<(&[u8], &[u8])>) {
         let restored = restored.map(|(prepare, shade)| (first - 1, prepare, shade));
         self.say(&Sent::Start { first, restored });

@@ -23,9 +23,9 @@ use std::sync::Arc;
 /// Communication between the ranks of a film. Both stages with shared work run in parallel, with separate messages.
 #[derive(Clone, Debug)]
 pub struct Team {
-    /// Communication of [`Prepare`](crate::parts::Prepare).
+    /// Communication of [`Prepare`](crate::stage::Prepare).
     pub prepare: Arc<dyn Ranks>,
-    /// Communication of [`Shade`](crate::parts::Shade), also used for orders of rank 0.
+    /// Communication of [`Shade`](crate::stage::Shade), also used for orders of rank 0.
     pub shade: Arc<dyn Ranks>,
     /// Messages between two ranks, received in parallel with the work.
     pub mail: Arc<dyn Mail>,

@@ -2,7 +2,7 @@
 
 use crate::overwrite::Overwrite;
 use crate::source::Reading;
-use crate::{parts, progress};
+use crate::{features, progress};
 use anyhow::Result;
 use clap::Args;
 use perceptual::luminance_plane;
@@ -94,7 +94,7 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     } = arguments;
     // Check the request before loading the scene.
     let format = PictureFormat::of(&output)?;
-    parts::need("still", format != PictureFormat::Linear)?;
+    features::need("still", format != PictureFormat::Linear)?;
     let scene = reading.load(&path)?;
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
     overwrite.check(&output)?;

@@ -19,7 +19,7 @@ use super::inside::Places;
 use crate::Visibility;
 use crate::frame::Frame;
 use glam::{Vec3, Vec3A};
-use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop};
+use lighttree::{Lambert, Light, Lightcut, Receivers, Scratch, Stop};
 use rayon::prelude::*;
 use render_core::{Atlas, ShadingPoint, luminance};
 use std::f32::consts::PI;
@@ -78,7 +78,7 @@ struct KnownLight {
 #[derive(Default)]
 struct BlockScratch {
     walk: Scratch,
-    cuts: Vec<Cut>,
+    cuts: Vec<Lightcut>,
 }
 
 /// Irradiance of a texel after the first pass \[W·m⁻²\].
@@ -286,7 +286,7 @@ impl TexelBaker<'_> {
             self.visibility.lit_among(lamp, points, &positions, rays)
         };
         self.frame.tree.lightcuts(Receivers { receivers: &whites, thresholds }, sees, walk, cuts);
-        let light = |(receiver, cut): (&Receiver, &Cut)| cut.radiance + self.compensation(receiver);
+        let light = |(receiver, cut): (&Receiver, &Lightcut)| cut.radiance + self.compensation(receiver);
         waiting.iter().zip(&*cuts).map(light).collect()
     }
 

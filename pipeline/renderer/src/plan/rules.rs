@@ -140,7 +140,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         ],
     ),
     (
-        Stage::CarriedLight,
+        Stage::ReprojectedLight,
         &[
             off(|f| f.settings.shading == PixelShading::Full, "every pixel is shaded, as requested"),
             off(|f| !f.reflects, NO_REFLECTION),

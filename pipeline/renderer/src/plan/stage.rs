@@ -29,7 +29,7 @@ pub enum Stage {
     /// Irradiance cache for indirect light.
     Cache,
     /// Reprojection of the previous frame's light.
-    CarriedLight,
+    ReprojectedLight,
     /// Bias compensation: restores light lost by clamping the geometry term.
     Compensation,
     /// Light reflected by coats.
@@ -54,7 +54,7 @@ impl Stage {
         Self::Indirect,
         Self::BakedLight,
         Self::Cache,
-        Self::CarriedLight,
+        Self::ReprojectedLight,
         Self::Compensation,
         Self::Gloss,
         Self::Importance,
@@ -76,7 +76,7 @@ impl Stage {
             Self::Indirect => "indirect light",
             Self::BakedLight => "baked light",
             Self::Cache => "irradiance cache",
-            Self::CarriedLight => "reprojected light",
+            Self::ReprojectedLight => "reprojected light",
             Self::Compensation => "compensation",
             Self::Gloss => "glossy surfaces",
             Self::Importance => "importance",

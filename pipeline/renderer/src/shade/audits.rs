@@ -26,19 +26,19 @@ pub struct Audits {
     /// Errors of lightcuts, by the class of their threshold.
     pub cuts: lighttree::Audits,
     /// Counts of audited pixels with reprojected light: all pixels, and pixels within the permitted error.
-    pub carried: AuditCounts,
+    pub reprojected: AuditCounts,
 }
 
 impl AddAssign for Audits {
     fn add_assign(&mut self, other: Self) {
         self.cuts.add(&other.cuts);
-        self.carried.within += other.carried.within;
-        self.carried.all += other.carried.all;
+        self.reprojected.within += other.reprojected.within;
+        self.reprojected.all += other.reprojected.all;
     }
 }
 
 /// A lightcut to compare with a finer lightcut.
-pub(super) struct MadeCut<'a> {
+pub(super) struct MadeLightcut<'a> {
     pub tree: &'a LightTree,
     /// Calibration class of the lightcut's threshold.
     pub class: usize,
@@ -47,7 +47,7 @@ pub(super) struct MadeCut<'a> {
     pub radiance: Vec3,
 }
 
-impl MadeCut<'_> {
+impl MadeLightcut<'_> {
     /// Adds the lightcut's error at `receiver` and the audit's shadow rays to `counts`. `scratch` must allow lightcuts
     /// of [`Calibration::LARGEST_CUT`], because a lightcut stopped by its size would be an inaccurate reference.
     pub fn audit<M: lighttree::Receiver>(
@@ -116,13 +116,13 @@ mod tests {
     #[test]
     fn audits_of_layers_add_up() {
         let of = |within, ratio| {
-            let audits = Audits { carried: AuditCounts { within, all: 4 }, ..Audits::default() };
+            let audits = Audits { reprojected: AuditCounts { within, all: 4 }, ..Audits::default() };
             audits.cuts.note(1, ratio);
             audits
         };
         let mut sum = of(3, 0.25);
         sum += of(1, 0.25);
-        assert_eq!(sum.carried, AuditCounts { within: 4, all: 8 });
+        assert_eq!(sum.reprojected, AuditCounts { within: 4, all: 8 });
         let learned = Calibration::default().learn(&sum.cuts).expect("audits");
         assert_eq!(learned, Calibration::default().learn(&of(0, 0.25).cuts).expect("an audit"));
     }

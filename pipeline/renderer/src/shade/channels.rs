@@ -7,7 +7,7 @@ use super::mattes;
 use super::tolerance::Tolerance;
 use crate::frame::PreparedFrame;
 use crate::settings::{Aov, RenderSettings};
-use pipeline::parts::Channels;
+use pipeline::stage::Channels;
 use plane::Plane;
 use render_core::{InstanceShares, NOTHING, PixelSurface, Surfaces};
 

@@ -18,7 +18,7 @@ pub(super) struct Counts {
 
 /// Counts of a layer's lightcuts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CutCounts {
+pub struct LightcutCounts {
     /// Number of lightcuts.
     pub cuts: u64,
     /// Total number of clusters in all lightcuts.
@@ -64,8 +64,8 @@ impl Counts {
     }
 
     /// Returns the counts of lightcuts.
-    pub fn cuts(&self) -> CutCounts {
-        CutCounts {
+    pub fn cuts(&self) -> LightcutCounts {
+        LightcutCounts {
             cuts: self.cuts.load(Ordering::Relaxed),
             clusters: self.clusters.load(Ordering::Relaxed),
             largest: self.largest.load(Ordering::Relaxed),
@@ -83,7 +83,7 @@ impl Counts {
     }
 }
 
-impl AddAssign for CutCounts {
+impl AddAssign for LightcutCounts {
     fn add_assign(&mut self, other: Self) {
         self.cuts += other.cuts;
         self.clusters += other.clusters;

@@ -1,9 +1,9 @@
 //! Direct light: light that reaches surfaces straight from its source.
 
-use super::carried::{Carriable, Holding};
 use super::layer::{Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
 use super::movement::MovingBox;
+use super::reprojected::{Holding, Reprojectable};
 use super::tolerance::Tolerance;
 use super::visibility::receiver;
 use crate::frame::Frame;
@@ -89,7 +89,7 @@ fn macroblock(
     (light, arriving.shadow_rays)
 }
 
-impl Carriable for Direct {
+impl Reprojectable for Direct {
     /// Contrast of shadows: shadow edges may be anywhere.
     const UNSEEN: Unseen = Unseen::Shadows;
 

@@ -90,8 +90,8 @@ impl Looking {
     pub fn ahead(&mut self, prepared: &PreparedFrame) -> Option<ImportanceMap> {
         if self.weights.saliency > 0.0 {
             let (radiance, _) = self.before.as_ref()?.seen.as_ref()?;
-            let carried = carried(radiance, prepared.correspondence.as_deref()?);
-            self.now = Some(self.salient(&carried, prepared.correspondence.as_deref()));
+            let reprojected = reprojected(radiance, prepared.correspondence.as_deref()?);
+            self.now = Some(self.salient(&reprojected, prepared.correspondence.as_deref()));
         }
         Some(self.map(&prepared.frame))
     }
@@ -213,7 +213,7 @@ fn watched(frame: &Frame) -> Plane<f32> {
 
 /// Returns the previous frame's light at the current positions of the surfaces. Newly visible pixels keep their
 /// previous light.
-fn carried(before: &Plane<[f32; 3]>, known: &Correspondence) -> Plane<[f32; 3]> {
+fn reprojected(before: &Plane<[f32; 3]>, known: &Correspondence) -> Plane<[f32; 3]> {
     let samples = before.samples();
     Plane::from_fn(before.width(), before.height(), |x, y| {
         let own = (y * before.width() + x) as u32;
@@ -253,7 +253,7 @@ mod tests {
     fn light_and_motion_are_carried_where_they_are_known() {
         let before = Plane::from_fn(3, 1, |x, _| [x as f32; 3]);
         let known = Correspondence::from_motion(Plane::from_vec(3, 1, vec![[1.0, 0.0], [1.0, 0.0], [f32::NAN; 2]]));
-        assert_eq!(carried(&before, &known).samples(), [[1.0; 3], [2.0; 3], [2.0; 3]]);
+        assert_eq!(reprojected(&before, &known).samples(), [[1.0; 3], [2.0; 3], [2.0; 3]]);
         assert_eq!(motion(&known).samples(), [[1.0, 0.0]; 3]);
     }
 }

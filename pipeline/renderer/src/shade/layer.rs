@@ -1,7 +1,7 @@
 //! Layer of light: one component of every pixel's light.
 
 use super::audits::Audits;
-use super::counts::{CutCounts, RecordCounts};
+use super::counts::{LightcutCounts, RecordCounts};
 use super::movement::Movement;
 use super::tolerance::Tolerance;
 use crate::frame::Frame;
@@ -38,7 +38,7 @@ pub trait Layer: Send {
     }
 
     /// Returns the layer for frames lit in regions; `None` if the layer keeps no records.
-    fn in_parts(&mut self) -> Option<&mut dyn PartLayer> {
+    fn in_regions(&mut self) -> Option<&mut dyn RegionLayer> {
         None
     }
 
@@ -61,12 +61,12 @@ pub trait Layer: Send {
 
 /// Layer with records, in frames lit region by region. Each call of [`light`](Layer::light) covers one sample of one
 /// region; the samples of a region are consecutive. Layers without records need no preparation.
-pub trait PartLayer: Layer {
+pub trait RegionLayer: Layer {
     /// Begins a frame that is lit region by region.
-    fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>);
+    fn begin_regions(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>);
 
     /// Ends a frame that was lit region by region.
-    fn end_parts(&mut self, visible: &Visible<'_>);
+    fn end_regions(&mut self, visible: &Visible<'_>);
 
     /// Returns the records that the layer created since the last call.
     fn take_records(&mut self) -> Vec<SharedRecord>;
@@ -77,7 +77,7 @@ pub trait PartLayer: Layer {
 
 /// Position of a call of [`Layer::light`] among the samples of a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PartSample {
+pub enum RegionSample {
     /// First sample of the region's pixels.
     First,
     /// Later sample of all or some of the region's pixels.
@@ -95,9 +95,9 @@ pub struct Visible<'a> {
     pub matte: &'a GBuffer,
     /// Number of the sample position within pixels, from 0. Thresholds and motion belong to sample 0.
     pub sample: usize,
-    /// Position of the sample among the region's samples, between [`PartLayer::begin_parts`] and
-    /// [`PartLayer::end_parts`]; `None` if the whole frame is lit.
-    pub part: Option<PartSample>,
+    /// Position of the sample among the region's samples, between [`RegionLayer::begin_regions`] and
+    /// [`RegionLayer::end_regions`]; `None` if the whole frame is lit.
+    pub part: Option<RegionSample>,
     /// Position of each pixel's surface in the previous frame; `None` in the first frame and after a shot change.
     pub motion: Option<&'a Correspondence>,
     /// Emitted radiance plus the radiance of earlier layers \[W·m⁻²·sr⁻¹\].
@@ -141,7 +141,7 @@ pub struct Lit {
     /// CPU time, summed over threads \[s\].
     pub seconds: f64,
     /// Counts of lightcuts.
-    pub cuts: CutCounts,
+    pub cuts: LightcutCounts,
     /// Counts of irradiance cache records.
     pub records: RecordCounts,
     /// Errors measured by recomputing light.
@@ -162,7 +162,7 @@ impl Lit {
     fn add_from(&mut self, bytes: &mut &[u8]) -> Option<()> {
         self.rays += u64::take(bytes)?;
         let ((cuts, clusters), largest) = Portable::take(bytes)?;
-        self.cuts += CutCounts { cuts, clusters, largest };
+        self.cuts += LightcutCounts { cuts, clusters, largest };
         self.audits.cuts.add_numbers(&Vec::<u32>::take(bytes)?);
         Some(())
     }

@@ -2,12 +2,12 @@
 
 use super::all_lights::AllLights;
 use super::cached::Cached;
-use super::carried::{Carriable, Carried};
 use super::coats::Coats;
 use super::direct::Direct;
-use super::layer::{Layer, Lit, PartLayer, Visible};
+use super::layer::{Layer, Lit, RegionLayer, Visible};
 use super::lit_frame::Sample;
 use super::per_pixel::PerPixel;
+use super::reprojected::{Reprojectable, Reprojected};
 use super::tolerance::Tolerance;
 use crate::frame::Frame;
 use crate::plan::{Plan, Stage};
@@ -38,8 +38,8 @@ impl Layers {
     /// | direct | [`Direct`], with reprojection if the plan has it; [`Coats`], except with tiles |
     /// | indirect | [`Cached`], with reprojection if the plan has it; or [`PerPixel`]; or [`AllLights`] |
     pub fn new(settings: &RenderSettings, plan: &Plan, ranks: &Arc<dyn Ranks>) -> Self {
-        let carries = plan.is_on(Stage::CarriedLight);
-        let mut direct = vec![carried_if(carries, Direct::default(), settings)];
+        let carries = plan.is_on(Stage::ReprojectedLight);
+        let mut direct = vec![reprojected_if(carries, Direct::default(), settings)];
         if plan.is_on(Stage::Gloss) && settings.tiles.is_none() {
             direct.push(Box::new(Coats::default()));
         }
@@ -51,7 +51,7 @@ impl Layers {
         if is_needed {
             indirect.push(match settings.lighting {
                 _ if plan.is_on(Stage::Cache) => {
-                    carried_if(carries && !is_baked, Cached::new(plan, settings.samples, ranks.clone()), settings)
+                    reprojected_if(carries && !is_baked, Cached::new(plan, settings.samples, ranks.clone()), settings)
                 }
                 Lighting::AllLights => Box::new(AllLights::new(compensates)),
                 // Store sizes of lightcuts if several ranks share the work: each counts only its own, but an observer
@@ -89,16 +89,16 @@ impl Layers {
     }
 
     /// Begins a frame that is lit region by region.
-    pub fn begin_parts(&mut self, visible: &Visible, tolerance: &Tolerance) {
-        for layer in self.lit_in_parts(visible.frame) {
-            layer.begin_parts(visible, tolerance);
+    pub fn begin_regions(&mut self, visible: &Visible, tolerance: &Tolerance) {
+        for layer in self.lit_in_regions(visible.frame) {
+            layer.begin_regions(visible, tolerance);
         }
     }
 
     /// Ends a frame that was lit region by region.
-    pub fn end_parts(&mut self, visible: &Visible) {
-        for layer in self.lit_in_parts(visible.frame) {
-            layer.end_parts(visible);
+    pub fn end_regions(&mut self, visible: &Visible) {
+        for layer in self.lit_in_regions(visible.frame) {
+            layer.end_regions(visible);
         }
     }
 
@@ -106,7 +106,7 @@ impl Layers {
     pub fn take_records(&mut self) -> Vec<SharedRecord> {
         let mut records = Vec::new();
         for layer in &mut self.indirect {
-            if let Some(layer) = layer.in_parts() {
+            if let Some(layer) = layer.in_regions() {
                 records.extend(layer.take_records());
             }
         }
@@ -115,15 +115,15 @@ impl Layers {
 
     /// Adds the records of other ranks.
     pub fn adopt(&mut self, records: Vec<SharedRecord>) {
-        if let Some(first) = self.indirect.first_mut().and_then(|first| first.in_parts()) {
+        if let Some(first) = self.indirect.first_mut().and_then(|first| first.in_regions()) {
             first.adopt(records);
         }
     }
 
     /// Returns the layers that keep records and have light in this frame.
-    fn lit_in_parts(&mut self, frame: &Frame) -> impl Iterator<Item = &mut dyn PartLayer> {
+    fn lit_in_regions(&mut self, frame: &Frame) -> impl Iterator<Item = &mut dyn RegionLayer> {
         let lit = self.direct.iter_mut().chain(&mut self.indirect).filter(|layer| !layer.is_dark(frame));
-        lit.filter_map(|layer| layer.in_parts())
+        lit.filter_map(|layer| layer.in_regions())
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn Layer> {
@@ -184,10 +184,14 @@ fn sum_of(
     (sum, radiance)
 }
 
-/// Returns `layer`, with reprojection of the layer's light if `is_carried`.
-fn carried_if<L: Carriable + 'static>(is_carried: bool, layer: L, settings: &RenderSettings) -> Box<dyn Layer> {
-    match is_carried {
-        true => Box::new(Carried::new(layer, settings.qscale)),
+/// Returns `layer`, with reprojection of the layer's light if `is_reprojected`.
+fn reprojected_if<L: Reprojectable + 'static>(
+    is_reprojected: bool,
+    layer: L,
+    settings: &RenderSettings,
+) -> Box<dyn Layer> {
+    match is_reprojected {
+        true => Box::new(Reprojected::new(layer, settings.qscale)),
         false => Box::new(layer),
     }
 }

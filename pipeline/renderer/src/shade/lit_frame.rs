@@ -5,8 +5,8 @@ use super::layer::Lit;
 use crate::frame::Frame;
 use glam::Vec3;
 use lighttree::LightTree;
-use perceptual::PixelPart;
-use pipeline::parts::Outline;
+use perceptual::PixelFragment;
+use pipeline::stage::Outline;
 use plane::Plane;
 use render_core::{
     Accelerator, Coverage, DirectLights, FinalGather, GBuffer, MixedPixel, reconstruct, reconstruct_counted,
@@ -84,7 +84,7 @@ impl StoredLight {
         let of = |pixel: MixedPixel| {
             let mut parts = Vec::new();
             for part in pixel.parts {
-                parts.push(PixelPart { share: part.share, radiance: part.radiance(&light).to_array() });
+                parts.push(PixelFragment { share: part.share, radiance: part.radiance(&light).to_array() });
             }
             Outline { pixel: pixel.index, parts }
         };

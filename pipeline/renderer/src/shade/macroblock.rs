@@ -1,7 +1,7 @@
 //! Computation of frames by macroblock, on all threads and ranks.
 
 use plane::Plane;
-use render_core::ranks::{Portable, Ranks, Turn, share_each};
+use render_core::ranks::{Assignment, Portable, Ranks, share_each};
 use render_core::{MACROBLOCK, Timed};
 use std::ops::Range;
 
@@ -24,11 +24,11 @@ pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
         make(scratch, columns, rows)
     };
     // Assign macroblocks by diagonals: a rank with its own columns might get all pixels of one dark wall.
-    let turn = |index: usize| Turn::InOrder((index % across + index / across) as u32);
-    let turns: Vec<Turn> = (0..across * height.div_ceil(MACROBLOCK)).map(turn).collect();
+    let assignment = |index: usize| Assignment::InOrder((index % across + index / across) as u32);
+    let assignments: Vec<Assignment> = (0..across * height.div_ceil(MACROBLOCK)).map(assignment).collect();
 
     // Copy the macroblocks into the frame.
-    share_each(ranks, &turns, 1, scratch, block).map(|blocks: Vec<Vec<T>>| {
+    share_each(ranks, &assignments, 1, scratch, block).map(|blocks: Vec<Vec<T>>| {
         let mut picture = Plane::filled(width, height, T::default());
         for (index, pixels) in blocks.iter().enumerate() {
             let (columns, rows) = area(index);

@@ -1,7 +1,7 @@
 //! Mattes of objects and materials, named as in the scene file.
 
 use crate::settings::Aov;
-use pipeline::parts::Channels;
+use pipeline::stage::Channels;
 use render_core::image_file::{Cryptomatte, RankedThing};
 use render_core::scene::{Instance, Scene};
 use render_core::{InstanceShares, NOTHING};

@@ -7,7 +7,7 @@
 //! | `layers` | the layers of a scene |
 //! | `direct`, `coats` | layers of direct light |
 //! | `cached`, `per_pixel`, `all_lights`, `baked` | layers of indirect light |
-//! | `carried` | a layer around another one: reprojects its light of the previous frame |
+//! | `reprojected` | a layer around another one: reprojects its light of the previous frame |
 //! | `tolerance` | permitted error of each pixel's light |
 //! | `tiles` | tiles of a frame that ranks request on demand |
 //! | `importance` | importance map, which sets samples and thresholds |
@@ -20,7 +20,6 @@ mod audits;
 #[cfg(feature = "bake")]
 mod baked;
 mod cached;
-mod carried;
 mod channels;
 mod coats;
 mod counts;
@@ -34,6 +33,7 @@ mod mattes;
 mod movement;
 mod per_pixel;
 mod pixel;
+mod reprojected;
 mod samples;
 mod state;
 mod tiles;
@@ -43,8 +43,8 @@ mod visibility;
 pub use audits::Audits;
 #[cfg(feature = "bake")]
 pub(crate) use coats::{KnownScene, TexelCoat};
-pub use counts::{CutCounts, RecordCounts};
-pub use layer::{Layer, Lit, PartLayer, PartSample, Visible};
+pub use counts::{LightcutCounts, RecordCounts};
+pub use layer::{Layer, Lit, RegionLayer, RegionSample, Visible};
 pub use tiles::{Crew, SimulatedFrame, SimulatedRanks};
 pub use tolerance::{FootprintPixel, Tolerance};
 #[cfg(feature = "bake")]
@@ -66,7 +66,7 @@ use movement::{InstancePose, Movement};
 use pipeline::chunks::begins_chunk;
 use pipeline::error::Result;
 use pipeline::figures::FrameFigures;
-use pipeline::parts::{Channels, LastThresholds, Shade, Shaded};
+use pipeline::stage::{Channels, LastThresholds, Shade, Shaded};
 use plane::Plane;
 use render_core::image_file::FrameHeader;
 use render_core::ranks::{Alone, Ranks};
@@ -204,7 +204,7 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
         self.calibration = calibration;
 
         // Report the calibrated multiplier with calibrated stopping.
-        shaded.figures.kappa = Some(learned.as_ref().map_or(kappa.into(), |learned| learned.kappa));
+        shaded.figures.kappa = Some(learned.as_ref().map_or(kappa.into(), |learned| learned.lambda));
         shaded.figures.audit_error_p95 = learned.map(|learned| learned.error_p95);
         shaded
     }
@@ -236,7 +236,7 @@ impl Shading<'_> {
         let may_stay = plan.state(Stage::PrimaryRays) == State::Once && is_steady;
         let (lit, audits) = match self.still.take().filter(|still| still.is_of(frame)) {
             Some(still) => {
-                (figures.shaded_share, figures.carried_share) = (0.0, 1.0);
+                (figures.shaded_share, figures.reprojected_share) = (0.0, 1.0);
                 (still, Audits::default())
             }
             None => self.light(prepared, tolerance, ahead, &mut figures),
@@ -409,7 +409,7 @@ impl Shading<'_> {
         figures.seconds.direct = direct.seconds;
         figures.seconds.indirect = indirect.seconds;
         figures.shaded_share = reused.shaded_share();
-        figures.carried_share = 1.0 - figures.shaded_share;
+        figures.reprojected_share = 1.0 - figures.shaded_share;
         direct.add_counts(indirect);
         add_ranks(&*self.ranks, &mut direct);
         put(&direct, figures);
@@ -420,13 +420,13 @@ impl Shading<'_> {
 
 /// Writes the cost of light into a frame's figures.
 fn put(lit: &Lit, figures: &mut FrameFigures) {
-    let CutCounts { cuts, clusters, largest } = lit.cuts;
+    let LightcutCounts { cuts, clusters, largest } = lit.cuts;
     figures.cut_size_mean = clusters as f64 / cuts.max(1) as f64;
     figures.cut_size_max = largest;
     figures.shadow_rays += lit.rays;
     figures.cache_new += lit.records.computed;
-    let AuditCounts { within, all } = lit.audits.carried;
-    figures.audit_carried_within = (all > 0).then(|| within as f64 / all as f64);
+    let AuditCounts { within, all } = lit.audits.reprojected;
+    figures.audit_reprojected_within = (all > 0).then(|| within as f64 / all as f64);
 }
 
 /// Writes importance into a frame's figures.

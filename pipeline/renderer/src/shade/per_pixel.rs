@@ -14,7 +14,7 @@
 //! | known | shared | by pixel | 0.49 |
 //! | known | shared | by block | 0.21 |
 
-use super::audits::{Audits, MadeCut, is_pixel_audited};
+use super::audits::{Audits, MadeLightcut, is_pixel_audited};
 use super::counts::Counts;
 use super::layer::{Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
@@ -24,7 +24,7 @@ use super::visibility::{GATHER_RAYS, Visibility};
 use crate::frame::Frame;
 use crate::settings::Aov;
 use glam::{Vec3, Vec3A};
-use lighttree::{Calibration, Cut, Lambert, Light, Receivers, Scratch, Stop};
+use lighttree::{Calibration, Lambert, Light, Lightcut, Receivers, Scratch, Stop};
 use plane::Plane;
 use render_core::ranks::{Portable, Ranks};
 use std::ops::Range;
@@ -128,14 +128,14 @@ impl LitPicture<'_> {
     }
 
     /// Counts a lightcut, and measures the lightcut's error if its pixel is audited.
-    fn finish(&self, pixel: &MattePixel, stop: Stop, cut: &Cut, scratch: &mut Scratch) {
+    fn finish(&self, pixel: &MattePixel, stop: Stop, cut: &Lightcut, scratch: &mut Scratch) {
         let &MattePixel { x, y, ref receiver, ref lambert } = pixel;
         let PixelLight { visible, ref visibility, counts, .. } = self.light;
         let width = visible.matte.pixels.width();
         let audits = self.tolerance.audits_per_macroblock();
         if audits.is_some_and(|audits| is_pixel_audited(x, y, width, visible.frame.index, audits)) {
             let class = self.tolerance.class_at(x, y);
-            let made = MadeCut { tree: &visible.frame.tree, class, stop, radiance: cut.radiance };
+            let made = MadeLightcut { tree: &visible.frame.tree, class, stop, radiance: cut.radiance };
             made.audit(lambert, |lamp, _| visibility.sees(receiver, lamp), scratch, counts);
         }
         counts.count(cut.size, cut.shadow_rays);
@@ -154,7 +154,7 @@ struct PixelBlock {
     stops: Vec<Stop>,
     thresholds: Vec<f32>,
     lamberts: Vec<Lambert>,
-    cuts: Vec<Cut>,
+    cuts: Vec<Lightcut>,
 }
 
 impl PixelBlock {

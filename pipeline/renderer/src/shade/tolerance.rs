@@ -5,7 +5,7 @@
 //! e = ΔY / g       permitted error of radiance if the threshold is known    g  gain, 1 by default
 //! e = s Y / g      otherwise                                             Y  luminance   s  2 %, or the user's fraction
 //! e_E = e π / ρ    permitted error of irradiance                         ρ  luminance of the albedo, at least 0.05
-//! κ e              with calibrated stopping                              κ  by class of e / Y
+//! λ e              with calibrated stopping                              λ  by class of e / Y
 //! ```
 //!
 //! The gain comes from the importance map: at a gain of 2, a pixel is twice as accurate as the encoder requires.
@@ -14,7 +14,7 @@ use crate::settings::{Size, Thresholds};
 use glam::Vec3;
 use lighttree::{Calibration, Stop};
 use perceptual::{RELATIVE_FLOOR, ThresholdMap};
-use pipeline::parts::LastThresholds;
+use pipeline::stage::LastThresholds;
 use plane::Plane;
 use render_core::{GBuffer, NOTHING, luminance};
 use std::f32::consts::PI;
@@ -34,7 +34,7 @@ pub struct Tolerance<'a> {
     share: f32,
     /// Luminance of the pixels' surfaces in the previous frame, if visible; `None` without calibrated stopping.
     luminance_before: Option<ThresholdMap>,
-    /// Calibration with the multipliers κ; `None` without calibrated stopping.
+    /// Calibration with the calibration factors λ; `None` without calibrated stopping.
     calibration: Option<&'a Calibration>,
     /// Gain g of each pixel; `None` if all gains are 1.
     gain: Option<&'a Plane<f32>>,
@@ -181,7 +181,7 @@ impl<'a> Tolerance<'a> {
     /// Returns the calibrated threshold for a lightcut of `class` with the target `stop`.
     pub(super) fn calibrated(&self, stop: Stop, class: usize) -> Stop {
         match self.calibration {
-            Some(calibration) => stop.scaled(calibration.kappa(class)),
+            Some(calibration) => stop.scaled(calibration.lambda(class)),
             None => stop,
         }
     }
@@ -216,7 +216,7 @@ impl<'a> Tolerance<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pipeline::parts::LuminanceThresholds;
+    use pipeline::stage::LuminanceThresholds;
     use plane::Correspondence;
     use std::sync::Arc;
 

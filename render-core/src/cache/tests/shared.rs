@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::PixelSurface;
-use crate::ranks::{Alone, LoggedAlone, ThreadRanks, Turn};
+use crate::ranks::{Alone, Assignment, LoggedAlone, ThreadRanks};
 use glam::Vec3;
 
 /// Unpredictable light. The recipe contains the position and the brightness of the computation.
@@ -101,7 +101,7 @@ fn records_of_several_ranks_are_those_of_one() {
         for (rank, (outcomes, own)) in results.into_iter().enumerate() {
             assert!(outcomes == alone, "rank {rank} of {count}");
             // Check that each rank stores the recipes of its own records.
-            assert!(own.iter().all(|&number| Turn::Golden(number).owner(count) == rank));
+            assert!(own.iter().all(|&number| Assignment::Golden(number).owner(count) == rank));
             kept.extend(own);
         }
         kept.sort_unstable();
@@ -115,16 +115,16 @@ fn records_are_the_same_with_a_log() {
     let logged = LoggedAlone::default();
     assert!(film(&logged) == film(&Alone));
     let loops = logged.log().expect("it keeps one").loops();
-    let golden = |turn: &Turn| matches!(turn, Turn::Golden(_));
-    assert!(loops.iter().any(|one| one.results.iter().any(|(turn, _)| golden(turn))), "loops of records");
-    assert!(loops.iter().any(|one| one.results.iter().any(|(turn, _)| !golden(turn))), "loops of places");
+    let golden = |assignment: &Assignment| matches!(assignment, Assignment::Golden(_));
+    assert!(loops.iter().any(|one| one.results.iter().any(|(assignment, _)| golden(assignment))), "loops of records");
+    assert!(loops.iter().any(|one| one.results.iter().any(|(assignment, _)| !golden(assignment))), "loops of places");
     for one in loops {
-        let sorted = |mut turns: Vec<Turn>| {
-            turns.sort_unstable_by_key(|turn| format!("{turn:?}"));
-            turns
+        let sorted = |mut assignments: Vec<Assignment>| {
+            assignments.sort_unstable_by_key(|assignment| format!("{assignment:?}"));
+            assignments
         };
-        let timed = one.work.iter().map(|&(turn, _)| turn).collect();
-        let sent = one.results.iter().map(|&(turn, _)| turn).collect();
+        let timed = one.work.iter().map(|&(assignment, _)| assignment).collect();
+        let sent = one.results.iter().map(|&(assignment, _)| assignment).collect();
         assert_eq!(sorted(timed), sorted(sent));
     }
 }
@@ -136,7 +136,7 @@ fn records_are_spread_evenly() {
         for (step, begin) in [(1, 0), (1, 12_345), (TURN, 7), (2 * TURN, u32::MAX - 100)] {
             let mut owned = vec![0; count];
             for k in 0..1000u32 {
-                owned[Turn::Golden(begin.wrapping_add(k * step)).owner(count)] += 1;
+                owned[Assignment::Golden(begin.wrapping_add(k * step)).owner(count)] += 1;
             }
             let mean = 1000 / count;
             assert!(

@@ -62,13 +62,13 @@ fn lit_in_columns(caches: &mut [Cache], shares: bool, seen: &GBuffer, changes: C
         computed: 0,
     };
     for cache in &mut *caches {
-        let _ = cache.begin_parts(seen, changes, lamp);
+        let _ = cache.begin_regions(seen, changes, lamp);
     }
     for k in 0..COLUMNS {
         let own = k % caches.len();
         let wanted = column(seen, k, COLUMNS);
         let request = Request { wanted: Some(&wanted), ..Request::whole(seen, &[false; 2]) };
-        let part = caches[own].light_part(request, lamp).value;
+        let part = caches[own].light_region(request, lamp).value;
         whole.computed += part.computed;
         for (index, &light) in part.irradiance.samples().iter().enumerate() {
             if wanted.samples()[index] {
@@ -84,7 +84,7 @@ fn lit_in_columns(caches: &mut [Cache], shares: bool, seen: &GBuffer, changes: C
         }
     }
     for cache in caches {
-        cache.end_parts(seen, &[false; 2]);
+        cache.end_regions(seen, &[false; 2]);
     }
     whole
 }
@@ -106,8 +106,9 @@ fn a_part_that_is_all_of_the_picture_is_lit_as_the_whole() {
     let mut whole = Cache::default();
     let expected = [whole.light(request(&first), STILL, &lamp).value, whole.light_more(request(&beside), &lamp).value];
     let mut cache = Cache::default();
-    let _ = cache.begin_parts(&first, STILL, &lamp);
-    let lit = [cache.light_part(request(&first), &lamp).value, cache.light_more_of_part(request(&beside), &lamp).value];
+    let _ = cache.begin_regions(&first, STILL, &lamp);
+    let lit =
+        [cache.light_region(request(&first), &lamp).value, cache.light_more_of_region(request(&beside), &lamp).value];
     for (lit, expected) in lit.iter().zip(&expected) {
         assert!(expected.in_use > 10);
         assert_eq!(lit.irradiance.samples(), expected.irradiance.samples());
@@ -148,20 +149,20 @@ fn records_that_come_too_late_are_left_out() {
     let request = Request::whole(&picture, &[false; 2]);
     let [mut first, mut second] = [Cache::default(), Cache::default()];
     for cache in [&mut first, &mut second] {
-        let _ = cache.begin_parts(&picture, STILL, &lamp);
+        let _ = cache.begin_regions(&picture, STILL, &lamp);
     }
-    let _ = first.light_part(request, &lamp);
+    let _ = first.light_region(request, &lamp);
     let made = first.take_new();
     assert!(made.len() > 10 && first.take_new().is_empty(), "each is taken once");
 
     // Require that no records are made if shared records arrive in time.
     let mut third = Cache::default();
-    let _ = third.begin_parts(&picture, STILL, &lamp);
+    let _ = third.begin_regions(&picture, STILL, &lamp);
     third.adopt(made.clone());
-    assert_eq!(third.light_part(request, &lamp).value.computed, 0);
+    assert_eq!(third.light_region(request, &lamp).value.computed, 0);
 
     // Require that shared records are rejected after a change of light.
-    let _ = second.begin_parts(&picture, BRIGHTER, &bright);
+    let _ = second.begin_regions(&picture, BRIGHTER, &bright);
     second.adopt(made);
     assert_eq!(second.sites().count(), 0);
 }

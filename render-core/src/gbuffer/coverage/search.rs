@@ -3,7 +3,7 @@
 //! A pixel is searched if a neighboring center shows a different surface, with more rays at high contrast. An object
 //! that few centers show may continue between centers, so the search follows it to the adjacent pixels.
 
-use super::SurfacePart;
+use super::SurfaceFragment;
 use super::borrow::{Lender, around, shows};
 use crate::accel::{Hit, PACKET};
 use crate::gbuffer::layers::{Layer, Shown as ShownScene};
@@ -65,7 +65,7 @@ pub(super) struct SearchedPixel {
     /// Index of the pixel in raster order.
     pub pixel: u32,
     /// Surfaces of the pixel, empty if it shows only the surface of its center.
-    pub parts: Vec<SurfacePart>,
+    pub parts: Vec<SurfaceFragment>,
     /// Adjacent pixels into which a thin object continues.
     pub beside: Vec<Wanted>,
 }
@@ -375,7 +375,7 @@ impl<'a> Area<'a> {
         let is_mixed = self.is_mixed();
         let Self { pixel, parts, beside, .. } = self;
         let whole: f32 = parts.iter().map(|part| part.rays).sum();
-        let of = |&RaySum { source, rays, tint, emission, .. }: &RaySum| SurfacePart {
+        let of = |&RaySum { source, rays, tint, emission, .. }: &RaySum| SurfaceFragment {
             share: rays / whole,
             pixel: source.pixel,
             tint: tint / rays,

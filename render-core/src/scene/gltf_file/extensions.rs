@@ -8,7 +8,7 @@ pub enum Support {
     /// The extension is read.
     Read,
     /// The extension is read in part. A note names the ignored properties.
-    InPart,
+    Partial,
     /// The extension is ignored, with a note.
     Noted,
     /// The extension is ignored, with a note. A file that requires it is refused.
@@ -94,11 +94,16 @@ pub static EXTENSIONS: &[Extension] = &[
     row(
         "KHR_materials_pbrSpecularGlossiness",
         "older material model",
-        Support::InPart,
+        Support::Partial,
         "the_older_material_model_is_converted",
     ),
     row("KHR_materials_sheen", "velvet rim", Support::Noted, NOTED),
-    row("KHR_materials_specular", "reflectance factors", Support::InPart, "materials_mean_what_the_specification_says"),
+    row(
+        "KHR_materials_specular",
+        "reflectance factors",
+        Support::Partial,
+        "materials_mean_what_the_specification_says",
+    ),
     row("KHR_materials_transmission", "light through glass", Support::Noted, NOTED),
     row("KHR_materials_unlit", "color without light", Support::Read, "unlit_surfaces_are_marked"),
     row("KHR_materials_variants", "alternative materials", Support::Read, "variants_replace_materials"),
@@ -115,7 +120,7 @@ pub static EXTENSIONS: &[Extension] = &[
     row("KHR_texture_transform", "moved textures", Support::Read, "textures_are_held_for_what_they_are_used_as"),
     row("KHR_xmp", "authorship data", Support::Silent, SILENT),
     row("KHR_xmp_json_ld", "authorship data", Support::Silent, SILENT),
-    row("KHR_animation_pointer", "animated properties", Support::InPart, "pointers_animate_nodes_and_lenses"),
+    row("KHR_animation_pointer", "animated properties", Support::Partial, "pointers_animate_nodes_and_lenses"),
     row("EXT_mesh_gpu_instancing", "many copies", Support::Read, "copies_of_a_mesh_have_their_own_places"),
     row("EXT_texture_procedurals", "computed textures", Support::Noted, NOTED),
     row("MSFT_lod", "levels of detail", Support::Read, "the_finest_level_of_detail_is_shown"),
@@ -173,7 +178,7 @@ pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -
     let mut notes = Vec::new();
     for name in names {
         let purpose = match named(name) {
-            Some(Extension { support: Support::Read | Support::InPart | Support::Silent, .. }) => continue,
+            Some(Extension { support: Support::Read | Support::Partial | Support::Silent, .. }) => continue,
             Some(_) if is_off(name, materials) => continue,
             Some(extension) => format!(" ({})", extension.purpose),
             None => String::new(),
@@ -222,7 +227,7 @@ Other extensions are noted; a file that requires one is refused.
     for Extension { name, purpose, support, test } in rows {
         let effect = match support {
             Support::Read => "read",
-            Support::InPart => "in part",
+            Support::Partial => "in part",
             Support::Noted => "noted",
             Support::Refused => "refused",
             Support::Silent => "silent",

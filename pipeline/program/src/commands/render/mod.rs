@@ -13,7 +13,7 @@ use crate::print::single_line;
 use crate::print_config::ProgramOption;
 use crate::ranks::Ranks;
 use crate::source::{MemoryLimit, SceneSource};
-use crate::{notes, parts, print_config, progress};
+use crate::{features, notes, print_config, progress};
 use anyhow::Result;
 use clap::Args;
 use files::{Files, check_streams, report_beside};
@@ -165,10 +165,10 @@ fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> 
 impl RenderArguments {
     /// Reports an option that needs a feature missing in this build.
     fn check_features(&self) -> Result<()> {
-        parts::need("html", self.html.is_some())?;
-        parts::need("exr", self.options.exr.is_some() || !self.options.aov.is_empty())?;
-        parts::need("still", self.options.png.is_some())?;
-        parts::need("trace", self.trace.is_some() || self.verbose > 0)
+        features::need("html", self.html.is_some())?;
+        features::need("exr", self.options.exr.is_some() || !self.options.aov.is_empty())?;
+        features::need("still", self.options.png.is_some())?;
+        features::need("trace", self.trace.is_some() || self.verbose > 0)
     }
 
     /// Returns the output files in addition to the film.

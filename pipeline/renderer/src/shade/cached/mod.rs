@@ -5,10 +5,10 @@ mod recipe;
 mod tree_light;
 
 use super::audits::Audits;
-use super::carried::{Carriable, Holding};
 use super::counts::{Counts, RecordCounts};
-use super::layer::{Layer, Lit, PartLayer, PartSample, Visible};
+use super::layer::{Layer, Lit, RegionLayer, RegionSample, Visible};
 use super::pixel::is_dark;
+use super::reprojected::{Holding, Reprojectable};
 use super::tolerance::Tolerance;
 use super::visibility::{GATHER_RAYS, Visibility};
 use crate::frame::Frame;
@@ -60,7 +60,7 @@ impl Cached {
     ) -> TreeLight<'a> {
         // Update records only with the first sample of the pixels.
         let Visible { frame, movement, sample, part, .. } = *visible;
-        let is_first = part.map_or(sample == 0, |part| part == PartSample::First);
+        let is_first = part.map_or(sample == 0, |part| part == RegionSample::First);
         TreeLight {
             visible,
             tolerance,
@@ -112,8 +112,8 @@ impl Layer for Cached {
         let request = Request { seen: matte, moving: frame.surfaces.moving(), wanted, is_first_of_many, ranks };
         let (light, records) = (self.tree_light(visible, tolerance, &counts), &mut self.records);
         let lit = busy.take(match part {
-            Some(PartSample::First) => records.light_part(request, &light),
-            Some(PartSample::Further) => records.light_more_of_part(request, &light),
+            Some(RegionSample::First) => records.light_region(request, &light),
+            Some(RegionSample::Further) => records.light_more_of_region(request, &light),
             None if sample == 0 => {
                 let changes = changes(&self.intensities, visible);
                 self.intensities = intensities(frame);
@@ -131,7 +131,7 @@ impl Layer for Cached {
         }
     }
 
-    fn in_parts(&mut self) -> Option<&mut dyn PartLayer> {
+    fn in_regions(&mut self) -> Option<&mut dyn RegionLayer> {
         Some(self)
     }
 
@@ -186,16 +186,16 @@ impl Layer for Cached {
     }
 }
 
-impl PartLayer for Cached {
-    fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>) {
+impl RegionLayer for Cached {
+    fn begin_regions(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>) {
         let counts = Counts::default();
         let (light, changes) = (self.tree_light(visible, tolerance, &counts), changes(&self.intensities, visible));
-        let _ = self.records.begin_parts(visible.matte, changes, &light);
+        let _ = self.records.begin_regions(visible.matte, changes, &light);
         self.intensities = intensities(visible.frame);
     }
 
-    fn end_parts(&mut self, visible: &Visible<'_>) {
-        self.records.end_parts(visible.matte, visible.frame.surfaces.moving());
+    fn end_regions(&mut self, visible: &Visible<'_>) {
+        self.records.end_regions(visible.matte, visible.frame.surfaces.moving());
     }
 
     fn take_records(&mut self) -> Vec<SharedRecord> {
@@ -207,7 +207,7 @@ impl PartLayer for Cached {
     }
 }
 
-impl Carriable for Cached {
+impl Reprojectable for Cached {
     /// Contrast of indirect light: smooth around a pixel.
     const UNSEEN: Unseen = Unseen::Smooth;
 

@@ -1,7 +1,7 @@
 //! The light tree as the source of cache records: computes records, and updates them from their stored clusters.
 
 use super::recipe::Recipe;
-use crate::shade::audits::{MadeCut, is_record_audited};
+use crate::shade::audits::{MadeLightcut, is_record_audited};
 use crate::shade::counts::Counts;
 use crate::shade::layer::Visible;
 use crate::shade::movement::MovingBox;
@@ -127,7 +127,7 @@ impl Illumination for TreeLight<'_> {
         if self.is_audited(site) {
             let finer = audits.get_or_insert_with(|| Scratch::with_max_size(Calibration::LARGEST_CUT));
             let sees = |lamp: &Light, _| self.visibility.sees(&receiver, lamp);
-            let made = MadeCut { tree, class, stop, radiance: self.cut_irradiance(&receiver, &recipe) };
+            let made = MadeLightcut { tree, class, stop, radiance: self.cut_irradiance(&receiver, &recipe) };
             made.audit(&white, sees, finer, self.counts);
         }
 

@@ -5,7 +5,7 @@ use crate::plan::{Plan, State};
 use crate::settings::{RenderSettings, Size};
 use crate::{Preparation, Shading, plan};
 use glam::{Quat, Vec3A};
-use pipeline::parts::{LastThresholds, Shade};
+use pipeline::stage::{LastThresholds, Shade};
 use render_core::Environment;
 use render_core::sampling::{concentric_disc, frame, sobol_point};
 use render_core::scene::{

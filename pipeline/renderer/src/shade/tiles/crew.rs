@@ -123,7 +123,7 @@ impl Workers for Team {
     }
 
     fn begin(&mut self, layers: &mut Layers, visible: &Visible, tolerance: &Tolerance) {
-        layers.begin_parts(visible, tolerance);
+        layers.begin_regions(visible, tolerance);
     }
 
     fn work(&mut self, layers: &mut Layers, job: &Job, counts: &mut [Lit; 2]) -> Vec<TileLight> {
@@ -151,7 +151,7 @@ impl Workers for Team {
     }
 
     fn end(&mut self, layers: &mut Layers, visible: &Visible) {
-        layers.end_parts(visible);
+        layers.end_regions(visible);
     }
 
     fn forget(&mut self) {

@@ -1,7 +1,7 @@
 //! Light of a tile, computed by one rank.
 
-use super::cut::Tile;
-use crate::shade::layer::{Lit, PartSample, Visible};
+use super::split::Tile;
+use crate::shade::layer::{Lit, RegionSample, Visible};
 use crate::shade::layers::Layers;
 use crate::shade::lit_frame::Sample;
 use crate::shade::tolerance::Tolerance;
@@ -39,7 +39,7 @@ impl Job<'_> {
     pub fn light(&self, tile: u32, layers: &mut Layers, counts: &mut [Lit; 2]) -> TileLight {
         let area = &self.tiles[tile as usize];
         let mut result = TileLight { tile, seconds: 0.0, records_in_use: 0, records_computed: 0, light: Vec::new() };
-        let mut part = PartSample::First;
+        let mut part = RegionSample::First;
         for (visible, wanted) in &self.samples {
             // Select the pixels of the tile that have the sample.
             let mut own = Plane::filled(wanted.width(), wanted.height(), false);
@@ -57,7 +57,7 @@ impl Job<'_> {
             // Light the pixels of the sample; the first sample of a tile updates the cache.
             let visible = Visible { part: Some(part), ..*visible };
             let (light, lit) = layers.sample(&visible, Some(&own), self.tolerance);
-            part = PartSample::Further;
+            part = RegionSample::Further;
             for (x, y) in pixels {
                 result.light.push((light.direct.get(x, y), light.indirect.get(x, y)));
             }

@@ -18,10 +18,10 @@
 //! | `simulated` | ranks simulated one after the other, in virtual time |
 
 mod crew;
-mod cut;
 mod job;
 mod master;
 mod simulated;
+mod split;
 
 pub use simulated::{SimulatedFrame, SimulatedRanks};
 
@@ -39,12 +39,12 @@ use crate::frame::PreparedFrame;
 use crate::plan::{Plan, Stage};
 use crate::settings::{RenderSettings, TILES_PER_RANK, TileCost, TileSettings};
 use crew::Team;
-use cut::equal_tiles;
 use glam::Vec3;
 use job::{Job, TileLight};
 use plane::{Correspondence, Plane};
 use render_core::ranks::{Alone, Mail, Ranks};
 use simulated::SimulatedTeam;
+use split::equal_tiles;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -199,7 +199,7 @@ impl Workers for SimulatedTeam {
         self.frame = SimulatedFrame::default();
         for rank in 0..self.all.len() {
             self.all[rank].busy = 0.0;
-            self.timed(rank, layers, |layers| layers.begin_parts(visible, tolerance));
+            self.timed(rank, layers, |layers| layers.begin_regions(visible, tolerance));
         }
     }
 
@@ -244,7 +244,7 @@ impl Workers for SimulatedTeam {
 
     fn end(&mut self, layers: &mut Layers, visible: &Visible) {
         for rank in 0..self.all.len() {
-            self.timed(rank, layers, |layers| layers.end_parts(visible));
+            self.timed(rank, layers, |layers| layers.end_regions(visible));
         }
         let busy = self.all.iter().map(|rank| rank.busy);
         self.frame.all_busy = busy.clone().sum();

@@ -7,10 +7,10 @@
 mod draco;
 #[cfg(feature = "meshopt")]
 mod meshopt;
-#[cfg(any(feature = "draco", feature = "meshopt"))]
-mod parts;
 #[cfg(feature = "draco")]
 mod primitives;
+#[cfg(any(feature = "draco", feature = "meshopt"))]
+mod raw;
 #[cfg(feature = "meshopt")]
 mod views;
 

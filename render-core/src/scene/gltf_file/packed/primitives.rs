@@ -1,7 +1,7 @@
 //! Primitives packed by `KHR_draco_mesh_compression`.
 
 use super::draco::{Attribute, Most, Unpacked, decode};
-use super::parts::{add, add_buffer, bytes, list, number, unlist};
+use super::raw::{add, add_buffer, bytes, list, number, unlist};
 use super::{LoadError, Loader, StoredBuffers};
 use crate::scene::gltf_file::guarded;
 use serde_json::{Map, Value, json};

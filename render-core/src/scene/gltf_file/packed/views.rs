@@ -1,7 +1,7 @@
 //! Buffer views packed by `EXT_meshopt_compression` or `KHR_meshopt_compression`.
 
 use super::meshopt::Layout;
-use super::parts::{add_buffer, bytes, list, number, unlist};
+use super::raw::{add_buffer, bytes, list, number, unlist};
 use super::{LoadError, Loader, StoredBuffers};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;

@@ -5,7 +5,7 @@ const GOLDEN: u32 = 0x9e37_79b9;
 
 /// Rule that assigns an item of a shared loop to a rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Turn {
+pub enum Assignment {
     /// Item k belongs to rank k mod R.
     InOrder(u32),
     /// Item k belongs to rank ⌊R frac(k/φ)⌋, where φ is the golden ratio. This spreads consecutive items, and items at
@@ -13,7 +13,7 @@ pub enum Turn {
     Golden(u32),
 }
 
-impl Turn {
+impl Assignment {
     /// Returns the rank, of `count` ranks, that computes the item.
     #[must_use]
     pub fn owner(self, count: usize) -> usize {
@@ -29,8 +29,8 @@ impl Turn {
 
 /// Assigns `count` items in order: item k belongs to rank k mod R.
 #[must_use]
-pub fn in_order(count: usize) -> Vec<Turn> {
-    (0..count as u32).map(Turn::InOrder).collect()
+pub fn in_order(count: usize) -> Vec<Assignment> {
+    (0..count as u32).map(Assignment::InOrder).collect()
 }
 
 #[cfg(test)]
@@ -43,10 +43,10 @@ mod tests {
         let golden = (5f64.sqrt() - 1.0) / 2.0;
         for count in [1, 2, 3, 5, 64] {
             for number in 0..1000u32 {
-                assert_eq!(Turn::InOrder(number).owner(count), number as usize % count);
+                assert_eq!(Assignment::InOrder(number).owner(count), number as usize % count);
                 let exactly = count as f64 * (f64::from(number) * golden).fract();
                 if (exactly - exactly.round()).abs() > 1e-4 {
-                    assert_eq!(Turn::Golden(number).owner(count), exactly as usize, "{number} on {count} ranks");
+                    assert_eq!(Assignment::Golden(number).owner(count), exactly as usize, "{number} on {count} ranks");
                 }
             }
         }

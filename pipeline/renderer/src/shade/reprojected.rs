@@ -11,7 +11,7 @@ use crate::settings::Aov;
 use pipeline::error::Result;
 use pipeline::state::{decode, encode};
 use plane::Plane;
-use render_core::{Busy, CarriedLight, Completed, Destination, Reuse, Unseen};
+use render_core::{Busy, Completed, Destination, ReprojectedLight, Reuse, Unseen};
 use serde::{Deserialize, Serialize};
 
 /// quantiser_scale at which the permitted mean square error of reprojection is 1, in units of ΔY². Like the error of
@@ -25,7 +25,7 @@ const ALLOWED_ONE: f32 = 16.0;
 const ALLOWED: (f32, f32) = (0.25, 2.0);
 
 /// Layer of irradiance that detects unchanged light.
-pub(super) trait Carriable: Layer {
+pub(super) trait Reprojectable: Layer {
     /// Contrast of light that samples may miss, such as shadow edges.
     const UNSEEN: Unseen;
 
@@ -43,22 +43,22 @@ pub(super) enum Holding<'a> {
 }
 
 /// Layer with reprojection of unchanged light.
-pub(super) struct Carried<L> {
+pub(super) struct Reprojected<L> {
     layer: L,
-    light: CarriedLight,
+    light: ReprojectedLight,
     /// Permitted mean square error of reprojection; see [`Destination::allowed`].
     allowed: f32,
 }
 
-impl<L> Carried<L> {
+impl<L> Reprojected<L> {
     /// Wraps `layer` for a film coded with `quantiser_scale`, 1…112.
     pub fn new(layer: L, quantiser_scale: u32) -> Self {
         let allowed = (quantiser_scale as f32 / ALLOWED_ONE).powi(2).clamp(ALLOWED.0, ALLOWED.1);
-        Self { layer, light: CarriedLight::default(), allowed }
+        Self { layer, light: ReprojectedLight::default(), allowed }
     }
 }
 
-impl<L: Carriable> Layer for Carried<L> {
+impl<L: Reprojectable> Layer for Reprojected<L> {
     /// Lights all pixels in the first sample, including unwanted ones: the next frame may reproject any of them.
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
         // Reproject only the first sample.
@@ -79,18 +79,18 @@ impl<L: Carriable> Layer for Carried<L> {
         let of_pixel =
             |x, y, irradiance| tolerance.of_irradiance(x, y, matte.pixels.get(x, y).albedo.into(), irradiance);
         let destination = Destination { seen: matte, known, unseen: L::UNSEEN, allowed: self.allowed };
-        let carried = busy.take(self.light.carry(destination, reuse, of_pixel));
+        let reprojected = busy.take(self.light.carry(destination, reuse, of_pixel));
 
         // Let the layer light the remaining pixels.
-        let missing = carried.missing.clone();
+        let missing = reprojected.missing.clone();
         let mut lit = self.layer.light(visible, (!holds_nowhere).then_some(&missing), tolerance);
         let computed =
             lit.irradiance.take().unwrap_or_else(|| Plane::filled(missing.width(), missing.height(), [0.0; 3]));
-        let Completed { irradiance, audits, .. } = carried.complete(&computed, matte, &mut self.light);
+        let Completed { irradiance, audits, .. } = reprojected.complete(&computed, matte, &mut self.light);
         lit += Lit {
             computed: Some(missing),
             seconds: busy.seconds(),
-            audits: Audits { carried: audits, ..Audits::default() },
+            audits: Audits { reprojected: audits, ..Audits::default() },
             ..Lit::of_irradiance(irradiance)
         };
         lit
@@ -109,12 +109,12 @@ impl<L: Carriable> Layer for Carried<L> {
     }
 
     fn forget(&mut self) {
-        self.light = CarriedLight::default();
+        self.light = ReprojectedLight::default();
         self.layer.forget();
     }
 
     fn state(&self) -> Vec<u8> {
-        encode(&WrittenCarried { light: &self.light, layer: self.layer.state() })
+        encode(&WrittenReprojected { light: &self.light, layer: self.layer.state() })
     }
 
     fn restore(&mut self, state: &[u8], last: &Frame<'_>) -> Result<()> {
@@ -126,14 +126,14 @@ impl<L: Carriable> Layer for Carried<L> {
 
 /// State of the layer with borrowed data, for serialization.
 #[derive(Serialize)]
-struct WrittenCarried<'a> {
-    light: &'a CarriedLight,
+struct WrittenReprojected<'a> {
+    light: &'a ReprojectedLight,
     layer: Vec<u8>,
 }
 
 /// State of the layer with owned data, for deserialization.
 #[derive(Deserialize)]
 struct Read {
-    light: CarriedLight,
+    light: ReprojectedLight,
     layer: Vec<u8>,
 }

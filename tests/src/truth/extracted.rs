@@ -31,13 +31,13 @@ pub(super) struct Chunk {
 
 /// The elementary stream of a container.
 #[derive(Debug, Default)]
-pub(super) struct Carried {
+pub(super) struct Extracted {
     pub stream: Vec<u8>,
     pub chunks: Vec<Chunk>,
     pub stamps: Vec<Stamps>,
 }
 
-impl Carried {
+impl Extracted {
     /// Appends bytes with their arrival times.
     pub fn add(&mut self, bytes: &[u8], arrival: (f64, f64)) {
         self.stream.extend(bytes);

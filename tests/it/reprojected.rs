@@ -34,19 +34,19 @@ fn shadows_are_never_late() {
     let folder = tempfile::tempdir().unwrap();
     let [full, adaptive] = both(folder.path(), Moving::Box, "--frames 12 --antialiasing off");
     for index in 0..12 {
-        let [truth, carried] = ["full", "adaptive"].map(|film| layer(folder.path(), film, index, "direct"));
+        let [truth, reprojected] = ["full", "adaptive"].map(|film| layer(folder.path(), film, index, "direct"));
         let layers = read_layers(&folder.path().join(format!("adaptive/frame_{index:05}.exr"))).unwrap();
         let thresholds = layers.channel("threshold.Y").expect("the layer");
-        for (pixel, ((a, b), &threshold)) in truth.iter().zip(&carried).zip(thresholds).enumerate() {
+        for (pixel, ((a, b), &threshold)) in truth.iter().zip(&reprojected).zip(thresholds).enumerate() {
             let allowed = if threshold > 0.0 { threshold } else { 0.02 * a };
             assert!((a - b).abs() <= 1.5 * allowed + 1e-6, "frame {index}, pixel {pixel}: {b} instead of {a}");
         }
-        let other = truth.iter().zip(&carried).filter(|&(a, b)| (a - b).abs() > 5e-4 * a + 1e-6).count();
+        let other = truth.iter().zip(&reprojected).filter(|&(a, b)| (a - b).abs() > 5e-4 * a + 1e-6).count();
         assert!(other <= truth.len() / 100, "frame {index}: {other} pixels");
     }
     // While anything moves, indirect light changes everywhere.
-    assert_eq!(mean(&full, "carried_share"), 0.0);
-    assert_eq!(mean(&adaptive, "carried_share"), 0.0);
+    assert_eq!(mean(&full, "reprojected_share"), 0.0);
+    assert_eq!(mean(&adaptive, "reprojected_share"), 0.0);
     let reused = read_layers(&folder.path().join("adaptive/frame_00006.exr")).unwrap();
     let reused = reused.channel("shading.reused").expect("the layer");
     let direct = reused.iter().filter(|&&how| how == 1.0).count();
@@ -58,14 +58,14 @@ fn shadows_are_never_late() {
 fn a_moving_camera_takes_the_light_along() {
     let folder = tempfile::tempdir().unwrap();
     let [_, adaptive] = both(folder.path(), Moving::Camera, "--frames 16");
-    assert!(mean(&adaptive, "carried_share") > 0.5, "{}", mean(&adaptive, "carried_share"));
-    let within = mean(&adaptive, "audit_carried_within");
+    assert!(mean(&adaptive, "reprojected_share") > 0.5, "{}", mean(&adaptive, "reprojected_share"));
+    let within = mean(&adaptive, "audit_reprojected_within");
     assert!(within > 0.9, "{within}");
     for index in [5, 15] {
         for light in ["direct", "indirect"] {
-            let [truth, carried] = ["full", "adaptive"].map(|film| layer(folder.path(), film, index, light));
+            let [truth, reprojected] = ["full", "adaptive"].map(|film| layer(folder.path(), film, index, light));
             let mean = truth.iter().sum::<f32>() / truth.len() as f32;
-            let squares: f32 = truth.iter().zip(&carried).map(|(a, b)| (a - b).powi(2)).sum();
+            let squares: f32 = truth.iter().zip(&reprojected).map(|(a, b)| (a - b).powi(2)).sum();
             let rms = (squares / truth.len() as f32).sqrt() / mean;
             assert!(rms < 0.02, "frame {index}: {light} light is {rms} off");
         }

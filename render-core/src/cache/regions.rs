@@ -1,7 +1,7 @@
 //! Lighting of a picture in regions, such as tiles, one region at a time.
 //!
 //! ```text
-//! begin_parts ──► light_part, light_more_of_part … for each region ──► end_parts
+//! begin_regions ──► light_region, light_more_of_region … for each region ──► end_regions
 //!                     └── new records for other caches: take_new ──► adopt
 //! ```
 //!
@@ -29,7 +29,7 @@ const MARGIN: usize = 12;
 
 /// State of a frame that is lit in regions.
 #[derive(Default)]
-pub(super) struct FrameParts {
+pub(super) struct FrameRegions {
     update: Option<Update>,
     /// Openness of all regions so far.
     openness: Openness,
@@ -40,7 +40,7 @@ pub(super) struct FrameParts {
     new: Vec<u32>,
 }
 
-impl FrameParts {
+impl FrameRegions {
     /// Returns the records around the current region, or `None` if no frame was begun.
     pub fn around(&self) -> Option<&[usize]> {
         self.update.is_some().then_some(&self.near)
@@ -64,7 +64,7 @@ portable!(SharedRecord { site, estimate, note, radius_by_neighbors, share, scale
 
 impl<R: Send + Sync> IrradianceCache<R> {
     /// Begins the next frame, which is lit in regions. `seen` is the whole picture.
-    pub fn begin_parts<I: Illumination<Recipe = R>>(
+    pub fn begin_regions<I: Illumination<Recipe = R>>(
         &mut self,
         seen: &GBuffer,
         changes: Changes,
@@ -74,20 +74,20 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.frame += 1;
             busy.measure(|| self.carry_along(seen));
             openness::renew(&mut self.records, seen, illumination, &Alone, busy);
-            self.parts.update = Some(self.update_by(changes));
+            self.regions.update = Some(self.update_by(changes));
 
             // Drop outdated records without a recipe: they cannot be relit after a change of light.
             let changed = self.changed;
             self.records.retain(|record| record.recipe.is_some() || record.current >= changed);
-            self.parts.openness = Openness::of_nothing(seen);
+            self.regions.openness = Openness::of_nothing(seen);
         })
     }
 
     /// Lights the wanted pixels of the frame's picture.
     ///
     /// # Panics
-    /// If the frame was not begun with [`begin_parts`](Self::begin_parts).
-    pub fn light_part<I: Illumination<Recipe = R>>(
+    /// If the frame was not begun with [`begin_regions`](Self::begin_regions).
+    pub fn light_region<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
         illumination: &I,
@@ -106,33 +106,33 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 tiles.clear();
                 tiles.list(&picture, &self.records, 0..self.records.len());
             }
-            self.parts.near = tiles.candidates();
+            self.regions.near = tiles.candidates();
 
             // Update the records that the region's pixels use.
-            let carried: Vec<bool> = self.records.iter().map(|record| record.carried).collect();
-            let update = self.parts.update.take().expect("the frame was begun");
+            let moved: Vec<bool> = self.records.iter().map(|record| record.moved).collect();
+            let update = self.regions.update.take().expect("the frame was begun");
             let computed = self.bring_up_to_date(&needed, &update, illumination, &picture);
-            self.parts.update = Some(update);
+            self.regions.update = Some(update);
 
-            let mut lit = self.part_lit(&picture, tiles, &carried, illumination);
+            let mut lit = self.region_lit(&picture, tiles, &moved, illumination);
             lit.computed += computed;
-            self.parts.openness.take_wanted(&request, &openness);
+            self.regions.openness.take_wanted(&request, &openness);
             lit
         })
     }
 
     /// Lights pixels of the same region again at other sample positions.
-    pub fn light_more_of_part<I: Illumination<Recipe = R>>(
+    pub fn light_more_of_region<I: Illumination<Recipe = R>>(
         &mut self,
         request: Request,
         illumination: &I,
     ) -> Timed<CachedLight> {
         Timed::of(|busy| {
-            let openness = Openness::new(&request, &self.parts.openness, illumination, busy);
+            let openness = Openness::new(&request, &self.regions.openness, illumination, busy);
             let known = std::mem::take(&mut self.known);
             let picture = SurfacePicture::new(request, &openness, &known, busy);
             let tiles = Tiles::around(&picture, MARGIN);
-            let lit = self.part_lit(&picture, tiles, &[], illumination);
+            let lit = self.region_lit(&picture, tiles, &[], illumination);
 
             // Append the sums of this picture to the sums of earlier pictures.
             let mut known = known;
@@ -143,21 +143,21 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 
     /// Ends a frame after this cache or other caches have lit all regions. Records visible in `seen` are kept.
-    pub fn end_parts(&mut self, seen: &GBuffer, moving: &[bool]) {
+    pub fn end_regions(&mut self, seen: &GBuffer, moving: &[bool]) {
         let busy = Busy::default();
-        let (openness, known) = (std::mem::take(&mut self.parts.openness), KnownNeighbors::default());
+        let (openness, known) = (std::mem::take(&mut self.regions.openness), KnownNeighbors::default());
         self.keep_shown(&SurfacePicture::new(Request::whole(seen, moving), &openness, &known, &busy));
         let in_use = self.records.iter().filter(|record| record.seen == self.frame).count();
         self.forget(in_use, seen.pixels.samples().len());
         self.openness = openness;
         self.known = known;
-        self.parts.update = None;
+        self.regions.update = None;
     }
 
     /// Returns the records that this cache made since the last call, for other caches to [`adopt`](Self::adopt).
     pub fn take_new(&mut self) -> Vec<SharedRecord> {
         let mut taken = Vec::new();
-        for number in std::mem::take(&mut self.parts.new) {
+        for number in std::mem::take(&mut self.regions.new) {
             // Skip records that were dropped in the meantime.
             let Ok(index) = self.records.binary_search_by_key(&number, |record| record.number) else { continue };
             let Record { site, estimate, note, radius_by_neighbors, share, scale, current, .. } = self.records[index];
@@ -184,30 +184,30 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 
     /// Lights a region with the current records near it and with new records.
-    fn part_lit<I: Illumination<Recipe = R>>(
+    fn region_lit<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &SurfacePicture,
         mut tiles: Tiles,
-        carried: &[bool],
+        moved: &[bool],
         illumination: &I,
     ) -> CachedLight {
         // Select the records near the region that have this frame's light.
-        let mut near = Vec::with_capacity(self.parts.near.len());
-        for &index in &self.parts.near {
+        let mut near = Vec::with_capacity(self.regions.near.len());
+        for &index in &self.regions.near {
             if self.records[index].current >= self.changed {
                 near.push(index);
             }
         }
-        let was_carried = |&place: &usize| carried.get(near[place]) == Some(&true);
-        let carried = (0..near.len()).filter(was_carried).collect();
+        let was_moved = |&place: &usize| moved.get(near[place]) == Some(&true);
+        let moved = (0..near.len()).filter(was_moved).collect();
         tiles.clear();
         tiles.list(picture, &self.records, near);
 
         // Add records at pixels that these records leave uncovered.
         let (first, first_number) = (self.records.len(), self.made);
-        let computed = self.fill(picture, &mut tiles, carried, illumination);
-        self.parts.near.extend(first..self.records.len());
-        self.parts.new.extend((0..computed as u32).map(|k| first_number.wrapping_add(k)));
+        let computed = self.fill(picture, &mut tiles, moved, illumination);
+        self.regions.near.extend(first..self.records.len());
+        self.regions.new.extend((0..computed as u32).map(|k| first_number.wrapping_add(k)));
 
         // Predict only records that reach the region's pixels.
         let places = tiles.places_in_use(picture);

@@ -41,7 +41,7 @@ const LEAST_COSINE: f32 = 0.05;
 /// Irradiance of the surfaces in a picture, and the audit results so far. Each pixel has a sample of 20 bytes.
 #[derive(Clone, Debug, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct CarriedLight {
+pub struct ReprojectedLight {
     samples: Plane<Sample>,
     trust: Trust,
 }
@@ -59,7 +59,7 @@ pub enum Reuse {
 
 /// Irradiance of a picture after reprojection, with the pixels that remain to be lit.
 #[derive(Clone, Debug)]
-pub struct Carried {
+pub struct Reprojected {
     /// Irradiance \[W·m⁻²\], linear RGB. It is zero where `missing`.
     pub irradiance: Plane<[f32; 3]>,
     /// Mask of the pixels that must be lit. Pixels without a surface are not missing.
@@ -100,12 +100,12 @@ pub struct AuditCounts {
     pub all: usize,
 }
 
-impl Carried {
+impl Reprojected {
     /// Completes the irradiance with the missing pixels from `lit`, and stores their samples in `light`.
     ///
     /// # Panics
     /// If the pictures differ in size.
-    pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut CarriedLight) -> Completed {
+    pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut ReprojectedLight) -> Completed {
         let Self { mut irradiance, missing, audits } = self;
         let lit = lit.samples();
 
@@ -123,8 +123,8 @@ impl Carried {
         // estimates. Count only pixels that would have been reused without the audit.
         let mut counts = AuditCounts::default();
         light.trust.forget();
-        for Audit { pixel, luminance: carried, error, tolerance, is_trusted } in audits {
-            let difference = (luminance(lit[pixel as usize].into()) - carried).abs();
+        for Audit { pixel, luminance: reprojected, error, tolerance, is_trusted } in audits {
+            let difference = (luminance(lit[pixel as usize].into()) - reprojected).abs();
             light.trust.note(error / tolerance, difference / tolerance);
             counts.all += usize::from(is_trusted);
             counts.within += usize::from(is_trusted && difference <= tolerance);
@@ -156,17 +156,17 @@ pub enum Unseen {
     Shadows,
 }
 
-impl CarriedLight {
+impl ReprojectedLight {
     /// Reprojects the light to the next picture where `reuse(x, y)` allows it. `tolerance(x, y, E)` is the tolerable
     /// error of luminance \[W·m⁻²\] for an irradiance with luminance E \[W·m⁻²\].
     ///
-    /// Afterwards, the samples belong to `to`. [`Carried::complete`] adds the samples of missing pixels.
+    /// Afterwards, the samples belong to `to`. [`Reprojected::complete`] adds the samples of missing pixels.
     pub fn carry(
         &mut self,
         to: Destination,
         reuse: impl Fn(usize, usize) -> Reuse + Sync,
         tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
-    ) -> Timed<Carried> {
+    ) -> Timed<Reprojected> {
         // Create the next picture without light.
         let (width, height) = (to.seen.pixels.width(), to.seen.pixels.height());
         let mut irradiance = Plane::filled(width, height, [0.0; 3]);
@@ -194,7 +194,7 @@ impl CarriedLight {
             strips.map(carry).collect()
         });
         self.samples = samples;
-        audits.map(|audits| Carried { irradiance, missing, audits: audits.concat() })
+        audits.map(|audits| Reprojected { irradiance, missing, audits: audits.concat() })
     }
 
     /// Returns the mean luminance of the samples that are not black.
@@ -258,9 +258,9 @@ impl CarriedLight {
 
 /// Parameters of the reprojection to a picture.
 struct Transfer<'a, R, T> {
-    light: &'a CarriedLight,
+    light: &'a ReprojectedLight,
     to: Destination<'a>,
-    /// Callback `reuse` of [`CarriedLight::carry`].
+    /// Callback `reuse` of [`ReprojectedLight::carry`].
     reuse: &'a R,
     tolerance: &'a T,
     /// Maximum estimated error that is accepted, in tolerances.
@@ -278,7 +278,7 @@ struct Strip<'a> {
 
 /// Result of the reprojection at a pixel.
 enum Outcome {
-    Carried(Estimate),
+    Reprojected(Estimate),
     /// The pixel is lit again and compared with the reprojected light.
     Audited(Audit),
     /// The pixel is lit again.
@@ -305,7 +305,7 @@ where
             match self.outcome(x, y, &pixel) {
                 Outcome::Lost => (),
                 Outcome::Audited(audit) => audits.push(audit),
-                Outcome::Carried(estimate) => {
+                Outcome::Reprojected(estimate) => {
                     strip.missing[k] = false;
                     strip.samples[k] = estimate.sample;
                     strip.irradiance[k] = estimate.irradiance.to_array();
@@ -341,7 +341,7 @@ where
             let pixel = (y * seen.pixels.width() + x) as u32;
             return Outcome::Audited(Audit { pixel, luminance, error, tolerance, is_trusted });
         }
-        if is_trusted { Outcome::Carried(estimate) } else { Outcome::Lost }
+        if is_trusted { Outcome::Reprojected(estimate) } else { Outcome::Lost }
     }
 }
 

@@ -57,18 +57,18 @@ fn walk_over(
     reuse: Reuse,
 ) -> Walked {
     let truth = |seen: &GBuffer| seen.pixels.map(|pixel| [field(pixel.position.into()); 3]);
-    let (mut light, mut before) = (CarriedLight::default(), None::<GBuffer>);
+    let (mut light, mut before) = (ReprojectedLight::default(), None::<GBuffer>);
     let mut walked = None;
     for frame in 0..=frames {
         let seen = floor(frame);
         let known = before.as_ref().map(|before| seen.reproject(before).value);
         let to = Destination { seen: &seen, known: known.as_ref(), unseen: Unseen::Smooth, allowed: 0.25 };
-        let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e).value;
-        let missing = carried.missing.clone();
+        let reprojected = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e).value;
+        let missing = reprojected.missing.clone();
         // Set only missing pixels: reading the light of any other pixel makes the result NaN.
         let lit =
             Plane::from_fn(SIDE, SIDE, |x, y| if missing.get(x, y) { truth(&seen).get(x, y) } else { [f32::NAN; 3] });
-        let Completed { irradiance, audits } = carried.complete(&lit, &seen, &mut light);
+        let Completed { irradiance, audits } = reprojected.complete(&lit, &seen, &mut light);
         before = Some(seen.clone());
         walked = Some(Walked { seen, irradiance, missing, audits });
     }

@@ -12,7 +12,7 @@
 use crate::error::Result;
 use crate::figures::FrameFigures;
 use perceptual::{
-    ColorMatrix, Feedback, NextPicture, ObservedFrame, PixelPart, ThresholdMap, ToneMap, YCbCr, luminance_plane,
+    ColorMatrix, Feedback, NextPicture, ObservedFrame, PixelFragment, ThresholdMap, ToneMap, YCbCr, luminance_plane,
     reproject,
 };
 use plane::{Coded, Correspondence, FrameHeader, Picture, PictureType, Plane};
@@ -199,7 +199,7 @@ pub struct Outline {
     /// Index of the pixel in raster order.
     pub pixel: usize,
     /// Surfaces in the pixel, each with its fraction of the pixel's area and its radiance.
-    pub parts: Vec<PixelPart>,
+    pub parts: Vec<PixelFragment>,
 }
 
 /// Light of a frame.
