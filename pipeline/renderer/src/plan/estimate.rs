@@ -86,6 +86,7 @@ impl Costs {
     /// feature, and for stages that only save time.
     pub(super) fn of_stage(&self, stage: Stage) -> Option<f64> {
         let Self { pixels, .. } = *self;
+        // Evaluate dynamic anchors at records with a cache, and at pixels without one.
         let places = if self.cache { pixels / PIXELS_OF_A_RECORD } else { pixels };
         Some(match stage {
             Stage::ObjectPlacing => PLACING,
@@ -118,6 +119,7 @@ impl Costs {
             let sparse = (pixels / SMALL_PICTURE).max(1.0).powf(LARGER_PICTURE);
             return CACHED_PIXEL * self.triangles.powf(CACHED_DETAIL) * sparse * pixels;
         }
+        // Without a cache, every sample has its own indirect light.
         let by_pixel = match self.lighting {
             Lighting::AllLights => LIGHT_AT_PIXEL * self.lights,
             _ if self.lighting.is_baked() => CACHED_PIXEL,

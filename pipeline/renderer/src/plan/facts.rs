@@ -47,6 +47,15 @@ impl<'a> Facts<'a> {
             let material = material(instance);
             !material.unlit && material.base_color.max_element() > 0.0
         };
+
+        // Count the coats to evaluate in every frame: only static, rough coats are baked.
+        let mut live_coats = 0;
+        for (instance, &moves) in scene.instances.iter().zip(&moving_instances) {
+            let material = material(instance);
+            if material.may_have_coat() && (moves || may_be_smooth(material)) {
+                live_coats += 1;
+            }
+        }
         Self {
             settings,
             object_moves: moving_instances.contains(&true),
@@ -63,12 +72,7 @@ impl<'a> Facts<'a> {
             cut_outs: count(&|one| material(one).alpha != Alpha::Opaque),
             deforming: scene.deforming_instances().iter().filter(|deforms| **deforms).count(),
             coats: count(&|one| material(one).may_have_coat()),
-            live_coats: scene
-                .instances
-                .iter()
-                .zip(&moving_instances)
-                .filter(|&(one, &moves)| material(one).may_have_coat() && (moves || may_be_smooth(material(one))))
-                .count(),
+            live_coats,
         }
     }
 }
@@ -88,6 +92,7 @@ impl Facts<'_> {
     /// Returns the facts to print. `area_lights` and `punctual_lights` are the fractions of CPU time for their direct
     /// light.
     pub fn list(&self, area_lights: Option<f64>, punctual_lights: Option<f64>) -> Vec<Fact> {
+        // Phrase zero, one and many separately: the table is read as text.
         let counted = |count: usize, one: &str, many: &str, none: &str| match count {
             0 => none.to_owned(),
             1 => format!("1 {one}"),
@@ -95,6 +100,8 @@ impl Facts<'_> {
         };
         let told = |told: bool, yes: &str, no: &str| if told { yes.into() } else { no.into() };
         let fact = |subject, text| Fact { subject, text, share: None };
+
+        // Report how the sky is sampled: bright regions are lamps, the rest is in the light tree.
         let sky = match (self.has_sky, self.sky_lamps) {
             (false, _) => "none in the scene's settings".to_owned(),
             (true, 0) => "dome in the light tree".to_owned(),
@@ -102,7 +109,7 @@ impl Facts<'_> {
             (true, lamps) => format!("dome in the light tree, {lamps} bright regions sampled as lamps"),
         };
 
-        // List one fact per line of the printed plan.
+        // List the direct light of lamps with its cost, because no stage of the plan contains it.
         vec![
             Fact {
                 share: area_lights,
@@ -118,6 +125,7 @@ impl Facts<'_> {
                     counted(self.punctual_lights, "point, spot or sun", "points, spots and suns", "none in the file"),
                 )
             },
+            // Add facts without a cost of their own.
             fact("sky", sky),
             fact(
                 "textures",

@@ -52,13 +52,18 @@ impl Plan {
         let facts = Facts::new(scene, settings);
         let costs = Costs::of(scene, settings, facts.area_lights);
         let (shares, whole) = shares(&costs);
+
+        // Express the cost of direct light as a fraction of the frame, like the costs of stages.
         let share = |seconds: Option<f64>| seconds.map(|seconds| seconds / whole);
         let list = facts.list(share(costs.of_area_lights()), share(costs.of_punctual_lights()));
-        let step = |(Decision { stage, state, reason }, &share): (Decision, &Option<f64>)| {
+
+        // Report savings only for stages that do not run in every frame.
+        let mut steps = Vec::new();
+        for (decision, &share) in decisions(&facts).into_iter().zip(&shares) {
+            let Decision { stage, state, reason } = decision;
             let saves = if state == State::On { None } else { share };
-            Step { stage, state, reason, saves }
-        };
-        let steps = decisions(&facts).into_iter().zip(&shares).map(step).collect();
+            steps.push(Step { stage, state, reason, saves });
+        }
         Self { steps, shares, whole, facts: list }
     }
 
@@ -122,8 +127,16 @@ impl Plan {
     /// Returns the plan as a table for the terminal: stages, then facts.
     #[must_use]
     pub fn table(&self) -> String {
-        let subjects = self.facts.iter().map(|fact| fact.subject);
-        let width = self.steps.iter().map(|step| step.stage.name()).chain(subjects).map(str::len).max().unwrap_or(0);
+        // Make the first column as wide as the longest name of a stage or fact.
+        let mut width = 0;
+        for step in &self.steps {
+            width = width.max(step.stage.name().len());
+        }
+        for fact in &self.facts {
+            width = width.max(fact.subject.len());
+        }
+
+        // List the costs of stages that run in every frame, and the savings of all others.
         let mut table = format!("{:width$}  state  costs  saves  reason\n", "stage");
         let percent = |share: Option<f64>| match share {
             None => String::new(),
@@ -135,6 +148,8 @@ impl Plan {
             let (stage, state, saves) = (stage.name(), state.name(), percent(*saves));
             table.push_str(&format!("{stage:width$}  {state:5}  {costs:>5}  {saves:>5}  {reason}\n"));
         }
+
+        // List the facts below the stages, in the same columns.
         table.push_str(&format!("\n{:width$}         costs\n", "scene"));
         for Fact { subject, text, share } in &self.facts {
             let costs = percent(*share);

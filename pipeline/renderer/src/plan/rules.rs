@@ -66,6 +66,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             otherwise(State::Once, "the flux of the lights is constant"),
         ],
     ),
+    // Keep photon paths only if light changes: otherwise photons are traced only once anyway.
     (
         Stage::KeptPhotons,
         &[
@@ -116,6 +117,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             otherwise(State::On, "a lightcut for each pixel"),
         ],
     ),
+    // Explain why light cannot be baked, even if baking was not requested.
     (
         Stage::BakedLight,
         &[
@@ -161,6 +163,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             otherwise(State::Off, LEFT_OUT),
         ],
     ),
+    // Distinguish baked coats from coats that are evaluated in every frame.
     (
         Stage::Gloss,
         &[
