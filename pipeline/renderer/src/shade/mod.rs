@@ -185,7 +185,7 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
             self.forget();
         }
 
-        // Derive the next frame's multipliers from the errors measured in this frame.
+        // Multiply thresholds by the calibration from earlier frames.
         let mut calibration = self.calibration.take();
         let RenderSettings { thresholds: policy, size, kappa, .. } = self.settings;
         let mut tolerance = Tolerance::new(thresholds, policy, size, calibration.as_ref());
@@ -200,6 +200,8 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
         }
         let (mut shaded, audits) = self.shade(prepared, &tolerance, ahead);
         shaded.figures.seconds.visibility += busy.seconds();
+
+        // Derive the next frame's multipliers from the errors measured in this frame.
         let learned = calibration.as_mut().and_then(|calibration| calibration.learn(&audits.cuts));
         self.calibration = calibration;
 
@@ -252,10 +254,13 @@ impl Shading<'_> {
             put_importance(map, looking.change(map, prepared.correspondence.as_deref()), &mut figures);
             looking.keep(map, &radiance);
         }
-        // Collect the coverage of pixels for mattes, and the whole frame for channels.
+
+        // Find the coverage of pixels by instance, which mattes need.
         let busy = Busy::default();
         let shares = self.instance_shares(frame, &busy);
         figures.seconds.visibility += busy.seconds();
+
+        // Compute the channels for files and for observers.
         let (settings, shares) = (&self.settings, shares.as_ref());
         let Self { layers, .. } = self;
         let known = Known { prepared, tolerance, layers, reused: &lit.reused, importance, settings, shares };
@@ -278,7 +283,8 @@ impl Shading<'_> {
         let (channels, watched) = (channels_of(&self.settings.aov), channels_of(&self.watched));
         let header = self.header(frame);
         let outlines = lit.light.outlines();
-        // Keep the light for the next frame if that may reuse it.
+
+        // Keep the light if the next frame may reuse it.
         let importance = importance.map(|map| Arc::new(map.importance.clone()));
         self.still = may_stay.then_some(lit);
         (Shaded { radiance, outlines, importance, channels, header, watched, figures }, audits)
@@ -297,6 +303,7 @@ impl Shading<'_> {
 
     /// Returns the header of the frame's OpenEXR file.
     fn header(&self, frame: &Frame) -> FrameHeader {
+        // Add the manifests of the mattes, which name objects and materials.
         let mattes = self.settings.aov.iter().filter_map(|&aov| mattes::mattes(aov, frame.surfaces.scene()));
         let texts = mattes.flat_map(|mattes| mattes.texts()).collect();
         FrameHeader { camera: Some(frame.seen.view.frame_camera()), place: self.settings.place(frame.index), texts }
@@ -316,6 +323,8 @@ impl Shading<'_> {
             self.tiling = Some(tiling);
             return self.finished(prepared, lit, figures);
         }
+
+        // Light one sample of all pixels at a time: the first sample may determine importance.
         let frame = &prepared.frame;
         let movement = Movement::to(frame, &self.places);
         let ranks = self.ranks.clone();
@@ -331,6 +340,8 @@ impl Shading<'_> {
             let of_sample = self.surfaces(frame, sample, &lit.visibility);
             let visible = of_sample.visible(prepared, sample, &movement, &*ranks);
             let (light, [of_direct, of_indirect]) = self.layers.sample(&visible, wanted.as_ref(), tolerance);
+
+            // Derive importance from the first sample if no map was available before lighting.
             if sample == 0 {
                 lit.reused = Reused::new([&of_direct, &of_indirect], visible.matte);
                 if let Some(looking) = self.looking.as_mut().filter(|_| lit.importance.is_none()) {
@@ -359,6 +370,8 @@ impl Shading<'_> {
             let scene = PosedScene::new(&frame.accelerator, &frame.surfaces);
             visibility.take(GBuffer::trace_at(place, scene, &seen.view, size))
         });
+
+        // Replace the albedo of coated surfaces: coats are a separate layer of light.
         let below = self.plan.is_on(Stage::Gloss).then(|| coats::below_coats(own.as_ref().unwrap_or(seen)));
         let matte = below.as_ref().or(own.as_ref()).unwrap_or(seen);
         let emitted = matte.pixels.map(|pixel| Vec3::from(pixel.emission));
