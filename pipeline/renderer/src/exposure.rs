@@ -86,6 +86,7 @@ pub fn exposure_of_lit_frames(scene: &Scene, settings: &RenderSettings) -> Optio
     let lit = looks.iter().filter(|look| look.mean > 0.0 && look.mean >= LIT * brightest);
     let pixels: Vec<f32> = lit.flat_map(|look| look.luminances.iter().copied()).collect();
     let of_film = exposure_for_luminances(&pixels)?;
+    // Keep the usual rule if the first frame leads to about the same exposure.
     let of_first = exposure_for_luminances(&looks[0].luminances);
     let is_near = |first: f32| (first / of_film).max(of_film / first) <= NEAR;
     let first_is_lit = looks[0].mean >= LIT * brightest;

@@ -100,6 +100,7 @@ impl<'s> Prepare for Preparation<'s> {
     }
 
     fn restore(&mut self, state: &[u8], last: u32) -> Result<PreparedFrame<'s>> {
+        // Restore only the tree: all other state is computed again from frame `last`.
         let tree = LightTree::from_bytes(state).context(NONSENSE)?;
         let mut work = PrepareState::new(self.scene, &self.settings, self.plan, &self.ranks, self.everywhere);
         work.tree = Some(Arc::new(tree));
@@ -162,6 +163,7 @@ fn look_by_camera(
     let moments = if is_still { 1 } else { settings.frames.clamp(1, MOMENTS) };
     let (mut photons, mut zones) = (GuideSearch::over(moments as usize), ZoneSearch::default());
     for moment in 0..moments {
+        // Pose the scene at the middle of each of `moments` equal intervals.
         let frame = (2 * u64::from(moment) + 1) * u64::from(settings.frames) / (2 * u64::from(moments));
         let pose = scene.pose(settings.time(frame as u32));
         let surfaces = Surfaces::new(scene, &pose);
@@ -199,6 +201,7 @@ impl<'s> PrepareState<'s> {
         ranks: &Arc<dyn Ranks>,
         everywhere: bool,
     ) -> Self {
+        // Place anchors in the pose at time 0: they must not depend on the rendered range.
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
         let geometry = Geometry::new(scene);
@@ -369,6 +372,7 @@ impl<'s> PrepareState<'s> {
     /// Returns the lights of a new tree: the static anchors, and the lights `that_stay` constant for the whole film.
     fn tree_lights(&self, anchor_flux: &AnchorFlux, that_stay: Vec<Light>) -> Vec<Light> {
         let mut lights = Vec::new();
+        // List anchors first: updates of the tree replace their intensities by index.
         for (anchor, &flux) in self.anchors.fixed.iter().zip(&anchor_flux.fixed) {
             let emission = Emission::Cosine(anchor.normal.into());
             lights.push(Light { position: anchor.position.into(), emission, intensity: flux / PI });
@@ -396,6 +400,7 @@ impl<'s> PrepareState<'s> {
         if n == 0 || self.anchors.fixed.is_empty() {
             return self.anchors.split_bright(flux);
         }
+        // Trace the photons of frame 0 again: all chunks and resumed films must split the same anchors.
         let pose = self.scene.pose(self.settings.time(0));
         let surfaces = Surfaces::new(self.scene, &pose);
         let accelerator = self.geometry.place(&pose);
@@ -414,6 +419,7 @@ impl<'s> PrepareState<'s> {
             light.patch_count() <= FEW_PATCHES || light.extent(surfaces) <= SMALL_EXTENT * self.units.radius
         };
         let places = 0..emitters.areas.len();
+        // Sample compact lights only if they are few: every pixel evaluates each of them.
         let few: Vec<usize> = places.clone().filter(|&place| !moves(place) && compact(place)).collect();
         if few.len() <= MOST_SAMPLED_SURFACES {
             places.filter(|&place| moves(place) || compact(place)).collect()
@@ -426,6 +432,7 @@ impl<'s> PrepareState<'s> {
     fn lights_that_stay(&self, emitters: &Emitters, surfaces: &Surfaces, sampled: &[usize]) -> Vec<Light> {
         let luminance = render_core::luminance;
         let areas: Vec<_> = (0..emitters.areas.len()).filter(|place| !sampled.contains(place)).collect();
+        // Divide the points between the surfaces in proportion to power.
         let power: f32 = areas.iter().map(|&place| luminance(emitters.areas[place].power())).sum();
         let mut lights = Vec::new();
         for place in areas {
@@ -441,6 +448,7 @@ impl<'s> PrepareState<'s> {
                 intensity: sample.intensity,
             }));
         }
+        // Represent the sky by points on a dome far outside the scene.
         lights.extend(dome_lights(self.scene, &self.units, DOME_LIGHTS).into_iter().map(|light| Light {
             position: light.position.into(),
             emission: Emission::Omni,
