@@ -69,6 +69,7 @@ const NEAR: f32 = 0.1;
 
 /// Virtual point light that represents the light reflected by its area share of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Anchor {
     /// Position slightly off the surface, in world space.
     pub position: Vec3A,
@@ -80,6 +81,7 @@ pub struct Anchor {
 
 /// Dynamic anchor, attached to a point of a triangle while the mesh moves or deforms.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DynamicAnchor {
     /// Index into [`Scene::instances`].
     pub instance: u32,
@@ -95,6 +97,7 @@ pub struct DynamicAnchor {
 
 /// Fixed and dynamic anchors of a scene.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Anchors {
     /// Anchors on static surfaces, in world space.
     pub fixed: Vec<Anchor>,

@@ -31,6 +31,7 @@ use std::sync::Arc;
 
 /// Flux of the photons in one frame, by anchor and by surfel.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AnchorFlux {
     /// Flux of each fixed anchor \[W\], linear RGB: the flux of its surfels that leaves their neighborhood.
     pub fixed: Vec<Vec3>,
@@ -53,6 +54,7 @@ pub struct AnchorFlux {
 
 /// Photon tracing of a scene over successive frames.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Photons {
     count: u64,
     seed: u64,
@@ -60,11 +62,18 @@ pub struct Photons {
     guide: Option<Arc<Guide>>,
     swept: Option<SweptVolume>,
     settled: Option<Settled>,
+    /// Ranks that share the work; not stored.
+    #[cfg_attr(feature = "serde", serde(skip, default = "alone"))]
     ranks: Arc<dyn Ranks>,
+}
+
+fn alone() -> Arc<dyn Ranks> {
+    Arc::new(Alone)
 }
 
 /// Photon paths up to their first possible contact with moving geometry.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Settled {
     /// Powers of the lights when the paths were traced. They determine the light at which each photon starts.
     powers: Vec<Vec3>,
@@ -76,6 +85,7 @@ struct Settled {
 
 /// Photon that moving geometry may affect.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Other {
     /// The whole path of the photon with this index, because its light moves.
     Whole(u32),
@@ -113,7 +123,7 @@ impl Photons {
             guide: None,
             swept: None,
             settled: None,
-            ranks: Arc::new(Alone),
+            ranks: alone(),
         }
     }
 
@@ -136,10 +146,22 @@ impl Photons {
         Self { swept: Some(swept), ..self }
     }
 
-    /// Distributes the photons among `ranks`. Of R ranks, rank b mod R traces batch b.
+    /// Distributes the photons among `ranks`. Of R ranks, rank b mod R traces batch b. Stored paths of a single process
+    /// are distributed in the same way.
     #[must_use]
-    pub fn with_ranks(self, ranks: Arc<dyn Ranks>) -> Self {
+    pub fn with_ranks(mut self, ranks: Arc<dyn Ranks>) -> Self {
+        if let Some(settled) = &mut self.settled {
+            settled.others.retain(|other| other.assignment().owner(ranks.count()) == ranks.rank());
+        }
         Self { ranks, ..self }
+    }
+
+    /// Returns the photons for storage. Paths that several ranks share are left out, because each rank has only its
+    /// own; the next frame then traces them again.
+    #[must_use]
+    pub fn for_storage(&self) -> Self {
+        let settled = self.settled.clone().filter(|_| self.ranks.count() == 1);
+        Self { settled, ..self.clone() }
     }
 
     /// Traces one frame. The result is bit-identical for any number of threads and ranks, with or without reused paths.

@@ -9,6 +9,7 @@ const SIDE: i32 = 64;
 
 /// Grid of cells over the scene. A cell is marked if moving geometry enters it.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SweptVolume {
     low: Vec3A,
     /// Number of cells per meter.

@@ -19,7 +19,8 @@ pub fn job_of(scene: &Scene, settings: &Settings) -> Result<FilmJob> {
     let text = identity_of(&text).context(context)?;
     let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
     let job = FilmJob::new(&settings.output, program, &text, sum_of_inputs(scene, settings)?);
-    Ok(job.with_end(Some(settings.frame_range().end)))
+    let reads_light = settings.files.light.as_deref().is_some_and(Path::exists);
+    Ok(job.with_end(Some(settings.frame_range().end)).reading_light(reads_light))
 }
 
 /// Returns the job of the finished film at `film` that `report` describes; `None` without a finished film in the
@@ -47,7 +48,7 @@ fn identity_of(settings: &str) -> serde_json::Result<String> {
         if !matches!(container, Some(Container::Mp4 | Container::Matroska)) {
             names.remove("frames");
         }
-        ["scene", "output", "baked"].iter().for_each(|name| drop(names.remove(*name)));
+        ["scene", "output", "baked", "light"].iter().for_each(|name| drop(names.remove(*name)));
         // Keep the paths of additional outputs, because a resumed film continues these files.
         for name in ["png", "exr", "y4m"] {
             let Some(path) = names.get_mut(name).filter(|path| path.is_string()) else { continue };

@@ -6,6 +6,7 @@ pub mod also;
 pub mod error;
 pub mod job;
 pub mod join;
+mod light_file;
 pub mod memory;
 mod open;
 pub mod picture_file;
@@ -17,6 +18,7 @@ pub mod stages;
 pub mod still;
 
 pub use error::{Error, Result};
+pub use light_file::make_light;
 pub use open::Film;
 pub use render::{Render, render};
 pub use report::Report;

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::job::sum_of_inputs;
+use crate::light_file;
 use crate::report::{Ending, Report};
 use crate::settings::Settings;
 use crate::stages::{Display, Masking, Video};
@@ -10,7 +11,7 @@ use pipeline::team::{Lead, Team};
 use pipeline::{Run, Stages, Start, couple, follow};
 use render_core::scene::Scene;
 use renderer::plan::{Plan, Stage};
-use renderer::settings::Aov;
+use renderer::settings::{Aov, RenderSettings};
 use renderer::{Crew, Preparation, Shading, SimulatedRanks, exposure_of_first_frame, exposure_of_lit_frames};
 use std::path::Path;
 #[cfg(feature = "bake")]
@@ -32,6 +33,8 @@ pub struct Render<'a> {
     baked: Option<Arc<BakedTexels>>,
     start: Start<'a>,
     begin: Instant,
+    /// Whether the light of the film was read from a file.
+    has_read_light: bool,
 }
 
 impl<'a> Render<'a> {
@@ -80,6 +83,7 @@ impl<'a> Render<'a> {
             baked: light.baked,
             start,
             begin,
+            has_read_light: light.is_read,
         })
     }
 
@@ -135,6 +139,7 @@ impl<'a> Render<'a> {
         if let Some(exposure) = self.exposure_before() {
             self.stages.display.set_exposure(exposure);
         }
+        self.write_light()?;
         let inputs = Some(sum_of_inputs(self.scene, self.settings)?);
         let Self { scene, settings, plan, stages, start, begin, .. } = self;
         let reports = couple(stages, start, run)?;
@@ -143,28 +148,49 @@ impl<'a> Render<'a> {
         Ok(Report { inputs, ..Report::new(scene, settings, plan.steps(), reports, ending) })
     }
 
-    /// Returns the exposure to set before the first frame, if needed. If the first frame is not representative, this is
-    /// the exposure of the film's lit frames. Films in independent chunks use the exposure of a small version of the
-    /// first frame. A resumed film already has its exposure.
-    fn exposure_before(&self) -> Option<f32> {
-        let Self { scene, settings, start, .. } = self;
+    /// Returns the exposure to set before the first frame, if needed. Films in independent chunks have the exposure of
+    /// their light. For other films, it is the exposure of the lit frames if the first frame is not representative. A
+    /// resumed film already has its exposure.
+    fn exposure_before(&mut self) -> Option<f32> {
+        let Self { scene, settings, stages, start, .. } = self;
         let begins = start.first_frame() == settings.frame_range().start;
         if !settings.render.auto_exposure || !begins {
             return None;
         }
-        let of_lit_frames = exposure_of_lit_frames(scene, &settings.render);
-        of_lit_frames.or_else(|| settings.is_in_chunks().then(|| self.exposure_of_chunks()))
+        if !settings.is_in_chunks() {
+            return exposure_of_lit_frames(scene, &settings.render);
+        }
+        let known = stages.prepare.exposure();
+        let exposure = known.unwrap_or_else(|| {
+            exposure_of_chunks(&mut stages.prepare, scene, settings, |settings, plan| {
+                let shading = Shading::new(settings, plan);
+                #[cfg(feature = "bake")]
+                let shading = with_baked(shading, self.baked.as_ref());
+                shading
+            })
+        });
+        stages.prepare.set_exposure(exposure);
+        Some(exposure)
     }
 
-    fn exposure_of_chunks(&self) -> f32 {
-        let Self { scene, settings, .. } = self;
-        exposure_of_first_frame(scene, &settings.render, |settings, plan| {
-            let shading = Shading::new(settings, plan);
-            #[cfg(feature = "bake")]
-            let shading = with_baked(shading, self.baked.as_ref());
-            shading
-        })
+    /// Writes the light of the film to the file that the settings name, unless it was read from there.
+    fn write_light(&mut self) -> Result<()> {
+        let Self { scene, settings, stages, .. } = self;
+        let Some(path) = settings.files.light.as_deref().filter(|_| !self.has_read_light) else { return Ok(()) };
+        let light = stages.prepare.film_light();
+        light_file::write(scene, settings, path, light)
     }
+}
+
+/// Returns the exposure of a film in chunks: the exposure of the film's lit frames if the first frame is not
+/// representative, otherwise the exposure of a small version of the first frame.
+pub(crate) fn exposure_of_chunks(
+    preparation: &mut Preparation,
+    scene: &Scene,
+    settings: &Settings,
+    shading: impl for<'a> FnOnce(&RenderSettings, &'a Plan) -> Shading<'a>,
+) -> f32 {
+    exposure_of_lit_frames(scene, &settings.render).unwrap_or_else(|| exposure_of_first_frame(preparation, shading))
 }
 
 /// Stages that compute light, needed on every rank.
@@ -173,6 +199,8 @@ struct LightStages<'a> {
     shade: Shading<'a>,
     #[cfg(feature = "bake")]
     baked: Option<Arc<BakedTexels>>,
+    /// Whether the light of the film was read from a file.
+    is_read: bool,
 }
 
 impl<'a> LightStages<'a> {
@@ -181,21 +209,39 @@ impl<'a> LightStages<'a> {
         let mut shade = Shading::among(&renderer, plan, team.shade.clone());
         shade.set_crew(Crew::Ranks(team.mail.clone(), team.shade.clone()));
         #[cfg(feature = "bake")]
-        let baked =
-            settings.files.baked.as_deref().map(|path| renderer::bake::read(scene, path)).transpose()?.map(Arc::new);
+        let baked = read_baked(scene, settings)?;
         #[cfg(feature = "bake")]
         let shade = with_baked(shade, baked.as_ref());
+
+        // Read the light of the film, or light frame 0 first if the exposure or the light file needs it.
+        let light = light_file::read(scene, settings)?;
+        let needs_frame_0 = settings.is_in_chunks() && settings.render.auto_exposure || settings.files.light.is_some();
+        let prepare =
+            Preparation::among(scene, &renderer, plan, team.prepare.clone()).beginning_with_frame_0(needs_frame_0);
+        let is_read = light.is_some();
+        let prepare = match light {
+            Some(light) => prepare.with_film_light(&light)?,
+            None => prepare,
+        };
         Ok(Self {
-            prepare: Preparation::among(scene, &renderer, plan, team.prepare.clone()),
+            prepare,
             shade,
             #[cfg(feature = "bake")]
             baked,
+            is_read,
         })
     }
 }
 
+/// Reads the baked light of the film; `None` without baked light.
 #[cfg(feature = "bake")]
-fn with_baked<'a>(shading: Shading<'a>, baked: Option<&Arc<BakedTexels>>) -> Shading<'a> {
+pub(crate) fn read_baked(scene: &Scene, settings: &Settings) -> Result<Option<Arc<BakedTexels>>> {
+    let baked = settings.files.baked.as_deref().map(|path| renderer::bake::read(scene, path));
+    Ok(baked.transpose()?.map(Arc::new))
+}
+
+#[cfg(feature = "bake")]
+pub(crate) fn with_baked<'a>(shading: Shading<'a>, baked: Option<&Arc<BakedTexels>>) -> Shading<'a> {
     match baked {
         Some(baked) => shading.with_baked(baked.clone()),
         None => shading,

@@ -32,17 +32,22 @@ impl Still {
     pub fn render(scene: &Scene, settings: &Settings, frame: u32) -> Self {
         let renderer = settings.render.clone();
         let plan = Plan::new(scene, &renderer);
-        let prepared = Preparation::new(scene, &renderer, &plan).frame(frame);
-        let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
+        let mut preparation = Preparation::new(scene, &renderer, &plan);
 
         // Derive automatic exposure from the film's lit frames, or else from the film's first frame.
-        let of_lit_frames = || exposure_of_lit_frames(scene, &renderer);
-        let found = settings.render.auto_exposure.then(of_lit_frames).flatten();
-        let exposure = match (settings.render.auto_exposure, frame) {
-            (false, _) => settings.render.tone_map.exposure,
-            (true, _) if found.is_some() => found.unwrap_or(1.0),
-            (true, 0) => exposure_for(&luminance_plane(&shaded.radiance)),
-            (true, _) => exposure_of_first_frame(scene, &renderer, |settings, plan| Shading::new(settings, plan)),
+        let is_auto = settings.render.auto_exposure;
+        let of_lit_frames = is_auto.then(|| exposure_of_lit_frames(scene, &renderer)).flatten();
+        let of_another_frame = of_lit_frames.or_else(|| {
+            let is_later = is_auto && frame > 0;
+            is_later.then(|| exposure_of_first_frame(&mut preparation, |settings, plan| Shading::new(settings, plan)))
+        });
+        let prepared = preparation.frame(frame);
+        let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
+
+        let exposure = match of_another_frame {
+            Some(exposure) => exposure,
+            None if is_auto => exposure_for(&luminance_plane(&shaded.radiance)),
+            None => settings.render.tone_map.exposure,
         };
         let tone_map = settings.render.tone_map.with_exposure(exposure);
         let shown = shown(&shaded.blended(&tone_map), &tone_map);

@@ -3,6 +3,9 @@
 /// CPU seconds of a frame's stages, summed over threads. Waiting and other programs are excluded.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct Seconds {
+    /// CPU seconds of the film's anchors: exposure rays, surfels, photon guide; in the first frame of a run.
+    #[serde(default)]
+    pub anchors: f64,
     /// CPU seconds of placing objects and building the ray tree.
     pub update: f64,
     /// CPU seconds of photon tracing.
@@ -26,9 +29,9 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    fn parts(&self) -> [f64; 9] {
+    fn parts(&self) -> [f64; 10] {
         let s = self;
-        [s.update, s.photons, s.tree, s.visibility, s.direct, s.indirect, s.tone_map, s.encode, s.thresholds]
+        [s.anchors, s.update, s.photons, s.tree, s.visibility, s.direct, s.indirect, s.tone_map, s.encode, s.thresholds]
     }
 
     /// Sets `total` to the sum of all stages.
@@ -39,13 +42,13 @@ impl Seconds {
     /// Returns the mean CPU seconds of each stage over all frames.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
         let count = all.clone().count().max(1) as f64;
-        let mut sums = [0.0; 9];
+        let mut sums = [0.0; 10];
         for seconds in all {
             sums.iter_mut().zip(seconds.parts()).for_each(|(sum, part)| *sum += part / count);
         }
-        let [update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds] = sums;
+        let [anchors, update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds] = sums;
         let total = sums.iter().sum();
-        Seconds { update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds, total }
+        Seconds { anchors, update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds, total }
     }
 }
 
@@ -94,13 +97,13 @@ pub struct FrameFigures {
 }
 
 /// Number of figures that each rank measures separately.
-pub(crate) const RANK_FIGURES: usize = 7;
+pub(crate) const RANK_FIGURES: usize = 8;
 
 impl FrameFigures {
     /// Returns this rank's own figures: CPU seconds of the stages up to light, and photons.
     pub(crate) fn of_rank(&self) -> [f64; RANK_FIGURES] {
-        let Seconds { update, photons, tree, visibility, direct, indirect, .. } = self.seconds;
-        [update, photons, tree, visibility, direct, indirect, self.photons_traced as f64]
+        let Seconds { anchors, update, photons, tree, visibility, direct, indirect, .. } = self.seconds;
+        [anchors, update, photons, tree, visibility, direct, indirect, self.photons_traced as f64]
     }
 
     /// Replaces the rank-specific figures by sums over `all` ranks.
@@ -109,8 +112,8 @@ impl FrameFigures {
         for figures in all {
             sums.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
         }
-        let [update, photons, tree, visibility, direct, indirect, traced] = sums;
-        self.seconds = Seconds { update, photons, tree, visibility, direct, indirect, ..self.seconds.clone() };
+        let [anchors, update, photons, tree, visibility, direct, indirect, traced] = sums;
+        self.seconds = Seconds { anchors, update, photons, tree, visibility, direct, indirect, ..self.seconds.clone() };
         self.photons_traced = traced as u64;
     }
 }

@@ -15,6 +15,7 @@ pub mod observe;
 pub mod output;
 mod pace;
 pub mod report;
+pub mod sealed;
 pub mod stage;
 mod stages;
 mod start;

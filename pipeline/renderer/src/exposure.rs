@@ -34,25 +34,27 @@ const LIT: f32 = 1.0 / 64.0;
 const NEAR: f32 = 4.0;
 
 /// Returns the exposure of a film in chunks, equal for all chunks. It follows from a first frame with at most 128
-/// pixels per side, by the rule for other films. `shading` creates the second half of the renderer.
+/// pixels per side, by the rule for other films.
+///
+/// `preparation` prepares the film and has not prepared a frame yet; it keeps the light of the film for later frames.
+/// `shading` creates the second half of the renderer.
 pub fn exposure_of_first_frame(
-    scene: &Scene,
-    settings: &RenderSettings,
+    preparation: &mut Preparation,
     shading: impl for<'a> FnOnce(&RenderSettings, &'a Plan) -> Shading<'a>,
 ) -> f32 {
     // Take one sample per pixel, so that all regions of the frame have equal weight.
     let settings = RenderSettings {
-        size: within(settings.size, SIDE),
+        size: within(preparation.settings().size, SIDE),
         frames: 1,
         end: 1,
         chunk: None,
         samples: 1,
         importance: None,
         aov: Vec::new(),
-        ..settings.clone()
+        ..preparation.settings().clone()
     };
-    let plan = Plan::new(scene, &settings);
-    let prepared = Preparation::new(scene, &settings, &plan).frame(0);
+    let plan = Plan::new(preparation.scene(), &settings);
+    let prepared = preparation.frame_0_of_size(settings.size);
     let radiance = shading(&settings, &plan).step(&prepared, LastThresholds::none()).radiance;
     exposure_for(&luminance_plane(&radiance))
 }

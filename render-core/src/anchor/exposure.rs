@@ -16,6 +16,7 @@ const ONE_IN: u64 = 8;
 
 /// Distribution of the lengths of cosine-distributed rays from a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Outlook {
     /// Fraction of light from beyond the range of the geometry term's bound s: mean of r² / (r² + s) over rays of
     /// length r.

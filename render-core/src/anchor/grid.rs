@@ -16,6 +16,7 @@ use walls::Walls;
 
 /// Grid over the bounding box of anchors or surfels. Cells are at least as wide as a kernel's radius.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Grid {
     points: Vec<Anchor>,
     /// Outlook from each point; empty if not measured.
@@ -35,6 +36,7 @@ pub(crate) struct Grid {
     /// Largest scale of any zone that contains points.
     largest_scale: f32,
     /// Index for [`Grid::nearest`], built on first use.
+    #[cfg_attr(feature = "serde", serde(skip))]
     boxes: OnceLock<Boxes>,
 }
 

@@ -47,6 +47,7 @@ const OUTLOOK_RAYS: u8 = 8;
 
 /// The surfels of a scene.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Surfels {
     /// Surfels of static surfaces.
     pub fixed: Arc<SurfelMap>,
@@ -57,6 +58,7 @@ pub(crate) struct Surfels {
 
 /// Surfels at a given time.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct SurfelMap {
     grid: Grid,
     owners: Vec<Owner>,
@@ -81,6 +83,7 @@ struct SurfelPoints<'a> {
 
 /// Anchor that emits the energy of a surfel.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Owner {
     anchor: Option<u32>,
     /// Factor on the surfel's energy.

@@ -30,6 +30,7 @@ const NARROW: f32 = 0.05;
 
 /// Zones around the cameras of a film. There is a single zone without cameras.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Zones {
     cameras: Arc<[Vec3A]>,
     /// Distance D within which surfaces are seen in detail \[m\].
@@ -48,6 +49,7 @@ pub struct ZoneSearch {
 
 /// Area represented by each point, by position.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Shares {
     /// A in zone 0 \[m²\].
     pub area: f32,

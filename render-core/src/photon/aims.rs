@@ -37,9 +37,11 @@ pub(super) struct Edge {
 
 /// Balls that photons aim at, in a k-d tree over the start points of edges.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Aims(Vec<AimNode>);
 
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum AimNode {
     /// Split at coordinate `at` along `axis`. The lower half is the next node; `upper` is the index of the upper half.
     Halves { axis: usize, at: f32, upper: u32 },

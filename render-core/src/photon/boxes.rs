@@ -23,11 +23,13 @@ const LEAST_GAIN: f32 = 0.04;
 
 /// Boxes that fill the four-dimensional unit cube.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Boxes {
     nodes: Vec<BoxNode>,
 }
 
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum BoxNode {
     /// Split at coordinate `at` along `axis`. The lower half has the fraction `low` of the weight, and is the first of
     /// the `children`.

@@ -39,6 +39,7 @@ const PARTS: usize = 8;
 
 /// Distribution of photon starts in a film. It is denser where light from the starts reaches the visible region.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Guide {
     /// I_ℓ / Σ I for each light of the [`PhotonSource`], or empty if no light was found.
     shares: Vec<f64>,

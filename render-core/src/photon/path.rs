@@ -65,6 +65,7 @@ impl Reflection {
 
 /// Start of a path segment, which determines the rest of the path. Many are stored, so the type is small.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Leg {
     index: u32,
     /// Number of preceding reflections.

@@ -44,6 +44,7 @@ impl Quantum {
 
 /// Flux of red, green and blue, in quanta.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Quanta([i64; 3]);
 
 impl Portable for Quanta {
@@ -73,6 +74,7 @@ impl Quanta {
 
 /// Flux of a set of photons.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Sums {
     /// Flux at the fixed and at the dynamic surfels, in the order of [`SurfelMap::splat_all`].
     held: [Vec<Quanta>; 2],

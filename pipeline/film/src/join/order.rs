@@ -6,7 +6,7 @@ use crate::settings::FrameRange;
 use serde_json::Value;
 
 /// Settings of a single part that change no bit of the stream: paths, and the part's range.
-const OF_ONE_PART: [&str; 8] = ["scene", "output", "range", "baked", "exr", "exr_depth", "aov", "y4m"];
+const OF_ONE_PART: [&str; 9] = ["scene", "output", "range", "baked", "light", "exr", "exr_depth", "aov", "y4m"];
 
 /// Checks `parts` in the order in which they will be joined.
 ///

@@ -9,7 +9,7 @@ impl Serialize for Settings {
         // Name every field, so that the compiler reports a new setting that is not listed.
         let Self { scene, output, range, aspect, render, coding, files } = self;
         let CodingSettings { aq, gop, bitrate, cbr, effort, mpeg1 } = coding;
-        let FileSettings { baked, png, exr, exr_depth, y4m, y4m_is_coded: _ } = files;
+        let FileSettings { baked, light, png, exr, exr_depth, y4m, y4m_is_coded: _ } = files;
         #[rustfmt::skip]
         let RenderSettings {
             frames, end: _, chunk, fps, rate: _, from, every, size, pixel_aspect: _, importance, importance_gain, tiles,
@@ -68,6 +68,7 @@ impl Serialize for Settings {
             motion,
             tone_map,
             auto_exposure,
+            light if light.is_some(),
             png if png.is_some(),
             exr,
             exr_depth if exr_depth.is_some(),

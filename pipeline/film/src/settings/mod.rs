@@ -78,6 +78,8 @@ pub struct CodingSettings {
 pub struct FileSettings {
     /// File of baked light, for [`Lighting::Baked`].
     pub baked: Option<PathBuf>,
+    /// File of the film's light, read if it exists, otherwise written.
+    pub light: Option<PathBuf>,
     /// Folder for frames as PNG files.
     pub png: Option<PathBuf>,
     /// Folder for frames as linear OpenEXR files.

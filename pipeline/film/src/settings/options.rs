@@ -57,6 +57,13 @@ pub struct Options {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<FrameRange>,
+    /// File of the film's light: read if it exists, otherwise made and written; it saves the start of each part
+    #[cfg_attr(
+        feature = "clap",
+        arg(long, value_name = "FILE", help_heading = "Parts of a film", hide_short_help = true)
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light: Option<PathBuf>,
     /// Frames per second: 23.976, 24, 25, 29.97, 30, 50, 59.94, 60, or a fraction such as 24000/1001; rates that
     /// divide one of these, such as 12 or 15, repeat frames [default: the scene's TOML file, else 25]
     #[cfg_attr(

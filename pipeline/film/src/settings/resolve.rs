@@ -146,6 +146,7 @@ impl Options {
     fn files(&self) -> FileSettings {
         FileSettings {
             baked: self.baked.clone(),
+            light: self.light.clone(),
             png: self.png.clone(),
             exr: self.exr.clone(),
             exr_depth: self.exr_depth,

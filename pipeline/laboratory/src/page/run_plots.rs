@@ -195,7 +195,8 @@ impl Columns {
 
 fn stages(frames: &[FrameReport]) -> Columns {
     // Choose neighboring colors that differ as much as possible.
-    let stages: [(&str, usize, Figure); 9] = [
+    let stages: [(&str, usize, Figure); 10] = [
+        ("anchors", 9, |f| f.figures.seconds.anchors),
         ("scene", 6, |f| f.figures.seconds.update),
         ("photons", 1, |f| f.figures.seconds.photons),
         ("light tree", 7, |f| f.figures.seconds.tree),

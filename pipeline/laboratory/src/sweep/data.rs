@@ -55,6 +55,7 @@ pub(super) fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
             ("tree_swaps_share", Some(run.tree_swaps_share)),
             ("cut_size_mean", Some(run.cut_size_mean)),
             ("shadow_rays", Some(run.shadow_rays)),
+            ("anchors_seconds", Some(seconds.anchors)),
             ("update_seconds", Some(seconds.update)),
             ("photons_seconds", Some(seconds.photons)),
             ("tree_seconds", Some(seconds.tree)),

@@ -43,7 +43,7 @@ pub fn cells(run: &MethodRun, lights: u32) -> [String; 15] {
         of_cuts(percent(run.threshold_mean_relative)),
         of_cuts(percent(run.tree_swaps_share)),
         of_cuts(percent(run.cut_size_mean / f64::from(lights.max(1)))),
-        of_cuts(time(s.photons + s.tree + s.update)),
+        of_cuts(time(s.anchors + s.photons + s.tree + s.update)),
         of_cuts(time(s.visibility)),
         of_cuts(time(s.direct)),
         of_cuts(time(s.indirect)),
@@ -101,7 +101,7 @@ impl Outcome {
     /// primary rays, which are equal in all films. Variation is half the range of the times, divided by their mean.
     pub fn timing_spread(&self) -> f64 {
         let films = self.runs.iter().filter(|run| run.lightcuts).map(|run| &run.seconds);
-        let same: Vec<f64> = films.map(|s| s.update + s.photons + s.tree + s.visibility).collect();
+        let same: Vec<f64> = films.map(|s| s.anchors + s.update + s.photons + s.tree + s.visibility).collect();
         let mean = same.iter().sum::<f64>() / same.len().max(1) as f64;
         let most = same.iter().copied().fold(0.0, f64::max);
         let least = same.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,29 +1,21 @@
 //! Checkpoint files.
-//!
-//! ```text
-//! "R2MC"  version (u32)  length of the body (u64)  CRC-32 of the body (u32)  body (bincode)     all little-endian
-//! ```
 
-use crate::error::{Context, Error, Result};
-use crate::output::Output;
-use crate::state::{decode_bytes, encode};
+use crate::error::{Error, Result};
+use crate::sealed::SealedFormat;
 use serde::{Deserialize, Serialize};
-use std::fs;
 use std::path::Path;
 
-const MAGIC: [u8; 4] = *b"R2MC";
-/// Version of the format, incremented with every change of the stored data.
-const VERSION: u32 = 16;
-const HEADER: usize = 20;
+const FORMAT: SealedFormat =
+    SealedFormat { magic: *b"R2MC", version: 16, name: "checkpoint", remedy: "restart without --resume" };
 
 /// Program, settings and inputs of a film. A run can resume the film only if all three are equal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Identity {
-    pub program: String,
+pub struct Identity {
+    pub(super) program: String,
     /// All settings, as JSON.
-    pub settings: String,
+    pub(super) settings: String,
     /// CRC-32 of all input files.
-    pub inputs: u32,
+    pub(super) inputs: u32,
 }
 
 /// State of a run after a frame.
@@ -38,6 +30,7 @@ pub(super) struct Stored {
 
 impl Identity {
     /// Returns the difference between the stored `self` and `wanted`; `None` if both are the same job.
+    #[must_use]
     pub fn difference(&self, wanted: &Self) -> Option<String> {
         if self.program != wanted.program {
             return Some(format!("it was written by {}, and this is {}", self.program, wanted.program));
@@ -67,39 +60,12 @@ fn shown(value: &serde_json::Value) -> String {
 impl Stored {
     /// Writes the checkpoint. The previous one is replaced only when the new one is complete.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let body = encode(self);
-        let mut header = Vec::with_capacity(HEADER);
-        header.extend(MAGIC);
-        header.extend(VERSION.to_le_bytes());
-        header.extend((body.len() as u64).to_le_bytes());
-        header.extend(crc32fast::hash(&body).to_le_bytes());
-        let mut file = Output::create(path)?;
-        file.write(&header)?;
-        file.write(&body)?;
-        file.finish()
+        FORMAT.write(path, self)
     }
 
-    // Reads and validates a checkpoint.
+    /// Reads and validates a checkpoint.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = fs::read(path).map_err(Error::file(path, "cannot be read"))?;
-        Self::from_bytes(&bytes).context(format!("{}: restart without --resume", path.display()))
-    }
-
-    fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let Some((header, body)) = bytes.split_at_checked(HEADER).filter(|(header, _)| header[..4] == MAGIC) else {
-            return Err(Error::Checkpoint("not a checkpoint".into()));
-        };
-        let number = |range: std::ops::Range<usize>| {
-            header[range].iter().rev().fold(0u64, |value, &byte| value << 8 | u64::from(byte))
-        };
-        if number(4..8) != u64::from(VERSION) {
-            let text = format!("checkpoint version {}, but this program reads version {VERSION}", number(4..8));
-            return Err(Error::Checkpoint(text));
-        }
-        if number(8..16) != body.len() as u64 || number(16..20) != u64::from(crc32fast::hash(body)) {
-            return Err(Error::Checkpoint("the checkpoint is truncated or damaged".into()));
-        }
-        let stored: Self = decode_bytes(body)?;
+        let stored: Self = FORMAT.read(path)?;
         if stored.states.len() != super::STAGES {
             return Err(Error::Checkpoint(format!("a checkpoint with {} states", stored.states.len())));
         }
@@ -110,6 +76,7 @@ impl Stored {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn every_changed_byte_and_every_cut_is_noticed() {
@@ -126,8 +93,8 @@ mod tests {
         for place in 0..bytes.len() {
             let mut changed = bytes.clone();
             changed[place] ^= 0x10;
-            assert!(Stored::from_bytes(&changed).is_err(), "byte {place}");
-            assert!(Stored::from_bytes(&bytes[..place]).is_err(), "cut at {place}");
+            assert!(FORMAT.from_bytes::<Stored>(&changed).is_err(), "byte {place}");
+            assert!(FORMAT.from_bytes::<Stored>(&bytes[..place]).is_err(), "cut at {place}");
         }
     }
 

@@ -10,6 +10,8 @@ pub struct FilmJob {
     identity: Identity,
     /// Index of the first frame after the film or range; `None` if unknown.
     end: Option<u32>,
+    /// Whether this process reads the light of the film from a file.
+    reads_light: bool,
 }
 
 impl FilmJob {
@@ -21,6 +23,7 @@ impl FilmJob {
             film: film.into(),
             identity: Identity { program: program.into(), settings: settings.into(), inputs },
             end: None,
+            reads_light: false,
         }
     }
 
@@ -36,12 +39,19 @@ impl FilmJob {
         Self { end, ..self }
     }
 
+    /// Returns the job, with whether this process reads the light of the film from a file. The ranks share the work of
+    /// making light, so that all or none must read it.
+    #[must_use]
+    pub fn reading_light(self, reads_light: bool) -> Self {
+        Self { reads_light, ..self }
+    }
+
     /// Returns the checksum of the data that all ranks of a film must have in common. Paths are excluded: ranks may
     /// read and write at different paths.
     #[must_use]
     pub fn sum(&self) -> u32 {
         let Identity { program, settings, inputs } = &self.identity;
-        crc32fast::hash(format!("{program} {settings} {inputs} {:?}", self.end).as_bytes())
+        crc32fast::hash(format!("{program} {settings} {inputs} {:?} {}", self.end, self.reads_light).as_bytes())
     }
 
     /// Returns whether both jobs make the same film, apart from its length.
@@ -56,7 +66,9 @@ impl FilmJob {
         self.end
     }
 
-    pub(super) fn identity(&self) -> &Identity {
+    /// Returns program, settings and inputs of the film.
+    #[must_use]
+    pub fn identity(&self) -> &Identity {
         &self.identity
     }
 }

@@ -16,6 +16,7 @@ mod job;
 use crate::error::{Error, Result};
 use crate::output::part_of;
 use crate::streams::is_stream;
+pub use file::Identity;
 use file::Stored;
 pub use job::FilmJob;
 use std::collections::BTreeMap;

@@ -5,8 +5,9 @@ use crate::print::{counted, rough_time, single_line};
 use crate::source::SceneSource;
 use anyhow::Result;
 use clap::Args;
+use render2mpeg::places::FilePlaces;
 use render2mpeg::settings::MemorySize;
-use render2mpeg::{Options, Settings, memory};
+use render2mpeg::{Options, Settings, make_light, memory};
 use std::process::ExitCode;
 
 /// Options of a plan.
@@ -34,6 +35,11 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     say!("time:   about {seconds:.2} CPU s per frame after the first; {frames} in about {}", rough_time(all));
     let (needed, size) = (MemorySize(memory::estimate(&scene, settings.render.size)), settings.render.size);
     say!("memory: about {needed} for {}x{} pixels", size.width, size.height);
+    if let Some(path) = &settings.files.light {
+        FilePlaces::of(&scene).writes("--light", Some(path)).check()?;
+        make_light(&scene, &settings, &plan, path)?;
+        say!("light:  {}, for all parts of the film", path.display());
+    }
     let exposure = match settings.render.auto_exposure {
         true => "set by the first frame; by the film's lit frames if that is dark or lamps move".to_owned(),
         false => format!("{}, as set", settings.render.tone_map.exposure),

@@ -46,6 +46,15 @@ const BAKED: &str = "all indirect light is baked";
 
 /// Rules of each stage, in the order of [`Stage::ALL`]. The first rule that applies decides.
 const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
+    (
+        Stage::Anchors,
+        &[
+            off(|f| !f.reflects, NO_REFLECTION),
+            off(|f| f.reflects_once(), ONE_REFLECTION),
+            off(|f| f.looks_all_up(), BAKED),
+            otherwise(State::Once, "anchors keep their positions in all frames"),
+        ],
+    ),
     (Stage::ObjectPlacing, &[on(|f| f.object_moves, "objects move"), otherwise(State::Once, "no object moves")]),
     (
         Stage::Photons,
@@ -209,7 +218,7 @@ pub(super) fn decisions(facts: &Facts<'_>) -> Vec<Decision> {
     let decide = |(stage, rules): &(Stage, &[Rule])| {
         let (state, reason) = rules.iter().find_map(|rule| rule.applied(facts)).expect("the last rule always applies");
         // Let the stage run for every frame if skipping is disabled: no result of the first frame is kept.
-        if state == State::Once && !facts.settings.leave_out {
+        if state == State::Once && *stage != Stage::Anchors && !facts.settings.leave_out {
             return Decision {
                 stage: *stage,
                 state: State::On,

@@ -6,6 +6,8 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Stage {
+    /// Placement of anchor lights on surfaces, with their surfels and the photon guide.
+    Anchors,
     /// Placement of objects, and construction of the ray tree's top level.
     ObjectPlacing,
     /// Photon tracing and the flux of the anchor lights.
@@ -42,7 +44,8 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, in the order of the plan.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
+        Self::Anchors,
         Self::ObjectPlacing,
         Self::Photons,
         Self::TreeUpdate,
@@ -65,6 +68,7 @@ impl Stage {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Anchors => "anchor lights",
             Self::ObjectPlacing => "object placement",
             Self::Photons => "photons",
             Self::TreeUpdate => "light tree update",

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 /// Kind of occluder between a point and its neighbors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) enum Doubt {
     /// No occluder.
     Nothing,
@@ -21,6 +22,7 @@ pub(super) enum Doubt {
 
 /// Lists of hidden points for the points of a grid.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Walls {
     doubts: Vec<Doubt>,
     /// First list entry of each point, followed by the total number of entries.

@@ -16,6 +16,7 @@ use std::sync::Arc;
 
 /// Surfels near the paths of moving geometry.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Movable {
     /// Indices of the surfels, ascending.
     surfels: Vec<u32>,
@@ -29,6 +30,7 @@ pub(super) struct Movable {
 
 /// Changes that moving geometry causes in one frame.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Moved {
     /// Changed surfels, ascending by index.
     pub(super) changes: Vec<Change>,
@@ -36,6 +38,7 @@ pub struct Moved {
 
 /// Change at a surfel near moving geometry.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Change {
     pub surfel: u32,
     pub owner: Owner,

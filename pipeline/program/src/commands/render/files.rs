@@ -29,6 +29,7 @@ impl Files {
     pub fn places(&self, read: FilePlaces, settings: &Settings) -> FilePlaces {
         let places = read
             .reads("--baked", settings.files.baked.as_deref())
+            .writes("--light", settings.files.light.as_deref())
             .writes("-o", Some(&settings.output))
             .writes("the checkpoint", Some(&path_for(&settings.output)))
             .writes("--report", self.report.as_deref())

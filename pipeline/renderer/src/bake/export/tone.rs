@@ -2,7 +2,7 @@
 
 use crate::settings::{Lighting, RenderSettings, Size};
 use crate::texels::BakedTexels;
-use crate::{Shading, exposure_of_first_frame};
+use crate::{Plan, Preparation, Shading, exposure_of_first_frame};
 use glam::Vec3;
 use perceptual::ToneMap;
 use pipeline::error::Result;
@@ -21,7 +21,9 @@ pub(super) fn tone_map(scene: &Scene, settings: &RenderSettings, baked: &Arc<Bak
     let tone_map = settings.tone_map;
     let size = Size { width: SIDE, height: SIDE };
     let renderer = RenderSettings { lighting: Lighting::Baked, size, ..settings.clone() };
-    let exposure = exposure_of_first_frame(scene, &renderer, |settings, plan| {
+    let plan = Plan::new(scene, &renderer);
+    let mut preparation = Preparation::new(scene, &renderer, &plan);
+    let exposure = exposure_of_first_frame(&mut preparation, |settings, plan| {
         Shading::new(settings, plan).with_baked(baked.clone())
     });
     Ok(tone_map.with_exposure(exposure))
