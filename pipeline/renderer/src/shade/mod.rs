@@ -232,9 +232,10 @@ impl Shading<'_> {
         let (plan, frame) = (self.plan, &prepared.frame);
         let mut figures = prepared.figures.clone();
 
-        // Reuse the light of a static view if possible: direct light has no thresholds, and cached light applies them
-        // only to new records.
-        let is_steady = plan.is_on(Stage::Cache) || plan.is_off(Stage::Indirect);
+        // Reuse the light of a static view if possible: direct and baked light have no thresholds, and cached light
+        // applies them only to new records.
+        let has_steady_layer = [Stage::Cache, Stage::BakedLight].into_iter().any(|stage| plan.is_on(stage));
+        let is_steady = has_steady_layer || plan.is_off(Stage::Indirect);
         let may_stay = plan.state(Stage::PrimaryRays) == State::Once && is_steady;
         let (lit, audits) = match self.still.take().filter(|still| still.is_of(frame)) {
             Some(still) => {
