@@ -123,6 +123,7 @@ impl Multiplexer {
             Container::Mp4 | Container::Matroska => 0,
             _ => schedule.start(),
         };
+        // Matroska has only display times, so reordering causes no delay.
         let reorder = u64::from(config.b_pictures > 0 && container != Container::Matroska);
         let pulldown = config.pulldown;
         let clock = Clock { frame_rate: (numerator.into(), denominator.into()), start, count: 0, reorder, pulldown };
@@ -135,6 +136,7 @@ impl Multiplexer {
             Container::Transport => Wrapper::Transport(transport::Writer::new(schedule, config)),
             Container::Mp4 => {
                 let description = Description::new(config);
+                // The edit list skips the time before the first displayed picture.
                 let begin = reorder * description.period();
                 Wrapper::Mp4(mp4::Writer::new(description, begin))
             }

@@ -67,6 +67,7 @@ impl Description {
 /// Returns the width and height of a sample, as a ratio.
 fn sample(config: &Config) -> (u32, u32) {
     let Some((wide, high)) = config.aspect.of_display() else { return (1, 1) };
+    // Divide the aspect ratio of the display by the ratio of the sample counts.
     let ratio = reduced((u64::from(wide) * config.height as u64, u64::from(high) * config.width as u64));
     (ratio.0 as u32, ratio.1 as u32)
 }
@@ -90,6 +91,7 @@ pub(super) fn sequence_header(picture: &StreamPicture) -> &[u8] {
 /// Reduces a ratio to lowest terms.
 pub(super) fn reduced(ratio: (u64, u64)) -> (u64, u64) {
     let (mut divisor, mut rest) = ratio;
+    // Find the greatest common divisor by Euclid's algorithm.
     while rest > 0 {
         (divisor, rest) = (rest, divisor % rest);
     }

@@ -120,6 +120,7 @@ impl Writer {
             Standard::Mpeg2 => b"V_MPEG2",
         };
         let (numerator, denominator) = self.description.frame_rate;
+        // Round the frame period to whole nanoseconds.
         let period = (1_000_000_000 * denominator + numerator / 2) / numerator;
         element(
             TRACK_ENTRY,
@@ -140,6 +141,7 @@ impl Writer {
     /// Returns the Video element (5.1.4.1.28).
     fn video(&self) -> Vec<u8> {
         let Description { width, height, coded, color, .. } = &self.description;
+        // MPEG-1 streams have no color description, so the element is omitted.
         let color = color.map_or(Vec::new(), |color| {
             element(
                 COLOR,
@@ -198,12 +200,12 @@ impl Writer {
 
     /// Returns the Cues element (5.1.5): positions of the clusters, each of which begins with an I picture.
     fn cues(&self) -> Vec<u8> {
-        let points = self.entries.iter().map(|entry| {
+        let mut points: Vec<u8> = Vec::new();
+        for entry in &self.entries {
             let position = element(CUE_TRACK_POSITIONS, &[&number(0xf7, TRACK), &number(0xf1, entry.place)]);
-            element(CUE_POINT, &[&number(0xb3, entry.time), &position])
-        });
-        let points: Vec<Vec<u8>> = points.collect();
-        if points.is_empty() { Vec::new() } else { element(CUES, &[&points.concat()]) }
+            points.extend(element(CUE_POINT, &[&number(0xb3, entry.time), &position]));
+        }
+        if points.is_empty() { Vec::new() } else { element(CUES, &[&points]) }
     }
 }
 

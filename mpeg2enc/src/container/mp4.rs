@@ -158,6 +158,7 @@ impl Writer {
         let shape = atom(b"pasp", &[&words(&[sample.0, sample.1])]);
         let color = color.map_or(Vec::new(), |color| {
             let codes = [color.primaries.code(), color.transfer.code(), color.matrix.code()];
+            // The box contains 16-bit codes.
             let codes = codes.map(|code| [0, code]).concat();
             atom(b"colr", &[b"nclx", &codes, &[0]]) // last bit: not full range
         });
@@ -205,6 +206,7 @@ impl Writer {
     /// Returns `moof` and `mdat` of the group (8.8.4, 8.1.1).
     fn fragment(&self) -> Vec<u8> {
         let size: u64 = self.group.iter().map(|picture| picture.data.len() as u64).sum();
+        // A size beyond 32 bits needs the long form of the header.
         let data_header = match u32::try_from(size + 8) {
             Ok(size) => [&words(&[size])[..], b"mdat"].concat(),
             Err(_) => [&words(&[1])[..], b"mdat", &(size + 16).to_be_bytes()].concat(),

@@ -42,6 +42,7 @@ impl Header {
         let flags = self.put_fields(&mut fields);
         let mut fields = fields.into_bytes();
         fields.resize(fields.len() + self.stuffing, 0xff); // stuffing_byte
+        // Count the bytes after the length field: flags, optional fields and data.
         let length = data.map_or(0, |data| 3 + fields.len() + data);
         let mut writer = BitWriter::default();
         writer.start_code(VIDEO_STREAM); // packet_start_code_prefix, stream_id
@@ -65,6 +66,7 @@ impl Header {
         let mut flags = 0;
         if let Some(Times { decoding, presentation }) = self.times {
             let (decoding, presentation) = (decoding / STAMP, presentation / STAMP);
+            // Omit the decoding time if it equals the presentation time.
             flags = if decoding == presentation { 0b10 } else { 0b11 };
             put_stamp(writer, flags, presentation); // PTS
             if decoding != presentation {

@@ -84,6 +84,7 @@ impl Schedule {
 
     /// Returns the time at which `bytes` fit in the buffer.
     pub fn wait(&mut self, bytes: u64) -> u64 {
+        // Remove decoded pictures, and wait for further removals until the bytes fit.
         while self.pictures.len() > 1 && (self.fullness + bytes > self.buffer || self.pictures[0].0 <= self.now()) {
             let (decoding, gone) = self.pictures.pop_front().expect("more than one");
             self.fullness -= gone;

@@ -13,6 +13,7 @@ pub(super) fn stated_rate(data: &[u8]) -> Option<(u32, u32)> {
     if !data.starts_with(&[0, 0, 1, SEQUENCE_HEADER_CODE]) {
         return None;
     }
+    // Read bit_rate_value and vbv_buffer_size_value at their fixed positions.
     let fields = data.get(8..12)?;
     let fields = u32::from_be_bytes([fields[0], fields[1], fields[2], fields[3]]);
     let (mut bit_rate, mut buffer) = (fields >> 14, fields >> 3 & 0x3ff);

@@ -78,6 +78,7 @@ impl Slots {
     }
 
     fn time(self, number: usize, byte: usize) -> u64 {
+        // In long streams the product exceeds 64 bits.
         (u128::from(CLOCK) * (number * PACKET + byte) as u128 / u128::from(self.bytes_per_second)) as u64
     }
 }
@@ -169,6 +170,7 @@ impl Writer {
 
     /// Writes packets without video until the video is `due`: clock references, and null packets at a constant rate.
     fn fill(&mut self, out: &mut Vec<u8>, due: u64) {
+        // At a constant rate, fill every slot until the video is due.
         if let Some(slots) = self.slots {
             loop {
                 let number = self.packets + out.len() / PACKET;
@@ -183,6 +185,7 @@ impl Writer {
                 }
             }
         }
+        // At a variable rate, divide long pauses evenly by clock references.
         while let Some(sent) = self.clock_sent
             && due > sent + CLOCK_INTERVAL_MOST
         {
@@ -210,12 +213,14 @@ impl Writer {
 
     /// Writes program_association_section() and TS_program_map_section() (2.4.4.3, 2.4.4.8).
     fn put_tables(&mut self, out: &mut Vec<u8>) {
+        // The program association table refers to the program map table.
         let mut association = BitWriter::default();
         association.put(PROGRAM, 16); // program_number
         association.put(0b111, 3); // reserved
         association.put(PMT_PID, 13); // program_map_PID
         put_section(out, PAT_PID, &mut self.counters[0], 0x00, &association.into_bytes());
 
+        // The program map table describes the video.
         let mut map = BitWriter::default();
         map.put(0b111, 3); // reserved
         map.put(VIDEO_PID, 13); // PCR_PID
@@ -259,6 +264,7 @@ fn put_section(out: &mut Vec<u8>, pid: u32, counter: &mut u32, table_id: u32, bo
     writer.put(0, 16); // section_number, last_section_number
     let mut section = writer.into_bytes();
     section.extend(body);
+    // The checksum covers the section, without pointer_field and stuffing.
     let check = crc_32(&section).to_be_bytes();
     let mut payload = vec![0]; // pointer_field: the section begins immediately
     payload.extend(section);
@@ -294,6 +300,7 @@ fn put_packet(
     writer.put(has_payload.into(), 1);
     writer.put(*counter, 4); // continuity_counter
     *counter = (*counter + 1) % 16;
+    // A length of 0 is an adaptation field of one byte, without flags.
     if field > 0 {
         writer.put(field as u32 - 1, 8); // adaptation_field_length
     }
@@ -304,6 +311,7 @@ fn put_packet(
         writer.put(adaptation.clock.is_some().into(), 1); // PCR_flag
         writer.put(0, 4); // OPCR, splicing_point, transport_private_data, adaptation_field_extension
     }
+    // Split the clock reference into a 90 kHz base and a 27 MHz extension.
     if let Some(clock) = adaptation.clock {
         let base = clock / 300;
         writer.put((base >> 1) as u32, 32); // program_clock_reference_base, 33 bits
@@ -311,6 +319,7 @@ fn put_packet(
         writer.put(0b11_1111, 6); // reserved
         writer.put((clock % 300) as u32, 9); // program_clock_reference_extension
     }
+    // Stuffing belongs to the adaptation field, so it precedes the payload.
     let start = out.len();
     out.extend(writer.into_bytes());
     out.resize(start + PACKET - taken, 0xff); // stuffing_byte
@@ -322,9 +331,15 @@ fn put_packet(
 /// `x³² + x²⁶ + x²³ + x²² + x¹⁶ + x¹² + x¹¹ + x¹⁰ + x⁸ + x⁷ + x⁵ + x⁴ + x² + x + 1`.
 fn crc_32(bytes: &[u8]) -> u32 {
     const POLYNOMIAL: u32 = 0x04c1_1db7;
-    bytes.iter().fold(u32::MAX, |crc, &byte| {
-        (0..8).fold(crc ^ u32::from(byte) << 24, |crc, _| crc << 1 ^ if crc >> 31 == 1 { POLYNOMIAL } else { 0 })
-    })
+    let mut crc = u32::MAX;
+    for &byte in bytes {
+        crc ^= u32::from(byte) << 24;
+        // Each step divides by the polynomial and keeps the remainder.
+        for _ in 0..8 {
+            crc = crc << 1 ^ if crc >> 31 == 1 { POLYNOMIAL } else { 0 };
+        }
+    }
+    crc
 }
 
 #[cfg(test)]
