@@ -102,6 +102,7 @@ impl Encoder {
             (CodingMode::Ahead(_), CodingMode::Ahead(ahead)) => ahead.check(self.config())?,
             _ => return Err(RestoreError::OtherSettings),
         }
+        // Adopt the state, and the level that the stream already contains.
         self.state = state;
         match &self.state.mode {
             CodingMode::Immediate(immediate) => immediate.restate(&mut self.coder.config),

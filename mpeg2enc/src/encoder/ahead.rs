@@ -99,8 +99,12 @@ impl Ahead {
         let mut upcoming = self.lookahead.upcoming(last, &spans);
 
         // An I picture borrows bits from later pictures. Assume that these resemble the waiting predicted ones.
-        let is_predicted = |picture: &&Upcoming| picture.picture_type != PictureType::I;
-        let predicted: Vec<Upcoming> = upcoming.iter().rev().filter(is_predicted).copied().collect();
+        let mut predicted: Vec<Upcoming> = Vec::new();
+        for &picture in upcoming.iter().rev() {
+            if picture.picture_type != PictureType::I {
+                predicted.push(picture);
+            }
+        }
         let missing = config.delay().saturating_sub(upcoming.len());
         upcoming.extend(predicted.iter().cycle().take(missing));
         if predicted.is_empty() {
@@ -166,6 +170,7 @@ impl Ahead {
         };
         let coded = self.code_within_rate(coder, anchor);
         packets.push(coded.packet);
+        // Replace the older of the two reference pictures.
         self.anchors.swap(0, 1);
         self.anchors[1] = coded.reference.map(|reconstruction| Anchor { index: span.anchor, reconstruction });
         // B pictures follow their anchor in the stream.
@@ -207,6 +212,7 @@ impl Ahead {
             // The quantiser of the settings may lie between sixteenths.
             let base_x256 = if base_x16 == wanted_x256 / 16 { wanted_x256 } else { 16 * base_x16 };
             let coded = self.code_picture(coder, &next, base_x256, vbv_delay);
+            // Compare the bits with their prediction, then correct the model.
             let bits = coded.packet.bits as i64 + header_bits;
             let surprise = bits - rate.predicted(upcoming[0], base_x16).bits();
             let is_surprise =
@@ -214,6 +220,7 @@ impl Ahead {
             let taken = rate.taken(bits, &coded.packet.statistics);
             rate.learn(upcoming[0], base_x16, taken);
             looks += 1;
+            // Code the picture again if the corrected model changes the quantiser.
             if is_surprise && looks < MOST_LOOKS || is_looked_at && looks == 1 {
                 let informed = rate.quantiser_x16(upcoming, Some((base_x16, taken)));
                 if informed.abs_diff(base_x16) * 16 > base_x16 {
@@ -221,6 +228,7 @@ impl Ahead {
                     continue;
                 }
             }
+            // A picture that would underflow the buffer is always coded again.
             match rate.coarser_after(base_x16, bits) {
                 Some(coarser) => base_x16 = coarser,
                 None => break coded,
@@ -271,12 +279,14 @@ impl Ahead {
         // A factor common to all macroblocks would round all of them to the same existing quantiser.
         let spreads = coder.config.has_mean_quantiser() && factors.iter().all(|&factor| factor == factors[0]);
         let q_scale_type = coder.q_scale_type();
-        let scale_x16 = |(i, factor): (usize, &u32)| {
-            let weight = self.lookahead.get(index).weights.as_ref().map_or(256, |weights| weights[i]);
+        let weights = self.lookahead.get(index).weights.as_ref();
+        let mut scales_x16 = Vec::with_capacity(factors.len());
+        for (i, factor) in factors.iter().enumerate() {
+            let weight = weights.map_or(256, |weights| weights[i]);
             let scale_x16 = (base_x256 * factor / 4096 * weight / 256).clamp(16, 112 * 16);
-            if spreads { spread_over_rows(q_scale_type, scale_x16, i / columns) } else { scale_x16 }
-        };
-        let scales_x16: Vec<u32> = factors.iter().enumerate().map(scale_x16).collect();
+            let row = i / columns;
+            scales_x16.push(if spreads { spread_over_rows(q_scale_type, scale_x16, row) } else { scale_x16 });
+        }
         // P pictures predict from the newest anchor, and B pictures from the last two anchors.
         let references = match picture_type {
             PictureType::I => [None, None],
@@ -310,6 +320,7 @@ impl Ahead {
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
         let (columns, rows) = config.macroblock_counts();
         self.lookahead.check(config)?;
+        // The look-ahead begins with the last anchor.
         let (first, end) = (self.lookahead.first(), self.lookahead.end());
         let last = self.last_anchor();
         ensure(last.unwrap_or(0) == first && (last.is_none() || first < end), "last anchor")?;

@@ -38,7 +38,7 @@ impl Immediate {
         let config = &coder.config;
         let (columns, rows) = config.macroblock_counts();
         let place_in_group = self.count % u64::from(config.gop);
-        // A new group starts without a reference picture.
+        // Pad the frame to whole macroblocks. A new group starts without a reference picture.
         let padded = (!is_whole(frame, columns, rows)).then(|| coder.whole(frame));
         let source = padded.as_deref().unwrap_or(frame);
         let reference = self.reference.take().filter(|_| place_in_group != 0);
@@ -46,7 +46,7 @@ impl Immediate {
             Some(field) => all_candidates(field, columns, rows),
             None => Vec::new(),
         };
-        // Macroblocks without usable motion are searched for, coarsely at first.
+        // Search for macroblocks without usable motion, coarsely at first.
         let quarters: Option<[Plane<u8>; 2]> = reference
             .as_ref()
             .filter(|_| motion.is_none() || candidates.iter().any(|candidates| candidates.is_uncovered))
@@ -76,6 +76,7 @@ impl Immediate {
                 quantiser_scale,
                 scales_x16: &scales_x16,
             });
+            // The first picture selects the level, whose buffer then bounds all pictures.
             let bits = coded.packet.bits + 8 * headers.len() as u64;
             self.bounds.begin(&mut coder.config, bits);
             let coarser = self.bounds.coarser(256 * quantiser_scale, bits);
@@ -86,11 +87,13 @@ impl Immediate {
         };
         // The first picture has now determined the level; headers have the same length at every level.
         let headers = if forward.is_none() { coder.group_headers(self.count, true) } else { Vec::new() };
+        // Restore the requested quantiser, but keep the selected level.
         settings.raised = coder.config.raised;
         coder.set_config(settings);
         let mut packet = coded.packet;
         packet.prepend(headers);
         self.bounds.take(packet.bits);
+        // Keep the reconstruction and the vectors for the prediction of the next picture.
         let [vectors, _] = coded.vectors;
         self.vectors = vectors;
         self.reference = coded.reference;

@@ -17,6 +17,7 @@ const BASE_MAX: u64 = 112 * 16 * 4096;
 pub(super) fn scales_x16(factors: &[u32], columns: usize, quantiser_scale: u32, q_scale_type: bool) -> Vec<u32> {
     let table = Table::new(q_scale_type);
     let counts = counts(factors, columns);
+    // The sum of logarithms grows with the base, so bisection finds the mean.
     let sum = |base: u64| {
         let of = |&((factor, row), count): &((u32, usize), u64)| {
             count * table.logarithms[table.scale_x16(base, factor, row) as usize / 16]
@@ -50,6 +51,7 @@ impl Table {
 
     /// Returns the scale of a macroblock in this row, in sixteenths.
     fn scale_x16(&self, base: u64, factor: u32, row: usize) -> u32 {
+        // Convert the product of 4096ths and 256ths to sixteenths.
         let wanted = (base * u64::from(factor) / 65_536) as u32;
         let place = (wanted.saturating_sub(self.finest_x16) as usize).min(self.neighbors.len() - 1);
         one_of(self.neighbors[place], self.finest_x16 + place as u32, row)
@@ -78,12 +80,14 @@ fn logarithm(scale: u32) -> u64 {
     let whole = scale.ilog2();
     // `rest` is in [1, 2), in units of 2⁻³¹. Each squaring yields one more bit.
     let mut rest = u64::from(scale) << (31 - whole);
-    (0..16).fold(u64::from(whole), |bits, _| {
+    let mut bits = u64::from(whole);
+    for _ in 0..16 {
         rest = (rest * rest) >> 31;
         let bit = rest >> 32;
         rest >>= bit;
-        2 * bits + bit
-    })
+        bits = 2 * bits + bit;
+    }
+    bits
 }
 
 #[cfg(test)]
