@@ -158,6 +158,7 @@ impl Lookahead {
     pub fn candidates(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
         let step = delta.signum();
         let neighbor = away(index, step);
+        // Use given motion, or reverse the measured vectors of the next frame.
         let near = match self.is_known(index, step) {
             Some(known) => known.clone(),
             None if step > 0 => self.reversed(neighbor),
@@ -170,18 +171,17 @@ impl Lookahead {
         let (first, rest) = (self.matches(index, step), self.matches(neighbor, delta - step));
         let columns = self.columns();
         let rows = rest.len() / columns;
-        near.iter()
-            .enumerate()
-            .map(|(i, near)| {
-                let mut out = Candidates::NONE;
-                let found = full_size(first[i].vector);
-                for &vector in [found].iter().chain(near.vectors()) {
-                    let onward = full_size(rest[landing(i, vector, columns, rows)].vector);
-                    out.add(vector.offset(onward.x, onward.y));
-                }
-                out
-            })
-            .collect()
+        let mut candidates = Vec::with_capacity(near.len());
+        for (i, near) in near.iter().enumerate() {
+            let mut out = Candidates::NONE;
+            let found = full_size(first[i].vector);
+            for &vector in [found].iter().chain(near.vectors()) {
+                let onward = full_size(rest[landing(i, vector, columns, rows)].vector);
+                out.add(vector.offset(onward.x, onward.y));
+            }
+            candidates.push(out);
+        }
+        candidates.into()
     }
 
     /// Returns the vectors from the previous frame of `later` to `later` itself. They are the negated vectors of `later`,
@@ -215,6 +215,7 @@ impl Lookahead {
             return matches.clone();
         }
         let candidates = self.candidates(index, delta);
+        // Motion usually continues, so the vectors of the previous frame are candidates too.
         let before =
             (delta == -1 && index > self.first).then(|| self.get(index - 1).matches.get(&-1).cloned()).flatten();
         let frame = self.get(index);
@@ -266,6 +267,7 @@ impl Lookahead {
                     self.transformed,
                 );
                 let best = both.min(f.cost).min(b.cost);
+                // Ties prefer the mean, then forward prediction.
                 let shares = if best == both {
                     [1, 1]
                 } else if best == f.cost {
@@ -284,6 +286,7 @@ impl Lookahead {
     fn chained(&mut self, index: usize, delta: isize) -> Option<Arc<[Candidates]>> {
         let step = delta.signum();
         let neighbor = away(index, step);
+        // Without given motion in either direction, a measured chain is needed.
         let near = match self.is_known(index, step) {
             Some(known) => known.clone(),
             None if step > 0 && self.is_known(neighbor, -1).is_some() => self.reversed(neighbor),
@@ -296,7 +299,8 @@ impl Lookahead {
         // Continue each vector from the macroblock where it ends.
         let columns = self.columns();
         let rows = rest.len() / columns;
-        let chained = near.iter().enumerate().map(|(i, near)| {
+        let mut chained = Vec::with_capacity(near.len());
+        for (i, near) in near.iter().enumerate() {
             let mut out = Candidates::NONE;
             out.one_motion = near.one_motion;
             for &vector in near.vectors() {
@@ -306,13 +310,14 @@ impl Lookahead {
                     out.add(vector.offset(further.x, further.y));
                 }
             }
-            out
-        });
-        Some(chained.collect())
+            chained.push(out);
+        }
+        Some(chained.into())
     }
 
     /// Returns the starting vectors for the final search towards the frame at distance `delta`.
     pub fn for_coding(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
+        // For quick searches, given motion needs no measurements.
         if self.quick
             && let Some(chained) = self.chained(index, delta)
         {
@@ -329,6 +334,7 @@ impl Lookahead {
                 if out.one_motion {
                     return out;
                 }
+                // Motion borders may cross the macroblock, so try the vectors of its four neighbors.
                 let left = (i % columns > 0).then(|| i - 1);
                 let right = (i % columns + 1 < columns).then_some(i + 1);
                 for neighbor in [left, right, i.checked_sub(columns), Some(i + columns)].into_iter().flatten() {

@@ -21,6 +21,7 @@ impl Lookahead {
     /// Plans the spans of all frames after the last anchor, at display index `last`.
     pub fn plan(&mut self, config: &Config, last: Option<usize>) -> Vec<Span> {
         let end = self.end();
+        // The film begins with an I picture.
         let Some(anchor) = last else {
             let first = Span { anchor: 0, is_intra: true, b_pictures: 0 };
             let mut spans = vec![first];
@@ -30,15 +31,16 @@ impl Lookahead {
             return spans;
         };
         let count = end - anchor - 1;
-        // Whether a frame must be an I picture, by distance from `anchor`, which is coded already.
+        // Mark the frames that must be I pictures, by distance from `anchor`, which is coded already.
         let is_intra: Vec<bool> = (anchor..end).map(|index| index > anchor && self.get(index).begins_group).collect();
-        // Least cost of all frames up to a later anchor, and the number of B pictures before that anchor, by distance from
-        // `anchor`.
+        // Find the least cost of all frames up to each later anchor, and the number of B pictures before that anchor, by
+        // distance from `anchor`.
         let mut best = vec![(0u64, 0usize); count + 1];
         for j in 1..=count {
             best[j].0 = u64::MAX;
             for b in 0..=(config.b_pictures as usize).min(j - 1) {
                 let from = j - b - 1;
+                // B pictures must not span an I picture, nor precede one in a closed group.
                 let crosses = (from + 1..j).any(|k| is_intra[k]);
                 if crosses || best[from].0 == u64::MAX || is_intra[j] && config.closed_gop && b > 0 {
                     continue;
@@ -89,6 +91,7 @@ impl Lookahead {
             None => intra.iter().map(|&cost| u64::from(cost)).sum(),
             Some(from) => {
                 let matches = self.matches(span.anchor, distance(span.anchor, from));
+                // Each macroblock uses the cheaper of prediction and intra coding.
                 matches.iter().zip(intra.iter()).map(|(m, &intra)| u64::from(m.cost.min(intra))).sum()
             }
         }

@@ -7,7 +7,7 @@ use crate::{
     vector::Range,
 };
 
-/// Fraction of the intra cost in quarters. A cost above it, predicted from the previous frame, means a shot change.
+/// Cost of prediction from the previous frame above which a shot change is detected, in quarters of the intra cost.
 const SCENE_CUT_QUARTERS: u64 = 3;
 /// Step between measured macroblocks for quick measurements with given motion. 7 has no common factor with usual widths in
 /// macroblocks (32 or 45, for example), so the samples form diagonals.
@@ -40,10 +40,12 @@ impl Lookahead {
             let block: [[u8; 16]; 16] = std::array::from_fn(|y| {
                 source.row(16 * row + y)[16 * column..][..16].try_into().expect("a macroblock is inside the picture")
             });
+            // Vectors of a motion field may leave the picture, so clamp them.
             let range = Range::new(reference, column, row, super::block_search::REACH);
             let vector = range.clamp(known[i].vectors().first().copied().unwrap_or_default());
             let place = place_of(reference, 32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
             let here = ReferenceBlock::whole(block.as_flattened(), 16);
+            // Estimate the intra cost by the differences from the mean.
             let sum: u32 = block.as_flattened().iter().map(|&sample| u32::from(sample)).sum();
             let mean = ((sum + 128) / 256) as u8;
             let intra: u32 = block.as_flattened().iter().map(|&sample| u32::from(sample.abs_diff(mean))).sum();

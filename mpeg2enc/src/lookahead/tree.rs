@@ -98,6 +98,7 @@ fn pass(amounts: &mut [u64], columns: usize, block: usize, vector: HalfSample, a
 
 /// Returns the factor of quantiser_scale, in 256ths.
 fn factor(inherited: u64, intra: u64) -> u32 {
+    // The root of 1 + inherited / intra is at least 1, so the factor is at most 1.
     let root_256ths = (65536 * (intra + inherited) / intra).isqrt();
     let factor = 256 * 256 * 256 / (256 * 256 + STRENGTH_256THS * (root_256ths - 256));
     factor.max(FACTOR_MIN_256THS) as u32

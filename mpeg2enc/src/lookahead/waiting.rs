@@ -57,6 +57,7 @@ impl Waiting {
             weights.is_none_or(|weights| weights.len() == count && weights.iter().all(weights::is_plausible)),
             "weights",
         )?;
+        // Reject vectors and costs that no measurement produces.
         let plausible = |found: &Match| found.vector.is_plausible() && found.cost <= COST_MAX;
         let matches = |matches: &Arc<[Match]>| matches.len() == count && matches.iter().all(plausible);
         ensure(self.matches.values().all(matches), "vectors between waiting frames")?;

@@ -21,14 +21,16 @@ const GIVEN: (u32, u32) = (16, 4096);
 /// Returns the factors of quantiser_scale, in 256ths, of all macroblocks of a picture in raster order.
 pub(crate) fn by_activity(luma: &Plane<u8>) -> Vec<u32> {
     let (columns, rows) = (luma.width() / 16, luma.height() / 16);
-    let logarithms: Vec<i64> = (0..columns * rows)
-        .map(|i| {
-            let blocks = [(0, 0), (1, 0), (0, 1), (1, 1)];
-            let energy: u64 =
-                blocks.iter().map(|(x, y)| variance(luma.block(2 * (i % columns) + x, 2 * (i / columns) + y))).sum();
-            logarithm(energy + FLOOR)
-        })
-        .collect();
+    let mut logarithms: Vec<i64> = Vec::with_capacity(columns * rows);
+    for i in 0..columns * rows {
+        let (left, top) = (2 * (i % columns), 2 * (i / columns));
+        let mut energy = 0u64;
+        for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            energy += variance(luma.block(left + x, top + y));
+        }
+        logarithms.push(logarithm(energy + FLOOR));
+    }
+    // The mean of the logarithms is the logarithm of the geometric mean.
     let mean = logarithms.iter().sum::<i64>() / logarithms.len().max(1) as i64;
     logarithms.iter().map(|l| power((l - mean) * STRENGTH_256THS / 256).clamp(FACTORS.0, FACTORS.1)).collect()
 }
