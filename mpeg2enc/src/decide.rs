@@ -178,6 +178,7 @@ impl Predictions {
         self.predict(decision, mode, index);
         self.errors[index] = squared_errors(decision.source, &self.samples[index]);
         let error = self.errors[index].iter().sum();
+        // Keep the predictions sorted by error.
         let place = self.order.partition_point(|entry| entry.1 <= error);
         self.order.insert(place, (mode, error, index));
     }
@@ -260,11 +261,13 @@ impl Decision<'_> {
     /// Adds predictions from the given vectors, and from cheaper vectors near them.
     fn consider_vectors(&self, [forward, backward]: [HalfSample; 2], predictions: &mut Predictions) {
         let [forward_prediction, backward_prediction] = self.state.motion_prediction;
+        // A cheaper vector matches about as well only if it is close.
         let near = |a: HalfSample, b: HalfSample| (a.x - b.x).abs().max((a.y - b.y).abs()) <= 2;
         match self.slice.picture_type {
             PictureType::I => {}
             PictureType::P => {
                 predictions.consider(self, Mode::Forward(forward));
+                // The zero vector and the predicted vector take the fewest bits.
                 if self.tools.predicts_more {
                     predictions.consider(self, Mode::STILL);
                     if near(forward, forward_prediction) {
@@ -276,6 +279,7 @@ impl Decision<'_> {
                 predictions.consider(self, Mode::Forward(forward));
                 predictions.consider(self, Mode::Backward(backward));
                 predictions.consider(self, Mode::Both(forward, backward));
+                // The predicted vectors take the fewest bits.
                 if self.tools.predicts_more {
                     if near(forward, forward_prediction) {
                         predictions.consider(self, Mode::Forward(forward_prediction));
@@ -331,14 +335,15 @@ impl Decision<'_> {
     }
 
     fn is_allowed(&self, mode: Mode) -> bool {
-        mode.vectors().into_iter().enumerate().all(|(s, vector)| {
-            vector.is_none_or(|vector| {
-                self.references[s].is_some_and(|reference| {
-                    let f_code = self.slice.f_code[s];
-                    Range::new(reference.luma(), self.column, self.row, f_code).contains(vector)
-                })
-            })
-        })
+        for (s, vector) in mode.vectors().into_iter().enumerate() {
+            let Some(vector) = vector else { continue };
+            let Some(reference) = self.references[s] else { return false };
+            let range = Range::new(reference.luma(), self.column, self.row, self.slice.f_code[s]);
+            if !range.contains(vector) {
+                return false;
+            }
+        }
+        true
     }
 
     /// Returns the squared error of the blocks from their means, which estimates the cost of intra coding.
@@ -363,6 +368,7 @@ impl Decision<'_> {
             let error = predictions.errors[index][i];
             let energy = in_coefficients(error);
             trial.energies[i] = energy;
+            // Transform a block only if its levels can be worth their bits.
             trial.is_transformed[i] = !quantiser.leaves_nothing(error, self.tools.worth_a_transform_quarters);
             let block = &mut trial.macroblock.blocks[i];
             if trial.is_transformed[i] {
@@ -421,6 +427,7 @@ impl Decision<'_> {
         if current != self.quantiser && current.abs_diff(self.quantiser) <= 2 {
             is_cheaper(current);
         }
+        // Step away from the requested quantiser in both directions while the cost decreases.
         for direction in [-1i8, 1] {
             for step in 1..=3 {
                 let code = self.quantiser.checked_add_signed(direction * step);

@@ -76,10 +76,12 @@ impl Estimate<'_> {
         {
             return search.around(given, poor);
         }
+        // Stop at a perfect match of the zero vector, as in static areas.
         search.try_vector(HalfSample::ZERO);
         if search.best_error == 0 {
             return HalfSample::ZERO;
         }
+        // Start the search from the best of the neighbor and the given vectors.
         search.try_vector(left);
         for &vector in candidates.vectors() {
             search.try_vector(vector);
@@ -108,6 +110,7 @@ impl Estimate<'_> {
                 search.descend();
             }
         }
+        // Refine the vector to half samples, with more trials at best effort.
         if self.effort == Effort::Best {
             // Search even around given vectors, because a motion field may be wrong.
             search.transform_differences();

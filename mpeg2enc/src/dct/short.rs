@@ -41,6 +41,7 @@ impl Kernel for ShortInverse<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> bool {
         let (coefficients, _) = self.coefficients.as_chunks::<LANES>();
+        // Sum the magnitudes, because they bound the error of the floating-point passes.
         let (mut rows, mut magnitudes) = ([lanes.splat(0.0); LANES], lanes.splat_i(0));
         for (row, coefficients) in rows.iter_mut().zip(coefficients) {
             let coefficients = lanes.load_i(coefficients);
@@ -63,6 +64,7 @@ impl Kernel for ShortInverse<'_> {
         let (out, _) = self.out.as_chunks_mut::<{ 4 * LANES }>();
         let [a, b, c, d, e, f, g, h] = sums;
         (out[0], out[1]) = (lanes.to_u8([a, b, c, d]), lanes.to_u8([e, f, g, h]));
+        // Accept the result if no value is close to a rounding boundary.
         let bound = lanes.splat(certain(lanes.sum_i(magnitudes)));
         lanes.bits(lanes.lt(farthest, bound)) == 0xff
     }
@@ -81,6 +83,7 @@ fn inverse_1d<L: Lanes>(lanes: L, c: [L::F; LANES]) -> [L::F; LANES] {
             lanes.mul(cosine[$k], $x)
         };
     }
+    // Even frequencies are symmetric in the samples, odd frequencies antisymmetric.
     let (p, m) = (times!(4, lanes.add(c[0], c[4])), times!(4, lanes.sub(c[0], c[4])));
     let q = lanes.add(times!(2, c[2]), times!(6, c[6]));
     let r = lanes.sub(times!(6, c[2]), times!(2, c[6]));
@@ -91,6 +94,7 @@ fn inverse_1d<L: Lanes>(lanes: L, c: [L::F; LANES]) -> [L::F; LANES] {
         lanes.add(lanes.sub(times!(5, c[1]), times!(1, c[3])), lanes.add(times!(7, c[5]), times!(3, c[7]))),
         lanes.add(lanes.sub(times!(7, c[1]), times!(5, c[3])), lanes.sub(times!(3, c[5]), times!(1, c[7]))),
     ];
+    // Mirrored samples are the sum and the difference of both halves.
     let mut out = c;
     for k in 0..LANES / 2 {
         out[k] = lanes.add(e[k], o[k]);

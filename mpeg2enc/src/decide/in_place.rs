@@ -128,6 +128,7 @@ impl InPlace<'_> {
         if in_coefficients(error) <= allowed {
             error += self.predict_chroma(still, 0, &mut cb, 8) + self.predict_chroma(still, 1, &mut cr, 8);
         }
+        // Write the output only if the whole macroblock is good enough.
         let stays = in_coefficients(error) <= allowed;
         if stays {
             let width = self.source.width();

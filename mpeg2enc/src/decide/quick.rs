@@ -42,6 +42,7 @@ impl Decision<'_> {
                 work.predictions.consider(self, Mode::Both(forward, backward));
             }
         }
+        // Leave poor predictions to the full decision, which also tries intra coding.
         let Some(&(mode, error, index)) = work.predictions.order.first() else { return false };
         if in_coefficients(error) > INTRA_BITS * self.lambda && self.tools.may_be_intra(error, self.activity()) {
             return false;

@@ -44,6 +44,7 @@ impl Kernel for Divide<'_> {
             let products = lanes.mul_i(lanes.abs_i(lanes.load_i(values)), lanes.load_u32(reciprocals));
             let levels = lanes.shift_right_i(lanes.add_i(products, zero), self.shift);
             *out = lanes.store_u32(levels);
+            // Collect one bit per non-zero level.
             nonzero |= u64::from(!lanes.bits(lanes.eq_i(levels, empty)) as u8) << (8 * i);
         }
         nonzero

@@ -71,7 +71,7 @@ impl<const W: usize, S: Samples> BlockWork<W, W> for Copied<'_, W, S> {
                 let [a, b] = self.source.group::<S>(i).squared(predicted);
                 (left, right) = (left.plus(a), right.plus(b));
             }
-            // In 8-sample rows, `left` and `right` hold alternate rows, so add them.
+            // In 8-sample rows, `left` and `right` contain alternate rows, so add them.
             (sums[2 * strip], sums[2 * strip + 1]) = if W == 16 { (left, right) } else { (left.plus(right), zero) };
         }
         Sum::totals(sums)

@@ -93,6 +93,7 @@ fn hadamard_sum<W: Differences>(mut rows: [W; 8]) -> u32 {
 #[inline(always)]
 fn butterflies<W: Differences, const DISTANCE: usize>(rows: &mut [W; 8]) {
     for k in 0..4 {
+        // Row i is the first row of pair k; the second row follows at DISTANCE.
         let i = k / DISTANCE * 2 * DISTANCE + k % DISTANCE;
         (rows[i], rows[i + DISTANCE]) = (rows[i].plus(rows[i + DISTANCE]), rows[i].minus(rows[i + DISTANCE]));
     }

@@ -23,6 +23,7 @@ impl CoarseSearch<'_> {
         if width < window || height < window {
             return HalfSample::ZERO;
         }
+        // Center the window on the macroblock, and keep it inside the picture.
         let x = (4 * column as i32 - 2).clamp(0, width - window);
         let y = (4 * row as i32 - 2).clamp(0, height - window);
         let place = |x: i32, y: i32| place_of(self.reference, 2 * x, 2 * y);
@@ -45,8 +46,12 @@ impl CoarseSearch<'_> {
 /// Averages 4×4 samples.
 pub(crate) fn quarter(plane: &Plane<u8>) -> Plane<u8> {
     Plane::from_fn(plane.width() / 4, plane.height() / 4, |x, y| {
-        let sum: u32 =
-            (0..4).flat_map(|i| plane.row(4 * y + i)[4 * x..4 * x + 4].iter()).map(|&sample| u32::from(sample)).sum();
+        let mut sum = 0u32;
+        for i in 0..4 {
+            for &sample in &plane.row(4 * y + i)[4 * x..4 * x + 4] {
+                sum += u32::from(sample);
+            }
+        }
         ((sum + 8) / 16) as u8
     })
 }

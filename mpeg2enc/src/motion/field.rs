@@ -1,4 +1,4 @@
-//! Motion given per pixel.
+//! Candidate vectors from a motion field with one vector per pixel.
 
 use crate::vector::HalfSample;
 use plane::{Correspondence, NO_MATCH};
@@ -112,6 +112,7 @@ fn several(known: &Correspondence, left: usize, top: usize) -> Candidates {
     let counts = &mut counts[..distinct];
     counts.sort_unstable_by_key(|&(vector, count)| (std::cmp::Reverse(count), vector));
     let mut out = Candidates { is_uncovered: unknown > 0, ..Candidates::NONE };
+    // Put the mean first, because a quick search of uniform motion uses the first vector.
     if count > 0 {
         let mean = mean_of(sum, count);
         out.add(mean);

@@ -151,6 +151,7 @@ impl<'a, const N: usize> Search<'a, N> {
     pub fn try_around(&mut self, steps: [(i32, i32); 4]) -> bool {
         let center = self.best;
         let vectors = steps.map(|(x, y)| center.offset(x, y));
+        // Near the border, or with transformed differences, test the vectors one by one.
         if self.transformed || !self.range.contains_around(center, FARTHEST_STEP) {
             for vector in vectors {
                 if self.range.contains(vector) {
@@ -159,6 +160,7 @@ impl<'a, const N: usize> Search<'a, N> {
             }
             return self.best != center;
         }
+        // Read the source once for all four plain differences.
         let errors = kernel::absolute_differences::<N>(self.source, vectors.map(|vector| self.place(vector)));
         for (vector, error) in vectors.into_iter().zip(errors) {
             let cost = error + self.price_of(vector);
