@@ -43,6 +43,7 @@ impl Bounds {
         if bits <= left || u64::from(scale_x256) >= COARSEST_X256 {
             return None;
         }
+        // Leave a sixteenth of the available bits as a margin.
         let scaled = u64::from(scale_x256) * bits / (left * 15 / 16).max(1);
         Some(scaled.clamp(u64::from(scale_x256) + 256, COARSEST_X256) as u32)
     }
@@ -56,6 +57,7 @@ impl Bounds {
 
     /// Checks that these limits belong to a stream with these settings. `has_pictures` is true if pictures were coded.
     pub fn check(&self, config: &Config, has_pictures: bool) -> Result<(), RestoreError> {
+        // Restore the level first, because the buffer depends on it.
         let mut stated = config.clone();
         self.restate(&mut stated);
         let is_bounded = has_pictures && config.rate == Rate::ConstantQuantiser;

@@ -248,6 +248,7 @@ impl RateControl {
 
     /// Returns a coarser quantiser if a picture of `bits` does not fit; `None` if it fits or no coarser one exists.
     pub fn coarser_after(&self, quantiser_x16: u32, bits: i64) -> Option<u32> {
+        // Leave a sixteenth of the available bits as a margin.
         let room = (self.buffer.bits() * 15 / 16).max(1);
         (bits > self.buffer.bits() && quantiser_x16 < COARSEST_X16).then(|| {
             let scaled = i64::from(quantiser_x16) * bits / room;

@@ -59,6 +59,7 @@ impl Buffer {
 
     /// Returns vbv_delay of the next picture, if headers up to its picture_start_code take `ahead` bits (6.3.9).
     pub fn delay(&self, ahead: i64) -> u32 {
+        // Stay below 0xffff, which codes a variable rate.
         ((self.bits() - ahead).max(0) * 90_000 / self.bit_rate).min(0xfffe) as u32
     }
 
@@ -68,6 +69,7 @@ impl Buffer {
             return 0;
         }
         let after = self.fullness + self.filling() - self.size * self.frame_rate.0;
+        // Round up to whole bits.
         (after + self.frame_rate.0 - 1).div_euclid(self.frame_rate.0).max(0)
     }
 

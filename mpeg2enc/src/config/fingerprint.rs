@@ -6,6 +6,7 @@ use std::hash::{Hash, Hasher};
 impl Config {
     /// Returns a hash of all settings except the quantiser.
     pub(crate) fn fingerprint(&self) -> u64 {
+        // Start from the offset basis of 64-bit FNV.
         let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
         Self { quantiser_scale: 0, mean_quantiser_x256: None, raised: None, ..self.clone() }.hash(&mut hash);
         hash.finish()

@@ -59,6 +59,7 @@ impl Config {
         let lowest = self.level();
         let mut above = LEVELS.into_iter().filter(|level| *level > lowest);
         if self.level.is_none() && !holds(&lowest) {
+            // If no level suffices, use the highest one.
             self.raised = above.clone().find(holds).or(above.next_back());
         }
     }

@@ -102,8 +102,10 @@ impl Passes {
             [a, b, ..] => (excess(&a) - excess(&b)) / (a.quantiser_scale / b.quantiser_scale).ln(),
             _ => -1.0,
         };
+        // Replace a slope that is too flat to be plausible.
         let slope = if slope < -0.2 { slope } else { -1.0 };
         let next = nearest[0].quantiser_scale * (-excess(&nearest[0]) / slope).exp();
+        // Bisect the interval in logarithms if the line leaves it.
         match (low, high) {
             (Some(low), Some(high)) if next <= low || high <= next => (low * high).sqrt(),
             _ => next.clamp(1.0, 112.0),
