@@ -112,6 +112,7 @@ impl CodedPacket {
     pub fn fill_to(&mut self, bits: i64) {
         let missing = (bits - self.packet.bits as i64).max(0) as u64;
         if missing > 0 {
+            // Insert user data, which may follow only the picture header.
             let filling = header::filling(missing.div_ceil(8) as usize);
             self.packet.data.splice(self.header_bytes..self.header_bytes, filling);
             self.packet.bits = 8 * self.packet.data.len() as u64;
@@ -175,6 +176,7 @@ impl Coder {
             })
         };
         let vectors = [find(&job.directions[0]), find(&job.directions[1])];
+        // Choose the smallest f_code that suffices, because larger ones lengthen the codes of vectors.
         let reach = |vectors: &[HalfSample]| {
             let [x, y] = [f_code(vectors.iter().map(|v| v.x)), f_code(vectors.iter().map(|v| v.y))];
             match standard {
@@ -184,6 +186,7 @@ impl Coder {
         };
         let references: References =
             [&job.directions[0], &job.directions[1]].map(|direction| direction.as_ref().map(|d| d.reference));
+        // Count from the start of the film, so that pulldown continues across chunks.
         let number = self.config.first_number + job.display_index;
         let header = PictureHeader {
             picture_type: job.picture_type,
@@ -207,6 +210,7 @@ impl Coder {
         let (width, height) = (job.source.width(), job.source.height());
         let (whole, coded) = self.pool.filled(width, height, |out| picture.code(out));
 
+        // Measure the header, because padding is inserted after it.
         let mut writer = BitWriter::default();
         header::put_picture_header(&mut writer, &header);
         let header = writer.into_bytes();
@@ -278,6 +282,7 @@ impl Packet {
     /// represents horizontal frequency u and vertical frequency v. A set bit means a non-zero level, or the DC of an intra block.
     pub fn luma_levels(&self) -> Plane<u64> {
         let scan = if self.alternate_scan { &ALTERNATE } else { &ZIGZAG };
+        // Convert positions in transmission order to raster positions.
         let raster = |set| places(set).fold(0, |raster, place| raster | 1 << scan[place]);
         let (width, height) = (2 * self.levels.width(), 2 * self.levels.height());
         Plane::from_fn(width, height, |x, y| raster(self.levels.get(x / 2, y / 2)[2 * (y % 2) + x % 2]))

@@ -82,6 +82,7 @@ impl ElementaryStream {
             if !is_boundary.contains(&code) {
                 continue;
             }
+            // Every boundary ends the current picture.
             if has_picture {
                 stream.close(&bytes[begin..at]);
                 (begin, has_picture) = (at, false);
@@ -107,6 +108,7 @@ impl ElementaryStream {
                     (has_picture, shown) = (true, shown + 1);
                 }
                 _ => {
+                    // No bytes may follow sequence_end_code.
                     if at + 4 != bytes.len() {
                         return Err(StreamError::AfterEnd { at });
                     }
@@ -114,6 +116,7 @@ impl ElementaryStream {
                 }
             }
         }
+        // A truncated stream ends within its last picture.
         if has_picture {
             stream.close(&bytes[begin..end]);
         }
@@ -149,6 +152,7 @@ fn start_codes(bytes: &[u8]) -> Vec<(usize, u8)> {
                 codes.push((at, bytes[at + 3]));
                 at += 4;
             }
+            // A byte above 1 is not part of a start code prefix, so skip all three bytes.
             [_, _, last] if last > 1 => at += 3,
             _ => at += 1,
         }

@@ -15,6 +15,7 @@ fn copy_plane(plane: &Plane<u8>, out: &mut [u8], width: usize) {
     if (plane.width(), plane.samples().len()) == (width, out.len()) {
         return out.copy_from_slice(plane.samples());
     }
+    // Beyond the plane, repeat its last sample and row.
     let kept = width.min(plane.width());
     for (y, out) in out.chunks_exact_mut(width).enumerate() {
         let row = plane.row(y.min(plane.height() - 1));

@@ -52,6 +52,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     let limits = config.level().limits();
     let (bit_rate, vbv_buffer_size) = config.stated_rate();
 
+    // MPEG-1 has a code for variable rates, and only 10 bits for the buffer size.
     let (bit_rate, vbv_buffer_size) = match (config.standard, config.rate) {
         (Standard::Mpeg2, _) => (bit_rate, vbv_buffer_size),
         (Standard::Mpeg1, Rate::Constant { .. }) => (bit_rate, vbv_buffer_size.min(0x3ff)),
@@ -116,6 +117,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
 /// A group that is not `closed` begins with B pictures that depend on the previous group.
 pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: u64, closed: bool) {
     let per_second = config.stated_frame_rate().fps().round() as u64;
+    // With pulldown, time codes count displayed frames.
     let number = if config.pulldown { fields_before(number, config.reorder()) / 2 } else { number };
     let seconds = number / per_second;
     writer.start_code(GROUP_START_CODE);

@@ -2,12 +2,12 @@
 //!
 //! It writes ISO/IEC 13818-2:2000 Main Profile, or ISO/IEC 11172-2:1993 ([`Standard`]). Pictures are progressive
 //! 4:2:0 with 8 bits per sample, of type I, P or B. The quantiser is constant or follows a bit rate.
-//! A [`Multiplexer`] wraps them in a [`Container`].
+//! A [`Multiplexer`] wraps the coded pictures in a [`Container`].
 //!
 //! A [`Config`] makes an [`Encoder`], which accepts each [`Picture`] and, if known, the earlier positions of its pixels
 //! ([`Correspondence`]). Each frame yields a [`Packet`], with the reconstruction that a decoder will show.
 //!
-//! With a look-ahead ([`Config::with_lookahead`]) the encoder waits for later frames before it codes one. It then offers B
+//! With a look-ahead ([`Config::with_lookahead`]) the encoder waits for later frames before it codes one. This allows B
 //! pictures, bit rates ([`Rate`]), and finer quantisers in areas from which later pictures are predicted.
 //!
 //! ```

@@ -152,7 +152,7 @@ impl SliceState {
             self.dc_prediction = [slice.dc_reset; 3];
             return (false, bits);
         }
-        // The quantiser is only written together with coefficients.
+        // Begin with the address and the type. The quantiser is only written together with coefficients.
         vlc::put_macroblock_address_increment(sink, self.increment);
         self.increment = 1;
         let is_intra = macroblock.mode == Mode::Intra;
@@ -163,6 +163,7 @@ impl SliceState {
             sink.put(macroblock.quantiser.into(), 5); // quantiser_scale_code
             self.quantiser = macroblock.quantiser;
         }
+        // An intra macroblock contains all six blocks and resets the vector predictions.
         if is_intra {
             let before = sink.bits();
             for (i, block) in macroblock.blocks.iter().enumerate() {
@@ -173,12 +174,14 @@ impl SliceState {
             bits.coefficients = sink.bits() - before;
             self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4
         } else {
+            // With coefficients, P pictures have a macroblock_type for a zero vector.
             if slice.picture_type == PictureType::P && macroblock.mode == Mode::STILL && pattern != 0 {
                 self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4: macroblock_type without a vector
             } else {
                 self.put_motion_vectors(sink, slice, macroblock.mode);
             }
             bits.motion = sink.bits() - before;
+            // Write only the blocks with levels.
             let before = sink.bits();
             if pattern != 0 {
                 sink.put_code(vlc::CODED_BLOCK_PATTERN[pattern]); // coded_block_pattern()

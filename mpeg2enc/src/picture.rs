@@ -157,6 +157,7 @@ impl PictureCoder<'_> {
         let mut quantiser = (scales_x16[0], slice.quantiser);
         for (column, &scale_x16) in scales_x16.iter().enumerate() {
             let vectors = self.vectors.map(|vectors| vectors.get(row * columns + column).copied().unwrap_or_default());
+            // Neighboring scales are often equal, so search the table only at changes.
             if scale_x16 != quantiser.0 {
                 quantiser = (scale_x16, nearest_code(parameters.q_scale_type, scale_x16));
             }
@@ -177,6 +178,7 @@ impl PictureCoder<'_> {
                     row,
                 }
                 .decide(vectors[0], work.macroblock_mut(), &mut out);
+            // Compare alternatives in the workspace, and copy the cheapest one to the output.
             if !is_shown {
                 let decision = Decision {
                     slice: &slice,
@@ -199,6 +201,7 @@ impl PictureCoder<'_> {
             let has_levels = macroblock.mode == Mode::Intra || macroblock.coded_block_pattern() != 0;
             let of_levels = if has_levels { state.quantiser } else { quantiser.1 };
             quantiser_scales.push([state.quantiser, of_levels].map(|code| self.quantisers.of(code).scale as u8).into());
+            // Collect the statistics from which rate control learns.
             let (kind, count) = match macroblock.mode {
                 _ if !written => (MacroblockKind::Skipped, &mut statistics.skipped),
                 Mode::Intra => (MacroblockKind::Intra, &mut statistics.intra),

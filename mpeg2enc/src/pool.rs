@@ -26,6 +26,7 @@ impl Pool {
     ) -> (Arc<Picture>, T) {
         let fits =
             |frame: &Arc<Picture>| Arc::strong_count(frame) == 1 && (frame.width(), frame.height()) == (width, height);
+        // Reuse a free frame of this size.
         let found = self.given.iter().position(fits).map(|place| self.given.swap_remove(place));
         let mut frame = found.unwrap_or_else(|| Arc::new(Picture::black(width, height)));
         let result = fill(Arc::get_mut(&mut frame).expect("only the pool owns a free frame"));
@@ -34,6 +35,7 @@ impl Pool {
     }
 
     fn remember(&mut self, frame: &Arc<Picture>) {
+        // Keep few free frames, and stop tracking the oldest one beyond the limit.
         let mut spare = 0;
         self.given.retain(|frame| {
             spare += usize::from(Arc::strong_count(frame) == 1);

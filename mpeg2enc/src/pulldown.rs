@@ -15,8 +15,8 @@ pub(crate) struct ShownFields {
     pub repeat_first_field: bool,
 }
 
-/// Returns the display of picture `number` in display order. With B pictures each is displayed at least one period after
-/// decoding: `reorder` is then 1, otherwise 0. Decoding and display then have the same rhythm of fields.
+/// Returns the displayed fields of picture `number`, counted in display order. With B pictures, each picture is displayed at
+/// least one period after decoding: `reorder` is then 1, otherwise 0. Decoding and display then have the same rhythm of fields.
 pub(crate) fn shown(number: u64, reorder: u64) -> ShownFields {
     let before = fields_before(number, reorder);
     let own = fields_before(number + 1, reorder) - before;

@@ -30,7 +30,7 @@ pub(crate) struct QuantiserParameters {
 }
 
 impl QuantiserParameters {
-    /// Codes of the coefficients of a block.
+    /// Returns the code table and the escape coding of a block's coefficients.
     pub fn codes(&self, kind: BlockKind) -> Codes {
         let table = if kind == BlockKind::Intra { self.intra_table } else { CoefficientTable::Zero };
         Codes { table, standard: self.standard }
@@ -130,6 +130,7 @@ impl Quantiser {
     fn new(quantiser_scale: u32, parameters: &QuantiserParameters) -> Self {
         let scale = quantiser_scale as i32;
         let scan = if parameters.alternate_scan { &ALTERNATE } else { &ZIGZAG };
+        // Invert the scan, because kernels find the levels in storage order.
         let mut places = [0; 64];
         for (place, &raster) in scan.iter().enumerate() {
             places[turned(raster)] = place as u8;

@@ -69,6 +69,7 @@ pub fn quantiser_scale_code(quantiser_scale: u32) -> Result<QuantiserScaleCode, 
     if let Some(index) = NON_LINEAR.iter().position(|&scale| scale == quantiser_scale) {
         return Ok(QuantiserScaleCode { q_scale_type: true, code: index as u8 + 1 });
     }
+    // Suggest the nearest values of both tables.
     let mut scales: Vec<u32> = NON_LINEAR.into_iter().chain((1..=31).map(|code| 2 * code)).collect();
     scales.sort_unstable();
     scales.dedup();

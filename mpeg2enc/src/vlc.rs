@@ -61,6 +61,7 @@ pub(crate) fn put_motion_component(sink: &mut impl BitSink, delta: i32, f_code: 
     let r_size = f_code - 1;
     let f = 1 << r_size;
     let (low, high, range) = (-16 * f, 16 * f - 1, 32 * f);
+    // Wrap the difference, because decoders add it modulo the range.
     let delta = if delta < low {
         delta + range
     } else if delta > high {
@@ -72,6 +73,7 @@ pub(crate) fn put_motion_component(sink: &mut impl BitSink, delta: i32, f_code: 
     if delta == 0 {
         return sink.put_code(MOTION_CODE[0]);
     }
+    // motion_code contains the sign and the high bits, motion_residual the low bits.
     let before = delta.unsigned_abs() - 1;
     sink.put_code(MOTION_CODE[(before >> r_size) as usize + 1].signed(delta < 0));
     if r_size > 0 {
@@ -85,6 +87,7 @@ fn put_dc(sink: &mut impl BitSink, differential: i32, luminance: bool) {
     let table = if luminance { &DCT_DC_SIZE_LUMINANCE } else { &DCT_DC_SIZE_CHROMINANCE };
     sink.put_code(table[size as usize]);
     if size > 0 {
+        // Negative differences are coded as their ones' complement (7.2.1).
         let value = if differential > 0 { differential } else { differential + (1 << size) - 1 };
         sink.put(value as u32, size);
     }
@@ -106,6 +109,7 @@ static COEFFICIENT_BITS: [[[[u8; LEVELS]; 64]; 2]; 2] =
 
 const fn all_coefficient_bits(standard: Standard) -> [[[u8; LEVELS]; 64]; 2] {
     const { assert!(LEVELS < 128, "levels in the table have escapes of equal length") };
+    // Begin with escapes, and replace the entries that have a code.
     let mut bits = [[[escape_bits(standard, 1) as u8; LEVELS]; 64]; 2];
     let mut table = 0;
     while table < 2 {
@@ -160,6 +164,7 @@ fn put_coefficient(sink: &mut impl BitSink, codes: Codes, run: usize, level: i16
     match codes.standard {
         Standard::Mpeg2 => sink.put(level as u32 & 0xfff, 12),
         Standard::Mpeg1 if level.unsigned_abs() < 128 => sink.put(low_byte, 8),
+        // A first byte of 0x00 or 0x80 announces a level beyond ±127.
         Standard::Mpeg1 => sink.put(if level < 0 { 0x8000 } else { 0 } | low_byte, 16),
     }
 }

@@ -36,6 +36,7 @@ impl Quantiser {
         let (change, sum) = kernel::restore(coefficients, &self.inter.turned, &mut levels, restored);
         odd_sum(restored, sum);
         block.error += i64::from(change);
+        // Store the signed levels in transmission order.
         for i in places(nonzero) {
             let (place, level) = (self.places[i], levels[i] as i16);
             block.levels[usize::from(place)] = if coefficients[i] < 0 { -level } else { level };
