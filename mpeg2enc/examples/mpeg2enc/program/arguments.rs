@@ -131,6 +131,7 @@ pub struct Arguments {
 impl Arguments {
     /// Returns the settings for a clip of this name and format.
     pub fn config(&self, clip: &str, format: &Format) -> Result<Config> {
+        // Programs assume BT.601 for YUV4MPEG2. MPEG-1 has no color description.
         let usual = if self.mpeg1 { MatrixCoefficients::default() } else { MatrixCoefficients::Smpte170M };
         let matrix = self.matrix.unwrap_or(usual);
         let color = ColorDescription { primaries: self.primaries, transfer: self.transfer, matrix };

@@ -67,6 +67,7 @@ impl<'a> Clip<'a> {
     /// Reads the next frame and its known motion; `None` after the last one. A clip without frames is an error.
     pub fn next(&mut self) -> Result<Option<(&Picture, SuppliedMotion<'_>)>> {
         let (number, size) = (self.reader.count(), (self.reader.format.width, self.reader.format.height));
+        // Allocate the picture once; later frames reuse it.
         if number == 0 {
             self.frame = Picture::black(size.0, size.1);
         }
@@ -85,8 +86,8 @@ impl<'a> Clip<'a> {
 }
 
 impl Motion {
-    /// Reads the motion of a frame, in 64ths of a pixel. The first frame has no previous frame; zeros in its place have no
-    /// effect.
+    /// Reads the motion of a frame, in 64ths of a pixel. Motion from the first frame to a previous one has no effect, but must
+    /// be in the file.
     fn read(&mut self, frame: u64, (width, height): (usize, usize)) -> Result<Correspondence> {
         let mut motion = Plane::filled(width, height, [0i16; 2]);
         let components = motion.samples_mut().as_flattened_mut();

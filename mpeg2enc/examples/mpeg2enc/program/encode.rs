@@ -46,6 +46,7 @@ fn encode_in_passes(arguments: &Arguments, bits_per_second: u32, streams: &mut S
         let (totals, output) = encode_once(arguments, Some(quantiser_scale), streams.borrowed())?;
         let came_to = totals.bits_per_second();
         let next = passes.next(quantiser_scale, came_to);
+        // Keep the file of the last pass only; dropping an output deletes its file.
         if next.is_none() {
             output.finish()?;
         } else {
@@ -110,9 +111,11 @@ fn encode_once<'a>(
             Err(error) => break Err(error),
         }
     };
+    // Code the waiting frames even after a clip error.
     let finish = encoder.finish();
     finish.packets.into_iter().try_for_each(|packet| sink.take(packet))?;
     let (totals, output) = sink.finish(&finish.end)?;
+    // Without any frame, the output is removed instead of kept.
     match read {
         Ok(()) => Ok((totals, output)),
         Err(error) if totals.count == 0 => Err(error),
@@ -178,6 +181,7 @@ impl<'a> Sink<'a> {
     fn take(&mut self, packet: Packet) -> Result<()> {
         self.totals.bits += packet.bits;
         self.totals.count += 1;
+        // Sum mean squared errors, because decibels cannot be averaged.
         self.totals.error += 255.0f64.powi(2) / 10.0f64.powf(packet.psnr_y / 10.0);
         if let Some(verifier) = &mut self.verifier {
             let late = verifier.take(packet.bits);

@@ -8,9 +8,9 @@ use std::io::{BufRead, Read};
 
 /// Maximum length of a line in bytes, including its end; usual headers have about a hundred bytes.
 const LINE_MAX: u64 = 1024;
-/// First word of a file.
+/// First word of the file header.
 const MAGIC: &str = "YUV4MPEG2";
-/// First word of a frame.
+/// First word of a frame header.
 const FRAME: &str = "FRAME";
 /// Suggested remedy for clips that cannot be encoded.
 pub const MAKE: &str = "make a clip with ffmpeg -i FILM -pix_fmt yuv420p clip.y4m";
@@ -74,6 +74,7 @@ impl<R: BufRead> Reader<R> {
     pub fn read(&mut self, frame: &mut Picture) -> Result<bool> {
         let (number, start) = (self.frame, self.at);
         let place = || format!("frame {number} at byte {start}");
+        // The clip ends where no further line begins.
         self.line.clear();
         (&mut self.input).take(LINE_MAX).read_until(b'\n', &mut self.line).with_context(place)?;
         if self.line.is_empty() {
@@ -88,6 +89,7 @@ impl<R: BufRead> Reader<R> {
         }
         self.at += self.line.len() as u64;
 
+        // Count the bytes of partial reads, so that an error reports the exact position.
         for samples in frame.samples_mut() {
             let (mut read, size) = (0, samples.len());
             while read < size {
@@ -153,6 +155,7 @@ fn parse_header(line: &str) -> Result<Format> {
         Some("FULL") => true,
         Some(range) => bail!("XCOLORRANGE={range} is neither FULL nor LIMITED; {MAKE}"),
     };
+    // The frame rate must have a code in the standard.
     let rate = value("F").with_context(|| format!("the header has no frame rate (field F); {MAKE}"))?;
     let (numerator, denominator) = pair("F", rate)?;
     let frame_rate = FrameRate::from_fps(f64::from(numerator) / f64::from(denominator))?;
