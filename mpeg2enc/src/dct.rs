@@ -48,7 +48,7 @@ fn forward_1d(f: &[[i32; 8]; 8], shift: u32) -> [[i32; 8]; 8] {
     let mut out = [[0; 8]; 8];
     let round = 1 << (shift - 1);
     for x in 0..8 {
-        // Sums of mirrored samples contain the even frequencies, differences the odd ones.
+        // Sums of mirrored samples determine even frequencies; differences determine odd ones.
         let (s0, s1, s2, s3) = (f[0][x] + f[7][x], f[1][x] + f[6][x], f[2][x] + f[5][x], f[3][x] + f[4][x]);
         let (d0, d1, d2, d3) = (f[0][x] - f[7][x], f[1][x] - f[6][x], f[2][x] - f[5][x], f[3][x] - f[4][x]);
         let (e0, e1, e2, e3) = (s0 + s3, s1 + s2, s0 - s3, s1 - s2);
@@ -72,7 +72,7 @@ fn inverse_1d(c: &[[i32; 8]; 8], shift: u32) -> [[i32; 8]; 8] {
     let round = 1i64 << (shift - 1);
     for x in 0..8 {
         let at = |k: usize| i64::from(c[k][x]);
-        // Even frequencies are symmetric in the samples, odd frequencies antisymmetric.
+        // Even frequencies are symmetric about the center; odd frequencies are antisymmetric.
         let (p, m) = (c4 * at(0) + c4 * at(4), c4 * at(0) - c4 * at(4));
         let (q, r) = (c2 * at(2) + c6 * at(6), c6 * at(2) - c2 * at(6));
         let (e0, e1, e2, e3) = (p + q + round, m + r + round, m - r + round, p - q + round);

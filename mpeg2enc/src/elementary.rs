@@ -116,7 +116,7 @@ impl ElementaryStream {
                 }
             }
         }
-        // A truncated stream ends within its last picture.
+        // Without sequence_end_code, the last picture extends to the end of the bytes.
         if has_picture {
             stream.close(&bytes[begin..end]);
         }

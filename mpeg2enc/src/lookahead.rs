@@ -286,7 +286,7 @@ impl Lookahead {
     fn chained(&mut self, index: usize, delta: isize) -> Option<Arc<[Candidates]>> {
         let step = delta.signum();
         let neighbor = away(index, step);
-        // Without given motion in either direction, a measured chain is needed.
+        // Give up if motion is given in neither direction.
         let near = match self.is_known(index, step) {
             Some(known) => known.clone(),
             None if step > 0 && self.is_known(neighbor, -1).is_some() => self.reversed(neighbor),
@@ -317,7 +317,7 @@ impl Lookahead {
 
     /// Returns the starting vectors for the final search towards the frame at distance `delta`.
     pub fn for_coding(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
-        // For quick searches, given motion needs no measurements.
+        // Quick searches use given motion without measurements.
         if self.quick
             && let Some(chained) = self.chained(index, delta)
         {

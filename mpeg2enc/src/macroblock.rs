@@ -174,7 +174,7 @@ impl SliceState {
             bits.coefficients = sink.bits() - before;
             self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4
         } else {
-            // With coefficients, P pictures have a macroblock_type for a zero vector.
+            // A zero vector with coefficients has its own macroblock_type in P pictures.
             if slice.picture_type == PictureType::P && macroblock.mode == Mode::STILL && pattern != 0 {
                 self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4: macroblock_type without a vector
             } else {

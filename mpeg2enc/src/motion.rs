@@ -81,7 +81,7 @@ impl Estimate<'_> {
         if search.best_error == 0 {
             return HalfSample::ZERO;
         }
-        // Start the search from the best of the neighbor and the given vectors.
+        // Try the left neighbor's vector and the given vectors as starting points.
         search.try_vector(left);
         for &vector in candidates.vectors() {
             search.try_vector(vector);

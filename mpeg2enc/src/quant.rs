@@ -250,7 +250,7 @@ impl Quantiser {
     }
 }
 
-/// Mismatch control (7.4.4): if the sum of all coefficients is even, the last bit of F\[7\]\[7\] is inverted.
+/// Applies mismatch control (7.4.4): inverts the last bit of F\[7\]\[7\] if the sum of all coefficients is even.
 fn odd_sum(coefficients: &mut [i32; 64], sum: i32) {
     if sum & 1 == 0 {
         coefficients[63] += if coefficients[63] & 1 == 0 { 1 } else { -1 };

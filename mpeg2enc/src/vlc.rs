@@ -45,7 +45,7 @@ const fn escape_bits(standard: Standard, level: u32) -> u32 {
         }
 }
 
-/// Writes macroblock_escape as many times as needed, then macroblock_address_increment (6.2.5, 6.3.17).
+/// Writes one macroblock_escape per 33 excess macroblocks, then macroblock_address_increment (6.2.5, 6.3.17).
 pub(crate) fn put_macroblock_address_increment(sink: &mut impl BitSink, mut increment: usize) {
     while increment > 33 {
         sink.put_code(MACROBLOCK_ESCAPE);
@@ -73,7 +73,7 @@ pub(crate) fn put_motion_component(sink: &mut impl BitSink, delta: i32, f_code: 
     if delta == 0 {
         return sink.put_code(MOTION_CODE[0]);
     }
-    // motion_code contains the sign and the high bits, motion_residual the low bits.
+    // motion_code contains the sign and the high bits; motion_residual contains the low bits.
     let before = delta.unsigned_abs() - 1;
     sink.put_code(MOTION_CODE[(before >> r_size) as usize + 1].signed(delta < 0));
     if r_size > 0 {

@@ -103,7 +103,7 @@ fn check_rate(config: &Config) -> Result<(), ConfigError> {
         let limits = config.level().limits();
         let (rate_max, buffer_max) = (limits.bits_per_second, 16_384 * limits.vbv_buffer_size);
         let (rate, buffer) = config.rate.stated().expect("a bounded rate");
-        // Both values must be coded without becoming zero, and the level bounds them.
+        // Rate and buffer must not round to zero, and the level limits both.
         if rate == 0 || buffer == 0 || 400 * u64::from(rate) > rate_max || u64::from(buffer_bits) > buffer_max {
             let level = config.level();
             return Err(ConfigError::Rate { bits_per_second, buffer_bits, rate_max, buffer_max, level });

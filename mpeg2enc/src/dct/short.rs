@@ -83,7 +83,7 @@ fn inverse_1d<L: Lanes>(lanes: L, c: [L::F; LANES]) -> [L::F; LANES] {
             lanes.mul(cosine[$k], $x)
         };
     }
-    // Even frequencies are symmetric in the samples, odd frequencies antisymmetric.
+    // Even frequencies are symmetric about the center; odd frequencies are antisymmetric.
     let (p, m) = (times!(4, lanes.add(c[0], c[4])), times!(4, lanes.sub(c[0], c[4])));
     let q = lanes.add(times!(2, c[2]), times!(6, c[6]));
     let r = lanes.sub(times!(6, c[2]), times!(2, c[6]));

@@ -43,8 +43,8 @@ pub(crate) struct InPlace<'a> {
 }
 
 impl InPlace<'_> {
-    /// Decides and writes the reconstruction to `out`. Returns false if the full decision is needed; the results are then
-    /// invalid.
+    /// Decides how to code the macroblock and writes the reconstruction to `out`. Returns false if the full decision is needed;
+    /// the results are then invalid.
     pub fn decide(&self, vector: HalfSample, macroblock: &mut Macroblock, out: &mut RowMut) -> bool {
         debug_assert!(Range::new(self.reference.luma(), self.column, self.row, self.slice.f_code[0]).contains(vector));
         let stride = self.source.width();

@@ -76,7 +76,7 @@ impl Immediate {
                 quantiser_scale,
                 scales_x16: &scales_x16,
             });
-            // The first picture selects the level, whose buffer then bounds all pictures.
+            // The first picture selects the level; the buffer of this level then bounds all pictures.
             let bits = coded.packet.bits + 8 * headers.len() as u64;
             self.bounds.begin(&mut coder.config, bits);
             let coarser = self.bounds.coarser(256 * quantiser_scale, bits);

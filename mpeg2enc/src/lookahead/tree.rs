@@ -10,7 +10,7 @@
 //! ```
 //!
 //! # Differences from the paper
-//! The factor of quantiser_scale follows the y262 encoder: a root replaces a power of two. All arithmetic is integer.
+//! The factor of quantiser_scale follows the y262 encoder, which uses a root instead of a power of two. All arithmetic is integer.
 
 use super::{Lookahead, plan::Span};
 use crate::vector::HalfSample;

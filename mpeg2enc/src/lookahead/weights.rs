@@ -50,7 +50,7 @@ pub(crate) fn is_plausible(factor: &u32) -> bool {
     (GIVEN.0..=GIVEN.1).contains(factor)
 }
 
-/// Variance of 64 samples, times 64.
+/// Returns the variance of 64 samples, times 64.
 fn variance(samples: [u8; 64]) -> u64 {
     let sum: u64 = samples.iter().map(|&sample| u64::from(sample)).sum();
     let squares: u64 = samples.iter().map(|&sample| u64::from(sample) * u64::from(sample)).sum();

@@ -40,7 +40,7 @@ impl Format {
     }
 }
 
-/// Open file, with the header already read.
+/// Reader of the frames that follow the file header.
 pub struct Reader<R> {
     input: R,
     pub format: Format,
@@ -52,7 +52,7 @@ pub struct Reader<R> {
 }
 
 impl<R: BufRead> Reader<R> {
-    /// Reads the header.
+    /// Reads the file header and returns a reader of the frames.
     pub fn new(mut input: R) -> Result<Self> {
         let mut line = Vec::new();
         (&mut input).take(LINE_MAX).read_until(b'\n', &mut line)?;
