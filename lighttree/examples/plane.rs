@@ -67,12 +67,10 @@ struct Truth {
 fn report(name: &str, time: Duration, cuts: &[Lightcut], truth: &Truth) {
     let count = cuts.len() as f64;
     let mean = |f: fn(&Lightcut) -> u32| cuts.iter().map(|cut| f64::from(f(cut))).sum::<f64>() / count;
-    let errors: Vec<f32> = cuts
-        .iter()
-        .step_by(truth.stride)
-        .zip(&truth.luminance)
-        .map(|(cut, &truth)| (luminance(cut.radiance) - truth).abs() / truth)
-        .collect();
+    let mut errors: Vec<f32> = Vec::new();
+    for (cut, &truth) in cuts.iter().step_by(truth.stride).zip(&truth.luminance) {
+        errors.push((luminance(cut.radiance) - truth).abs() / truth);
+    }
     let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
     let visited = mean(|cut| cut.nodes_visited);
     println!(

@@ -25,11 +25,14 @@ impl Cone {
     /// Returns the smallest cone around two cones.
     pub fn union(self, other: Self) -> Self {
         let (wide, narrow) = if self.half_angle >= other.half_angle { (self, other) } else { (other, self) };
+        // Measure the angle with `atan2`, which stays accurate for nearly parallel axes.
         let sine_axis = wide.axis.cross(narrow.axis);
         let between = sine_axis.length().atan2(wide.axis.dot(narrow.axis));
+        // The wide cone may already include the narrow cone.
         if between + narrow.half_angle <= wide.half_angle {
             return wide;
         }
+        // Otherwise, span both outer edges.
         let half_angle = 0.5 * (between + wide.half_angle + narrow.half_angle);
         if half_angle >= std::f64::consts::PI {
             return Self::SPHERE;

@@ -105,7 +105,12 @@ impl LightTree {
     pub fn build_by(builder: Builder, lights: &[Light], params: BuildParams) -> Self {
         assert!(lights.len() < 1 << 31, "{} lights, expected fewer than 2^31", lights.len());
         let (lights, fitness): (Vec<_>, Vec<_>) = lights.iter().map(|light| light.accepted()).unzip();
-        let misplaced = (0u32..).zip(&fitness).filter(|&(_, &f)| f == Fitness::Misplaced).map(|(k, _)| k).collect();
+        let mut misplaced = Vec::new();
+        for (k, &fitness) in (0u32..).zip(&fitness) {
+            if fitness == Fitness::Misplaced {
+                misplaced.push(k);
+            }
+        }
         let rejected = fitness.iter().filter(|&&f| f != Fitness::Good).count();
         let metrics = Metrics::of(&lights);
         let merges = merges(builder, &lights, &metrics);

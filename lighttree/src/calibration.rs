@@ -209,9 +209,11 @@ impl Calibration {
         let counts = audits.counts();
         let mut all = Counts([0; BUCKETS]);
         let mut lambdas = 0.0;
+        // Require enough audits that `ENOUGH_BEYOND` of them are expected beyond the quantile.
         let enough = ENOUGH_BEYOND / (1.0 - self.share);
         for (class, found) in counts.iter().enumerate() {
             let (lambda, pending) = (&mut self.lambdas[class], &mut self.pending[class]);
+            // Weight λ of each class by its audits, for the mean in the summary.
             all.add(found);
             lambdas += f64::from(*lambda) * f64::from(found.total());
             pending.add(found);

@@ -41,7 +41,7 @@ const PAPER_MAX_SIZE: u32 = 1000;
 pub enum Stop {
     /// Absolute limit of each cluster's error, as luminance \[W·m⁻²·sr⁻¹\]. With 0 the lightcut contains every light.
     Absolute(f32),
-    /// Limit of each cluster's error as a fraction of the pixel's luminance. This is the paper's rule, with 2 %.
+    /// Limit of each cluster's error as a fraction of the pixel's luminance, as in the paper.
     Relative {
         /// Maximum error of a cluster as a fraction of the luminance, 0.02 in the paper.
         fraction: f32,
@@ -193,14 +193,17 @@ impl LightTree {
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
     ) -> Lightcut {
+        // A tree without lights has no root.
         if self.nodes.is_empty() {
             return Lightcut::default();
         }
+        // A fixed threshold needs no order of refinement, so a queue replaces the heap.
         if let Stop::Absolute(threshold) = stop
             && let Some(cut) = self.walk(receiver, threshold, scratch)
         {
             return self.evaluate_halves(receiver, visible, scratch, cut);
         }
+        // Refine the largest bound first if the threshold is relative or the walk exceeded its limits.
         let threshold = |estimate: f32| match stop {
             Stop::Absolute(threshold) => threshold,
             Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + estimate),
@@ -225,6 +228,7 @@ impl LightTree {
             _ if self.nodes.is_empty() => Lightcut::default(),
             Stop::Absolute(threshold) => match self.walk(receiver, threshold, scratch) {
                 Some(cut) => self.evaluate(receiver, visible, scratch, cut),
+                // Spend a limited size on the largest bounds.
                 None => self.best_first::<true, R>(receiver, |_| threshold, &mut visible, scratch),
             },
             Stop::Relative { fraction, known_luminance } => {
@@ -310,6 +314,7 @@ impl LightTree {
                 lights.push(self.nodes[node].representative);
             } else {
                 let first = self.nodes[node].children();
+                // Push the first child last, so that its lights are listed first.
                 below.extend([first + 1, first]);
             }
         }

@@ -41,6 +41,7 @@ impl ClusterBounds<Vec4> {
     /// Gathers the bounds of four clusters by transposing four rows of each node.
     #[inline(always)]
     pub fn four(nodes: [&Node; 4]) -> Self {
+        // Extend each vector by the next field of the node, so that one load reads four floats.
         let [lx, ly, lz, _] = transpose(nodes.map(|n| n.low.extend(f32::from_bits(n.representative_child))));
         let [hx, hy, hz, _] = transpose(nodes.map(|n| n.high.extend(f32::from_bits(n.representative))));
         let [ax, ay, az, cosine] = transpose(nodes.map(|n| n.axis.extend(n.cone_cosine)));
@@ -86,6 +87,7 @@ fn bound_with<F: Real>(
     geometry_term_bound: F,
 ) -> F {
     let (zero, one) = (F::splat(0.0), F::splat(1.0));
+    // Directional clusters have a box of directions, so ignore the receiver's position.
     let far = cluster.cone.cosine.lt(F::splat(-1.5));
     let nowhere = Vector3::splat(Vec3::ZERO);
     let low = Vector3::select(far, nowhere, low);
@@ -98,6 +100,7 @@ fn bound_with<F: Real>(
     let emission = F::select(everywhere, one, region.max_cosine_of_cone(&turned));
     // Multiply by the reciprocal, because a quotient of `emission` would have to wait for it.
     let g = emission * (one / F::select(far, one, region.nearest_distance2() + geometry_term_bound));
+    // Bound the luminance of M · G · I. A cluster that emits away from the receiver adds nothing.
     let material = reflect_bound(&region);
     let luminance = material.times(cluster.intensity).dot(Vector3::splat(LUMINANCE_WEIGHTS));
     F::select(zero.lt(emission), luminance * g, zero)

@@ -37,6 +37,7 @@ pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, geometry_ter
             IrradianceTerm::default()
         };
     }
+    // Reject lights behind the surface and lights too close for a finite derivative.
     let d = light.position - position;
     let r2 = d.length_squared();
     let a = normal.dot(d);
@@ -52,6 +53,7 @@ pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, geometry_ter
     if b <= 0.0 {
         return IrradianceTerm::default();
     }
+    // Differentiate a b / (r² (r² + s²)) by the product rule.
     let inverse = 1.0 / (r2 * soft);
     let falloff = d * (2.0 * (r2 + soft) * inverse);
     IrradianceTerm {

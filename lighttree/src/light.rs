@@ -54,6 +54,7 @@ pub struct Light {
 impl Light {
     /// Normalizes a light for a tree: makes its axis a unit vector, and its intensity zero if any field is unusable.
     pub(crate) fn accepted(mut self) -> (Self, Fitness) {
+        // Move lights outside the valid range to the origin, where sums of squares stay finite.
         let mut placed = self.position.is_finite() && self.position.abs().max_element() <= LARGEST_COORDINATE;
         if !placed {
             self.position = Vec3::ZERO;
@@ -69,6 +70,7 @@ impl Light {
             Emission::Cosine(axis) => Emission::Cosine(unit(axis)),
             Emission::Directional(travel) => Emission::Directional(unit(travel)),
         };
+        // Keep a misplaced light with zero intensity, so that light indices do not change.
         let (intensity, lit) = accepted_intensity(self.intensity);
         self.intensity = if placed { intensity } else { Vec3::ZERO };
         let fitness = match (placed, lit) {
@@ -193,13 +195,16 @@ pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     geometry_term_bound: F,
 ) -> Vector3<F> {
     let (zero, one) = (F::splat(0.0), F::splat(1.0));
+    // Measure directional light from the origin, because its site contains the direction.
     let far = site.kind.lt(F::splat(-1.5));
     let from = if COSINE { position } else { Vector3::select(far, Vector3::splat(Vec3::ZERO), position) };
     let to_light = site.position - from;
     let r2 = to_light.dot(to_light);
+    // Avoid a division by zero. Lights too close are rejected at the end.
     let somewhere = r2.max(F::splat(SMALLEST_DISTANCE2));
     let direction = to_light * (one / somewhere.sqrt());
     let cosine = -site.axis.dot(direction);
+    // Only cosine emitters depend on the axis, and directional light has no falloff.
     let emitted = if COSINE { cosine } else { F::select(site.kind.lt(zero), one, cosine) };
     let spread2 = if COSINE { r2 + geometry_term_bound } else { F::select(far, one, r2 + geometry_term_bound) };
     let g = emitted * (one / spread2);

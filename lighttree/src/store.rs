@@ -62,6 +62,7 @@ impl TryFrom<Stored> for LightTree {
     fn try_from(stored: Stored) -> Result<Self, InvalidTree> {
         let Stored { nodes, lights, geometry_term_bound, extents, depth, cost_at_build, misplaced, rejected, seed } =
             stored;
+        // Recompute the sites, which the file does not contain.
         let sites = Sites::new(&nodes, &lights, seed);
         let tree = Self {
             nodes,
@@ -112,6 +113,7 @@ impl LightTree {
     ///
     /// If the bytes are not a valid tree: see the variants of [`StoreError`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StoreError> {
+        // Check magic number and version first, so that other files get a precise error.
         let (header, body) = bytes.split_at_checked(HEADER).ok_or(StoreError::NotATree)?;
         if header[..4] != MAGIC {
             return Err(StoreError::NotATree);
@@ -122,11 +124,13 @@ impl LightTree {
         if number(4..8) != u64::from(VERSION) {
             return Err(StoreError::Version(number(4..8) as u32));
         }
+        // Check length and checksum before decoding.
         if number(8..16) != body.len() as u64 || number(16..20) != u64::from(crc32fast::hash(body)) {
             return Err(StoreError::Damaged);
         }
         let decoded = bincode::serde::decode_from_slice::<Stored, _>(body, CONFIG);
         let (stored, used) = decoded.map_err(|_| StoreError::Damaged)?;
+        // Reject trailing bytes.
         if used != body.len() {
             return Err(StoreError::Damaged);
         }

@@ -21,7 +21,7 @@ use crate::tree::LightTree;
 /// intensity.
 const SWAP_RATIO: f32 = 0.7;
 
-/// Changes of an update, and how well the old clusters fit the new intensities.
+/// Changes of an update, and the fit of the old clusters to the new intensities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct UpdateStats {
@@ -81,6 +81,7 @@ impl LightTree {
             (light.intensity, usable) = accepted_intensity(intensity);
             rejected += usize::from(!usable);
         }
+        // Misplaced lights keep zero intensity.
         for &k in &self.misplaced {
             let light = &mut self.lights[k as usize];
             rejected += usize::from(light.intensity != Vec3::ZERO);
@@ -100,12 +101,14 @@ impl LightTree {
             } else {
                 let first = node.children();
                 node.intensity = self.nodes[first].intensity + self.nodes[first + 1].intensity;
+                // Replace the chosen child if the other child now wins.
                 let chosen = node.representative_child as usize;
                 let other = sibling(chosen);
                 let swap = swap(&self.nodes[chosen], &self.nodes[other]);
                 let chosen = if swap { other } else { chosen };
                 let representative = self.nodes[chosen].representative;
                 stats.swapped += usize::from(swap);
+                // A swap at a descendant can change the representative without a swap at this node.
                 if representative != node.representative {
                     stats.representatives_changed += 1;
                     self.sites.inherit(index, chosen);
@@ -118,6 +121,7 @@ impl LightTree {
         // A tree of n lights has n − 1 inner nodes.
         let inner = self.lights.len().saturating_sub(1).max(1);
         stats.swapped_share = stats.swapped as f64 / inner as f64;
+        // Report the growth of the cost, from which the caller decides on a rebuild.
         let cost = self.relative_cost();
         stats.cost_growth = if self.cost_at_build > 0.0 && cost > 0.0 { cost / self.cost_at_build } else { 1.0 };
         stats
@@ -129,7 +133,8 @@ impl LightTree {
     /// The root's cost per luminance is constant and larger than all other costs. Including it would hide changes.
     pub(crate) fn relative_cost(&self) -> f64 {
         let cost = |(node, &extent): (&Node, &f32)| f64::from(luminance(node.intensity)) * f64::from(extent);
-        let total: f64 = self.nodes.iter().zip(&self.extents).skip(1).map(cost).sum();
+        let below_root = self.nodes.iter().zip(&self.extents).skip(1);
+        let total: f64 = below_root.map(cost).sum();
         let luminance = f64::from(luminance(self.total_intensity()));
         if luminance > 0.0 { total / luminance } else { 0.0 }
     }

@@ -52,6 +52,7 @@ impl LightTree {
     pub fn validate(&self) -> Result<(), InvalidTree> {
         self.validate_lengths()?;
         self.validate_lights()?;
+        // Visit the tree from the root and mark each node and light.
         let mut reached = vec![false; self.nodes.len()];
         let mut found = vec![false; self.lights.len()];
         let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![(0, 1)] };
@@ -67,6 +68,7 @@ impl LightTree {
                 stack.extend([(first, level + 1), (first + 1, level + 1)]);
             }
         }
+        // Every node must be reachable.
         if let Some(index) = reached.iter().position(|reached| !reached) {
             return Err(InvalidTree::new(format!("node {index} has no parent")));
         }
@@ -76,9 +78,11 @@ impl LightTree {
     /// Checks array lengths, costs and global values.
     fn validate_lengths(&self) -> Result<(), InvalidTree> {
         let (lights, nodes) = (self.lights.len(), self.nodes.len());
+        // A binary tree with n leaves has 2n − 1 nodes.
         let expected = (2 * lights).saturating_sub(1);
         ensure(nodes == expected, || format!("{nodes} nodes for {lights} lights, expected {expected}"))?;
         ensure(self.extents.len() == nodes, || format!("{} extents for {nodes} nodes", self.extents.len()))?;
+        // Extents are sums of squares, so negative values are errors.
         if let Some(index) = self.extents.iter().position(|&extent| !(extent >= 0.0 && extent.is_finite())) {
             return Err(InvalidTree::new(format!("node {index} has the extent {}", self.extents[index])));
         }
@@ -112,8 +116,10 @@ impl LightTree {
         let Some(light) = self.lights.get(node.representative as usize) else {
             return Err(InvalidTree::new(format!("leaf {index} has no light")));
         };
+        // Each light belongs to exactly one leaf.
         let in_two = std::mem::replace(&mut found[node.representative as usize], true);
         ensure(!in_two, || format!("light {} is in two leaves", node.representative))?;
+        // The leaf's box, cone and intensity must equal the light's.
         let site = StoredSite::new(light);
         let cone_fits = match light.emission {
             Emission::Omni => node.cone_cosine == -1.0,
@@ -124,6 +130,7 @@ impl LightTree {
         ensure(box_fits && node.intensity == light.intensity && cone_fits && has_cone(node), || {
             format!("leaf {index} is {node:?}, its light {light:?}")
         })?;
+        // Estimates read the site instead of the light.
         ensure(*self.sites.of(index) == Sites::of_leaf(node, &self.lights, self.seed), || {
             format!("leaf {index} has the site {:?}", self.sites.of(index))
         })
@@ -132,8 +139,10 @@ impl LightTree {
     /// Checks a node and its two children, which must exist.
     fn validate_inner(&self, index: usize) -> Result<(), InvalidTree> {
         let node = &self.nodes[index];
+        // Children follow their parent, which rules out cycles.
         let (first, chosen) = (node.children(), node.representative_child as usize);
         ensure(first > index && first + 1 < self.nodes.len(), || format!("node {index} has children at {first}"))?;
+        // Representative and site come from the chosen child.
         let representative = self.nodes[chosen].representative;
         ensure(node.representative == representative, || {
             format!("node {index} has representative {}, its child {representative}", node.representative)
@@ -141,9 +150,11 @@ impl LightTree {
         ensure(self.sites.of(index) == self.sites.of(chosen), || {
             format!("node {index} has the site {:?}, not its child's", self.sites.of(index))
         })?;
+        // Sum, cone and box must include both children.
         let sum = self.nodes[first].intensity + self.nodes[first + 1].intensity;
         ensure(node.intensity == sum, || format!("node {index} has intensity {}, its children {sum}", node.intensity))?;
         ensure(has_cone(node), || format!("node {index} has no cone: {node:?}"))?;
+        // The root that joins points and directions has no common cone.
         let is_joint = index == 0 && self.is_joint();
         for child in [first, first + 1] {
             let inside = check_box(node, &self.nodes[child]);

@@ -74,10 +74,12 @@ impl Refined {
     }
 
     fn push(&mut self, bound: f32, slot: u32) {
+        // Bits of non-negative floats are in the order of the floats. The slot breaks ties.
         let key = u64::from(bound.to_bits()) << 32 | u64::from(slot);
         let mut hole = self.heap.len();
         self.heap.push(key);
         while hole > 0 {
+            // Move smaller parents down until the key fits.
             let parent = (hole - 1) / 2;
             if self.heap[parent] >= key {
                 break;
@@ -94,6 +96,7 @@ impl Refined {
 
     fn pop(&mut self) -> Option<u32> {
         let top = *self.heap.first()?;
+        // Fill the gap at the root with the last key.
         let key = self.heap.pop()?;
         let heap = &mut self.heap[..];
         if heap.is_empty() {
@@ -105,6 +108,7 @@ impl Refined {
             if left >= heap.len() {
                 break;
             }
+            // Move the larger child up into the gap.
             let right = (left + 1).min(heap.len() - 1);
             let child = if heap[right] > heap[left] { right } else { left };
             if heap[child] <= key {
@@ -144,6 +148,7 @@ impl LightTree {
         let mut place =
             |cluster: Unshadowed, bound: f32, known: Option<ShadowRay>, refined: &mut Refined, cut: &mut Lightcut| {
                 let Unshadowed { node: index, light, unit, radiance } = cluster;
+                // A leaf has no error. An inner cluster with bound 0 has no contribution.
                 let leaf = self.nodes[index as usize].is_leaf();
                 let bound = if leaf { 0.0 } else { bound };
                 cut.nodes_visited += 1;
@@ -159,6 +164,7 @@ impl LightTree {
                         visible(&self.lights[light as usize], light as usize)
                     }
                 };
+                // Keep the rays to both lights, because a child may have either as its representative.
                 let seen = f32::from(visible);
                 let (unit, radiance) = (unit * seen, radiance * seen);
                 let ray = Some(ShadowRay { light, visible });
@@ -168,6 +174,7 @@ impl LightTree {
                 }
                 f64::from(luminance(radiance))
             };
+        // Estimate two siblings at once, with one or two lights per cluster.
         let estimates = |clusters: [usize; 2]| {
             if KEPT {
                 clusters.map(|cluster| self.by_representative(receiver, cluster))
@@ -182,11 +189,13 @@ impl LightTree {
         }
         while refined.largest_bound() > threshold(estimate.max(0.0) as f32).max(0.0) && refined.size() < max_size {
             let Some(slot) = refined.pop() else { break };
+            // Replace the cluster by its children.
             let cluster = refined.remove(slot);
             estimate -= f64::from(luminance(cluster.radiance));
             let chosen = self.nodes[cluster.node as usize].representative_child as usize;
             let children = [chosen, sibling(chosen)];
             for (child, bound) in estimates(children).into_iter().zip(self.bounds(receiver, children)) {
+                // Reuse a shadow ray that was already traced to the child's representative.
                 let representative = self.nodes[child.node as usize].representative;
                 let mut answers = [cluster.ray, cluster.spare].into_iter().flatten();
                 let known = answers.find(|ray| ray.light == representative);
@@ -195,6 +204,7 @@ impl LightTree {
         }
         // Sum the final clusters.
         cut.radiance = refined.clusters.iter().map(|c| c.radiance.as_dvec3()).sum::<DVec3>().as_vec3();
+        // Store the kept clusters, or count the nodes of the halves.
         for (cluster, ray) in refined.clusters.iter().filter_map(|cluster| Some((cluster, cluster.ray?))) {
             if KEPT {
                 let transport = cluster.unit;

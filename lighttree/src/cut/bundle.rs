@@ -60,6 +60,7 @@ struct ShadowRays {
 
 impl ShadowRays {
     fn clear(&mut self, lights: usize) {
+        // Clear only lights in use, because the tree may have many more.
         for light in self.lights.drain(..) {
             self.receivers_of[light as usize] = 0;
         }
@@ -76,6 +77,7 @@ impl ShadowRays {
     fn add(&mut self, receiver: usize, rays: &[ShadowRay], radiance: &[Vec4]) {
         self.rays.extend_from_slice(rays);
         self.radiance.extend_from_slice(radiance);
+        // List each light once, with the bit set of its receivers.
         for ray in rays {
             let receivers = &mut self.receivers_of[ray.light as usize];
             if *receivers == 0 {
@@ -89,6 +91,7 @@ impl ShadowRays {
     fn add_to(&mut self, cuts: &mut [Lightcut]) {
         let mut begin = 0;
         for (receiver, (cut, &end)) in cuts.iter_mut().zip(&self.ends).enumerate() {
+            // Read the visibility of each ray from the bit set of its light.
             let rays = &mut self.rays[begin..end];
             for ray in &mut *rays {
                 ray.visible = self.receivers_of[ray.light as usize] >> receiver & 1 == 1;
@@ -167,6 +170,7 @@ impl LightTree {
                         cut
                     }
                     None => {
+                        // Trace this receiver's rays immediately, outside the common batch.
                         let sees = |light: &Light, index: usize| visible(light, index, 1 << which) != 0;
                         self.lightcut(receiver, Stop::Absolute(threshold), sees, scratch)
                     }
@@ -209,13 +213,16 @@ impl LightTree {
             let clusters = ClusterBounds::four(indices.map(|index| &self.nodes[index]));
             let of_bundle = error_bound_of_bundle(&bundle, corners, &clusters, geometry_term_bound).to_array();
             cut.nodes_visited += count as u32;
+            // Query the probes only if the common bound is above a threshold.
             let mut refined = None;
             for k in 0..count {
+                // Classify the node: refined, undecided, common or dark.
                 let (index, bound, leaf) = (indices[k] as u32, of_bundle[k], self.nodes[indices[k]].is_leaf());
                 if bound > smallest && !leaf {
                     let refined = *refined.get_or_insert_with(|| self.most_refine(together, &clusters));
                     if refined[k] { pending.push(index) } else { undecided.push(index) }
                 } else if bound > 0.0 {
+                    // All receivers use this cluster.
                     common.push(index);
                     if !leaf {
                         cut.nodes_visited += 2;
@@ -252,6 +259,7 @@ impl LightTree {
         let probes = PROBES.min(receivers.len());
         let mut votes = [0; 4];
         for probe in 0..probes {
+            // Spread the probes evenly over the bundle.
             let which = probe * (receivers.len() - 1) / (probes - 1).max(1);
             let (receiver, threshold) = (&receivers[which], thresholds[which].max(0.0));
             let position = Vector3::splat(receiver.position());

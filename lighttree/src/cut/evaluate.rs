@@ -36,6 +36,7 @@ impl LightTree {
         for ray in &mut *rays {
             ray.visible = visible(&self.lights[ray.light as usize], ray.light as usize);
         }
+        // Scale M · G of a visible representative by the intensity of the whole cluster.
         for (ray, &(unit, node)) in rays.iter().zip(&*terms) {
             let unit = if ray.visible { unit.truncate() } else { Vec3::ZERO };
             cut.radiance += unit * self.nodes[node as usize].intensity;
@@ -55,11 +56,13 @@ impl LightTree {
         let (position, geometry_term_bound) =
             (Vector3::splat(receiver.position()), Vec4::splat(self.geometry_term_bound));
         for four in selected[..*selected_count].chunks(4) {
+            // Repeat the last node to fill four lanes.
             let nodes: [u32; 4] = std::array::from_fn(|k| four[k.min(four.len() - 1)]);
             let lights = nodes.map(|index| self.nodes[index as usize].representative);
             let sites = self.sites.four(nodes.map(|node| node as usize));
             let units = unshadowed(receiver, position, &sites, geometry_term_bound);
             for ((&node, &light), unit) in four.iter().zip(&lights).zip(units.rows()) {
+                // Write the entry first, and advance past it only if it contributes.
                 rays[*ray_count] = ShadowRay { light, visible: false };
                 terms[own] = (unit, node);
                 let lit = unit.w > 0.0;

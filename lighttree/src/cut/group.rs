@@ -130,11 +130,13 @@ impl LightTree {
         let geometry_term_bound = Vec4::splat(self.geometry_term_bound);
         for four in undecided.chunks(4) {
             let clusters = ClusterBounds::four(padded(four).map(|node| &self.nodes[node as usize]));
+            // Exclude lanes that only pad the last group of four.
             let repeated = BVec4A::from_array(std::array::from_fn(|k| k >= four.len()));
             let mut left_out = [0; GROUP];
             let receivers = group.receivers.iter().zip(group.thresholds);
             for (((receiver, &threshold), left_out), begun) in receivers.zip(&mut left_out).zip(&mut *begun) {
                 let bounds = error_bound(receiver, Vector3::splat(receiver.position()), &clusters, geometry_term_bound);
+                // Each receiver uses the clusters whose bound is within its own threshold.
                 let not_taken = bounds.cmpgt(Vec4::splat(threshold.max(0.0))) | repeated;
                 let taken = Vec4::select(not_taken, Vec4::ZERO, bounds);
                 *left_out = not_taken.bitmask() as u8;
@@ -142,6 +144,7 @@ impl LightTree {
                 begun.total_bound += taken.element_sum();
                 begun.largest_bound = begun.largest_bound.max(taken.max_element());
             }
+            // Gather the halves once for all receivers.
             fours.push(FourShared { halves: self.halves(padded(four)), left_out });
         }
     }
@@ -157,6 +160,7 @@ impl LightTree {
         scratch: &mut Scratch,
     ) -> Option<Lightcut> {
         let mut walk = Walk::new(self, member.receiver, member.threshold, scratch);
+        // Continue only below the clusters that this receiver left out.
         let queued = shares.refined_by(member.k).all(|node| walk.refine(node));
         (queued && walk.finish_walk(most)).then(|| walk.finish())
     }
@@ -174,6 +178,7 @@ impl LightTree {
         scratch.begin_estimate();
         let (fours, geometry_term_bound) = (shares.map(|shares| &shares.fours[..]), self.geometry_term_bound);
         let arriving = Arriving::after(0, &mut scratch.rays, &mut scratch.radiance);
+        // Estimate the shared clusters, then append the receiver's own clusters.
         let of_shared = Width::best().run(EstimateShared { receiver, fours, k, geometry_term_bound, arriving });
         scratch.ray_count = of_shared;
         cut.nodes_visited += self.estimate_halves(receiver, scratch);
@@ -200,6 +205,7 @@ impl<R: Receiver> Kernel for EstimateShared<'_, R> {
         for fours in self.fours {
             for fours in fours.chunks(AHEAD) {
                 let mut arriving = [Vector3::ZERO; AHEAD];
+                // Compute several groups before their halves are chosen, as explained at `AHEAD`.
                 for (arriving, four) in arriving.iter_mut().zip(fours) {
                     *arriving = four.halves.arriving::<F, R>(self.receiver, self.geometry_term_bound);
                 }

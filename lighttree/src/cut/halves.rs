@@ -13,7 +13,7 @@
 //! candidates.
 //!
 //! k is the winner of a second race. Each light has a fixed, exponentially distributed random number, and its speed is
-//! its unoccluded contribution at the receiver. So k is equal for neighbors and stable over time.
+//! its unoccluded contribution at the receiver. Therefore k is equal for neighbors and stable over time.
 //!
 //! The table was measured with the lights, pixels and shadows of `scenes/`, 96×96 pixels, with identical lightcuts at a
 //! threshold of 20 %. It lists the root mean square of the relative error over all pixels and 50 seeds:
@@ -147,10 +147,12 @@ impl LightTree {
         let [a, b, c, d] = clusters.map(|cluster| self.below(cluster as usize));
         let first = self.read([a, b, c, d].map(|(halves, _)| halves[0]));
         let second = self.read([a, b, c, d].map(|(halves, _)| halves[1]));
+        // A single light has no second half.
         let lit = Vec4::new(a.1, b.1, c.1, d.1);
         let join = |a, b| Eight([a, b]);
         let join3 = |a: Vector3<_>, b: Vector3<_>| Vector3 { x: join(a.x, b.x), y: join(a.y, b.y), z: join(a.z, b.z) };
         Halves {
+            // If all eight lights are cosine emitters, their kinds need no selection.
             cosine: (first.sites.kind.cmpeq(Vec4::ONE) & second.sites.kind.cmpeq(Vec4::ONE)).all(),
             sites: Site {
                 position: join3(first.sites.position, second.sites.position),
@@ -248,6 +250,7 @@ impl<'a> Arriving<'a> {
         // Check the slice bounds of all four entries once.
         let rays = &mut self.rays[self.count..self.count + 4];
         let radiance = &mut self.radiance[self.count..self.count + 4];
+        // Write all four entries, and advance past an entry only if it is wanted.
         let wanted = (wanted & estimates.lit) as usize;
         let mut end = 0;
         for k in 0..4 {

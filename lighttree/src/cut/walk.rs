@@ -2,8 +2,8 @@
 //!
 //! Two nodes to refine leave the queue together, and their four children are bounded together. The queue is first in,
 //! first out. The next nodes are known long before they are needed, so the processor works on several groups of four at
-//! once without speculation. With a stack, the next group of four depends on the last one. This version took half as long
-//! again.
+//! once without speculation. With a stack, each group of four depends on the previous group. A version with a stack took
+//! 1.5 times as long.
 
 use glam::Vec4;
 
@@ -52,6 +52,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
     pub fn new(tree: &'a LightTree, receiver: &'a R, threshold: f32, scratch: &'a mut Scratch) -> Self {
         let Scratch { max_size, pending, selected, selected_count, inner_count, .. } = scratch;
         let most = *max_size as usize;
+        // Grow the buffers on the first walk. Later walks reuse them.
         pending.resize(pending.len().max(QUEUE_PER_CLUSTER * (most + 8)), 0);
         selected.resize(selected.len().max(most + 8), 0);
         (*selected_count, *inner_count) = (0, 0);
@@ -105,6 +106,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
             let index = indices[k] as u32;
             let leaf = self.tree.nodes[indices[k]].is_leaf();
             if bound > self.threshold && !leaf {
+                // Queue the first child. The second child follows it in the array.
                 self.queue[self.tail] = self.tree.nodes[indices[k]].children() as u32;
                 self.tail += 1;
             } else if bound > 0.0 {
@@ -133,6 +135,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
             if !self.has_room(most) {
                 return false;
             }
+            // Visit the children of two queued nodes at once, to fill four lanes.
             let a = self.queue[self.head] as usize;
             if self.head + 1 < self.tail {
                 let b = self.queue[self.head + 1] as usize;

@@ -73,6 +73,7 @@ impl Lobe {
     fn material<F: Real>(&self, cos_light: F, cos2_half: F, cos2_view_half: F) -> Vector3<F> {
         let (zero, one) = (F::splat(0.0), F::splat(1.0));
         let [narrow, wide] = self.alpha2;
+        // Bound D from above, with the wide α² in the numerator and the narrow α² in the denominator.
         let spread = one - F::splat(1.0 - narrow) * cos2_half.min(one);
         let d = F::splat(wide * FRAC_1_PI) / (spread * spread);
         // Compute V cos θ_i. Both square roots grow with α² if the cosines are at most one.
@@ -80,9 +81,11 @@ impl Lobe {
         let smith_light = (cos_light * cos_light * F::splat(1.0 - narrow) + F::splat(narrow)).sqrt();
         let smith_view = F::splat((self.cos_view * self.cos_view * (1.0 - narrow) + narrow).sqrt());
         let v = cos_light / (F::splat(2.0) * (F::splat(self.cos_view) * smith_light + cos_light * smith_view));
+        // Compute F with Schlick's approximation.
         let away = one - cos2_view_half.max(zero).sqrt().min(one);
         let away5 = away * away * (away * away) * away;
         let f = Vector3::splat(self.specular) + Vector3::splat(Vec3::ONE - self.specular) * away5;
+        // Add the diffuse term. Light from below the surface is not reflected.
         let both = Vector3::splat(self.diffuse) * (cos_light * F::splat(FRAC_1_PI)) + f * (d * v);
         Vector3::select(zero.lt(cos_light), both, Vector3::splat(Vec3::ZERO))
     }
@@ -159,6 +162,7 @@ impl Bundled for Ggx {
     type Bundle = GgxBundle;
 
     fn bundle(receivers: &[Self]) -> GgxBundle {
+        // Take the extreme of each field over the receivers, so that the bundle bounds each of them.
         let lobes = receivers.iter().map(Ggx::lobe);
         GgxBundle {
             normals: DirectionCone::around(receivers.iter().map(|r| r.normal)),
