@@ -32,9 +32,8 @@
 //! | P | 2 | 0.93 |
 //! | P | 48 | 0 |
 //!
-//! The next picture may be coded in another mode, which [`NextPicture`] specifies. The effect of an intra picture on a
-//! block is computed from the block's coefficients. A predicted picture after an intra picture is assumed to leave the
-//! block unchanged.
+//! [`NextPicture`] specifies the mode of the next picture. The effect of an intra picture on a block is computed from
+//! the block's coefficients. A predicted picture after an intra picture is assumed to leave the block unchanged.
 
 use crate::bounded;
 use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
@@ -93,8 +92,7 @@ fn error_spectrum() -> [f32; 64] {
 /// exact. The residual of such a block is known only to a fraction of the dead zone.
 const LEAST_MARGIN: f32 = 0.125;
 
-/// Minimum magnitude of an intra coefficient that gets a level, as a fraction of its step. The value is fitted to the
-/// rate-distortion decisions of `mpeg2enc`.
+/// Minimum magnitude of an intra coefficient with a level \[steps\], fitted to the decisions of `mpeg2enc`.
 const WORTH_A_LEVEL: f32 = 0.6;
 
 /// Evaluator of eqs. (6) to (8), with precomputed constants.
@@ -121,8 +119,7 @@ impl CodedMasking {
         Self { steps, p, per_margin: p.map(|p| 1.0 / (12.0 * p.sqrt())) }
     }
 
-    /// Returns e′ of every 8×8 block: the tolerable root-mean-square luma error \[code values\], finite and not
-    /// negative.
+    /// Returns e′ of every 8×8 block: the tolerable root-mean-square luma error \[code values\], finite and ≥ 0.
     ///
     /// `luma` is in code values above black, before the rounding for the encoder.
     pub fn tolerable_luma(&self, luma: &Plane<f32>, coded: &Coded, next: NextPicture) -> Plane<f32> {
@@ -149,12 +146,15 @@ impl CodedMasking {
         let (x, y) = ((column / 2).min(across), (row / 2).min(down));
         let scale = f32::from(coded.quantiser_scales().get(x, y)) / 16.0;
         let was_intra = coded.intra().get(x, y);
+        // Compute d_ij of the decoded block.
         let source = luma.block(column, row).map(|v| if v.is_finite() { v.clamp(-16.0, 239.0) } else { 0.0 });
         let decoded = coded.luma().block(column, row);
         let lost = dct(&std::array::from_fn(|i| source[i] + 16.0 - f32::from(decoded[i])));
+        // A predicted picture after an intra picture is assumed to write no levels.
         let levels = coded.levels().get(column, row);
         let predicted = self.predicted_loss(&lost, if was_intra { 0 } else { levels }, scale);
         let NextPicture::Intra { group } = next else { return predicted };
+        // For an intra picture, count the pictures that show the error.
         let intra = if was_intra {
             self.loss(&lost, levels, &self.intra_steps(scale), 0.5)
         } else {
@@ -185,8 +185,7 @@ impl CodedMasking {
         steps
     }
 
-    /// Evaluates eqs. (6) and (7). `dead_zone` is in steps. Eight lanes accumulate separate sums and minima, which are
-    /// combined at the end.
+    /// Evaluates eqs. (6) and (7). `dead_zone` is in steps. Eight lanes accumulate separate sums and minima.
     fn loss(&self, d: &[f32; 64], levels: u64, steps: &[f32; 64], dead_zone: f32) -> BlockLoss {
         let (mut d2, mut passes, mut within) = ([0.0; 8], [0.0; 8], [f32::INFINITY; 8]);
         for row in 0..8 {
@@ -199,6 +198,7 @@ impl CodedMasking {
                 d2[column] += d[i] * d[i];
                 let comes_through = if share * share < 1.0 { share * share } else { 1.0 };
                 passes[column] += self.p[i] * if is_written { 1.0 } else { comes_through };
+                // Compute M_ij of coefficients without a level.
                 let (left, least) = (z - magnitude, LEAST_MARGIN * z);
                 let margin = (if left > least { left } else { least }) * self.per_margin[i];
                 let margin = if is_written { f32::INFINITY } else { margin };

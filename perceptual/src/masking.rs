@@ -112,6 +112,7 @@ impl MaskingModel {
         let fast = FastMasking::new(self, mean_dc(luma), quantiser_scale);
         out.samples_mut().par_chunks_mut(8 * width).enumerate().for_each(|(row, strip)| {
             for column in 0..columns {
+                // Distort the block, then copy its samples inside the picture.
                 let block = idct(&fast.worst_case(&dct(&finite_block(luma, column, row))));
                 let left = 8 * column;
                 let inside = (width - left).min(8);

@@ -39,6 +39,7 @@ pub fn masking_weights(luma: &Plane<f32>) -> Plane<f32> {
         }
         (1.0 + variances / 4.0).log2()
     });
+    // Relative to the mean activity, the factors have a geometric mean of 1.
     let mean = activity.samples().iter().sum::<f32>() / activity.samples().len().max(1) as f32;
     activity.map(|activity| (STRENGTH * (activity - mean)).exp2())
 }

@@ -88,6 +88,7 @@ pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], known: &C
     let (mut sum, mut count) = (0.0, 0usize);
     for (x, &before) in known.matches().samples().iter().enumerate() {
         let before = before as usize;
+        // Skip pixels without a match. Their index is outside the picture.
         if let (Some(&a), Some(&b)) = (picture_before.samples().get(before), reference_before.samples().get(before)) {
             let now = f64::from(picture.samples()[x]) - f64::from(reference.samples()[x]);
             sum += (now - (f64::from(a) - f64::from(b))).powi(2);
@@ -132,6 +133,7 @@ pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     }
     const C1: f64 = 0.01 * 255.0 * 0.01 * 255.0;
     const C2: f64 = 0.03 * 255.0 * 0.03 * 255.0;
+    // Filter the first and second moments with the window.
     let moment = |product: fn(f64, f64) -> f64| {
         windowed(&Plane::from_fn(width, height, |x, y| {
             product(f64::from(picture.get(x, y)), f64::from(reference.get(x, y)))
@@ -139,6 +141,7 @@ pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     };
     let (mean_a, mean_b) = (moment(|a, _| a), moment(|_, b| b));
     let (aa, bb, ab) = (moment(|a, _| a * a), moment(|_, b| b * b), moment(|a, b| a * b));
+    // Skip windows that reach beyond the border, unless the picture is smaller than a window.
     let places = |length: usize| if length > 2 * RADIUS { RADIUS..length - RADIUS } else { 0..length };
     let mut sum = 0.0;
     // Compute variances and covariance from the windowed moments.

@@ -65,6 +65,7 @@ impl PredictedCoding {
         };
         let intra: Vec<bool> =
             (0..across * down).into_par_iter().map(|k| is_intra(k % across.max(1), k / across.max(1))).collect();
+        // Code the blocks in parallel. They depend only on the previous picture.
         let blocks: Vec<CodedBlock> = (0..columns * rows)
             .into_par_iter()
             .with_min_len(64)
@@ -82,6 +83,7 @@ impl PredictedCoding {
                 coder.code(&source, Some(&prediction))
             })
             .collect();
+        // Discard the previous picture if the size has changed.
         if (self.decoded.width(), self.decoded.height()) != (width, height) {
             self.decoded = Arc::new(Picture::black(width, height));
         }
@@ -114,12 +116,14 @@ struct BlockCoder<'a> {
 
 impl BlockCoder<'_> {
     fn code(&self, source: &[f32; 64], prediction: Option<&[f32; 64]>) -> CodedBlock {
+        // Transform the residual, or the source of an intra block.
         let base = *prediction.unwrap_or(&[0.0; 64]);
         let c = dct(&std::array::from_fn(|i| source[i] - base[i]));
         let (mut quantised, mut levels) = ([0.0; 64], 0);
         match prediction {
             None => {
                 for i in 0..64 {
+                    // Round to the nearest level. The DC has its own step.
                     let step = f32::from(self.steps.intra_matrix[i].max(1)) * self.scale;
                     quantised[i] = nearest(c[i] / step) * step;
                 }
@@ -140,6 +144,7 @@ impl BlockCoder<'_> {
         for (i, &value) in quantised.iter().enumerate() {
             levels |= u64::from(value != 0.0) << i;
         }
+        // A block without levels equals its prediction.
         let back = if levels == 0 { [0.0; 64] } else { idct(&quantised) };
         (std::array::from_fn(|i| ((back[i] + base[i]).clamp(0.0, 255.0) + 0.5) as u8), levels)
     }

@@ -33,9 +33,11 @@ impl EncodeTable {
     #[inline]
     pub fn get(&self, linear: f32) -> f32 {
         let x = (linear * self.scale).clamp(0.0, LARGEST);
+        // Below the first segment, interpolate from 0.
         if x < SMALLEST {
             return self.nodes[0] * (x / SMALLEST);
         }
+        // Exponent and leading mantissa bits select the segment. The other bits interpolate.
         let bits = x.to_bits();
         let segment = ((bits >> SHIFT) - (SMALLEST.to_bits() >> SHIFT)) as usize;
         let along = (bits & ((1 << SHIFT) - 1)) as f32 * (1.0 / (1u32 << SHIFT) as f32);

@@ -51,6 +51,7 @@ fn squared_distances(set: &Plane<bool>) -> Plane<f32> {
             distances.set(x, y, nearest);
         }
     }
+    // Combine the columns along each row.
     for y in 0..height {
         lower_envelope(distances.row_mut(y));
     }

@@ -132,6 +132,7 @@ fn pixelwise(
         let mut non_finite = 0;
         let groups = luma.row(y).chunks(8).zip(luminance.row(y).chunks(8)).enumerate();
         for (error, (group, (luma, luminance))) in error.chunks_mut(8).zip(groups) {
+            // Count pixels that `eight` replaces by black.
             non_finite += luma.iter().zip(luminance).filter(|(a, b)| !(a.is_finite() && b.is_finite())).count();
             let luma = eight(luma);
             let e = pixel_errors(distorted((group, y), luma), luma, eight(luminance), kappa, scale);
@@ -164,6 +165,7 @@ fn pixel_errors(
 ) -> [f32; 8] {
     let (gray, distorted) = (scale.decode.get(luma), scale.decode.get(distorted_luma));
     std::array::from_fn(|i| {
+        // Saturated colors have more luminance than the gray of equal luma.
         let color_factor = (luminance[i] / gray[i].max(f32::MIN_POSITIVE)).clamp(1.0, LARGEST_COLOR_FACTOR);
         let change = kappa * color_factor * (distorted[i] - gray[i]).abs();
         change.max(RELATIVE_FLOOR * luminance[i]).max(scale.smallest)
@@ -194,6 +196,7 @@ pub(crate) fn blend_within(
     assert_same_size(e, matches);
     let w = bounded(w, 0.0, 1.0);
     let past = previous.samples();
+    // Pixels without a usable previous threshold keep the current error.
     let pixel = |(&e, &index): (&f32, &u32)| match past.get(index as usize) {
         Some(&before) if before > 0.0 && before.is_finite() => (1.0 - w) * e + w * before.min(most * e),
         _ => e,

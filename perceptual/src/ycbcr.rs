@@ -87,6 +87,7 @@ impl Row {
     fn fill(&mut self, radiance: &[[f32; 3]], table: &EncodeTable, matrix: ColorMatrix) -> usize {
         let mut non_finite = 0;
         self.rgb.clear();
+        // Replace pixels that are not finite by black, and count them.
         self.rgb.extend(radiance.iter().map(|pixel| {
             if pixel.iter().all(|c| c.is_finite()) {
                 pixel.map(|c| table.get(c))
@@ -114,6 +115,7 @@ impl Strip<'_> {
     fn convert(self, width: usize, table: &EncodeTable, matrix: ColorMatrix, rows: &mut [Row; 2]) -> usize {
         let mut non_finite = 0;
         let luma_rows = self.radiance.len() / width;
+        // Convert the luma of both rows.
         for (i, row) in rows.iter_mut().enumerate().take(luma_rows) {
             non_finite += row.fill(&self.radiance[i * width..][..width], table, matrix);
             let range = i * width..(i + 1) * width;
@@ -130,6 +132,7 @@ impl Strip<'_> {
             let ((b0, r0), (b1, r1)) = (of(upper), of(lower));
             (b0 + b1, r0 + r1)
         };
+        // Average two rows, with weights ¼, ½, ¼ across the columns around each MPEG-2 site.
         let code = |scale: f32, sum: f32| (128.0 + scale * 0.125 * sum).round().clamp(16.0, 240.0) as u8;
         let [cb_scale, cr_scale] = matrix.chroma_scales();
         let mut left = differences(0);
@@ -163,8 +166,10 @@ impl YCbCr {
         }
         let table = EncodeTable::new(tone_map);
         let [y, cb, cr] = picture.samples_mut();
+        // Each strip has two luma rows and one chroma row, so strips are independent.
         let luma_strips = y.par_chunks_mut(2 * width).zip(luma.samples_mut().par_chunks_mut(2 * width));
         let chroma_strips = cb.par_chunks_mut(chroma_width).zip(cr.par_chunks_mut(chroma_width));
+        // Convert the strips in parallel, with two rows of scratch memory per thread.
         let non_finite = radiance
             .samples()
             .par_chunks(2 * width)
@@ -202,6 +207,7 @@ pub fn to_rgb8_by(picture: &Picture, matrix: ColorMatrix) -> Plane<[u8; 3]> {
         0.75 * along(row) + 0.25 * along(next_row) - 128.0
     };
     Plane::from_fn(picture.width(), picture.height(), |x, y| {
+        // Solve the equations of Y′, C_B and C_R for R′, G′ and B′.
         let luma = (f32::from(picture.luma().get(x, y)) - BLACK) / WHITE_LUMA;
         let b = luma + chroma(picture.cb(), x, y) / cb_scale;
         let r = luma + chroma(picture.cr(), x, y) / cr_scale;

@@ -17,6 +17,7 @@ fn feature_map(feature: &Pyramid, f: f32) -> Plane<f32> {
         let Some(center) = feature.level(c) else { break };
         sum = if c == CENTERS[0] { Plane::filled(center.width(), center.height(), 0.0) } else { halved(&sum) };
         for delta in DELTAS {
+            // Small pictures have no coarse surrounds.
             let Some(surround) = feature.level(c + delta) else { continue };
             let mut map = difference(center, surround, delta);
             promote(&mut map, f);

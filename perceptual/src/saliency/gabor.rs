@@ -43,6 +43,7 @@ fn along_rows(plane: &Plane<f32>, taps: &Taps) -> Plane<f32> {
     let mut out = Plane::filled(width, plane.height(), 0.0);
     let mut padded = vec![0.0; width + 2 * REACH];
     for (out, row) in out.samples_mut().chunks_exact_mut(width).zip(plane.rows()) {
+        // Pad the row by reflection, so that the taps need no border cases.
         padded[REACH..REACH + width].copy_from_slice(row);
         reflect_borders(&mut padded, REACH, width);
         for (i, &weight) in taps.iter().enumerate() {

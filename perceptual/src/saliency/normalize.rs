@@ -94,6 +94,7 @@ fn is_largest(map: &Plane<f32>, candidate: &Candidate, [across, down]: [usize; 2
             std::cmp::Ordering::Greater => 0,
         };
         let (before, after) = map.row(row)[columns.clone()].split_at(before);
+        // Of equal samples, only the first in raster order is a maximum.
         before.iter().all(|&other| other < value) && after.iter().all(|&other| other <= value)
     })
 }

@@ -19,7 +19,7 @@ impl ToneMap {
     /// L = C⁻¹(Σ s C(Lₛ))      C  display light of radiance, before the transfer curve      s  area fraction
     /// ```
     ///
-    /// Lₛ is the radiance of the part with the fraction s. No part contributes more than display white. With a mean of
+    /// Lₛ is the radiance of the region with the fraction s. No region contributes more than display white. With a mean of
     /// radiance, a light far above white would hide thin objects in front of it.
     #[must_use]
     pub fn mean_shown(&self, parts: impl IntoIterator<Item = PixelFragment>) -> [f32; 3] {
