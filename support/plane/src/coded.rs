@@ -44,6 +44,7 @@ impl Coded {
         let macroblocks = (width.div_ceil(16), height.div_ceil(16));
         SizeError::check("intra", &intra, macroblocks)?;
         SizeError::check("quantiser_scales", &quantiser_scales, macroblocks)?;
+        // Accept levels of whole macroblocks, or only of the blocks that begin in the picture.
         let whole = (2 * macroblocks.0, 2 * macroblocks.1);
         SizeError::check("levels", &levels, whole)
             .or_else(|_| SizeError::check("levels", &levels, decoded.luma().block_counts()))?;

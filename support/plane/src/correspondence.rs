@@ -75,6 +75,7 @@ impl Correspondence {
             if dx.is_finite() && dy.is_finite() {
                 raster_index(nearest(x, dx, width), nearest(y, dy, height), width)
             } else {
+                // Store finite motion, so that equal correspondences compare equal.
                 motion.set(x, y, NO_MOTION);
                 NO_MATCH
             }

@@ -29,6 +29,7 @@ const BASIS: [Lanes; 8] = basis();
 const BASIS_TRANSPOSED: [Lanes; 8] = transposed(BASIS);
 
 const fn basis() -> [Lanes; 8] {
+    // Row u = 0 is constant: ½ C(0) = ½ cos(4π/16).
     let mut out = [[HALF_COSINE[4]; 8]; 8];
     let mut u = 1;
     while u < 8 {
@@ -47,6 +48,7 @@ const fn basis() -> [Lanes; 8] {
 
 const fn transposed(matrix: [Lanes; 8]) -> [Lanes; 8] {
     let mut out = [[0.0; 8]; 8];
+    // `for` loops are not allowed in constant functions.
     let mut i = 0;
     while i < 64 {
         out[i % 8][i / 8] = matrix[i / 8][i % 8];
@@ -86,8 +88,10 @@ fn weighted<const N: usize>(weights: [f32; N], rows: [Lanes; N]) -> Lanes {
 #[inline(always)]
 fn columns_forward(s: [Lanes; 8]) -> [Lanes; 8] {
     let [_, c1, c2, c3, c4, c5, c6, c7, _] = HALF_COSINE;
+    // Even frequencies depend on sums of mirrored samples, odd frequencies on differences.
     let even: [Lanes; 4] = std::array::from_fn(|k| sum(s[k], s[7 - k]));
     let odd: [Lanes; 4] = std::array::from_fn(|k| difference(s[k], s[7 - k]));
+    // Split the even frequencies again by the same symmetry.
     let outer = [sum(even[0], even[3]), sum(even[1], even[2])];
     let inner = [difference(even[0], even[3]), difference(even[1], even[2])];
     [
@@ -106,6 +110,7 @@ fn columns_forward(s: [Lanes; 8]) -> [Lanes; 8] {
 #[inline(always)]
 fn columns_inverse(c: [Lanes; 8]) -> [Lanes; 8] {
     let [_, c1, c2, c3, c4, c5, c6, c7, _] = HALF_COSINE;
+    // Rebuild the even half from frequencies 0, 4 and 2, 6.
     let outer = [weighted([c4, c4], [c[0], c[4]]), weighted([c4, -c4], [c[0], c[4]])];
     let inner = [weighted([c2, c6], [c[2], c[6]]), weighted([c6, -c2], [c[2], c[6]])];
     let even = [
@@ -114,6 +119,7 @@ fn columns_inverse(c: [Lanes; 8]) -> [Lanes; 8] {
         difference(outer[1], inner[1]),
         difference(outer[0], inner[0]),
     ];
+    // Rebuild the odd half.
     let waves = [c[1], c[3], c[5], c[7]];
     let odd = [
         weighted([c1, c3, c5, c7], waves),
@@ -121,6 +127,7 @@ fn columns_inverse(c: [Lanes; 8]) -> [Lanes; 8] {
         weighted([c5, -c1, c7, c3], waves),
         weighted([c7, -c5, c3, -c1], waves),
     ];
+    // Sample k is the sum of both halves. The mirrored sample is their difference.
     std::array::from_fn(|k| if k < 4 { sum(even[k], odd[k]) } else { difference(even[7 - k], odd[7 - k]) })
 }
 

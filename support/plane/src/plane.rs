@@ -121,6 +121,7 @@ impl<T: Copy> Plane<T> {
 
     /// Rows from top to bottom.
     pub fn rows(&self) -> impl Iterator<Item = &[T]> {
+        // An empty plane has no rows. A chunk size of 0 would panic.
         self.data.chunks_exact(self.width.max(1))
     }
 
@@ -148,6 +149,7 @@ impl<T: Copy> Plane<T> {
     pub fn block(&self, column: usize, row: usize) -> [T; 64] {
         let (left, top) = (8 * column, 8 * row);
         if left + 8 <= self.width && top + 8 <= self.height {
+            // Copy the rows of a block inside the plane.
             let mut out = [self.data[top * self.width + left]; 64];
             for y in 0..8 {
                 out[8 * y..][..8].copy_from_slice(&self.row(top + y)[left..left + 8]);
