@@ -41,6 +41,7 @@ impl Avx2 {
             has_all
         }
 
+        // Threads may query at the same time, because all of them store the same result.
         let present = match KNOWN.load(Ordering::Relaxed) {
             UNKNOWN => query(),
             known => known == PRESENT,
@@ -90,6 +91,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn load_halves(self, low: &[f32; LANES / 2], high: &[f32; LANES / 2]) -> __m256 {
+        // The intrinsic expects the high half first.
         instruction!(_mm256_loadu2_m128(high.as_ptr(), low.as_ptr()))
     }
 
@@ -102,6 +104,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn store_halves(self, x: __m256, low: &mut [f32; LANES / 2], high: &mut [f32; LANES / 2]) {
+        // The intrinsic expects the high half first.
         instruction!(_mm256_storeu2_m128(high.as_mut_ptr(), low.as_mut_ptr(), x));
     }
 
@@ -127,6 +130,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn neg(self, a: __m256) -> __m256 {
+        // Flip the sign bit. A subtraction from 0 would give +0 for +0.
         instruction!(_mm256_xor_ps(a, _mm256_set1_ps(-0.0)))
     }
 
@@ -167,6 +171,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn lt_bits(self, a: __m256, b: __m256) -> __m256 {
+        // Reverse the operands, because AVX2 compares integers only with `>`.
         instruction!(_mm256_castsi256_ps(_mm256_cmpgt_epi32(_mm256_castps_si256(b), _mm256_castps_si256(a))))
     }
 
@@ -208,6 +213,7 @@ impl Lanes for Avx2 {
                     _mm256_unpackhi_ps(g, h),
                 ],
             ];
+            // The low and high halves of each shuffled register belong to columns i and i + 4.
             let mut out = [a; LANES];
             for i in 0..2 {
                 let [ab, cd, ef, gh] = pairs[i];
@@ -278,6 +284,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn shift_right_i(self, a: __m256i, by: u32) -> __m256i {
+        // The number of bits is in a vector register, because it is not a constant.
         instruction!(_mm256_srl_epi32(a, _mm_cvtsi32_si128(by as i32)))
     }
 
@@ -289,6 +296,7 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn sum_i(self, a: __m256i) -> i32 {
         instruction!({
+            // Add neighbors twice, which leaves one sum of four lanes in each half.
             let zero = _mm256_setzero_si256();
             let fours = _mm256_hadd_epi32(_mm256_hadd_epi32(a, zero), zero);
             _mm256_extract_epi32::<0>(fours).wrapping_add(_mm256_extract_epi32::<4>(fours))

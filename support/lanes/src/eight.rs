@@ -15,7 +15,7 @@ pub const LANES: usize = 8;
 /// All implementations perform the same IEEE operations in the same order, without fusion, so results do not depend
 /// on the processor. Only the bits of NaN results may differ.
 pub trait Lanes: Copy + Debug {
-    /// The only value of this type, for operators that have no value of it.
+    /// The only value of this type, for overloaded operators, which cannot receive it as an argument.
     const PROOF: Self;
 
     /// Eight `f32`.

@@ -54,7 +54,7 @@ pub trait Differences: Copy + Debug {
     fn minus(self, other: Self) -> Self;
     /// Returns the absolute value of each difference, except for −32768.
     fn abs(self) -> Self;
-    /// Returns the larger one of each pair of signed numbers.
+    /// Returns the maximum of each pair of signed numbers.
     fn max(self, other: Self) -> Self;
     /// Returns the sum of the row of each block. The second sum is 0 if only one block exists.
     fn sums(self) -> [i32; 2];
@@ -137,6 +137,7 @@ impl<'a, const N: usize, const R: usize, const H: bool, const V: bool> Window<'a
     pub fn group<S: Samples>(&self, i: usize) -> S {
         const { assert!(S::COUNT >= N && (R * N).is_multiple_of(S::COUNT)) };
         assert!(i < R * N / S::COUNT, "a group of a window");
+        // Average over the half-sample neighbors. `H` and `V` are constants, so no branch remains.
         let row = i * S::COUNT / N;
         let here = self.load(row, 0);
         match (H, V) {

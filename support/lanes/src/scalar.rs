@@ -83,11 +83,13 @@ impl Lanes for Scalar {
 
     #[inline(always)]
     fn min(self, a: Self::F, b: Self::F) -> Self::F {
+        // `f32::min` would ignore NaN and choose either zero.
         from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] })
     }
 
     #[inline(always)]
     fn max(self, a: Self::F, b: Self::F) -> Self::F {
+        // `f32::max` would ignore NaN and choose either zero.
         from_fn(|i| if a[i] > b[i] { a[i] } else { b[i] })
     }
 

@@ -24,6 +24,7 @@ impl Words {
     /// Returns the differences between two groups of sixteen samples.
     #[inline(always)]
     pub(super) fn between(samples: Bytes, minus: Bytes) -> Self {
+        // Widen the samples to 16 bits before the subtraction.
         avx2! { Self(_mm256_sub_epi16(_mm256_cvtepu8_epi16(samples.0), _mm256_cvtepu8_epi16(minus.0))) }
     }
 }
@@ -40,6 +41,7 @@ impl Sum for Absolute {
 
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
+        // Sums stay below 2¹⁶, so 16-bit additions do not carry into the next field.
         avx2! { Self(_mm256_add_epi16(self.0, other.0)) }
     }
 
@@ -75,6 +77,7 @@ impl Sum for Squared {
     #[inline(always)]
     fn totals([a, b, c, d]: [Self; 4]) -> [u32; 4] {
         avx2! {
+            // Add neighbors of all four registers, then the two halves of the result.
             let sums = _mm256_hadd_epi32(_mm256_hadd_epi32(a.0, b.0), _mm256_hadd_epi32(c.0, d.0));
             let sums = _mm_add_epi32(_mm256_castsi256_si128(sums), _mm256_extracti128_si256::<1>(sums));
             [
@@ -191,6 +194,7 @@ impl Differences for Words {
     #[inline(always)]
     fn sums(self) -> [i32; 2] {
         avx2! {
+            // Add neighbors, then fold each half of the register into its first lane.
             let pairs = _mm256_madd_epi16(self.0, _mm256_set1_epi16(1));
             let two = _mm256_add_epi32(pairs, _mm256_unpackhi_epi64(pairs, pairs));
             let one = _mm256_add_epi32(two, _mm256_shuffle_epi32::<1>(two));

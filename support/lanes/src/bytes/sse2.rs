@@ -50,6 +50,7 @@ impl Bytes {
     #[must_use]
     pub fn minus(self, other: Self) -> [Words; 2] {
         sse2! {
+            // Widen the samples to 16 bits by interleaving them with zeros.
             let zero = _mm_setzero_si128();
             let low = _mm_sub_epi16(_mm_unpacklo_epi8(self.0, zero), _mm_unpacklo_epi8(other.0, zero));
             let high = _mm_sub_epi16(_mm_unpackhi_epi8(self.0, zero), _mm_unpackhi_epi8(other.0, zero));
@@ -74,6 +75,7 @@ impl Samples for Bytes {
     #[inline(always)]
     fn mean_of_four([a, b, c, d]: [Self; 4]) -> Self {
         sse2! {
+            // The mean of two means is too large by 1 if both steps rounded up. Subtract that 1.
             let (upper, lower) = (a.mean(b), c.mean(d));
             let rounded = _mm_or_si128(_mm_xor_si128(a.0, b.0), _mm_xor_si128(c.0, d.0));
             let twice = _mm_and_si128(_mm_and_si128(rounded, _mm_xor_si128(upper.0, lower.0)), _mm_set1_epi8(1));
@@ -103,6 +105,7 @@ impl Words {
     #[must_use]
     pub fn dot(self, other: Self) -> i32 {
         sse2! {
+            // Add products of neighbors, then fold the four sums into the first lane.
             let pairs = _mm_madd_epi16(self.0, other.0);
             let two = _mm_add_epi32(pairs, _mm_unpackhi_epi64(pairs, pairs));
             _mm_cvtsi128_si32(_mm_add_epi32(two, _mm_shuffle_epi32::<1>(two)))
@@ -199,6 +202,7 @@ impl Differences for Words {
 
     #[inline(always)]
     fn abs(self) -> Self {
+        // SSE2 has no instruction for the absolute value of words.
         sse2! {
             Self(_mm_max_epi16(self.0, _mm_sub_epi16(_mm_setzero_si128(), self.0)))
         }
