@@ -106,6 +106,7 @@ impl Field {
         }
         for (place, rgb) in light.iter().enumerate() {
             for &value in rgb {
+                // Search the slot only for an error, because the search visits a whole tile.
                 let (slot, direction) = (|| tiles.slot(place / directions), place % directions);
                 codes.push(scale.code(value).ok_or_else(|| FieldError::Light { slot: slot(), direction, value })?);
             }

@@ -38,6 +38,7 @@ impl NearLossless {
         if delta > LARGEST_DELTA {
             return Err(FieldError::Delta(delta));
         }
+        // Compress the tiles in parallel, in the order of the file.
         let stored: Vec<Vec<u8>> =
             (0..field.tiles().len()).into_par_iter().map(|tile| compressed(field, tile, delta)).collect();
         let head = Head {
@@ -47,6 +48,7 @@ impl NearLossless {
             tiles: field.tiles().clone(),
             places: Vec::new(),
         };
+        // Read the file back, so that new and loaded fields pass the same checks.
         Self::from_bytes(file::write(&head, &stored))
     }
 
@@ -103,6 +105,7 @@ impl NearLossless {
     fn residuals(&self, tile: usize) -> Option<Vec<u8>> {
         let bytes_of_code = if self.head.scale.is_some() { u16::BYTES } else { u8::BYTES };
         let length = count(&self.head.tiles.masks()[tile]) * self.head.directions * 3 * bytes_of_code;
+        // Limit decompression to the expected length, because forged data may expand without bound.
         let stored = &self.bytes[self.head.places[tile]..self.head.places[tile + 1]];
         let residuals = zstd::bulk::decompress(stored, length).ok()?;
         (residuals.len() == length).then_some(residuals)
@@ -129,6 +132,7 @@ impl LookUp for NearLossless {
         let Head { directions, ref tiles, .. } = self.head;
         let tile = slot / TILE_SLOTS;
         let rank = rank_in(tiles.masks().get(tile)?, slot % TILE_SLOTS).filter(|_| direction < directions)?;
+        // Decode the tile on first access.
         let samples = self.decoded[tile].get_or_init(|| self.decode(tile));
         Some(samples.three((rank * directions + direction) * 3))
     }

@@ -73,10 +73,12 @@ impl OctahedralMap {
     #[must_use]
     pub fn bilinear(self, direction: Vec3) -> DirectionCells {
         let n = self.side as isize;
+        // Cell centers are at half-integers, so shift by ½.
         let place = (to_square(direction) + 1.0) * (0.5 * self.side as f32) - 0.5;
         let low = place.floor();
         let share = place - low;
         let (i, j) = (low.x as isize, low.y as isize);
+        // Cells beyond an edge continue on the adjacent face.
         let corners = [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)];
         let (left, top) = (1.0 - share.x, 1.0 - share.y);
         DirectionCells {
@@ -89,6 +91,7 @@ impl OctahedralMap {
 /// Returns the index of cell (i, j), each coordinate from −1 to n. Cells outside the map are mirrored about the middle
 /// of the edge.
 fn across(mut i: isize, mut j: isize, n: isize) -> usize {
+    // Beyond an edge, the map continues on the same edge, in reverse direction.
     if i < 0 || i >= n {
         (i, j) = (i.clamp(0, n - 1), n - 1 - j);
     }
@@ -102,6 +105,7 @@ fn across(mut i: isize, mut j: isize, n: isize) -> usize {
 fn to_square(direction: Vec3) -> Vec2 {
     // Scale the direction first, so that no sum overflows or underflows.
     let scaled = direction / direction.abs().max_element();
+    // Project onto the octahedron |x| + |y| + |z| = 1, and fold its lower half outwards.
     let p = scaled / scaled.abs().element_sum();
     if !p.is_finite() {
         Vec2::ZERO
@@ -114,6 +118,7 @@ fn to_square(direction: Vec3) -> Vec2 {
 
 /// Maps a point in [−1, 1]² to a unit direction.
 fn from_square(place: Vec2) -> Vec3 {
+    // The lower half of the octahedron is outside the diamond |x| + |y| = 1.
     let z = 1.0 - place.x.abs() - place.y.abs();
     let xy = if z >= 0.0 { place } else { folded(place) };
     xy.extend(z).normalize()

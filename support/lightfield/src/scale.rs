@@ -49,6 +49,7 @@ impl LogScale {
     /// Returns the light for a code, which may be fractional. The light is at most `f32::MAX`.
     #[must_use]
     pub fn light(self, code: f32) -> f32 {
+        // Invert `code` in `f64`, and clamp light that overflows `f32`.
         let ratio = (f64::from(code) * (std::f64::consts::LN_2 / STEPS)).exp_m1();
         (ratio * f64::from(self.unit)).min(f64::from(f32::MAX)) as f32
     }

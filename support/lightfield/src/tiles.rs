@@ -40,6 +40,7 @@ impl TexelTiles {
         let mut masks = vec![[0; 4]; columns * rows];
         for (tile, mask) in masks.iter_mut().enumerate() {
             let (left, top) = (tile % columns * TILE_SIDE, tile / columns * TILE_SIDE);
+            // Tiles at the right and lower borders lack the texels outside the picture.
             for bit in 0..TILE_SLOTS {
                 let (x, y) = (left + bit % TILE_SIDE, top + bit / TILE_SIDE);
                 mask[bit / 64] |= u64::from(x < width && y < height) << (bit % 64);
@@ -93,6 +94,7 @@ impl TexelTiles {
     /// If `rank` is not less than the number of texels.
     pub(crate) fn slot(&self, rank: usize) -> usize {
         assert!(rank < self.texels(), "rank {rank} of {} texels", self.texels());
+        // Find the tile by the number of preceding texels, then count its present texels.
         let tile = self.before.partition_point(|&before| before <= rank) - 1;
         let mut left = rank - self.before[tile];
         for bit in 0..TILE_SLOTS {
@@ -130,6 +132,7 @@ pub(crate) fn rank_in(mask: &Mask, bit: usize) -> Option<usize> {
     if !is_set(mask, bit) {
         return None;
     }
+    // Count the set bits before `bit`: in its word, then in the words before it.
     let mut rank = (mask[word] & ((1 << (bit % 64)) - 1)).count_ones();
     for word in &mask[..word] {
         rank += word.count_ones();

@@ -64,11 +64,13 @@ pub(crate) fn write(head: &Head, tiles: &[Vec<u8>]) -> Vec<u8> {
     bytes.extend(head.delta.to_le_bytes());
     bytes.extend(head.scale.map_or(0.0, LogScale::unit).to_le_bytes());
     bytes.extend((tiles.len() as u32).to_le_bytes());
+    // List all tiles before their bytes, so that a reader checks all sizes first.
     for (mask, tile) in head.tiles.masks().iter().zip(tiles) {
         mask.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
         bytes.extend((tile.len() as u32).to_le_bytes());
         bytes.extend(crc32fast::hash(tile).to_le_bytes());
     }
+    // Append the checksum of header and list, then the tiles.
     bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
     bytes.reserve_exact(tiles.iter().map(Vec::len).sum());
     tiles.iter().for_each(|tile| bytes.extend(tile));
@@ -109,6 +111,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
     if expected != bytes.len() as u64 {
         return Err(FieldError::Size { found: bytes.len(), expected });
     }
+    // Check each tile and record its position.
     let mut places = vec![end + 4];
     for (tile, (&length, &sum)) in lengths.iter().zip(&sums).enumerate() {
         let (from, to) = (places[tile], places[tile] + length);

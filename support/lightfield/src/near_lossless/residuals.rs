@@ -94,6 +94,7 @@ fn walk(mask: &Mask, directions: usize, mut decoded: impl FnMut(usize, i32) -> i
                     place += directions * 3;
                 }
             }
+            // Predict the first texel of the next direction from this direction.
             *first = plane[0];
         }
     }
@@ -117,6 +118,7 @@ pub(crate) fn encode<C: Code>(codes: &[C], mask: &Mask, directions: usize, delta
     walk(mask, directions, |place, predicted| {
         let code: i32 = codes[place].into();
         let e = code - predicted;
+        // Quantize the residual, and move its sign to the lowest bit.
         let k = C::around_zero(e.signum() * ((e.abs() + delta) / step));
         let folded = (k << 1) ^ (k >> 31);
         for byte in 0..C::BYTES {
@@ -140,6 +142,7 @@ pub(crate) fn decode<C: Code>(residuals: &[u8], mask: &Mask, directions: usize, 
             folded |= i32::from(residuals[count + byte * codes]) << (8 * byte);
         }
         count += 1;
+        // Restore the sign from the lowest bit.
         let k = (folded >> 1) ^ -(folded & 1);
         let code = reconstruct::<C>(predicted, k, delta);
         found[place] = C::of(code);
