@@ -20,6 +20,7 @@ impl Assignment {
         match self {
             Self::InOrder(number) => number as usize % count,
             Self::Golden(number) => {
+                // The wrapped product is frac(k/φ) as a multiple of 2⁻³².
                 let fraction = u64::from(number.wrapping_mul(GOLDEN));
                 ((fraction * count as u64) >> 32) as usize
             }

@@ -99,10 +99,12 @@ pub fn share<T: Portable>(
     compute: impl FnOnce(&[usize], &Meter) -> Vec<T>,
 ) -> Vec<T> {
     let (count, meter) = (ranks.count(), Meter::of(ranks.log()));
+    // Compute the items of this rank.
     let own: Vec<usize> =
         (0..assignments.len()).filter(|&item| assignments[item].owner(count) == ranks.rank()).collect();
     let computed = compute(&own, &meter);
     assert_eq!(computed.len(), own.len(), "a result for each item");
+    // Skip the exchange for an empty loop and for a single rank.
     if assignments.is_empty() {
         return computed;
     }
@@ -130,6 +132,7 @@ pub fn share<T: Portable>(
             assignments.len()
         );
     }
+    // Merge the results in the order of the items.
     let next = |assignment: &Assignment| {
         T::take(&mut left[assignment.owner(count)]).expect("every rank gives a result for each of its items")
     };
@@ -154,6 +157,7 @@ pub fn share_each<T: Portable + Send, S>(
         share(ranks, assignments, |own, meter| {
             let some = |scratch: &mut S, items: &[usize]| {
                 busy.measure(|| {
+                    // Log the CPU time of each item.
                     let mut laps = meter.laps();
                     let mut results = Vec::with_capacity(items.len());
                     for &item in items {
@@ -163,6 +167,7 @@ pub fn share_each<T: Portable + Send, S>(
                     results
                 })
             };
+            // Give each thread consecutive items, with scratch memory to reuse.
             own.par_chunks(at_once).map_init(scratch, some).flatten_iter().collect()
         })
     })
@@ -187,6 +192,7 @@ pub fn sum_of_all<T: Portable>(ranks: &dyn Ranks, compute: impl FnOnce(&Meter) -
     let mut bytes = Vec::new();
     own.put(&mut bytes);
     let all = ranks.all_gather(bytes);
+    // Add the sums in the order of the ranks, including this rank's own.
     let of = |bytes: &Vec<u8>| T::take(&mut &bytes[..]).expect("every rank gives its sum");
     all.iter().map(of).reduce(plus).expect("there is a rank")
 }

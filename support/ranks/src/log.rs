@@ -96,6 +96,7 @@ impl WorkLog {
             }
         });
         done.items.bytes = bytes.len();
+        // Every rank deserializes the results of all items.
         let mut left = &bytes[..];
         done.items.unpacking = seconds_of(|| drop(Vec::from_iter(results.iter().map(|_| T::take(&mut left)))));
         done.results = assignments.iter().copied().zip(sizes).collect();
@@ -110,6 +111,7 @@ impl WorkLog {
         let mut bytes = Vec::new();
         done.sums.packing = seconds_of(|| own.put(&mut bytes));
         done.sums.bytes = bytes.len();
+        // Measure the deserialization and addition of one rank's sum.
         if let Some(other) = T::take(&mut &bytes[..]) {
             done.sums.unpacking = seconds_of(|| drop(T::take(&mut &bytes[..]).map(|sum| plus(other, sum))));
         }
@@ -132,6 +134,7 @@ impl Meter {
     /// Starts timing items that this thread computes one after the other.
     #[must_use]
     pub fn laps(&self) -> Laps<'_> {
+        // Without a log, do not read the clock.
         Laps { last: if self.work.is_some() { thread_nanoseconds() } else { 0 }, work: Vec::new(), meter: self }
     }
 
@@ -160,10 +163,12 @@ impl Laps<'_> {
         if self.meter.work.is_none() {
             return;
         }
+        // Divide the elapsed CPU time equally among the items.
         let now = thread_nanoseconds();
         let seconds = now.saturating_sub(self.last) as f64 * 1e-9 / assignments.len() as f64;
         self.last = now;
         for assignment in assignments {
+            // Merge consecutive items of the same assignment, to keep the log short.
             match self.work.last_mut() {
                 Some((last, sum)) if *last == assignment => *sum += seconds,
                 _ => self.work.push((assignment, seconds)),

@@ -89,9 +89,11 @@ impl Inbox {
     pub fn take(&self) -> Message {
         let mut arrived = self.arrived();
         loop {
+            // Deliver all messages before reporting ended ranks.
             if let Some(message) = arrived.messages.pop_front() {
                 return message;
             }
+            // If all other ranks have ended, no message can arrive.
             assert!(self.others == 0 || arrived.ended < self.others, "another rank has ended");
             arrived = self.changed.wait(arrived).unwrap_or_else(PoisonError::into_inner);
         }
@@ -154,6 +156,7 @@ impl Mail for ThreadMail {
 
 impl Drop for ThreadMail {
     fn drop(&mut self) {
+        // Wake the ranks that wait for a message, because none may arrive.
         let others = self.inboxes.iter().enumerate().filter(|&(rank, _)| rank != self.rank);
         others.for_each(|(_, inbox)| inbox.note_end());
     }

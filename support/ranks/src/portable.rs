@@ -83,6 +83,7 @@ impl<T: Portable, const N: usize> Portable for [T; N] {
 
     fn take(bytes: &mut &[u8]) -> Option<Self> {
         let values: [Option<T>; N] = std::array::from_fn(|_| T::take(bytes));
+        // An array is complete only if all its elements are.
         values.iter().all(Option::is_some).then(|| values.map(|value| value.expect("each is there")))
     }
 }
@@ -109,6 +110,7 @@ impl<T: Portable> Portable for Vec<T> {
 
     fn take(bytes: &mut &[u8]) -> Option<Self> {
         let count = u64::take(bytes)?;
+        // Collecting stops at the first missing element, so a wrong count reserves no memory.
         (0..count).map(|_| T::take(bytes)).collect()
     }
 }

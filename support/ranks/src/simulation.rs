@@ -40,6 +40,7 @@ impl Network {
     pub fn all_gather(&self, sizes: &[usize]) -> f64 {
         let longest = sizes.iter().copied().max().unwrap_or_default();
         let bytes = sizes.len().saturating_sub(1) * (LENGTH + longest);
+        // Recursive doubling takes ⌈log₂ R⌉ steps.
         let steps = sizes.len().max(1).next_power_of_two().trailing_zeros();
         2.0 * f64::from(steps) * self.latency + bytes as f64 / self.bandwidth
     }
@@ -70,6 +71,7 @@ impl LoggedRun {
     #[must_use]
     pub fn unshared(&self) -> f64 {
         let mut unshared = self.cpu;
+        // Subtract the items of shared loops, and the cost of logging them.
         for one in &self.loops {
             unshared -= one.work.iter().map(|(_, seconds)| seconds).sum::<f64>() + one.logging;
         }
@@ -85,6 +87,7 @@ impl LoggedRun {
         of_rank[0] = unshared;
         let mut seconds = unshared;
         for one in &self.loops {
+            // Each loop lasts as long as its busiest rank, followed by the exchange.
             let (own, sizes) = of_each(one, count);
             of_rank.iter_mut().zip(&own).for_each(|(sum, own)| *sum += own);
             seconds += greatest(&own);
@@ -113,6 +116,7 @@ fn of_each(one: &LoopLog, count: usize) -> (Vec<f64>, Vec<usize>) {
     }
     let header = if one.results.is_empty() { 0 } else { LENGTH };
     for (own, size) in own.iter_mut().zip(&mut sizes) {
+        // Packing is proportional to a rank's own bytes. Unpacking is equal on all ranks.
         let share = *size as f64 / one.items.bytes.max(1) as f64;
         *own += share * one.items.packing + one.items.unpacking;
         *own += one.sums.packing + count as f64 * one.sums.unpacking;

@@ -19,6 +19,7 @@ impl ThreadRanks {
     #[must_use]
     pub fn new(count: usize) -> Vec<Self> {
         let mut ranks: Vec<Self> = (0..count).map(|rank| Self { rank, to: Vec::new(), from: Vec::new() }).collect();
+        // Connect each rank with every rank, including itself.
         for from in 0..count {
             for to in 0..count {
                 let (sender, receiver) = channel();
