@@ -57,6 +57,7 @@ impl Path {
         let n = keys.len();
         let slope = |a: usize, b: usize| (keys[b].1 - keys[a].1) / (keys[b].0 - keys[a].0);
         let mut tangents: Vec<Vec3> = (0..n).map(|i| slope(i.saturating_sub(1), (i + 1).min(n - 1))).collect();
+        // A closed path has the mean slope of both ends, so that the motion repeats smoothly.
         if closed {
             let t = (slope(0, 1) + slope(n - 2, n - 1)) * 0.5;
             tangents[0] = t;
@@ -75,6 +76,7 @@ impl Path {
         if time >= self.keys[last].0 {
             return self.keys[last].1;
         }
+        // Evaluate the cubic Hermite spline between two keys, as glTF players do.
         let i = self.keys.partition_point(|k| k.0 <= time) - 1;
         let (t0, p0) = self.keys[i];
         let (t1, p1) = self.keys[i + 1];
@@ -92,6 +94,7 @@ impl Path {
     pub fn translation(&self) -> Keys {
         let mut values = Vec::new();
         for ((_, p), t) in self.keys.iter().zip(&self.tangents) {
+            // glTF requires an in-tangent, a value and an out-tangent per key.
             for v in [*t, *p, *t] {
                 values.extend(v.to_array());
             }

@@ -32,6 +32,7 @@ pub fn arch_points(half: f32, rise: f32, point: f32, steps: usize) -> Vec<(Vec2,
         (position, vec2(sign * tangent.y, -tangent.x))
     };
     let mut out: Vec<(Vec2, Vec2)> = (0..=steps).rev().map(|k| side(-1.0, k)).collect();
+    // A round crown is smooth, so skip its second point.
     out.extend((if point > 0.0 { 0 } else { 1 }..=steps).map(|k| side(1.0, k)));
     out
 }
@@ -145,6 +146,7 @@ impl Opening {
             y: plane.out,
         };
         frames.extend(points.iter().map(frame));
+        // The first arch point coincides with the end of the left jamb.
         frames.extend(curve.iter().skip(if points.len() > 1 { 1 } else { 0 }).map(frame));
         frames.push(frame(&(vec2(self.center + self.half, self.sill), Vec2::NEG_X)));
         sweep(mesh, &frames, &[vec2(0.0, -depth), vec2(0.0, 0.0)]);
@@ -192,6 +194,7 @@ impl Opening {
             uv: uv((x - self.center) / self.half, (y - self.sill) / height),
         };
         let curve = self.curve(steps);
+        // Fill vertical strips from the sill to the arch.
         for w in curve.windows(2) {
             let (a, b) = (w[0].0, w[1].0);
             mesh.grid(1, 1, |i, j| {
@@ -226,6 +229,7 @@ pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[O
             face([vec2(a, low), vec2(b, low), vec2(b, high), vec2(a, high)]);
         }
     };
+    // Add the rectangles between the openings and below their sills.
     let mut from = s[0];
     for o in openings {
         rectangle(from, o.center - o.half, y[0], y[1]);
@@ -234,6 +238,7 @@ pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[O
     }
     rectangle(from, s[1], y[0], y[1]);
     for o in openings {
+        // Fill the wall above each arch with vertical strips.
         for w in o.curve(steps).windows(2) {
             let (a, b) = (w[0].0, w[1].0);
             if (b.x - a.x).abs() > 1e-5 {
@@ -252,8 +257,10 @@ pub fn half_web(mesh: &mut Mesh, [center, middle, corner]: [Vec2; 3], spring: f3
     mesh.grid(steps, 1, |i, j| {
         let share = i as f32 / steps as f32;
         let (p, d) = half_arch(point, share);
+        // The groin is at j = 0, the wall at j = 1.
         let along = if j == 0 { p.x } else { 1.0 };
         let flat = center + out * along + side * p.x;
+        // The web is a barrel along `out`, so its normal is perpendicular to `out`.
         let tangent = vec2(d.x * width, d.y * rise).normalize();
         let across = side / width * tangent.y;
         Vertex {
@@ -292,6 +299,7 @@ pub fn rib(mesh: &mut Mesh, [a, b]: [Vec3; 2], arch: (f32, f32), section: RibSec
     let axis = (b - a).normalize();
     let side = axis.cross(Vec3::Y);
     let mut points = arch_points(a.distance(b) / 2.0, arch.0, arch.1, steps);
+    // A half rib ends at the crown.
     if section.half {
         points.truncate(steps + 1);
     }

@@ -27,6 +27,7 @@ impl Writer {
     /// Appends an accessor of floats and returns its index. With `bounds`, adds the minimum and maximum that the format
     /// requires.
     pub(crate) fn floats(&mut self, data: &[f32], kind: &str, target: Option<u32>, bounds: bool) -> usize {
+        // An accessor counts elements of one to four floats.
         let width = match kind {
             "SCALAR" => 1,
             "VEC2" => 2,
@@ -40,7 +41,14 @@ impl Writer {
         });
         if bounds {
             let pick = |f: fn(f32, f32) -> f32, start: f32| -> Vec<f32> {
-                (0..width).map(|c| data.iter().skip(c).step_by(width).copied().fold(start, f)).collect()
+                // Fold each component of all elements separately.
+                let mut picked = vec![start; width];
+                for values in data.chunks(width) {
+                    for (picked, &value) in picked.iter_mut().zip(values) {
+                        *picked = f(*picked, value);
+                    }
+                }
+                picked
             };
             accessor["min"] = json!(pick(f32::min, f32::INFINITY));
             accessor["max"] = json!(pick(f32::max, f32::NEG_INFINITY));
@@ -51,6 +59,7 @@ impl Writer {
 
     /// Appends an accessor of indices and returns its index. Indices take two bytes each if they fit, otherwise four.
     pub(crate) fn indices(&mut self, data: &[u32]) -> usize {
+        // The largest 16-bit index is reserved for primitive restart.
         let small = data.iter().all(|&i| i < 65_535);
         let bytes: Vec<u8> = if small {
             data.iter().flat_map(|&i| (i as u16).to_le_bytes()).collect()
@@ -70,11 +79,13 @@ impl Writer {
         root.insert("bufferViews".into(), self.views.into());
         root.insert("accessors".into(), self.accessors.into());
         root.insert("buffers".into(), json!([{"byteLength": self.bytes.len()}]));
+        // Pad both chunks to multiples of four bytes: the text with spaces, the buffer with zeros.
         let mut text = serde_json::to_vec(&root).expect("plain values");
         text.resize(text.len().next_multiple_of(4), b' ');
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let total = 12 + 8 + text.len() + 8 + self.bytes.len();
         let mut out = Vec::with_capacity(total);
+        // Write the header (version 2), then the JSON and the binary chunk.
         out.extend(b"glTF");
         for word in [2, total as u32, text.len() as u32] {
             out.extend(word.to_le_bytes());

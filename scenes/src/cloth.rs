@@ -21,6 +21,7 @@ pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
         let angle = c.y.atan2(c.x);
         let petal = 0.17 + 0.09 * (4.0 * angle).cos();
         let flower = smoothstep(0.02, -0.01, c.length() - petal) * smoothstep(0.03, 0.05, c.length());
+        // Weave the pattern from lighter thread, and vary weft and wear.
         let ink = band.max(flower);
         let weft = value(u, v, 180, 180, seed) - 0.5;
         let wear = fractal([u, v], [4, 4], 4, seed + 3) - 0.5;
@@ -53,8 +54,10 @@ impl Curtain {
         let size = vec2(along.length() * 1.4, self.drop);
         let phase = seed as f32 * 1.7;
         mesh.surface(nu, nv, size, |u, v| {
+            // Gather the cloth towards `a` at the tie, and release it slightly below.
             let tie = smoothstep(0.0, 0.72, v) * (1.0 - 0.35 * smoothstep(0.76, 1.0, v));
             let width = 1.0 - self.gather * tie;
+            // Shift the folds with the height, so that they are not parallel.
             let swing = 0.35 * (TAU * 0.7 * v + phase).sin() * v;
             let fold = (TAU * (self.folds * u) + phase + swing).sin()
                 + 0.35 * (TAU * (self.folds * 2.3 * u) + 2.0 * phase + 3.0 * v).sin();

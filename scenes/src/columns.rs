@@ -17,6 +17,7 @@ pub fn column(trim: MaterialId, shaft: MaterialId, radius: f32, height: f32, seg
     let r = radius;
     let mut model = Model::new();
     let mesh = model.of(trim);
+    // Add the square plinth.
     let plinth = 0.45 * r;
     let w = 1.48 * r;
     mesh.cuboid_without(vec3(-w, 0.0, -w), vec3(w, plinth, w), &[Side::Bottom]);
@@ -45,8 +46,10 @@ pub fn column(trim: MaterialId, shaft: MaterialId, radius: f32, height: f32, seg
     lathe(model.of(shaft), Vec3::ZERO, &entasis, segments, 2.0);
     let mesh = model.of(trim);
     let top = 0.85 * r;
+    // Add the ring at the neck.
     let ring = arc(vec2(top, neck), 0.09 * r, -90.0, 90.0, steps[3]);
     lathe(mesh, Vec3::ZERO, &ring, segments, 2.0);
+    // Add the capital: a bell with leaves, or a plain cushion.
     let abacus = 0.32 * r;
     if fine {
         bell(mesh, top, neck + 0.08 * r, height - abacus, 1.5 * r);

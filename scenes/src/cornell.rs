@@ -51,6 +51,7 @@ fn block(corners: [[f32; 2]; 4], height: f32) -> (Mesh, Vec3) {
     top = top.map(|p| p - center);
     let mut mesh = Mesh::new();
     mesh.quad_facing(top, Vec3::Y);
+    // Add the sides, each facing away from the axis.
     for i in 0..4 {
         let (a, b) = (top[i], top[(i + 1) % 4]);
         let floor = |p: Vec3| vec3(p.x, 0.0, p.z);
@@ -80,6 +81,7 @@ pub fn published() -> Scene {
     let red = scene.plain("red", RED);
     let green = scene.plain("green", GREEN);
     let lamp = scene.material(Material::glowing("lamp", EMISSION / 3.0));
+    // Corners are f (front) and b (back) on the floor, c (front) and ct (back) on the ceiling.
     let ([fl, fr, br, bl], [cl, cr, ctr, ctl]) = (FLOOR.map(point), CEILING.map(point));
     let mut room = Model::new();
     room.of(white).quad_facing([fl, fr, br, bl], Vec3::Y);
@@ -88,10 +90,12 @@ pub fn published() -> Scene {
     room.of(red).quad_facing([fl, bl, ctl, cl], Vec3::X);
     room.of(green).quad_facing([fr, br, ctr, cr], Vec3::NEG_X);
     scene.show("room", room);
+    // Add the lamp.
     let mut panel = Model::new();
     let corners = [(343.0, 227.0), (343.0, 332.0), (213.0, 332.0), (213.0, 227.0)];
     panel.of(lamp).quad_facing(corners.map(|(x, z)| at(x, 548.3, z)), Vec3::NEG_Y);
     scene.show("lamp", panel);
+    // Add both blocks as nodes at their published positions.
     for (name, corners, height) in [("short block", SHORT_BLOCK, 165.0), ("tall block", TALL_BLOCK, 330.0)] {
         let (mesh, home) = block(corners, height);
         let mut model = Model::new();
@@ -153,6 +157,7 @@ fn add_room(scene: &mut Scene, materials: &Room) {
     let &Room { red, green, plaster, oak, frame, skirting, lamp } = materials;
     let mut room = Model::new();
     let (floor, ceiling) = (FLOOR.map(point), CEILING.map(point));
+    // Corners are f (front) and b (back) on the floor, c (front) and ct (back) on the ceiling.
     let [fl, fr, br, bl] = floor;
     let [cl, cr, ctr, ctl] = ceiling;
     wall(room.of(oak), floor, Vec3::Y);
@@ -177,6 +182,7 @@ fn add_room(scene: &mut Scene, materials: &Room) {
     let (top, bottom, rim) = (0.5488, 0.5428, 0.006);
     let mut panel = Model::new();
     panel.of(lamp).quad_facing([(x0, z0), (x1, z0), (x1, z1), (x0, z1)].map(|(x, z)| vec3(x, 0.5458, z)), Vec3::NEG_Y);
+    // Surround the panel with four bars.
     let bars = [
         (x0 - rim, x0, z0 - rim, z1 + rim),
         (x1, x1 + rim, z0 - rim, z1 + rim),

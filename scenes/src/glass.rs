@@ -23,6 +23,7 @@ pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) 
         let x = (u * 2.0).fract();
         let y = v * aspect * 2.0;
         let side = x.min(1.0 - x);
+        // Draw the lozenges between two families of slanted leads.
         let (a, b) = ((x + y * 0.62) * 4.0, (x - y * 0.62) * 4.0 + 200.0);
         let lozenge = a.fract().min(1.0 - a.fract()).min(b.fract()).min(1.0 - b.fract());
         let id = hash(a.floor() as i32, b.floor() as i32, seed);
@@ -36,6 +37,7 @@ pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) 
         if r < 0.30 {
             let petal = (m.y.atan2(m.x) / TAU * 6.0 + 6.5).fract();
             let inks = [vec3(0.62, 0.07, 0.05), vec3(0.06, 0.16, 0.62), vec3(0.80, 0.52, 0.08)];
+            // Divide the medallion into a center and two rings.
             let ring = if r > 0.23 {
                 1
             } else if r > 0.09 {
@@ -47,6 +49,7 @@ pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) 
             let spokes = if r > 0.09 { petal.min(1.0 - petal) * r } else { 1.0 };
             lead = (r - 0.23).abs().min((r - 0.09).abs()).min(0.30 - r).min(spokes);
         }
+        // Add the border with alternating pieces along both sides.
         if side < 0.10 {
             let step = (y * 3.0).floor() as i32;
             c = if step % 2 == 0 { border } else { border.lerp(warm, 0.55) };
@@ -101,6 +104,7 @@ pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
             }
             ((second - best) / scale, id)
         };
+        // Color the scene inside the quatrefoil, its rim, or the ground around it.
         let (c, lead);
         if inner < 0.0 {
             let (edge, id) = cells(vec2(m.x.abs(), m.y), 6.5, seed + row as u32 * 7);
@@ -115,6 +119,7 @@ pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
             c = ground[id] * mix(0.7, 1.15, hash(a.floor() as i32, b.floor() as i32, seed));
             lead = (a.fract().min(1.0 - a.fract()).min(b.fract()).min(1.0 - b.fract()) / 3.5).min(outer);
         }
+        // Add the border with alternating pieces along both sides.
         let side = 1.0 - x.abs();
         let (c, lead) = if side < 0.13 {
             let step = (y * 4.0).floor() as i32;
@@ -123,6 +128,7 @@ pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
         } else {
             (c, lead)
         };
+        // Add the iron crossbars.
         let bar = ((y / 0.8).fract() - 0.5).abs() * 0.8;
         let line = smoothstep(0.008, 0.022, lead) * smoothstep(0.008, 0.016, bar);
         LEAD.lerp(c * piece(u, v, seed), line)
@@ -137,9 +143,11 @@ pub fn rose(size: usize, seed: u32) -> Texture {
         let p = vec2(u - 0.5, v - 0.5) * 2.0;
         let (r, a) = (p.length(), p.y.atan2(p.x) / TAU);
         let ring = (r * 4.0).floor() as i32;
+        // Divide each ring into petals.
         let count = [1, 6, 12, 24, 24][ring.clamp(0, 4) as usize];
         let petal = ((a + 1.0) * count as f32).fract();
         let step = ((a + 1.0) * count as f32).floor() as i32 % count;
+        // Draw leads between petals and between rings.
         let spoke = if count > 1 { petal.min(1.0 - petal) * TAU * r / count as f32 } else { 1.0 };
         let band = (r * 4.0).fract().min(1.0 - (r * 4.0).fract()) / 4.0;
         let c = inks[((ring + step * (1 + ring)) % 4) as usize] * mix(0.8, 1.1, hash(ring, step, seed));

@@ -236,6 +236,7 @@ impl Scene {
         let mut root = Map::new();
         root.insert("asset".into(), json!({"version": "2.0", "generator": "render2mpeg make-scenes"}));
         root.insert("scene".into(), json!(0));
+        // List only nodes without a parent.
         let roots: Vec<usize> = (0..self.nodes.len()).filter(|&n| !self.nodes[n].is_child).collect();
         root.insert("scenes".into(), json!([{"name": self.name, "nodes": roots}]));
         root.insert(
@@ -245,6 +246,7 @@ impl Scene {
                 "perspective": {"yfov": self.yfov, "aspectRatio": 1.0, "znear": 0.01, "zfar": 1000.0}
             }]),
         );
+        // Meshes and animations append their data to the buffer.
         let meshes: Vec<Value> = self.meshes.iter().map(|(name, model)| self.mesh_json(name, model, &mut w)).collect();
         root.insert("meshes".into(), meshes.into());
         root.insert("nodes".into(), self.nodes.iter().map(node_json).collect());
@@ -288,26 +290,27 @@ impl Scene {
     }
 
     fn mesh_json(&self, name: &str, model: &Model, w: &mut Writer) -> Value {
-        let primitives: Vec<Value> = model
-            .0
-            .iter()
-            .filter(|(_, mesh)| !mesh.indices.is_empty())
-            .map(|(id, mesh)| {
-                let tile = self.materials[id.0].tile;
-                let positions: Vec<f32> = mesh.vertices.iter().flat_map(|v| v.position.to_array()).collect();
-                let normals: Vec<f32> = mesh.vertices.iter().flat_map(|v| v.normal.to_array()).collect();
-                let uvs: Vec<f32> = mesh.vertices.iter().flat_map(|v| (v.uv / tile).to_array()).collect();
-                json!({
-                    "attributes": {
-                        "POSITION": w.floats(&positions, "VEC3", Some(34962), true),
-                        "NORMAL": w.floats(&normals, "VEC3", Some(34962), false),
-                        "TEXCOORD_0": w.floats(&uvs, "VEC2", Some(34962), false),
-                    },
-                    "indices": w.indices(&mesh.indices),
-                    "material": id.0,
-                })
-            })
-            .collect();
+        let mut primitives: Vec<Value> = Vec::new();
+        for (id, mesh) in &model.0 {
+            // glTF does not allow an empty primitive.
+            if mesh.indices.is_empty() {
+                continue;
+            }
+            // Divide texture coordinates by the tile size, because textures repeat over the unit square.
+            let tile = self.materials[id.0].tile;
+            let positions: Vec<f32> = mesh.vertices.iter().flat_map(|v| v.position.to_array()).collect();
+            let normals: Vec<f32> = mesh.vertices.iter().flat_map(|v| v.normal.to_array()).collect();
+            let uvs: Vec<f32> = mesh.vertices.iter().flat_map(|v| (v.uv / tile).to_array()).collect();
+            primitives.push(json!({
+                "attributes": {
+                    "POSITION": w.floats(&positions, "VEC3", Some(34962), true),
+                    "NORMAL": w.floats(&normals, "VEC3", Some(34962), false),
+                    "TEXCOORD_0": w.floats(&uvs, "VEC2", Some(34962), false),
+                },
+                "indices": w.indices(&mesh.indices),
+                "material": id.0,
+            }));
+        }
         json!({"name": name, "primitives": primitives})
     }
 
@@ -323,6 +326,7 @@ impl Scene {
                 Interpolation::Linear => "LINEAR",
                 Interpolation::CubicSpline => "CUBICSPLINE",
             };
+            // Each channel has its own sampler.
             channels.push(json!({"sampler": samplers.len(), "target": {"node": node, "path": path}}));
             samplers.push(json!({
                 "input": w.floats(&keys.times, "SCALAR", None, true),
@@ -348,6 +352,7 @@ fn node_json(node: &GlbNode) -> Value {
     if let Some(mesh) = node.mesh {
         n.insert("mesh".into(), json!(mesh));
     }
+    // Omit properties with default values.
     if node.translation != Vec3::ZERO {
         n.insert("translation".into(), json!(node.translation.to_array()));
     }
@@ -375,6 +380,7 @@ fn material_json(material: &Material) -> Value {
         pbr["baseColorTexture"] = json!({"index": t.0});
     }
     let mut m = json!({"name": material.name, "pbrMetallicRoughness": pbr, "doubleSided": material.sheet});
+    // Omit the emission of surfaces that emit no light.
     let e = material.emission;
     if e != Vec3::ZERO {
         // The emissive factor must not exceed 1, so the emissive strength contains the magnitude.

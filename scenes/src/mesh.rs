@@ -124,6 +124,7 @@ impl Mesh {
             Vec3::new(if x { max.x } else { min.x }, if y { max.y } else { min.y }, if z { max.z } else { min.z })
         };
         let (f, t) = (false, true);
+        // List the corners of each side, counterclockwise from outside.
         let sides = [
             (Side::Right, Vec3::X, [(t, f, t), (t, f, f), (t, t, f), (t, t, t)]),
             (Side::Left, Vec3::NEG_X, [(f, f, f), (f, f, t), (f, t, t), (f, t, f)]),
@@ -181,6 +182,7 @@ impl Mesh {
                 uv: v.uv,
             });
         }
+        // A mirroring transform reverses the winding.
         let mirrored = Mat3::from_mat4(transform).determinant() < 0.0;
         for t in other.indices.chunks_exact(3) {
             let t = if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };

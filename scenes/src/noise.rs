@@ -32,6 +32,7 @@ pub fn value(u: f32, v: f32, nx: i32, ny: i32, seed: u32) -> f32 {
     let (x, y) = (u * nx as f32, v * ny as f32);
     let (x0, y0) = (x.floor(), y.floor());
     let (fx, fy) = (x - x0, y - y0);
+    // Smooth the fractions, so that the gradient is continuous across cells.
     let (sx, sy) = (fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy));
     // Find the four corners of the cell. The last cell of a row or column wraps around to the first.
     let (left, top) = ((x0 as i32).rem_euclid(nx), (y0 as i32).rem_euclid(ny));

@@ -106,6 +106,7 @@ pub fn marble(size: usize, base: Vec3, vein: Vec3, seed: u32) -> Texture {
         let warp = vec2(fractal([u, v], [3, 3], 5, seed), fractal([u, v], [3, 3], 5, seed + 33)) - 0.5;
         let (wu, wv) = (u + 0.22 * warp.x, v + 0.22 * warp.y);
         let ridge = |n: f32| 1.0 - (2.0 * n - 1.0).abs();
+        // Narrow ridges of warped noise are the veins: a few strong ones, and finer ones between them.
         let strong = ridge(fractal([wu, wv], [2, 2], 4, seed + 5)).powf(14.0);
         let fine = ridge(fractal([wu + 0.3, wv], [5, 5], 3, seed + 8)).powf(18.0);
         let clouds = fractal([wu, wv], [4, 4], 4, seed + 13) - 0.5;

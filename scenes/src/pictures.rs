@@ -22,6 +22,7 @@ pub fn landscape(size: usize, seed: u32) -> Texture {
         let mut c = sky.lerp(vec3(0.85, 0.72, 0.60), 0.7 * cloud);
         let sun = vec2(u - 0.62, v - 0.40).length();
         c = c.lerp(vec3(0.95, 0.80, 0.45), smoothstep(0.065, 0.055, sun));
+        // Paint the hills from the farthest to the nearest.
         for k in 0..5 {
             let k = k as f32;
             let line =
@@ -53,12 +54,14 @@ pub fn abstract_picture(size: usize, seed: u32) -> Texture {
             let ink = inks[(k as usize + seed as usize) % 5];
             let center = vec2(mix(0.15, 0.85, key(1)), mix(0.15, 0.85, key(2)));
             let p = vec2(u, v) - center;
+            // Every third shape is a band, the others are discs.
             let inside = if k % 3 == 2 {
                 let (sin, cos) = (key(4) * TAU).sin_cos();
                 (p.x * cos + p.y * sin).abs() - mix(0.008, 0.03, key(3))
             } else {
                 p.length() - mix(0.06, 0.24, key(3))
             };
+            // Overlaps mix the color below with ink, like translucent paint.
             c = c.lerp(c.lerp(c * ink * 1.6, 0.35).lerp(ink, 0.65), smoothstep(0.004, -0.004, inside));
         }
         c * (1.0 + 0.12 * (fractal([u, v], [30, 30], 3, seed) - 0.5))
@@ -74,6 +77,7 @@ pub fn whiteboard(size: usize) -> Texture {
         let mut draw = |d: f32, ink: Vec3| c = c.lerp(ink, 0.9 * smoothstep(0.0065, 0.0035, d));
         let (black, blue, red, green) =
             (vec3(0.03, 0.03, 0.04), vec3(0.03, 0.07, 0.35), vec3(0.50, 0.03, 0.03), vec3(0.03, 0.25, 0.08));
+        // Draw the axes with arrowheads.
         let origin = vec2(0.14, 0.80);
         draw(segment(p, origin, vec2(0.14, 0.16)), black);
         draw(segment(p, origin, vec2(0.98, 0.80)), black);
@@ -85,6 +89,7 @@ pub fn whiteboard(size: usize) -> Texture {
         ] {
             draw(segment(p, a.into(), b.into()), black);
         }
+        // Draw both curves as polylines of 24 segments.
         let curve = |f: &dyn Fn(f32) -> f32| {
             let mut d = 1.0f32;
             for i in 0..24 {
@@ -107,6 +112,7 @@ pub fn whiteboard(size: usize) -> Texture {
                 draw(segment(p, vec2(1.285, y + 0.12), vec2(1.285, y + 0.22)), black);
                 draw(segment(p, vec2(1.285, y + 0.22), vec2(1.265, y + 0.19)), black);
             }
+            // Add writing: shaky lines with gaps between words.
             let row = |x0: f32, x1: f32, y: f32, seed: u32| {
                 let shake = 0.010 * (value(p.x * 0.5, 0.3, 120, 2, seed) - 0.5) + 0.012 * (p.x * 160.0).sin();
                 let gap = value(p.x * 0.5, 0.7, 22, 2, seed) < 0.25;

@@ -14,13 +14,12 @@ const SMOOTH: f32 = 0.75;
 
 /// Returns the normals at both ends of every segment of a profile.
 fn profile_normals(profile: &[Vec2]) -> Vec<[Vec2; 2]> {
-    let flat: Vec<Vec2> = profile
-        .windows(2)
-        .map(|w| {
-            let d = (w[1] - w[0]).normalize_or_zero();
-            vec2(d.y, -d.x)
-        })
-        .collect();
+    let mut flat: Vec<Vec2> = Vec::new();
+    for w in profile.windows(2) {
+        let d = (w[1] - w[0]).normalize_or_zero();
+        flat.push(vec2(d.y, -d.x));
+    }
+    // Average the normals at smooth joints, and keep both at sharp edges.
     let joined = |a: Vec2, b: Vec2| if a.dot(b) > SMOOTH { (a + b).normalize() } else { a };
     (0..flat.len())
         .map(|i| {
@@ -59,6 +58,7 @@ pub fn chain(pieces: &[&[Vec2]]) -> Vec<Vec2> {
 pub fn lathe(mesh: &mut Mesh, center: Vec3, profile: &[Vec2], segments: usize, around: f32) {
     let normals = profile_normals(profile);
     let mut length = 0.0;
+    // Add one strip per profile segment, with its own normals.
     for (w, n) in profile.windows(2).zip(&normals) {
         let step = w[0].distance(w[1]);
         mesh.grid(segments, 1, |i, j| {
@@ -99,6 +99,7 @@ pub fn sweep(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
         lengths.push(lengths[lengths.len() - 1] + w[0].origin.distance(w[1].origin));
     }
     let mut across = 0.0;
+    // Add one strip per profile segment along the whole curve.
     for (w, n) in profile.windows(2).zip(&normals) {
         let step = w[0].distance(w[1]);
         mesh.grid(frames.len() - 1, 1, |i, j| Vertex {
@@ -149,6 +150,7 @@ pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]
         (before + after) / (1.0 + before.dot(after))
     };
     for s in 0..stretches {
+        // Both ends of a stretch lie on the miters, so that adjacent stretches meet.
         let (a, b) = (corners[s], corners[(s + 1) % n]);
         let (ma, mb) = (miter(s), miter((s + 1) % n.max(1)));
         let (ma, mb) = if closed { (ma, mb) } else { (ma, miter(s + 1)) };
@@ -183,6 +185,7 @@ pub fn loft(mesh: &mut Mesh, center: Vec3, outline: &[Vec2], profile: &[Vec2]) {
     let (mut around, mut up) = (0.0, 0.0);
     for i in 0..n {
         let (before, here, after) = (edges[(i + n - 1) % n], edges[i], edges[(i + 1) % n]);
+        // Average the normals with smooth neighbors.
         let joined = |other: Vec2| if here.dot(other) > SMOOTH { (here + other).normalize() } else { here };
         let (p, q) = (outline[i], outline[(i + 1) % n]);
         let width = p.distance(q);
@@ -230,6 +233,7 @@ pub fn bar(mesh: &mut Mesh, a: Vec3, b: Vec3, radius: f32, segments: usize) {
 pub fn ring(mesh: &mut Mesh, center: Vec3, axis: Vec3, [radius, thickness]: [f32; 2], segments: usize) {
     let x = axis.normalize().any_orthonormal_vector();
     let y = axis.normalize().cross(x);
+    // The last frame repeats the first, which closes the ring.
     let frames: Vec<Frame> = (0..=segments)
         .map(|i| {
             let (sin, cos) = (TAU * (i % segments) as f32 / segments as f32).sin_cos();

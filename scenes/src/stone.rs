@@ -24,6 +24,7 @@ pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32)
         let blocks = 2 + (id + seed as i32).rem_euclid(2);
         let shifted = (u + hash(id, 1, seed)).rem_euclid(1.0) * blocks as f32;
         let jitter = |k: i32| 0.28 * (hash(id, k.rem_euclid(blocks) + 10, seed) - 0.5);
+        // Find the block. Jitter moves its joints to either side of the grid.
         let mut k = shifted.floor() as i32;
         if shifted < k as f32 + jitter(k) {
             k -= 1;
@@ -38,6 +39,7 @@ pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32)
         let edge = (left.min(right) * wide).min(local_v).min(1.0 - local_v);
         let worn = 0.02 * (fractal([u, v], [30, 30], 2, seed + 3) - 0.5);
         let joint = smoothstep(0.012, 0.045, edge + worn);
+        // Vary tone and warmth from block to block.
         let block = id * 7 + k.rem_euclid(blocks);
         let tone = 1.0 + contrast * (hash(block, 2, seed) - 0.5);
         let warm = 0.12 * contrast * (hash(block, 3, seed) - 0.5);
@@ -64,6 +66,7 @@ pub fn checker(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Tex
         let base = if (x + y) % 2 == 0 { light } else { dark };
         let joint = smoothstep(0.006, 0.018, f.x.min(1.0 - f.x).min(f.y).min(1.0 - f.y));
         let warp = fractal([u, v], [5, 5], 4, seed + 2);
+        // Shift the veins from slab to slab, so that they stop at the joints.
         let vein = 1.0 - (2.0 * fractal([u + 0.2 * warp, v + hash(x, y, 5)], [6, 6], 3, seed) - 1.0).abs();
         let tone = mix(0.85, 1.12, hash(x, y, seed)) * (1.0 - 0.22 * vein.powf(10.0));
         base * (tone * mix(0.55, 1.0, joint) * mix(0.9, 1.1, stone_face(u, v, seed + 9) - 0.5))
@@ -86,6 +89,7 @@ pub fn octagons(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Te
         } else {
             (light, hash(x, y, seed), tip.min(c.x).min(c.y))
         };
+        // Darken the joints, and vary tone and warmth from slab to slab.
         let joint = smoothstep(0.004, 0.016, edge);
         let tone = mix(0.82, 1.14, id) * stone_face(u, v, seed + 4) * mix(0.5, 1.0, joint);
         let warm = 0.05 * (hash(x, y, seed + 1) - 0.5);
@@ -102,6 +106,7 @@ pub fn leaves(size: usize, mean: Vec3, seed: u32) -> Texture {
         let (cx, cy) = (p.x.floor() as i32, p.y.floor() as i32);
         let mut tone = 0.25;
         let mut top = -1.0;
+        // Find the topmost leaf of this and the adjacent cells.
         for dy in -1..=1 {
             for dx in -1..=1 {
                 let (x, y) = (cx + dx, cy + dy);
@@ -109,6 +114,7 @@ pub fn leaves(size: usize, mean: Vec3, seed: u32) -> Texture {
                 let center = vec2(x as f32 + key(0), y as f32 + key(1));
                 let (sin, cos) = (key(2) * std::f32::consts::TAU).sin_cos();
                 let d: Vec2 = p - center;
+                // Stretch the leaf, and lighten its midrib.
                 let d = vec2(d.x * cos + d.y * sin, (d.y * cos - d.x * sin) * 2.2);
                 let r = d.length();
                 if r < 0.85 && key(3) > top {

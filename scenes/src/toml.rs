@@ -33,6 +33,7 @@ impl Settings {
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut s = format!("[tone_mapping]\noperator = \"filmic\"\nexposure = {:?}\n", self.exposure);
+        // Indoor scenes have neither sky nor sun.
         if let Some(sky) = self.sky {
             let rgb = |c: Vec3| format!("[{:?}, {:?}, {:?}]", c.x, c.y, c.z);
             s += "\n# Radiance in W/(m² sr), linear Rec.709.\n[sky]\n";
@@ -44,6 +45,7 @@ impl Settings {
             );
             s += &format!("\n# Degrees across.\n[sun]\nangular_diameter = {:?}\n", sky.sun_diameter);
         }
+        // Importance requires the viewer's distance and the screen width.
         if !self.watched.is_empty() {
             s += &format!("\n# From half a meter, the picture is as wide.\n[importance]\nnodes = {:?}\n", self.watched);
             s += "viewing_distance = 0.5\nscreen_width = 0.5\n";

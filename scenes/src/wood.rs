@@ -21,6 +21,7 @@ fn grain(along: f32, across: f32, seed: u32) -> f32 {
 pub fn veneer(size: usize, mean: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let wander = fractal([u, v], [5, 2], 4, seed);
+        // The grain consists of wavy growth rings and fine pores.
         let rings = ((u * 14.0 + wander * 2.2).fract() - 0.5).abs() * 2.0;
         let rings = if rings.is_nan() { 0.0 } else { smoothstep(0.0, 1.0, rings) };
         let pores = value(u, v, 300, 14, seed + 5);
@@ -54,6 +55,7 @@ pub fn herringbone(size: usize, mean: Vec3, n: usize, seed: u32) -> Texture {
         let id = (start.x as i32).rem_euclid(wrap) * 64 + (start.y as i32).rem_euclid(wrap);
         let edge = across.min(1.0 - across).min(along).min(LENGTH as f32 - along);
         let joint = smoothstep(0.0, 0.045, edge);
+        // Vary the tone from block to block, with dark joints.
         let tone = grain(along, across, seed + id as u32) * mix(0.80, 1.18, hash(id, 9, seed));
         let tone = tone * mix(0.45, 1.0, joint);
         Vec3::new(tone.powf(0.9), tone, tone.powf(1.2))

@@ -61,6 +61,7 @@ fn slabs(model: &mut Model, stones: &Stones) {
             model.of(material).quad_facing(p, facing);
         }
     };
+    // Add the floor, the wooden ceiling and the roof.
     ring(stones.slabs, COURT, UPPER, Vec3::Y);
     ring(stones.wood, COURT, EAVES - 0.12, Vec3::NEG_Y);
     ring(stones.slabs, COURT, EAVES, Vec3::Y);
@@ -79,9 +80,11 @@ fn arches(model: &mut Model, stones: &Stones, side: &CourtSide) {
         .collect();
     let plane = &side.plane;
     wall(model.of(stones.ashlar), plane, [[-side.half, side.half], [SPRING, EAVES]], &openings, 6);
+    // The inner face is longer, because it reaches around the corners.
     let inner = plane.behind(THIN);
     let s = [-side.half - THIN, side.half + THIN];
     wall(model.of(stones.ochre), &inner, [s, [SPRING, EAVES - 0.12]], &openings, 6);
+    // Add the inner faces and the archivolts.
     for o in &openings {
         o.reveal(model.of(stones.trim), plane, THIN, 6);
         o.archivolt(model.of(stones.trim), plane, &archivolt(0.15, 0.05), 6);
@@ -114,11 +117,13 @@ fn back_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
         .collect();
     let s = [-side.outer_half, side.outer_half];
     wall(model.of(stones.ochre), plane, [s, [UPPER, EAVES]], &doors, 10);
+    // Frame each door, and fill it with a leaf.
     for o in &doors {
         o.reveal(model.of(stones.trim), plane, 0.16, 10);
         o.archivolt_with_jambs(model.of(stones.trim), plane, &archivolt(0.16, 0.05), 5);
         o.pane(model.of(stones.door), plane, Pane { depth: 0.14, steps: 10 }, |x, y| vec2(0.5 * x, -2.6 * y));
     }
+    // Add a band at the springing height of the arches.
     let line = [plane.at(-side.outer_half, SPRING, 0.0), plane.at(side.outer_half, SPRING, 0.0)];
     molding(model.of(stones.trim), &line, false, &crate::columns::band(0.05, 0.14));
 }
@@ -138,6 +143,7 @@ fn beams(model: &mut Model, stones: &Stones, side: &CourtSide) {
 fn crown(model: &mut Model, stones: &Stones) {
     let foot = EAVES - 0.42;
     molding(model.of(stones.trim), &round(COURT, foot), true, &cornice(0.55, 0.62));
+    // Add a bracket about every half meter.
     for side in sides() {
         let count = (2.0 * side.half / 0.5).round() as usize;
         for i in 0..count {
@@ -157,6 +163,7 @@ fn crown(model: &mut Model, stones: &Stones) {
         PARAPET - 0.16,
         &[vec2(-0.05, 0.0), vec2(0.06, 0.03), vec2(0.06, 0.12), vec2(0.0, 0.16), vec2(-0.4, 0.16), vec2(-0.4, -0.9)],
     );
+    // Place urns on the parapet at every second bay border.
     let profile: Vec<glam::Vec2> = urn().iter().map(|p| *p * 0.9).collect();
     for side in sides() {
         let bay = 2.0 * side.half / side.bays as f32;

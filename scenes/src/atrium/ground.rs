@@ -45,6 +45,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     molding(model.of(stones.trim), &ring, true, &cornice(0.30, 0.36));
     scene.show("ground floor", model);
 
+    // Columns between the bays support the arches.
     let mesh = scene.mesh("column", column(stones.trim, stones.shaft, 0.235, SPRING, 20));
     for side in sides() {
         let bay = 2.0 * side.half / side.bays as f32;
@@ -61,6 +62,7 @@ fn floors(model: &mut Model, stones: &Stones) {
     let (court, arcade) = (-STEP, 0.0);
     let mesh = model.of(stones.paving);
     mesh.quad_facing([(-cx, -cz), (cx, -cz), (cx, cz), (-cx, cz)].map(|(x, z)| vec3(x, court, z)), Vec3::Y);
+    // Surround the court with the higher floor of the arcade.
     let mesh = model.of(stones.slabs);
     for (x0, x1, z0, z1) in [(-ox, ox, cz, oz), (-ox, ox, -oz, -cz), (-ox, -cx, -cz, cz), (cx, ox, -cz, cz)] {
         mesh.quad_facing([(x0, z0), (x1, z0), (x1, z1), (x0, z1)].map(|(x, z)| vec3(x, arcade, z)), Vec3::Y);
@@ -81,6 +83,7 @@ fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let openings = arches(side);
     let s = [-side.half, side.half];
     wall(model.of(stones.ashlar), &side.plane, [s, [SPRING, UPPER]], &openings, 10);
+    // The inner face is longer, because it reaches around the corners.
     let inner = side.plane.behind(THICK);
     let s = [-side.half - THICK, side.half + THICK];
     wall(model.of(stones.plaster), &inner, [s, [SPRING, UPPER]], &openings, 10);
@@ -128,16 +131,11 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let s = [-side.outer_half, side.outer_half];
     let bay = 2.0 * side.half / side.bays as f32;
     // Every third bay has a door.
-    let doors: Vec<Opening> = (0..side.bays)
-        .filter(|i| i % 3 == 1)
-        .map(|i| Opening {
-            center: -side.half + bay * (i as f32 + 0.5),
-            half: 0.62,
-            sill: 0.0,
-            spring: 2.0,
-            point: 0.0,
-        })
-        .collect();
+    let mut doors: Vec<Opening> = Vec::new();
+    for i in (1..side.bays).step_by(3) {
+        let center = -side.half + bay * (i as f32 + 0.5);
+        doors.push(Opening { center, half: 0.62, sill: 0.0, spring: 2.0, point: 0.0 });
+    }
     wall(model.of(stones.ashlar), plane, [s, [0.0, UPPER]], &doors, 12);
     for o in &doors {
         o.reveal(model.of(stones.trim), plane, 0.22, 12);
@@ -155,6 +153,7 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
         plane.block(trim, [at - 0.28, at + 0.28], [SPRING - 0.24, SPRING - 0.12], [-0.01, 0.15]);
         plane.block(trim, [at - 0.33, at + 0.33], [SPRING - 0.12, SPRING], [-0.01, 0.20]);
     }
+    // Add a dado band between the doors.
     let ends = [plane.at(-side.outer_half, 0.9, 0.0), plane.at(side.outer_half, 0.9, 0.0)];
     for pair in spans(&doors, side.outer_half) {
         let line = [plane.at(pair[0], ends[0].y, 0.0), plane.at(pair[1], ends[0].y, 0.0)];
@@ -201,6 +200,7 @@ fn corner_piers(model: &mut Model, stones: &Stones) {
                 if low == 0.0 { &[Side::Bottom] } else { &[] },
             );
         };
+        // Add the shaft, the base and two courses of the capital.
         block(model, 0.0, SPRING - 0.3, -0.02, false);
         block(model, 0.0, 0.34, 0.06, true);
         block(model, SPRING - 0.30, SPRING - 0.14, 0.02, true);
@@ -215,6 +215,7 @@ fn vaults(model: &mut Model, stones: &Stones) {
     (xs[0], xs[8]) = (-inner[0], inner[0]);
     let mut zs: Vec<f32> = (0..=3).map(|i| -COURT[1] + 10.0 / 3.0 * i as f32).collect();
     (zs[0], zs[3]) = (-inner[1], inner[1]);
+    // List the bays: both long aisles with their corners, then both short aisles.
     let mut bays: Vec<[Vec2; 2]> = Vec::new();
     for z in [[-OUTER[1], -inner[1]], [inner[1], OUTER[1]]] {
         for x in xs.windows(2) {
@@ -233,6 +234,7 @@ fn vaults(model: &mut Model, stones: &Stones) {
     for [min, max] in bays {
         groin_vault(model.of(stones.plaster), [min, max], SPRING, (RISE, 0.0), 10);
     }
+    // Lower the ribs by 1 cm, so that they do not coincide with the webs.
     let mut transverse = |a: Vec3, b: Vec3| {
         rib(model.of(stones.trim), [a, b], (RISE - 0.01, 0.0), RibSection { width: 0.42, depth: 0.11, half: false }, 7);
     };

@@ -106,6 +106,7 @@ pub fn build() -> Scene {
         wood: scene.textured("beams", 1.0, &veneer(512, vec3(0.26, 0.15, 0.085), 4)),
         door: scene.textured("doors", 0.9, &veneer(512, vec3(0.20, 0.105, 0.055), 9)),
     };
+    // Add cloths, plants and metals of the objects.
     let gold = vec3(0.42, 0.27, 0.09);
     let cloths = [
         scene.textured("red cloth", 0.5, &brocade(512, vec3(0.48, 0.035, 0.030), gold, 1)),
@@ -127,6 +128,7 @@ pub fn build() -> Scene {
     objects::pots(&mut scene, terracotta, hedge, stones.trim);
     objects::lamps(&mut scene, bronze, brass);
 
+    // The sun shines at a slant into the open court.
     let sun = Light { kind: "directional", color: vec3(1.0, 0.90, 0.74), intensity: 6.5 };
     scene.light("sun", sun, vec3(0.0, 30.0, 0.0), vec3(0.42, -0.86, -0.40));
 

@@ -40,6 +40,7 @@ pub(super) fn drapes(scene: &mut Scene, cloths: &[MaterialId; 3], brass: Materia
         let curtain = Curtain { a, b, drop: 2.95, folds: 6.0, depth: 0.05, gather: 0.62 };
         let color = cloths[[0, 0, 1, 1, 2, 2, 2, 0, 0, 1, 1][k]];
         curtain.add(model.of(color), 36, 9, k as u32);
+        // Add one curtain rod per arch.
         let (l, r) =
             (side.plane.at(o.center - o.half - 0.05, y, -0.25), side.plane.at(o.center + o.half + 0.05, y, -0.25));
         if half == 0 || s == 3 {
@@ -73,6 +74,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     let foot = vec3(3.0, -0.16, 0.0);
     let step = [vec2(2.3, 0.0), vec2(2.3, 0.12), vec2(2.26, 0.15), vec2(1.6, 0.15)];
     lathe(model.of(stone), foot, &step, 8, 12.0);
+    // Add the basin and its water.
     let basin = [
         vec2(1.82, 0.15),
         vec2(1.82, 0.22),
@@ -86,6 +88,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     ];
     lathe(model.of(stone), foot, &basin, 8, 12.0);
     lathe(model.of(water), foot, &[vec2(1.50, 0.53), vec2(0.0, 0.53)], 8, 8.0);
+    // Add the raised bowl and its water.
     let stem = chain(&[
         &[
             vec2(0.34, 0.2),
@@ -101,6 +104,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     ]);
     lathe(model.of(stone), foot, &stem, 32, 3.0);
     lathe(model.of(water), foot, &[vec2(0.66, 1.465), vec2(0.0, 1.465)], 32, 3.0);
+    // Add the post that supports the sphere.
     let post =
         [vec2(0.12, 1.40), vec2(0.12, 1.56), vec2(0.07, 1.62), vec2(0.05, 1.80), vec2(0.08, 1.86), vec2(0.0, 1.90)];
     lathe(model.of(stone), foot, &post, 16, 1.0);
@@ -116,6 +120,7 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     let outer = scene.mesh("armillary", outer);
     let outer = scene.node("armillary", Some(outer), center, Quat::IDENTITY);
     scene.animate(outer, rotation(DURATION, 6.0, |t| Quat::from_rotation_y(TAU * t / DURATION)));
+    // The inner rings are a separate mesh, because they move independently.
     let mut inner = Model::new();
     ring(inner.of(bronze), Vec3::ZERO, Vec3::X, [0.50, 0.024], 28);
     ring(inner.of(bronze), Vec3::ZERO, Vec3::Y, [0.47, 0.022], 28);
@@ -198,6 +203,7 @@ pub(super) fn lamps(scene: &mut Scene, bronze: MaterialId, brass: MaterialId) {
         let o = super::ground::arches(&all[s])[bay];
         let hook = all[s].plane.at(o.center, o.crown(), -0.25);
         let node = scene.node("lamp", Some(lamp), hook, Quat::IDENTITY);
+        // Two lamps swing from their hooks.
         if k < 2 {
             // A pendulum with a length of about one meter has a period of about two seconds.
             let period = DURATION / 4.0;

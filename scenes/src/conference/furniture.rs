@@ -29,6 +29,7 @@ fn outline(inset: f32) -> Vec<Vec2> {
         let x = -(LENGTH - inset - round) + 2.0 * (LENGTH - inset - round) * i as f32 / n as f32;
         side.push(vec2(x, half_width(x) - inset));
     }
+    // Round the corners, and mirror the side for the other half.
     let end = half_width(LENGTH - inset - round) - inset - round;
     side.extend(arc(vec2(LENGTH - inset - round, end), round, 75.0, 0.0, 5));
     let other: Vec<Vec2> = side.iter().map(|p| -*p).collect();
@@ -48,6 +49,7 @@ pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     for w in profile.windows(2) {
         let (a, b) = (outline(w[0].0), outline(w[1].0));
         let n = a.len();
+        // Tilt the outline's outward normal by the slope of the profile.
         let normal = |i: usize| {
             let d = (a[(i + 1) % n] - a[(i + n - 1) % n]).normalize();
             let out = vec2(d.y, -d.x);
@@ -67,11 +69,13 @@ pub(super) fn table(scene: &mut Scene, f: &RoomMaterials) {
     }
     // Add an inlaid strip of darker leather along the middle.
     model.of(f.dark).cuboid(vec3(-2.4, TOP + 0.001, -0.14), vec3(2.4, TOP + 0.005, 0.14));
+    // Add three pedestals.
     for x in [-1.9, 0.0, 1.9] {
         let body = model.of(f.walnut);
         body.cuboid(vec3(x - 0.45, 0.06, -0.30), vec3(x + 0.45, TOP - 0.046, 0.30));
         body.cuboid(vec3(x - 0.52, 0.002, -0.37), vec3(x + 0.52, 0.06, 0.37));
     }
+    // Set a place in front of each seat.
     for (i, (at, angle)) in seats().into_iter().enumerate() {
         let towards = vec3(-angle.sin(), 0.0, -angle.cos());
         let edge = vec3(at.x, TOP, at.z) + towards * if i < 14 { 0.72 } else { 0.80 };
@@ -97,9 +101,11 @@ fn fan(mesh: &mut Mesh, outline: &[Vec2], y: f32, normal: Vec3) {
 
 /// Adds paper or a laptop, and sometimes a cup, in front of a seat.
 fn setting(model: &mut Model, f: &RoomMaterials, at: Vec3, angle: f32, seed: i32) {
+    // Rotate each setting slightly, as if placed by hand.
     let turn = angle + 0.5 * (hash(seed, 1, 3) - 0.5);
     let (sin, cos) = turn.sin_cos();
     let place = |x: f32, y: f32, z: f32| at + vec3(x * cos + z * sin, y, z * cos - x * sin);
+    // Blocks rotate with the setting, so they are not axis-aligned.
     let mut block = |material, x: [f32; 2], z: [f32; 2], low: f32, high: f32| {
         let corner = |i: usize, y: f32| {
             let (x, z) = [(x[0], z[0]), (x[1], z[0]), (x[1], z[1]), (x[0], z[1])][i];
@@ -120,6 +126,7 @@ fn setting(model: &mut Model, f: &RoomMaterials, at: Vec3, angle: f32, seed: i32
     } else {
         block(f.white, [-0.105, 0.105], [-0.148, 0.148], 0.002, 0.008 + 0.01 * hash(seed, 2, 3));
     }
+    // Add a cup on a saucer.
     if seed % 3 != 2 {
         let cup = [
             vec2(0.026, 0.004),
@@ -149,11 +156,13 @@ fn bowl(model: &mut Model, f: &RoomMaterials) {
         vec2(0.0, 0.03),
     ];
     lathe(model.of(f.walnut), at, &profile, 28, 1.0);
+    // Arrange six apples in a ring, with one on top.
     for i in 0..6 {
         let a = TAU * i as f32 / 6.0;
         ball(model.of(f.leaf), at + vec3(0.10 * a.cos(), 0.085, 0.10 * a.sin()), 0.042, 14);
     }
     ball(model.of(f.leaf), at + vec3(0.0, 0.125, 0.0), 0.044, 14);
+    // Add the carafes.
     let carafe = chain(&[
         &[vec2(0.055, 0.0), vec2(0.07, 0.02), vec2(0.068, 0.10), vec2(0.03, 0.18), vec2(0.028, 0.22), vec2(0.04, 0.26)],
         &[vec2(0.034, 0.26), vec2(0.0, 0.24)],
@@ -173,6 +182,7 @@ pub(super) fn seats() -> Vec<(Vec3, f32)> {
             out.push((vec3(x, 0.0, side * (half_width(x) + 0.30 + jitter.abs())), angle + 2.0 * jitter));
         }
     }
+    // Add one seat at each end.
     out.push((vec3(LENGTH + 0.42, 0.0, 0.1), FRAC_PI_2 + 0.12));
     out.push((vec3(-LENGTH - 0.42, 0.0, -0.05), -FRAC_PI_2 - 0.08));
     out
@@ -202,6 +212,7 @@ pub(super) fn chair(f: &RoomMaterials) -> Model {
     cushion(model.of(f.cloth), vec3(0.0, 0.80, 0.26), vec3(0.46, 0.52, 0.065), |p| {
         p + Vec3::Z * (0.14 * p.y - 0.55 * p.x * p.x - 0.12 * p.y * p.y)
     });
+    // Add the column and five feet with casters.
     let metal = model.of(f.metal);
     bar(metal, vec3(0.0, 0.10, 0.0), vec3(0.0, 0.44, 0.0), 0.028, 10);
     for i in 0..5 {
@@ -222,6 +233,7 @@ pub(super) fn chair(f: &RoomMaterials) -> Model {
             vec2(0.665, -0.12),
             vec2(0.65, -0.16),
         ];
+        // Orient the section by the path's tangent.
         let frames: Vec<Frame> = (0..path.len())
             .map(|i| {
                 let (a, b) = (path[i.saturating_sub(1)], path[(i + 1).min(path.len() - 1)]);
@@ -239,10 +251,12 @@ pub(super) fn chair(f: &RoomMaterials) -> Model {
 /// Adds two tall plants in the corners.
 pub(super) fn plants(scene: &mut Scene, f: &RoomMaterials) {
     let mut model = Model::new();
+    // Add the pot.
     let pot =
         [vec2(0.17, 0.0), vec2(0.24, 0.42), vec2(0.25, 0.45), vec2(0.22, 0.45), vec2(0.21, 0.40), vec2(0.0, 0.40)];
     lathe(model.of(f.soil), Vec3::ZERO, &pot, 24, 1.5);
     for i in 0..34 {
+        // Spread the leaves by the golden angle, with random height and reach.
         let key = |k: i32| hash(i, k, 9);
         let angle = 2.4 * i as f32;
         let (rise, reach) = (0.5 + 0.9 * key(1), 0.30 + 0.35 * key(2));

@@ -85,11 +85,13 @@ pub fn build() -> Scene {
     };
     room::add(&mut scene, &finish);
     furniture::table(&mut scene, &finish);
+    // Thin surfaces reflect on both sides.
     for thin in [finish.white, finish.slat, finish.leaf] {
         scene.sheet(thin);
     }
     furniture::plants(&mut scene, &finish);
 
+    // All chairs share one mesh.
     let chair = furniture::chair(&finish);
     let chair = scene.mesh("chair", chair);
     for (i, (at, angle)) in furniture::seats().into_iter().enumerate() {

@@ -26,6 +26,7 @@ pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     room.of(f.carpet).quad_facing([(-hx, -hz), (hx, -hz), (hx, hz), (-hx, hz)].map(|(x, z)| vec3(x, 0.0, z)), Vec3::Y);
     ceiling(&mut room, &mut lamps, f);
 
+    // Panel the walls up to the dado.
     let back = wall(Vec3::Z, hz);
     let windows = wall(Vec3::NEG_Z, hz);
     let left = wall(Vec3::X, hx);
@@ -37,6 +38,7 @@ pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     let door = [2.4, 3.5];
     panelling(&mut room, f, &right, [-hz, door[0] - 0.1], 6);
     panelling(&mut room, f, &right, [door[1] + 0.1, hz], 2);
+    // Add the plain walls above the dado, around the door.
     for (plane, half) in [(&back, hx), (&left, hz)] {
         plane.rectangle(room.of(f.wall), [-half, half], [DADO, CEILING], 0.0);
     }
@@ -68,6 +70,7 @@ pub(super) fn add(scene: &mut Scene, f: &RoomMaterials) {
     let ring = [corner(-hx, -hz, CEILING), corner(hx, -hz, CEILING), corner(hx, hz, CEILING), corner(-hx, hz, CEILING)];
     molding(room.of(f.ceiling), &ring, true, &crown);
 
+    // Add pictures and lamps.
     hangings(&mut room, f, &back, &left);
     for s in [-6.6, -3.3, 3.3, 6.6] {
         sconce(&mut room, &mut lamps, f, &back, s);
@@ -92,6 +95,7 @@ fn ceiling(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
             let x = -HALF[0] + MODULE * (i as f32 + 0.5);
             let z = -HALF[1] + MODULE * (k as f32 + 0.5);
             let square = |h: f32, y: f32| [(-h, -h), (h, -h), (h, h), (-h, h)].map(|(a, b)| vec3(x + a, y, z + b));
+            // Build the coffer from nested squares: beam, ledge and recessed top.
             let outer = square(MODULE / 2.0, CEILING);
             let inner = square(MODULE / 2.0 - beam, CEILING);
             let step = square(MODULE / 2.0 - beam, CEILING + 0.07);
@@ -120,6 +124,7 @@ fn ceiling(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
                 let b = (a + 1) % 4;
                 room.of(f.metal).quad_facing([rim[a], rim[b], edge[b], edge[a]], Vec3::NEG_Y);
             }
+            // Panels near the walls are dimmer.
             let from_edge = i.min(nx - 1 - i).min(k.min(nz - 1 - k));
             let group = if from_edge == 0 {
                 2
@@ -149,6 +154,7 @@ fn door_with_frame(room: &mut Model, f: &RoomMaterials, plane: &Plane, s: [f32; 
     plane.block(wood, [s[1], s[1] + 0.1], [0.0, 2.25], [-0.05, 0.05]);
     plane.block(wood, [s[0], s[1]], [2.15, 2.25], [-0.05, 0.05]);
     plane.rectangle(wood, s, [0.0, 2.15], -0.03);
+    // Add four raised fields and the knob.
     for (y0, y1) in [(0.15, 0.95), (1.10, 2.02)] {
         for (a, b) in [(s[0] + 0.10, s[0] + 0.51), (s[1] - 0.51, s[1] - 0.10)] {
             plane.field(wood, [[a, b], [y0, y1]], 0.05, [-0.027, -0.008]);
@@ -188,6 +194,7 @@ fn window_wall(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &P
             let slat = [vec2(0.022, 0.012), vec2(0.0, 0.004), vec2(-0.022, -0.016)];
             sweep(room.of(f.slat), &[frame(c - half + 0.02), frame(c + half - 0.02)], &slat);
         }
+        // Add the bottom rail and the headbox of the blind.
         let low = head - 0.07 - pitch * count as f32;
         plane.block(room.of(f.slat), [c - half + 0.02, c + half - 0.02], [low - 0.01, low + 0.015], [-0.11, -0.07]);
         plane.block(room.of(f.slat), [c - half + 0.01, c + half - 0.01], [head - 0.05, head - 0.003], [-0.12, -0.06]);
@@ -224,6 +231,7 @@ fn sconce(room: &mut Model, lamps: &mut Model, f: &RoomMaterials, plane: &Plane,
         .collect();
     let shade = [vec2(-0.006, -half), vec2(0.0, -half), vec2(0.0, half), vec2(-0.006, half), vec2(-0.006, -half)];
     sweep(room.of(f.metal), &curve, &shade);
+    // Add glowing panes at the upper and lower openings.
     let pane = |y: f32| [(-0.06, 0.02), (0.06, 0.02), (0.06, 0.07), (-0.06, 0.07)].map(|(a, o)| plane.at(s + a, y, o));
     lamps.of(f.sconce).quad_facing(pane(y + 0.04), Vec3::Y);
     lamps.of(f.sconce).quad_facing(pane(y - 0.04), Vec3::NEG_Y);

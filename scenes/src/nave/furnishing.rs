@@ -14,6 +14,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut pew = Model::new();
     one_pew(pew.of(stones.oak));
     let pew = scene.mesh("pew", pew);
+    // Place the pews in two columns along the central aisle.
     let rows = 21;
     for i in 0..rows {
         let z = -4.2 - 1.05 * i as f32;
@@ -26,6 +27,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     runner(&mut model, stones);
     scene.show("altar", model);
 
+    // All chandeliers share one mesh.
     let mut wheel = Model::new();
     chandelier(&mut wheel, stones);
     let wheel = scene.mesh("chandelier", wheel);
@@ -41,6 +43,7 @@ fn one_pew(mesh: &mut Mesh) {
     let block = |mesh: &mut Mesh, x: [f32; 2], y: [f32; 2], z: [f32; 2]| {
         mesh.cuboid(vec3(x[0], y[0], z[0]), vec3(x[1], y[1], z[1]));
     };
+    // Add the seat, the board below it, the back, its rail and the book rest.
     let inside = [-half + 0.03, half - 0.03];
     block(mesh, inside, [0.42, 0.46], [-0.22, 0.20]);
     block(mesh, inside, [0.12, 0.42], [0.12, 0.15]);
@@ -72,6 +75,7 @@ fn one_pew(mesh: &mut Mesh) {
             let out = vec3(0.0, d.x, -d.y);
             let at = |x: f32, p: Vec2| vec3(x, p.y, p.x);
             mesh.quad_facing([at(a, p), at(a, q), at(b, q), at(b, p)], out);
+            // Close both faces of the end with a fan of triangles.
             for (x, normal) in [(a, -side), (b, side)] {
                 let corner = |p: Vec2, mesh: &mut Mesh| mesh.vertex(at(x, p), Vec3::X * normal, vec2(p.x, -p.y));
                 let v = [corner(p, mesh), corner(q, mesh), corner(middle, mesh)];
@@ -84,7 +88,7 @@ fn one_pew(mesh: &mut Mesh) {
 fn altar(model: &mut Model, stones: &Stones) {
     let z = APSE.y - 0.6;
     let floor = CHANCEL;
-    // Add a step on all sides, the table, its cloth, and a gilded cross between candlesticks.
+    // Add a step on all sides, the table and its cloth.
     model.of(stones.steps).cuboid(vec3(-2.2, floor - 0.05, z - 1.1), vec3(2.2, floor + 0.14, z + 1.2));
     let top = floor + 0.14;
     model.of(stones.trim).cuboid(vec3(-1.3, top - 0.01, z - 0.45), vec3(1.3, top + 0.95, z + 0.45));
@@ -95,6 +99,7 @@ fn altar(model: &mut Model, stones: &Stones) {
         vec3(-1.2 + 2.4 * u, top + 0.94 - 0.8 * v, z + 0.475 + fold)
     });
     model.of(stones.linen).cuboid(vec3(-1.3, top + 0.86, z + 0.552), vec3(1.3, top + 1.058, z + 0.56));
+    // Add the gilded cross on its foot, between the candlesticks.
     let gold = model.of(stones.gold);
     let table = top + 1.06;
     gold.cuboid(vec3(-0.035, table + 0.25, z - 0.235), vec3(0.035, table + 1.15, z - 0.165));
@@ -135,6 +140,7 @@ fn chandelier(model: &mut Model, stones: &Stones) {
     for (r, y) in [(1.05, 0.0), (1.05, 0.12), (0.35, 0.55)] {
         ring(model.of(stones.iron), vec3(0.0, y, 0.0), Vec3::Y, [r, 0.022], 36);
     }
+    // Add a candle on a pricket with a drip pan.
     for i in 0..12 {
         let (sin, cos) = (TAU * i as f32 / 12.0).sin_cos();
         let out = vec3(cos, 0.0, sin);
@@ -148,6 +154,7 @@ fn chandelier(model: &mut Model, stones: &Stones) {
             0.3,
         );
         lathe(model.of(stones.candle), at, &[vec2(0.02, 0.2), vec2(0.02, 0.40), vec2(0.0, 0.41)], 8, 0.2);
+        // Add a chain at every third candle.
         if i % 3 == 0 {
             bar(model.of(stones.iron), at + Vec3::Y * 0.12, out * 0.35 + Vec3::Y * 0.55, 0.012, 6);
             bar(model.of(stones.iron), out * 0.35 + Vec3::Y * 0.55, vec3(0.0, 1.3, 0.0), 0.012, 6);

@@ -78,6 +78,7 @@ fn apse_corners() -> [Vec2; 4] {
 #[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("nave");
+    // Glass emits its texture, as if lit from outside by an even sky.
     let glass = |scene: &mut Scene, name: &'static str, radiance: f32, texture: &Texture| {
         let picture = scene.texture(name, texture);
         scene.material(Material { emission_texture: Some(picture), ..Material::glowing(name, Vec3::splat(radiance)) })
@@ -105,6 +106,7 @@ pub fn build() -> Scene {
         apse_glass: glass(&mut scene, "apse glass", 12.0, &medallions(1024, 3.8, 5)),
         rose_glass: glass(&mut scene, "rose glass", 12.0, &rose(512, 8)),
     };
+    // Add the building, then its windows and furniture.
     shell::add(&mut scene, &stones);
     windows::add(&mut scene, &stones);
     furnishing::add(&mut scene, &stones);

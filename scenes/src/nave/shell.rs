@@ -170,6 +170,7 @@ fn floors(model: &mut Model, stones: &Stones) {
         model.of(material).quad_facing(p.map(|(x, z)| vec3(x, y, z)), Vec3::Y);
     };
     flat(stones.floor, AISLE, [0.0, end], 0.0);
+    // Add the treads of three steps, then their risers.
     let edge = end + 0.8;
     for k in 0..3 {
         let y = CHANCEL / 3.0 * (k as f32 + 1.0);
@@ -195,6 +196,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
     let arches = arcade(&plane);
     let blind = blind_arcade(&plane, BAYS + 1);
     let windows = clerestory_windows(&plane);
+    // Stack the storeys: arcade, triforium with blind arches, clerestory.
     let whole = stretch(&plane, 0.0, all);
     wall(model.of(stones.ashlar), &plane, [stretch(&plane, 0.0, nave), [LOW_SPRING, TRIFORIUM[0]]], &arches, 12);
     wall(model.of(stones.ashlar), &plane, [stretch(&plane, nave, all), [0.0, TRIFORIUM[0]]], &[], 1);
@@ -226,6 +228,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
             &[vec2(0.09, 0.0), vec2(0.09, 0.03), vec2(0.03, 0.05), vec2(0.0, 0.02), vec2(0.0, -0.01)],
             5,
         );
+        // Close the blind arch with stone.
         o.pane(model.of(stones.web), &plane, Pane { depth: 0.22, steps: 5 }, |x, y| vec2(0.4 * x, -1.2 * y));
     }
     // Add small shafts between the blind arches.
@@ -238,6 +241,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
             lathe(model.of(stones.trim), at, &shaft, 8, 0.3);
         }
     }
+    // Mark both ends of the triforium by string courses.
     for y in TRIFORIUM {
         let [a, b] = whole;
         let string = [vec2(0.0, -0.05), vec2(0.06, 0.0), vec2(0.10, 0.03), vec2(0.10, 0.10), vec2(0.0, 0.17)];
@@ -250,6 +254,7 @@ fn aisle_side(model: &mut Model, stones: &Stones, side: f32) {
     let nave = BAY * BAYS as f32;
     let span = stretch(&plane, 0.0, nave);
     wall(model.of(stones.ashlar), &plane, [span, [0.0, AISLE_TOP]], &aisle_windows(&plane), 8);
+    // Add the string course below the windows.
     let string = [vec2(0.0, -0.04), vec2(0.05, 0.0), vec2(0.08, 0.03), vec2(0.08, 0.08), vec2(0.0, 0.14)];
     let ends = |y: f32| [plane.at(span[0], y, 0.0), plane.at(span[1], y, 0.0)];
     molding(model.of(stones.trim), &ends(1.62), false, &string);
@@ -296,6 +301,7 @@ fn high_vault(model: &mut Model, stones: &Stones) {
         ];
         lathe(model.of(stones.gold), at, &profile, 16, 1.0);
     };
+    // Each bay has a groin vault, diagonal ribs and a boss.
     for i in 0..=BAYS {
         let (a, b) = (-BAY * i as f32, -BAY * (i as f32 + 1.0));
         groin_vault(model.of(stones.web), [vec2(-NAVE, b), vec2(NAVE, a)], HIGH_SPRING, HIGH, 16);
@@ -306,6 +312,7 @@ fn high_vault(model: &mut Model, stones: &Stones) {
     }
     for i in 0..=BAYS + 1 {
         let z = -BAY * i as f32;
+        // Transverse ribs between the bays are wider.
         let wide = RibSection { width: 0.46, depth: 0.27, half: false };
         rib(model.of(stones.trim), [vec3(-NAVE, HIGH_SPRING, z), vec3(NAVE, HIGH_SPRING, z)], HIGH, wide, 14);
     }
@@ -331,6 +338,7 @@ fn low_vaults(model: &mut Model, stones: &Stones) {
         let (x0, x1) = (side * inner, side * AISLE);
         for i in 0..BAYS {
             let (a, b) = (-BAY * i as f32, -BAY * (i as f32 + 1.0));
+            // Each bay has a groin vault and diagonal ribs.
             groin_vault(model.of(stones.web), [vec2(x0.min(x1), b), vec2(x0.max(x1), a)], LOW_SPRING, LOW, 12);
             let section = RibSection { width: 0.22, depth: 0.15, half: false };
             let corner = |x: f32, z: f32| vec3(x, LOW_SPRING, z);
@@ -339,6 +347,7 @@ fn low_vaults(model: &mut Model, stones: &Stones) {
         }
         for i in 0..=BAYS {
             let z = -BAY * i as f32;
+            // Transverse ribs between the bays are wider.
             let section = RibSection { width: 0.40, depth: 0.20, half: false };
             rib(model.of(stones.trim), [vec3(x0, LOW_SPRING, z), vec3(x1, LOW_SPRING, z)], LOW, section, 10);
         }

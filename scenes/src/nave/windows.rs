@@ -20,6 +20,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     let mut glass = Model::new();
     let mut tracery = Model::new();
     for side in [-1.0, 1.0] {
+        // Clerestory and aisles have grisaille glass.
         let plane = nave_wall(side);
         for o in clerestory_windows(&plane) {
             window(glass.of(stones.high_glass), &mut tracery, stones, &plane, &o);
@@ -29,6 +30,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
             window(glass.of(stones.aisle_glass), &mut tracery, stones, &plane, &o);
         }
     }
+    // The apse has one window per side.
     for i in 0..3 {
         window(glass.of(stones.apse_glass), &mut tracery, stones, &apse_wall(i), &apse_window());
     }
@@ -45,6 +47,7 @@ fn window(glass: &mut Mesh, tracery: &mut Model, stones: &Stones, plane: &Plane,
     let face = Plane { origin: plane.origin - plane.out * (DEPTH - 0.10), ..*plane };
     let stone = tracery.of(stones.trim);
     let (w, d) = (0.055, 0.07);
+    // Add the mullion between the lights.
     let mullion = [vec2(w, -d), vec2(w, 0.0), vec2(0.4 * w, d), vec2(-0.4 * w, d), vec2(-w, 0.0), vec2(-w, -d)];
     let upright = |y: f32| Frame { origin: face.at(o.center, y, 0.0), x: -face.along, y: face.out };
     let low = o.spring - 0.1 * o.half;
@@ -66,6 +69,7 @@ fn rose_window(glass: &mut Model, tracery: &mut Model, stones: &Stones) {
         (center + radius * Vec3::new(cos, sin, 0.0), vec2(0.5 + 0.5 * cos, 0.5 - 0.5 * sin))
     };
     let mesh = glass.of(stones.rose_glass);
+    // Add the glass as a fan of triangles.
     let middle = mesh.vertex(center, Vec3::NEG_Z, vec2(0.5, 0.5));
     for i in 0..32 {
         let [a, b] = [i, i + 1].map(|k| {
@@ -77,6 +81,7 @@ fn rose_window(glass: &mut Model, tracery: &mut Model, stones: &Stones) {
     for (r, t) in [(radius, 0.12), (radius + 0.25, 0.08), (radius * 0.5, 0.06), (radius * 0.25, 0.05)] {
         ring(tracery.of(stones.trim), center, Vec3::Z, [r, t], 32);
     }
+    // Add twelve spokes between the inner ring and the rim.
     let section = arc(glam::Vec2::ZERO, 0.05, 0.0, 360.0, 6);
     for i in 0..12 {
         let (sin, cos) = (TAU * i as f32 / 12.0).sin_cos();
