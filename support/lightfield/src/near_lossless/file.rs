@@ -79,6 +79,7 @@ pub(crate) fn write(head: &Head, tiles: &[Vec<u8>]) -> Vec<u8> {
 
 /// Reads the header and compares it with all bytes of the file. Allocates no more memory than the size of the file.
 pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
+    // Reject other file types and versions before the checksum.
     let mut reader = NumberReader(bytes);
     if reader.take() != Ok(MAGIC) {
         return Err(FieldError::NotAField);
