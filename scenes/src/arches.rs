@@ -303,6 +303,7 @@ pub fn rib(mesh: &mut Mesh, [a, b]: [Vec3; 2], arch: (f32, f32), section: RibSec
     if section.half {
         points.truncate(steps + 1);
     }
+    // Put the profile's x axis across the rib and its y axis into the opening.
     let frames: Vec<Frame> = points
         .iter()
         .map(|(p, n)| Frame {

@@ -129,6 +129,7 @@ pub fn build() -> Scene {
     let plaster = scene.textured("plaster", 0.6, &plaster(512, WHITE, 0.16, 1));
     let oak = scene.textured("oak parquet", 0.32, &herringbone(1024, vec3(0.68, 0.57, 0.43), 16, 3));
     let linen = scene.textured("linen", 0.10, &linen(512, WHITE, 64, 21));
+    // The marble has the published reflectance of the blocks on average.
     let stone = marble(768, vec3(0.78, 0.77, 0.75), vec3(0.20, 0.22, 0.25), 4).with_mean(WHITE);
     let stone = scene.textured("marble", 0.36, &stone);
     let frame = scene.plain("frame", vec3(0.45, 0.38, 0.26));

@@ -56,7 +56,7 @@ impl Material {
         Self { texture: Some(texture), tile: Vec2::splat(tile), ..Self::plain(name, Vec3::ONE) }
     }
 
-    /// Returns an emissive material with a reflectance of zero.
+    /// Returns an emissive material with a reflectance of 0.2.
     #[must_use]
     pub fn glowing(name: &'static str, emission: Vec3) -> Self {
         Self { emission, ..Self::plain(name, Vec3::splat(0.2)) }
@@ -274,6 +274,7 @@ impl Scene {
             let textures: Vec<Value> = (0..self.textures.len()).map(|i| json!({"source": i, "sampler": 0})).collect();
             root.insert("textures".into(), textures.into());
         }
+        // Nodes refer to the lights of this extension by index.
         if !self.lights.is_empty() {
             used.push("KHR_lights_punctual");
             let lights: Vec<Value> = self
@@ -318,6 +319,7 @@ impl Scene {
         let mut samplers = Vec::new();
         let mut channels = Vec::new();
         for (node, keys) in &self.channels {
+            // Translations have three components and rotations four.
             let (path, kind) = match keys.property {
                 Property::Translation => ("translation", "VEC3"),
                 Property::Rotation => ("rotation", "VEC4"),

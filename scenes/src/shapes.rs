@@ -155,6 +155,7 @@ pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]
         let (ma, mb) = (miter(s), miter((s + 1) % n.max(1)));
         let (ma, mb) = if closed { (ma, mb) } else { (ma, miter(s + 1)) };
         let (forward, side) = ((b - a).normalize(), right(s));
+        // Add one strip per profile segment, with the miters at both ends.
         let mut across = 0.0;
         for (w, m) in profile.windows(2).zip(&normals) {
             let step = w[0].distance(w[1]);
@@ -193,6 +194,7 @@ pub fn loft(mesh: &mut Mesh, center: Vec3, outline: &[Vec2], profile: &[Vec2]) {
             let step = w[0].distance(w[1]);
             mesh.grid(1, 1, |a, b| {
                 let (corner, normal) = if a == 0 { (p, joined(before)) } else { (q, joined(after)) };
+                // Combine the outline's normal with the profile's slope.
                 let corner = corner * w[b].x;
                 let level = m[b].x.max(0.05);
                 Vertex {

@@ -29,6 +29,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
         arches(&mut model, stones, &side);
         back_wall(&mut model, stones, &side);
         beams(&mut model, stones, &side);
+        // Distribute four balusters between each pair of pedestals.
         let bay = side.half / side.bays as f32;
         for i in 0..2 * side.bays {
             for k in 0..4 {

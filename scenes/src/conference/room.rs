@@ -118,6 +118,7 @@ fn ceiling(room: &mut Model, lamps: &mut Model, f: &RoomMaterials) {
                 vec3(x + panel, CEILING + depth, z + panel),
                 &[crate::mesh::Side::Top, crate::mesh::Side::Bottom],
             );
+            // Close the underside of the housing around the pane.
             let rim = square(panel, low);
             let edge = square(panel - 0.02, low);
             for a in 0..4 {

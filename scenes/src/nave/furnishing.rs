@@ -106,6 +106,7 @@ fn altar(model: &mut Model, stones: &Stones) {
     gold.cuboid(vec3(-0.28, table + 0.78, z - 0.23), vec3(0.28, table + 0.85, z - 0.17));
     let foot = [vec2(0.17, 0.0), vec2(0.16, 0.04), vec2(0.05, 0.10), vec2(0.06, 0.16), vec2(0.03, 0.26)];
     lathe(gold, vec3(0.0, table, z - 0.2), &foot, 16, 0.5);
+    // Add four candlesticks with candles.
     for x in [-1.1, -0.75, 0.75, 1.1] {
         let at = vec3(x, table, z - 0.2);
         let stick = [

@@ -62,6 +62,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     // Piers, vault shafts and responds have one mesh each, which nodes position.
     let mut pier = Model::new();
     let outline = pier_outline();
+    // Scale the outline along the height: base, shaft with a ring, capital.
     let profile: Vec<Vec2> = [
         (1.42, 0.0),
         (1.42, 0.30),
@@ -324,6 +325,7 @@ fn high_vault(model: &mut Model, stones: &Stones) {
             half_web(model.of(stones.web), [APSE, (p + q) / 2.0, corner], HIGH_SPRING, HIGH, 16);
         }
     }
+    // Ribs rise from the inner corners to the boss.
     for p in &corners[1..3] {
         let a = vec3(p.x, HIGH_SPRING, p.y);
         let b = vec3(2.0 * APSE.x - p.x, HIGH_SPRING, 2.0 * APSE.y - p.y);
