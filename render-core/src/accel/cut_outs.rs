@@ -61,6 +61,7 @@ impl CutOuts {
     /// Collects the holes of all instances of `scene`, or returns `None` if no instance has holes. Sizes are measured
     /// in `pose`.
     pub(super) fn new(scene: &Scene, pose: &Pose, extent: f32) -> Option<Self> {
+        // Share one sheet between all instances of a mesh.
         let changing = scene.changing_materials();
         let mut of_mesh: HashMap<usize, Option<Arc<Sheet>>> = HashMap::new();
         let mut far = FarMasks::default();
@@ -90,6 +91,7 @@ impl CutOuts {
         }
         let sheets = self.sheets.iter().map(|sheet| {
             let (sheet, cells) = sheet.as_ref()?;
+            // Rebuild only sheets with animated materials; the others stay shared.
             let changed = sheet.changing.as_ref().map(|(material, _)| Arc::new(sheet.with(&materials[*material])));
             Some((changed.unwrap_or_else(|| sheet.clone()), *cells))
         });
@@ -182,6 +184,7 @@ impl Sheet {
         if least >= needed && !changes {
             return None;
         }
+        // Store the coordinates per corner, with and without the texture transform.
         let triangles = || mesh.triangles.iter();
         let coordinates = textured.as_ref().map_or_else(Vec::new, |(slot, _)| {
             triangles().map(|t| t.map(|vertex| slot.map(mesh.uvs[slot.uv_set][vertex as usize]))).collect()
@@ -259,9 +262,11 @@ impl Sheet {
     /// texels or more, it is the fraction of the area outside holes.
     fn mask(&self, triangle: usize, at: [f32; 2], texels: f32, cutoff: f32) -> f32 {
         let sharp = || if self.opacity(triangle, at, 0.0) >= cutoff { 1.0 } else { 0.0 };
+        // Use the coverage image only where the cone covers more than one texel.
         let far = self.far.as_ref().filter(|_| texels > 1.0).zip(self.coordinates_at(triangle, at));
         let Some((far, uv)) = far else { return sharp() };
         let share = far.sample(uv, 0.5 * texels).opacity;
+        // Blend both between widths of one and two texels.
         let blend = texels.log2().min(1.0);
         if blend < 1.0 { sharp() * (1.0 - blend) + share * blend } else { share }
     }

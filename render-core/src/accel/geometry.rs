@@ -103,6 +103,7 @@ fn copies(triangles: &[Triangle], sides: impl Fn(usize) -> u32) -> Vec<bool> {
         a.0.cmp(&b.0).then_with(|| bits(a.1).cmp(&bits(b.1))).then(a.1.cmp(&b.1))
     });
 
+    // Mark every triangle that equals its predecessor in the sorted order.
     let mut is_copy = vec![false; triangles.len()];
     for pair in order.windows(2) {
         is_copy[pair[1].1 as usize] = pair[0].0 == pair[1].0 && bits(pair[0].1) == bits(pair[1].1);
@@ -144,6 +145,7 @@ impl Geometry {
         let [mut whole, mut masked, mut blended] = [(); 3].map(|()| Soup::default());
         let mut subsets = Vec::new();
         for (index, &Instance { mesh, .. }) in scene.instances.iter().enumerate() {
+            // Assign each instance to a separate tree, a shared tree or a common tree.
             let to_tree = Affine3A::from_scale(Vec3::splat(scale)) * scene.instance_world(&pose, index);
             if deforming[index] {
                 subsets.push(Subset::Deforming { instance: index, node: scene.carrier(index) });
@@ -163,6 +165,7 @@ impl Geometry {
                 soup.add(index, &to_tree, corners(&scene.meshes[mesh], &pose, index));
             }
         }
+        // Build the common trees from the collected triangles.
         let fixed = [(whole, None), (masked, cut_outs.clone()), (blended, cut_outs.clone())];
         let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes, &sides));
         subsets.extend(fixed.map(|group| Subset::Fixed(PlacedGroup::in_world(group))));
@@ -175,6 +178,7 @@ impl Geometry {
     pub fn triangles_to_hold(scene: &Scene) -> usize {
         let pose = scene.pose(0.0);
         let (moving, sharing) = (scene.moving_instances(), Sharing::of(scene, &pose));
+        // Count a mesh once if its instances share a tree.
         let mut has_tree = vec![false; scene.meshes.len()];
         let mut triangles = 0;
         for (index, instance) in scene.instances.iter().enumerate() {
@@ -208,10 +212,12 @@ impl Geometry {
         let placed = |subset: &Subset| match subset {
             Subset::Fixed(placed) => Some(placed.clone()),
             Subset::Attached { group, instance, node } => {
+                // Transform the tree of a rigid mesh; the triangles stay in local space.
                 let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
                 PlacedGroup::attached(with_holes(group, *instance), *instance, to_tree)
             }
             Subset::Deforming { instance, node } => {
+                // Rebuild the tree of a deforming mesh in the scaled world.
                 let bent = pose.deformed(*instance)?;
                 let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
                 let mut own = Soup::default();

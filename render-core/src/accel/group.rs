@@ -78,11 +78,13 @@ impl Nearest {
     #[inline(always)]
     fn take(&mut self, met: Met) {
         let best = self.met;
+        // Break ties by the lower index, so that the order of visits has no effect.
         let is_other = met.triangle != best.triangle;
         let is_nearer = met.t < best.t || met.t == best.t && (met.triangle as i32) < best.triangle as i32;
         if is_nearer {
             self.met = met;
             if is_other {
+                // The previous best hit contests the new one if it is within reach.
                 self.contested = best.t <= self.reach.of(met.t);
             }
         } else {
@@ -100,6 +102,7 @@ impl Group {
         params: BvhBuildParams,
         cut_outs: Option<Arc<CutOuts>>,
     ) -> Self {
+        // Build single-triangle leaves; the conversion to wide nodes merges them.
         let params = BvhBuildParams { max_prims_per_leaf: 1, ..params };
         let build = |params| build_bvh2_from_tris(triangles, params, &mut Duration::default());
         // Rebuild without splitting if splitting increases the number of triangles too much.
@@ -114,6 +117,7 @@ impl Group {
             let mut members = members.to_vec();
             members.sort_unstable();
             members.dedup();
+            // Pack the triangles of the leaf into blocks.
             for part in members.chunks(BLOCK) {
                 let mut block = TriangleBlock::EMPTY;
                 for (lane, &index) in part.iter().enumerate() {
@@ -122,9 +126,11 @@ impl Group {
                 }
                 blocks.push(block);
             }
+            // Encode the first block and the number of triangles in one number.
             (first * LANES + members.len() - 1) as u32
         });
         let bounds = if triangles.is_empty() { Aabb::empty() } else { *binary.nodes[0].aabb() };
+        // Treat the group as blended only if every triangle is.
         let blends = |cut_outs: &Arc<CutOuts>| owners.iter().all(|owner| cut_outs.is_blended(owner.instance as usize));
         let is_blended = cut_outs.as_ref().is_some_and(blends);
         Self { tree, blocks, owners, bounds, cut_outs, is_blended }
@@ -236,6 +242,7 @@ impl<F: Fn(&Leaf, usize, f32, f32) -> bool> Visit for ClosestOf<'_, F> {
         let leaf = self.group.leaf(content);
         let Some((mut bits, meeting)) = leaf.meet(lanes, self.ray, near, limit) else { return limit };
         let (t, u, v) = (lanes.store(meeting.t), lanes.store(meeting.u), lanes.store(meeting.v));
+        // Visit the lanes with hits, and shorten the ray after each accepted hit.
         let mut limit = limit;
         while bits != 0 {
             let lane = bits.trailing_zeros() as usize & (LANES - 1);
@@ -291,6 +298,7 @@ impl<F: Fn(u32, f32, f32) -> bool> Visit for AnyOf<'_, F> {
                 bits &= bits - 1;
                 if (self.accept)(leaf.triangle(lane), u[lane], v[lane]) {
                     self.found = true;
+                    // End the traversal: any hit suffices.
                     return -1.0;
                 }
             }

@@ -104,9 +104,11 @@ impl PlacedGroup {
     /// Creates a group in the local space of a mesh, placed as `instance`. Returns `None` for a transform that flattens
     /// the mesh or is not finite.
     fn attached(group: Arc<Group>, instance: usize, to_world: Affine3A) -> Option<Self> {
+        // Reject singular transforms, because they have no inverse.
         if to_world.matrix3.determinant() == 0.0 || !to_world.is_finite() {
             return None;
         }
+        // Bound the group by the transformed corners of its box.
         let (min, max) = (group.bounds.min, group.bounds.max);
         let corner = |i: usize| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), min, max);
         let corners: [Vec3A; 8] = std::array::from_fn(|i| to_world.transform_point3a(corner(i)));
@@ -190,11 +192,13 @@ impl Accelerator {
     pub fn closest_packet(&self, origin: Vec3A, directions: &[Vec3A], hits: &mut [Option<Hit>]) {
         assert_eq!(directions.len(), hits.len(), "a place for the hit of each direction");
         for (directions, hits) in directions.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
+            // Start each ray without a hit.
             let mut rays = [PacketRay::NONE; PACKET];
             for (index, (ray, &direction)) in rays.iter_mut().zip(directions).enumerate() {
                 let Found { met, .. } = Found::NOTHING;
                 *ray = PacketRay { index, direction, limit: met.t, triangle: met.triangle };
             }
+            // Trace the packet, then settle each contested hit with a single ray.
             let mut found = [Found::NOTHING; PACKET];
             let (origin, rays) = (origin * self.scale, &rays[..directions.len()]);
             self.lanes.run(Together::<true> { scene: self, origin, rays, found: &mut found });
@@ -220,6 +224,7 @@ impl Accelerator {
     #[must_use]
     pub fn occluded_packet(&self, from: Vec3A, to: &[Vec3A], active: u64) -> u64 {
         assert!(to.len() <= PACKET, "{} segments in a packet of at most {PACKET}", to.len());
+        // Pack only the active segments; `index` maps results to the mask.
         let (mut rays, mut count) = ([PacketRay::NONE; PACKET], 0);
         for (index, &end) in to.iter().enumerate() {
             if active >> index & 1 == 1 {
@@ -260,6 +265,7 @@ impl Accelerator {
     pub fn closest_by_exhaustion(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let mut best: Option<(f64, Hit)> = None;
         for placed in &self.groups {
+            // Transform the ray to the group's local space, which preserves distances along it.
             let (origin, direction) = placed.local(origin * self.scale, direction);
             let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
             for block in &placed.group.blocks {

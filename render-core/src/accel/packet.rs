@@ -151,6 +151,7 @@ impl Packet {
                 row.triangle[lane] = f32::from_bits(ray.triangle);
             }
             row.reach = if reach.is_none() { row.t } else { lanes.store(reach.of_eight(lanes, lanes.load(&row.t))) };
+            // Invert the directions; replace tiny components, as for single rays.
             for (axis, [low, high]) in range.iter_mut().enumerate() {
                 let least = if octant.goes_down(axis) { -LEAST_COMPONENT } else { LEAST_COMPONENT };
                 let x = lanes.load(&components[axis]);
@@ -161,11 +162,13 @@ impl Packet {
                 row.inverse_far[axis] = lanes.store(lanes.mul(inverse, lanes.splat(LENGTHENING)));
                 (*low, *high) = (lanes.min(inverse, *low), lanes.max(inverse, *high));
             }
+            // Compute the shear of the watertight triangle test.
             let along = lanes.load(&row.inverse_near[packet.axes[2]]);
             for k in 0..2 {
                 row.shear[k] = lanes.store(lanes.mul(lanes.load(&components[packet.axes[k]]), along));
             }
         }
+        // Bound the inverse directions of all rays, for the interval test of boxes.
         for (axis, [low, high]) in range.into_iter().enumerate() {
             let low = lanes.store(low).into_iter().fold(f32::INFINITY, f32::min);
             let high = lanes.store(high).into_iter().fold(f32::NEG_INFINITY, f32::max);
@@ -225,12 +228,14 @@ impl Packet {
             let near = lanes.greatest(near, lanes.splat(0.0));
             let far = lanes.least(far, lanes.splat(self.farthest));
             let bits = lanes.bits(lanes.le(near, far));
+            // Push the boxes that the packet may enter, nearest on top.
             if bits != 0 {
                 let (keys, count) = farthest_first(bits, &lanes.store(near));
                 for key in &keys[..count] {
                     stack.push(((key >> 32) as u32, (at * LANES) as u32 | *key as u32, rows));
                 }
             }
+            // Pop boxes until a ray enters an inner node.
             (at, rows) = loop {
                 let Some((near, place, candidates)) = stack.pop() else { return };
                 if f32::from_bits(near) > self.farthest {
@@ -251,6 +256,7 @@ impl Packet {
                     node.planes[(z + 3) % 6][lane] - from_z,
                 ]);
                 match node.children[lane].kind() {
+                    // Descend with the first row that enters the node and all later rows.
                     ChildKind::Node(index) => {
                         let mut remaining = candidates;
                         while remaining != 0 {
@@ -264,6 +270,7 @@ impl Packet {
                             break (index, remaining);
                         }
                     }
+                    // Collect all rows that enter the leaf before the visitor tests triangles.
                     ChildKind::Leaf(content) => {
                         entered.rows = 0;
                         let mut remaining = candidates;
@@ -310,6 +317,7 @@ impl Packet {
                 lanes.splat3([c[x][k] - from[0], c[y][k] - from[1], c[z][k] - from[2]]),
             ];
             let triangle = lanes.splat(f32::from_bits(block.triangles[k]));
+            // Test the triangle against each row that enters the leaf.
             let mut rows = entered.rows;
             while rows != 0 {
                 let index = rows.trailing_zeros() as usize % ROWS;
@@ -318,12 +326,14 @@ impl Packet {
                 let shear =
                     [lanes.load(&row.shear[0]), lanes.load(&row.shear[1]), lanes.load(&row.inverse_near[along])];
                 let Some(mut meeting) = meet(lanes, corners, shear) else { continue };
+                // Keep hits in front of the origin, never nearer than the leaf's box.
                 let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
                 meeting.t = lanes.max(meeting.t, lanes.load(&entered.near[index]));
                 let met = lanes.and(ahead, lanes.le(meeting.t, lanes.load(&row.reach)));
                 if lanes.bits(met) == 0 {
                     continue;
                 }
+                // Shorten the rays that hit. Finish them if any hit suffices.
                 if CLOSEST {
                     changed |= row.take(lanes, Meeting { inside: met, ..meeting }, triangle, self.reach);
                 } else {
@@ -352,6 +362,7 @@ impl PacketRow {
     /// hit `triangle` within their reach. Returns whether the triangle is now the nearest hit of any ray.
     #[inline(always)]
     fn take<L: Lanes>(&mut self, lanes: L, met: Meeting<L>, triangle: L::F, reach: Reach) -> bool {
+        // Compare distances, and break ties by the lower index.
         let Meeting { t, u, v, inside: met } = met;
         let (limit, best) = (lanes.load(&self.t), lanes.load(&self.triangle));
         let tie = lanes.and(lanes.eq(t, limit), lanes.lt_bits(triangle, best));
@@ -366,11 +377,13 @@ impl PacketRow {
             left &= left - 1;
             same |= u32::from(self.triangle[lane].to_bits() == lanes.store(triangle)[lane].to_bits()) << lane;
         }
+        // Clear the marks of rays with a nearer hit, and mark the new contested hits.
         close &= !same;
         self.contested = self.contested & !(nearer_bits & !same) | close;
         if nearer_bits == 0 {
             return false;
         }
+        // Store the new hits of the rays with a nearer triangle.
         self.reach = lanes.store(lanes.select(nearer, new_reach, lanes.load(&self.reach)));
         self.t = lanes.store(lanes.select(nearer, t, limit));
         self.triangle = lanes.store(lanes.select(nearer, triangle, best));

@@ -38,6 +38,7 @@ impl<const SHOWN: bool> Kernel for Closest<'_, SHOWN> {
     fn run<L: Lanes>(self, lanes: L) -> Found {
         let Self { scene, origin, direction } = self;
         let (ray, reach) = (Ray::new(origin, direction), Reach::from(origin));
+        // Skip the top-level tree if the scene has a single group.
         if let Some(group) = scene.sole_group()
             && !SHOWN
         {
@@ -65,6 +66,7 @@ impl<const SHOWN: bool> Visit for ClosestGroup<'_, SHOWN> {
         let place = content as usize;
         let PlacedGroup { group, instance, .. } = &self.scene.groups[place];
         let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
+        // Continue in local space with the hit that this group must beat.
         let (ray, to_beat) = (Ray::new(origin, direction), self.found.to_beat(place, self.reach));
         let nearest = if SHOWN {
             group.closest_where(lanes, &ray, to_beat, |leaf, lane, u, v| {
@@ -96,6 +98,7 @@ impl<const SHOWN: bool> Kernel for Settle<'_, SHOWN> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Found {
         let Self { scene, origin, direction, nearest } = self;
+        // List all hits within reach of the nearest, and choose one of them.
         let limit = Reach::from(origin).of(nearest.met.t);
         let mut visitor = Rivals { scene, origin, direction, found: Vec::new() };
         scene.top.walk(lanes, &Ray::new(origin, direction), limit, &mut visitor);
@@ -206,6 +209,7 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
                 continue;
             }
             let mut packet = Packet::new(lanes, origin, octant, rays, reach);
+            // Trace the packet through the only group or through the top-level tree.
             match scene.sole_group() {
                 Some(group) => {
                     packet.walk(lanes, &group.tree, &mut Triangles::<CLOSEST>(group));
@@ -218,6 +222,7 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
                 }
                 None => packet.walk(lanes, &scene.top, &mut Groups::<CLOSEST> { scene, origin, rays, found, reach }),
             }
+            // Map the packet's order to the caller's indices.
             if !CLOSEST {
                 for (k, ray) in rays.iter().enumerate() {
                     blocked |= u64::from(packet.is_blocked(k)) << ray.index;
@@ -257,6 +262,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             bits &= bits - 1;
             let ray = &self.rays[index];
             let direction = placed.local(self.origin, ray.direction).1;
+            // Limit each ray by its nearest hit so far.
             local[count] = if CLOSEST {
                 let Nearest { met, .. } = self.found[ray.index].to_beat(place, self.reach);
                 PacketRay { index, direction, limit: met.t, triangle: met.triangle }
@@ -336,10 +342,12 @@ impl<'a> Octants<'a> {
         if self.left == 0 {
             return None;
         }
+        // Select all remaining rays in the octant of the first.
         let octant = self.octants[self.left.trailing_zeros() as usize % PACKET];
         let alike =
             self.octants.iter().rev().fold(0, |bits, &other| bits << 1 | u64::from(other == octant)) & self.left;
         self.left &= !alike;
+        // Return the caller's list without a copy if all rays share the octant.
         if alike.count_ones() as usize == self.all.len() {
             return Some((octant, self.all));
         }

@@ -21,6 +21,7 @@ pub(super) struct Octant {
 impl Octant {
     #[inline(always)]
     pub(super) fn of(direction: Vec3A) -> Self {
+        // Choose the largest component as the main axis; ties go to the earlier axis.
         let [x, y, z] = direction.abs().to_array();
         let most = if x >= y && x >= z {
             0
@@ -81,9 +82,11 @@ impl Ray {
     pub(super) fn new(origin: Vec3A, direction: Vec3A) -> Self {
         let octant = Octant::of(direction);
         let components = direction.to_array();
+        // Replace tiny components, so that no inverse is infinite.
         let inverse_near =
             components.map(|x| 1.0 / if x.abs() < LEAST_COMPONENT { LEAST_COMPONENT.copysign(x) } else { x });
         let axes = octant.axes();
+        // Compute the shear of the watertight triangle test.
         let along = inverse_near[axes[2]];
         Self {
             origin,

@@ -37,6 +37,7 @@ impl Reach {
     #[inline(always)]
     pub(super) fn of(self, t: f32) -> f32 {
         let farther = t * self.factor + self.beyond;
+        // Clamp to the largest number: the product overflows for distant hits.
         if farther < f32::MAX { farther } else { f32::MAX }
     }
 

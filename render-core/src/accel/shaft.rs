@@ -78,6 +78,7 @@ impl Accelerator {
 
     /// Returns the shaft between two sets of points that are usually unobstructed. Tests the boxes of the groups first.
     pub(crate) fn shaft_if_near(&self, from: &[Vec3A], to: &[Vec3A]) -> Shaft {
+        // Bound all segments by a box around both sets.
         let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for &point in from.iter().chain(to) {
             (min, max) = (min.min(point), max.max(point));
@@ -86,6 +87,7 @@ impl Accelerator {
         let slack = Vec3A::splat(GROUP_SLACK * min.abs().max(max.abs()).max_element());
         let (min, max) = (min - slack, max + slack);
         let is_near = |bounds: &Aabb| bounds.min.cmple(max).all() && bounds.max.cmpge(min).all();
+        // Build the shaft only if the box of any group intersects this box.
         if self.groups.iter().any(|placed| is_near(&placed.bounds)) {
             self.shaft(from, to)
         } else {
@@ -158,6 +160,7 @@ impl Kernel for Within<'_> {
                 }
             }
         }
+        // Collect the segments without a hit from the rows.
         let left = free.iter().enumerate().fold(0, |left, (row, &bits)| left | u64::from(bits) << (row * LANES));
         active & !left
     }
@@ -188,6 +191,7 @@ impl<'a, L: Lanes> Slopes<'a, L> {
             if alike[row] == 0 {
                 continue;
             }
+            // Divide by the main component: the slopes are the shear of the triangle test.
             let direction = &directions[row];
             let along = lanes.div(lanes.splat(1.0), not_zero(lanes, direction[main]));
             let slopes = [lanes.mul(direction[axes[0]], along), lanes.mul(direction[axes[1]], along)];
@@ -196,6 +200,7 @@ impl<'a, L: Lanes> Slopes<'a, L> {
                 range[k] = [lanes.min(slopes[k], range[k][0]), lanes.max(slopes[k], range[k][1])];
             }
         }
+        // Reduce the range of the slopes to one minimum and one maximum.
         for [low, high] in &mut range {
             *low = lanes.splat(lanes.store(*low).into_iter().fold(f32::INFINITY, f32::min));
             *high = lanes.splat(lanes.store(*high).into_iter().fold(f32::NEG_INFINITY, f32::max));
@@ -207,16 +212,19 @@ impl<'a, L: Lanes> Slopes<'a, L> {
     #[inline(always)]
     fn hold_against(&self, lanes: L, group: &Group, listed: &Listed, free: &mut [u32; ROWS]) {
         let leaf = group.leaf(listed.content);
+        // Skip triangles that lie to one side of all segments.
         let mut which = listed.lanes & !self.aside(lanes, &leaf);
         while which != 0 {
             let (block, k) = leaf.place(which.trailing_zeros() as usize % LANES);
             which &= which - 1;
+            // Make corners relative to the origin, in the order of the axes.
             let mut corners = [[lanes.splat(0.0); 3]; 3];
             for (relative, corner) in corners.iter_mut().zip(&block.corners) {
                 for axis in 0..3 {
                     relative[axis] = lanes.splat(corner[self.axes[axis]][k] - self.from[axis]);
                 }
             }
+            // Remove the segments that hit the triangle between their ends.
             for ((free, alike), row) in free.iter_mut().zip(self.alike).zip(&self.rows) {
                 if alike & *free == 0 {
                     continue;
@@ -234,6 +242,7 @@ impl<'a, L: Lanes> Slopes<'a, L> {
     #[inline(always)]
     fn aside(&self, lanes: L, leaf: &Leaf) -> u32 {
         let from = lanes.splat3(self.from);
+        // Bound the corners after the shear by both extremes of each slope.
         let mut low = [lanes.splat(f32::INFINITY); 2];
         let mut high = [lanes.splat(f32::NEG_INFINITY); 2];
         for corner in 0..3 {
@@ -245,6 +254,7 @@ impl<'a, L: Lanes> Slopes<'a, L> {
                 }
             }
         }
+        // Select triangles on one side of zero in either coordinate.
         let zero = lanes.splat(0.0);
         let beyond = |k: usize| lanes.bits(lanes.lt(zero, low[k])) | lanes.bits(lanes.lt(high[k], zero));
         beyond(0) | beyond(1)
@@ -302,16 +312,19 @@ impl Kernel for Finding<'_> {
     fn run<L: Lanes>(self, lanes: L) -> Shaft {
         let Self { scene, points } = self;
         let mut shaft = Shaft { blocks: Vec::new(), crowded: false };
+        // Visit the groups that intersect the hull.
         let hull = Hull::around(points);
         let mut groups = Touched::new(&scene.top);
         while let Some(place) = groups.next(lanes, &hull) {
             let placed = &scene.groups[place as usize];
+            // Transform the points to the group's local space, with a separate hull.
             let own = placed.to_local.as_ref().map(|to_local| {
                 points.each_ref().map(|points| points.iter().map(|&p| to_local.transform_point3a(p)).collect())
             });
             let points: &[Vec<Vec3A>; 2] = own.as_ref().unwrap_or(points);
             let own_hull = own.as_ref().map(Hull::around);
             let hull = own_hull.as_ref().unwrap_or(&hull);
+            // List the leaves that intersect the hull. Give up if the list is too long.
             let mut leaves = Touched::new(&placed.group.tree);
             while let Some(content) = leaves.next(lanes, hull) {
                 let which = reaching(lanes, &placed.group, content, hull, points);
@@ -347,6 +360,7 @@ fn reaching<L: Lanes>(lanes: L, group: &Group, content: u32, hull: &Hull, points
 #[inline(always)]
 fn is_beside([a, b, c]: [Vec3A; 3], points: &[Vec<Vec3A>; 2], slack: f32) -> bool {
     let Some(normal) = (b - a).cross(c - a).try_normalize() else { return false };
+    // Measure the heights of all points above the plane.
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     for &point in points.iter().flatten() {
         let height = normal.dot(point - a);
@@ -375,6 +389,7 @@ impl<'a> Touched<'a> {
     fn next<L: Lanes>(&mut self, lanes: L, hull: &Hull) -> Option<u32> {
         loop {
             let (node, children) = self.at;
+            // Visit the next node once all children of this node are visited.
             if children == 0 {
                 let node = self.stack.pop()? as usize;
                 self.at = (node, hull.boxes(lanes, &self.tree.nodes[node].planes));
@@ -436,9 +451,11 @@ impl Hull {
     /// Since a and b depend on t, two fixed-point iterations are made. They suffice, because any n defines a valid
     /// plane.
     fn around(points: &[Vec<Vec3A>; 2]) -> Self {
+        // Bound both sets by boxes.
         let [from, to] = points.each_ref().map(|points| Bounds::of(points));
         let (low, high) = (from.low.min(to.low), from.high.max(to.high));
         let slack = SLACK * low.abs().max(high.abs()).max_element();
+        // Tilt a plane in each direction around the axis until it touches both boxes.
         let between = (to.low + to.high) - (from.low + from.high);
         let d = between.try_normalize().unwrap_or(Vec3A::X);
         let (x, y) = d.any_orthonormal_pair();
@@ -454,6 +471,7 @@ impl Hull {
                     n = u - d * (u.dot(way) / along);
                 }
             }
+            // Move the plane outward, so that it contains both boxes despite rounding.
             let h = n.dot(from.farthest(n)).max(n.dot(to.farthest(n)));
             *side = HalfSpace { n: n.to_array(), h: h + slack * n.length() };
         }
@@ -482,6 +500,7 @@ impl Hull {
     #[inline(always)]
     fn triangles<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> u32 {
         let mut inside = lanes.le(lanes.splat(0.0), lanes.splat(0.0));
+        // Compare the box around each triangle with the box around the hull.
         let axes = [0, 1, 2];
         let (a, b, c) = (leaf.column(lanes, 0, axes), leaf.column(lanes, 1, axes), leaf.column(lanes, 2, axes));
         let (least, most) = (lanes.min3(lanes.min3(a, b), c), lanes.max3(lanes.max3(a, b), c));
@@ -489,6 +508,7 @@ impl Hull {
             inside = lanes.and(inside, lanes.le(least[axis], lanes.splat(self.high[axis])));
             inside = lanes.and(inside, lanes.le(lanes.splat(self.low[axis]), most[axis]));
         }
+        // Exclude triangles with all corners outside a half-space.
         for HalfSpace { n, h } in &self.sides {
             let least = lanes.min(height(lanes, *n, a), height(lanes, *n, b));
             let least = lanes.min(least, height(lanes, *n, c));

@@ -30,6 +30,7 @@ impl Views {
     /// Splits the groups of a scene, or returns `None` if it has no sheets. `build` creates the accelerator of a
     /// subset.
     pub fn of(groups: &[PlacedGroup], build: impl Fn(Vec<PlacedGroup>, Sheets) -> Accelerator) -> Option<Self> {
+        // Build an accelerator of each subset of the groups.
         let part = |is_in: fn(&Group) -> bool, sheets| {
             let groups = groups.iter().filter(|placed| is_in(&placed.group));
             build(groups.cloned().collect(), sheets)
@@ -87,6 +88,7 @@ impl Accelerator {
     pub(crate) fn layers(&self, origin: Vec3A, direction: Vec3A, distance: f32, cone: RayCone) -> Vec<SheetHit> {
         let origin = origin * self.scale;
         let reach = Reach::from(origin);
+        // Collect all sheets along the ray, sorted by distance.
         let limit = if distance < f32::MAX { reach.of(distance * self.scale) } else { f32::MAX };
         let cone = RayCone { at_origin: cone.at_origin * self.scale, ..cone };
         let list = Listing { scene: self, origin, direction, limit, kind: SheetKind::Shown(cone) };
@@ -192,8 +194,10 @@ impl Accelerator {
     #[inline]
     fn hidden_by_chance(&self, from: Vec3A, to: &[Vec3A], active: u64, lamp: impl Fn(usize) -> Vec3A) -> u64 {
         let shadows = Shadows::new(self);
+        // Test opaque surfaces for all segments at once.
         let mut hidden = shadows.opaque().occluded_packet(from, to, active);
         if let Some(blends) = shadows.blends() {
+            // Compare the transmission of the remaining segments with a threshold per lamp.
             let mut partly = blends.occluded_packet(from, to, active & !hidden);
             while partly != 0 {
                 let end = partly.trailing_zeros() as usize;
@@ -231,6 +235,7 @@ struct Passed {
 /// Sorts by distance. Keeps one of several hits of the same instance at the same distance, because triangles share
 /// edges and large triangles are split.
 fn sort(met: &mut Vec<Passed>, reach: Reach) {
+    // Put the later instance first among hits at equal distances.
     met.sort_by(|a, b| {
         let by_place = || (b.instance, b.place, b.met.triangle).cmp(&(a.instance, a.place, a.met.triangle));
         a.met.t.total_cmp(&b.met.t).then_with(by_place)
@@ -278,6 +283,7 @@ impl Visit for SheetGroups<'_> {
         placed.group.each_within(lanes, &Ray::new(from, along), limit, |leaf, lane, met| {
             let owner = placed.group.owner(met.triangle, placed.instance);
             let at = [met.u, met.v];
+            // Filter opacity over the cone for camera rays; sample it for shadow rays.
             let opacity = match kind {
                 SheetKind::Blended => cut_outs.blended_opacity(owner, at),
                 SheetKind::Shown(_) if scene.is_back(met.triangle, place, leaf.corners(lane), direction) => 0.0,

@@ -94,6 +94,7 @@ impl Accelerator {
         let area_vector = (b - a).cross(c - a);
         let normal = (area_vector * if mirrored { -1.0 } else { 1.0 }).try_normalize().unwrap_or(-direction);
         let towards = normal.dot(direction);
+        // Bound the rounding error of the distance by the largest coordinate.
         let moved = placed.to_world.map_or(Vec3A::ZERO, |m| m.translation.abs());
         let largest = a.abs().max(b.abs()).max(c.abs()).max(moved).max_element();
         let found = Found { met, place, contested: false };
@@ -120,10 +121,12 @@ impl PlacedGroup {
 
 /// Selects one of the `rivals`, which include `nearest`. `origin` is the ray's origin.
 pub(super) fn choose(nearest: Found, origin: Vec3A, rivals: &[Rival]) -> Found {
+    // Find the nearest hit among the rivals.
     let is_nearest =
         |rival: &&Rival| (rival.found.place, rival.found.met.triangle) == (nearest.place, nearest.met.triangle);
     let Some(&first) = rivals.iter().find(is_nearest) else { return nearest };
     let origin = origin.abs().max_element();
+    // Accept hits at distances that differ from the nearest only by rounding.
     let as_near = |rival: &&Rival| {
         let slant = rival.cosine.recip() + first.cosine.recip();
         rival.found.met.t - nearest.met.t <= ROUNDINGS * origin.max(rival.largest).max(first.largest) * slant
@@ -134,6 +137,7 @@ pub(super) fn choose(nearest: Found, origin: Vec3A, rivals: &[Rival]) -> Found {
     let nearer = |a: &&Rival, b: &&Rival| a.found.met.t.total_cmp(&b.found.met.t);
     let in_plane = rivals.iter().filter(as_near).filter(parallel);
     let seen = in_plane.min_by(|a, b| a.rank().cmp(&b.rank()).then(nearer(a, b))).unwrap_or(&first);
+    // Prefer a front at an angle to a selected back.
     let front = || {
         let fronts = rivals.iter().filter(|rival| !rival.is_back).filter(as_near);
         fronts.min_by(|a, b| nearer(a, b).then(a.rank().cmp(&b.rank())))

@@ -84,9 +84,11 @@ pub(super) struct Meeting<L: Lanes> {
 #[inline(always)]
 pub(super) fn meet<L: Lanes>(lanes: L, corners: [[L::F; 3]; 3], shear: [L::F; 3]) -> Option<Meeting<L>> {
     let [a, b, c] = corners;
+    // Shear the corners, so that the ray runs along the z axis.
     let (a_x, a_y) = (slant(lanes, a[0], a[2], shear[0]), slant(lanes, a[1], a[2], shear[1]));
     let (b_x, b_y) = (slant(lanes, b[0], b[2], shear[0]), slant(lanes, b[1], b[2], shear[1]));
     let (c_x, c_y) = (slant(lanes, c[0], c[2], shear[0]), slant(lanes, c[1], c[2], shear[1]));
+    // Compute the edge functions. The ray hits if all have the same sign.
     let u = lanes.sub(lanes.mul(c_x, b_y), lanes.mul(c_y, b_x));
     let v = lanes.sub(lanes.mul(a_x, c_y), lanes.mul(a_y, c_x));
     let w = lanes.sub(lanes.mul(b_x, a_y), lanes.mul(b_y, a_x));
@@ -95,6 +97,7 @@ pub(super) fn meet<L: Lanes>(lanes: L, corners: [[L::F; 3]; 3], shear: [L::F; 3]
     if lanes.bits(inside) == 0 {
         return None;
     }
+    // Interpolate the distance with the normalized barycentric weights.
     let inverse = lanes.div(lanes.splat(1.0), lanes.add(lanes.add(u, v), w));
     let z = lanes.add(lanes.add(lanes.mul(u, a[2]), lanes.mul(v, b[2])), lanes.mul(w, c[2]));
     Some(Meeting {
@@ -137,6 +140,7 @@ impl<'a> Leaf<'a> {
     #[inline(always)]
     pub(super) fn meet<L: Lanes>(&self, lanes: L, ray: &Ray, near: f32, limit: f32) -> Option<(u32, Meeting<L>)> {
         let axes = ray.axes;
+        // Make corners relative to the ray's origin, in the order of its axes.
         let from = ray.origin.to_array();
         let from = lanes.splat3([from[axes[0]], from[axes[1]], from[axes[2]]]);
         let corners = [
@@ -145,6 +149,7 @@ impl<'a> Leaf<'a> {
             lanes.sub3(self.column(lanes, 2, axes), from),
         ];
         let mut meeting = meet(lanes, corners, lanes.splat3(ray.shear))?;
+        // Keep hits in front of the origin, never nearer than the leaf's box.
         let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
         meeting.t = lanes.max(meeting.t, lanes.splat(near));
         let bits = lanes.bits(lanes.and(ahead, lanes.le(meeting.t, lanes.splat(limit)))) & self.lanes();

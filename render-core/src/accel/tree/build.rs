@@ -41,10 +41,12 @@ impl Tree {
     /// below 2³¹.
     pub(in super::super) fn new(binary: &Bvh2, costs: &Costs, mut leaf: impl FnMut(&[u32]) -> u32) -> Self {
         let mut tree = Self { nodes: Vec::new() };
+        // Represent an empty tree by a root without boxes.
         if binary.primitive_indices.is_empty() {
             tree.nodes.push(WideNode::EMPTY);
             return tree;
         }
+        // Widen the boxes by the rounding error of the triangle test.
         let root = binary.nodes[0].aabb();
         let slack = root.min.abs().max(root.max.abs()).max_element() * SLACK;
         let subtrees = subtrees(binary, costs);
@@ -57,6 +59,7 @@ impl Tree {
                 tree.nodes[parent].children[lane] = Child(index as u32);
             }
             tree.nodes.push(WideNode::EMPTY);
+            // Fill the slots of the node. Leaves are complete; subtrees remain open.
             for (lane, child) in children(binary, &subtrees, top).into_iter().enumerate() {
                 tree.nodes[index].set_box(lane, binary.nodes[child as usize].aabb(), slack);
                 if subtrees[child as usize].leaf {
@@ -138,6 +141,7 @@ fn gather(binary: &Bvh2, top: u32, out: &mut Vec<u32>) {
 
 /// Returns the minimum costs of all subtrees, computed bottom-up.
 fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
+    // List all nodes, parents before children.
     let mut order = Vec::with_capacity(binary.nodes.len());
     let mut open = vec![0u32];
     while let Some(index) = open.pop() {
@@ -155,6 +159,7 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
         let node = &binary.nodes[index as usize];
         let area = node.aabb().half_area();
         let leaf_cost = |primitives: u32| area * (costs.leaf + costs.primitive * primitives as f32);
+        // A leaf costs the same at any number of slots.
         subtrees[index as usize] = if node.is_leaf() {
             Subtree { primitives: node.prim_count, cost: [leaf_cost(node.prim_count); LANES], ..unknown }
         } else {
@@ -169,11 +174,13 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
             };
             let (below, share) = best_share(LANES);
             own.node_share = share;
+            // Choose between one leaf and one node with eight slots.
             own.cost[0] = area + below;
             own.leaf = own.primitives as usize <= costs.most && leaf_cost(own.primitives) <= own.cost[0];
             if own.leaf {
                 own.cost[0] = leaf_cost(own.primitives);
             }
+            // Choose the cheapest forest for each number of slots.
             for places in 2..=LANES {
                 let (cost, share) = best_share(places);
                 let fewer = own.cost[places - 2];

@@ -108,6 +108,7 @@ pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES
         let lane = bits.trailing_zeros() as usize & (LANES - 1);
         bits &= bits - 1;
         let key = u64::from(near[lane].to_bits()) << 32 | lane as u64;
+        // Sort by insertion: a node has at most eight boxes.
         let mut place = count;
         while place > 0 && keys[place - 1] < key {
             keys[place] = keys[place - 1];
@@ -149,6 +150,7 @@ impl Tree {
         let mut stack = Stack::<(u32, Child)>::new();
         let mut at = 0;
         loop {
+            // Test the ray against all eight boxes of the node.
             let node = &self.nodes[at];
             let (near, far) = node.slabs(lanes, ray.near_plane);
             let near = lanes.greatest(lanes.mul3(lanes.sub3(near, from), inverse_near), lanes.splat(0.0));
@@ -170,6 +172,7 @@ impl Tree {
                 stack.push(if a_first { b } else { a });
                 Some(if a_first { a } else { b })
             } else {
+                // Push all boxes but the nearest, farthest first.
                 let (keys, count) = farthest_first(bits, &near);
                 let entry = |key: u64| ((key >> 32) as u32, node.children[key as usize & (LANES - 1)]);
                 for &key in &keys[..count - 1] {
@@ -177,6 +180,7 @@ impl Tree {
                 }
                 Some(entry(keys[count - 1]))
             };
+            // Visit leaves until the next inner node within the limit.
             at = loop {
                 let Some((near, child)) = next else { return };
                 let near = f32::from_bits(near);
