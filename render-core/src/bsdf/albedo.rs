@@ -42,6 +42,7 @@ struct Table {
 /// Table of albedos, computed in a few milliseconds when a coat is first used.
 static TABLE: LazyLock<Table> = LazyLock::new(|| {
     let step = |i: usize| i as f32 / (STEPS - 1) as f32;
+    // Integrate every entry first, because the mean of a row needs all its directions.
     let rows: [[Albedo; STEPS]; STEPS] = std::array::from_fn(|row| {
         let ggx = Ggx::from_roughness(step(row));
         std::array::from_fn(|column| integrate(ggx, step(column).powi(2)))
@@ -55,6 +56,7 @@ fn integrate(ggx: Ggx, cos: f32) -> Albedo {
     // Exactly at grazing incidence no facet is visible, so use the limit.
     let cos = cos.max(1e-3);
     let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+    // Average the weights of quasi-random microfacets, which directions below the surface do not reach.
     let (mut facing, mut grazing) = (0.0, 0.0);
     for i in 0..DIRECTIONS {
         let wi = ggx.sample(wo, hammersley(i, DIRECTIONS));
@@ -77,14 +79,16 @@ fn integrate(ggx: Ggx, cos: f32) -> Albedo {
 /// ```
 fn mean(row: &[Albedo; STEPS]) -> Albedo {
     let place = |i: usize| i as f64 / (STEPS - 1) as f64;
+    // Integrate each segment between two entries in closed form.
     let integral = |of: fn(&Albedo) -> f32| -> f32 {
-        let piece = |(i, pair): (usize, &[Albedo])| {
+        let mut sum = 0.0f64;
+        for (i, pair) in row.windows(2).enumerate() {
             let (a, b) = (place(i), place(i + 1));
             let (m3, m4) = ((b.powi(4) - a.powi(4)) / 4.0, (b.powi(5) - a.powi(5)) / 5.0);
             let [p, q] = [&pair[0], &pair[1]].map(|end| f64::from(of(end)));
-            4.0 * (p * (b * m3 - m4) + q * (m4 - a * m3)) / (b - a)
-        };
-        row.windows(2).enumerate().map(piece).sum::<f64>() as f32
+            sum += 4.0 * (p * (b * m3 - m4) + q * (m4 - a * m3)) / (b - a);
+        }
+        sum as f32
     };
     Albedo { facing: integral(|albedo| albedo.facing), grazing: integral(|albedo| albedo.grazing) }
 }
@@ -107,6 +111,7 @@ impl AlbedoRow {
     pub(super) fn at(self, cos: f32) -> Albedo {
         let place = cos.clamp(0.0, 1.0).sqrt() * (STEPS - 1) as f32;
         let column = (place as usize).min(STEPS - 2);
+        // Interpolate along the cosine in both rows, then along the roughness.
         let along = |row: &[Albedo; STEPS]| row[column].lerp(row[column + 1], place - column as f32);
         along(&TABLE.rows[self.row]).lerp(along(&TABLE.rows[self.row + 1]), self.blend)
     }

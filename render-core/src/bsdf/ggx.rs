@@ -63,8 +63,10 @@ impl Ggx {
     /// Reflects `wo` at a random microfacet visible from `wo`, using the spherical caps of \[Dupuy23\]. The result may
     /// point below the surface.
     pub(super) fn sample(self, wo: Vec3, u: Vec2) -> Vec3 {
+        // Stretch space, so that the visible facets become a hemisphere.
         let stretch = Vec3::new(self.alpha, self.alpha, 1.0);
         let v = (wo * stretch).normalize();
+        // Draw a direction uniformly from the visible cap; its half vector with v is the facet's normal.
         let z = (1.0 - u.y) * (1.0 + v.z) - v.z;
         let (sin, angle) = ((1.0 - z * z).max(0.0).sqrt(), TAU * u.x);
         let h = ((Vec3::new(sin * angle.cos(), sin * angle.sin(), z) + v) * stretch).normalize_or(Vec3::Z);

@@ -169,6 +169,7 @@ impl Bsdf {
         if wo.z <= 0.0 || wi.z <= 0.0 {
             return 0.0;
         }
+        // Mix the densities of both lobes by the probability of each.
         let diffuse = wi.z * FRAC_1_PI;
         match &self.coat {
             None => diffuse,
@@ -188,6 +189,7 @@ impl Bsdf {
         if wo.z <= 0.0 || self.is_black() {
             return None;
         }
+        // Draw from one of the two lobes, but weight with the density of both.
         let direction = match &self.coat {
             Some(coat) if choice < coat.single_share(wo.z) => coat.ggx.sample(wo, u),
             _ => cosine_hemisphere(Vec3::Z, u),
@@ -207,6 +209,7 @@ impl Bsdf {
 
 impl Coat {
     fn new(albedo: Vec3, f0: Vec3, roughness: f32) -> Self {
+        // Read the coat's albedo with F = 1, which determines the light lost by single scattering.
         let albedos = AlbedoRow::new(roughness);
         let mean = albedos.mean();
         // The cosine-weighted mean of Schlick's term is F₀ + (1 − F₀)/21.
@@ -239,6 +242,7 @@ impl Coat {
 
     /// Returns the loss of single scattering towards a direction, 1 − E, and the transmission of the coat, 1 − C.
     fn left_over(&self, cos: f32) -> (f32, Vec3) {
+        // Add multiple scattering to the coat's albedo; the remainder reaches the base.
         let albedo = self.albedos.at(cos);
         let lost = (1.0 - albedo.facing).max(0.0);
         let coat = albedo.with(self.f0) + self.multiple * (lost * self.lost_mean);
@@ -259,6 +263,7 @@ impl Coat {
 
     /// Returns the probability of sampling the coat's single scattering: its fraction of the reflected light.
     fn single_share(&self, cos: f32) -> f32 {
+        // Compare luminances, because one direction serves all three channels.
         let single = luminance(self.albedos.at(cos).with(self.f0));
         let diffuse = luminance(self.diffuse_albedo(cos));
         single / (single + diffuse)
