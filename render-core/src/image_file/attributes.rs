@@ -32,11 +32,13 @@ pub(super) fn of_image(header: &FrameHeader, size: (usize, usize)) -> ImageAttri
 pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
     let FrameHeader { camera, place, texts } = header;
     let mut attributes = LayerAttributes { software_name: Text::new_or_none(SOFTWARE), ..LayerAttributes::default() };
+    // Add the camera, for compositing programs that project points.
     if let Some(FrameCamera { camera_from_world, picture_from_world, window_width, .. }) = camera {
         attributes.world_to_camera = Some(*camera_from_world);
         attributes.world_to_normalized_device = Some(*picture_from_world);
         attributes.screen_window_width = window_width.unwrap_or(attributes.screen_window_width);
     }
+    // Add frame rate and frame number, saturated to the attribute's type.
     if let Some(FramePlace { number, frames, seconds }) = *place {
         attributes.frames_per_second = i32::try_from(frames).ok().map(|frames| (frames, seconds));
         let number = i32::try_from(number).unwrap_or(i32::MAX);
@@ -54,6 +56,7 @@ pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
 /// Returns the time code of a frame by SMPTE ST 12-1, without drop frames. Returns `None` at frame rates for which
 /// SMPTE numbers frames in pairs.
 fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<TimeCode> {
+    // Number frames at the nominal rate: 29.97 frames per second count as 30.
     let nominal = frames.div_ceil(seconds.max(1));
     if !(1..=MOST_NUMBERED).contains(&nominal) {
         return None;
@@ -75,6 +78,7 @@ fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<Tim
 pub(super) fn sort_attributes(file: &mut [u8]) -> Option<()> {
     const BEGIN: usize = 8;
     let text_end = |from: usize| Some(from + file.get(from..)?.iter().position(|&byte| byte == 0)? + 1);
+    // Collect the attributes up to the empty name that ends the header.
     let (mut list, mut at) = (Vec::new(), BEGIN);
     while *file.get(at)? != 0 {
         let size_at = text_end(text_end(at)?)?;

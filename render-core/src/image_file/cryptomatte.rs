@@ -48,6 +48,7 @@ impl Cryptomatte {
     pub fn texts(&self) -> Vec<HeaderText> {
         // The key is the first seven hexadecimal digits of the hash of `kind`.
         let key = cryptomatte_id(&self.kind).to_bits() >> 4;
+        // Write the manifest as a JSON object.
         let mut manifest = String::from("{");
         for (name, id) in &self.manifest {
             let comma = if manifest.len() > 1 { "," } else { "" };
@@ -69,6 +70,7 @@ impl Cryptomatte {
     /// Returns the pairs of a pixel with these objects, given by index and covered fraction of the area. An unknown
     /// index adds no pair.
     pub fn ranked(&self, things: impl IntoIterator<Item = RankedThing>) -> [RankedId; RANKS] {
+        // Sum the fractions per id, since objects with one name share their id.
         let mut sums: Vec<RankedId> = Vec::new();
         for RankedThing { thing, share } in things {
             let Some(&id) = self.ids.get(thing) else { continue };
@@ -79,6 +81,7 @@ impl Cryptomatte {
         }
         // Equal fractions are sorted by id, so the result does not depend on the order of rays.
         sums.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.id.to_bits().cmp(&b.id.to_bits())));
+        // Keep the largest fractions, and fill unused pairs with 0.
         let mut ranked = [RankedId::default(); RANKS];
         ranked.iter_mut().zip(sums).for_each(|(rank, sum)| *rank = sum);
         ranked
@@ -89,6 +92,7 @@ impl Cryptomatte {
     pub fn channels(&self, pixels: &[[RankedId; RANKS]]) -> Vec<FrameChannel> {
         let mut channels = Vec::new();
         for rank in 0..RANKS {
+            // Two pairs share a layer: the even pair is in R and G, the odd pair in B and A.
             let names = if rank % 2 == 0 { ["R", "G"] } else { ["B", "A"] };
             let of = |name: &str, value: fn(&RankedId) -> f32| FrameChannel {
                 name: format!("{}{:02}.{name}", self.kind, rank / 2),
@@ -124,6 +128,7 @@ pub fn cryptomatte_id(name: &str) -> f32 {
 pub fn murmur_hash3(bytes: &[u8]) -> u32 {
     let scrambled = |k: u32| k.wrapping_mul(0xcc9e_2d51).rotate_left(15).wrapping_mul(0x1b87_3593);
     let mut hash = 0u32;
+    // Split the input into little-endian words and a tail of at most three bytes.
     let words = bytes.chunks_exact(4);
     let mut tail = [0; 4];
     tail[..words.remainder().len()].copy_from_slice(words.remainder());
@@ -133,6 +138,7 @@ pub fn murmur_hash3(bytes: &[u8]) -> u32 {
     }
     // Zero bytes scramble to zero, so an empty tail has no effect.
     hash ^= scrambled(u32::from_le_bytes(tail));
+    // Mix in the length, and spread each bit over the whole hash.
     hash ^= bytes.len() as u32;
     hash = (hash ^ hash >> 16).wrapping_mul(0x85eb_ca6b);
     hash = (hash ^ hash >> 13).wrapping_mul(0xc2b2_ae35);
@@ -143,6 +149,7 @@ pub fn murmur_hash3(bytes: &[u8]) -> u32 {
 fn escaped(name: &str) -> String {
     let mut text = String::new();
     for unit in name.encode_utf16() {
+        // Escape quotes, backslashes, control characters and everything outside ASCII.
         match u8::try_from(unit).map(char::from) {
             Ok(character @ ('"' | '\\')) => text.extend(['\\', character]),
             Ok(character @ ' '..='~') => text.push(character),

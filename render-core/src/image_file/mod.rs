@@ -28,6 +28,7 @@ const MOST_PIXELS: usize = 1 << 27;
 /// path.
 pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    // Name the missing feature for a known format that this build does not read.
     let needed = match ending.as_str() {
         "exr" if !cfg!(feature = "exr") => Some("exr"),
         "hdr" if !cfg!(feature = "textures") => Some("textures"),

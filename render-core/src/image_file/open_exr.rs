@@ -68,6 +68,7 @@ pub fn write_frame(
         let of_layer = largest.entry(layer_of(&channel.name).to_owned()).or_default();
         *of_layer = of_layer.max(own);
     }
+    // Convert each channel, and check the number of samples.
     let mut list = SmallVec::new();
     for FrameChannel { name, samples, depth } in channels {
         assert_eq!(samples.len(), size.0 * size.1, "channel {name} of {}x{} pixels", size.0, size.1);
@@ -89,13 +90,14 @@ pub fn write_frame(
     let layer = Layer::new(size, attributes::of_layer(header), encoding, AnyChannels::sort(list));
     let image = Image { attributes: attributes::of_image(header, size), layer_data: layer };
 
-    // Rename the file once it is complete.
+    // Write under a temporary name, and rename the file once it is complete.
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let partial = path.with_file_name(name);
     let mut file = Vec::new();
     image.write().to_buffered(Cursor::new(&mut file)).map_err(ImageFileError::format(path))?;
     attributes::sort_attributes(&mut file);
+    // Remove the incomplete file after an error.
     let written = std::fs::write(&partial, file).and_then(|()| std::fs::rename(&partial, path));
     let whole = written.map_err(ImageFileError::system(path));
     if whole.is_err() {
@@ -138,7 +140,12 @@ impl Layers {
     pub fn colors(&self, prefix: &str) -> Option<Plane<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
         let (r, g, b) = (r?, g?, b?);
-        let samples = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect();
+        // Interleave the planes, up to the end of the shortest one.
+        let count = r.len().min(g.len()).min(b.len());
+        let mut samples = Vec::with_capacity(count);
+        for k in 0..count {
+            samples.push([r[k], g[k], b[k]]);
+        }
         Some(Plane::from_vec(self.width, self.height, samples))
     }
 }
@@ -148,6 +155,7 @@ impl Layers {
 /// # Errors
 /// The file is not an OpenEXR file, or is larger than 2²⁷ pixels; the message names the path.
 pub fn read_layers(path: &Path) -> Result<Layers, ImageFileError> {
+    // Check sizes before decoding, because the decoder allocates memory for the whole image.
     check_headers(path)?;
     let image = read_first_flat_layer_from_file(path).map_err(ImageFileError::format(path))?;
     let (width, height) = (image.layer_data.size.x(), image.layer_data.size.y());
