@@ -140,11 +140,10 @@ impl Layers {
     pub fn colors(&self, prefix: &str) -> Option<Plane<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
         let (r, g, b) = (r?, g?, b?);
-        // Interleave the planes, up to the end of the shortest one.
-        let count = r.len().min(g.len()).min(b.len());
-        let mut samples = Vec::with_capacity(count);
-        for k in 0..count {
-            samples.push([r[k], g[k], b[k]]);
+        // Interleave the planes.
+        let mut samples = Vec::with_capacity(r.len());
+        for ((&r, &g), &b) in r.iter().zip(g).zip(b) {
+            samples.push([r, g, b]);
         }
         Some(Plane::from_vec(self.width, self.height, samples))
     }
