@@ -99,10 +99,12 @@ impl Channel {
     /// Returns the index of the key before `time`, the interval to the next key \[s\], and the fraction of that
     /// interval, 0…1.
     fn segment(&self, time: f32) -> (usize, f32, f32) {
+        // Keep the first or last value constant outside the keys.
         let after = self.times.partition_point(|&key| key <= time);
         if after == 0 || after == self.times.len() {
             return (after.saturating_sub(1), 0.0, 0.0);
         }
+        // Two keys may have the same time, so avoid a division by zero.
         let length = self.times[after] - self.times[after - 1];
         (after - 1, length, if length > 0.0 { (time - self.times[after - 1]) / length } else { 0.0 })
     }
@@ -138,6 +140,7 @@ impl Channel {
                 keys[k + 1] * a + keys[k + 2] * b + keys[k + 4] * c + keys[k + 3] * d
             }
         };
+        // Normalize the quaternion, because splines leave the unit sphere.
         if value.length_squared() > 0.0 { value.normalize() } else { Quat::IDENTITY }
     }
 }

@@ -6,10 +6,12 @@ use glam::Vec3A;
 impl Scene {
     /// Returns a note if an unlit surface encloses all other surfaces, and a sun or a sky is outside.
     pub(super) fn backdrop_note(&self) -> Option<String> {
+        // Without a distant light, an enclosing surface blocks nothing.
         let has_sun = self.punctual_lights.iter().any(|light| light.kind == PunctualKind::Directional);
         if !has_sun && self.sky.is_none() {
             return None;
         }
+        // Bound all lit surfaces together, and each unlit surface alone.
         let pose = self.pose(0.0);
         let (mut lit, mut backdrops) = (PointBox::NOTHING, Vec::new());
         for (index, instance) in self.instances.iter().enumerate() {

@@ -88,6 +88,7 @@ impl Scene {
         if self.camera_channels.is_empty() {
             return Vec::new();
         }
+        // Replace the animated properties by their values at `time`.
         let mut cameras = self.cameras.clone();
         for CameraChannel { camera, property, keys } in &self.camera_channels {
             let (mut value, camera) = ([f32::NAN], &mut cameras[*camera]);
@@ -107,6 +108,7 @@ impl Camera {
                 *yfov = value.min(MOST_YFOV);
             }
             (CameraProperty::HalfHeight, Projection::Orthographic { ymag }) if is_size => {
+                // Keep the width, which `xmag` sets independently of the height.
                 self.aspect = self.aspect.map(|aspect| aspect * *ymag / value);
                 *ymag = value;
             }
@@ -161,6 +163,7 @@ impl View {
     /// is ignored.
     #[must_use]
     pub fn new(world_from_camera: Affine3A, projection: Projection, width: usize, height: usize) -> Self {
+        // Remove scale and shear: orthonormalize the axes, and keep the viewing direction.
         let m = world_from_camera.matrix3;
         let z = m.z_axis.try_normalize().unwrap_or(Vec3A::Z);
         let x = m.y_axis.cross(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
@@ -188,6 +191,7 @@ impl View {
     /// unless the camera's whole width would not fit.
     #[must_use]
     pub fn with_pixel_aspect(self, pixel_aspect: f32) -> Self {
+        // Undo the previous widening, because the pixel's shape changes it.
         let before = self.widening();
         let view = Self { pixel_aspect, ..self };
         Self { half_height: view.half_height * view.widening() / before, ..view }
@@ -203,6 +207,7 @@ impl View {
     /// SHOULD NOT crop or stretch".)
     #[must_use]
     pub fn of(camera: &Camera, world_from_camera: Affine3A, width: usize, height: usize) -> Self {
+        // Widen the vertical extent if the picture is narrower than the camera's view.
         let mut view = Self::new(world_from_camera, camera.projection, width, height);
         (view.depths, view.shape) = (camera.depths, camera.aspect.unwrap_or(0.0));
         view.half_height *= view.widening();
@@ -241,6 +246,7 @@ impl View {
     /// Returns the origin and unit direction of the ray through `pixel`.
     #[must_use]
     pub fn ray(&self, pixel: Vec2) -> (Vec3A, Vec3A) {
+        // Convert the pixel to camera space, at a distance of 1 m.
         let scale = 2.0 * self.half_height / self.height;
         let x = (pixel.x - self.width / 2.0) * scale * self.pixel_aspect;
         let y = (self.height / 2.0 - pixel.y) * scale;
@@ -270,9 +276,11 @@ impl View {
     }
 
     fn pixel_of(&self, p: Vec3A, depth: f32) -> Option<(Vec2, f32)> {
+        // Reject points behind the camera, and NaN.
         if depth.is_nan() || depth <= 0.0 {
             return None;
         }
+        // Divide by the depth only in perspective.
         let divisor = match self.projection {
             Projection::Perspective { .. } => depth,
             Projection::Orthographic { .. } => 1.0,
@@ -317,6 +325,7 @@ impl View {
     /// is invertible.
     fn normalized_device(&self) -> Mat4 {
         let half = Vec2::new(self.half_width(), self.half_height);
+        // Scale to the unit square, with y pointing down.
         let (x, y) = (0.5 / half.x, -0.5 / half.y);
         let [column_x, column_y] = [Vec4::new(x, 0.0, 0.0, 0.0), Vec4::new(0.0, y, 0.0, 0.0)];
         let picture_from_camera = match self.projection {
@@ -351,9 +360,11 @@ impl View {
     /// Builds a view of the whole box from the front and slightly above, for scenes without a camera.
     #[must_use]
     pub fn around(min: Vec3A, max: Vec3A, width: usize, height: usize) -> Self {
+        // Choose a distance from which the bounding sphere fills the field of view.
         let (center, radius) = ((min + max) / 2.0, ((max - min).length() / 2.0).max(1e-6));
         let yfov = 0.6f32;
         let from = center + Vec3A::new(0.35, 0.3, 1.0).normalize() * radius / (yfov / 2.0).sin();
+        // Look at the center with +y up.
         let z = (from - center).normalize();
         let x = Vec3::Y.cross(z.into()).normalize();
         let mut world = Affine3A::IDENTITY;

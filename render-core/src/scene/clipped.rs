@@ -11,6 +11,7 @@ impl Scene {
     pub(super) fn clipped_note(&self) -> Option<String> {
         let camera = self.filming_camera()?;
         let (mut too_near, mut too_far) = (true, true);
+        // Check several times, because the depths change while the camera moves.
         for moment in 0..MOMENTS {
             let pose = self.pose(self.duration() * moment as f32 / (MOMENTS - 1) as f32);
             let (low, high) = self.bounds(&pose)?;

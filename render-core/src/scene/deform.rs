@@ -52,6 +52,7 @@ impl Mesh {
     /// Returns the shape with these `weights` of the morph targets. For a skinned mesh, `joints` are the
     /// world-from-mesh matrices of the joints.
     fn deformed(&self, weights: &[f32], joints: &[Affine3A]) -> DeformedMesh {
+        // Add the displacements with nonzero weight.
         let mixed = |vertex: usize, rest: Vec3, list: fn(&MorphTarget) -> &[Vec3]| {
             let targets = self.morph_targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
             targets.fold(rest, |sum, (target, &weight)| {
@@ -110,11 +111,11 @@ impl Scene {
 
         // Compute the world-from-mesh matrices of all joints.
         let (place_of, weights) = (self.morphed_places(), self.weights_at(time));
-        let joints: Vec<Vec<Affine3A>> = self
-            .skins
-            .iter()
-            .map(|skin| skin.joints.iter().zip(&skin.inverse_bind).map(|(&node, bind)| world[node] * *bind).collect())
-            .collect();
+        let mut joints: Vec<Vec<Affine3A>> = Vec::with_capacity(self.skins.len());
+        for skin in &self.skins {
+            let bound = skin.joints.iter().zip(&skin.inverse_bind);
+            joints.push(bound.map(|(&node, bind)| world[node] * *bind).collect());
+        }
 
         // A shape depends only on its mesh (including the mesh's skin) and on the weights.
         let mut shapes: HashMap<(usize, Vec<u32>), Arc<DeformedMesh>> = HashMap::new();
@@ -123,6 +124,7 @@ impl Scene {
             if mesh.skinning.is_none() && mesh.morph_targets.is_empty() {
                 return None;
             }
+            // Share one shape between instances of a mesh with equal weights.
             let weights: &[f32] = place_of.get(&instance.node).map_or(&[], |&place| &weights[place]);
             let weights = &weights[..weights.len().min(mesh.morph_targets.len())];
             let joints: &[Affine3A] = mesh.skinning.as_ref().map_or(&[], |skinning| &joints[skinning.skin]);
@@ -139,11 +141,16 @@ impl Scene {
     /// Returns the index in [`Scene::morphed_nodes`] of each node with morph targets.
     pub(super) fn morphed_places(&self) -> HashMap<usize, usize> {
         // If a node has several entries, the first entry applies.
-        self.morphed_nodes.iter().enumerate().rev().map(|(place, morphed)| (morphed.node, place)).collect()
+        let mut place_of = HashMap::with_capacity(self.morphed_nodes.len());
+        for (place, morphed) in self.morphed_nodes.iter().enumerate() {
+            place_of.entry(morphed.node).or_insert(place);
+        }
+        place_of
     }
 
     /// Returns the weights of all morphed nodes at `time` seconds.
     fn weights_at(&self, time: f32) -> Vec<Vec<f32>> {
+        // Start with the weights of the file, and overwrite animated ones.
         let place_of = self.morphed_places();
         let mut weights: Vec<Vec<f32>> = self.morphed_nodes.iter().map(|morphed| morphed.weights.clone()).collect();
         for channel in &self.channels {
@@ -169,6 +176,7 @@ impl Scene {
             bending.push(skin.joints.iter().any(|&joint| moving[joint]));
         }
 
+        // An instance deforms with its skin or with its node's weights.
         let deforms = |instance: &super::Instance| {
             let mesh = &self.meshes[instance.mesh];
             mesh.skinning.as_ref().is_some_and(|skinning| bending[skinning.skin])

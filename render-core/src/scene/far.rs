@@ -15,6 +15,7 @@ impl Scene {
     pub(super) fn move_to_origin(&mut self) {
         let Some((min, max)) = self.bounds(&self.pose(0.0)) else { return };
         let Some(middle) = far_middle(min.into(), max.into()) else { return };
+        // Center far meshes in their local space, where `f32` is also too coarse.
         self.move_far_meshes();
         for (index, node) in self.nodes.iter_mut().enumerate() {
             // A node that hides a skinned mesh keeps its transform, because the joints move instead.
@@ -22,17 +23,21 @@ impl Scene {
                 node.rest.translation -= middle;
             }
         }
+        // Move the keys of animated root nodes, which replace the rest translation.
         for channel in self.channels.iter_mut().filter(|channel| self.nodes[channel.node].parent.is_none()) {
             let Track::Translation(keys) = &mut channel.track else { continue };
             // Each key of a spline is an in-tangent, a value and an out-tangent.
             let (first, step) = if channel.interpolation == Interpolation::CubicSpline { (1, 3) } else { (0, 1) };
-            keys.iter_mut().skip(first).step_by(step).for_each(|key| *key -= middle);
+            for key in keys.iter_mut().skip(first).step_by(step) {
+                *key -= middle;
+            }
         }
     }
 
     /// Inserts a node with an offset above each mesh with vertices far from the mesh's own origin. Deforming meshes
     /// stay unchanged: their joints or weights belong to their node.
     fn move_far_meshes(&mut self) {
+        // Center the vertices of each far mesh.
         let mut moved: Vec<Option<Vec3>> = vec![None; self.meshes.len()];
         for (mesh, moved) in self.meshes.iter_mut().zip(&mut moved) {
             if mesh.skinning.is_some() || !mesh.morph_targets.is_empty() {
@@ -45,6 +50,7 @@ impl Scene {
                 mesh.positions.iter_mut().for_each(|position| *position -= middle);
             }
         }
+        // Compensate with an offset node above each instance of the mesh.
         for instance in &mut self.instances {
             if let Some(translation) = moved[instance.mesh] {
                 let rest = Transform { translation, ..Transform::IDENTITY };

@@ -62,6 +62,7 @@ impl SceneFiles {
         let mut bytes = Vec::new();
         // A file that grows meanwhile is read only up to its admitted size.
         File::open(path)?.take(size).read_to_end(&mut bytes)?;
+        // Include the size in the checksum, so that the split into files also affects it.
         let mut state = self.state.borrow_mut();
         state.sum.update(&size.to_le_bytes());
         state.sum.update(&bytes);
@@ -84,6 +85,7 @@ impl SceneFiles {
     /// The reason why the file may not be read.
     pub fn resolved(&self, name: &Path) -> Result<PathBuf, String> {
         let outside = "it is outside the scene's folder; move it there or pass --allow-outside";
+        // Refuse parent and absolute paths even if they resolve to a file in the folder.
         let stays = name.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
         let path = self.folder.join(name);
         if self.reach == Reach::Anywhere {
@@ -92,6 +94,7 @@ impl SceneFiles {
         if !stays {
             return Err(outside.into());
         }
+        // Resolve links, because a link in the folder may point outside it.
         let real = |path: &Path| fs::canonicalize(path).map_err(|error| error.to_string());
         if real(&path)?.starts_with(real(&self.folder)?) { Ok(path) } else { Err(outside.into()) }
     }
@@ -104,6 +107,7 @@ impl SceneFiles {
         if !metadata.is_file() {
             return refused("it is not a regular file".into());
         }
+        // Subtract the size from the allowance of all files.
         let (size, state) = (metadata.len(), &mut *self.state.borrow_mut());
         if size > state.bytes_left {
             return refused(format!("it has {size} bytes; all files of a scene may have at most {MOST_BYTES}"));

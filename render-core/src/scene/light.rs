@@ -77,9 +77,11 @@ impl Scene {
         if self.light_channels.is_empty() {
             return Vec::new();
         }
+        // Start from the lights and factors of the file.
         let mut lights = self.punctual_lights.clone();
         let mut parts: HashMap<usize, (Vec3, f32, f32)> = HashMap::new();
         for LightChannel { light, property, rest, keys } in &self.light_channels {
+            // Evaluate the keys: colors are translations, numbers are weights.
             let (mut vector, mut number) = (Transform::IDENTITY, [0.0]);
             keys.apply(time, &mut vector);
             keys.apply_weights(time, &mut number);
@@ -96,6 +98,7 @@ impl Scene {
                 (LightProperty::Visibility, _) if number[0] == 0.0 => part.2 = 0.0,
                 _ => {}
             }
+            // Recompute the product, because channels animate its factors separately.
             let (color, intensity, factor) = *part;
             light.color = (color * intensity * factor).clamp(Vec3::ZERO, Vec3::splat(STRONGEST));
         }

@@ -24,6 +24,7 @@ impl TextureSlot {
         match self.transform {
             None => uv,
             Some((offset, rotation, scale)) => {
+                // Scale, rotate and translate, in the order of `KHR_texture_transform`.
                 let (sin, cos) = rotation.sin_cos();
                 let scaled = uv * scale;
                 offset + Vec2::new(cos * scaled.x + sin * scaled.y, cos * scaled.y - sin * scaled.x)

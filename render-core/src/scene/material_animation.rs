@@ -104,6 +104,7 @@ impl Scene {
         if self.material_channels.is_empty() {
             return Arc::default();
         }
+        // Set the properties channel by channel. Channels of one material share factors.
         let mut materials = self.materials.clone();
         let mut factors: HashMap<usize, MaterialFactors> = HashMap::new();
         for channel in &self.material_channels {
@@ -131,6 +132,7 @@ impl Scene {
         if self.material_channels.is_empty() {
             return self.materials.clone();
         }
+        // Reduce the keys of each component to the smallest or largest.
         let extreme = |channel: &MaterialChannel, value: &mut [f32]| {
             let keys = channel.keys.track.weights();
             let smallest = channel.property == MaterialProperty::Roughness;
@@ -147,6 +149,7 @@ impl Scene {
 impl Material {
     /// Sets a property to the first of these numbers, given the `factors` of the file for the other properties.
     fn set(&mut self, property: MaterialProperty, [x, y, z, w]: [f32; 4], factors: &mut MaterialFactors) {
+        // Clamp factors to 0…1; animated numbers may be out of range.
         let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 1.0 };
         let vector = Vec3::new(x, y, z);
         match property {

@@ -190,10 +190,12 @@ impl Scene {
     /// Computes the transforms of all nodes and the deformed meshes at `time` seconds.
     #[must_use]
     pub fn pose(&self, time: f32) -> Pose {
+        // Animate the local transforms.
         let mut local: Vec<Transform> = self.nodes.iter().map(|node| node.rest).collect();
         for channel in &self.channels {
             channel.apply(time, &mut local[channel.node]);
         }
+        // Multiply along the hierarchy: parents precede their children.
         let mut world: Vec<Affine3A> = Vec::with_capacity(self.nodes.len());
         for (node, transform) in self.nodes.iter().zip(&local) {
             let matrix = transform.matrix();
@@ -221,6 +223,7 @@ impl Scene {
     /// Returns, for each node, whether its world transform, lens or light changes over time.
     #[must_use]
     pub fn moving_nodes(&self) -> Vec<bool> {
+        // Mark the nodes with an animated transform.
         let mut moving = vec![false; self.nodes.len()];
         let moves = |channel: &&Channel| channel.changes() && !matches!(channel.track, Track::Weights(_));
         for channel in self.channels.iter().filter(moves) {
@@ -234,6 +237,7 @@ impl Scene {
         for channel in self.light_channels.iter().filter(|channel| channel.keys.changes()) {
             moving[channel.keys.node] = true;
         }
+        // Propagate motion to descendants: parents precede their children.
         for index in 0..self.nodes.len() {
             moving[index] |= self.nodes[index].parent.is_some_and(|parent| moving[parent]);
         }
@@ -245,11 +249,13 @@ impl Scene {
     pub fn moving_instances(&self) -> Vec<bool> {
         let (moving, deforming, changing) =
             (self.moving_nodes(), self.deforming_instances(), self.changing_materials());
-        let moves = |(index, deforms): (usize, bool)| {
+        // A material counts as motion, because it changes the light that the instance emits or reflects.
+        let mut moves = Vec::with_capacity(deforming.len());
+        for (index, deforms) in deforming.into_iter().enumerate() {
             let is_attached = self.carrier(index).is_some_and(|node| moving[node]);
-            deforms || is_attached || changing[self.meshes[self.instances[index].mesh].material]
-        };
-        deforming.into_iter().enumerate().map(moves).collect()
+            moves.push(deforms || is_attached || changing[self.meshes[self.instances[index].mesh].material]);
+        }
+        moves
     }
 
     /// Returns the time of the animation's last key \[s\], or 0 without animation.
@@ -258,20 +264,21 @@ impl Scene {
         let lenses = self.camera_channels.iter().map(|channel| &channel.keys);
         let lights = self.light_channels.iter().map(|channel| &channel.keys);
         let materials = self.material_channels.iter().map(|channel| &channel.keys);
-        let ends = self
-            .channels
-            .iter()
-            .chain(lenses)
-            .chain(lights)
-            .chain(materials)
-            .filter_map(|channel| channel.times.last());
-        ends.fold(0.0, |longest, &time| longest.max(time))
+        // Find the last key over all channels, each with its times in ascending order.
+        let mut longest = 0.0f32;
+        for channel in self.channels.iter().chain(lenses).chain(lights).chain(materials) {
+            if let Some(&time) = channel.times.last() {
+                longest = longest.max(time);
+            }
+        }
+        longest
     }
 
     /// Returns the corners of the box around all meshes in `pose`, or `None` if no mesh has vertices.
     #[must_use]
     pub fn bounds(&self, pose: &Pose) -> Option<(Vec3A, Vec3A)> {
         let mut around = PointBox::NOTHING;
+        // Bound each mesh once in local space.
         let mut of_mesh: Vec<Option<PointBox>> = vec![None; self.meshes.len()];
         for (index, instance) in self.instances.iter().enumerate() {
             let world = self.instance_world(pose, index);

@@ -184,6 +184,7 @@ impl SceneSettings {
             let problem = format!("angular_diameter {} must lie in 0..=90 degrees", self.sun.angular_diameter);
             return Err(SettingsError::value("sun", problem));
         }
+        // Check lights and strokes.
         let LightSettings { lamps, lamp_radius } = self.light;
         if lamps.is_some_and(|factor| !(0.0..=1e9).contains(&factor)) {
             return Err(SettingsError::value("light", "lamps must lie in 0..=1000000000"));
@@ -194,12 +195,14 @@ impl SceneSettings {
         if self.strokes.point_size.is_some_and(|size| !(1e-9..=1e6).contains(&size)) {
             return Err(SettingsError::value("strokes", "point_size must lie in 0.000000001..=1000000 meters"));
         }
+        // Check the video.
         if self.video.frames == Some(0) {
             return Err(SettingsError::value("video", "frames must be at least 1"));
         }
         if self.video.fps.is_some_and(|fps| !fps.is_finite() || fps <= 0.0) {
             return Err(SettingsError::value("video", "fps must be positive"));
         }
+        // Check the viewing conditions.
         let Gaze { viewing_distance, screen_width, .. } = self.importance;
         for (name, value) in [("viewing_distance", viewing_distance), ("screen_width", screen_width)] {
             if !(1e-3..=1e3).contains(&value) {
@@ -215,6 +218,7 @@ impl SceneSettings {
 
 /// Deserializes a frame rate.
 fn frame_rate<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    // Accept numbers and text, because TOML has no fractions.
     struct FrameRate;
 
     impl Visitor<'_> for FrameRate {

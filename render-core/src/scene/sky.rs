@@ -45,12 +45,14 @@ impl SkySettings {
     pub(super) fn check_values(&self) -> Result<(), SettingsError> {
         let refuse = |problem: String| Err(SettingsError::value("sky", problem));
         let (intensity, rotation) = (self.factor(), self.turn());
+        // Check the factors.
         if !(intensity.is_finite() && intensity >= 0.0) {
             return refuse(format!("intensity {intensity} must be finite and not negative"));
         }
         if !rotation.is_finite() {
             return refuse(format!("rotation {rotation} must be finite"));
         }
+        // Check the colors, and their products with the intensity.
         let colors = [self.zenith, self.horizon, self.ground];
         let radiances = || colors.iter().flatten().flatten();
         if let Some(bad) = radiances().find(|r| !r.is_finite() || **r < 0.0) {
@@ -66,12 +68,14 @@ impl SkySettings {
     pub(super) fn source(&self) -> Result<SkySource, SettingsError> {
         let refuse = |problem: &str| Err(SettingsError::value("sky", problem));
         let (intensity, rotation) = (self.factor(), self.turn());
+        // An image excludes colors, since each defines the whole sky.
         if let Some(file) = &self.image {
             if [self.zenith, self.horizon, self.ground].iter().any(Option::is_some) {
                 return refuse("image replaces zenith, horizon and ground; give one or the other");
             }
             return Ok(SkySource::Image { file: file.clone(), intensity, rotation });
         }
+        // Without an image, two colors define a gradient.
         let (Some(zenith), Some(horizon)) = (self.zenith, self.horizon) else {
             return refuse("needs zenith and horizon, or an image");
         };

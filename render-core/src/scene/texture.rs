@@ -105,6 +105,7 @@ impl Texture {
         encoding: Encoding,
     ) -> Self {
         assert!(width > 0 && height > 0 && texels.len() == width * height, "{width}x{height} texels expected");
+        // Halve the image until one texel remains.
         let mut levels = vec![Level { width, height, texels }];
         while let Some(last) = levels.last().filter(|level| level.width > 1 || level.height > 1) {
             let half = last.half(encoding);
@@ -158,9 +159,11 @@ impl Texture {
     /// Footprint 0 is a point.
     #[must_use]
     pub fn sample(&self, uv: Vec2, footprint: f32) -> Filtered {
+        // Sharp texel borders apply only under magnification.
         if self.is_blocky && footprint < 1.0 {
             return self.bilinear(0, uv, footprint);
         }
+        // Interpolate between the two mip levels around the footprint.
         let lod = footprint.max(1.0).log2().min((self.levels.len() - 1) as f32);
         let (fine, blend) = (lod as usize, lod.fract());
         let near = self.bilinear(fine, uv, 1.0);
@@ -186,11 +189,13 @@ impl Texture {
         if !(length > 1.0 && length.is_finite()) {
             return self.sample(uv, if length <= 1.0 { length } else { 1.0 });
         }
+        // Widen long ellipses, so that the samples cover their length.
         let narrow = narrow.max(length / (SPACING * MOST_LOOK_UPS as f32)).max(1.0);
         let count = (length / (SPACING * narrow) - 0.25).ceil().max(1.0) as usize;
         if count == 1 {
             return self.sample(uv, narrow);
         }
+        // Distribute the samples symmetrically around the center.
         let step = long / (self.size() * count as f32);
         let first = uv - step * (0.5 * (count - 1) as f32);
         let (mut color, mut opacity) = (Vec3::ZERO, 0.0);
@@ -211,6 +216,7 @@ impl Texture {
     /// Passes all bytes on which samples depend to `visitor`, in a fixed order. Coarser levels follow from the finest
     /// level.
     pub fn visit_bytes(&self, visitor: &mut impl FnMut(&[u8])) {
+        // Encode the parameters as stable numbers.
         let Level { width, height, texels } = &self.levels[0];
         let wrap = self.wrap.map(|wrap| match wrap {
             Wrap::Repeat => 0,
@@ -243,11 +249,14 @@ impl Texture {
     /// ```
     fn bilinear(&self, level: usize, uv: Vec2, width: f32) -> Filtered {
         let level = &self.levels[level];
+        // Find the four texels around the coordinate.
         let clamp = |c: f32, wrap: Wrap| if wrap == Wrap::Clamp { c.clamp(0.0, 1.0 - f32::EPSILON) } else { c };
         let (columns, fx) = neighbors(clamp(uv.x, self.wrap[0]), level.width, self.wrap[0]);
         let (rows, fy) = neighbors(clamp(uv.y, self.wrap[1]), level.height, self.wrap[1]);
+        // Move the fraction towards the nearest texel for narrow footprints.
         let narrowed = |f: f32| ((f - 0.5) / width.max(1e-6) + 0.5).clamp(0.0, 1.0);
         let (fx, fy) = if width < 1.0 { (narrowed(fx), narrowed(fy)) } else { (fx, fy) };
+        // Interpolate in linear light; opacity is linear already.
         let to_linear = self.encoding.to_linear();
         let mut color = Vec3::ZERO;
         let mut opacity = 0.0;
@@ -276,6 +285,7 @@ const SPACING: f32 = 1.5;
 ///        | r  q |
 /// ```
 fn principal_axes([a, b]: [Vec2; 2]) -> (Vec2, f32) {
+    // Compute the eigenvalues of M Mᵀ in closed form.
     let (p, q, r) = (a.x * a.x + b.x * b.x, a.y * a.y + b.y * b.y, a.x * a.y + b.x * b.y);
     let root = ((p - q) * (p - q) + 4.0 * r * r).sqrt();
     let (most, least) = (0.5 * (p + q + root), 0.5 * (p + q - root));
@@ -319,7 +329,7 @@ fn floor(x: f32) -> i64 {
 }
 
 impl Level {
-    /// Applies a box filter in linear light. An odd row or column counts twice at the border.
+    /// Applies a box filter in linear light. Drops the last row or column of an odd size above 1.
     fn half(&self, encoding: Encoding) -> Level {
         let to_linear = encoding.to_linear();
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
@@ -327,6 +337,7 @@ impl Level {
         for y in 0..height {
             for x in 0..width {
                 let mut sum = [0.0f32; 4];
+                // Average four texels in linear light; opacity is linear already.
                 for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                     let column = (2 * x + dx).min(self.width - 1);
                     let row = (2 * y + dy).min(self.height - 1);
