@@ -77,6 +77,7 @@ impl Buffers {
         }
         let size = accessor.data_type().size();
         let element = |bytes: &[u8]| std::array::from_fn(|c| component(&bytes[c * size..]));
+        // Charge the allowance before memory is allocated.
         let (count, whole) = (accessor.count(), N * size);
         self.charge(count.saturating_mul(size_of::<[T; N]>()))?;
 
@@ -116,6 +117,7 @@ fn strided(
     size: usize,
     count: usize,
 ) -> Option<impl Iterator<Item = &[u8]>> {
+    // Check the end of the last element, with overflow checks for damaged files.
     let last = count.saturating_sub(1).checked_mul(stride)?.checked_add(offset)?;
     let fits = count == 0 || (stride > 0 && last.checked_add(size)? <= bytes.len());
     fits.then(|| (0..count).map(move |i| &bytes[offset + i * stride..][..size]))

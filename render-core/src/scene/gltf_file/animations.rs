@@ -24,8 +24,10 @@ impl Loader<'_> {
         name: Option<&str>,
         warnings: &mut Vec<String>,
     ) -> Result<Vec<gltf::Animation<'d>>, LoadError> {
+        // Ignore clips that animate nothing.
         let mut clips: Vec<gltf::Animation> = document.animations().collect();
         clips.retain(|clip| !moved_by(clip, pointers).is_empty());
+        // Select the clip by name, or all compatible clips.
         if let Some(name) = name {
             return match clips.iter().position(|clip| clip.name() == Some(name)) {
                 Some(place) => Ok(vec![clips.swap_remove(place)]),
@@ -36,6 +38,7 @@ impl Loader<'_> {
                 }
             };
         }
+        // Note the omitted clips.
         if clips.len() > 1 {
             warnings.push(format!(
                 "only the first of {} animations plays; choose another by --animation NAME, or all by --animation all",
@@ -76,6 +79,7 @@ impl Loader<'_> {
         for (target, sampler) in targets {
             let keys = Keys { place: target.to_string(), sampler, buffers: source.buffers };
             match target {
+                // Nodes outside the scene have no effect.
                 Target::Node(index, property) => {
                     let Some(&node) = node_of.get(&index) else { continue };
                     // Copies of a mesh, and the nodes that hide it, have the same weights as the mesh.
@@ -87,6 +91,7 @@ impl Loader<'_> {
                         channels.extend(self.channel(node, &keys, property, weights_of(node))?);
                     }
                 }
+                // Visibility scales meshes, and switches lights off.
                 Target::Visible(index) => {
                     for node in node_of.hiding(index) {
                         channels.extend(self.visibility(node, &keys)?);
@@ -101,6 +106,7 @@ impl Loader<'_> {
                     }
                 }
                 Target::Hint => {}
+                // Copies of a material for strokes follow its animation.
                 Target::Material(index, property) => {
                     let Some(channel) = self.material_channel(index, property, source, &keys)? else { continue };
                     let copy = copy_for_strokes(&channel, node_of);
@@ -108,12 +114,14 @@ impl Loader<'_> {
                     materials.extend(copy);
                 }
                 Target::Light(index, property) => {
+                    // Read colors as translations and numbers as weights.
                     let kind = match property {
                         LightProperty::Color => Property::Translation,
                         _ => Property::MorphTargetWeights,
                     };
                     let keys = self.channel(0, &keys, kind, Some(1))?;
                     let (Some(keys), Some(rest)) = (keys, source.light(index)) else { continue };
+                    // Each node with the light has a copy of the channel.
                     for light in node_of.lights(index) {
                         let keys = Channel { node: scene.punctual_lights[light].node, ..keys.clone() };
                         lights.push(LightChannel { light, property, rest, keys });
@@ -122,6 +130,7 @@ impl Loader<'_> {
                 Target::Camera(index, property) => {
                     let keys = self.channel(0, &keys, Property::MorphTargetWeights, Some(1))?;
                     let Some(keys) = keys else { continue };
+                    // Each node with the camera has a copy of the channel.
                     for camera in node_of.cameras(index) {
                         let keys = Channel { node: scene.cameras[camera].node, ..keys.clone() };
                         lenses.push(CameraChannel { camera, property, keys });
@@ -129,6 +138,7 @@ impl Loader<'_> {
                 }
             }
         }
+        // Store the channels after all targets are read, because reading borrows the scene.
         scene.channels.extend(channels);
         scene.camera_channels.extend(lenses);
         scene.light_channels.extend(lights);
@@ -159,6 +169,7 @@ impl Loader<'_> {
         if is_older && is_replaced {
             return Ok(None);
         }
+        // Read as many numbers per key as the property has components.
         let (output, buffers) = (keys.sampler.output(), keys.buffers);
         let numbers: Option<Vec<f32>> = match property.width() {
             1 => buffers.floats::<1>(&output).map(|list| list.concat()),
@@ -181,6 +192,7 @@ impl Loader<'_> {
         let (Some(times), Some(values)) = (times, values) else {
             return self.bad(format!("{place} has no keys"));
         };
+        // Check the order of the times, which a binary search requires.
         let times: Vec<f32> = times.into_iter().flatten().collect();
         let scales = values.iter().map(|[value]| if *value == 0.0 { Vec3::ZERO } else { Vec3::ONE }).collect();
         let ascending = times.windows(2).all(|pair| pair[0] <= pair[1]) && times.iter().all(|t| t.is_finite());
@@ -200,6 +212,7 @@ impl Loader<'_> {
         weights: Option<usize>,
     ) -> Result<Option<Channel>, LoadError> {
         let Keys { place, sampler, buffers } = keys;
+        // Convert the keys to the property's type.
         let output = sampler.output();
         let vectors = || buffers.floats::<3>(&output).map(|keys| keys.into_iter().map(Vec3::from).collect());
         let track = match property {
@@ -213,6 +226,7 @@ impl Loader<'_> {
             }
         };
         let Some(track) = track else { return self.bad(format!("{place} has no keys")) };
+        // Keys of weights list all morph targets; other keys are single values.
         let width = match &track {
             Track::Weights(_) => match weights {
                 Some(weights) => weights,
@@ -235,11 +249,13 @@ impl Loader<'_> {
             return self.bad(format!("{place} has no keys"));
         };
         let times: Vec<f32> = times.into_iter().flatten().collect();
+        // Count the keys, and check that all numbers are finite.
         let (keys, finite) = match &track {
             Track::Translation(keys) | Track::Scale(keys) => (keys.len(), keys.iter().all(|k| k.is_finite())),
             Track::Rotation(keys) => (keys.len(), keys.iter().all(|k| k.is_finite())),
             Track::Weights(keys) => (keys.len() / width, keys.iter().all(|k| k.is_finite())),
         };
+        // Splines have two tangents per key. Keys must be ascending for the binary search.
         let per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         let ascending = times.windows(2).all(|pair| pair[0] <= pair[1]) && times.iter().all(|t| t.is_finite());
         if times.is_empty() || keys < times.len() * per_key || !finite || !ascending {
@@ -284,6 +300,7 @@ struct Keys<'d> {
 /// Returns the properties that a clip animates, as JSON pointers.
 fn moved_by(clip: &gltf::Animation, pointers: &[PointerChannel]) -> HashSet<String> {
     let mut moved = HashSet::new();
+    // Plain channels animate transforms and weights of nodes.
     for channel in clip.channels() {
         let path = match channel.target().property() {
             Property::Translation => "translation",
@@ -293,6 +310,7 @@ fn moved_by(clip: &gltf::Animation, pointers: &[PointerChannel]) -> HashSet<Stri
         };
         moved.insert(format!("/nodes/{}/{path}", channel.target().node().index()));
     }
+    // Pointer channels name their property themselves.
     let own = pointers.iter().filter(|pointer| pointer.animation == clip.index());
     moved.extend(own.map(|pointer| pointer.pointer.clone()));
     moved
@@ -304,6 +322,7 @@ fn all_together<'d>(
     pointers: &[PointerChannel],
     notes: &mut Vec<String>,
 ) -> Vec<gltf::Animation<'d>> {
+    // Keep a clip only if no earlier clip animates any of its properties.
     let (mut moved, mut together, mut others) = (HashSet::new(), Vec::new(), Vec::new());
     for clip in clips {
         let own = moved_by(&clip, pointers);

@@ -73,10 +73,12 @@ impl Loader<'_> {
 pub(super) fn hidden_nodes(document: &gltf::Document, blinking: &BTreeSet<usize>) -> Vec<bool> {
     let mut hidden = vec![false; document.nodes().len()];
     for node in document.nodes() {
+        // An animated visibility overrides the file's constant.
         let visible = node.extension_value("KHR_node_visibility").and_then(|extension| extension.get("visible"));
         if visible.and_then(Value::as_bool) == Some(false) && !blinking.contains(&node.index()) {
             hidden[node.index()] = true;
         }
+        // The node itself is the finest level; the list contains the coarser ones.
         let levels = node.extension_value("MSFT_lod").and_then(|extension| extension.get("ids")?.as_array());
         for level in levels.into_iter().flatten().filter_map(Value::as_u64) {
             if let Some(hidden) = usize::try_from(level).ok().and_then(|level| hidden.get_mut(level)) {

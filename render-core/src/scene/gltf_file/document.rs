@@ -20,6 +20,7 @@ impl Loader<'_> {
     /// Parses and validates a document. Required extensions are checked first: the crate refuses some that this loader
     /// reads, without naming them.
     pub(super) fn document(&self, bytes: &[u8]) -> Result<Parsed, LoadError> {
+        // Refuse other formats by their first byte, and split binary files.
         let first = bytes.trim_ascii_start().first();
         if first.is_some_and(|&first| first != b'{') && !bytes.starts_with(b"glTF") {
             return self.bad("this is not a glTF file; scenes are .glb or .gltf files exported by modeling programs");
@@ -75,6 +76,7 @@ impl Loader<'_> {
 
     /// Reads a `data:` URI or a file next to the scene.
     pub(super) fn resource(&self, what: &str, uri: &str) -> Result<Vec<u8>, LoadError> {
+        // Shorten long URIs in messages.
         let shown =
             if uri.len() > 80 { format!("{}…", uri.chars().take(40).collect::<String>()) } else { uri.into() };
         let fail = |why: &str| LoadError::Resource {
@@ -83,10 +85,12 @@ impl Loader<'_> {
             uri: shown.clone(),
             why: why.into(),
         };
+        // Decode embedded data.
         if let Some(data) = uri.strip_prefix("data:") {
             let encoded = data.split_once(";base64,").ok_or_else(|| fail("only base64 data is read"))?.1;
             return decode_base64(encoded).ok_or_else(|| fail("invalid base64 data"));
         }
+        // Refuse network addresses.
         if uri.contains("://") {
             return Err(fail("it is outside the scene's folder"));
         }
@@ -112,6 +116,7 @@ fn decode_percent(uri: &str) -> String {
     let mut out = Vec::with_capacity(bytes.len());
     let mut i = 0;
     while i < bytes.len() {
+        // Keep invalid escapes unchanged.
         let digits = (bytes[i] == b'%').then(|| uri.get(i + 1..i + 3)).flatten();
         match digits.and_then(|d| u8::from_str_radix(d, 16).ok()) {
             Some(byte) => {
@@ -140,6 +145,7 @@ fn decode_base64(text: &str) -> Option<Vec<u8>> {
             b'/' => 63,
             _ => return None,
         };
+        // Collect six bits per character, and output complete bytes.
         bits = (bits << 6) | u32::from(value);
         count += 6;
         if count >= 8 {

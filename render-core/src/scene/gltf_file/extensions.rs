@@ -177,12 +177,14 @@ pub(super) fn may_be_required(name: &str) -> bool {
 pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -> Vec<String> {
     let mut notes = Vec::new();
     for name in names {
+        // Skip supported extensions, and extensions without effect in all materials.
         let purpose = match named(name) {
             Some(Extension { support: Support::Read | Support::Partial | Support::Silent, .. }) => continue,
             Some(_) if is_off(name, materials) => continue,
             Some(extension) => format!(" ({})", extension.purpose),
             None => String::new(),
         };
+        // Name the feature that would read the extension.
         let remedy =
             missing_feature(name).map_or(String::new(), |f| format!("; a build with the feature {f} reads it"));
         notes.push(format!("the glTF extension {name}{purpose} is left out{remedy}"));
@@ -222,6 +224,7 @@ Other extensions are noted; a file that requires one is refused.
 |---|---|---|---|
 ",
     );
+    // Sort by name, because the list itself is only mostly sorted.
     let mut rows: Vec<&Extension> = EXTENSIONS.iter().collect();
     rows.sort_by_key(|extension| extension.name);
     for Extension { name, purpose, support, test } in rows {

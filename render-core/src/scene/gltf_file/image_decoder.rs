@@ -7,6 +7,7 @@ use super::image_limits::{SIDE, TEXELS, TEXELS_PER_BYTE, impossible};
 /// Decodes an image file.
 #[cfg(feature = "textures")]
 pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
+    // Recognize the format by its signature.
     let is_webp = bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP");
     if bytes.starts_with(b"\xabKTX 20\xbb\r\n\x1a\n") {
         #[cfg(feature = "basis")]
@@ -27,12 +28,14 @@ fn decode_plain(bytes: &[u8], is_webp: bool) -> Result<Texels, String> {
     const BYTES: u64 = 1 << 30;
     let length = bytes.len() as u64;
     let open = || image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format();
+    // Limit the decoder's memory.
     let mut reader = open().map_err(|error| error.to_string())?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(SIDE);
     limits.max_image_height = Some(SIDE);
     limits.max_alloc = Some(BYTES);
     reader.limits(limits);
+    // Refuse sizes that the data cannot fill, before the decoder allocates memory.
     let claimed = open().map_err(|error| error.to_string())?.into_dimensions();
     let free = if is_webp { TEXELS } else { 0 };
     if let Some((width, height)) =

@@ -62,19 +62,23 @@ fn checked_size(bytes: &[u8]) -> Result<[u32; 2], String> {
     }
     let word = |at: usize| bytes.get(at..at + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let long = |at: usize| u64::from(word(at)) | (u64::from(word(at + 4)) << 32);
+    // Accept a single image: no volume, array or cube map.
     let (width, height) = (word(WIDTH), word(HEIGHT));
     if word(DEPTH) > 0 || word(LAYERS) > 0 || word(FACES) != 1 || word(LEVELS) == 0 {
         return Err("its KTX2 data is not a single image; export it as one".into());
     }
+    // Accept the combinations of color model and supercompression that glTF allows.
     let (model, packing) = (word((word(DESCRIPTOR) as usize).saturating_add(12)) & 255, word(SUPERCOMPRESSION));
     if word(FORMAT) != 0 || ![(ETC1S, 1), (UASTC, 0), (UASTC, 2)].contains(&(model, packing)) {
         return Err("its KTX2 data is neither ETC1S nor UASTC; export it as one of them".into());
     }
+    // Check that the shared tables and the first level lie inside the file.
     for place in [GLOBAL, LEVEL] {
         if long(place).checked_add(long(place + 8)).is_none_or(|end| end > bytes.len() as u64) {
             return Err("its KTX2 data is truncated; copy it again".into());
         }
     }
+    // Check the size, and the unpacked size of Zstandard data.
     check_claim(width, height, bytes.len())?;
     let blocks = u64::from(width.div_ceil(BLOCK)) * u64::from(height.div_ceil(BLOCK));
     if packing == 2 && long(LEVEL + 16) != blocks * BLOCK_BYTES {

@@ -52,6 +52,7 @@ pub(super) fn give_radius(scene: &mut Scene, radius: f32) {
             let [a, b, c] = triangle.map(|vertex| ball.positions[vertex as usize]);
             area += (b - a).cross(c - a).length() / 2.0;
         }
+        // Emit the radiance that preserves the intensity.
         ball.material = scene.materials.len();
         scene.materials.push(Material {
             name: "lamp".into(),
@@ -72,6 +73,7 @@ fn ball(radius: f32) -> Mesh {
     const COLUMNS: u32 = 12;
     const ROWS: u32 = 6;
     let mut mesh = Mesh { name: "lamp".into(), ..Mesh::default() };
+    // Compute the vertices row by row, from pole to pole.
     for row in 0..=ROWS {
         let (sin, cos) = (PI * row as f32 / ROWS as f32).sin_cos();
         for column in 0..COLUMNS {
@@ -79,6 +81,7 @@ fn ball(radius: f32) -> Mesh {
             mesh.positions.push(radius * Vec3::new(sin * x, cos, sin * z));
         }
     }
+    // Split each quad into triangles, except at the poles.
     for row in 0..ROWS {
         for column in 0..COLUMNS {
             let next = (column + 1) % COLUMNS;

@@ -22,9 +22,11 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
     let mut materials: Vec<Material> = Vec::new();
     let mut older = Older::new();
     for source in document.materials() {
+        // Note textures of the reflectance, which are omitted.
         let specular = source.specular();
         left_out[0] |= specular.is_some_and(|s| s.specular_texture().or(s.specular_color_texture()).is_some());
         let mut material = material(&source);
+        // Convert textured materials of the older model if both textures coincide.
         if let Some((glossy, factors)) = source.extension_value(SPECULAR_GLOSSINESS).and_then(glossy) {
             if material.base_color_texture.as_ref().is_none_or(|diffuse| coincide(diffuse, &glossy)) {
                 // The texels will contain the factors.
@@ -41,6 +43,7 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
                 left_out[2] = true;
             }
         }
+        // Clamp coordinate sets that are not read.
         for slot in material.slots_mut() {
             left_out[1] |= slot.uv_set >= UV_SETS;
             slot.uv_set = slot.uv_set.min(UV_SETS - 1);
@@ -54,7 +57,12 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
         "only texture coordinate sets 0 to 3 are read",
         "specular-glossiness textures with other coordinates than the diffuse texture are left out",
     ];
-    let warnings = notes.iter().zip(left_out).filter(|(_, met)| *met).map(|(note, _)| note.to_string()).collect();
+    let mut warnings = Vec::new();
+    for (note, is_left_out) in notes.into_iter().zip(left_out) {
+        if is_left_out {
+            warnings.push(note.to_owned());
+        }
+    }
     (materials, older, warnings)
 }
 
@@ -117,6 +125,7 @@ fn metallic_roughness(source: &gltf::Material) -> Material {
     // Infinite strength becomes the largest float, which is refused because it exceeds the limit.
     let strength = source.emissive_strength().unwrap_or(1.0).min(f32::MAX);
     let emission = Vec3::from(source.emissive_factor()) * strength;
+    // Replace numbers that are not finite.
     let unit = |factor: f32| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
     let sane = |color: Vec3| if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO };
     Material {
@@ -183,6 +192,7 @@ fn normal_slot(source: gltf::material::NormalTexture) -> (TextureSlot, f32) {
 
 /// Builds a slot with the JSON of its transform.
 fn moved_slot(texture: usize, uv_set: usize, transform: Option<&Value>) -> TextureSlot {
+    // Read the transform from JSON, with the extension's defaults.
     let number = |name: &str| transform.and_then(|t| t.get(name)?.as_f64());
     let pair = |name: &str, default: f32| {
         let at = |i: usize| transform.and_then(|t| t.get(name)?.get(i)?.as_f64()).map_or(default, |x| x as f32);

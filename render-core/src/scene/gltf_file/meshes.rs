@@ -23,6 +23,7 @@ impl Loader<'_> {
         let mut skin_of: HashMap<usize, usize> = HashMap::new();
         let mut has_strokes = false;
         for node in document.nodes() {
+            // Skip nodes outside the scene and hidden nodes.
             let (Some(&index), Some(mesh)) = (node_of.get(&node.index()), node.mesh()) else { continue };
             if !node_of.shows(index) {
                 continue;
@@ -34,6 +35,7 @@ impl Loader<'_> {
             if let Entry::Vacant(entry) = read.entry(key) {
                 let first = scene.meshes.len();
                 let mut shown = Vec::new();
+                // Draw points and lines without normals unlit, as glTF prescribes.
                 for primitive in mesh.primitives() {
                     let DrawnPrimitive { mut mesh, sources } = self.primitive(&mesh, &primitive, source, scene)?;
                     if sources.is_some() && primitive.get(&Semantic::Normals).is_none() {
@@ -43,6 +45,7 @@ impl Loader<'_> {
                     scene.meshes.push(mesh);
                     shown.push((primitive, sources));
                 }
+                // Read each skin once, and assign the influences to its meshes.
                 if let Some(skin) = skin {
                     let place = match skin_of.get(&skin.index()) {
                         Some(&place) => place,
@@ -57,6 +60,7 @@ impl Loader<'_> {
                         let place_in_file = format!("mesh {} primitive {}", mesh.index(), primitive.index());
                         let positions = primitive.get(&Semantic::Positions);
                         let vertices = positions.map_or(0, |positions| positions.count());
+                        // Copy the influences of points and lines to the corners of their bodies.
                         let mut sets = self.influence_sets(&place_in_file, &primitive, buffers, vertices)?;
                         for (joints, weights) in &mut sets {
                             *joints = spread(std::mem::take(joints), sources.as_deref());
@@ -89,6 +93,7 @@ impl Loader<'_> {
                     scene.morphed_nodes.push(MorphedNode { node, weights: weights.clone() });
                 }
             }
+            // Show every primitive at every node.
             for &node in &places {
                 scene.instances.extend(meshes.clone().map(|mesh| Instance { node, mesh }));
             }
@@ -108,6 +113,7 @@ impl Loader<'_> {
         DocumentSource { document, buffers, variant, point_size, .. }: DocumentSource,
         scene: &Scene,
     ) -> Result<DrawnPrimitive, LoadError> {
+        // Read the positions, the only required attribute.
         let place = format!("mesh {} primitive {}", mesh.index(), primitive.index());
         let get = |semantic: Semantic| primitive.get(&semantic);
         let Some(positions) = get(Semantic::Positions).and_then(|accessor| buffers.floats::<3>(&accessor)) else {
@@ -205,6 +211,7 @@ impl Loader<'_> {
 
 /// Returns the vertex colors with opacity, or an empty list if any color is not finite.
 fn colors(primitive: &gltf::Primitive, buffers: &Buffers, count: usize) -> Vec<Vec4> {
+    // Read colors with opacity. If the file has none, read colors without opacity.
     let accessor = || primitive.get(&Semantic::Colors(0));
     let mut colors = attribute(accessor(), buffers, count, Vec4::from_array);
     if colors.is_empty() {
@@ -248,12 +255,14 @@ fn attribute<const N: usize, T>(
 /// Sets missing normals of vertices to the area-weighted mean of their triangles' normals. A mesh without any normals
 /// stays without them and is flat shaded (glTF 2.0, 3.7.2.1: "client implementations MUST calculate flat normals").
 fn fill_normals(normals: &mut Vec<Vec3>, positions: &[Vec3], triangles: &[[u32; 3]]) {
+    // A mesh without any normals is flat shaded.
     if normals.iter().all(|&normal| normal == Vec3::ZERO) {
         normals.clear();
     }
     if !normals.contains(&Vec3::ZERO) {
         return;
     }
+    // Cross products weight each normal by the triangle's area.
     let mut sums = vec![Vec3::ZERO; positions.len()];
     for triangle in triangles {
         let [a, b, c] = triangle.map(|vertex| positions[vertex as usize]);
@@ -271,15 +280,22 @@ fn fill_normals(normals: &mut Vec<Vec3>, positions: &[Vec3], triangles: &[[u32; 
 
 /// Splits strips and fans into triangles. Returns `None` for points and lines.
 fn triangles(mode: Mode, indices: &[u32]) -> Option<Vec<[u32; 3]>> {
-    Some(match mode {
-        Mode::Triangles => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        // Every other triangle of a strip is reversed, so that all triangles face the same side.
-        Mode::TriangleStrip => indices
-            .windows(3)
-            .enumerate()
-            .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })
-            .collect(),
-        Mode::TriangleFan => indices.windows(2).skip(1).map(|t| [indices[0], t[0], t[1]]).collect(),
+    let mut triangles = Vec::new();
+    match mode {
+        Mode::Triangles => triangles.extend(indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]])),
+        Mode::TriangleStrip => {
+            // Reverse every other triangle, so that all triangles face the same side.
+            for (i, t) in indices.windows(3).enumerate() {
+                triangles.push(if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] });
+            }
+        }
+        Mode::TriangleFan => {
+            // All triangles share the first vertex.
+            for t in indices.windows(2).skip(1) {
+                triangles.push([indices[0], t[0], t[1]]);
+            }
+        }
         _ => return None,
-    })
+    }
+    Some(triangles)
 }

@@ -115,6 +115,7 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
 /// # Errors
 /// The scene, its settings or a file named by them cannot be read; see [`LoadError`].
 pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, LoadError> {
+    // Read the scene in a guarded call, because libraries may panic on damaged data.
     let files = SceneFiles::of(path, reach);
     let bytes = files.read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
     let bytes = without_mark(&bytes);
@@ -154,6 +155,7 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
         scene.sky = Environment::gradient(Gradient::PLAIN);
         scene.warnings.push("the scene has no lamp: a plain white sky lights it".into());
     }
+    // Check visibility last, because the notes depend on the complete scene.
     let notes = [scene.backdrop_note(), scene.clipped_note()];
     scene.warnings.extend(notes.into_iter().flatten());
     Ok(scene)
@@ -161,6 +163,7 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
 
 /// Returns the environment of the `[sky]` table.
 fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Result<Option<Environment>, LoadError> {
+    // Check the settings of the sky, and return gradients directly.
     let toml = SceneSettings::path_for(scene);
     let Some(sky) = &settings.sky else { return Ok(None) };
     let source = sky.source().map_err(|error| malformed(&toml, error.to_string()))?;
@@ -169,6 +172,7 @@ fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Resul
         SkySource::Image { file, intensity, rotation } => (file, intensity, rotation),
     };
     let refused = |why: String| malformed(&toml, format!("[sky] image \"{file}\": {why}"));
+    // Add the image to the checksum, then decode it.
     let image = files.resolved(Path::new(&file)).map_err(refused)?;
     let _ = files.read(&image).map_err(|error| refused(format!("{}: {error}", image.display())))?;
     let texels = guarded(|| crate::image_file::read_radiance(&image).map_err(|error| error.to_string()))
@@ -199,30 +203,37 @@ fn check_camera(path: &Path, scene: &Scene) -> Result<(), LoadError> {
 
 /// Returns whether every vertex and every node stays within [`FARTHEST`] throughout the animation.
 fn is_within_reach(scene: &Scene) -> bool {
+    // Measure the rest shape of each mesh once.
     let largest = |positions: &[Vec3]| positions.iter().fold(0.0f32, |most, p| most.max(p.abs().max_element()));
     let sizes: Vec<f32> = scene.meshes.iter().map(|mesh| largest(&mesh.positions)).collect();
     let steps = if scene.channels.is_empty() { 1 } else { 33 };
-    (0..steps).all(|step| {
+    // Bound a cube of this half size after the transform. Comparisons with NaN are false.
+    let is_near = |world: &Affine3A, size: f32| {
+        let (axes, translation) = (world.matrix3, world.translation);
+        let reach = (axes.x_axis.abs() + axes.y_axis.abs() + axes.z_axis.abs()) * size + translation.abs();
+        reach.cmple(Vec3A::splat(FARTHEST)).all()
+    };
+    for step in 0..steps {
         let pose = scene.pose(scene.duration() * step as f32 / 32.0);
-        let reach = |world: &Affine3A, size: f32| {
-            let (axes, translation) = (world.matrix3, world.translation);
-            (axes.x_axis.abs() + axes.y_axis.abs() + axes.z_axis.abs()) * size + translation.abs()
-        };
-        let nodes = pose.world.iter().map(|world| reach(world, 1.0));
-        let meshes = scene.instances.iter().enumerate().map(|(index, instance)| {
+        if !pose.world.iter().all(|world| is_near(world, 1.0)) {
+            return false;
+        }
+        for (index, instance) in scene.instances.iter().enumerate() {
             // The maximum may ignore a NaN, but the sum does not.
             let size = pose.deformed(index).map_or(sizes[instance.mesh], |shape| {
                 let sum: Vec3 = shape.positions.iter().sum();
                 if sum.is_finite() { largest(&shape.positions) } else { f32::NAN }
             });
-            reach(&scene.instance_world(&pose, index), size)
-        });
-        // Comparisons with NaN are false.
-        nodes.chain(meshes).all(|reach| reach.cmple(Vec3A::splat(FARTHEST)).all())
-    })
+            if !is_near(&scene.instance_world(&pose, index), size) {
+                return false;
+            }
+        }
+    }
+    true
 }
 
 fn load_settings(scene: &Path, files: &SceneFiles, set: &[Setting]) -> Result<SceneSettings, LoadError> {
+    // A missing settings file is equivalent to an empty one.
     let path = SceneSettings::path_for(scene);
     let bytes = match files.read(&path) {
         Ok(bytes) => bytes,
@@ -302,6 +313,7 @@ impl Loader<'_> {
         let (materials, older, notes) = materials::materials(&document);
         scene.materials = materials;
         scene.warnings.extend(notes);
+        // Refuse materials that exceed the range of radiance.
         let glow = |material: &Material| material.emission.max_element();
         if let Some(index) = scene.materials.iter().position(|material| glow(material) > STRONGEST) {
             let glow = glow(&scene.materials[index]);

@@ -69,6 +69,7 @@ impl NodeOf {
             let hides = |light: &&usize| self.hidden_by[scene.punctual_lights[**light].node].contains(&index);
             below.extend(lights.iter().filter(hides).map(|&light| (light, source)));
         }
+        // Sort the lights, because the map has no fixed order.
         below.sort_unstable();
         below
     }
@@ -76,6 +77,7 @@ impl NodeOf {
     /// Replaces nodes that show the mesh of `node` by children that scale the mesh to zero while it is hidden. For a
     /// skinned mesh, these children are roots instead, because joints position the mesh.
     pub fn hide(&mut self, node: usize, shown: Vec<usize>, is_skinned: bool, scene: &mut Scene) -> Vec<usize> {
+        // Nest one scaling node for each animated visibility above the mesh.
         let mut shown = shown;
         for (level, &index) in self.hidden_by[node].iter().enumerate() {
             for place in &mut shown {
@@ -106,6 +108,7 @@ impl Loader<'_> {
         blinking: &BTreeSet<usize>,
         scene: &mut Scene,
     ) -> Result<NodeOf, LoadError> {
+        // Show the default scene, otherwise the first scene.
         let Some(root) = document.default_scene().or_else(|| document.scenes().next()) else {
             return self.bad("the file has no scene; export one");
         };
@@ -159,6 +162,7 @@ impl Loader<'_> {
     }
 
     fn camera(&self, camera: &gltf::Camera, node_name: &str, node: usize) -> Result<Camera, LoadError> {
+        // Read the projection with its aspect ratio and depth range.
         let (projection, aspect, depths) = match camera.projection() {
             gltf::camera::Projection::Perspective(p) => {
                 let depths = DepthRange { near: p.znear(), far: p.zfar().unwrap_or(f32::INFINITY) };
@@ -169,6 +173,7 @@ impl Loader<'_> {
                 (Projection::Orthographic { ymag: o.ymag() }, Some(o.xmag() / o.ymag()), depths)
             }
         };
+        // Check the size of the view: 0 < angle < π, or a positive height.
         let size = match projection {
             Projection::Perspective { yfov } if yfov < std::f32::consts::PI => yfov,
             Projection::Perspective { .. } => f32::NAN,
@@ -199,6 +204,7 @@ impl Loader<'_> {
                 PunctualKind::Spot { inner: inner_cone_angle, outer: outer_cone_angle }
             }
         };
+        // Check the color after scaling, because the product may overflow.
         let color = Vec3::from(light.color()) * light.intensity() * scale;
         if !color.is_finite() || color.min_element() < 0.0 {
             return self.bad(format!("light {} has an impossible color or intensity", light.index()));
@@ -217,6 +223,7 @@ impl Loader<'_> {
 /// Decomposes a transform. A matrix may flatten its node: an axis of length zero is set to a direction perpendicular to
 /// the others.
 fn transform(given: &gltf::scene::Transform) -> Transform {
+    // Decompose flat matrices separately: the crate's decomposition divides by the lengths of axes.
     if let gltf::scene::Transform::Matrix { matrix } = given {
         let columns = Mat4::from_cols_array_2d(matrix);
         let axes = [columns.x_axis, columns.y_axis, columns.z_axis].map(|axis| axis.truncate());
@@ -233,6 +240,7 @@ fn transform(given: &gltf::scene::Transform) -> Transform {
 
 /// Decomposes a matrix with these axes, some of which have length zero.
 fn flat_transform(axes: [Vec3; 3], translation: Vec3) -> Transform {
+    // Complete the axes of length zero with perpendicular directions.
     let mut directions = axes.map(Vec3::normalize_or_zero);
     for k in 0..3 {
         if directions[k] == Vec3::ZERO {

@@ -35,6 +35,7 @@ impl std::fmt::Display for Target {
 
 /// Returns the property of a JSON pointer, or `None` if the property is not supported.
 pub(super) fn target(pointer: &str) -> Option<Target> {
+    // Shorten pointers to lights, so that all pointers have three components.
     let short = pointer.strip_prefix("/extensions/KHR_lights_punctual/").map(|rest| format!("/{rest}"));
     let pointer = short.as_deref().unwrap_or(pointer);
     let mut parts = pointer.strip_prefix('/')?.splitn(3, '/');
@@ -64,6 +65,7 @@ pub(super) fn target(pointer: &str) -> Option<Target> {
 
 /// Returns the property of a material at the end of a JSON pointer.
 fn of_material(path: &str) -> Option<MaterialProperty> {
+    // Handle texture transforms first, because every slot may have one.
     if let Some((texture, part)) = path.split_once("/extensions/KHR_texture_transform/") {
         let slot = match texture {
             "pbrMetallicRoughness/baseColorTexture" => SlotName::BaseColor,

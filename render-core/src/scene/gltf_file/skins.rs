@@ -14,6 +14,7 @@ impl Loader<'_> {
     /// Reads joints and their inverse bind matrices.
     pub(super) fn skin(&self, skin: &gltf::Skin, buffers: &Buffers, node_of: &NodeOf) -> Result<Skin, LoadError> {
         let place = format!("skin {}", skin.index());
+        // Map the joints to scene nodes.
         let mut joints = Vec::new();
         for joint in skin.joints() {
             match node_of.get(&joint.index()) {
@@ -21,6 +22,7 @@ impl Loader<'_> {
                 None => return self.bad(format!("{place}: joint {} is not part of the scene", joint.index())),
             }
         }
+        // Read the matrices, which default to the identity.
         let inverse_bind: Vec<Affine3A> = match skin.inverse_bind_matrices() {
             None => vec![Affine3A::IDENTITY; joints.len()],
             Some(accessor) => match buffers.floats::<16>(&accessor) {
@@ -43,6 +45,7 @@ impl Loader<'_> {
         vertices: usize,
     ) -> Result<Vec<InfluenceSet>, LoadError> {
         let mut sets: Vec<InfluenceSet> = Vec::new();
+        // Read numbered sets until one is missing. Each must have one entry per vertex.
         for set in 0.. {
             let (Some(joints), Some(weights)) =
                 (primitive.get(&Semantic::Joints(set)), primitive.get(&Semantic::Weights(set)))

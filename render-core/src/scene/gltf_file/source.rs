@@ -44,10 +44,12 @@ impl GltfSource {
     /// # Errors
     /// Packed data cannot be read, or is damaged and has no plain copy.
     pub fn unpack(&mut self) -> Result<Vec<Vec<u8>>, LoadError> {
+        // Unpack with the loader, which applies its limits.
         let files = SceneFiles::of(&self.path, self.reach);
         let loader = Loader { path: &self.path, files: &files };
         let mut stored = StoredBuffers::new(&loader, self.binary.as_deref());
         let Ok(mut root) = serde_json::from_slice::<Value>(&self.json) else { return Ok(Vec::new()) };
+        // Return only the buffers that unpacking added.
         let count = |root: &Value| root["buffers"].as_array().map_or(0, Vec::len);
         let first = count(&root);
         loader.unpack(&mut root, &mut stored)?;

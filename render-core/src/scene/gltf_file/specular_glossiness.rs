@@ -39,9 +39,11 @@ pub(super) struct Converted {
 
 /// Converts a diffuse and a specular color in linear RGB.
 pub(super) fn converted(diffuse: Vec3, specular: Vec3) -> Converted {
+    // Find the metalness that explains both colors.
     let brightness = |c: Vec3| (c * c).dot(Vec3::new(0.299, 0.587, 0.114)).sqrt();
     let strength = 1.0 - specular.max_element();
     let metallic = metalness(brightness(diffuse), brightness(specular), strength);
+    // Derive the base color from both colors, and weight by the metalness.
     let from_diffuse = diffuse * (strength / (1.0 - DIELECTRIC) / (1.0 - metallic).max(LEAST));
     let from_specular = (specular - DIELECTRIC * (1.0 - metallic)) / metallic.max(LEAST);
     let base = from_diffuse.lerp(from_specular, metallic * metallic).clamp(Vec3::ZERO, Vec3::ONE);
@@ -53,6 +55,7 @@ fn metalness(diffuse: f32, specular: f32, strength: f32) -> f32 {
     if specular < DIELECTRIC {
         return 0.0;
     }
+    // Solve the equation for its larger root.
     let b = diffuse * strength / (1.0 - DIELECTRIC) + specular - 2.0 * DIELECTRIC;
     let c = DIELECTRIC - specular;
     let root = (b * b - 4.0 * DIELECTRIC * c).max(0.0).sqrt();
@@ -66,6 +69,7 @@ pub(super) fn textures(
     factors: OlderFactors,
     wrap: [Wrap; 2],
 ) -> [Texture; 2] {
+    // Use the larger size, so that neither image loses detail.
     let size = diffuse.map_or(glossy.size(), |texture| texture.size().max(glossy.size()));
     let (width, height) = (size.x as usize, size.y as usize);
     let (mut colors, mut data) = (Vec::with_capacity(width * height), Vec::with_capacity(width * height));

@@ -56,6 +56,7 @@ impl<'a> StoredBuffers<'a> {
             self.held.resize(index + 1, None);
         }
         if self.held[index].is_none() {
+            // Read the buffer from its URI. The first buffer without URI is the binary chunk.
             let what = format!("buffer {index}");
             let data = match (uri, self.blob) {
                 (Some(uri), _) => self.loader.resource(&what, uri)?,
@@ -67,6 +68,7 @@ impl<'a> StoredBuffers<'a> {
                     return self.loader.bad(format!("{what}: the file has no binary part; export it again"));
                 }
             };
+            // Refuse truncated files, then raise the allowance by the bytes read.
             if data.len() < length {
                 return self
                     .loader

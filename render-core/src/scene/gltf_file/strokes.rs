@@ -26,6 +26,7 @@ impl Strokes {
     /// Builds octahedra around points, or square tubes around lines. `width` \[m\] replaces the default width. Returns
     /// `None` for triangles.
     pub fn of(mode: Mode, indices: &[u32], positions: &[Vec3], width: Option<f32>) -> Option<Self> {
+        // List the segments of lines.
         let segments: Vec<[u32; 2]> = match mode {
             Mode::Points => Vec::new(),
             Mode::Lines => indices.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect(),
@@ -36,6 +37,7 @@ impl Strokes {
             }
             Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => return None,
         };
+        // Build one body per point or segment.
         let radius = width.unwrap_or_else(|| WIDTH * diagonal(positions)) / 2.0;
         let mut strokes = Self { positions: Vec::new(), triangles: Vec::new(), sources: Vec::new() };
         if mode == Mode::Points {
@@ -63,16 +65,19 @@ impl Strokes {
     }
 
     fn add_segment(&mut self, vertices: [u32; 2], [from, to]: [Vec3; 2], radius: f32) {
+        // Skip segments of length zero: they have no direction.
         let Some(along) = (to - from).try_normalize() else { return };
         let across = along.any_orthonormal_vector();
         let up = along.cross(across);
         let first = self.positions.len() as u32;
+        // Place a square of corners around each end.
         for (vertex, center) in vertices.into_iter().zip([from, to]) {
             for side in [across, up, -across, -up] {
                 self.positions.push(center + radius * side);
                 self.sources.push(vertex);
             }
         }
+        // Connect the squares with four sides, and close the ends.
         for k in 0..4 {
             let [a, b] = [first + k, first + (k + 1) % 4];
             self.triangles.extend([[a, b, a + 4], [b, b + 4, a + 4]]);

@@ -23,6 +23,7 @@ impl Loader<'_> {
         older: &Older,
         scene: &mut Scene,
     ) -> Result<(), LoadError> {
+        // Read only textures of materials in use.
         let mut shown = vec![false; scene.materials.len()];
         for instance in &scene.instances {
             shown[scene.meshes[instance.mesh].material] = true;
@@ -47,6 +48,7 @@ impl Loader<'_> {
     }
 
     fn image(&self, image: &gltf::Image, buffers: &Buffers) -> Result<Texels, LoadError> {
+        // Read the image from its buffer view or its URI.
         let what = format!("image {}", image.index());
         let bytes = match image.source() {
             gltf::image::Source::View { view, .. } => match buffers.view(&view) {
@@ -55,6 +57,7 @@ impl Loader<'_> {
             },
             gltf::image::Source::Uri { uri, .. } => self.resource(&what, uri)?,
         };
+        // Decode the image. Zero-sized images cannot be sampled.
         let texels = decode(bytes).or_else(|why| self.bad(format!("{what}: {why}")))?;
         if texels.0 == 0 || texels.1 == 0 {
             return self.bad(format!("{what} is empty"));
@@ -85,6 +88,7 @@ impl<'a> Reading<'a> {
     /// Reads the textures of a material. Converts the two textures of an `older` material together.
     fn material(&mut self, material: &mut Material, older: Option<OlderFactors>) -> Result<(), LoadError> {
         let Material { base_color_texture, metallic_roughness_texture, emission_texture, .. } = material;
+        // Convert both textures of an older material. Read other base colors as sRGB.
         let rough = match (older, *metallic_roughness_texture) {
             (Some(factors), Some(glossy)) => {
                 let [base, rough] = self.converted([*base_color_texture, Some(glossy)], factors)?;
@@ -104,6 +108,7 @@ impl<'a> Reading<'a> {
 
     /// Sets a slot to the index of its decoded image.
     fn place(&mut self, slot: Option<&mut TextureSlot>, encoding: Encoding) -> Result<(), LoadError> {
+        // Decode each combination of image and sampling once.
         let Some(slot) = slot else { return Ok(()) };
         let file = self.file(slot)?;
         let key = (file.source().index(), wrap(&file), encoding, is_blocky(&file));
@@ -125,6 +130,7 @@ impl<'a> Reading<'a> {
 
     /// Adds a texture and returns its index.
     fn add(&mut self, texture: Texture) -> Result<usize, LoadError> {
+        // Limit the total memory, because many textures may use one small file.
         let size = texture.size();
         self.texels += size.x as usize * size.y as usize;
         if self.texels > MOST_TEXELS {
@@ -137,6 +143,7 @@ impl<'a> Reading<'a> {
 
     /// Decodes a texture of the file, or its plain replacement if the first image is damaged.
     fn texture(&mut self, file: &gltf::Texture, encoding: Encoding) -> Result<Texture, LoadError> {
+        // Fall back to the plain image, with a note.
         let plain = self.plain_images.get(&file.index()).and_then(|&plain| self.images.get(plain));
         let (width, height, texels) = match (self.loader.image(&file.source(), self.buffers), plain) {
             (Err(error), Some(plain)) => {
@@ -152,6 +159,7 @@ impl<'a> Reading<'a> {
     /// Converts diffuse and glossy slots of the older model to a base-color and a metallic-roughness texture.
     fn converted(&mut self, slots: [Option<TextureSlot>; 2], factors: OlderFactors) -> Result<[Texture; 2], LoadError> {
         let mut images = [None, None];
+        // The glossy texture comes last, so its sampler applies to both results.
         let (mut wraps, mut blocky) = ([Wrap::Repeat; 2], false);
         for (image, slot) in images.iter_mut().zip(slots) {
             let Some(slot) = slot else { continue };

@@ -15,6 +15,7 @@ impl Loader<'_> {
         let positions = Checked::Valid(json::mesh::Semantic::Positions);
         for (m, mesh) in root.meshes.iter().enumerate() {
             for (p, primitive) in mesh.primitives.iter().enumerate() {
+                // The crate reads the bounds of positions without checking the index.
                 let accessor = primitive.attributes.get(&positions).map(|index| index.value());
                 if let Some(accessor) = accessor.filter(|&accessor| accessor >= root.accessors.len()) {
                     let count = root.accessors.len();
@@ -46,6 +47,7 @@ impl Loader<'_> {
         for (a, animation) in root.animations.iter().enumerate() {
             for (c, channel) in animation.channels.iter().enumerate() {
                 let place = format!("animation {a} channel {c}");
+                // The crate uses this index without a check.
                 let (node, count) = (channel.target.node.value(), root.nodes.len());
                 if node >= count {
                     return self.bad(format!("{place} moves node {node}, but there are {count}; export it again"));

@@ -11,6 +11,7 @@ impl Loader<'_> {
         name: Option<&str>,
         notes: &mut Vec<String>,
     ) -> Result<Option<u64>, LoadError> {
+        // List the names for messages.
         let list =
             document.extension_value("KHR_materials_variants").and_then(|value| value.get("variants")?.as_array());
         let mut names = Vec::new();
@@ -18,6 +19,7 @@ impl Loader<'_> {
             names.push(variant.get("name").and_then(Value::as_str).unwrap_or_default());
         }
         let all = names.join("\", \"");
+        // Select the variant, or note the choices.
         match name {
             None => {
                 if !names.is_empty() {

@@ -45,6 +45,7 @@ pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: 
                 found.note("animations with unreadable keys are left out");
                 return false;
             }
+            // Collect pointers separately, since the crate accepts node targets only.
             if let Some(pointer) = target.pointer("/extensions/KHR_animation_pointer/pointer").and_then(Value::as_str) {
                 found.pointers.push(PointerChannel { animation, sampler, pointer: pointer.into() });
                 return false;

@@ -68,6 +68,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
     if without.is_empty() {
         return;
     }
+    // Texture indices must be valid, so add an image if there is none.
     if objects(root, "images").next().is_none() {
         root["images"] = json!([{ "uri": PLACEHOLDER }]);
     }
@@ -76,6 +77,7 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
         for member in material.values_mut() {
             removed += remove_slots(member, &without);
         }
+        // Remove references that are direct members of the material.
         let names: Vec<String> = material.keys().cloned().collect();
         for name in names {
             if leads_to(&material[&name], &without) {

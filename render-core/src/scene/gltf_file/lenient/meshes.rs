@@ -12,6 +12,7 @@ const COMPRESSED: [&str; 1] = ["KHR_draco_mesh_compression"];
 pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usize> {
     let mut unreadable = BTreeSet::new();
     for (place, accessor) in objects(root, "accessors").enumerate() {
+        // Replace accessors of unknown element or component types.
         let kind = accessor.get("type").and_then(Value::as_str);
         let component = accessor.get("componentType").and_then(Value::as_u64);
         let known_kind = kind.is_none_or(|k| ["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"].contains(&k));
@@ -20,6 +21,7 @@ pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usi
             unreadable.insert(place);
             continue;
         }
+        // Mark accessors with a view of a buffer without data.
         let sparse = |part: &str| accessor.get("sparse")?.get(part)?.get("bufferView");
         let views = [accessor.get("bufferView"), sparse("indices"), sparse("values")];
         if views.into_iter().flatten().filter_map(index).any(|view| dry.contains(&view)) {
@@ -51,6 +53,7 @@ fn one_zero() -> Map<String, Value> {
 /// Returns the views of buffers without data, such as the fallback of `EXT_meshopt_compression`, which an extension
 /// fills. Removes these buffers from `used`.
 pub(super) fn dry_views(root: &mut Value, has_binary: bool, used: &mut BTreeSet<usize>) -> BTreeSet<usize> {
+    // Find buffers without data. Only the first may be the binary chunk.
     let mut dry = BTreeSet::new();
     for (place, buffer) in objects(root, "buffers").enumerate() {
         if !buffer.contains_key("uri") && (place > 0 || !has_binary) {
@@ -58,6 +61,7 @@ pub(super) fn dry_views(root: &mut Value, has_binary: bool, used: &mut BTreeSet<
             used.remove(&place);
         }
     }
+    // Find the views of these buffers.
     let mut views = BTreeSet::new();
     for (place, view) in objects(root, "bufferViews").enumerate() {
         if view.get("buffer").and_then(index).is_some_and(|buffer| dry.contains(&buffer)) {
@@ -70,11 +74,13 @@ pub(super) fn dry_views(root: &mut Value, has_binary: bool, used: &mut BTreeSet<
 /// Removes unreadable content: attributes of unknown names, and primitives without positions (glTF 2.0, 3.7.2.1:
 /// "client implementations SHOULD skip primitive's rendering").
 pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: &mut Normalized) {
-    let without_view: BTreeSet<usize> = objects(root, "accessors")
-        .enumerate()
-        .filter(|(_, accessor)| !accessor.contains_key("bufferView") && !accessor.contains_key("sparse"))
-        .map(|(place, _)| place)
-        .collect();
+    // Find accessors without data, which only extensions may fill.
+    let mut without_view = BTreeSet::new();
+    for (place, accessor) in objects(root, "accessors").enumerate() {
+        if !accessor.contains_key("bufferView") && !accessor.contains_key("sparse") {
+            without_view.insert(place);
+        }
+    }
     for mesh in objects(root, "meshes") {
         let Some(Value::Array(primitives)) = mesh.get_mut("primitives") else { continue };
         primitives.retain_mut(|primitive| {

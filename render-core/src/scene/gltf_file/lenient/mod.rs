@@ -47,9 +47,11 @@ impl Normalized {
 /// # Errors
 /// The file has a different version of glTF.
 pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized, String> {
+    // Check the version first: other versions differ in structure.
     check_version(root)?;
     let generator = root.pointer("/asset/generator").and_then(Value::as_str).map(str::to_owned);
     let mut found = Normalized { generator, ..Normalized::default() };
+    // Remove optional data before the sections are converted.
     plain(root, &mut found);
     found.notes = extension_notes(root, &found.extensions);
     scenes(root, &mut found);
@@ -57,6 +59,7 @@ pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized
     cameras(root, &mut found);
     lights(root, &mut found);
     buffers(root, &mut found);
+    // Follow missing data from buffers to views, images, accessors and animations.
     let dry = meshes::dry_views(root, has_binary, &mut found.used_buffers);
     images::images(root, &dry, &mut found);
     materials(root, &mut found);
@@ -69,18 +72,21 @@ pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized
 /// Checks the version: accepts 2.x, unless `minVersion` is above 2.0 (glTF 2.0, 3.2). In version 1, objects replace
 /// lists.
 fn check_version(root: &Value) -> Result<(), String> {
+    // Read the version, which some files write as a number.
     let mut version = match root.pointer("/asset/version") {
         Some(Value::String(text)) => text.clone(),
         Some(Value::Number(number)) => number.to_string(),
         _ if root.get("nodes").is_some_and(Value::is_object) => "1.0".into(),
         _ => return Ok(()),
     };
+    // A minimum version above 2.0 takes precedence.
     let least = root.pointer("/asset/minVersion").and_then(Value::as_str);
     if let Some(least) = least.filter(|least| least.parse().is_ok_and(|least: f32| least > 2.0)) {
         version = least.into();
     } else if version.split('.').next() == Some("2") {
         return Ok(());
     }
+    // Shorten the version in the message, because it is untrusted.
     let shown: String = version.chars().take(8).collect();
     Err(format!("the file is glTF {shown}, but only 2.0 is read; export it as glTF 2.0"))
 }
@@ -108,6 +114,7 @@ fn plain(value: &mut Value, found: &mut Normalized) {
                 plain(item, found);
             }
         }
+        // Rewrite whole floats as integers, which the crate requires for indices.
         Value::Number(number) if number.is_f64() => {
             let float = number.as_f64().unwrap_or(f64::NAN);
             if float.fract() == 0.0 && float.is_sign_positive() && float < LARGEST {
@@ -129,6 +136,7 @@ fn extension_notes(root: &Value, found: &BTreeSet<String>) -> Vec<String> {
 /// Adds missing scenes: a scene may have no nodes, and a file no scenes ("a library of individual entities such as
 /// materials or meshes", glTF 2.0, 3.5.1).
 fn scenes(root: &mut Value, found: &mut Normalized) {
+    // Show all nodes without parents if the file has no scene.
     if root.get("scene").is_none() && objects(root, "scenes").next().is_none() {
         let mut is_child = BTreeSet::new();
         let mut count = 0;
@@ -158,8 +166,10 @@ fn nodes(root: &mut Value) {
     }
 }
 
-/// Turns cameras of types that extensions add into plain perspective cameras, which glTF parsers accept, and removes them from nodes.
+/// Replaces cameras of types that extensions add with perspective cameras, which the crate accepts. Removes them from
+/// nodes.
 fn cameras(root: &mut Value, found: &mut Normalized) {
+    // Replace the cameras, so that the indices of others stay valid.
     let mut unknown = BTreeSet::new();
     for (index, camera) in objects(root, "cameras").enumerate() {
         let kind = camera.get("type").and_then(Value::as_str);
@@ -170,6 +180,7 @@ fn cameras(root: &mut Value, found: &mut Normalized) {
             found.note("cameras of an unknown type are left out");
         }
     }
+    // Remove the replaced cameras from nodes.
     for node in objects(root, "nodes") {
         if node.get("camera").and_then(Value::as_u64).is_some_and(|camera| unknown.contains(&camera)) {
             node.remove("camera");
@@ -179,6 +190,7 @@ fn cameras(root: &mut Value, found: &mut Normalized) {
 
 /// Replaces lights of types that extensions add. Adds the default cone to spot lights without one.
 fn lights(root: &mut Value, found: &mut Normalized) {
+    // Replace the lights, so that the indices of others stay valid.
     let mut unknown = BTreeSet::new();
     let lights = root.pointer_mut("/extensions/KHR_lights_punctual/lights").and_then(Value::as_array_mut);
     for (index, light) in lights.into_iter().flatten().enumerate() {
@@ -195,6 +207,7 @@ fn lights(root: &mut Value, found: &mut Normalized) {
             }
         }
     }
+    // Remove the replaced lights from nodes.
     for node in objects(root, "nodes") {
         let Some(Value::Object(extensions)) = node.get_mut("extensions") else { continue };
         let light = extensions.get("KHR_lights_punctual").and_then(|light| light.get("light")?.as_u64());
@@ -213,6 +226,7 @@ fn buffers(root: &mut Value, found: &mut Normalized) {
         }
         root["bufferViews"] = json!([{ "buffer": 0, "byteLength": 1 }]);
     }
+    // Remove hints and zero strides, and collect the buffers of views in use.
     for (place, view) in objects(root, "bufferViews").enumerate() {
         view.remove("target");
         if view.get("byteStride").and_then(Value::as_u64) == Some(0) {

@@ -41,6 +41,7 @@ pub(super) fn decode(data: &[u8], ids: &[u32], most: Most) -> Result<Unpacked, S
     let mut mesh = Mesh::new();
     let decoded = MeshDecoder::new().decode(&mut DecoderBuffer::new(data).with_limits(limits), &mut mesh);
     decoded.map_err(|error| format!("cannot be decoded ({})", one_line(error.message())))?;
+    // Refuse more triangles than the accessors state, and vertices without a triangle.
     let vertices = mesh.num_points();
     let indices: Vec<u32> = mesh.faces().iter().flatten().map(|corner| corner.0).collect();
     if indices.len() > 3 * most.triangles || vertices > indices.len() {
@@ -49,6 +50,7 @@ pub(super) fn decode(data: &[u8], ids: &[u32], most: Most) -> Result<Unpacked, S
             indices.len() / 3
         ));
     }
+    // Copy the attributes in the order of their ids.
     let mut attributes = Vec::new();
     for &id in ids {
         let attribute = mesh.attribute_by_unique_id(id).ok_or_else(|| format!("has no attribute {id}"))?;
@@ -60,6 +62,7 @@ pub(super) fn decode(data: &[u8], ids: &[u32], most: Most) -> Result<Unpacked, S
 /// Returns the numbers of an attribute in vertex order. Returns `None` if their type does not exist in glTF, or if they
 /// are outside the data.
 fn numbers(attribute: &PointAttribute, vertices: usize) -> Option<Attribute> {
+    // Map the data type to glTF's component type.
     let (component, size) = match attribute.data_type() {
         DataType::Int8 => (5120, 1),
         DataType::Uint8 => (5121, 1),
@@ -70,6 +73,7 @@ fn numbers(attribute: &PointAttribute, vertices: usize) -> Option<Attribute> {
         _ => return None,
     };
     let width = usize::from(attribute.num_components());
+    // Check the layout, then gather the mapped values of all vertices.
     let (stride, data) = (usize::try_from(attribute.byte_stride()).ok()?, attribute.buffer().data());
     if !(1..=4).contains(&width) || stride < width * size {
         return None;

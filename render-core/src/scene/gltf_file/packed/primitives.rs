@@ -34,6 +34,7 @@ impl Loader<'_> {
         stored: &mut StoredBuffers,
         notes: &mut Vec<String>,
     ) -> Result<(), LoadError> {
+        // Unpack only meshes in use.
         let shown: BTreeSet<usize> = list(root, "nodes").iter().filter_map(|node| number(&node["mesh"])).collect();
         let all = packed(root);
         let mut read: HashMap<String, Accessors> = HashMap::new();
@@ -68,6 +69,7 @@ impl Loader<'_> {
                 extensions.remove(NAME);
             }
         }
+        // Release the replaced accessors. Keep the extension listed while hidden meshes use it.
         free(root, replaced);
         if all.iter().all(|place| shown.contains(&place.mesh)) {
             unlist(root, &[NAME]);
@@ -84,6 +86,7 @@ impl Loader<'_> {
         fault: &str,
     ) -> Result<(), LoadError> {
         let PrimitiveIndex { mesh, primitive: index } = place;
+        // A plain copy needs positions, and data for each accessor.
         let primitive = &root["meshes"][mesh]["primitives"][index];
         let view = &primitive["extensions"][NAME]["bufferView"];
         let attributes = primitive["attributes"].as_object().into_iter().flat_map(Map::values);
@@ -125,6 +128,7 @@ fn unpacked(
     primitive: &Value,
 ) -> Result<Result<Unpacked, String>, LoadError> {
     let extension = &primitive["extensions"][NAME];
+    // Collect the ids of the attributes.
     let mut ids = Vec::new();
     for id in extension["attributes"].as_object().into_iter().flat_map(Map::values) {
         match number(id).and_then(|id| u32::try_from(id).ok()) {
@@ -132,6 +136,7 @@ fn unpacked(
             None => return Ok(Err("has an attribute with an id that is not a number".into())),
         }
     }
+    // Read the packed bytes.
     let view = number(&extension["bufferView"]).and_then(|view| list(root, "bufferViews").get(view));
     let bytes_left = stored.allowance.left();
     let data = match view {
@@ -146,6 +151,7 @@ fn unpacked(
     let per_triangle = if number(&primitive["mode"]) == Some(5) { 1 } else { 3 };
     let triangles = stated.map_or(bytes_left / TRIANGLE, |indices| indices / per_triangle);
     let most = Most { triangles, bytes: bytes_left };
+    // Decode in a guarded call, and charge the allowance for the result.
     let unpacked = guarded(|| decode(data, &ids, most)).unwrap_or_else(|| Err("is damaged".into()));
     if let Ok(Unpacked { indices, attributes, .. }) = &unpacked {
         let bytes = attributes.iter().map(|attribute| attribute.bytes.len()).sum::<usize>();
@@ -157,10 +163,12 @@ fn unpacked(
 /// Adds a buffer, views and accessors for the unpacked mesh.
 fn add_accessors(root: &mut Value, stored: &mut StoredBuffers, primitive: &Value, unpacked: Unpacked) -> Accessors {
     let Unpacked { indices, vertices, attributes } = unpacked;
+    // Add the indices as 32-bit numbers.
     let count = indices.len();
     let indices: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
     let indices = Attribute { bytes: indices, component: 5125, width: 1 };
     let indices = add_accessor(root, stored, indices, count, false);
+    // Add the attributes, normalized as the file states. Floats are never normalized.
     let mut named = Vec::new();
     let names = primitive["extensions"][NAME]["attributes"].as_object().into_iter().flat_map(Map::keys);
     for (name, attribute) in names.zip(attributes) {
@@ -193,12 +201,14 @@ fn add_accessor(
 /// Assigns the unpacked accessors to a primitive. Draco data always contains triangles, regardless of the primitive's
 /// mode.
 fn replace(primitive: &mut Value, accessors: &Accessors, replaced: &mut BTreeSet<usize>) {
+    // Assign the indices and the mode of triangles.
     replaced.extend(primitive.get("indices").and_then(number));
     primitive["indices"] = json!(accessors.indices);
     primitive["mode"] = json!(4);
     if !primitive["attributes"].is_object() {
         primitive["attributes"] = json!({});
     }
+    // Assign the attributes, and note the accessors that they replace.
     for (name, accessor) in &accessors.attributes {
         replaced.extend(primitive["attributes"].get(name).and_then(number));
         primitive["attributes"][name] = json!(accessor);

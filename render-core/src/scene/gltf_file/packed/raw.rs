@@ -21,12 +21,14 @@ pub(super) fn bytes<'s>(
     stored: &'s mut StoredBuffers,
     object: &Value,
 ) -> Result<Option<&'s [u8]>, LoadError> {
+    // Without URI, only the first buffer can be the binary chunk.
     let Some(index) = number(&object["buffer"]) else { return Ok(None) };
     let Some(buffer) = list(root, "buffers").get(index) else { return Ok(None) };
     let uri = buffer["uri"].as_str();
     if uri.is_none() && index > 0 {
         return Ok(None);
     }
+    // Check the range in the buffer.
     let held = stored.read(index, uri, number(&buffer["byteLength"]).unwrap_or(0))?;
     let first = if object["byteOffset"].is_null() { Some(0) } else { number(&object["byteOffset"]) };
     let (Some(first), Some(length)) = (first, number(&object["byteLength"])) else { return Ok(None) };

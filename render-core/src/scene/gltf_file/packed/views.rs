@@ -34,6 +34,7 @@ impl Loader<'_> {
             }
             match unpacked {
                 Ok(data) => {
+                    // Let the view refer to the unpacked data.
                     let length = data.len();
                     let buffer = add_buffer(root, stored, data);
                     let view = &mut root["bufferViews"][place];
@@ -74,6 +75,7 @@ fn unpacked(
     stored: &mut StoredBuffers,
     extension: &Value,
 ) -> Result<Result<Vec<u8>, &'static str>, LoadError> {
+    // Check the layout before any data is read.
     let (Some(count), Some(stride)) = (number(&extension["count"]), number(&extension["byteStride"])) else {
         return Ok(Err("lacks a count or a stride"));
     };

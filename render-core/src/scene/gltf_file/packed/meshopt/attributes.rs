@@ -16,6 +16,7 @@ const BITS_V1: [[u8; 4]; 2] = [[0, 1, 2, 4], [1, 2, 4, 8]];
 
 /// Decodes `count` elements of `stride` bytes, a multiple of 4 up to 256.
 pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, Fault> {
+    // Read the version, and the tail with the base element and the channel modes.
     let version = match data.first() {
         Some(0xa0) => 0,
         Some(0xa1) => 1,
@@ -42,6 +43,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     let mut columns = [[0; BLOCK]; 4];
     for part in out.chunks_mut(block * stride) {
         let elements = part.len() / stride;
+        // Decode the four byte columns of each channel, by the control bits of version 1.
         let control = if version == 1 { reader.take(stride / 4)? } else { &[] };
         for channel in 0..stride / 4 {
             for (byte, column) in columns.iter_mut().enumerate() {
@@ -55,6 +57,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
             }
             let last = &mut last[channel];
             let places = part[4 * channel..].chunks_mut(stride);
+            // Accumulate the differences, by the channel's mode.
             match modes.get(channel).copied().unwrap_or(0) {
                 0 => add_bytes(&columns, last, places),
                 1 => add_shorts(&columns, last, places),
@@ -121,6 +124,7 @@ impl<'a> BlockReader<'a> {
 fn add_bytes<'a>(columns: &[[u8; BLOCK]; 4], last: &mut [u8; 4], places: impl Iterator<Item = &'a mut [u8]>) {
     for (i, place) in places.enumerate() {
         for byte in 0..4 {
+            // Undo the zigzag code of the difference.
             let code = columns[byte][i];
             last[byte] = last[byte].wrapping_add((code >> 1) ^ (code & 1).wrapping_neg());
         }

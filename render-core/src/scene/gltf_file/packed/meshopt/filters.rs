@@ -46,6 +46,7 @@ fn bytes(numbers: [i16; 4]) -> [u8; 8] {
 
 /// Decodes filter 1: a unit vector from two octahedral coordinates. The third number represents 1.
 fn octahedral([x, y, one, _]: [f32; 4], most: f32) -> [f32; 3] {
+    // Unfold the lower hemisphere, then scale the vector to unit length.
     let z = one - x.abs() - y.abs();
     let fold = z.min(0.0);
     let (x, y) = (x - fold.copysign(x), y - fold.copysign(y));
@@ -55,8 +56,10 @@ fn octahedral([x, y, one, _]: [f32; 4], most: f32) -> [f32; 3] {
 
 /// Decodes filter 2: a rotation without its largest component. The last number contains the index of this component.
 fn quaternion(e: [i16; 4]) -> [i16; 4] {
+    // Scale by the stored maximum, which also contains the index in its lowest two bits.
     let one = f32::from(e[3] | 3);
     let [x, y, z, _] = e.map(|c| f32::from(c) / one * std::f32::consts::FRAC_1_SQRT_2);
+    // Compute the largest component from the unit length, and rotate it to its position.
     let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
     let largest = (e[3] & 3) as usize;
     let mut out = [0; 4];
@@ -75,6 +78,7 @@ fn exponential(code: i32) -> f32 {
 
 /// Decodes filter 4: luma, two chroma values, and opacity. The highest bit of opacity determines the scale of all four.
 fn color(y: i32, [co, cg]: [i32; 2], a: i32, most: f32) -> [f32; 4] {
+    // The highest bit of the opacity marks the number of bits per component.
     let bits = 32 - a.leading_zeros();
     let scale = (1i32 << bits) - 1;
     let opacity = a & (scale >> 1);

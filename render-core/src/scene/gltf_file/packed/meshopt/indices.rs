@@ -91,6 +91,7 @@ pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
 
 impl Triangles<'_> {
     fn triangle(&mut self, code: u8, table: &[u8]) -> Result<[u32; 3], Fault> {
+        // A high nibble below 15 is the age of a shared edge.
         let (high, low) = (usize::from(code >> 4), usize::from(code & 15));
         if high < 15 {
             return self.beside_edge(high, low);
@@ -106,6 +107,7 @@ impl Triangles<'_> {
         let (second, third) = (usize::from(pair >> 4), usize::from(pair & 15));
         let b = self.corner(second)?;
         let c = self.corner(third)?;
+        // Add the edges, and the vertices that are not in the queue.
         for edge in [(b, a), (c, b), (a, c)] {
             self.edges.push(edge);
         }
@@ -120,6 +122,7 @@ impl Triangles<'_> {
 
     /// Decodes a triangle that shares an edge with a recent triangle.
     fn beside_edge(&mut self, age: usize, third: usize) -> Result<[u32; 3], Fault> {
+        // Read the third corner: new, recent, next to the last stored one, or stored.
         let (a, b) = self.edges.get(age);
         let c = match third {
             0 => self.fresh(),
@@ -168,6 +171,7 @@ pub(super) fn sequence(data: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
     }
     // Each index has at least one byte.
     let body = data.len().checked_sub(1 + PADDING).filter(|&body| body >= count).ok_or(SHORT)?;
+    // The lowest bit of each code selects one of two bases.
     let mut reader = CodeReader(&data[1..1 + body]);
     let mut last = [0u32; 2];
     let mut out = Vec::with_capacity(count);

@@ -47,6 +47,7 @@ pub(super) struct Layout {
 impl Layout {
     /// Parses `mode` and `filter`, and checks them ("JSON schema updates").
     pub fn new(mode: &str, filter: Option<&str>, count: usize, stride: usize) -> Result<Self, Fault> {
+        // Parse the names.
         let mode = match mode {
             "ATTRIBUTES" => BufferMode::Attributes,
             "TRIANGLES" => BufferMode::Triangles,
@@ -61,6 +62,7 @@ impl Layout {
             "COLOR" => Filter::Color,
             _ => return Err("has an unknown filter"),
         };
+        // Check the stride, which depends on mode and filter.
         let strides: &[usize] = match (mode, filter) {
             (BufferMode::Attributes, Filter::None | Filter::Exponential) => &[],
             (BufferMode::Attributes, Filter::Octahedral | Filter::Color) => &[4, 8],
