@@ -9,7 +9,7 @@ use glam::Affine3A;
 /// Maximum number of triangles in the common tree from meshes with several static instances, counted over all
 /// instances. Building a tree of this size takes 400 MB.
 const MOST_TOGETHER: usize = 1 << 20;
-/// Minimum number of triangles of a shared mesh. An instance takes the memory of this number of triangles.
+/// Minimum number of triangles of a shared mesh. An instance needs as much memory as this number of triangles.
 const LEAST_TRIANGLES: usize = 16;
 /// Minimum volume of a transformed unit cube, relative to the product of its edge lengths. Flatter meshes have no local
 /// space.

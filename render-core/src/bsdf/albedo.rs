@@ -42,7 +42,7 @@ struct Table {
 /// Table of albedos, computed in a few milliseconds when a coat is first used.
 static TABLE: LazyLock<Table> = LazyLock::new(|| {
     let step = |i: usize| i as f32 / (STEPS - 1) as f32;
-    // Integrate every entry first, because the mean of a row needs all its directions.
+    // Integrate all entries first, because each mean depends on a complete row.
     let rows: [[Albedo; STEPS]; STEPS] = std::array::from_fn(|row| {
         let ggx = Ggx::from_roughness(step(row));
         std::array::from_fn(|column| integrate(ggx, step(column).powi(2)))
@@ -56,7 +56,7 @@ fn integrate(ggx: Ggx, cos: f32) -> Albedo {
     // Exactly at grazing incidence no facet is visible, so use the limit.
     let cos = cos.max(1e-3);
     let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-    // Average the weights of quasi-random microfacets, which directions below the surface do not reach.
+    // Average the weights over quasi-random microfacets. Directions below the surface have weight 0.
     let (mut facing, mut grazing) = (0.0, 0.0);
     for i in 0..DIRECTIONS {
         let wi = ggx.sample(wo, hammersley(i, DIRECTIONS));

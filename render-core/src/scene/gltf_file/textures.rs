@@ -159,7 +159,7 @@ impl<'a> Reading<'a> {
     /// Converts diffuse and glossy slots of the older model to a base-color and a metallic-roughness texture.
     fn converted(&mut self, slots: [Option<TextureSlot>; 2], factors: OlderFactors) -> Result<[Texture; 2], LoadError> {
         let mut images = [None, None];
-        // The glossy texture comes last, so its sampler applies to both results.
+        // The glossy texture is last, so its sampler applies to both results.
         let (mut wraps, mut blocky) = ([Wrap::Repeat; 2], false);
         for (image, slot) in images.iter_mut().zip(slots) {
             let Some(slot) = slot else { continue };

@@ -169,7 +169,7 @@ fn nodes(root: &mut Value) {
 /// Replaces cameras of types that extensions add with perspective cameras, which the crate accepts. Removes them from
 /// nodes.
 fn cameras(root: &mut Value, found: &mut Normalized) {
-    // Replace the cameras, so that the indices of others stay valid.
+    // Replace the cameras instead of removing them, so that indices stay valid.
     let mut unknown = BTreeSet::new();
     for (index, camera) in objects(root, "cameras").enumerate() {
         let kind = camera.get("type").and_then(Value::as_str);
@@ -190,7 +190,7 @@ fn cameras(root: &mut Value, found: &mut Normalized) {
 
 /// Replaces lights of types that extensions add. Adds the default cone to spot lights without one.
 fn lights(root: &mut Value, found: &mut Normalized) {
-    // Replace the lights, so that the indices of others stay valid.
+    // Replace the lights instead of removing them, so that indices stay valid.
     let mut unknown = BTreeSet::new();
     let lights = root.pointer_mut("/extensions/KHR_lights_punctual/lights").and_then(Value::as_array_mut);
     for (index, light) in lights.into_iter().flatten().enumerate() {
