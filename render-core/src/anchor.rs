@@ -205,10 +205,12 @@ impl Anchors {
 
     fn without_surfels(surfaces: &Surfaces, units: &Units, zones: &Zones, [fixed, dynamic]: [usize; 2]) -> Self {
         let mut anchors = Anchors { zones: zones.clone(), ..Anchors::default() };
+        // Fix static anchors in world space.
         if let Some(patches) = Patches::of(surfaces, false, &anchors.zones) {
             anchors.fixed = patches.spread(fixed, units).iter().map(|anchor| anchor.in_world(surfaces)).collect();
             anchors.area_share = patches.area() / fixed.max(1) as f32;
         }
+        // Attach dynamic anchors to triangles, so that they follow the surface. They ignore zones.
         if let Some(patches) = Patches::of(surfaces, true, &Zones::default()) {
             anchors.dynamic = patches.spread(dynamic, units);
             anchors.dynamic_area_share = patches.area() / dynamic.max(1) as f32;

@@ -101,8 +101,8 @@ impl<'a> Eye<'a> {
         places.par_iter().enumerate().map(|(index, place)| self.outlook(place, index as u64)).collect()
     }
 
-    /// Measures the outlook from `place`. `index` determines a rotation of the rays. Light that arrives at a side
-    /// without reflection is lost.
+    /// Measures the outlook from `place`. `index` determines a rotation of the rays. Rays that hit a back side count
+    /// as blocked, because back sides reflect no light.
     fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
         // Compute the radius of the disc with an anchor's area. All points use one ray pattern with different
         // rotations.

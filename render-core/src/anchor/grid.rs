@@ -96,6 +96,7 @@ pub(super) fn kernel_radius(area_share: f32) -> f32 {
 impl Grid {
     /// Builds a grid of `points` with these area `shares`. `outlooks` is empty if they were not measured.
     pub fn new(points: &[Anchor], outlooks: &[Outlook], shares: impl Into<Shares>) -> Self {
+        // Compute the bounding box of the points, in the space in which all kernels have the same radius.
         let shares = shares.into();
         let (radius, zones) = (kernel_radius(shares.area), shares.zones().clone());
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -205,6 +206,7 @@ impl Grid {
         }
         order.sort_unstable();
 
+        // Process the spots of each cell together.
         let mut here = Vec::new();
         for same_cell in order.chunk_by(|a, b| a.0 == b.0) {
             // Load all spots of the cell first, so that their memory accesses overlap.
@@ -306,6 +308,7 @@ impl Grid {
     /// one range.
     #[inline]
     fn rows(&self, center: [usize; 3]) -> impl Iterator<Item = std::ops::Range<u32>> {
+        // Clamp the 3×3×3 neighborhood to the grid.
         let [xs, ys, zs] =
             std::array::from_fn(|axis| center[axis].saturating_sub(1)..=(center[axis] + 1).min(self.size[axis] - 1));
         zs.flat_map(move |z| ys.clone().map(move |y| (z, y))).map(move |(z, y)| {

@@ -109,6 +109,7 @@ impl Surfels {
         accelerator: &Accelerator,
         units: &Units,
     ) -> Self {
+        // Drop enclosed surfels: they would receive energy of photons around them and lose it.
         let points = Self::points(surfaces, units, anchors);
         let eye = Eye::of(anchors, surfaces, accelerator, NEAR, OUTLOOK_RAYS);
         let seen = eye.outlooks(&points);
@@ -355,6 +356,8 @@ impl SurfelMap {
                 sums[anchor as usize] += flux * owner.share;
             }
         };
+
+        // Merge the owners with the changes of this frame. Both lists are ascending by surfel.
         let mut changes = moved.changes.iter().peekable();
         for (surfel, (owner, &flux)) in (0u32..).zip(self.owners.iter().zip(flux)) {
             match changes.next_if(|change| change.surfel == surfel) {

@@ -59,6 +59,7 @@ pub(crate) struct Shares {
 impl ZoneSearch {
     /// Adds the camera of `view` and the distances of the visible surfaces.
     pub fn look(&mut self, scene: PosedScene, view: &View) {
+        // Trace a coarse grid of camera rays, and keep the distances to visible surfaces.
         let (center, _) = view.ray(view.size() * 0.5);
         self.cameras.push(center);
         for y in 0..SIDE {
@@ -75,6 +76,7 @@ impl ZoneSearch {
     /// Returns the zones, or a single zone if no surface was visible.
     #[must_use]
     pub fn finish(mut self) -> Zones {
+        // Derive D from the distance within which 9 of 10 camera rays end.
         self.distances.sort_unstable_by(f32::total_cmp);
         let seen = self.distances.get((self.distances.len() as f32 * SEEN) as usize);
         let Some(&seen) = seen else { return Zones::default() };
@@ -111,6 +113,7 @@ impl Zones {
     /// of different zones do not overlap.
     #[inline]
     pub(super) fn unfolded(&self, position: Vec3A, radius: f32) -> Vec3A {
+        // Scale the space by the zone, then place zones side by side along x.
         let Some(&center) = self.cameras.first() else { return position };
         let zone = self.zone(self.distance(position));
         let apart = 2.0 * (self.near + self.spread) + 4.0 * radius;

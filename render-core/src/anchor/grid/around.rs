@@ -106,6 +106,7 @@ impl NearPoints {
     /// result is empty if no point can receive light.
     #[inline]
     pub fn parts(&mut self, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> &[(u32, f32)] {
+        // Remove hidden points before normalization, so that visible points receive all light.
         if let Some(sight) = sight.filter(|_| self.doubt != Doubt::Nothing) {
             self.drop_hidden(grid, spot, sight);
         }
@@ -128,6 +129,7 @@ impl NearPoints {
     /// Returns the visible point with the largest weight. Points on the spot's instance are preferred, even slightly
     /// beyond the kernel.
     pub fn best(&self, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
+        // Try the points on the spot's instance first.
         let mut left = u64::MAX >> (MOST_NEAR - self.count.max(1));
         if let Some(p) = self.best_seen(left & self.own, grid, spot, sight) {
             return Some(p);
@@ -152,6 +154,7 @@ impl NearPoints {
                     best = Some(i);
                 }
             }
+            // Accept the best point if it is visible, otherwise exclude it.
             let i = best?;
             let part = &self.parts[i..=i];
             match sight.filter(|_| self.doubt != Doubt::Nothing) {
@@ -167,6 +170,8 @@ impl NearPoints {
         if hidden == 0 {
             return;
         }
+
+        // Add the visible points again, so that sum and doubt do not include hidden points.
         let (parts, own, count) = (self.parts, self.own, self.count);
         *self = Self::default();
         for i in (0..count).filter(|i| hidden >> i & 1 == 0) {

@@ -40,6 +40,8 @@ impl Boxes {
             if range.is_empty() {
                 continue;
             }
+
+            // Append the node, and set the link of the parent to its second child.
             let place = boxes.nodes.len();
             if let Some(parent) = parent {
                 let parent: &mut PointNode = &mut boxes.nodes[parent];
@@ -83,6 +85,8 @@ impl Boxes {
                 open.extend(if a <= b { [children[1], children[0]] } else { children });
                 continue;
             }
+
+            // Compare the points of a leaf with the best point so far.
             for &p in &self.order[node.points.start as usize..node.points.end as usize] {
                 steps::count(1);
                 let point = &grid.points[p as usize];

@@ -55,7 +55,13 @@ impl Walls {
                 }
             });
             let hidden = sight.hidden(spot.position, spot.normal, &later, grid.height_at(spot.position));
-            places.into_iter().enumerate().filter(|(i, _)| hidden >> i & 1 == 1).map(|(_, k)| k).collect::<Vec<u32>>()
+            let mut hidden_places: Vec<u32> = Vec::new();
+            for (i, k) in places.into_iter().enumerate() {
+                if hidden >> i & 1 == 1 {
+                    hidden_places.push(k);
+                }
+            }
+            hidden_places
         };
         let later: Vec<Vec<u32>> = (0..grid.points.len() as u32).into_par_iter().map(later_hidden).collect();
 
@@ -67,6 +73,8 @@ impl Walls {
                 lists[k as usize].push(p);
             }
         }
+
+        // Concatenate the sorted lists. A point with a non-empty list is near a wall.
         let mut walls = Self { doubts: Vec::new(), first: vec![0], hidden: Vec::new() };
         for mut list in lists {
             list.sort_unstable();
@@ -145,17 +153,20 @@ impl Grid {
         let all = u64::MAX >> (PACKET - parts.len().max(1));
         let mut hidden = 0;
         while hidden != all {
+            // Choose the heaviest point not yet hidden as hub: it is usually the nearest.
             let mut hub = usize::MAX;
             for i in (0..parts.len()).filter(|i| hidden >> i & 1 == 0) {
                 if hub == usize::MAX || parts[i].1 > parts[hub].1 {
                     hub = i;
                 }
             }
+            // Test the hub by a ray. If it is hidden, try the next point.
             if is_hidden(hub) {
                 hidden |= 1 << hub;
                 continue;
             }
 
+            // Read the visibility of the other points from the hub's list. The list covers its kernel only.
             let center = &self.points[parts[hub].0 as usize];
             let radius = self.radius_at(center.position);
             let found = hidden;

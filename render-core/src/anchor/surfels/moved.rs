@@ -50,11 +50,19 @@ impl SurfelMap {
     /// Prepares for moving geometry within the `swept` space. `anchors` own the surfels and represent the areas
     /// `shares`.
     pub fn expect_movement(&mut self, swept: &SweptVolume, anchors: &[Anchor], shares: &Shares) {
+        // Select the surfels within a kernel's reach of the swept volume.
         let points = self.grid.points_by_index();
         let near = swept.widened(self.reach());
         let may_meet: Vec<bool> = points.iter().map(|point| near.is_entered(point.position, point.position)).collect();
         self.grid.expect_movement(&may_meet);
-        let surfels: Vec<u32> = (0..).zip(&may_meet).filter(|(_, meets)| **meets).map(|(surfel, _)| surfel).collect();
+        let mut surfels: Vec<u32> = Vec::new();
+        for (surfel, &meets) in (0..).zip(&may_meet) {
+            if meets {
+                surfels.push(surfel);
+            }
+        }
+
+        // Keep a copy of the anchors, among which surfels find new owners. Without movement, none is needed.
         self.movable = (!surfels.is_empty()).then(|| {
             let (anchors, anchor_grid) = (anchors.to_vec(), Grid::new(anchors, &[], shares.clone()));
             Arc::new(Movable { surfels, points, anchors, anchor_grid, anchor_shares: shares.clone() })
@@ -106,18 +114,23 @@ impl SurfelMap {
     /// Updates L_j of the changed surfels with w_jk and A_k of this frame.
     pub(super) fn set_moved_radiance(&self, flux: &[Vec3], moved: &Moved, radiance: &mut [Vec3]) {
         // Normalize w_jk over the visible surfels, which receive the photons of the hidden surfels.
-        let rows: Vec<(u32, Vec<(u32, f32)>)> = moved
-            .changes
-            .iter()
-            .filter(|change| change.hidden != 0)
-            .map(|Change { surfel, hidden, .. }| {
-                let seen = self.row(*surfel).iter().enumerate().filter(|(i, _)| hidden >> i & 1 == 0);
-                let mut row: Vec<(u32, f32)> = seen.map(|(_, &part)| part).collect();
-                let sum: f32 = row.iter().map(|(_, weight)| weight).sum();
-                row.iter_mut().for_each(|(_, weight)| *weight /= sum.max(f32::MIN_POSITIVE));
-                (*surfel, row)
-            })
-            .collect();
+        let mut rows: Vec<(u32, Vec<(u32, f32)>)> = Vec::new();
+        for &Change { surfel, hidden, .. } in &moved.changes {
+            if hidden == 0 {
+                continue;
+            }
+            let mut row: Vec<(u32, f32)> = Vec::new();
+            for (i, &part) in self.row(surfel).iter().enumerate() {
+                if hidden >> i & 1 == 0 {
+                    row.push(part);
+                }
+            }
+            let sum: f32 = row.iter().map(|(_, weight)| weight).sum();
+            for (_, weight) in &mut row {
+                *weight /= sum.max(f32::MIN_POSITIVE);
+            }
+            rows.push((surfel, row));
+        }
 
         // Update A_k = Σ_i A_i w_ik by the changes only.
         let Some(movable) = &self.movable else { return };
@@ -133,6 +146,7 @@ impl SurfelMap {
             }
         }
 
+        // Recompute L_j = Σ w_jk Φ_k / (π Σ w_jk A_k).
         for (surfel, row) in &rows {
             let (mut light, mut area) = (Vec3::ZERO, 0.0);
             for &(k, weight) in row {
