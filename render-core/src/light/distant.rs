@@ -52,6 +52,7 @@ impl<L: DistantLight> PhotonEmitter for L {
     }
 
     fn emit(&self, Space { ball, .. }: Space, Start { place, way, .. }: Start, share: f32) -> EmittedPhoton {
+        // Start on a disc as wide as the scene, just outside the bounding sphere.
         let sample = self.draw(way);
         let (towards, flux) = (sample.towards, sample.irradiance() * (ball.disc_area() * share));
         let (x, y) = frame(towards.into());

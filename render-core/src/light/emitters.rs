@@ -32,6 +32,7 @@ impl Emitters {
     pub fn new(surfaces: &Surfaces, pose: &Pose, units: &Units) -> Self {
         let scene = surfaces.scene();
         let areas = (0..scene.instances.len()).filter_map(|instance| AreaLight::new(surfaces, instance)).collect();
+        // Sort punctual lights by type. A degenerate transform yields a light that points down.
         let (mut points, mut suns) = (Vec::new(), Vec::new());
         let moving = scene.moving_nodes();
         for light in pose.punctual_lights(scene) {

@@ -59,12 +59,15 @@ impl PhotonSource<'_> {
     /// Returns one near light and all distant lights. The near light is drawn with `which` (0…1), and returned with its
     /// probability: half of it in proportion to power, half uniform.
     pub(crate) fn some_lights(&self, which: f32) -> impl Iterator<Item = (usize, f64)> + use<> {
+        // Mix both distributions, so that faint lights close to a receiver are drawn often enough.
         let near = self.near_lights();
         let power: f64 = (0..near).map(|light| self.choice.probability(light)).sum();
         let count = near as f64;
         let chance = |light: usize| {
             0.5 / count + if power > 0.0 { 0.5 * self.choice.probability(light) / power } else { 0.5 / count }
         };
+
+        // Invert the cumulative distribution. Rounding may leave the last light.
         let (mut left, mut chosen) = (f64::from(which), None);
         for light in 0..near {
             chosen = Some((light, chance(light)));
@@ -73,6 +76,7 @@ impl PhotonSource<'_> {
                 break;
             }
         }
+
         chosen.into_iter().chain((near..self.lights.len()).map(|light| (light, 1.0)))
     }
 

@@ -59,6 +59,7 @@ impl PhotonEmitter for PointLight {
     }
 
     fn emit(&self, _: Space, Start { way, .. }: Start, share: f32) -> EmittedPhoton {
+        // Sample the cone of a spot uniformly. The falloff becomes the weight of the photon.
         let solid_angle = cone_solid_angle(self.kind);
         let (direction, weight) = match self.kind {
             PunctualKind::Spot { outer, .. } => {

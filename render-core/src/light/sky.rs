@@ -51,15 +51,18 @@ pub struct DomeLight {
 pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight> {
     let Some(sky) = scene.sky.as_ref().and_then(Environment::beside_lamps) else { return Vec::new() };
     let distance = units.radius * DOME_RADII;
-    (0..count)
-        .map(|i| {
-            // Step by the golden ratio. For a uniform sky, the result is the golden spiral, the most even distribution
-            // of directions.
-            let across = (i as f64 * 0.618_033_988_749_894_9).fract() as f32;
-            let SkySample { direction, pdf } = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
-            let intensity = sky.radiance(direction) * (distance * distance / (pdf * count as f32));
-            DomeLight { position: units.center + Vec3A::from(direction) * distance, intensity }
-        })
-        .filter(|light| luminance(light.intensity) > 0.0)
-        .collect()
+    let mut lights = Vec::new();
+    for i in 0..count {
+        // Step by the golden ratio. For a uniform sky, the result is the golden spiral, the most even distribution of
+        // directions.
+        let across = (i as f64 * 0.618_033_988_749_894_9).fract() as f32;
+        let SkySample { direction, pdf } = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
+
+        // I = L d² / (p N): the light replaces its fraction of the sky, at distance d.
+        let intensity = sky.radiance(direction) * (distance * distance / (pdf * count as f32));
+        if luminance(intensity) > 0.0 {
+            lights.push(DomeLight { position: units.center + Vec3A::from(direction) * distance, intensity });
+        }
+    }
+    lights
 }

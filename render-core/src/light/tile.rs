@@ -116,6 +116,7 @@ impl<'a> ReceiverTile<'a> {
     /// Returns the occlusion of `light` for the receivers among `active`. In addition to [`ReceiverTile::hidden_from`],
     /// the result contains the fractions that blended surfaces transmit.
     pub(super) fn hidden(&self, light: Vec3A, active: u64, shafts: &Shafts) -> Hidden {
+        // Trace blended surfaces only for receivers that no opaque surface occludes.
         let whole = self.hidden_from(light, active, shafts.opaque.as_ref());
         let left = active & !whole;
         let partly = match (self.shadows.blends(), &shafts.blended) {
@@ -127,6 +128,8 @@ impl<'a> ReceiverTile<'a> {
         if partly == 0 {
             return Hidden { whole, passed: None };
         }
+
+        // Compute the transmitted fraction only for receivers behind a blended surface.
         let mut passed = std::array::from_fn(|i| if whole >> i & 1 == 1 { 0.0 } else { 1.0 });
         bits(partly).for_each(|i| passed[i] = self.shadows.passed(light, self.positions[i]));
         Hidden { whole, passed: Some(passed) }

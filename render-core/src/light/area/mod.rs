@@ -107,6 +107,7 @@ impl AreaLight {
 
     /// Builds the sample at `point`, which represents the whole light. `side` (0…1) selects one of two sides.
     fn sample(&self, surfaces: &Surfaces, point: LightPoint, side: f32, detail: Detail) -> AreaSample {
+        // Compute the position and the normal of the emitting side. A mirrored instance reverses the corners.
         let LightPoint { triangle: t, u, v, density, cell_emission } = point;
         let [a, b, c] = surfaces.corners(self.instance, t);
         let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
@@ -115,6 +116,8 @@ impl AreaLight {
         let normal = ((b - a).cross(c - a) * turn).normalize_or_zero();
         let share = sides / density;
         let position = a + (b - a) * u + (c - a) * v;
+
+        // Evaluate the emission. A point that represents an area uses the mean over this area.
         let texture = |width: f32| {
             let hit = Hit { distance: 0.0, instance: self.instance as u32, triangle: t as u32, u, v };
             surfaces.at(&hit, -normal, width).emission
@@ -125,6 +128,8 @@ impl AreaLight {
             (Detail::Mean(_), Some(mean)) => mean,
             (Detail::Mean(blur), None) => texture((blur * share).sqrt()),
         };
+
+        // Move the point off the surface by more than the rounding error of its coordinates.
         let offset = position.abs().max_element().max((b - a).length()) * 1e-5;
         AreaSample { position: position + normal * offset, offset, normal, intensity: emission * share, area: share }
     }
@@ -226,9 +231,10 @@ impl AreaLight {
         strata.iter().for_each(|&which| counts[face(which)] += 1);
         let shares = self.shares_of_points(&counts);
         let mut places: Vec<_> = counts.iter().copied().map(centered_sobol).collect();
-        // With few points, all points of a face are off-center to the same side. Shift them, except on a few panels.
+        // With few points, all points of a face are off-center to the same side. Shift them, unless the light has few panels.
         let shifts = self.panels > FEW_PANELS;
 
+        // Build one sample per stratum of power.
         let mut samples = Vec::with_capacity(count);
         for which in strata {
             let face = face(which);
@@ -253,6 +259,7 @@ impl AreaLight {
     /// The result depends on a face's power, not on its random number of points. Otherwise, among faces worth one
     /// point, the points of a face with two would have half the weight, and other faces would be overrepresented.
     fn shares_of_points(&self, counts: &[usize]) -> Vec<f32> {
+        // Pool the faces with too little power for two points.
         let sides = if self.double_sided { 2.0 } else { 1.0 };
         let all = counts.iter().sum::<usize>() as f64;
         let power = |face: usize| self.choice.probability(face / 2) / sides;
@@ -265,13 +272,18 @@ impl AreaLight {
                 points += count;
             }
         }
+
         // Densities already contain p. The remaining factor converts them to the returned fractions.
-        let share = |(face, &count): (usize, &usize)| match count {
-            0 => 0.0,
-            _ if stands_alone(face, count) => power(face) / count as f64,
-            _ => rest / points as f64,
-        };
-        counts.iter().enumerate().map(share).map(|share| share as f32).collect()
+        let mut shares = Vec::with_capacity(counts.len());
+        for (face, &count) in counts.iter().enumerate() {
+            let share = match count {
+                0 => 0.0,
+                _ if stands_alone(face, count) => power(face) / count as f64,
+                _ => rest / points as f64,
+            };
+            shares.push(share as f32);
+        }
+        shares
     }
 }
 

@@ -180,6 +180,8 @@ fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
         let [a, b, c] = surfaces.corners(instance, t);
         let area = (b - a).cross(c - a).length() / 2.0;
         let emission = glow.of_triangle(t);
+
+        // Test whether the triangle completes the previous one to a parallelogram.
         let completes = patches.last().is_some_and(|last| {
             // Exporters split a rectangle into corners p q r and p r s with q − p = r − s.
             let [p, q, r] = surfaces.corners(instance, last.triangle);
@@ -190,6 +192,8 @@ fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
                 && (b - r).length() <= tolerance
                 && ((q - p) - (r - c)).length() <= tolerance
         });
+
+        // Merge the pair, with the mean emission weighted by area.
         match patches.last_mut() {
             Some(last) if completes => {
                 last.parallelogram = true;

@@ -244,6 +244,7 @@ impl TileVotes {
     /// Adds a sample with `terms` times its intensity for the receivers in `traced`. A term is 0 if the sample does not
     /// emit towards the receiver.
     fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], traced: u64, hidden: &Hidden) {
+        // Vote: a partly occluded sample votes for both lit and dark.
         let Hidden { whole, passed } = hidden;
         self.lit |= traced & !whole;
         self.dark |= traced & whole;
