@@ -143,11 +143,14 @@ impl GBuffer {
     /// deformed.
     fn bent_to(&self, pixel: &PixelSurface, other: &GBuffer) -> Option<(Vec3A, Vec3A)> {
         let [a, b, c] = self.bent_corners(pixel)?;
+        // Locate the point in the triangle of this frame.
         let area = (b - a).cross(c - a);
         let at = Vec3A::from(pixel.position) - a;
         // Barycentric weights are fractions of the triangle's area, measured along its normal.
         let whole = area.length_squared();
         let (u, v) = (at.cross(c - a).dot(area) / whole, (b - a).cross(at).dot(area) / whole);
+
+        // Place it at the same weights in the other frame's triangle.
         let [p, q, r] = other.bent_corners(pixel)?;
         let turned = (q - p).cross(r - p).normalize_or_zero();
         let side = area.dot(pixel.geometric_normal.into()).signum();
@@ -193,6 +196,8 @@ impl Camera<'_> {
         let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width).enumerate();
         let layered: Vec<Vec<LayeredPixel>> =
             strips.map(|(tile_row, strip)| busy.measure(|| self.strip(tile_row * MACROBLOCK, width, strip))).collect();
+
+        // Sort the pixels: packets are not in raster order, which binary search requires.
         let mut layered = layered.concat();
         layered.sort_unstable_by_key(|pixel| pixel.index);
         layered
@@ -201,6 +206,7 @@ impl Camera<'_> {
     /// Traces a row of macroblocks, starting at line `top`, into `strip`. Returns the row's pixels with several
     /// layers.
     fn strip(&self, top: usize, width: usize, strip: &mut [PixelSurface]) -> Vec<LayeredPixel> {
+        // Trace each macroblock as four packets. Packets at the border of the picture are smaller.
         let rows = strip.len() / width;
         let mut layered = Vec::new();
         for left in (0..width).step_by(MACROBLOCK) {
@@ -228,6 +234,7 @@ impl Camera<'_> {
         mut set: impl FnMut((usize, usize), PixelSurface, Vec<Layer>),
     ) {
         let Self { shown, view, sample } = *self;
+        // Collect the rays of the pixels.
         let (mut pixels, mut rays, mut count) = ([(0, 0); PACKET], [CameraRay::default(); PACKET], 0);
         for (x, y) in places {
             pixels[count] = (x, y);
@@ -252,6 +259,7 @@ impl Camera<'_> {
 fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit>; PACKET] {
     let mut hits = [None; PACKET];
     let Some(&CameraRay { origin, .. }) = rays.first() else { return hits };
+    // Trace the rays of a perspective camera as one packet, because they share an origin.
     if rays.iter().all(|other| other.origin == origin) {
         let mut directions = [Vec3A::ZERO; PACKET];
         directions.iter_mut().zip(rays).for_each(|(direction, ray)| *direction = ray.direction);
@@ -260,6 +268,7 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit
         // Trace the parallel rays of an orthographic camera one by one.
         hits.iter_mut().zip(rays).for_each(|(hit, ray)| *hit = scene.accelerator.closest(ray.origin, ray.direction));
     }
+    // Apply the depth range of the view.
     for (hit, ray) in hits.iter_mut().zip(rays) {
         let closest = |origin| scene.accelerator.closest(origin, ray.direction);
         let (near, far) = view.distances(ray.direction);
@@ -271,10 +280,13 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit
 /// Returns the surface that a ray shows. Textures are filtered over the ray's cone, which is `width(depth)` meters
 /// wide.
 fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) -> f32, view: &View) -> PixelSurface {
+    // Find the visible surface with textures filtered over the cone at the depth of the hit.
     let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |seen| seen.depth);
     let width = |hit: &Hit| width(depth(hit));
     let shown = hit.and_then(|hit| ray.shown_within(view.distances(direction), scene, hit, width));
+
+    // Return the sky if no surface is visible. Its position is a direction.
     let Some((hit, surface)) = shown.map(|(hit, point)| (hit, point.surface())) else {
         let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
@@ -307,6 +319,7 @@ impl GBuffer {
 
     fn reprojected(&self, other: &GBuffer, busy: &Busy) -> Correspondence {
         let (width, height) = (self.pixels.width(), self.pixels.height());
+        // Compute the motion of each instance once, then locate the pixels row by row.
         let carry = self.carry_to(other);
         let mut motion = Plane::filled(width, height, [0.0; 2]);
         let mut matches = Plane::filled(width, height, NO_MATCH);
@@ -348,9 +361,11 @@ struct Moved {
 /// Reprojects the surface point of a pixel to `other`. Returns `None` if the point is behind the other camera.
 fn moved(pixel: &PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<Moved> {
     if pixel.instance == NOTHING {
+        // The sky is infinitely distant, so only the rotation of the camera moves it.
         let place = other.view.project_direction(pixel.position.into())?;
         return Some(Moved { place, point: Vec3A::ZERO, normal: Vec3A::ZERO });
     }
+    // Follow the triangle of a deformed mesh, otherwise the transform of the instance.
     let (point, normal) = current.bent_to(pixel, other).unwrap_or_else(|| {
         let then = &carry[pixel.instance as usize];
         let normal = then.transform_vector3a(pixel.geometric_normal.into()).normalize_or_zero();
@@ -364,6 +379,7 @@ fn moved(pixel: &PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
 fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<(Vec2, u32)> {
     let sky = pixel.instance == NOTHING;
     let Moved { place, point, normal } = moved(&pixel, current, carry, other)?;
+    // Choose the nearest of the four pixel centers around the position that shows the same surface.
     let corner = place - 0.5;
     let (left, top) = (corner.x.floor(), corner.y.floor());
     let mut best: Option<(f32, u32)> = None;

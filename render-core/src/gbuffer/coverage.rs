@@ -105,12 +105,14 @@ impl Coverage {
             let search = Search::new(seen, scene, light);
             let mut is_known = vec![false; light.samples().len()];
             let mut coverage = Self::default();
+            // Find the pixels that an outline crosses. Other layered pixels need no further rays.
             let mut wanted = search.crossed(busy);
             wanted.iter().for_each(|pixel| is_known[pixel.index as usize] = true);
             for found in search.by_centers(&is_known, PixelSample::WHOLE.offset, busy) {
                 coverage.add(&found, true);
                 is_known[found.pixel as usize] = true;
             }
+
             // Follow thin objects from pixel to pixel until they end or a center shows them.
             while !wanted.is_empty() {
                 let mut beside: Vec<Wanted> = Vec::new();

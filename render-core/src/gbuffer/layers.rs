@@ -78,6 +78,8 @@ impl<'a> Shown<'a> {
         let CameraRay { origin, direction } = ray;
         let (near, far) = view.distances(direction);
         let shown = hit.and_then(|hit| ray.shown_within((near, far), self.solid(), hit, |_| 0.0)).map(|(hit, _)| hit);
+
+        // The share of a sheet is its opacity times the transmittance of all sheets in front of it.
         let distance = shown.map_or(far, |hit| hit.distance);
         let cone = view.cone(direction, width);
         let mut layers = Vec::new();
@@ -88,6 +90,8 @@ impl<'a> Shown<'a> {
                 left *= 1.0 - sheet.opacity;
             }
         }
+
+        // The solid surface or the sky receives the rest.
         if left > 0.0 && !layers.is_empty() {
             layers.push(Layer { hit: shown, share: left });
         }
@@ -98,6 +102,7 @@ impl<'a> Shown<'a> {
 impl View {
     /// Returns the cone along a unit `direction` that is `width` pixels wide.
     fn cone(&self, direction: glam::Vec3A, width: f32) -> RayCone {
+        // The width of a pixel is linear in depth, with slope 0 in an orthographic view.
         let (near, far) = (self.pixel_width(0.0), self.pixel_width(1.0));
         RayCone { at_origin: near * width, slope: (far - near) * self.depth_per_meter(direction) * width }
     }

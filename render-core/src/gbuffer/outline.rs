@@ -26,15 +26,18 @@ impl CameraRay {
     ) -> Option<(Hit, Interaction<'a>)> {
         let Self { origin, direction } = self;
         let PosedScene { accelerator, surfaces } = scene;
+        // Test each edge, given by its two ends and the opposite corner.
         let inward = INWARD * width;
         let [a, b, c] = surfaces.corners(hit.instance as usize, hit.triangle as usize);
         [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[from, to, inner]| {
             // Find the direction across the edge as the ray sees it, towards the third corner.
             let across = direction.cross(to - from).try_normalize()?;
             let across = if across.dot(inner - from) < 0.0 { -across } else { across };
+            // Skip edges that are too far from the hit.
             if across.dot(met.position - from) > inward {
                 return None;
             }
+            // Trace a parallel ray farther inward, which must hit the front of the same body.
             let hit = accelerator
                 .closest(origin + across * inward, direction)
                 .filter(|beside| beside.instance == hit.instance)?;

@@ -55,11 +55,14 @@ impl GBuffer {
     /// are spread over the pixel's area; a single ray passes through the center.
     pub fn instance_shares(&self, scene: PosedScene, rays: usize) -> Timed<InstanceShares> {
         Timed::of(|busy| {
+            // Reuse the center's surface for a single ray.
             if rays <= 1 {
                 let mut shares = InstanceShares::default();
                 self.pixels.samples().iter().for_each(|pixel| shares.add(vec![pixel.instance]));
                 return shares;
             }
+
+            // Trace rows in parallel, and append them in order.
             let offsets: Vec<Vec2> = centered_sobol(rays.min(PACKET)).collect();
             let rows = (0..self.pixels.height()).into_par_iter();
             let rows: Vec<InstanceShares> =
@@ -82,6 +85,8 @@ impl GBuffer {
                 let corner = Vec2::new(x as f32, y as f32);
                 rays.extend(offsets.iter().map(|&offset| CameraRay::through(corner + offset, &self.view)));
             }
+
+            // Count the instances pixel by pixel.
             let hits = first_hits(scene, &rays, &self.view);
             for (rays, hits) in rays.chunks(offsets.len()).zip(hits.chunks(offsets.len())) {
                 shares.add(instances(scene, rays, hits, &self.view));
@@ -101,11 +106,15 @@ fn instances(scene: PosedScene, rays: &[CameraRay], hits: &[Option<Hit>], view: 
             instances.push(NOTHING);
             continue;
         };
+
+        // Skip the test for a back if an earlier ray of the pixel found a front on this triangle.
         let is_same = |other: Hit| (other.instance, other.triangle) == (hit.instance, hit.triangle);
         if front.is_some_and(is_same) {
             instances.push(hit.instance);
             continue;
         }
+
+        // Otherwise, find the first front behind a back.
         let distances = view.distances(ray.direction);
         let shown = ray.shown_within(distances, scene, hit, |_| 0.0).map(|(shown, _)| shown);
         instances.push(shown.map_or(NOTHING, |shown| shown.instance));

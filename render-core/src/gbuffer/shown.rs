@@ -32,15 +32,19 @@ impl CameraRay {
     ) -> Option<(Hit, Interaction<'a>)> {
         let Self { origin, direction } = self;
         let pixel = width(&hit);
+        // Most rays hit a front.
         let surface = scene.surfaces.point(&hit, direction, pixel);
         if surface.front {
             return Some((hit, surface));
         }
+
+        // At an outline, rounding may hide the front at the same edge.
         let beside = self.front_beside(scene, &hit, &surface, pixel);
         let beside = beside.filter(|(hit, _)| hit.distance >= distances.0);
         if beside.is_some() || !surface.is_back() {
             return beside.or(Some((hit, surface)));
         }
+
         // Trace from the same origin, to include a front at the same distance as the back.
         let (near, far) = distances;
         let hit = self.cut(near, far, scene.accelerator.closest_shown(origin, direction), |origin| {
@@ -58,6 +62,7 @@ impl CameraRay {
         hit: Option<Hit>,
         closest: impl Fn(Vec3A) -> Option<Hit>,
     ) -> Option<Hit> {
+        // Trace again from the near plane if the first hit is in front of it.
         let hit = match hit {
             Some(hit) if hit.distance < near => {
                 closest(self.origin + self.direction * near).map(|hit| Hit { distance: hit.distance + near, ..hit })

@@ -82,9 +82,12 @@ impl GBuffer {
         known: Option<Lender>,
     ) -> Option<Lender> {
         let (width, height) = (self.pixels.width(), self.pixels.height());
+        // Prefer the center of the pixel itself.
         if shows(&self.pixels.row(y)[x], seen) {
             return Some(Lender::center((y * width + x) as u32));
         }
+
+        // Otherwise, choose the surrounding center nearest in world space.
         let mut nearest: Option<(f32, usize)> = None;
         for (u, v) in around(x, y, width, height).flatten() {
             let other = &self.pixels.row(v)[u];
@@ -114,6 +117,7 @@ impl GBuffer {
         }
         let (width, height) = (self.pixels.width(), self.pixels.height());
         let mut alike: Option<Lender> = None;
+        // Search ring by ring. The first ring with the surface itself ends the search.
         for reach in 1..=REACH {
             let mut same: Option<(f32, usize)> = None;
             let mut other: Option<(f32, usize)> = None;
@@ -133,6 +137,8 @@ impl GBuffer {
                     }
                 }
             }
+
+            // Otherwise, remember the first ring with a similar normal.
             if let Some((_, index)) = same {
                 return Some(Lender::borrowed(index as u32));
             }

@@ -23,9 +23,12 @@ impl Search<'_> {
     /// Returns whether layer p of pixel a and layer q of pixel b show the same surface.
     fn are_alike(&self, a: usize, p: &Layer, b: usize, q: &Layer) -> bool {
         let (Some(first), Some(second)) = (p.hit, q.hit) else { return p.hit == q.hit };
+        // Decide without evaluating the surfaces where possible.
         if first.instance != second.instance || first.triangle == second.triangle {
             return first.instance == second.instance;
         }
+
+        // Compare positions and normals of different triangles of one instance.
         let view = &self.seen.view;
         let surface = |pixel, hit| {
             let ray = self.ray(pixel, PixelSample::WHOLE.offset);
@@ -90,6 +93,7 @@ impl Area<'_> {
         let Search { seen, shown, .. } = self.search;
         let width = |depth| seen.view.pixel_width(depth);
         let surface = see(layer.hit, ray, shown.solid(), &width, &seen.view);
+        // Use the light of a center that shows the layer, otherwise borrow light.
         let light = match self.search.layer_light(self.x, self.y, &surface) {
             Some((source, tint, emission)) => Some(Shown { part: self.part(source), tint, emission }),
             None => self.borrow(&surface),

@@ -84,6 +84,7 @@ impl Search<'_> {
     /// Returns the pixels that an outline crosses, ordered in blocks of 8×16.
     pub fn crossed(&self, busy: &Busy) -> Vec<Wanted> {
         let (width, height) = self.size();
+        // Visit the pixels in compact blocks, so that consecutive rays are coherent.
         let strips = (0..height.div_ceil(MACROBLOCK)).into_par_iter().map(|strip| {
             busy.measure(|| {
                 let rows = strip * MACROBLOCK..height.min((strip + 1) * MACROBLOCK);
@@ -147,6 +148,7 @@ impl Search<'_> {
 
     /// Traces pixels with a few rays each, then with the remaining rays if the first rays find another surface.
     fn areas(&self, pixels: &[Wanted], rays: &Rays) -> Vec<SearchedPixel> {
+        // Trace the remaining rays only for pixels in which the first rays found another surface.
         let mut areas: Vec<Area> = pixels.iter().map(|&pixel| Area::new(self, pixel)).collect();
         self.packets(&mut areas.iter_mut().collect::<Vec<_>>(), &rays.first);
         self.packets(&mut areas.iter_mut().filter(|area| area.is_mixed()).collect::<Vec<_>>(), &rays.rest);
@@ -166,6 +168,8 @@ impl Search<'_> {
                 let corner = Vec2::new(area.x as f32, area.y as f32);
                 rays.extend(offsets.iter().map(|&offset| CameraRay::through(corner + offset, view)));
             }
+
+            // Distribute the hits among the pixels, in the order of the rays.
             let hits = first_hits(self.shown.solid(), &rays, view);
             for (k, area) in areas.iter_mut().enumerate() {
                 for (i, &offset) in (k * offsets.len()..).zip(offsets) {
@@ -191,6 +195,7 @@ struct Rays {
 
 impl Rays {
     fn new(count: usize) -> Self {
+        // Sort by distance from the center, farthest first.
         let mut first: Vec<Vec2> = centered_sobol(count).collect();
         let off_center = |place: &Vec2| (*place - 0.5).abs().max_element();
         first.sort_by(|a, b| off_center(b).total_cmp(&off_center(a)));
@@ -275,6 +280,8 @@ impl<'a> Area<'a> {
         let known = self.known.iter().find(|known| known.instance == instance && known.triangle == triangle).copied();
         let Some(shown) = known.map_or_else(|| self.show(ray, hit), |known| known.shown) else { return };
         self.count(&shown, 1.0);
+
+        // Request adjacent pixels if a thin object may continue there.
         let RaySum { is_thin, source, .. } = self.parts[shown.part];
         if is_thin {
             self.follow(offset, source);
@@ -284,6 +291,7 @@ impl<'a> Area<'a> {
     /// Returns the result of a ray that hits a new triangle, or `None` if no pixel provides the light.
     fn show(&mut self, ray: CameraRay, hit: Option<Hit>) -> Option<Shown> {
         let Search { seen, shown, .. } = self.search;
+        // Evaluate the surface that the ray shows.
         let scene = shown.solid();
         let distances = seen.view.distances(ray.direction);
         let point = hit.and_then(|hit| ray.shown_within(distances, scene, hit, |_| 0.0));
@@ -296,6 +304,8 @@ impl<'a> Area<'a> {
             triangle: hit.triangle,
             ..EMPTY
         });
+
+        // Use the light of a center that shows the surface, otherwise borrow light.
         let shown = match seen.nearest_alike(self.x, self.y, &surface, self.pixel.from) {
             Some(source) => Some(Shown { part: self.part(source), tint: Vec3::ONE, emission: Vec3::ZERO }),
             None => {
@@ -303,6 +313,8 @@ impl<'a> Area<'a> {
                 self.borrow(&see(hit, ray, scene, &width, &seen.view))
             }
         };
+
+        // Remember the result for the triangle, unless other rays may have a different result.
         // Behind a back, each ray may show another triangle. On a partly emissive triangle, each ray may show another
         // region.
         let is_whole = match (&point, hit) {
