@@ -141,6 +141,7 @@ impl GatherDirections {
     /// Builds `count` directions, which are most even if `count` is a power of two.
     #[must_use]
     pub fn new(count: usize) -> Self {
+        // Project points of the unit disc up to the hemisphere.
         let on_sphere = |u| {
             let p = concentric_disc(u);
             Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
@@ -153,6 +154,7 @@ impl FinalGather {
     /// Builds the final gather for the frame of `surfaces`, with the flux that photons deposited at surfels.
     #[must_use]
     pub fn new(surfaces: &Surfaces, anchors: &Anchors, anchor_flux: &AnchorFlux, units: &Units) -> Self {
+        // Convert the flux of all surfels to radiance. Moving occluders change fixed surfels only.
         let scene = surfaces.scene();
         let fixed = anchors.surfels.fixed.clone();
         let dynamic = anchors.surfels.dynamic_in_world(surfaces);
@@ -210,6 +212,8 @@ impl FinalGather {
         let (x, y) = frame(normal.into());
         let (sine, cosine) = (std::f32::consts::TAU * hash_unit(key, 0, 0)).sin_cos();
         let (x, y) = (Vec3A::from(x * cosine + y * sine), Vec3A::from(y * cosine - x * sine));
+
+        // Collect hit distances for the radius of a record, and compensation for its light.
         let mut found = Gathered {
             harmonic_mean: f32::INFINITY,
             nearest: f32::INFINITY,
@@ -225,20 +229,26 @@ impl FinalGather {
             if direction.dot(geometric_normal) <= 0.0 {
                 continue;
             }
+
+            // Count distances to all hits, even if they are too far away for any compensation.
             above += 1;
             let Some(hit) = scene.accelerator.closest(position, direction) else { continue };
             inverse_distances += 1.0 / hit.distance;
             found.nearest = found.nearest.min(hit.distance);
+
+            // Drop rays with negligible compensation s / (r² + s).
             let r2 = hit.distance * hit.distance;
             let bound = self.bound[usize::from(self.moving[hit.instance as usize])];
             let share = bound / (r2 + bound);
             if share < LEAST_SHARE {
                 continue;
             }
+
             // A ray represents the region up to the neighboring rays, so average the texture over that region.
             let width = (hit.distance * spread).min(bound.sqrt());
             let surface = scene.surfaces.meet(&hit, direction, width);
             let way = direction * hit.distance;
+
             // Compute the gradient of ln(cos θ cos θ_l s / (r⁴ (r² + s))) along the surface, with the hit point fixed.
             // Both cosines contain the length of `way`.
             let towards = way.dot(surface.geometric_normal).min(-MIN_COSINE * hit.distance);
@@ -246,6 +256,8 @@ impl FinalGather {
             let gradient = falloff - surface.geometric_normal / towards;
             let gradient = gradient - normal * gradient.dot(normal);
             let source = SurfelShare { surfel: 0, share: Vec3::splat(weight * share), by_position: gradient };
+
+            // Add emission, then follow the ray out of a narrow gap to the surfels at its end.
             if self.virtual_emitters[hit.instance as usize] {
                 found.emit(&surface, &source);
             }

@@ -41,14 +41,19 @@ impl Gaps {
         found: &mut Gathered,
     ) -> Seen<'a> {
         for _ in 0..MOST_REFLECTIONS {
+            // Stop outside a gap, and at the back of a surface, which reflects no light.
             let Seen { surface, distance, source } = &mut seen;
             if *distance >= self.near || surface.is_back() {
                 break;
             }
+
+            // Stop where a lamp is visible, because rays rarely hit lamps.
             let position = surface.position + surface.geometric_normal * self.epsilon;
             if self.lamps.are_seen(accelerator, position, surface.geometric_normal) {
                 break;
             }
+
+            // Draw a cosine-distributed direction. A ray that leaves the gap ends at the current surface.
             let mut next = || random.next().unwrap_or_default();
             let direction = cosine_hemisphere(surface.shading_normal().into(), Vec2::new(next(), next())).into();
             if surface.geometric_normal.dot(direction) <= 0.0 {
@@ -57,6 +62,8 @@ impl Gaps {
             let Some(hit) = accelerator.closest(position, direction).filter(|hit| hit.distance < self.near) else {
                 break;
             };
+
+            // Continue from the next surface: L(y) = ρ(y) · (Lₑ(z) + L(z)).
             source.share *= surface.reflectance();
             let surface = surfaces.meet(&hit, direction, hit.distance);
             found.emit(&surface, source);
