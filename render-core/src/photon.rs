@@ -180,6 +180,7 @@ impl Photons {
             let Some(source) = source else {
                 return Sums::new(surfels).anchor_flux(Quantum::default(), anchors, surfels, Moved::default());
             };
+
             // Collect the scene and settings that all photons of the frame share.
             let starts = Starts::new(&source, self.guide.clone());
             let walk = Walk {
@@ -195,6 +196,7 @@ impl Photons {
                 seed: self.seed,
                 bounces: self.bounces,
             };
+
             // Trace the photons. Their flux at surfels determines the flux of the anchors.
             let quantum = Quantum::of(source.powers());
             let ranks = self.ranks.clone();
@@ -214,9 +216,11 @@ impl Photons {
             let sums = others.plus(settled.sums.clone());
             return (sums, settled.others.len() as u64);
         }
+
         // Trace all photons in every frame if there is no swept volume.
         let count: u64 = emission.batches().map(|batch| batch.end - batch.start).sum();
         let Some(swept) = &self.swept else { return (emission.of_all_ranks(|meter| emission.trace_all(meter)), count) };
+
         // Sum separately the flux that moving geometry cannot change, so that later frames reuse the sums.
         let swept = &Swept { entered: swept.clone(), near: swept.widened(emission.surfels[0].reach()) };
         let (mut change, mut others) = (emission.no_sums(), Vec::new());
@@ -277,6 +281,7 @@ impl FrameEmission<'_> {
     /// Returns the ranges of photons that this rank traces.
     fn batches(&self) -> impl ParallelIterator<Item = Range<u64>> {
         let count = self.walk.count;
+        // Assign batches to ranks, so that a rank retraces only its own photons in later frames.
         let (rank, ranks) = (self.ranks.rank(), self.ranks.count());
         let begins = (0..count.div_ceil(BATCH)).into_par_iter().map(|batch| batch * BATCH);
         let of_this_rank = begins.filter(move |&begin| assignment_of(begin).owner(ranks) == rank);
@@ -358,15 +363,18 @@ impl FrameEmission<'_> {
                     let index = index as u32;
                     legs.clear();
                     self.walk.follow(index, &mut path, |leg| legs.push(leg));
+                    // Retrace photons of moving lights completely in every frame.
                     if path.from_moving {
                         self.take(change, &path, &mut left_to_change);
                         others.push(Other::Whole(index));
                         continue;
                     }
+                    // Split other paths at the first segment that moving geometry may affect.
                     if let Some(segment) = path.first_met(&legs, &swept.entered, &swept.near) {
                         self.take(change, &path.split_off(segment), &mut left_to_change);
                         others.push(Other::From(legs[segment]));
                     }
+                    // The flux before this segment is constant.
                     self.take(stay, &path, &mut left_to_stay);
                 }
                 self.settle(change, &mut left_to_change);

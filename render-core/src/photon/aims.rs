@@ -80,6 +80,7 @@ impl Aims {
             return self.0.push(ball(edges));
         }
 
+        // Split at the median of the widest axis. The lower half directly follows its parent.
         let half = edges.len() / 2;
         edges.select_nth_unstable_by(half, |a, b| a.from[axis].total_cmp(&b.from[axis]));
         let (at, number) = (edges[half].from[axis], self.0.len());
@@ -131,8 +132,11 @@ impl AimCone {
     /// Draws the direction and the weight of a photon that leaves along `normal`. `which` and `point` are numbers in
     /// 0…1.
     pub fn draw(&self, normal: Vec3, which: f32, point: Vec2) -> (Vec3, f32) {
+        // Draw from the mixture ½ cos θ / π + ½ / Ω.
         let is_aimed = which < AIMED;
         let direction = if is_aimed { self.within(point) } else { cosine_hemisphere(normal, point) };
+
+        // Compute both densities for the drawn direction, whichever lobe it came from.
         let even = normal.dot(direction).max(0.0) / PI;
         let is_inside = is_aimed || self.axis.dot(direction.into()) >= 1.0 - self.height;
         let aimed = if is_inside { 1.0 / (TAU * self.height) } else { 0.0 };
@@ -142,6 +146,7 @@ impl AimCone {
 
     /// Returns a uniformly distributed direction in the cone.
     fn within(&self, point: Vec2) -> Vec3 {
+        // Draw 1 − cos θ uniformly, with sin² θ = (1 − cos θ)(1 + cos θ).
         let low = point.x * self.height;
         let sine = (low * (2.0 - low)).max(0.0).sqrt();
         let (s, c) = (TAU * point.y).sin_cos();

@@ -72,6 +72,7 @@ impl Boxes {
         self.nodes.push(BoxNode::Leaf(open.share / (extent.x * extent.y * extent.z * extent.w)));
         let Some(Cut { axis, at, low }) = open.empty_side().or_else(|| open.halves()) else { return number };
 
+        // Split the box and its samples. Each half receives its fraction of the weight.
         let Open { samples, low: begin, high: end, share } = open;
         let (below, above) = samples.into_iter().partition(|(point, _)| point[axis] < at);
         let (mut middle_end, mut middle_begin) = (end, begin);
@@ -99,6 +100,7 @@ impl Boxes {
     /// Draws a point with this density, and returns the point and its density. `which` in 0…1 selects the box, and
     /// `place` the point in the box.
     pub fn draw(&self, mut which: f32, place: Vec4) -> (Vec4, f32) {
+        // Descend to a leaf. The number `which` is rescaled at each split and stays uniform in 0…1.
         let (mut number, mut begin, mut end) = (0, Vec4::ZERO, Vec4::ONE);
         loop {
             match self.nodes[number as usize] {
@@ -125,6 +127,8 @@ impl Open {
         // Extend the box of the samples by a margin, because further samples may lie slightly outside it.
         let margin = ((most - least) * MARGIN.max(2.0 / samples.len() as f32)).max(Vec4::splat(NARROW));
         let (least, most) = (least - margin, most + margin);
+
+        // Compare the empty space at both ends of each axis, as a fraction of the side.
         let (mut largest, mut cut) = (LARGE, None);
         for axis in 0..4 {
             let extent = high[axis] - low[axis];
@@ -144,6 +148,7 @@ impl Open {
     /// a fraction s of the weight and a fraction v of the volume.
     fn halves(&self) -> Option<Cut> {
         let Self { samples, low, high, .. } = self;
+        // Too few samples yield no reliable median.
         let count = samples.len();
         let total: f64 = samples.iter().map(|(_, weight)| weight).sum();
         if count < 2 * LEAF || total <= 0.0 {
@@ -160,6 +165,7 @@ impl Open {
                 number += 1;
             }
             let at = (sorted[number - 1].0 + sorted[number].0) / 2.0;
+
             // Skip splits at equal coordinates, and splits of narrow or degenerate boxes.
             let (extent, share) = (high[axis] - low[axis], (below / total) as f32);
             let volume = (at - low[axis]) / extent;
@@ -167,6 +173,8 @@ impl Open {
             if !parts || extent < NARROW || !(0.0..1.0).contains(&share) || !(0.0..1.0).contains(&volume) {
                 continue;
             }
+
+            // Choose the axis with the largest gain.
             let gain = share * (share / volume).ln() + (1.0 - share) * ((1.0 - share) / (1.0 - volume)).ln();
             if gain > most {
                 (most, best) = (gain, Some(Cut { axis, at, low: share }));

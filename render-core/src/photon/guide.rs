@@ -121,6 +121,7 @@ impl GuideSearch {
         units: &Units,
         depart: impl Fn(u32) -> Option<(usize, Departure)> + Sync,
     ) {
+        // Trace paths in parallel, and append their results in the order of paths.
         let Some(source) = emitters.photons(scene.surfaces.scene()) else { return };
         let paths = Paths { scene, source: &source, units, moment: self.moments };
         let first_part = self.moments as usize * PARTS * PARTS;
@@ -240,6 +241,7 @@ impl Paths<'_> {
     fn light(&self, at: &Departure, throughput: Vec3, points: &mut impl FnMut() -> Vec2, found: &mut Vec<Found>) {
         let PosedScene { accelerator, surfaces } = self.scene;
         for (light, chance) in self.source.some_lights(points().x) {
+            // Draw a point or direction of the light, then test visibility.
             let (place, way) = (points(), points());
             let facing = Facing { position: at.origin, normal: at.normal };
             let Some(seen) = self.source.towards(surfaces, light, facing, [place, way]) else { continue };
@@ -247,6 +249,8 @@ impl Paths<'_> {
                 Some(end) => accelerator.occluded(at.origin, end),
                 None => accelerator.occluded_towards(at.origin, seen.towards),
             };
+
+            // Divide by the probability of the light, because only one near light is drawn.
             let light_in_picture = f64::from(luminance(throughput * seen.irradiance)) / chance;
             if !hidden && light_in_picture > 0.0 {
                 found.push(Found { part: 0, light, start: seen.start, light_in_picture });
@@ -292,12 +296,14 @@ impl Starts {
     /// Draws a photon start from numbers in 0…1.
     pub fn draw(&self, which: f64, place: Vec2, way: Vec2) -> Start {
         let Pick { index: light, probability, rest } = self.choice.pick(which);
+        // Find the start density, which only distant lights have.
         let boxes = self
             .guide
             .as_ref()
             .and_then(|guide| light.checked_sub(self.near).and_then(|distant| guide.distant.get(distant)?.as_ref()));
         let Some(boxes) = boxes else { return Start { light, rest, place, way, density: probability as f32 } };
 
+        // Draw the start with the density of the light. The remainder `rest` selects the box.
         let (start, density) = boxes.draw(rest as f32, Vec4::new(place.x, place.y, way.x, way.y));
         let (place, way) = (Vec2::new(start.x, start.y), Vec2::new(start.z, start.w));
         Start { light, rest, place, way, density: probability as f32 * density }

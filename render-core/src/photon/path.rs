@@ -113,12 +113,14 @@ impl Walk<'_> {
 
     /// Traces a photon from the start of a segment to its end. Calls `each` with the start of each further segment.
     pub fn follow_from(&self, mut leg: Leg, path: &mut Path, mut each: impl FnMut(Leg)) {
+        // Clear the previous photon, but keep the memory of its reflections.
         path.reflections.clear();
         *path = Path { reflections: std::mem::take(&mut path.reflections), ..Path::default() };
         let index = u64::from(leg.index);
         for bounce in usize::from(leg.bounce)..self.bounces {
             each(leg);
             let (origin, direction, flux) = (Vec3A::from(leg.origin), Vec3A::from(leg.direction), leg.flux);
+
             // End the path of a photon that leaves the scene or hits a back side. Its flux is lost.
             let Some(hit) = self.accelerator.closest(origin, direction) else {
                 path.lost = flux;
@@ -131,12 +133,15 @@ impl Walk<'_> {
                 path.end = Some(surface.position);
                 return;
             }
+
             // Compute the albedo of a coat for this direction, because it depends on the direction.
             let coat = surface.coat();
             let albedo = match &coat {
                 Some((bsdf, normal)) => bsdf.directional_albedo(-direction.dot(*normal)),
                 None => surface.albedo(),
             };
+
+            // Store the reflection. Its energy is distributed among surfels later.
             let reflected = flux * albedo;
             path.reflections.push(Reflection {
                 position: surface.position,
@@ -146,6 +151,8 @@ impl Walk<'_> {
                 on_moving: self.moving[hit.instance as usize],
                 came: if leg.distant { f32::INFINITY } else { hit.distance },
             });
+
+            // End or continue the path by Russian roulette.
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
             // Use the reflectance as survival probability, which keeps the energy of photons constant. If the probability
             // were limited to q < 1, long-lived photons would grow and a few would outshine all others. For reflectances
@@ -155,6 +162,7 @@ impl Walk<'_> {
             if survival.is_nan() || u(2) >= survival {
                 return;
             }
+
             // Draw the next direction from the lobes of a coat, or from a cosine lobe that may be aimed.
             let point = Vec2::new(u(0), u(1));
             let (direction, weight) = match coat {
@@ -182,6 +190,8 @@ impl Walk<'_> {
             if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;
             }
+
+            // Divide by the survival probability, so that the expected flux is unchanged.
             leg = Leg {
                 index: leg.index,
                 bounce: (bounce + 1) as u16,
@@ -203,11 +213,13 @@ impl Walk<'_> {
 /// Both weights have the luminance of the total albedo, so photons keep their energy. With weights by direction
 /// (F·G₂/G₁ over its mean), a few photons would outshine all others.
 fn leave(bsdf: Bsdf, normal: Vec3A, direction: Vec3A, choice: f32, point: impl Fn(u64) -> Vec2) -> (Vec3, Vec3) {
+    // Compute the albedos of coat and base in the shading frame.
     let normal = Vec3::from(normal);
     let (x, y) = frame(normal);
     let outgoing = Vec3::from_array([x, y, normal].map(|axis| -axis.dot(direction.into())));
     let (coat, base) = (bsdf.coat_albedo(outgoing.z), bsdf.diffuse_albedo(outgoing.z));
     let share = luminance(coat) / luminance(coat + base);
+    // Reflect by the coat. If all drawn directions point below the surface, use a cosine lobe.
     if choice < share
         && let Some(d) = (0..MOST_DRAWS).find_map(|k| bsdf.sample_coat(outgoing, point(k)))
     {
@@ -222,6 +234,7 @@ impl Path {
     /// the segments. Reflections within the `near` space are also affected, because moving geometry may hide their
     /// surfels.
     pub fn first_met(&self, legs: &[Leg], swept: &SweptVolume, near: &SweptVolume) -> Option<usize> {
+        // Compare each segment with the swept volume, and each reflection with the widened volume.
         let ends = self.reflections.iter().map(|reflection| reflection.position).chain(self.end);
         let meets = |(leg, end): (&Leg, Vec3A)| swept.is_entered(leg.origin.into(), end);
         let entered = legs.iter().zip(ends).position(meets);

@@ -130,6 +130,7 @@ impl Sums {
         let sights = [Some(sight), None];
         for (((spots, held), surfels), sight) in kinds.iter_mut().zip(&mut self.held).zip(surfels).zip(sights) {
             surfels.splat_all(spots, sight, scratch, |flux, parts| {
+                // Without any surfel nearby, the flux is lost.
                 let (exactly, whole) = (quantum.exactly(flux), quantum.count(flux));
                 let Some((&(last, _), others)) = parts.split_last() else { return self.lost.add(whole) };
                 let mut rest = whole;
