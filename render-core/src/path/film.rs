@@ -60,6 +60,7 @@ impl PathTracer<'_> {
     /// `progress` is called from any thread with the number of finished tiles and the total number of tiles.
     pub fn render(&self, view: &View, options: &PathOptions, progress: impl Fn(usize, usize) + Sync) -> PathEstimate {
         let (width, height) = (view.size().x as usize, view.size().y as usize);
+        // Divide the picture into tiles, which threads render in any order.
         let columns = width.div_ceil(TILE);
         let count = columns * height.div_ceil(TILE);
         let done = std::sync::atomic::AtomicUsize::new(0);
@@ -76,6 +77,8 @@ impl PathTracer<'_> {
                 pixels
             })
             .collect();
+
+        // Copy the pixels of each tile into the picture.
         let black = || Plane::filled(width, height, [0.0f32; 3]);
         let mut estimate = PathEstimate { mean: black(), variance_of_mean: black() };
         for (tile, pixels) in tiles.iter().enumerate() {
@@ -94,6 +97,7 @@ impl PathTracer<'_> {
     /// Var ≈ Σ n_k (m_k − m)² / ((K − 1) n)        for K independent groups of n_k samples with means m_k, n samples in total
     /// ```
     fn pixel(&self, view: &View, corner: Vec2, index: usize, options: &PathOptions) -> [DVec3; 2] {
+        // Divide the samples into groups. Group sizes differ by at most one.
         let samples = options.samples.max(1);
         let groups = GROUPS.min(samples);
         let sharp = options.pixel == PixelSampling::Area;
@@ -101,16 +105,18 @@ impl PathTracer<'_> {
             let first = |k: u32| (u64::from(samples) * u64::from(k) / u64::from(groups)) as u32;
             let size = first(k + 1) - first(k);
             let key = hash(options.seed, index as u64, u64::from(k));
-            let sum: DVec3 = (0..size)
-                .map(|i| {
-                    let mut points = Points { key, index: i, dimension: 0 };
-                    let place = points.next();
-                    let place = corner + if sharp { place } else { Vec2::splat(0.5) };
-                    self.sample(view, place, options, &mut points).as_dvec3()
-                })
-                .sum();
+            let mut sum = DVec3::ZERO;
+            for i in 0..size {
+                // The first pair of numbers is the position in the pixel. Center sampling ignores it.
+                let mut points = Points { key, index: i, dimension: 0 };
+                let place = points.next();
+                let place = corner + if sharp { place } else { Vec2::splat(0.5) };
+                sum += self.sample(view, place, options, &mut points).as_dvec3();
+            }
             (f64::from(size), sum)
         };
+
+        // Compute the mean of all samples, and the weighted spread of the groups around it.
         let sums: Vec<(f64, DVec3)> = (0..groups).map(group).collect();
         let n = f64::from(samples);
         let mean = sums.iter().map(|(_, sum)| *sum).sum::<DVec3>() / n;

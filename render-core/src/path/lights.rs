@@ -25,6 +25,7 @@ impl<'a> Lights<'a> {
     pub(super) fn new(surfaces: &Surfaces, emitters: &'a Emitters, epsilon: f32) -> Self {
         let scene = surfaces.scene();
         let choice = Distribution::new(emitters.areas.iter().map(|area| f64::from(luminance(area.power()))));
+        // Index densities by instance and triangle, for rays that hit a light.
         let mut densities = vec![None; scene.instances.len()];
         let mut places = vec![None; scene.instances.len()];
         for (place, area) in emitters.areas.iter().enumerate() {
@@ -54,6 +55,7 @@ impl<'a> Lights<'a> {
     pub(super) fn gather(&self, scene: PosedScene, vertex: &Vertex, points: &mut Points) -> Vec3 {
         let PosedScene { accelerator, surfaces } = scene;
         let mut sum = Vec3::ZERO;
+        // Sample one point of all surfaces, one point light, and one direction per distant light.
         if self.choice.is_some() {
             sum += self.surface_light(scene, vertex, points);
         }
@@ -84,6 +86,8 @@ impl<'a> Lights<'a> {
         };
         let light = &self.emitters.areas[pick.index];
         let LightPoint { triangle, u, v, density, .. } = light.point(pick.rest, place);
+
+        // Skip the shadow ray if the surface reflects nothing from this direction.
         let [a, b, c] = surfaces.corners(light.instance, triangle);
         let way = a + (b - a) * u + (c - a) * v - vertex.position;
         let distance = way.length();
@@ -92,6 +96,7 @@ impl<'a> Lights<'a> {
         if reflected == Vec3::ZERO {
             return Vec3::ZERO;
         }
+
         // Evaluate the light's emission and the density over solid angle.
         let hit = Hit { distance, instance: light.instance as u32, triangle: triangle as u32, u, v };
         let surface = surfaces.at(&hit, direction, 0.0);
@@ -100,6 +105,8 @@ impl<'a> Lights<'a> {
         if surface.emission == Vec3::ZERO || !pdf.is_finite() {
             return Vec3::ZERO;
         }
+
+        // Test visibility up to a point slightly off the light.
         let end = surface.position + surface.geometric_normal * self.epsilon;
         if accelerator.occluded(vertex.position, end) {
             return Vec3::ZERO;
@@ -116,6 +123,7 @@ impl<'a> Lights<'a> {
             let Some(direction) = way.try_normalize() else { return Vec3::ZERO };
             vertex.reflect(direction).0 * light.intensity_towards(vertex.position) / r2
         };
+        // Choose a light by its unshadowed contribution, so that one shadow ray suffices.
         let lights = &self.emitters.points;
         let which = points.next().x;
         let Some(choice) = Distribution::new(lights.iter().map(|light| f64::from(luminance(unshadowed(light))))) else {

@@ -73,6 +73,7 @@ struct Vertex {
 
 impl Vertex {
     fn new(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
+        // The BSDF is evaluated in the shading frame.
         let normal = Vec3::from(surface.shading_normal);
         let (x, y) = frame(normal);
         let back = -Vec3::from(direction);
@@ -124,6 +125,7 @@ impl<'a> PathTracer<'a> {
         let max_bounces = options.max_bounces.unwrap_or(u32::MAX);
         let (mut origin, mut direction) = view.ray(pixel);
         let (mut radiance, mut throughput) = (Vec3::ZERO, Vec3::ONE);
+
         // Density of the direction at the previous surface; `None` at the camera, because no other strategy samples
         // lights there.
         let mut drawn: Option<f32> = None;
@@ -136,6 +138,8 @@ impl<'a> PathTracer<'a> {
                 None => ray.cut(near, far, hit, |origin| self.scene.accelerator.closest(origin, direction)),
                 Some(_) => hit,
             };
+
+            // Filter textures at the visible surface only, and only for samples at the pixel's center.
             let met = match drawn {
                 None => hit.and_then(|hit| {
                     let footprint = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
@@ -145,6 +149,7 @@ impl<'a> PathTracer<'a> {
                 }),
                 Some(_) => hit.map(|hit| (hit, self.scene.surfaces.at(&hit, direction, 0.0))),
             };
+
             // A ray that leaves the scene hits the sky.
             let Some((hit, surface)) = met else {
                 if let Some(sky) = &self.scene.surfaces.scene().sky {
@@ -153,6 +158,8 @@ impl<'a> PathTracer<'a> {
                 }
                 break;
             };
+
+            // Add emission. Weight it if a shadow ray could have sampled the same point of a light.
             match drawn {
                 None => radiance += throughput * surface.emission,
                 Some(pdf) if surface.emission != Vec3::ZERO => {
@@ -163,6 +170,8 @@ impl<'a> PathTracer<'a> {
                 }
                 Some(_) => {}
             }
+
+            // End the path at the maximum length, at a back, or at a black surface.
             let absorbed = bounce > 0 && !surface.front && !surface.double_sided;
             if bounce >= max_bounces || absorbed {
                 break;
@@ -171,6 +180,8 @@ impl<'a> PathTracer<'a> {
             if vertex.bsdf.is_black() {
                 break;
             }
+
+            // Add direct light at the surface.
             radiance += throughput * self.lights.gather(self.scene, &vertex, points);
 
             // Continue in a direction drawn from the BSDF, unless Russian roulette ends the path.
