@@ -86,6 +86,8 @@ impl Environment {
         let sane = texels.map(|c| if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO });
         let turn = rotation.to_radians().sin_cos();
         let map = EquirectangularMap { texels: sane, intensity, rotation, turn };
+
+        // Separate small bright spots from the remaining light.
         let whole = Self::of_map(map.clone())?;
         let parts = lamps::split(&map, luminance(whole.fluence) / (4.0 * PI)).map(|(lamps, rest)| {
             let rest = Self::of_map(EquirectangularMap { texels: rest, ..map });
@@ -101,6 +103,7 @@ impl Environment {
 
     /// Builds a sky. `mean` returns the radiance of a cell, which is nonzero unless the whole cell is black.
     fn new(source: Sky, size: [usize; 2], mean: impl Fn(usize, usize) -> Vec3) -> Option<Self> {
+        // Weight each cell by its luminance times solid angle, and sum the fluence.
         let mut fluence = glam::DVec3::ZERO;
         let columns: Vec<Option<Distribution>> = (0..size[1])
             .map(|row| {
@@ -155,9 +158,12 @@ impl Environment {
     /// Samples a direction with a density roughly proportional to luminance. `u` is in the unit square.
     #[must_use]
     pub fn sample(&self, u: Vec2) -> SkySample {
+        // Draw a row, then a cell of this row.
         let row = self.rows.pick(f64::from(u.y));
         let columns = self.columns[row.index].as_ref().expect("only rows with light are picked");
         let column = columns.pick(f64::from(u.x));
+
+        // Draw height and angle uniformly within the cell: zones of equal height have equal areas.
         let (top, bottom) = (height(row.index, self.size[1]), height(row.index + 1, self.size[1]));
         let y = top + (bottom - top) * row.rest as f32;
         let angle = TAU * (column.index as f32 + column.rest as f32) / self.size[0] as f32;
@@ -170,6 +176,7 @@ impl Environment {
     /// Returns the density of [`Environment::sample`] \[sr⁻¹\].
     #[must_use]
     pub fn pdf(&self, direction: Vec3) -> f32 {
+        // Find the cell of the direction. Within a cell, the density is constant.
         let local = self.to_local(direction);
         let place = equirectangular(local);
         let row = ((place.y * self.size[1] as f32) as usize).min(self.size[1] - 1);
@@ -244,6 +251,7 @@ impl EquirectangularMap {
     /// Interpolates bilinearly between texels. Columns wrap around; rows end at the poles.
     fn radiance(&self, direction: Vec3) -> Vec3 {
         let (width, height) = (self.texels.width(), self.texels.height());
+        // Texel centers are at half-integers.
         let place = equirectangular(self.turned(direction, -1.0)) * Vec2::new(width as f32, height as f32) - 0.5;
         let (corner, part) = (place.floor(), place - place.floor());
         let texel = |dx: i64, dy: i64| self.texel(corner.x as i64 + dx, corner.y as i64 + dy);

@@ -64,6 +64,7 @@ impl SkyLamp {
 /// Finds the lamps of an image with mean luminance `mean` over the sphere. Returns the lamps and the texels without
 /// them, or `None` if the image has no lamps.
 pub(super) fn split(map: &EquirectangularMap, mean: f32) -> Option<(Vec<SkyLamp>, Plane<Vec3>)> {
+    // Find the brightest spots, with ties ordered by position.
     let finder = Finder { map, mean };
     let mut spots = finder.spots(&finder.all_texels(), BRIGHT * mean, DOUBLINGS);
     spots.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.texels.cmp(&b.texels)));
@@ -127,6 +128,7 @@ impl Finder<'_> {
         let mut left: Texels = texels.iter().copied().filter(|&(x, y)| self.luminance(x, y) >= least).collect();
         let mut spots = Vec::new();
         while let Some(&first) = left.first() {
+            // Drop faint spots. Search wide spots again with a higher threshold.
             let spot = self.connected(first, &mut left);
             let share = self.share(&spot);
             if share < LEAST_SHARE {
@@ -166,6 +168,7 @@ impl Finder<'_> {
 
     /// Returns the mean radiance of the texels around a spot.
     fn around(&self, spot: &Texels) -> Vec3 {
+        // A set contains each texel once, although several texels of the spot may border on it.
         let near: Texels = spot.iter().flat_map(|&(x, y)| self.neighbors(x, y)).collect();
         let ring: Vec<Vec3> = near.difference(spot).map(|&(x, y)| self.map.texels.get(x, y)).collect();
         ring.iter().sum::<Vec3>() / ring.len().max(1) as f32
@@ -224,6 +227,8 @@ fn lamp(excess: &EquirectangularMap, texels: &Texels) -> Option<SkyLamp> {
             weights.push(weight);
             own.push(Vec3A::from(direction));
         }
+
+        // Store the distribution of the row, even if the row is black.
         let distribution = Distribution::new(weights);
         by_row.push(distribution.as_ref().map_or(0.0, Distribution::total));
         distributions.push(distribution);
