@@ -71,6 +71,7 @@ pub(super) fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f3
     let mut extent = (f32::INFINITY, f32::NEG_INFINITY);
     for k in 0..3 {
         let (a, b) = (corners[k], corners[(k + 1) % 3]);
+        // Skip edges outside the interval.
         if a.y.max(b.y) < low || a.y.min(b.y) > high {
             continue;
         }
@@ -95,6 +96,7 @@ pub(super) struct Bits(Vec<u64>);
 impl Bits {
     /// Returns the number of texels of `frame` that samples of the `triangles` may read.
     pub fn count(&mut self, frame: &ChartRect, triangles: impl Iterator<Item = [Vec2; 3]>) -> usize {
+        // Allocate one bit per texel, with rows padded to whole words.
         let words = frame.columns.div_ceil(64) as usize;
         self.0.clear();
         self.0.resize(words * frame.rows as usize, 0);

@@ -20,6 +20,7 @@ type Needed<'a> = (&'a FlatChart, usize);
 
 /// Returns the density \[1/m\] at which `meshes` use about `wish` texels, or fewer if a limit is reached.
 pub(super) fn fitting(meshes: &[FlatMesh], wish: usize) -> Result<f32, AtlasError> {
+    // Collect the charts, each of which needs at least one texel per side.
     let mut charts: Vec<Needed> = Vec::new();
     for mesh in meshes {
         charts.extend(mesh.charts.iter().map(|chart| (chart, mesh.sides)));

@@ -87,6 +87,7 @@ fn fill(owners: &mut [u32], top: u32, width: u32, triangles: &[DrawnTriangle]) {
         for (row, (owners, nearest)) in
             owners.chunks_mut(width as usize).zip(nearest.chunks_mut(width as usize)).enumerate()
         {
+            // Visit the texels of a row within REACH of the triangle.
             let y = (top + row as u32) as f32 + 0.5;
             let Some((left, right)) = extent(*corners, y - REACH, y + REACH) else { continue };
             let first = (left - REACH).max(0.0) as usize;
@@ -131,6 +132,7 @@ impl FineTexels<'_> {
     /// away, or if the texel is outside the image.
     #[must_use]
     pub fn point(&self, x: u32, y: u32) -> Option<FinePoint> {
+        // Find the triangle of the texel, and its position relative to the chart.
         let place = (x < self.width).then_some(y as usize * self.width as usize + x as usize)?;
         let owner = *self.owners.get(place).filter(|owner| **owner != NONE)?;
         let placed = &self.atlas.triangles[owner as usize];
@@ -138,6 +140,7 @@ impl FineTexels<'_> {
         let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / self.scale - Vec2::new(left as f32, top as f32);
         let nearest = Nearest::in_plane(placed.corners(), center);
 
+        // Convert the triangle to an instance and a triangle of the instance's mesh.
         let before = self.atlas.sheets.partition_point(|sheet| sheet.first <= owner);
         let sheet = self.atlas.sheets[before.checked_sub(1)?];
         let [_, u, v] = nearest.weights;

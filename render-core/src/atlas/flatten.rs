@@ -79,6 +79,7 @@ pub(super) fn standing(surfaces: &Surfaces) -> Result<Vec<FlatMesh>, AtlasError>
     let instances: Vec<usize> = (0..scene.instances.len()).filter(is_baked).collect();
     let meshes: Vec<_> = instances.into_par_iter().map(|instance| flattened(surfaces, instance)).collect();
 
+    // Drop instances without charts. Return the first error in the order of instances.
     let mut standing = Vec::new();
     for mesh in meshes {
         let mesh = mesh?;
@@ -98,6 +99,7 @@ fn flattened(surfaces: &Surfaces, instance: usize) -> Result<FlatMesh, AtlasErro
     let world = surfaces.world(instance);
     let positions: Vec<[f32; 3]> = rest.iter().map(|&place| world.transform_point3(place).to_array()).collect();
 
+    // Unwrap without padding: charts are packed again at their final density.
     let input = uvunwrap::MeshInput::new(&positions, mesh.triangles.as_flattened());
     let options = uvunwrap::Options {
         density: uvunwrap::Density::Fixed { texels_per_unit: SIDE / length(&positions), page_size: None },
@@ -120,6 +122,8 @@ fn flattened(surfaces: &Surfaces, instance: usize) -> Result<FlatMesh, AtlasErro
             charts[chart as usize].push((index as u32, corners));
         }
     }
+
+    // Both sides of a double-sided surface use the same charts, with separate texels.
     let sides = if scene.materials[mesh.material].double_sided { 2 } else { 1 };
     let (instance, count) = (instance as u32, mesh.triangles.len() as u32);
     Ok(FlatMesh { instance, sides, count, charts: charts.into_iter().filter_map(chart).collect() })
@@ -137,6 +141,7 @@ fn length(positions: &[[f32; 3]]) -> f32 {
 /// Returns the chart of coplanar triangles, rotated so that its height is at most its width. Returns `None` for an
 /// empty chart.
 fn chart(mut triangles: Vec<(u32, [DVec2; 3])>) -> Option<FlatChart> {
+    // Move the chart to the origin, and rotate high charts by 90°.
     let (mut least, mut most) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for corner in triangles.iter().flat_map(|(_, corners)| corners) {
         (least, most) = (least.min(*corner), most.max(*corner));
@@ -151,6 +156,7 @@ fn chart(mut triangles: Vec<(u32, [DVec2; 3])>) -> Option<FlatChart> {
         size = dvec2(size.y, size.x);
     }
 
+    // Round to f32 after the translation, to keep precision. Drop charts without any area.
     let single = |(index, corners): (u32, [DVec2; 3])| {
         let has_area = corners[0] != corners[1] || corners[1] != corners[2];
         FlatTriangle { index, corners: corners.map(|corner| corner.as_vec2()), has_area }

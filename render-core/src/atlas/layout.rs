@@ -52,6 +52,8 @@ pub(super) fn laid_out(meshes: &[FlatMesh], density: f32) -> Atlas {
             }
         });
     }
+
+    // Count the texels with centers on a chart. The others only surround it.
     let covered = nearest.iter().filter(|&&distance2| distance2 <= ON_CHART).count() as u32;
     Atlas { texels_per_meter: density, covered, sheets, charts, triangles, tiles, owners }
 }
@@ -69,6 +71,7 @@ fn placed(meshes: &[FlatMesh], frames: &[ChartRect]) -> Sheets {
     let (mut placed, mut charts) = (Sheets::default(), 0);
     for mesh in meshes {
         for side in 0..mesh.sides {
+            // Reserve a slot for each triangle of the mesh. Triangles without a chart keep the placeholder.
             let first = placed.triangles.len() as u32;
             placed.sheets.push(Sheet { instance: mesh.instance, back: side == 1, first, count: mesh.count });
             placed.triangles.resize((first + mesh.count) as usize, ChartTriangle::NOWHERE);

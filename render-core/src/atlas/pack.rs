@@ -13,10 +13,15 @@ const GAP: u32 = 2;
 pub(super) fn packed(frames: &[ChartRect]) -> Packed {
     // Choose the side so that the rectangles cover at most 90 % of the square.
     let with_gap = |frame: &ChartRect| (frame.columns + GAP, frame.rows + GAP);
-    let area: u64 = frames.iter().map(with_gap).map(|(width, height)| u64::from(width) * u64::from(height)).sum();
+    let mut area = 0u64;
+    for frame in frames {
+        let (width, height) = with_gap(frame);
+        area += u64::from(width) * u64::from(height);
+    }
     let widest = frames.iter().map(|frame| frame.columns).max().unwrap_or(0);
     let side = ((area as f64 / 0.9).sqrt().ceil() as u32).max(widest + GAP);
 
+    // Place high rectangles first, which leaves fewer unusable gaps.
     let mut order: Vec<usize> = (0..frames.len()).collect();
     order.sort_by_key(|&k| (Reverse(frames[k].rows), Reverse(frames[k].columns)));
     let mut skyline = Skyline(vec![Step { left: 0, right: side, top: 0 }]);
@@ -62,6 +67,7 @@ impl Skyline {
             if left + width > end {
                 break;
             }
+            // Compute the lowest edge under the rectangle. Stop as soon as it is no better than the best.
             let under = self.0[first..].iter().take_while(|step| step.left < left + width && step.top < best_top);
             let (count, top) = under.fold((0, 0), |(count, top), step| (count + 1, step.top.max(top)));
             if self.0[first + count - 1..].first().is_some_and(|last| last.right >= left + width) && top < best_top {

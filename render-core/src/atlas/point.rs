@@ -190,6 +190,7 @@ impl Atlas {
         placed_on(false)?;
         let outward = outward(surfaces, at.instance, at.triangle);
         let placed = placed_on(at.geometric_normal.dot(outward) < 0.0)?;
+        // Find the nearest point of the triangle in world space, and its position in the atlas.
         let corners = surfaces.corners(at.instance as usize, at.triangle as usize);
         self.blend(placed, Nearest::new(corners, at.position))
     }

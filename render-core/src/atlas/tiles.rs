@@ -92,6 +92,7 @@ impl Tiles {
 
     /// Returns the index of a texel, or `None` if it is not in use.
     pub fn index(&self, x: u32, y: u32) -> Option<u32> {
+        // Find the tile. Columns beyond the last would alias to the next row of tiles.
         let column = x / SIDE;
         let cell = (y / SIDE) as usize * self.columns as usize + column as usize;
         let tile = *self.grid.get(cell).filter(|&&tile| column < self.columns && tile != NONE)?;
@@ -106,6 +107,7 @@ impl Tiles {
 
     /// Returns the column and row of a texel in use.
     pub fn place(&self, index: u32) -> (u32, u32) {
+        // Find the word of the mask that contains the texel.
         let TexelTile { cell, first, mask } = self.tiles[self.tiles.partition_point(|tile| tile.first <= index) - 1];
         let (mut word, mut rest) = (0, index - first);
         while rest >= mask[word].count_ones() {

@@ -28,6 +28,7 @@ impl Atlas {
             // Require order by instance, with each back after its front.
             let front = (sheet.instance, false);
             let follows = if sheet.back { before == Some(front) } else { before < Some(front) };
+            // Require a static lit side with all triangles of the mesh, directly after the previous sheet.
             let is_baked =
                 !moving[sheet.instance as usize] && !material.unlit && (material.double_sided || !sheet.back);
             if !follows || !is_baked || sheet.first != next || sheet.count as usize != mesh.triangles.len() {
