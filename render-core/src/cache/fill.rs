@@ -130,6 +130,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
             }
             lights
         });
+
+        // Create the records in order. Recipes follow the order of this rank's records.
         let mut recipes = recipes.into_iter();
         for (place, (site, light)) in sites.iter().zip(lights).enumerate() {
             let scale = openness::scale(site, picture.seen);

@@ -98,6 +98,7 @@ impl KnownNeighbors {
 
     /// Returns the latest sums of `record`, if they were computed for this `radius` \[m\].
     pub fn of<'a, R>(&'a self, record: &Record<R>, radius: f32, fresh: &'a [Fresh]) -> Option<Before<'a>> {
+        // Sums for another radius are useless, because weights depend on the radius.
         for picture in self.pictures.iter().rev() {
             let Ok(place) = picture.numbers.binary_search(&record.number) else { continue };
             let taught = &picture.taught[place];

@@ -78,15 +78,19 @@ impl<'a> SurfacePicture<'a> {
         for &tile in &picture.wanted_tiles {
             is_wanted[tile] = true;
         }
-        shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().filter(|(tile, _)| is_wanted[*tile]).for_each(
-            |(tile, shown)| {
-                busy.measure(|| {
-                    for (shown, (x, y)) in shown.iter_mut().zip(picture.pixels(tile)) {
-                        *shown = picture.site(x, y).as_ref().map_or(ShownSurface::NOTHING, ShownSurface::from);
-                    }
-                });
-            },
-        );
+
+        // Copy the surfaces of the macroblocks that may contain wanted pixels.
+        let show = |(tile, shown): (usize, &mut [ShownSurface])| {
+            if !is_wanted[tile] {
+                return;
+            }
+            busy.measure(|| {
+                for (shown, (x, y)) in shown.iter_mut().zip(picture.pixels(tile)) {
+                    *shown = picture.site(x, y).as_ref().map_or(ShownSurface::NOTHING, ShownSurface::from);
+                }
+            });
+        };
+        shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().for_each(show);
         picture.shown = shown;
         picture
     }
@@ -132,6 +136,7 @@ impl<'a> SurfacePicture<'a> {
         let Some((x, y)) = self.pixel_of(site) else { return true };
         let (width, height) = self.size();
         let reach = if self.seen.is_layered(y * width + x) { LAYERED } else { 0 };
+        // Search around layered pixels, because the dither shows each layer only at some pixel centers.
         let rows = y.saturating_sub(reach)..height.min(y + reach + 1);
         rows.into_iter().any(|v| {
             let mut columns = x.saturating_sub(reach)..width.min(x + reach + 1);
@@ -166,6 +171,7 @@ impl<'a> SurfacePicture<'a> {
     pub fn wanted_area(&self, margin: usize) -> (Range<usize>, Range<usize>) {
         let (width, height) = self.size();
         let Some(wanted) = self.request.wanted else { return (0..width, 0..height) };
+        // Extend an empty rectangle by the first and last wanted pixel of each row.
         let (mut columns, mut rows) = (width..0, height..0);
         for y in 0..height {
             let row = wanted.row(y);

@@ -127,6 +127,7 @@ pub(super) fn predictions<R: Send + Sync>(
     records: &[Record<R>],
     places: &[usize],
 ) -> Vec<Predicted> {
+    // Start from the sums of an earlier picture, if they exist; otherwise, search for all neighbors.
     let known = picture.known;
     let fresh = known.fresh(&tiles.listed, records);
     let no_neighbors = || Neighbors { picture, tiles, met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };

@@ -170,6 +170,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     /// neighbors in the other cache have limited. Skips records if their light or position may have changed since.
     pub fn adopt(&mut self, shared: Vec<SharedRecord>) {
         for SharedRecord { site, estimate, note, radius_by_neighbors, share, scale, current } in shared {
+            // Light is valid until the next change; positions on moving geometry are valid for one frame.
             let is_late = current < self.changed || current < self.frame && site.carrier != NOTHING;
             if is_late || current > self.frame {
                 continue;

@@ -147,6 +147,7 @@ impl Tiles {
             }
             (low, high)
         };
+        // Set the boxes of the tiles in the area. All other tiles keep an empty box, which no record reaches.
         let around = picture.tiles_around(margin);
         let boxes: Vec<(Vec3A, Vec3A)> = around.par_iter().map(|tile| picture.busy.measure(|| reached(tile))).collect();
         let nowhere = || Tile { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY, ..Tile::default() };
@@ -276,6 +277,7 @@ impl Tiles {
         let across = picture.size().0.div_ceil(MACROBLOCK);
         let mut superfluous = Vec::new();
         for &index in chosen {
+            // Weigh the listed records at the position of this record.
             let site = &records[index].site;
             let Some((x, y)) = picture.pixel_of(site) else { continue };
             let tile = &self.all[y / MACROBLOCK * across + x / MACROBLOCK];
@@ -310,6 +312,7 @@ impl Tiles {
 /// Adds records to the tiles that they reach. `spheres` contains the sites and radii of the records listed from
 /// position `first` on.
 fn add_to_all(tiles: &mut [Tile], first: usize, spheres: &[(&Site, f32)]) {
+    // Test the common box first. Few records reach any of the tiles.
     let low = tiles.iter().fold(Vec3A::INFINITY, |low, tile| low.min(tile.low));
     let high = tiles.iter().fold(Vec3A::NEG_INFINITY, |high, tile| high.max(tile.high));
     let together = Tile { low, high, ..Tile::default() };
