@@ -85,6 +85,7 @@ impl<'a> Interaction<'a> {
         footprint: impl Fn(Vec3A, Vec3A) -> Footprint,
     ) -> Self {
         let instance = hit.instance as usize;
+        // Compute the position, moved off any edge of the triangle.
         let mesh = surfaces.mesh(instance);
         let material = surfaces.material(instance);
         let world = &surfaces.world[instance];
@@ -97,6 +98,8 @@ impl<'a> Interaction<'a> {
         let outward = (area_vector * mirrored).try_normalize().unwrap_or(-direction);
         let front = outward.dot(direction) <= 0.0;
         let geometric_normal = if front { outward } else { -outward };
+
+        // Prepare texture samples over the footprint of the ray.
         let indices = mesh.triangles[hit.triangle as usize];
         let footprint = footprint(direction, geometric_normal);
         let site =
@@ -160,6 +163,7 @@ impl<'a> Interaction<'a> {
     /// Evaluates all properties of the surface.
     pub fn surface(&self) -> Surface {
         let Self { material, position, geometric_normal, front, .. } = self;
+        // Unlit surfaces only emit. Lit surfaces also evaluate their textures and the normal map.
         let dark = Surface {
             position: *position,
             geometric_normal: *geometric_normal,
@@ -193,6 +197,7 @@ impl<'a> Interaction<'a> {
         let Self { surfaces, material, site, direction, .. } = self;
         let instance = self.instance as usize;
         let shape = surfaces.shape(instance);
+        // Interpolate the smooth normal. Meshes without normals use the normal of the triangle.
         let local = interpolate(shape.normals, site.indices, site.u, site.v);
         let smooth = local.and_then(|n| (surfaces.normals[instance] * Vec3A::from(n)).try_normalize());
         // Normals belong to the front. Seen from behind, the whole frame of the normal map is reversed.

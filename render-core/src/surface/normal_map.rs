@@ -25,10 +25,12 @@ impl TrianglePoint<'_> {
         normal: Vec3A,
         given: Option<(Vec3A, Vec3A)>,
     ) -> (Vec3A, f32) {
+        // Map 0…1 to −1…1. Without coordinates or axes, keep the normal.
         let texel = self.look_up(slot).map(|found| found.color * 2.0 - 1.0);
         let (Some(texel), Some((x, y))) = (texel, given.or_else(|| self.derived(slot, normal))) else {
             return (normal, 0.0);
         };
+        // Filtering shortens the mean normal where the map is uneven.
         let mapped = x * (texel.x * scale) + y * (texel.y * scale) + normal * texel.z;
         let length = texel.length().clamp(1e-3, 1.0);
         (mapped.try_normalize().unwrap_or(normal), ((1.0 - length - ROUNDING) / length).max(0.0))
@@ -45,6 +47,7 @@ impl TrianglePoint<'_> {
         let sign = d1.perp_dot(d2).signum();
         let along_u = (e1 * d2.y - e2 * d1.y) * sign;
         let along_v = (e2 * d1.x - e1 * d2.x) * sign;
+        // Project x onto the surface, and choose the sign of y by the direction of v.
         let x = (along_u - normal * normal.dot(along_u)).try_normalize()?;
         let y = normal.cross(x);
         (d1.perp_dot(d2) != 0.0).then_some((x, if y.dot(along_v) > 0.0 { -y } else { y }))
@@ -59,6 +62,7 @@ pub(super) fn roughened(roughness: f32, unevenness: f32) -> f32 {
     if unevenness <= 0.0 || roughness >= 1.0 {
         return roughness;
     }
+    // Add the unevenness to 1/s, and convert the sum back to a roughness.
     let alpha2 = roughness.powi(4);
     let inverse_exponent = alpha2 / (2.0 - 2.0 * alpha2) + unevenness;
     (2.0 * inverse_exponent / (1.0 + 2.0 * inverse_exponent)).sqrt().sqrt()

@@ -39,6 +39,7 @@ impl Surfaces<'_> {
         let emission = if material.emits() && !material.unlit { site.emission(material) } else { Vec3::ZERO };
         let (metallic, roughness) = site.metallic_roughness(material);
         let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);
+        // Evaluate a coat at a fixed angle, because the paint is independent of the viewer.
         let reflectance = match specular {
             Vec3::ZERO => albedo,
             _ => Bsdf::new(albedo, specular, roughness).directional_albedo(SLANT),

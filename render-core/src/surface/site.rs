@@ -43,6 +43,7 @@ impl Footprint {
     /// Returns the elliptical section of the cone, stretched by 1 / cos along the direction's projection onto the
     /// surface.
     pub(super) fn ellipse(direction: Vec3A, normal: Vec3A, width: f32) -> Self {
+        // Stretch along the slant. Without slant, any direction along the surface serves.
         let cosine = normal.dot(direction);
         let along = (direction - normal * cosine).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
         Self::Ellipse([along * (width / cosine.abs().max(1.0 / MOST_SLANT)), normal.cross(along) * width])
@@ -59,6 +60,7 @@ impl TrianglePoint<'_> {
     /// Samples linear RGB and opacity. Returns `None` if the mesh has no coordinates for the slot.
     pub(super) fn look_up(&self, slot: &TextureSlot) -> Option<Filtered> {
         let [p, q, r] = self.coordinates(slot)?;
+        // Interpolate the coordinates, and compute their change along both sides of the triangle in texels.
         let texture = &self.scene.textures[slot.texture];
         let uv = p * (1.0 - self.u - self.v) + q * self.u + r * self.v;
         let (along_u, along_v) = ((q - p) * texture.size(), (r - p) * texture.size());
@@ -67,6 +69,7 @@ impl TrianglePoint<'_> {
         let normal = e1.cross(e2);
         Some(match self.footprint {
             Footprint::Disk(width) => {
+                // Convert the diameter by the square root of the ratio of areas, which ignores stretching.
                 let meters = normal.length();
                 let texels = along_u.perp_dot(along_v).abs();
                 texture.sample(uv, if meters > 0.0 { width * (texels / meters).sqrt() } else { 1.0 })
