@@ -79,6 +79,7 @@ impl Units {
     /// Measures `scene` over its whole animation, so that moving objects stay inside the sphere.
     #[must_use]
     pub fn of(scene: &scene::Scene) -> Self {
+        // Sample the bounds at 33 times over the animation; a static scene needs one.
         let steps = if scene.channels.is_empty() { 1 } else { 33 };
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for step in 0..steps {
@@ -87,6 +88,7 @@ impl Units {
                 corners = (corners.0.min(min), corners.1.max(max));
             }
         }
+        // Replace the bounds of an empty scene by a box of 2 m, so that the radius is not 0.
         if !corners.0.cmple(corners.1).all() {
             corners = (Vec3A::splat(-1.0), Vec3A::ONE);
         }

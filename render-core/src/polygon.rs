@@ -32,6 +32,7 @@ impl Polygon {
         if !self.double_sided && self.normal.dot(position - self.corners[0]) <= 0.0 {
             return Vec3::ZERO;
         }
+        // Clip at both horizons: the integral holds above the shading plane only.
         let mut corners = [Vec3A::ZERO; MOST_CORNERS];
         for (corner, own) in corners.iter_mut().zip(self.corners) {
             *corner = own - position;
@@ -79,6 +80,7 @@ fn clip(corners: &mut [Vec3A; MOST_CORNERS], count: usize, normal: Vec3A) -> usi
                 kept += 1;
             }
         };
+        // Keep corners above the plane, and add the intersections of edges with the plane.
         if height_a >= 0.0 {
             keep(a);
         }

@@ -42,6 +42,7 @@ struct Tap {
 fn taps(places: &[Vec2]) -> Vec<Tap> {
     let mut taps: Vec<Tap> = Vec::new();
     for (sample, place) in places.iter().enumerate() {
+        // The filter has a radius of 1.5 pixels: all samples within it are in these 5×5 pixels.
         for (row, column) in (-2..=2).flat_map(|row| (-2..=2).map(move |column| (row, column))) {
             let d = (*place + Vec2::new(column as f32, row as f32) - 0.5) / RADIUS;
             let weight = window(d.x) * window(d.y);
@@ -65,9 +66,12 @@ pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 
     if samples.len() == 1 {
         return samples[0].clone();
     }
+    // Normalize the filter.
     let mut taps = taps(places);
     let sum: f32 = taps.iter().map(|tap| tap.weight).sum();
     taps.iter_mut().for_each(|tap| tap.weight /= sum);
+
+    // Apply the taps one by one to a whole row, so that the inner loop reads memory in order.
     let row = |y: usize| {
         let mut out = vec![[0.0f32; 3]; width];
         for Tap { sample, column, row, weight } in &taps {
@@ -117,6 +121,8 @@ pub fn reconstruct_counted(
         if counts.get(x, y) <= 1 {
             return alone.get(x, y);
         }
+
+        // Sum samples and deputies with their weights, over all pixels within the filter.
         let (mut sum, mut weights) = ([0.0f32; 3], 0.0);
         let mut add = |&Tap { sample, column, row, weight }: &Tap, is_deputy: bool| {
             let (u, v) = (x.saturating_add_signed(column).min(width - 1), y.saturating_add_signed(row).min(height - 1));
@@ -129,6 +135,8 @@ pub fn reconstruct_counted(
                 weights += weight;
             }
         };
+
+        // Normalize per pixel, because the neighbors' counts select the taps.
         taps.iter().for_each(|tap| add(tap, false));
         deputies.iter().for_each(|tap| add(tap, true));
         sum.map(|value| value / weights)

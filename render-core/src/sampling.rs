@@ -12,6 +12,7 @@ const PRIMES: [u32; 26] =
 #[must_use]
 pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
     let inverse = 1.0 / f64::from(base);
+    // Accumulate digits in f64. Rounding to f32 may reach 1, which is excluded.
     let (mut value, mut scale) = (0.0f64, inverse);
     while index > 0 {
         value += (index % u64::from(base)) as f64 * scale;
@@ -56,6 +57,7 @@ pub fn owen_sobol_point(index: u32, seed: u64) -> Vec2 {
 
 /// Returns the second dimension of the sequence. The first dimension is the index with its bits reversed.
 fn sobol_second(index: u32) -> u32 {
+    // Combine the columns of the generator matrix for the set bits. Each column follows from the previous one.
     let (mut rest, mut column, mut y) = (index, 1u32 << 31, 0u32);
     while rest > 0 {
         if rest & 1 == 1 {
@@ -95,6 +97,7 @@ pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 pub fn halton(seed: u64, index: u64, dimension: usize) -> f32 {
     match PRIMES.get(dimension) {
         Some(&base) => {
+            // Keep the sum below 1, also after rounding.
             let value = radical_inverse(base, index) + hash_unit(seed, dimension as u64, 0);
             if value < 1.0 { value } else { (value - 1.0).min(ONE_MINUS_EPSILON) }
         }
@@ -112,6 +115,7 @@ pub fn hash_unit(seed: u64, a: u64, b: u64) -> f32 {
 /// sequence).
 #[must_use]
 pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
+    // Mix the keys one after another, so that their order has an effect.
     let mix = |mut z: u64| {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -134,6 +138,7 @@ pub fn frame(n: Vec3) -> (Vec3, Vec3) {
 /// Returns a direction around `n` with density cos θ / π.
 #[must_use]
 pub fn cosine_hemisphere(n: Vec3, u: Vec2) -> Vec3 {
+    // Project a uniform point of the disc up to the hemisphere (Malley's method).
     let (x, y) = frame(n);
     let (radius, angle) = (u.x.sqrt(), std::f32::consts::TAU * u.y);
     (x * (radius * angle.cos()) + y * (radius * angle.sin()) + n * (1.0 - u.x).max(0.0).sqrt()).normalize()
@@ -142,6 +147,7 @@ pub fn cosine_hemisphere(n: Vec3, u: Vec2) -> Vec3 {
 /// Returns a direction on the whole sphere with density 1 / (4π).
 #[must_use]
 pub fn uniform_sphere(u: Vec2) -> Vec3 {
+    // The height of a uniform point on a sphere is uniform (Archimedes).
     let z = 1.0 - 2.0 * u.x;
     let (radius, angle) = ((1.0 - z * z).max(0.0).sqrt(), std::f32::consts::TAU * u.y);
     Vec3::new(radius * angle.cos(), radius * angle.sin(), z)
@@ -154,6 +160,7 @@ pub fn concentric_disc(u: Vec2) -> Vec2 {
     if p == Vec2::ZERO {
         return Vec2::ZERO;
     }
+    // Map concentric squares to circles, by the quarter of the square that contains the point.
     let quarter = std::f32::consts::FRAC_PI_4;
     let (radius, angle) =
         if p.x.abs() > p.y.abs() { (p.x, quarter * p.y / p.x) } else { (p.y, quarter * (2.0 - p.x / p.y)) };
@@ -205,13 +212,11 @@ impl Distribution {
     /// Builds the distribution. Negative and non-finite weights count as 0. Returns `None` if no weight is positive.
     pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut sum = 0.0;
-        let cumulative: Vec<f64> = weights
-            .into_iter()
-            .map(|weight| {
-                sum += if weight.is_finite() { weight.max(0.0) } else { 0.0 };
-                sum
-            })
-            .collect();
+        let mut cumulative: Vec<f64> = Vec::new();
+        for weight in weights {
+            sum += if weight.is_finite() { weight.max(0.0) } else { 0.0 };
+            cumulative.push(sum);
+        }
         (sum > 0.0).then_some(Self { cumulative })
     }
 
@@ -224,6 +229,7 @@ impl Distribution {
     /// Draws an index with the random number `u` (0…1).
     #[must_use]
     pub fn pick(&self, u: f64) -> Pick {
+        // Invert the cumulative distribution.
         let target = u * self.total();
         let mut index = self.cumulative.partition_point(|&c| c <= target).min(self.cumulative.len() - 1);
         // Rounding must not select an entry of weight 0.
@@ -233,6 +239,8 @@ impl Distribution {
         while self.share(index) <= 0.0 {
             index += 1;
         }
+
+        // Rescale the random number within the interval of the index, for reuse.
         let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
         let share = self.share(index);
         let rest = ((target - before) / share).clamp(0.0, 1.0);

@@ -42,11 +42,13 @@ impl SweptVolume {
             let empty = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
             positions.iter().fold(empty, |[low, high], &p| [low.min(p.into()), high.max(p.into())])
         };
-        let moving: Vec<(usize, [Vec3A; 2])> = (0..)
-            .zip(scene.moving_instances())
-            .filter(|(_, moves)| *moves)
-            .map(|(index, _)| (index, around(&scene.meshes[scene.instances[index].mesh].positions)))
-            .collect();
+        let mut moving: Vec<(usize, [Vec3A; 2])> = Vec::new();
+        for (index, moves) in (0usize..).zip(scene.moving_instances()) {
+            if moves {
+                moving.push((index, around(&scene.meshes[scene.instances[index].mesh].positions)));
+            }
+        }
+
         // Mark the world-space box of each moving shape at each time.
         for time in times {
             let pose = scene.pose(time);
@@ -81,6 +83,7 @@ impl SweptVolume {
     /// Returns the space enlarged by at least `margin` meters. Whole cells are added along each axis.
     #[must_use]
     pub fn widened(&self, margin: f32) -> Self {
+        // Spread the bits of each word, which are neighbors in x.
         let cells = ((margin * self.density).ceil().max(0.0) as i32).min(SIDE);
         let (mut along_x, mut along_y, mut rows) = (self.rows.clone(), self.rows.clone(), self.rows.clone());
         for step in 1..=cells {
