@@ -29,6 +29,7 @@ pub(crate) struct Outlook {
     lengths: [u8; BINS],
 }
 
+/// Number of bins in a histogram of ray lengths.
 const BINS: usize = 12;
 /// Width of a bin in octaves of distance.
 const OCTAVES: f32 = 2.0;

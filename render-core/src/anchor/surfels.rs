@@ -328,6 +328,7 @@ impl SurfelMap {
         let points = self.grid.points_by_index();
         let mut is_taken = vec![false; bright.len()];
         for (owner, point) in self.owners.iter_mut().zip(points) {
+            // Skip surfels without an owner, and surfels of anchors that are not bright.
             let Some(old) = owner.anchor.map(|anchor| anchor as usize) else { continue };
             if !bright[old] {
                 continue;

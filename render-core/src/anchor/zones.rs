@@ -20,6 +20,7 @@ use std::sync::Arc;
 
 /// Ratio of D to the distance within which nine of ten camera rays end.
 const BEYOND_SEEN: f32 = 1.5;
+/// Fraction of the camera rays that end within the distance from which D is derived.
 const SEEN: f32 = 0.9;
 /// Number of camera rays along each side of a picture.
 const SIDE: u16 = 24;
