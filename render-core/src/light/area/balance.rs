@@ -101,6 +101,8 @@ fn by_direction(pieces: &[Polygon]) -> Vec<Vec3A> {
             add(-side);
         }
     }
+
+    // Drop empty cells, which are most cells for a flat light.
     sums.retain(|&sum| sum != Vec3A::ZERO);
     sums
 }

@@ -81,6 +81,7 @@ impl AreaLight {
         if !material.emits() || material.unlit {
             return None;
         }
+        // Choose points in proportion to power, so that bright pieces receive most of them.
         let Pieces { patches, panels } = pieces(surfaces, instance);
         let choice = Distribution::new(patches.iter().map(|patch| f64::from(patch.power())))?;
         let area = patches.iter().map(|patch| patch.area).sum();
@@ -137,6 +138,7 @@ impl AreaLight {
     /// Returns the emissive pieces as polygons.
     pub(crate) fn polygons(&self, surfaces: &Surfaces) -> Vec<Polygon> {
         let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
+        // Cells of a texture are scaled copies of their patch, in the coordinates of its two sides.
         let polygon = |patch: &Patch| {
             let [a, b, c] = surfaces.corners(self.instance, patch.triangle);
             let whole = [a, b, c, if patch.parallelogram { a + c - b } else { c }];
@@ -265,6 +267,7 @@ impl AreaLight {
         let power = |face: usize| self.choice.probability(face / 2) / sides;
         let has_sides = |face: usize| face.is_multiple_of(2) || self.double_sided;
         let stands_alone = |face: usize, count: usize| count > 0 && power(face) * all >= 2.0;
+        // Sum power and points of the pooled faces, including faces without points.
         let (mut rest, mut points) = (0.0, 0);
         for (face, &count) in counts.iter().enumerate() {
             if has_sides(face) && !stands_alone(face, count) {
