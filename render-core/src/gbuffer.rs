@@ -182,7 +182,7 @@ fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
 
-/// Traces one sample of each pixel of a picture.
+/// Camera that traces one sample of each pixel of a picture.
 struct Camera<'a> {
     shown: &'a Shown<'a>,
     view: &'a View,
@@ -318,6 +318,7 @@ impl GBuffer {
     }
 
     fn reprojected(&self, other: &GBuffer, busy: &Busy) -> Correspondence {
+        // Start without motion and matches, which pixels keep if their surface is not visible in `other`.
         let (width, height) = (self.pixels.width(), self.pixels.height());
         // Compute the motion of each instance once, then locate the pixels row by row.
         let carry = self.carry_to(other);
@@ -389,6 +390,7 @@ fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
             continue;
         }
         let candidate = other.pixels.get(x as usize, y as usize);
+        // Sky matches sky; surfaces must agree in position and normal.
         let alike = if sky {
             candidate.instance == NOTHING
         } else {

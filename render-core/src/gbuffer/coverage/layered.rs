@@ -46,6 +46,7 @@ impl Search<'_> {
     /// Searches the layered pixels that are not yet `known`. Uses the layers at their centers, traced with rays through
     /// `offset`.
     pub(super) fn by_centers(&self, known: &[bool], offset: Vec2, busy: &Busy) -> Vec<SearchedPixel> {
+        // Search chunks of pixels in parallel, and concatenate the results in raster order.
         let chunks = self.seen.layered.par_chunks(TOGETHER).map(|pixels| {
             busy.measure(|| {
                 let mut found = Vec::new();

@@ -163,6 +163,7 @@ impl Search<'_> {
         let view = &self.seen.view;
         let mut rays: Vec<CameraRay> = Vec::with_capacity(PACKET);
         for areas in areas.chunks_mut(PACKET / offsets.len()) {
+            // Fill a packet with the rays of several pixels.
             rays.clear();
             for area in &*areas {
                 let corner = Vec2::new(area.x as f32, area.y as f32);
@@ -360,6 +361,7 @@ impl<'a> Area<'a> {
     fn follow(&mut self, offset: Vec2, source: Lender) {
         let (x, y, (width, height)) = (self.x, self.y, self.search.size());
         let rays = self.pixel.rays;
+        // Request each pixel inside the picture once, with the same number of rays.
         let mut want = |x: usize, y: usize| {
             if x >= width || y >= height {
                 return;
