@@ -312,6 +312,7 @@ impl FrameEmission<'_> {
     /// Traces every photon completely.
     fn trace_all(&self, meter: &Meter) -> Sums {
         let started = || (self.no_sums(), Left::default());
+        // Threads sum separate batches. Integer sums do not depend on how batches are grouped.
         let fold = self.batches().fold(started, |(mut sums, mut left), batch| {
             let (mut laps, assignment) = (meter.laps(), assignment_of(batch.start));
             self.busy.measure(|| {
@@ -331,6 +332,7 @@ impl FrameEmission<'_> {
     /// Traces the photons that moving geometry may affect, each from its first affected segment.
     fn trace_others(&self, others: &[Other], meter: &Meter) -> Sums {
         let started = || (self.no_sums(), Left::default());
+        // Retrace each photon from its first affected segment. The flux before it is in the constant sums.
         let fold = others.par_chunks(BATCH as usize).fold(started, |(mut sums, mut left), others| {
             let mut laps = meter.laps();
             self.busy.measure(|| {

@@ -38,7 +38,7 @@ enum BoxNode {
     Leaf(f32),
 }
 
-/// Box without a node.
+/// Box that has no node yet.
 struct Open {
     samples: Vec<(Vec4, f64)>,
     low: Vec4,

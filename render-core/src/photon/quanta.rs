@@ -113,6 +113,7 @@ impl Sums {
     /// Adds the flux of the photon of `path`. Its reflections are collected in `left` until [`Sums::settle`], because
     /// distributing many reflections at a time is faster.
     pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left, receivers: &Receivers) {
+        // Emitted and lost flux needs no surfels.
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
         for reflection in &path.reflections {
@@ -128,8 +129,9 @@ impl Sums {
         let Left { kinds, scratch } = left;
         let Receivers { surfels, sight } = receivers;
         let sights = [Some(sight), None];
-        for (((spots, held), surfels), sight) in kinds.iter_mut().zip(&mut self.held).zip(surfels).zip(sights) {
-            surfels.splat_all(spots, sight, scratch, |flux, parts| {
+        for (kind, spots) in kinds.iter_mut().enumerate() {
+            let held = &mut self.held[kind];
+            surfels[kind].splat_all(spots, sights[kind], scratch, |flux, parts| {
                 // Without any surfel nearby, the flux is lost.
                 let (exactly, whole) = (quantum.exactly(flux), quantum.count(flux));
                 let Some((&(last, _), others)) = parts.split_last() else { return self.lost.add(whole) };
@@ -166,6 +168,7 @@ impl Sums {
         surfels: [&SurfelMap; 2],
         moved: Moved,
     ) -> AnchorFlux {
+        // Restore the order of the surfels, then sum over the surfels of each anchor.
         let watts = |kind: usize| -> Vec<Vec3> {
             surfels[kind].by_index(&self.held[kind]).into_iter().map(|q| quantum.watts(q)).collect()
         };
