@@ -29,6 +29,7 @@ impl<'a> Lights<'a> {
         let mut densities = vec![None; scene.instances.len()];
         let mut places = vec![None; scene.instances.len()];
         for (place, area) in emitters.areas.iter().enumerate() {
+            // A point's density is the density on its light times the probability of the light.
             let share = choice.as_ref().map_or(0.0, |choice| choice.probability(place)) as f32;
             let triangles = scene.meshes[scene.instances[area.instance].mesh].triangles.len();
             let own: Vec<f32> = area.densities(triangles).into_iter().map(|density| density * share).collect();
