@@ -94,6 +94,7 @@ fn fill(owners: &mut [u32], top: u32, width: u32, triangles: &[DrawnTriangle]) {
             let last = ((right + REACH) as usize).min(width as usize - 1);
             for x in first..=last {
                 let distance2 = Nearest::in_plane(*corners, Vec2::new(x as f32 + 0.5, y)).distance2;
+                // Ties keep the first triangle, so the result does not depend on bands.
                 if distance2 < nearest[x] {
                     (owners[x], nearest[x]) = (*index, distance2);
                 }

@@ -75,6 +75,7 @@ fn placed(meshes: &[FlatMesh], frames: &[ChartRect]) -> Sheets {
             let first = placed.triangles.len() as u32;
             placed.sheets.push(Sheet { instance: mesh.instance, back: side == 1, first, count: mesh.count });
             placed.triangles.resize((first + mesh.count) as usize, ChartTriangle::NOWHERE);
+            // Each side has its own copy of every chart, in another rectangle.
             for chart in &mesh.charts {
                 for triangle in &chart.triangles {
                     let corners = triangle.corners.map(|corner| frames[charts].place(corner).to_array());

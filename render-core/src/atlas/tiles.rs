@@ -65,6 +65,7 @@ impl Marks {
     pub fn numbered(self) -> Tiles {
         let mut tiles = Tiles { columns: self.columns, grid: vec![NONE; self.masks.len()], tiles: Vec::new() };
         let mut first = 0;
+        // Keep only tiles with a mark. Indices continue from tile to tile.
         for (cell, mask) in self.masks.into_iter().enumerate().filter(|(_, mask)| *mask != [0; WORDS]) {
             tiles.grid[cell] = tiles.tiles.len() as u32;
             let tile = TexelTile { cell: cell as u32, first, mask };
