@@ -167,6 +167,8 @@ fn bare_pixels(picture: &SurfacePicture, tiles: &Tiles, bare: &[bool], step: usi
         }
         pixels
     };
+
+    // Search tiles in parallel, and concatenate their pixels in raster order of tiles.
     let wanted = picture.wanted_tiles.par_iter();
     let pixels: Vec<Vec<(usize, usize)>> = wanted.map(|&index| picture.busy.measure(|| in_tile(index))).collect();
     pixels.concat()

@@ -55,6 +55,7 @@ fn tile(picture: &SurfacePicture, tiles: &Tiles, index: usize, predicted: &[Pred
         light.push((sum / whole.max(f32::MIN_POSITIVE)).to_array());
     }
 
+    // Return the used candidates in their order in the tile.
     let mut candidates = Vec::new();
     for (&candidate, is_used) in tile.candidates.iter().zip(is_used) {
         if is_used {

@@ -473,6 +473,7 @@ impl Update {
         scratch: &mut I::Scratch,
         meter: &Meter,
     ) {
+        // Log the time of each record by its owner, from which costs on more ranks are predicted.
         let mut laps = meter.laps();
         for (record, fate) in records {
             if *fate == Fate::IsOutdated {
@@ -511,6 +512,8 @@ impl Update {
             record.relit(estimate);
             return false;
         }
+
+        // Otherwise, recompute the light and the recipe.
         let computed = illumination.compute(&record.site, scratch);
         record.note = illumination.note(&computed.recipe);
         record.computed_afresh(computed);

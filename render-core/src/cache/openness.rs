@@ -26,9 +26,9 @@ use rayon::prelude::*;
 /// Distance D of a surface that halves the contribution of a direction \[pixels\]. From 8 to 32, the simulated error of
 /// `nave` varies by at most 3 %.
 const SCALE: f32 = 16.0;
-/// Offsets in all directions at which surfaces are tested for rising above a pixel's surface \[pixels\]. On `nave`, {3,
-/// 1} leaves 1 % more error with 6 % more records. With {16, 6, 3, 1}, the error is equal, with 1 % fewer records and 7
-/// % more rays.
+/// Offsets in all directions at which surfaces are tested for rising above a pixel's surface \[pixels\]. On `nave`,
+/// {3, 1} leaves 1 % more error with 6 % more records. With {16, 6, 3, 1}, the error is equal, with 1 % fewer records
+/// and 7 % more rays.
 const LOOKED_AT: [usize; 3] = [10, 4, 1];
 /// Sine of the minimum elevation angle of a rising surface.
 const RISES: f32 = 0.05;
@@ -42,9 +42,10 @@ const OTHER_SCALE: f32 = 1.25;
 /// its reflected light, and surfaces very close to it may light it.
 const GLOWING: f32 = 2.0;
 
-/// Maximum distance, along and off the surface, at which an earlier measurement is reused \[pixels\]. Openness varies
-/// over distances of [`SCALE`] pixels.
+/// Maximum distance at which an earlier measurement is reused \[pixels\]. Openness varies over distances of [`SCALE`]
+/// pixels.
 const STILL_HOLDS: f32 = 1.0;
+/// Maximum distance off the plane of the surface at which an earlier measurement is reused \[pixels\].
 const STILL_HOLDS_OFF_PLANE: f32 = 0.25;
 
 /// Openness of every pixel of a picture.
@@ -234,6 +235,7 @@ pub(super) fn scale(site: &Site, seen: &GBuffer) -> f32 {
 fn is_below_something(seen: &GBuffer, x: usize, y: usize, scale: impl Fn() -> f32) -> bool {
     let (width, height) = (seen.pixels.width(), seen.pixels.height());
     let samples = seen.pixels.samples();
+    // A surface rises if it is above the tangent plane at a noticeable angle, and near.
     let pixel = &samples[y * width + x];
     let (position, normal) = (Vec3A::from(pixel.position), Vec3A::from(pixel.geometric_normal));
     let rises = |u: usize, v: usize| {

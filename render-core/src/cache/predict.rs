@@ -142,6 +142,8 @@ pub(super) fn predictions<R: Send + Sync>(
         }
         fit.solve()
     };
+
+    // Divide the records among ranks and threads. Each thread has its own working memory.
     let turns = in_order(places.len());
     picture.busy.take(share_each(picture.ranks(), &turns, CHUNK, no_neighbors, predict))
 }

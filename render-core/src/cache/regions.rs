@@ -74,6 +74,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.frame += 1;
             busy.measure(|| self.carry_along(seen));
             openness::renew(&mut self.records, seen, illumination, &Alone, busy);
+            // Store the update, which each region applies to the records that it uses.
             self.regions.update = Some(self.update_by(changes));
 
             // Drop outdated records without a recipe: they cannot be relit after a change of light.
@@ -128,6 +129,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
     ) -> Timed<CachedLight> {
         Timed::of(|busy| {
+            // Reuse openness and sums of the earlier pictures of this region.
             let openness = Openness::new(&request, &self.regions.openness, illumination, busy);
             let known = std::mem::take(&mut self.known);
             let picture = SurfacePicture::new(request, &openness, &known, busy);
@@ -175,6 +177,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
             if is_late || current > self.frame {
                 continue;
             }
+
+            // Adopt the record under a number of this cache, with the limits that the other cache found.
             let light = RecordLight { estimate, note, afresh: true };
             let mut record = Record::new(site, scale, light, self.made, current);
             record.radius = record.radius.min(radius_by_neighbors);

@@ -68,10 +68,13 @@ pub(super) fn clamp_to_neighbors<R: Send + Sync>(
     if first == records.len() {
         return;
     }
+    // Collect the radii before any clamping, so that the result does not depend on the order.
     let spheres = busy.measure(|| match among {
         Some(among) => Spheres::of(among.iter().map(|&index| &records[index]).chain(&records[first..])),
         None => Spheres::of(records.iter()),
     });
+
+    // Clamp each new record. Older records keep their radii.
     records[first..].par_chunks_mut(CHUNK).for_each(|records| {
         busy.measure(|| {
             for record in records {

@@ -24,8 +24,8 @@ use rayon::prelude::*;
 /// | 1 | 1.21e-2 | 9 000 | 1.0 s |
 pub(super) const DENSE: f32 = 2.0;
 /// Minimum sum of weights at which a record is dropped, because a receding camera moves records closer together on
-/// screen. In a picture without previous frames, 1 % of the records exceed 2.3. With 4, `conference` at 160×160 has 19
-/// 900 records after 150 frames. With 2.5, it has 18 500 records, and a frame takes four fifths of the time.
+/// screen. In a picture without previous frames, 1 % of the records exceed 2.3. With 4, `conference` at 160×160 has
+/// 19 900 records after 150 frames. With 2.5, it has 18 500 records, and a frame takes four fifths of the time.
 const CROWDED: f32 = 2.5;
 
 /// Macroblock of the picture, with its candidate records.
