@@ -189,6 +189,7 @@ impl Environment {
     pub fn visit_numbers(&self, visitor: &mut impl FnMut(&[f32])) {
         match &self.source {
             Sky::Gradient(Gradient { zenith, horizon, ground }) => {
+                // The first number distinguishes gradients (0) from images (1).
                 visitor(&[0.0]);
                 [zenith, horizon, ground].into_iter().for_each(|color| visitor(color));
             }
