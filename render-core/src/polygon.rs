@@ -66,6 +66,7 @@ fn projected_solid_angle(corners: &[Vec3A], normal: Vec3A) -> f32 {
 /// Clips a polygon to the half-space above the plane through the origin (Sutherland & Hodgman 1974). Returns the number
 /// of corners.
 fn clip(corners: &mut [Vec3A; MOST_CORNERS], count: usize, normal: Vec3A) -> usize {
+    // Keep a polygon above the plane unchanged, which is the usual case.
     if corners[..count].iter().all(|corner| normal.dot(*corner) >= 0.0) {
         return count;
     }

@@ -146,7 +146,7 @@ impl NearSamples {
         let inverse = a.inverse();
         let g = b.map(|b| inverse * b);
 
-        // Compute the residual of luminance σ² = Σ (E − Ē − g · d)² / (n − 3), because the plane has three degrees of
+        // Compute the residual of luminance σ² = Σ (E − Ē − g · d)² / (n − 3). The plane has three degrees of
         // freedom.
         let mut squares = 0.0;
         for (place, light) in places.iter().zip(light) {
