@@ -92,7 +92,7 @@ impl<'a> Patches<'a> {
     /// Subdivides the `piece` of a triangle with these `corners` at the borders of zones. Calls `visit` with each
     /// resulting piece and its weighted fraction of the triangle's area.
     fn pieces(&self, corners: [Vec3A; 3], piece: Piece, halvings: u32, visit: &mut impl FnMut(Piece, f64)) {
-        // Keep a piece whole if its bounding sphere is within one zone.
+        // Keep a piece whole if its bounding sphere is small or within one zone.
         let [a, b, c] = corners;
         let center = (a + b + c) / 3.0;
         let radius = corners.map(|corner| corner.distance(center)).into_iter().fold(0.0, f32::max);

@@ -32,7 +32,7 @@ impl CameraRay {
     ) -> Option<(Hit, Interaction<'a>)> {
         let Self { origin, direction } = self;
         let pixel = width(&hit);
-        // Most rays hit a front.
+        // Return early for a front, which most rays hit.
         let surface = scene.surfaces.point(&hit, direction, pixel);
         if surface.front {
             return Some((hit, surface));

@@ -88,7 +88,7 @@ impl DirectLights {
     /// Returns the irradiance at each of the `receivers` \[W·m⁻²\], bit-identical to [`DirectLights::irradiance`].
     /// Processing is faster if the receivers are close together.
     pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[ShadingPoint]) -> Traced<Vec<Vec3>> {
-        // Light packets of receivers, which share their shadow rays.
+        // Process receivers in packets: the shadow rays to a packet are traced together.
         let mut sums = vec![Vec3::ZERO; receivers.len()];
         let mut shadow_rays = 0;
         let shadows = Shadows::new(accelerator);

@@ -136,7 +136,7 @@ impl AimCone {
         let is_aimed = which < AIMED;
         let direction = if is_aimed { self.within(point) } else { cosine_hemisphere(normal, point) };
 
-        // Compute both densities for the drawn direction, whichever lobe it came from.
+        // Compute both densities for the drawn direction, regardless of the lobe that produced it.
         let even = normal.dot(direction).max(0.0) / PI;
         let is_inside = is_aimed || self.axis.dot(direction.into()) >= 1.0 - self.height;
         let aimed = if is_inside { 1.0 / (TAU * self.height) } else { 0.0 };

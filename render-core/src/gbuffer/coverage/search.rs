@@ -196,7 +196,7 @@ struct Rays {
 
 impl Rays {
     fn new(count: usize) -> Self {
-        // Sort by distance from the center, farthest first.
+        // Trace rays near the border first, because surfaces seldom end inside a pixel.
         let mut first: Vec<Vec2> = centered_sobol(count).collect();
         let off_center = |place: &Vec2| (*place - 0.5).abs().max_element();
         first.sort_by(|a, b| off_center(b).total_cmp(&off_center(a)));
