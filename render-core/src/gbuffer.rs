@@ -234,7 +234,6 @@ impl Camera<'_> {
         mut set: impl FnMut((usize, usize), PixelSurface, Vec<Layer>),
     ) {
         let Self { shown, view, sample } = *self;
-        // Collect the rays of the pixels.
         let (mut pixels, mut rays, mut count) = ([(0, 0); PACKET], [CameraRay::default(); PACKET], 0);
         for (x, y) in places {
             pixels[count] = (x, y);

@@ -292,7 +292,6 @@ impl<'a> Area<'a> {
     /// Returns the result of a ray that hits a new triangle, or `None` if no pixel provides the light.
     fn show(&mut self, ray: CameraRay, hit: Option<Hit>) -> Option<Shown> {
         let Search { seen, shown, .. } = self.search;
-        // Evaluate the surface that the ray shows.
         let scene = shown.solid();
         let distances = seen.view.distances(ray.direction);
         let point = hit.and_then(|hit| ray.shown_within(distances, scene, hit, |_| 0.0));
