@@ -59,6 +59,7 @@ impl MadeLightcut<'_> {
     ) {
         let found = luminance(self.radiance);
         let threshold = self.stop.threshold_at(found);
+        // Measure the error against a lightcut with a tighter threshold.
         let fine = Stop::Absolute(Calibration::fine(threshold));
         let cut = self.tree.lightcut(receiver, fine, sees, scratch);
         counts.count_rays(cut.shadow_rays);

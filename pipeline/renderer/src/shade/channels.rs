@@ -45,6 +45,7 @@ impl Known<'_> {
             Aov::Normal => triples("normal", ["X", "Y", "Z"], self.surfaces(|pixel| pixel.shading_normal)),
             Aov::Depth => single("depth.Z", pixels.samples().iter().map(|pixel| pixel.depth).collect()),
             Aov::Motion => {
+                // Mark pixels that were not visible in the previous frame by A = 0.
                 let known = self.prepared.correspondence.as_deref();
                 let motion = |index: usize| {
                     let motion = known.and_then(|known| known.motion_of(index % width, index / width));

@@ -97,6 +97,7 @@ impl Reprojectable for Direct {
     /// have changed.
     fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
         let now = visible.frame.direct.clone();
+        // Recompute all light if any lamp has changed.
         let before = self.lamps.replace(now.clone());
         if !before.is_some_and(|before| before.has_lamps_of(&now)) {
             return Holding::Nowhere;
@@ -104,6 +105,7 @@ impl Reprojectable for Direct {
 
         let Visible { matte, movement, .. } = *visible;
         let (sources, swept) = (now.sources(), &movement.swept);
+        // Mark moving instances: light on them changes with their own motion.
         let mut moves = vec![false; matte.world.len()];
         for thing in swept {
             moves[thing.instance as usize] = true;

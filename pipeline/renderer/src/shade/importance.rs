@@ -89,6 +89,7 @@ impl Looking {
     /// Returns the map of a frame before the frame is lit; `None` if the map requires the frame's own light.
     pub fn ahead(&mut self, prepared: &PreparedFrame) -> Option<ImportanceMap> {
         if self.weights.saliency > 0.0 {
+            // Reproject the previous frame's light: the light of this frame is not computed yet.
             let (radiance, _) = self.before.as_ref()?.seen.as_ref()?;
             let reprojected = reprojected(radiance, prepared.correspondence.as_deref()?);
             self.now = Some(self.salient(&reprojected, prepared.correspondence.as_deref()));
@@ -115,6 +116,7 @@ impl Looking {
     /// was visible in both frames.
     pub fn change(&self, map: &ImportanceMap, known: Option<&Correspondence>) -> Option<f64> {
         let before = self.before.as_ref()?.samples.samples();
+        // Compare each surface with the pixel that showed it in the previous frame.
         let (mut sum, mut count) = (0u64, 0u64);
         for (&now, &index) in map.samples.samples().iter().zip(known?.matches().samples()) {
             if let Some(&then) = before.get(index as usize) {
@@ -202,6 +204,7 @@ fn watched(frame: &Frame) -> Plane<f32> {
     let scene: &Scene = frame.surfaces.scene();
     let mut is_watched = vec![false; scene.instances.len()];
     for name in &scene.settings.importance.nodes {
+        // Include all instances below the named node.
         for (watched, is_under) in is_watched.iter_mut().zip(scene.instances_under(name)) {
             *watched |= is_under;
         }

@@ -189,6 +189,7 @@ pub(super) fn add_ranks(ranks: &dyn Ranks, lit: &mut Lit) {
     ((lit.cuts.cuts, lit.cuts.clusters), lit.cuts.largest).put(&mut bytes);
     lit.audits.cuts.numbers().put(&mut bytes);
     for (rank, bytes) in ranks.all_gather(bytes).into_iter().enumerate() {
+        // Skip this rank: its counts are in `lit` already.
         if rank != ranks.rank() {
             lit.add_from(&mut &bytes[..]).expect("every rank sends its counts");
         }

@@ -80,6 +80,7 @@ impl Layers {
         tolerance: &Tolerance,
     ) -> (Sample, [Lit; 2]) {
         let matte = visible.matte;
+        // Light direct layers first: relative thresholds of indirect light depend on them.
         let (of_direct, direct) = sum_of(&mut self.direct, visible, wanted, tolerance);
         let after_direct = Visible { radiance: &direct, ..*visible };
         let (of_indirect, _) = sum_of(&mut self.indirect, &after_direct, wanted, tolerance);

@@ -9,8 +9,7 @@ use perceptual::PixelFragment;
 use pipeline::stage::Outline;
 use plane::Plane;
 use render_core::{
-    Accelerator, Coverage, DirectLights, FinalGather, GBuffer, MixedPixel, reconstruct, reconstruct_counted,
-    sample_offsets,
+    Accelerator, Coverage, DirectLights, FinalGather, GBuffer, reconstruct, reconstruct_counted, sample_offsets,
 };
 use std::sync::Arc;
 
@@ -66,6 +65,8 @@ impl StoredLight {
 
         // Blend outlines in pixels with only one sample: coverage belongs to the first sample.
         let blended = self.coverage.as_ref().map(|coverage| triples(blend(coverage, &of(&self.samples[0]))));
+
+        // Average the samples of each pixel; importance varies their number.
         match (&self.importance, blended) {
             (Some(map), blended) => {
                 let alone = blended.as_ref().unwrap_or(&planes[0]);
@@ -81,15 +82,19 @@ impl StoredLight {
     pub fn outlines(&self) -> Vec<Outline> {
         let Some(coverage) = &self.coverage else { return Vec::new() };
         let light = self.samples[0].whole();
-        let of = |pixel: MixedPixel| {
+        let mut outlines = Vec::new();
+        for pixel in coverage.pixels() {
+            // Omit transparent layers: a lamp behind glass outshines the glass.
+            if pixel.is_layered {
+                continue;
+            }
             let mut parts = Vec::new();
             for part in pixel.parts {
                 parts.push(PixelFragment { share: part.share, radiance: part.radiance(&light).to_array() });
             }
-            Outline { pixel: pixel.index, parts }
-        };
-        // Omit transparent layers: a lamp behind glass outshines the glass.
-        coverage.pixels().filter(|pixel| !pixel.is_layered).map(of).collect()
+            outlines.push(Outline { pixel: pixel.index, parts });
+        }
+        outlines
     }
 }
 

@@ -13,6 +13,7 @@ use std::collections::BTreeSet;
 /// name has its mesh's name. As in other programs, nodes of equal name share a matte. A nameless entry has a unique
 /// name with a number.
 pub(super) fn mattes(aov: Aov, scene: &Scene) -> Option<Cryptomatte> {
+    // Repeat each name for all instances of a node or material: equal names form one matte.
     let materials = |&Instance { mesh, .. }: &Instance| scene.meshes[mesh].material;
     match aov {
         Aov::CryptoObject => {
@@ -41,7 +42,9 @@ pub(super) fn mattes(aov: Aov, scene: &Scene) -> Option<Cryptomatte> {
 /// Returns `own` with unique names such as node_12 in place of empty ones.
 fn with_names(own: &[&str], kind: &str) -> Vec<String> {
     let known: BTreeSet<&str> = own.iter().copied().collect();
-    let name = |(index, own): (usize, &&str)| {
+    let mut names = Vec::with_capacity(own.len());
+    for (index, own) in own.iter().enumerate() {
+        // Append underscores to a new name until no other entry has it.
         let mut name = (*own).to_owned();
         if name.is_empty() {
             name = format!("{kind}_{index}");
@@ -49,15 +52,16 @@ fn with_names(own: &[&str], kind: &str) -> Vec<String> {
                 name.push('_');
             }
         }
-        name
-    };
-    own.iter().enumerate().map(name).collect()
+        names.push(name);
+    }
+    names
 }
 
 /// Returns the channels of `mattes` for a frame. `shares` is the frame's coverage by instance.
 pub(super) fn channels(mattes: &Cryptomatte, shares: &InstanceShares) -> Channels {
     let mut pixels = Vec::new();
     for pixel in shares.pixels() {
+        // Omit the background: the coverage of a pixel may sum to less than 1.
         let seen = pixel.iter().filter(|part| part.instance != NOTHING);
         pixels.push(mattes.ranked(seen.map(|part| RankedThing { thing: part.instance as usize, share: part.share })));
     }

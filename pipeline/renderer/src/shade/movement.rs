@@ -67,7 +67,14 @@ fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<InstancePose>]) 
         let empty = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         positions.iter().fold(empty, |(low, high), &p| (low.min(p.into()), high.max(p.into())))
     };
-    let place = |(index, &moves): (usize, &bool)| {
+    let mut poses = Vec::new();
+    for (index, &moves) in surfaces.moving().iter().enumerate() {
+        if !moves {
+            poses.push(None);
+            continue;
+        }
+
+        // Keep the known box of a rigid instance: its vertices are constant in object space.
         let shape = seen.deformed.get(index).cloned().flatten();
         let known = before.get(index).and_then(Option::as_ref).map(|place| (place.low, place.high));
         let (low, high) = match (&shape, known) {
@@ -75,10 +82,12 @@ fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<InstancePose>]) 
             (None, Some(known)) => known,
             (None, None) => around(&scene.meshes[scene.instances[index].mesh].positions),
         };
+
+        // Keep materials only for comparison with the next frame, in scenes that animate them.
         let material = (!scene.material_channels.is_empty()).then(|| surfaces.material(index).clone());
-        moves.then_some(InstancePose { world: seen.world[index], low, high, shape, material })
-    };
-    surfaces.moving().iter().enumerate().map(place).collect()
+        poses.push(Some(InstancePose { world: seen.world[index], low, high, shape, material }));
+    }
+    poses
 }
 
 /// Returns boxes around the old and new poses of all instances with a changed pose, shape or material.
@@ -97,12 +106,16 @@ fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<M
 impl MovingBox {
     /// Returns the world-space box around an instance in all given poses.
     fn all<const N: usize>(instance: u32, places: [&InstancePose; N]) -> Self {
-        let points = places.into_iter().flat_map(|InstancePose { world, low, high, .. }| {
-            let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
-            (0..8).map(move |i| world.transform_point3a(select(i)))
-        });
-        let empty = Self { instance, low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
-        points.fold(empty, |Self { low, high, .. }, p| Self { instance, low: low.min(p), high: high.max(p) })
+        let mut all = Self { instance, low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
+        for InstancePose { world, low, high, .. } in places {
+            // Enclose the eight corners of the object-space box.
+            for i in 0u32..8 {
+                let corner = Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
+                let p = world.transform_point3a(corner);
+                (all.low, all.high) = (all.low.min(p), all.high.max(p));
+            }
+        }
+        all
     }
 
     /// Returns the squared distance from a point to the box \[m²\].

@@ -103,6 +103,7 @@ fn largest_of_ranks(ranks: &dyn Ranks, own: Vec<u32>) -> Vec<u32> {
     if ranks.count() == 1 {
         return own;
     }
+    // Combine the sizes of all ranks: each rank lights only its own macroblocks.
     let mut bytes = Vec::new();
     own.put(&mut bytes);
     let mut largest = vec![0; own.len()];
@@ -132,6 +133,7 @@ impl LitPicture<'_> {
         let &MattePixel { x, y, ref receiver, ref lambert } = pixel;
         let PixelLight { visible, ref visibility, counts, .. } = self.light;
         let width = visible.matte.pixels.width();
+        // Compare the lightcuts of audited pixels with finer ones.
         let audits = self.tolerance.audits_per_macroblock();
         if audits.is_some_and(|audits| is_pixel_audited(x, y, width, visible.frame.index, audits)) {
             let class = self.tolerance.class_at(x, y);
@@ -174,6 +176,7 @@ impl PixelBlock {
         let mut put = |pixel: &MattePixel, light: Vec3| {
             radiance[(pixel.y - top) * width + pixel.x - left] = light + picture.light.compensation(pixel);
         };
+        // Share lightcuts within blocks: nearby pixels need similar clusters.
         for y in rows.clone().step_by(BLOCK) {
             for x in columns.clone().step_by(BLOCK) {
                 let (across, down) = (x..columns.end.min(x + BLOCK), y..rows.end.min(y + BLOCK));

@@ -40,6 +40,7 @@ pub(super) fn of(shading: &Shading) -> Vec<u8> {
 pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame) -> Result<()> {
     let Read { layers, still, calibration, looking } = decode(state)?;
     shading.layers.restore(&layers, &last.frame)?;
+    // Derive the previous poses from the scene: checkpoints do not contain them.
     shading.places = Movement::to(&last.frame, &[]).places;
 
     // Check the size: a forged state may have another number of pixels.

@@ -112,6 +112,7 @@ impl<'a> Tolerance<'a> {
     /// record's footprint \[Herzog08, 4.3\]. Each pixel's reflectance converts its threshold to irradiance.
     #[must_use]
     pub fn over_footprint(&self, pixels: impl Iterator<Item = FootprintPixel>) -> Stop {
+        // Convert thresholds to irradiance, and sum absolute and relative ones separately.
         let (mut error, mut weights) = (0.0, 0.0);
         let (mut known, mut gain, mut known_weights) = (0.0, 0.0, 0.0);
         for FootprintPixel { place: (x, y), weight, albedo, radiance } in pixels {

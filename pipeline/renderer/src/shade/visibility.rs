@@ -89,6 +89,7 @@ impl<'a> Visibility<'a> {
     pub fn openness(&self, receiver: &ShadingPoint, scale: f32, encloses: impl Fn(&Hit, Vec3A) -> bool) -> f32 {
         let (mut sum, mut count) = (0.0, 0);
         for (direction, met) in self.felt(receiver) {
+            // Count a miss as infinitely far, and an enclosing surface as touching.
             sum += match met {
                 None => 1.0,
                 Some(hit) if encloses(&hit, direction) => 0.0,

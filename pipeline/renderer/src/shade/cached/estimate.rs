@@ -53,6 +53,7 @@ impl TreeLight<'_> {
     pub fn estimate(&self, receiver: &ShadingPoint, recipe: &Recipe) -> LocalIrradiance {
         let frame = self.visible.frame;
         let (position, normal): (Vec3, Vec3) = (receiver.position.into(), receiver.normal.into());
+        // Sum the visible clusters and the dynamic anchors, with their derivatives.
         let mut sum = GradientSum::ZERO;
         for cluster in recipe.seen_clusters() {
             let light = &frame.tree.lights()[cluster.light as usize];
@@ -83,6 +84,7 @@ impl TreeLight<'_> {
         let untraced = UNTRACED_SHARE * luminance(sum.irradiance);
         let mut rays = 0;
         for anchors in dynamic.anchors.chunks(PACKET) {
+            // Mark the anchors that light the record, and the bright ones, which need a shadow ray.
             let mut terms = [IrradianceTerm::default(); PACKET];
             let (mut active, mut gives) = (0, 0);
             for (i, (anchor, intensity)) in anchors.iter().enumerate() {

@@ -111,6 +111,7 @@ impl Layer for Cached {
         let is_first_of_many = sample == 0 && self.has_more;
         let request = Request { seen: matte, moving: frame.surfaces.moving(), wanted, is_first_of_many, ranks };
         let (light, records) = (self.tree_light(visible, tolerance, &counts), &mut self.records);
+        // Update records with the first sample of a frame or region; later samples reuse them.
         let lit = busy.take(match part {
             Some(RegionSample::First) => records.light_region(request, &light),
             Some(RegionSample::Further) => records.light_more_of_region(request, &light),
@@ -157,6 +158,7 @@ impl Layer for Cached {
         if self.ranks.count() == 1 {
             return state;
         }
+        // Collect the recipes of all ranks on rank 0: only one rank stores each recipe.
         let Some(kept) = self.ranks.gather(encode(&self.records.kept())) else { return Vec::new() };
         let mut whole: IrradianceCache<Recipe> = decode(&state).expect("the state was encoded here");
         for kept in kept {
@@ -180,6 +182,7 @@ impl Layer for Cached {
         if !(records.sites().all(is_in_scene) && records.recipes().all(is_of_frame)) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
+        // Drop the recipes that other ranks store.
         records.keep_own(&*self.ranks);
         (self.records, self.intensities) = (records, intensities);
         Ok(())

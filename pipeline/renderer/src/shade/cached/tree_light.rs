@@ -223,6 +223,7 @@ impl TreeLight<'_> {
     /// `least_bound` is 0, no visibility is known yet.
     fn redrawn(&self, receiver: &Lambert, kept: &[KeptCluster], key: u64, least_bound: f32) -> DrawnClusters {
         let tree = &self.visible.frame.tree;
+        // Keep clusters with a small error bound: each redrawn light needs a new shadow ray.
         let is_drawn = |cluster| least_bound == 0.0 || tree.cluster_bound(receiver, cluster) > least_bound;
         let of_record = |kept: &KeptCluster| {
             if is_drawn(kept.cluster) { tree.redrawn(kept.cluster, key) } else { kept.cluster }

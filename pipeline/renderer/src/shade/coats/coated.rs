@@ -141,6 +141,7 @@ impl Points {
     /// numbers are powers of two.
     pub fn rest(self, known: u32, count: u32) -> impl Iterator<Item = Vec2> {
         let (seed, more) = (self.seed, count - known);
+        // Start after the first points of all pixels in the square.
         (Self::PIECES * known + self.piece * more..).take(more as usize).map(move |i| owen_sobol_point(i, seed))
     }
 }

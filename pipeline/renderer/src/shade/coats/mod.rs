@@ -170,6 +170,7 @@ impl Traced {
             return Reflected { light: lobe.known, spark: Vec3::ZERO };
         }
         let (mut brought, enough) = shared(&self.own, &self.beyond, x, y);
+        // Trace further rays of the pixel if similar neighbors have too few.
         if !enough && let Some(coated) = coated(reflections, seen, x, y) {
             let rough = usize::from(coated.is_rough());
             let points = Points::of_pixel(x, y).rest(OWN_RAYS[rough], RAYS[rough]);
@@ -188,6 +189,7 @@ fn coated(reflections: &Reflections, seen: &GBuffer, x: usize, y: usize) -> Opti
 /// Computes the light of a coat with the pixel's own rays.
 fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) -> Lobe {
     let known = reflections.sources(coated);
+    // Trace a single ray for a mirror: its lobe is about as wide as a pixel.
     if coated.is_mirror() {
         return Lobe::without_rays(known + reflections.mirrored(coated));
     }
@@ -200,6 +202,7 @@ fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) 
 
 /// Traces rays with the given points, and marks light that is much brighter than typical.
 fn more_rays(reflections: &mut Reflections, coated: &Coated, points: impl Iterator<Item = Vec2>, rays: u32) -> Brought {
+    // Derive typical light from the new rays: too few neighbors are similar.
     let (mut sum, mut typical) = (Brought::default(), Typical::default());
     let brought: Vec<Brought> = reflections.lobe(coated, points, rays).collect();
     brought.iter().for_each(|ray| typical.add(1.0, ray.luminance()));

@@ -73,6 +73,7 @@ impl Lobe {
 
     /// Returns max(1 − u², 0) for this lobe p and the lobe `other` q.
     fn likeness(&self, other: &Self) -> f32 {
+        // Evaluate 1 − u² of the module documentation: lobe distance, parallax, lobe widths.
         let nearness = self.nearness.max(other.nearness);
         let turned = self.middle.distance_squared(other.middle);
         let moved = self.position.distance_squared(other.position) * nearness * nearness;
@@ -89,6 +90,7 @@ pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
     let mut typical = Typical::default();
     for_neighbors(lobes, x, y, NEXT, |weight, (u, v)| {
         let other = lobes.get(u, v);
+        // Exclude the pixel itself in a rough coat: a single bright ray would raise its own limit.
         if (u, v) != (x, y) || !own.is_rough {
             typical.add(weight * other.brought.rays, other.brought.luminance());
         }
@@ -121,6 +123,7 @@ fn for_neighbors(lobes: &Plane<Lobe>, x: usize, y: usize, reach: usize, mut of: 
     for v in around(y, lobes.height()) {
         let row = lobes.row(v);
         for u in around(x, lobes.width()) {
+            // Weight neighbors by distance in pixels and by the similarity of their lobes.
             if row[u].has_rays() {
                 let weight = tent(u.abs_diff(x)) * tent(v.abs_diff(y)) * own.likeness(&row[u]);
                 if weight > 0.0 {

@@ -143,6 +143,7 @@ impl Reflections<'_> {
             let excess = coated.bsdf.diffuse_excess(outgoing, towards);
             if with_coat { excess + coated.bsdf.evaluate_coat(outgoing, towards, half_angle) } else { excess }
         };
+        // Omit area lights for a smooth coat without a visible base: reflection rays find them.
         let (rough, has_base) = (coated.is_rough(), luminance(coated.diffuse_albedo()) > NO_BASE);
         let area_brdf = (rough || has_base).then_some(|direction, half_angle| brdf_of(direction, half_angle, rough));
         let brdf = |direction, half_angle| brdf_of(direction, half_angle, true);
@@ -258,6 +259,7 @@ impl Reflections<'_> {
             return Vec3::ZERO;
         }
         let Frame { accelerator, direct, tree, .. } = self.prepared;
+        // Compute direct light first: it raises the relative threshold of the lightcut.
         let light = albedo / PI * self.counted(direct.irradiance(accelerator, receiver));
         let lambert =
             Lambert { position: receiver.position.into(), normal: receiver.normal.into(), reflectance: albedo };

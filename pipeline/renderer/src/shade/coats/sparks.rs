@@ -55,10 +55,12 @@ fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) ->
         let block = |(): &mut (), columns, rows| places(columns, rows).map(of).collect();
         busy.take(by_macroblock(&Alone, width, height, || (), block))
     };
+    // Divide the light by the sum of the weights, T, so that energy is conserved.
     let share = picture(&|(x, y)| match alike((x, y)).map(|(_, weight)| weight).sum::<f32>() {
         0.0 => Vec3::ZERO,
         whole => light.get(x, y) / whole,
     });
+    // Gather the divided light from all positions within reach.
     picture(&|place| alike(place).map(|((u, v), weight)| weight * share.get(u, v)).sum())
 }
 

@@ -70,11 +70,13 @@ impl Team {
 
     /// Requests the next tile for this rank, and receives records of other ranks.
     fn ask(&self, records: Vec<SharedRecord>) -> Option<u32> {
+        // Take the tile directly on rank 0, without a message.
         if self.mail.rank() == 0 {
             let Message::Give { tile, records } = self.give(0, records) else { unreachable!("it gives") };
             locked(&self.inbox).extend(records);
             return tile;
         }
+        // Wait for the answer, and store records that arrive before it.
         self.mail.send(0, Message::Ask { records }.bytes());
         loop {
             match self.next().1 {
@@ -103,6 +105,7 @@ impl Team {
                 self.send_to_each(to_each);
             }
             let Some(tile) = self.ask(to_master) else { return lit };
+            // Add received records before lighting: the tile then needs fewer new ones.
             layers.adopt(std::mem::take(&mut *locked(&self.inbox)));
             lit.push(job.light(tile, layers, counts));
             outbox.add(layers.take_records());

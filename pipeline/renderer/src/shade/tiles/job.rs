@@ -61,6 +61,7 @@ impl Job<'_> {
             for (x, y) in pixels {
                 result.light.push((light.direct.get(x, y), light.indirect.get(x, y)));
             }
+            // Keep the maximum number of records in use: samples of a pixel share records.
             for (sum, lit) in counts.iter_mut().zip(lit) {
                 result.seconds += lit.seconds;
                 result.records_in_use = result.records_in_use.max(lit.records.in_use);
@@ -77,6 +78,7 @@ impl Job<'_> {
     /// If `lit` contains light of too few pixels.
     pub fn put(&self, lit: &TileLight, pictures: &mut [Sample]) {
         let area = &self.tiles[lit.tile as usize];
+        // Visit samples and pixels in the order in which `light` stored them.
         let mut light = lit.light.iter();
         for ((_, wanted), picture) in self.samples.iter().zip(pictures) {
             for (x, y) in area.places() {

@@ -11,7 +11,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `cut` | tiles of equal cost |
+//! | `split` | tiles of equal cost |
 //! | `job` | light of a tile |
 //! | `master` | rank 0: tiles and records to be distributed, and the messages |
 //! | `crew` | ranks that communicate by messages |
@@ -123,7 +123,7 @@ impl Tiling {
         let frame = FrameSamples { visible: (0..most).map(of_sample).collect(), tolerance };
         self.workers.begin(&mut shading.layers, &frame.visible[0], tolerance);
 
-        // Get the importance map in advance, or compute it from the light of the first sample.
+        // Light the first sample alone if the importance map is computed from it.
         let mut counts = [Lit::default(), Lit::default()];
         let mut seconds = Seconds::new(&frame.visible[0]);
         let mut further = 0..most;
@@ -136,6 +136,7 @@ impl Tiling {
         }
         self.light_some(shading, (&frame, further), &mut lit, (&mut counts, &mut seconds));
         self.workers.end(&mut shading.layers, &frame.visible[0]);
+        // Add transparent layers, which need the light of the whole frame.
         for (sample, light) in std::mem::take(&mut lit.samples).into_iter().enumerate() {
             shading.add_layers(prepared, &surfaces[sample], (sample, &light), &mut lit);
             lit.samples.push(light);
@@ -192,6 +193,7 @@ impl Tiling {
                 radiance
             }));
         }
+        // Add the light of coats to the known radiance: relative thresholds depend on it.
         let mut job = Job { samples: Vec::new(), tolerance: frame.tolerance, tiles: Vec::new() };
         for ((sample, wanted), radiance) in samples.zip(wanted_by_sample).zip(&radiances) {
             let visible = frame.visible[sample];
@@ -249,6 +251,7 @@ impl Seconds {
     /// Distributes the time of a tile evenly over the samples of its pixels.
     fn add(&mut self, job: &Job, lit: &TileLight, count: &Plane<f32>) {
         let area = &job.tiles[lit.tile as usize];
+        // Divide by the number of samples: only the time of the whole tile is measured.
         let all: f32 = area.places().map(|(x, y)| count.get(x, y)).sum();
         let each = lit.seconds as f32 / all.max(1.0);
         for (x, y) in area.places() {

@@ -128,10 +128,12 @@ impl SimulatedTeam {
     /// Returns the next tile for `rank`, and advances the rank's clock by the waiting time. Rank 0 serves one request
     /// at a time.
     fn ask(&mut self, rank: usize, records: Vec<SharedRecord>) -> Option<u32> {
+        // Build the same messages as real ranks: their sizes determine the transfer time.
         let sent = Message::Ask { records: records.clone() }.bytes().len();
         let others = if records.is_empty() { Vec::new() } else { self.master.exchange(rank, records) };
         let tile = self.master.next_tile();
         let answer = Message::Give { tile, records: others.clone() }.bytes().len();
+        // Wait until the connection of rank 0 is free: each request occupies it.
         if rank > 0 {
             let latency = self.ranks.network.latency;
             let begin = (self.all[rank].clock + latency).max(self.all[0].line_free);
@@ -178,6 +180,7 @@ impl SimulatedTeam {
         if !to_each.is_empty() {
             self.send_to_each(rank, to_each);
         }
+        // Light the next tile with all records that have arrived by the rank's clock.
         let tile = self.ask(rank, to_master)?;
         let (arrived, before) = (self.arrived(rank), self.all[rank].busy);
         let (mut lit, made) = self.timed(rank, own, |layers| {
@@ -246,6 +249,7 @@ impl Workers for SimulatedTeam {
         for rank in 0..self.all.len() {
             self.timed(rank, layers, |layers| layers.end_regions(visible));
         }
+        // Sum the CPU time of the whole frame, including its preparation.
         let busy = self.all.iter().map(|rank| rank.busy);
         self.frame.all_busy = busy.clone().sum();
         self.frame.most_busy = busy.fold(0.0, f64::max);

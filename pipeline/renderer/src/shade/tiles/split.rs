@@ -55,6 +55,7 @@ pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
             1 => tiles.push(part),
             _ => {
                 let [first, second] = sums.halves(&part, count);
+                // Push the first half last: it is split next, so tiles are in order.
                 parts.extend([second, first]);
             }
         }
@@ -99,6 +100,7 @@ impl CostSums {
             for (x, &cost) in row.iter().enumerate() {
                 let is_cost = cost.is_finite() && cost > 0.0;
                 of_row += if is_cost { f64::from(cost) } else { 0.0 };
+                // Add the sum of the row to the sum above (summed-area table).
                 sums.set(x + 1, y + 1, sums.get(x + 1, y) + of_row);
             }
         }
@@ -135,6 +137,7 @@ impl CostSums {
         let from_share = |at: usize| (at * n).abs_diff(length * first);
         let nearest = (least..=most)
             .min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then_with(|| from_share(a).cmp(&from_share(b))));
+        // Move tiles that do not fit into the second half to the first half.
         let [before, after] = part.split(is_wide, nearest.expect("a rectangle can be split"));
         let second = (n - first).min(after.pixels());
         [(before, n - second), (after, second)]
