@@ -40,6 +40,7 @@ impl CoatTexels {
             let neighbors = atlas.neighbors(texel).into_iter().flatten();
             neighbors.filter_map(|neighbor| points[neighbor as usize]).next()
         };
+        // Find the texels on all threads; the list keeps the order of the atlas.
         let coated = (0..atlas.len()).into_par_iter().filter_map(|texel| {
             let site = *atlas.sites(texel, places.surfaces).first()?;
             let surface = atlas.surface(&site, places.surfaces);
@@ -47,6 +48,7 @@ impl CoatTexels {
             let point = points[texel].or_else(|| beside(texel)).filter(|_| is_baked)?;
             Some(CoatTexel { texel, surface, point })
         });
+        // Group the texels by the size of their maps, which depends on roughness.
         let mut by_side: BTreeMap<usize, Vec<CoatTexel>> = BTreeMap::new();
         for texel in coated.collect::<Vec<CoatTexel>>() {
             by_side.entry(map_side(texel.surface.roughness)).or_default().push(texel);
@@ -117,6 +119,7 @@ impl CoatBake<'_> {
     /// Returns the codes of a texel's light: three per direction.
     fn codes(&self, texel: &CoatTexel, map: OctahedralMap, scale: LogScale, scratch: &mut Scratch) -> Vec<u16> {
         let CoatTexel { surface, point, .. } = texel;
+        // Trace the rays once: all directions of the map use the same light.
         let known = |hit: &Hit, surface: &Surface| self.irradiance(hit, surface);
         let scene = KnownScene { frame: self.places.frame, known: &known };
         let coat = TexelCoat::trace(scene, *point, surface, map.len(), scratch);
@@ -141,11 +144,13 @@ impl CoatBake<'_> {
 fn tiled(atlas: &Atlas, group: &[CoatTexel]) -> (Vec<u32>, TexelTiles, Vec<usize>) {
     let (side, columns) = (TILE_SIDE as u32, atlas.size().0 / TILE_SIDE as u32);
     let mut by_tile: BTreeMap<u32, BTreeMap<u32, usize>> = BTreeMap::new();
+    // Sort the texels by tile, and by position within the tile.
     for (index, coated) in group.iter().enumerate() {
         let (x, y) = atlas.place(coated.texel);
         let tile = by_tile.entry(y / side * columns + x / side).or_default();
         tile.insert(y % side * side + x % side, index);
     }
+    // Mark the positions in use, and list the texels in the order of the marks.
     let (mut numbers, mut masks, mut order) = (Vec::new(), Vec::new(), Vec::new());
     for (number, texels) in by_tile {
         let mut mask = [0u64; 4];

@@ -163,12 +163,17 @@ impl<R: Read> SectionReader<'_, R> {
         if number(&sum) != u64::from(found.finalize()) {
             return Err(self.damaged("its header"));
         }
-        let entry = |bytes: &[u8]| SectionEntry {
-            tag: [bytes[0], bytes[1], bytes[2], bytes[3]],
-            length: number(&bytes[4..12]),
-            sum: number(&bytes[12..16]) as u32,
-        };
-        Ok((number(&fixed[4..12]), table.chunks_exact(ENTRY).map(entry).collect()))
+
+        // Decode the table only after its checksum has been verified.
+        let mut entries = Vec::new();
+        for bytes in table.chunks_exact(ENTRY) {
+            entries.push(SectionEntry {
+                tag: [bytes[0], bytes[1], bytes[2], bytes[3]],
+                length: number(&bytes[4..12]),
+                sum: number(&bytes[12..16]) as u32,
+            });
+        }
+        Ok((number(&fixed[4..12]), entries))
     }
 
     /// Reads the next `count` bytes.

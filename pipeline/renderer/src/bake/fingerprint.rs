@@ -113,6 +113,7 @@ fn numbers(scene: &Scene) -> Vec<Option<usize>> {
             counts[parent] = true;
         }
     }
+    // Renumber the marked nodes in order.
     let mut next = 0..;
     counts.into_iter().map(|counts| if counts { next.next() } else { None }).collect()
 }
@@ -139,6 +140,7 @@ impl SceneHash {
     /// Hashes a list of items, each of `N` words.
     fn list<T: Copy, const N: usize>(&mut self, list: &[T], words: impl Fn(T) -> [u32; N]) {
         self.number(list.len());
+        // Collect the bytes of many items: the hash is faster on long inputs.
         for part in list.chunks(BATCH) {
             self.batch.clear();
             for word in part.iter().flat_map(|&item| words(item)) {
@@ -220,6 +222,7 @@ impl SceneHash {
         } = material;
         self.points(&[*base_color, *dielectric_f0, *emission]);
         self.floats(&[*metallic, *roughness, *opacity]);
+        // Number the alpha modes here: the hash must not depend on the order of variants.
         let (alpha, cutoff) = match alpha {
             Alpha::Opaque => (0, 0.0),
             Alpha::Mask { cutoff } => (1, *cutoff),
@@ -314,6 +317,7 @@ impl SceneHash {
             Interpolation::Linear => 1,
             Interpolation::CubicSpline => 2,
         });
+        // Hash the kind before the keys: translations and scales have equal layouts.
         let kind = match track {
             Track::Translation(_) => 0,
             Track::Rotation(_) => 1,

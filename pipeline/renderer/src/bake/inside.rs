@@ -26,6 +26,7 @@ impl Places<'_> {
         let texels = 0..self.atlas.len();
         let mut points: Vec<Option<ShadingPoint>> =
             texels.clone().into_par_iter().map(|texel| self.outside(texel).next()).collect();
+        // Find the charts that have a point outside of geometry.
         let mut has_point = vec![false; self.atlas.charts()];
         for texel in texels.clone() {
             has_point[self.atlas.chart(texel) as usize] |= points[texel].is_some();

@@ -166,6 +166,8 @@ pub(super) fn light(
     for lit in finer.into_iter().flatten() {
         (known.direct[lit.texel], known.indirect[lit.texel]) = (lit.direct.to_array(), Some(lit.indirect.to_array()));
     }
+
+    // Fill the texels inside geometry from their neighbors.
     let filled = points.iter().filter(|point| point.is_none()).count();
     let KnownLight { mut direct, mut indirect } = known;
     fill(atlas, points, &mut direct, &mut indirect);
@@ -192,6 +194,7 @@ impl TexelBaker<'_> {
         let mut lit = Vec::new();
         for (receiver, direct) in receivers.iter().zip(direct) {
             let (x, y) = self.atlas.place(receiver.texel);
+            // Choose one texel of each 2×2 square: most other texels then have a lit neighbor.
             let is_first = x % 2 == 0 && y % 2 == 0;
             let indirect = is_first.then(|| self.alone(receiver, direct, scratch).to_array());
             lit.push(FirstLight { texel: receiver.texel, direct: direct.to_array(), indirect });
@@ -204,7 +207,7 @@ impl TexelBaker<'_> {
         let KnownLight { direct, indirect } = known;
         let mut lit = Vec::new();
 
-        // Give texels next to lit ones a threshold, and light the others alone.
+        // Derive thresholds from lit neighbors, and light texels without lit neighbors alone.
         let (mut waiting, mut thresholds) = (Vec::new(), Vec::new());
         for receiver in self.receivers(block) {
             let texel = receiver.texel;
@@ -262,6 +265,8 @@ impl TexelBaker<'_> {
                 (sum.direct, sum.indirect, *count) = (sum.direct + direct, sum.indirect + indirect, *count + 1.0);
             }
         }
+
+        // Average over the first point and all further points of each texel.
         for (sum, count) in &mut sums {
             (sum.direct, sum.indirect) = (sum.direct / *count, sum.indirect / *count);
         }
@@ -286,8 +291,13 @@ impl TexelBaker<'_> {
             self.visibility.lit_among(lamp, points, &positions, rays)
         };
         self.frame.tree.lightcuts(Receivers { receivers: &whites, thresholds }, sees, walk, cuts);
-        let light = |(receiver, cut): (&Receiver, &Lightcut)| cut.radiance + self.compensation(receiver);
-        waiting.iter().zip(&*cuts).map(light).collect()
+
+        // Restore the light that clamping has removed, for each receiver alone.
+        let mut lights = Vec::with_capacity(waiting.len());
+        for (receiver, cut) in waiting.iter().zip(&*cuts) {
+            lights.push(cut.radiance + self.compensation(receiver));
+        }
+        lights
     }
 
     /// Computes the indirect irradiance \[W·m⁻²\] of a single texel with the given `direct` irradiance.
@@ -328,6 +338,7 @@ fn white(point: &ShadingPoint) -> Lambert {
 fn fill(atlas: &Atlas, points: &[Option<ShadingPoint>], direct: &mut [[f32; 3]], indirect: &mut [Option<[f32; 3]>]) {
     let mut missing: Vec<usize> = (0..atlas.len()).filter(|&texel| points[texel].is_none()).collect();
     while !missing.is_empty() {
+        // Compute the means before any texel changes, so that texels are independent of order.
         let mut found = Vec::new();
         for &texel in &missing {
             let (mut sum, mut of_direct, mut count) = (Vec3::ZERO, Vec3::ZERO, 0);

@@ -61,6 +61,7 @@ pub fn bake(
         let text = "the light of this scene cannot be baked because a lamp moves; render without baked light";
         return Err(Error::Options(text.into()));
     }
+    // Lay out the texels on the static surfaces.
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
     let atlas = Atlas::new(&surfaces, texels).map_err(Error::other)?;
@@ -118,10 +119,12 @@ pub fn read(scene: &Scene, path: &Path) -> Result<BakedTexels> {
     if lamp_moves(scene) {
         return Err(Error::Options("--lighting baked: a lamp moves in this scene; remove the option".into()));
     }
+    // Reject damaged files and files of other scenes before decoding any section.
     let file = SectionFile::read(path)?;
     file.check_scene(path, fingerprint(scene))?;
     let remedy = || format!("{}: bake it again", path.display());
     let mut texels: BakedTexels = decode(file.section(path, TEXELS)?).context(remedy())?;
+    // Check indices and lengths: a forged file may contain any value.
     let whole = texels.atlas.validate(scene)
         && texels.direct.len() == texels.atlas.len()
         && texels.indirect.len() == texels.atlas.len();

@@ -24,14 +24,18 @@ pub(super) fn gap(surfaces: &Surfaces, instances: &[usize]) -> f32 {
 
 /// Returns the vertex positions of `split`, each moved by `gap` against the mean normal of its triangles.
 pub(super) fn behind(mesh: &Mesh, split: &Split, gap: f32) -> Vec<Vec3> {
+    // Sum the normals of adjacent triangles, weighted by area.
     let mut normals = vec![Vec3::ZERO; split.vertices.len()];
     for (index, triangle) in split.triangles.iter().enumerate() {
         let [a, b, c] = mesh.corners(index);
         let normal = (b - a).cross(c - a);
         triangle.iter().for_each(|&vertex| normals[vertex as usize] += normal);
     }
-    let moved = |(&vertex, normal): (&u32, Vec3)| mesh.positions[vertex as usize] - normal.normalize_or_zero() * gap;
-    split.vertices.iter().zip(normals).map(moved).collect()
+    let mut positions = Vec::with_capacity(split.vertices.len());
+    for (&vertex, normal) in split.vertices.iter().zip(normals) {
+        positions.push(mesh.positions[vertex as usize] - normal.normalize_or_zero() * gap);
+    }
+    positions
 }
 
 #[cfg(test)]

@@ -61,6 +61,7 @@ const AROUND: u8 = 32;
 fn sky(scene: &Scene, tone_map: &ToneMap) -> Table {
     let mut table = Table::new();
     let radiance = |sky: &Environment, height: f32| match height {
+        // Average over the horizon: the light of a sky image varies with the direction.
         0.0 => {
             let mut sum = Vec3::ZERO;
             for step in 0..AROUND {

@@ -112,7 +112,9 @@ fn accessors(json: &mut Value, visit: Visitor) {
             each(primitive, "attributes", &mut *visit);
             refer(primitive, "indices", visit);
             if let Some(Value::Array(targets)) = primitive.get_mut("targets") {
-                targets.iter_mut().filter_map(Value::as_object_mut).flatten().for_each(|(_, value)| visit(value));
+                for target in targets.iter_mut().filter_map(Value::as_object_mut) {
+                    target.values_mut().for_each(&mut *visit);
+                }
             }
         });
     });
@@ -124,6 +126,7 @@ fn accessors(json: &mut Value, visit: Visitor) {
         });
     });
     each(json, "nodes", |node| {
+        // Visit the transforms of instanced nodes, which an extension stores in accessors.
         if let Some(instancing) = node.pointer_mut("/extensions/EXT_mesh_gpu_instancing") {
             each(instancing, "attributes", &mut *visit);
         }
@@ -133,6 +136,7 @@ fn accessors(json: &mut Value, visit: Visitor) {
 fn views(json: &mut Value, visit: Visitor) {
     each(json, "accessors", |accessor| {
         refer(accessor, "bufferView", visit);
+        // Visit indices and values of sparse accessors; their count is a number, not an object.
         each(accessor, "sparse", |part| {
             if part.is_object() {
                 refer(part, "bufferView", visit);

@@ -30,6 +30,7 @@ impl Document {
         if !document.json.is_object() {
             return Err(document.damaged("the document"));
         }
+        // Read the buffers of the file; decompressed buffers follow them in the list.
         let buffers = document.list("buffers").to_vec();
         for (index, buffer) in buffers.iter().take(buffers.len() - unpacked.len()).enumerate() {
             let bytes = match buffer["uri"].as_str() {

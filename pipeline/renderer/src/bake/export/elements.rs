@@ -93,6 +93,7 @@ impl Document {
             };
             let (places, values) = (bytes(places, index.size())?, bytes(values, size)?);
             for (place, value) in places.chunks_exact(index.size()).zip(values.chunks_exact(size)) {
+                // Return `None` for positions outside of the list: a damaged file may contain any index.
                 let first = (index.number(place) as usize).checked_mul(size)?;
                 elements.get_mut(first..first.checked_add(size)?)?.copy_from_slice(value);
             }

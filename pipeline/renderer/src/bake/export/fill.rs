@@ -15,11 +15,12 @@ pub(super) fn filled(picture: Holed, width: usize) -> Vec<[u8; 4]> {
     }
     let half = width.div_ceil(2);
     let coarse = filled(halved(&picture, width), half);
-    let color = |(place, texel): (usize, Option<[u8; 4]>)| {
+    let mut colors = Vec::with_capacity(picture.len());
+    for (place, texel) in picture.into_iter().enumerate() {
         let (x, y) = (place % width, place / width);
-        texel.unwrap_or(coarse[y / 2 * half + x / 2])
-    };
-    picture.into_iter().enumerate().map(color).collect()
+        colors.push(texel.unwrap_or(coarse[y / 2 * half + x / 2]));
+    }
+    colors
 }
 
 /// Returns the image at half resolution, rounded up. A texel of it is a hole if its four source texels are holes.
@@ -36,6 +37,7 @@ fn halved(picture: &Holed, width: usize) -> Holed {
                     count += 1;
                 }
             }
+            // Round the mean of the existing texels, to avoid darkening by repeated halving.
             coarse.push((count > 0).then(|| sum.map(|sum| ((sum + count / 2) / count) as u8)));
         }
     }

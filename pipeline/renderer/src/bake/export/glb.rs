@@ -19,6 +19,7 @@ pub(super) fn take_images_in(document: &mut Document) -> Result<()> {
     for index in 0..document.list("images").len() {
         let Some(uri) = document.list("images")[index]["uri"].as_str().map(str::to_owned) else { continue };
         let bytes = document.resource(&format!("image {index}"), &uri)?;
+        // Recognize the format by its content: a URI need not have an extension.
         let kind = kind(&bytes)
             .ok_or_else(|| document.damaged(&format!("image {index}, not a PNG, JPEG, WebP or KTX2 file,")))?;
         let view = document.add_view(bytes);

@@ -35,12 +35,14 @@ impl Materials {
             return made;
         }
         let old = material.and_then(|index| document.list("materials").get(index)).cloned().unwrap_or_default();
+        // Show the texture unlit: it already contains the light.
         let mut new = json!({
             "pbrMetallicRoughness": {
                 "baseColorTexture": { "index": self.texture, "texCoord": 1 }, "metallicFactor": 0, "roughnessFactor": 1
             },
             "extensions": { "KHR_materials_unlit": {} }
         });
+        // Keep the alpha mode: the texture contains opacity, too.
         for name in ["name", "alphaMode", "alphaCutoff", "extras"] {
             if !old[name].is_null() {
                 new[name] = old[name].clone();
@@ -57,6 +59,7 @@ impl Materials {
 pub(super) fn list_extensions(document: &mut Document) {
     let mut found = vec!["KHR_mesh_quantization".to_owned()];
     collect(&document.json, &mut found);
+    // Keep the listed extensions that some object still uses.
     for list in ["extensionsUsed", "extensionsRequired"] {
         let mut names: Vec<String> = Vec::new();
         for name in document.list(list).iter().filter_map(Value::as_str) {

@@ -42,6 +42,7 @@ pub(super) struct Meshes<'a> {
 impl Meshes<'_> {
     /// Gives each node with a baked surface its own mesh. Other primitives of the node are unchanged.
     pub fn write(mut self) -> Result<()> {
+        // Write the primitives mesh by mesh: instances of a mesh share vertices.
         let mut new: BTreeMap<usize, BTreeMap<usize, Vec<Value>>> = BTreeMap::new();
         for (_, instances) in self.instances_by_mesh() {
             let mut geometry = self.geometry(&instances)?;
@@ -51,6 +52,7 @@ impl Meshes<'_> {
                 new.entry(place.node).or_default().insert(place.primitive, written);
             }
         }
+        // Give each node a copy of its mesh with the new primitives.
         for (node, mut written) in new {
             let Some(mesh) = number(&self.document.list("nodes")[node]["mesh"]) else { continue };
             let mut list = Vec::new();
@@ -121,6 +123,7 @@ impl Meshes<'_> {
             }
         }
         let targets = self.targets(&found, count, &split.vertices)?;
+        // Add positions for backs, slightly behind the fronts, if any instance has a back.
         let has_backs = instances.iter().any(|baked| baked.sides.iter().any(|(back, _)| *back));
         let behind = has_backs.then(|| {
             let instances: Vec<usize> = instances.iter().map(|baked| baked.instance).collect();
@@ -137,6 +140,7 @@ impl Meshes<'_> {
         for target in old {
             let mut new = Map::new();
             for (name, accessor) in target.as_object().into_iter().flatten() {
+                // Omit tangents: the new mesh has none.
                 if !["POSITION", "NORMAL"].contains(&name.as_str()) {
                     continue;
                 }

@@ -98,6 +98,7 @@ pub fn export(
     let materials = Materials::new(&mut document, png);
     let (document_of_meshes, texels) = (&mut document, &fine);
     Meshes { document: document_of_meshes, places: &places, surfaces: &surfaces, atlas, texels, materials }.write()?;
+    // Remove all objects that the texture replaces, and move the rest into one file.
     lights::adapt(&mut document, scene, tone_map.exposure);
     compact::compact(&mut document)?;
     glb::take_images_in(&mut document)?;
@@ -147,6 +148,7 @@ pub fn check_path(path: &Path, scene: &Path) -> Result<()> {
             path.display()
         )));
     }
+    // Open and discard the output, to detect missing folders and permissions early.
     drop(Output::create(path).map_err(|error| match error {
         Error::File { path, source, .. } => {
             Error::File { path, problem: "cannot be written; choose another path with --gltf".into(), source }

@@ -30,6 +30,7 @@ impl Painter<'_> {
     pub fn painted(&self) -> Vec<[u8; 4]> {
         let (width, height) = (self.texels.width() as usize, self.texels.height() as usize);
         let mut picture: Holed = vec![None; width * height];
+        // Paint the texels of charts; all other texels are holes, to be filled.
         picture.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, texel) in row.iter_mut().enumerate() {
                 *texel = self.texels.point(x as u32, y as u32).map(|point| self.texel(&point));
@@ -39,6 +40,7 @@ impl Painter<'_> {
     }
 
     fn texel(&self, point: &FinePoint) -> [u8; 4] {
+        // Interpolate the irradiance between the four texels of the atlas.
         let mut irradiance = Vec3::ZERO;
         for (texel, weight) in point.blend.texels.into_iter().zip(point.blend.weights) {
             let [direct, indirect] = [&self.baked.direct, &self.baked.indirect].map(|light| light[texel as usize]);

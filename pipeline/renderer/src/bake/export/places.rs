@@ -20,6 +20,7 @@ pub(super) struct PrimitiveSlot {
 /// Returns the slots of a scene's instances, in the order of nodes in the file and primitives in a mesh.
 pub(super) fn places(document: &Document, scene: &Scene) -> Result<Vec<PrimitiveSlot>> {
     let mut places = Vec::new();
+    // List primitives in the order in which the loader numbers instances.
     for node in shown_nodes(document) {
         let Some(mesh) = document.list("nodes").get(node).and_then(|node| number(&node["mesh"])) else { continue };
         for (primitive, found) in primitives(document, mesh).iter().enumerate() {
@@ -56,6 +57,7 @@ fn shown_nodes(document: &Document) -> BTreeSet<usize> {
     let shown = number(&document.json["scene"]).unwrap_or(0);
     let mut open = document.list("scenes").get(shown).map_or_else(Vec::new, |scene| children(scene, "nodes"));
     let mut found = BTreeSet::new();
+    // Visit each node once: a damaged file may contain cycles.
     while let Some(node) = open.pop() {
         if let Some(value) = document.list("nodes").get(node).filter(|_| found.insert(node)) {
             open.extend(children(value, "children"));
