@@ -33,6 +33,7 @@ impl Layer for AllLights {
         let (counts, pixels) = (Counts::default(), &visible.matte.pixels);
         let visibility = Visibility::new(visible.frame, GATHER_RAYS);
         let light = PixelLight { visible, visibility, counts: &counts, compensates: self.compensates };
+        // Sum all lights at each wanted pixel, regardless of thresholds.
         let radiance = |(x, y): (usize, usize)| {
             let is_wanted = wanted.is_none_or(|wanted| wanted.get(x, y));
             match is_wanted.then(|| light.pixel(x, y)).flatten() {

@@ -134,7 +134,7 @@ impl Looking {
 
     /// Continues from the [`state`](Self::state) after a frame of this `size`.
     pub fn restore(&mut self, before: Option<Before>, size: (usize, usize)) -> Result<()> {
-        // Check the sizes: forged planes may have others.
+        // Check the sizes: a forged state may contain planes of any size.
         let fits = |before: &Before| {
             let seen = before.seen.as_ref();
             (before.samples.width(), before.samples.height()) == size

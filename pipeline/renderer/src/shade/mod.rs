@@ -427,6 +427,7 @@ impl Shading<'_> {
         direct.add_counts(indirect);
         add_ranks(&*self.ranks, &mut direct);
         put(&direct, figures);
+        // Store the light with all data that a static film reuses.
         let light = StoredLight { samples, layers, coverage, cache_records: direct.records.in_use, importance };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)
     }

@@ -73,7 +73,7 @@ impl Layer for PerPixel {
             ..Lit::default()
         };
 
-        // Read audits and sizes of lightcuts only here, after all threads are done.
+        // Read audits and sizes of lightcuts only after all threads are done.
         let (sizes, cuts) = counts.into_parts();
         lit.audits = Audits { cuts, ..Audits::default() };
         if let Some(kept) = &mut self.sizes {

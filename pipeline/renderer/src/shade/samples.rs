@@ -49,6 +49,7 @@ impl SampleSurfaces<'_> {
         movement: &'a Movement,
         ranks: &'a dyn Ranks,
     ) -> Visible<'a> {
+        // Use the G-buffer for samples at the pixel centers.
         let surfaces = self.own.as_ref().unwrap_or(self.seen);
         Visible {
             frame: &prepared.frame,

@@ -10,8 +10,8 @@ use render_core::{Accelerator, GatherDirections, Gathered, Hit, PACKET, PixelSur
 /// over eight shares, films of `cornell` and `nave` at 256×256 deviate no more from path tracing.
 pub(crate) const GATHER_RAYS: usize = 64;
 
-/// Number of rays that measure the openness around a pixel. On `nave`, 8 rays leave 10 % more error than 16 and need 1
-/// % more records; 12 leave 1 % more error. In a simulation, 32 leave 3 % less error than 16.
+/// Number of rays that measure the openness around a pixel. On `nave`, 8 rays leave 10 % more error than 16 rays and
+/// need 1 % more records; 12 rays leave 1 % more error. In a simulation, 32 rays leave 3 % less error than 16.
 const FEELERS: usize = 16;
 
 /// Rays in the scene of a frame, for use by several threads.

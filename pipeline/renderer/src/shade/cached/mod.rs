@@ -192,6 +192,7 @@ impl Layer for Cached {
 impl RegionLayer for Cached {
     fn begin_regions(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>) {
         let counts = Counts::default();
+        // Update the records for the whole frame before its regions are lit.
         let (light, changes) = (self.tree_light(visible, tolerance, &counts), changes(&self.intensities, visible));
         let _ = self.records.begin_regions(visible.matte, changes, &light);
         self.intensities = intensities(visible.frame);

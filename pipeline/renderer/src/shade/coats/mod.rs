@@ -101,7 +101,7 @@ impl Coats {
         None
     }
 
-    /// Returns a pixel's light from its own rays; without rays or light if the pixel has no coat.
+    /// Returns a pixel's light from the pixel's own rays. A pixel without a coat has neither rays nor light.
     fn own_lobe(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Lobe {
         let Some(coated) = coated(reflections, seen, x, y) else { return Lobe::default() };
         let pixel = seen.pixels.get(x, y);

@@ -182,7 +182,7 @@ impl Tiling {
             return;
         }
 
-        // Compute coats by all ranks in a fixed order: coats share rays with nearby pixels of other tiles.
+        // Compute coats on all ranks in a fixed order: coats share rays with nearby pixels of other tiles.
         let mut radiances = Vec::new();
         for (sample, wanted) in samples.clone().zip(&wanted_by_sample) {
             let visible = Visible { ranks: &*shading.ranks, ..frame.visible[sample] };
