@@ -95,6 +95,7 @@ impl CoatFields {
         let mut places = vec![None; atlas.len()];
         for (number, field) in fields.iter().enumerate() {
             for slot in field.light.tiles().slots() {
+                // Convert the slot within its tile to the position of the texel in the atlas.
                 let (tile, within) = (field.tiles[slot / TILE_SLOTS], (slot % TILE_SLOTS) as u32);
                 let x = (tile % columns.max(1)) * TILE_SIDE as u32 + within % TILE_SIDE as u32;
                 let y = (tile / columns.max(1)).checked_mul(TILE_SIDE as u32)? + within / TILE_SIDE as u32;

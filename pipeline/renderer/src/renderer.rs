@@ -22,8 +22,8 @@ impl<'a> Renderer<'a> {
 
     /// Renders frame `index`. Returns linear radiance \[W·m⁻²·sr⁻¹\] and figures.
     ///
-    /// The `thresholds` of the previous frame determine the permitted error of each pixel. Without thresholds, it is 2
-    /// % of the luminance.
+    /// The `thresholds` of the previous frame determine the permitted error of each pixel. Without thresholds, the
+    /// permitted error is 2 % of the luminance.
     pub fn frame(&mut self, index: u32, thresholds: LastThresholds<'_>) -> Shaded {
         let prepared = self.prepare.frame(index);
         self.shade.step(&prepared, thresholds)

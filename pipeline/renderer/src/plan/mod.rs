@@ -91,7 +91,7 @@ impl Plan {
         self.state(stage).runs(n)
     }
 
-    /// Returns the plan with another state of `stage`.
+    /// Returns the plan with `state` as the state of `stage`.
     #[cfg(test)]
     pub(crate) fn with(mut self, stage: Stage, state: State) -> Self {
         self.steps[stage as usize].state = state;

@@ -33,15 +33,19 @@ impl FromStr for Importance {
                 _ => return Err(wrong()),
             }
         }
+        // Require a positive weight: otherwise, importance would be 0 everywhere.
         if weights == Self::default() { Err(wrong()) } else { Ok(weights) }
     }
 }
 
 impl fmt::Display for Importance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let weights = [("saliency", self.saliency), ("task", self.task)];
-        let parts: Vec<String> =
-            weights.iter().filter(|(_, weight)| *weight > 0.0).map(|(map, weight)| format!("{map}:{weight}")).collect();
+        let mut parts = Vec::new();
+        for (map, weight) in [("saliency", self.saliency), ("task", self.task)] {
+            if weight > 0.0 {
+                parts.push(format!("{map}:{weight}"));
+            }
+        }
         f.write_str(&parts.join(","))
     }
 }

@@ -55,6 +55,7 @@ impl FromStr for TileSettings {
         };
         let mut tiles = Self { cost: TileCost::Rays, records: RecordSharing::Each, buffer: BUFFER };
         for part in text.split(',') {
+            // Separate a value from its optional buffer size, 1 to 10000 records.
             let (name, number) = match part.split_once(':') {
                 Some((name, number)) => {
                     let number = number.parse::<u32>().ok().filter(|number| (1..=10_000).contains(number));
@@ -62,6 +63,7 @@ impl FromStr for TileSettings {
                 }
                 None => (part, None),
             };
+            // Reject a buffer size after values that have no buffer.
             match (name, number) {
                 ("rays", None) => tiles.cost = TileCost::Rays,
                 ("time", None) => tiles.cost = TileCost::Time,
