@@ -19,6 +19,7 @@ impl Layout {
     /// Returns the layout of an accessor; `None` for matrices and unknown types.
     fn of(accessor: &Value) -> Option<Self> {
         let component = accessor["componentType"].as_u64()?;
+        // Map the component types BYTE to FLOAT to their widths (glTF 2.0, 3.6.2.2).
         let width = match component {
             5120 | 5121 => 1,
             5122 | 5123 => 2,
@@ -154,6 +155,7 @@ fn strided(bytes: &[u8], first: usize, stride: usize, size: usize, count: usize)
     if count == 0 {
         return Some(Vec::new());
     }
+    // Compute the end with checks for overflow: a damaged file may contain any number.
     let end = stride.checked_mul(count - 1)?.checked_add(first)?.checked_add(size)?;
     if end > bytes.len() || stride == 0 {
         return None;

@@ -23,7 +23,7 @@ pub(super) fn filled(picture: Holed, width: usize) -> Vec<[u8; 4]> {
     colors
 }
 
-/// Returns the image at half resolution, rounded up. A texel of it is a hole if its four source texels are holes.
+/// Returns the image at half resolution, rounded up. A texel is a hole if its four source texels are holes.
 fn halved(picture: &Holed, width: usize) -> Holed {
     let rows = picture.len().div_ceil(width);
     let (half, mut coarse) = (width.div_ceil(2), Vec::new());

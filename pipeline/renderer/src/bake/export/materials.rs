@@ -4,9 +4,9 @@ use super::document::Document;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Filter mode of glTF with which samples use only the finest level of an image.
+/// Filter mode of glTF that samples only the finest level of an image.
 const LINEAR: u32 = 9729;
-/// Wrap mode of glTF with which samples stay within an image.
+/// Wrap mode of glTF that clamps samples to the edge of an image.
 const CLAMP_TO_EDGE: u32 = 33071;
 
 /// The baked texture, and one new material for each of the scene's materials.

@@ -40,7 +40,7 @@ pub(super) struct Meshes<'a> {
 }
 
 impl Meshes<'_> {
-    /// Gives each node with a baked surface its own mesh. Other primitives of the node are unchanged.
+    /// Creates a separate mesh for each node with a baked surface. Other primitives of the node are unchanged.
     pub fn write(mut self) -> Result<()> {
         // Write the primitives mesh by mesh: instances of a mesh share vertices.
         let mut new: BTreeMap<usize, BTreeMap<usize, Vec<Value>>> = BTreeMap::new();
@@ -77,6 +77,7 @@ impl Meshes<'_> {
         for (instance, found) in scene.instances.iter().enumerate() {
             let triangles = scene.meshes[found.mesh].triangles.len() as u32;
             let mut sides = Vec::new();
+            // Query both sides: double-sided surfaces have charts for each.
             for back in [false, true] {
                 let place = |triangle| self.atlas.triangle_places(instance as u32, triangle, !back);
                 let side: SideTriangles = (0..triangles).map(place).collect();
