@@ -196,7 +196,7 @@ impl PixelBlock {
     ) {
         self.clear();
 
-        // Collect pixels with absolute thresholds for the block, and light the other pixels at once.
+        // Collect pixels with absolute thresholds for the block, and light the other pixels immediately.
         for (x, y) in places(columns, rows) {
             let Some(pixel) = picture.pixel(x, y) else { continue };
             let stop = picture.tolerance.at_pixel(x, y, picture.light.visible.radiance.get(x, y));

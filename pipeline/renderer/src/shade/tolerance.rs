@@ -64,6 +64,7 @@ impl<'a> Tolerance<'a> {
         calibration: Option<&'a Calibration>,
     ) -> Self {
         let Size { width, height } = size;
+        // Ignore the previous frame's thresholds if the user has fixed the fraction.
         let map = match policy {
             Thresholds::Fixed(_) => ThresholdMap::relative(width, height),
             _ => thresholds.map(width, height),

@@ -114,8 +114,8 @@ pub(super) fn shared(lobes: &Plane<Lobe>, excess: &Plane<Vec3>, x: usize, y: usi
     (sum, sum.rays * sum.rays >= ENOUGH * squares)
 }
 
-/// Calls `of` for each pixel within `reach` whose rays contribute to (x, y), including (x, y), with k and the pixel's
-/// position.
+/// Calls `of` with k and the position of each pixel within `reach` that contributes rays to (x, y), including the pixel
+/// at (x, y).
 fn for_neighbors(lobes: &Plane<Lobe>, x: usize, y: usize, reach: usize, mut of: impl FnMut(f32, (usize, usize))) {
     let around = |center: usize, end: usize| center.saturating_sub(reach)..(center + reach + 1).min(end);
     let tent = |apart: usize| (reach + 1 - apart) as f32 / (reach + 1) as f32;
