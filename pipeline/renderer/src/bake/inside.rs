@@ -9,19 +9,19 @@ use render_core::{Atlas, ShadingPoint, Surfaces};
 /// inside.
 const NEAR: f32 = 1.5;
 
-/// The atlas, and the scene whose light reaches its texels.
+/// The atlas, and the scene that lights the atlas's texels.
 pub(super) struct Places<'a> {
     pub atlas: &'a Atlas,
     /// Surfaces of the scene of the atlas.
     pub surfaces: &'a Surfaces<'a>,
-    /// Scene whose geometry reflects and blocks light.
+    /// Scene with the geometry that reflects and blocks light.
     pub frame: &'a Frame<'a>,
     pub visibility: &'a Visibility<'a>,
 }
 
 impl Places<'_> {
-    /// Returns a shading point outside of geometry for each texel, `None` for a texel without such a point. If a whole
-    /// chart has no such point, inner points are used: overlapping geometry can still be visible.
+    /// Returns a shading point outside of geometry for each texel, `None` for a texel without one. If a whole
+    /// chart lacks outer points, inner points are used: overlapping geometry can still be visible.
     pub fn points(&self) -> Vec<Option<ShadingPoint>> {
         let texels = 0..self.atlas.len();
         let mut points: Vec<Option<ShadingPoint>> =

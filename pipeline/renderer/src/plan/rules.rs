@@ -261,7 +261,7 @@ impl Facts<'_> {
         self.settings.leave_out && self.settings.frames > 1
     }
 
-    /// Returns whether every pixel has several samples. Frames do not share such samples.
+    /// Returns whether every pixel has several samples. Frames do not share those samples.
     fn has_samples_everywhere(&self) -> bool {
         self.settings.samples > 1 && self.settings.importance.is_none()
     }

@@ -71,7 +71,7 @@ impl Layers {
         }
     }
 
-    /// Lights the surfaces of `visible`, whose radiance is initially their emission. Returns the radiance of the
+    /// Lights the surfaces of `visible`, with their emission as initial radiance. Returns the radiance of the
     /// sample, and the layers' direct and indirect light. Unwanted pixels may have any value.
     pub fn sample(
         &mut self,

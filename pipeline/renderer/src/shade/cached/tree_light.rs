@@ -250,7 +250,7 @@ impl TreeLight<'_> {
         DrawnClusters { clusters, visible: visible.into(), unknown }
     }
 
-    /// Returns the bits in `active` of the clusters whose light reaches `receiver`.
+    /// Returns the bits in `active` of the clusters visible from `receiver`.
     fn seen_lights(&self, receiver: &ShadingPoint, clusters: &[Cluster], active: u64) -> u64 {
         let lights = self.visible.frame.tree.lights();
         self.visibility.seen_among(receiver, clusters, |c| lights[c.light as usize].position.into(), active)

@@ -58,7 +58,7 @@ pub(crate) use texel::{KnownScene, TexelCoat};
 /// Number of reflection rays that each pixel traces, in smooth and in rough coats. On a flat coat, two rays and the
 /// rays of nearby pixels leave as much noise as 36 rays.
 const OWN_RAYS: [u32; 2] = [4, 2];
-/// Number of reflection rays of a pixel whose neighbors have too few similar rays, in smooth and in rough coats.
+/// Number of reflection rays of a pixel without enough similar rays in its neighbors, in smooth and in rough coats.
 const RAYS: [u32; 2] = [8, 16];
 
 /// Returns `seen` with the albedo below coats toward the viewer, for all light that [`Coats`] do not reflect. Surfaces
