@@ -72,8 +72,8 @@ impl<'a> Render<'a> {
             encode: Video::new(settings)?,
             mask: masks.then(|| Masking::new(settings)).transpose()?,
         };
+        // Restore the stages from the checkpoint, or prepare them for the first frame.
         let start = stages.begin_among(settings.frame_range().start, checkpoints, lead)?;
-        // Start the stages from a checkpoint, or from the first frame.
         Ok(Self {
             scene,
             settings,
@@ -136,6 +136,7 @@ impl<'a> Render<'a> {
     /// # Errors
     /// Returns the first error of a stage: a file cannot be written, or the stage has a bug.
     pub fn finish(mut self, run: Run<'_>) -> Result<Report> {
+        // Set the exposure in advance if the first frame must not determine it.
         if let Some(exposure) = self.exposure_before() {
             self.stages.display.set_exposure(exposure);
         }
@@ -143,6 +144,7 @@ impl<'a> Render<'a> {
         let inputs = Some(sum_of_inputs(self.scene, self.settings)?);
         let Self { scene, settings, plan, stages, start, begin, .. } = self;
         let reports = couple(stages, start, run)?;
+        // Report an interruption only if frames are missing: `stop` may be set after the last frame.
         let interrupted = run.stop.load(Ordering::Relaxed) && reports.len() < settings.frame_range().len();
         let ending = Ending { interrupted, wall_seconds: begin.elapsed().as_secs_f64() };
         Ok(Report { inputs, ..Report::new(scene, settings, plan.steps(), reports, ending) })
@@ -207,7 +209,9 @@ impl<'a> LightStages<'a> {
     fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<Self> {
         let renderer = settings.render.clone();
         let mut shade = Shading::among(&renderer, plan, team.shade.clone());
+        // Divide the shading of each frame among the ranks of the team.
         shade.set_crew(Crew::Ranks(team.mail.clone(), team.shade.clone()));
+        // Read the baked light once: shading and the exposure of chunks share it.
         #[cfg(feature = "bake")]
         let baked = read_baked(scene, settings)?;
         #[cfg(feature = "bake")]
@@ -253,7 +257,7 @@ pub(crate) fn with_baked<'a>(shading: Shading<'a>, baked: Option<&Arc<BakedTexel
 /// To choose the number of threads, call this function inside a rayon pool.
 ///
 /// # Errors
-/// Errors of [`Render::new`], [`Render::write_to`] and [`Render::finish`].
+/// Returns the errors of [`Render::new`], [`Render::write_to`] and [`Render::finish`].
 pub fn render(scene: &Scene, settings: &Settings, plan: &Plan, run: Run<'_>) -> Result<Report> {
     let checkpoints = Checkpoints::off();
     let mut film = Render::new(scene, settings, plan, &checkpoints)?;

@@ -47,10 +47,13 @@ struct JoinedPart {
 impl JoinedReport {
     /// Returns the report of a film at `output`.
     fn new(parts: Vec<WholePart>, output: &Path) -> Self {
+        // Add up the times of all parts. Parts are made by separate runs, so the memory is a maximum.
         let summaries: Vec<&Summary> = parts.iter().map(|part| &part.report.summary).collect();
         let wall_seconds = summaries.iter().map(|summary| summary.wall_seconds).sum();
         let cpu_seconds = summaries.iter().map(|summary| summary.cpu_seconds).sum();
         let peak_memory_bytes = summaries.iter().filter_map(|summary| summary.peak_memory_bytes).max();
+
+        // List each part with its cost.
         let joined = parts.iter().map(|part| JoinedPart {
             file: part.path.clone(),
             range: part.range.to_string(),
@@ -65,6 +68,8 @@ impl JoinedReport {
         let (scene, mut settings, plan) = (first.scene.clone(), first.settings.clone(), first.plan.clone());
         settings.remove("range");
         settings.insert("output".into(), output.display().to_string().into());
+
+        // Summarize all frames, but replace the time and memory of this process by the parts' own.
         let frames: Vec<FrameReport> = parts.into_iter().flat_map(|part| part.report.frames).collect();
         let summary = Summary::of(&frames, Ending { interrupted: false, wall_seconds });
         let summary = Summary { cpu_seconds, peak_memory_bytes, ..summary };
@@ -98,6 +103,7 @@ pub fn places(paths: &[PathBuf]) -> FilePlaces {
 /// If a part is truncated, misplaced or belongs to another film, or a file cannot be read or written. The message names
 /// the file.
 pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
+    // Check the paths and all parts before the output is created.
     let container = container_of(output, None).ok_or_else(|| unknown_ending(output))?;
     places(paths).writes("-o", Some(output)).check()?;
     let parts = paths.iter().map(|path| WholePart::read(path)).collect::<Result<Vec<WholePart>>>()?;
@@ -107,18 +113,20 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
         check_disc_part(&parts[0])?;
     }
 
-    // Read each part again when it is written, because a film may exceed the memory.
+    // Declare the length of the whole film, which some containers store at the beginning.
     let config = parts[0].encoder_config()?;
     let pictures = u64::from(parts[0].pictures);
     let all = u64::from(parts[0].film_frames) * pictures;
     let mut multiplexer = Multiplexer::new(container, &config).with_pictures(all);
     let mut film = Output::create(output)?;
+    // Read each part again when it is written, because a film may exceed the memory.
     for part in &parts {
         let first = u64::from(part.range.first) * pictures;
         for unit in part.stream()?.units {
             film.write(&multiplexer.push(AccessUnit { display_index: first + unit.display_index, ..unit }))?;
         }
     }
+    // End the film with one end code, in place of an end code per part.
     film.write(&multiplexer.finish(&ElementaryStream::END))?;
     film.finish().context("the joined film")?;
     Ok(JoinedReport::new(parts, output))

@@ -43,7 +43,7 @@ fn check_same_film(first: &WholePart, part: &WholePart) -> Result<()> {
         }
     }
 
-    // Parts with equal settings may still come from another version of the scene, or from another encoder.
+    // Compare inputs and headers, because equal settings do not imply the same scene version and encoder.
     if one.inputs != other.inputs {
         let first_file = first.path.display();
         let text = format!(" was made from another scene than {first_file}: a file of the scene changed between them");
@@ -62,6 +62,7 @@ fn check_order(parts: &[WholePart]) -> Result<()> {
     for part in parts {
         let wrong = |text: String| Err(Error::content(&part.path, format!(", frames {}, {text}", part.range)));
         let FrameRange { first, last } = part.range;
+        // Report overlaps first: reordering the parts would not remove them.
         if let Some(other) = parts.iter().find(|other| !std::ptr::eq(*other, part) && overlap(other, part)) {
             return wrong(format!("overlaps {}, frames {}", other.path.display(), other.range));
         }
@@ -72,12 +73,15 @@ fn check_order(parts: &[WholePart]) -> Result<()> {
                 None => wrong(format!("cannot come next: the part that begins with frame {next} is missing")),
             };
         }
+        // Reject a range that exceeds the film's length in the part's own report.
         let frames = part.film_frames;
         if last >= frames {
             return wrong(format!("continues after the end of its film of {frames} frames"));
         }
         next = last + 1;
     }
+
+    // Check the end separately: no later part reveals that the last one is missing.
     match parts.last() {
         Some(part) if next < part.film_frames => {
             let frames = part.film_frames;

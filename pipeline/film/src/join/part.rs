@@ -103,6 +103,7 @@ impl WholePart {
         if !is_same || !has_all || stream.units.len() as u64 != wanted * u64::from(pictures) {
             return wrong(format!(" does not match {}: copy both files again", path_beside(path).display()));
         }
+        // Reject a stream that starts with an open group: earlier pictures are missing at decoding.
         if !stream.begins_closed {
             return wrong(" begins with pictures that need earlier ones: it is not a part of a film".into());
         }
@@ -138,6 +139,7 @@ impl WholePart {
     pub fn encoder_config(&self) -> Result<Config> {
         let place = path_beside(&self.path).display().to_string();
         let coded: PartCoding = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;
+        // Rebuild the encoder settings. Parts have no bit rate, so only B pictures need lookahead.
         let PartCoding { size: CodedSize { width, height }, fps, aspect, mpeg1, bframes } = coded;
         let config = Config::new(width, height, CodedRate::of(fps).context(place.clone())?.rate)
             .with_aspect(aspect.ratio())

@@ -23,12 +23,15 @@ impl FromStr for FrameRange {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
+        // Direct users with a list of frames to `still`, which accepts lists.
         let pictures = if text.contains(',') { "; for a list of pictures use render2mpeg still --frame" } else { "" };
         let wrong =
             || Error::Options(format!("\"{text}\" is not a range of frames such as 10-19, counted from 0{pictures}"));
+        // Accept a single number as a range of one frame.
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let number = |text: &str| text.trim().parse::<u32>().map_err(|_| wrong());
         let range = Self { first: number(first)?, last: number(last)? };
+        // Reject u32::MAX, because half-open ranges end at last + 1.
         if range.first > range.last || range.last == u32::MAX { Err(wrong()) } else { Ok(range) }
     }
 }
@@ -63,6 +66,7 @@ pub(super) fn checked_range(chunk: Option<u32>, range: Option<FrameRange>, frame
         return fail("--chunk 0: a chunk has at least one frame".into());
     }
     let Some(FrameRange { first, last }) = range else { return Ok(None) };
+    // Reject a range outside the film. With chunks, the last frame is checked below.
     if first >= frames || chunk.is_none() && last >= frames {
         return fail(format!("--range {first}-{last} exceeds the film: its last frame is {}", frames - 1));
     }
