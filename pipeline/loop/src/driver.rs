@@ -52,8 +52,11 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let Stages { prepare, shade, display, encode, mask } = stages;
     let Start { checkpoints, begin, first, thresholds, mut masking_seconds, mut log, lead } = start;
     let Run { observer, stop } = run;
+
+    // Remove an earlier checkpoint only now that all stages are restored and the film's file is open.
     checkpoints.begin(mask.is_some())?;
     let ranks = lead.ranks();
+
     // Pass prepared frames without a queue. Preparation is then one frame ahead, which suffices. Each queued frame
     // would keep another G-buffer in memory. The other channels queue one frame.
     let (prepared_out, prepared_in) = bounded(0);
@@ -69,6 +72,8 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let displaying = Displaying::new(display, observer)?;
     let encoding = Encoding::new(encode, &mut log, observer)?;
     let masking = mask.map(|mask| Masking::new(mask, &mut masking_seconds, observer)).transpose()?;
+
+    // Decide whether the first frame starts, and announce the decision to the other ranks.
     let pace = Pace::new(stop, checkpoints, first, ranks.count() > 1);
     lead.begin(pace.decision().unwrap_or_default());
 
@@ -94,15 +99,19 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
             work(checkpoints, shading, frames, |shaded| shaded_out.send(shaded).is_ok())
         }),
         stage("prepare", move || {
+            // Mark a frame for a checkpoint when it starts, so that all stages store their states at that frame.
             let begun = (first..).map_while(|index| {
                 pace.begins(index).then(|| Stamped { index, marked: checkpoints.is_due(), content: () })
             });
             work(checkpoints, preparing, begun, |prepared| {
+                // Decide about the next frame now, because the ranks receive the decision with this frame.
                 let goes_on = pace.hand_over(prepared.index);
                 prepared_out.send((prepared, goes_on)).is_ok()
             })
         }),
     ])?;
+
+    // Complete the file only after every stage has ended without an error.
     log.finish(&masking_seconds)
 }
 
@@ -117,9 +126,11 @@ fn feedback_edge(
     thresholds: Option<LuminanceThresholds>,
 ) -> (Sender<LuminanceThresholds>, impl Fn(u32) -> Option<Option<LuminanceThresholds>>) {
     let (sender, receiver) = bounded(1);
+    // Insert the thresholds of the checkpoint, with which a resumed film continues.
     if let Some(thresholds) = thresholds {
         let _ = sender.send(thresholds);
     }
+    // Wait for thresholds in every frame except the first, which has no previous frame.
     let of_last = move |frame: u32| match begin.is_some_and(|begin| frame > begin) {
         true => receiver.recv().ok().map(Some),
         false => Some(None),
@@ -146,6 +157,7 @@ fn with_thresholds<F>(
             lead.notes(goes_on);
             let _span = tracing::debug_span!("wait for thresholds", frame = frame.index).entered();
             let thresholds = of_last(frame.index)?;
+            // Order the frame from the other ranks now that its thresholds are available.
             lead.frame(frame.index, frame.marked, thresholds.as_ref());
             last = Some(frame.index);
             Some(frame.with(|prepared| (prepared, thresholds)))

@@ -17,7 +17,7 @@ pub struct Stages<P, S, D, M, E> {
     pub prepare: P,
     /// Second half of the renderer.
     pub shade: S,
-    /// Display: tone curve, and files of uncompressed frames.
+    /// Display stage with the tone curve and the files of uncompressed frames.
     pub display: D,
     /// Encoder with its container.
     pub encode: E,
@@ -64,10 +64,14 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Stages<P, S
 
     /// Prepares or restores every stage as [`begin_at`](Stages::begin_at) does, with this process as `lead` of other
     /// ranks.
+    ///
+    /// # Errors
+    /// If a stage cannot restore its state, or a file of uncompressed frames cannot be opened.
     pub fn begin_among<'a>(&mut self, begin: u32, checkpoints: &'a Checkpoints, lead: Lead) -> Result<Start<'a>> {
         let log = FilmLog::beginning(begin);
         let (thresholds, masking_seconds) = (None, Vec::new());
         let mut start = Start { checkpoints, begin, first: begin, thresholds, masking_seconds, log, lead };
+        // Without a checkpoint, open new files and let all ranks start at the first frame.
         let Some(last) = checkpoints.last_frame() else {
             self.display.begin(&checkpoints.kept())?;
             start.lead.start(begin, None);
@@ -82,9 +86,11 @@ impl<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode> Stages<P, S
         let checkpoints = start.checkpoints;
         let state = |part| checkpoints.state(part);
         start.first = last.checked_add(1).ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;
+        // Restore the log together with the encoder, whose waiting frames have figures in the log.
         let (log, encoder) = FilmLog::restored(state(StageName::Encode), start.begin..start.first)?;
         start.log = log;
         self.encode.restore(&encoder)?;
+        // Restore the thresholds of the last frame, which steer the shading of the next frame.
         if let Some(mask) = &mut self.mask {
             let (own, planes, masking_seconds): MaskState = decode(state(StageName::Mask))?;
             let (delta, luminance) = planes.ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;

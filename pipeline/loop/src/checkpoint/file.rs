@@ -36,6 +36,7 @@ impl Identity {
             return Some(format!("it was written by {}, and this is {}", self.program, wanted.program));
         }
         if self.settings != wanted.settings {
+            // Find the first changed setting, to name it in the message.
             let read = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap_or_default();
             let (then, now) = (read(&self.settings), read(&wanted.settings));
             let names = now.as_object().into_iter().flat_map(|object| object.keys());

@@ -106,12 +106,14 @@ impl Checkpoints {
             return Ok(Self::new(job, every));
         }
         let stored = Stored::read(&path)?;
+        // Refuse a checkpoint of another job: the resumed film would differ from an uninterrupted one.
         if let Some(difference) = stored.identity.difference(job.identity()) {
             return Err(Error::Checkpoint(format!(
                 "{} cannot be resumed: {difference}; use the same options, or restart with --overwrite instead of --resume",
                 path.display()
             )));
         }
+        // Refuse to shorten a film: coded frames cannot be removed again.
         let done = stored.frame.saturating_add(1);
         if let Some(end) = job.end().filter(|&end| end < done) {
             return Err(Error::Checkpoint(format!(
@@ -163,6 +165,7 @@ impl Checkpoints {
     /// # Errors
     /// If the earlier checkpoint cannot be removed.
     pub(super) fn begin(&self, masking: bool) -> Result<()> {
+        // Remove the checkpoint of an earlier film, but keep the one that this run resumes.
         if let Some(path) = self.path.as_ref().filter(|_| self.from.is_none()) {
             remove(path)?;
         }
@@ -176,6 +179,7 @@ impl Checkpoints {
     pub(super) fn is_due(&self) -> bool {
         let Some(place) = &self.place else { return false };
         let mut progress = place.lock();
+        // Measure the interval between marked frames, independent of the time to write a checkpoint.
         let due = progress.last.elapsed() >= place.every;
         if due {
             progress.last = Instant::now();
@@ -209,11 +213,14 @@ impl Checkpoints {
     pub(super) fn leave(&self, frame: u32, stage: StageName, state: Vec<u8>) {
         let Some(place) = &self.place else { return };
         let mut progress = place.lock();
+
+        // Wait until every stage has stored its state after this frame.
         let expected = progress.expected;
         let states = progress.waiting.entry(frame).or_default();
         states[stage as usize] = Some(state);
         let whole = states.iter().flatten().count() == expected;
         let Some(states) = whole.then(|| progress.waiting.remove(&frame)).flatten() else { return };
+
         // Write under the lock, so that checkpoints are written in frame order.
         let states = states.map(Option::unwrap_or_default).to_vec();
         match (Stored { identity: place.job.identity().clone(), frame, states }.write(&place.path)) {
@@ -227,6 +234,7 @@ impl Checkpoints {
 
     /// Removes the checkpoint of a finished film.
     pub fn remove(self) {
+        // Ignore a failure, because the film is already complete.
         self.path.iter().for_each(|path| drop(remove(path)));
     }
 }
@@ -253,6 +261,7 @@ impl Destination {
 fn remove(path: &Path) -> Result<()> {
     for path in [path, &part_of(path)] {
         match std::fs::remove_file(path) {
+            // Ignore a missing file: usually only one of the two exists, or none.
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 return Err(Error::file(path, "cannot be removed")(error));
             }
@@ -262,7 +271,7 @@ fn remove(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Returns the path of the checkpoint of `film`: `film.m2v` → `film.m2v.checkpoint`.
+/// Returns the path of the checkpoint of the film at `output`: `film.m2v` → `film.m2v.checkpoint`.
 #[must_use]
 pub fn path_for(output: &Path) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_owned();
