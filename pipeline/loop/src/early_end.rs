@@ -54,6 +54,7 @@ impl EarlyEnd {
         tail.is_open = false;
         let context = |error| Error::file(&self.path, "cannot be completed")(error);
         let mut file = File::options().append(true).open(part).map_err(context)?;
+        // Leave an empty file unfinished, because a film without frames is not playable.
         if file.metadata().map_err(context)?.len() == 0 && tail.ending.is_empty() {
             return Ok(false);
         }

@@ -26,6 +26,7 @@ pub fn exposure_for_luminances(luminances: &[f32]) -> Option<f32> {
     if logs.is_empty() {
         return None;
     }
+    // Use the geometric mean, so that few bright pixels do not darken the picture.
     let mean = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
     Some(((MIDDLE_GRAY / mean) as f32).clamp(1e-20, 1e20))
 }

@@ -26,6 +26,7 @@ pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team
         }
         order => return ended(&order),
     };
+    // Wait for the decision of rank 0 whether the first frame starts.
     let goes_on = match Order::next(orders)? {
         Order::Begin { goes_on } => goes_on,
         order => return ended(&order),
@@ -64,6 +65,8 @@ fn shade_all<F, S: Shade<F>>(
             let _ = turns.send(());
         }
     };
+
+    // Follow the orders of rank 0 until it announces the end.
     let mut result = Ok(());
     loop {
         match Order::next(orders)? {
@@ -74,6 +77,7 @@ fn shade_all<F, S: Shade<F>>(
                 };
                 // Store an error, but continue: if light differs, every rank detects it, and rank 0 orders the end.
                 result = shading.step(index, (prepared, thresholds.map(Order::thresholds))).map(drop);
+                // Compute the state at the same time as rank 0, which gathers data from all ranks.
                 if marked && result.is_ok() {
                     let _ = shading.state()?;
                 }

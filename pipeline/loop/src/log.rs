@@ -60,6 +60,7 @@ impl From<StoredLine> for FrameReport {
 impl FilmLog {
     /// Syncs the film to the disk, and returns the state of the log and of the `encoder`.
     pub fn state(&self, encoder: Vec<u8>) -> Result<Vec<u8>> {
+        // Sync first: the stored length must not exceed the bytes on the disk.
         self.output.as_ref().map_or(Ok(()), Output::sync)?;
         let written = self.output.as_ref().map(Output::written).unwrap_or_default();
         let lines: Vec<StoredLine> = self.reports.iter().map(StoredLine::from).collect();
@@ -78,7 +79,8 @@ impl FilmLog {
         let (written, lines, waiting, encoder): StoredLog = decode(state)?;
         let reports: Vec<FrameReport> = lines.into_iter().map(FrameReport::from).collect();
         // Check that each finished frame has a report or waiting figures.
-        let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(waiting.keys().copied()).collect();
+        let mut frames: Vec<u32> = reports.iter().map(|line| line.index).collect();
+        frames.extend(waiting.keys());
         frames.sort_unstable();
         if !frames.into_iter().eq(done) {
             return Err(Error::Checkpoint(NONSENSE.into()));
@@ -122,6 +124,8 @@ impl FilmLog {
         let Encoded { bytes, pictures, coding } = coded;
         self.output.as_mut().map_or(Ok(()), |output| output.write_before(&bytes, ending))?;
         observer.bytes(&bytes);
+
+        // Report coded pictures with the figures that were stored when they entered the encoder.
         for picture in &pictures {
             let figures = self.waiting.remove(&picture.index).unwrap_or_default();
             let line = FrameReport::new(picture, figures);
@@ -145,6 +149,8 @@ impl FilmLog {
         if !reports.iter().map(|frame| frame.index).eq((begin..).take(reports.len())) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
+
+        // Add the CPU time of masking, which runs after the frame is logged.
         for &(of, seconds) in masking_seconds {
             let place = of.checked_sub(begin).map(|place| place as usize);
             let frame =

@@ -48,6 +48,7 @@ impl<F: FnMut(&FrameReport) + Send> OnFrame<F> {
 
 impl<F: FnMut(&FrameReport) + Send> Observer for OnFrame<F> {
     fn frame(&self, report: &FrameReport) {
+        // Ignore lock poisoning: the panic of an earlier call is reported separately.
         let mut tell = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         tell(report);
     }

@@ -43,6 +43,7 @@ impl Output {
     /// # Errors
     /// If the folder does not exist or cannot be written to, or another run writes to `path`.
     pub fn create(path: &Path) -> Result<Self> {
+        // Write streams directly: they can neither be locked nor renamed.
         let problem = || Error::file(path, "cannot be written; choose another path with -o");
         if is_standard_output(path) {
             let file = standard_output().map_err(Error::file(path, "cannot be opened: standard output is closed"))?;
@@ -51,6 +52,7 @@ impl Output {
         let (part, file) = if is_stream(path) {
             (None, File::options().write(true).open(path).map_err(problem())?)
         } else {
+            // Truncate only after locking, because another run may be writing to the file.
             let part = part_of(path);
             let file = locked(path, &part, File::options().write(true).create(true))?;
             file.set_len(0).map_err(problem())?;
@@ -79,6 +81,8 @@ impl Output {
         let part = part_of(path);
         let has_enough =
             |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= written.length);
+
+        // Find the bytes written so far, in the `.part` file or under the final name.
         let is_finished = !has_enough(&part);
         if is_finished {
             // Copy a film that already has its final name: it ended in order, for example after Ctrl-C.
@@ -125,6 +129,7 @@ impl Output {
     /// If the disk is full or lost, or the `.part` file was removed.
     pub fn sync(&self) -> Result<()> {
         let Some(part) = &self.part else { return Ok(()) };
+        // Fail if the file was removed or replaced: no later run could continue it.
         if !is_in_place(&self.file, part) {
             return Err(Error::content(&self.path, ": its .part file was removed or replaced"));
         }
@@ -149,6 +154,7 @@ impl Output {
             return Err(Error::content(&self.path, " was ended early"));
         }
         self.file.write_all(bytes).map_err(Error::file(&self.path, "cannot be written further"))?;
+        // Replace the ending only after the bytes that it completes are written.
         tail.ending = ending;
         self.written.length += bytes.len() as u64;
         self.sum.update(bytes);
@@ -166,12 +172,14 @@ impl Output {
             return Err(Error::content(&self.path, " was ended early"));
         }
         let context = |error| Error::file(&self.path, "cannot be completed")(error);
+        // Sync before renaming, so that even a power failure leaves no incomplete file under the final name.
         if let Some(part) = &self.part {
             self.file.sync_all().map_err(context)?;
             fs::rename(part, &self.path).map_err(context)?;
         } else {
             self.file.flush().map_err(context)?;
         }
+        // Clear the path, so that dropping the output removes nothing.
         self.part = None;
         Ok(())
     }
@@ -215,6 +223,7 @@ fn locked(path: &Path, part: &Path, options: &fs::OpenOptions) -> Result<File> {
 #[cfg(unix)]
 fn is_in_place(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
+    // Compare device and inode, which remain the same when a file is renamed.
     let identity = |metadata: &fs::Metadata| (metadata.dev(), metadata.ino());
     matches!((file.metadata(), fs::metadata(path)), (Ok(own), Ok(there)) if identity(&own) == identity(&there))
 }

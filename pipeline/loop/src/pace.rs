@@ -21,6 +21,7 @@ impl<'a> Pace<'a> {
     /// Returns the pace of a run that starts with frame `first` and ends when `stop` is true. `is_led` means that other
     /// ranks follow.
     pub fn new(stop: &'a AtomicBool, checkpoints: &'a Checkpoints, first: u32, is_led: bool) -> Self {
+        // Decide about the first frame at once if other ranks wait for the decision.
         let pace = Self { stop, checkpoints, first, is_led, decided: Cell::new(None) };
         pace.decided.set(is_led.then(|| pace.decide(first)));
         pace
@@ -44,6 +45,7 @@ impl<'a> Pace<'a> {
     }
 
     fn decide(&self, next: u32) -> bool {
+        // Record the last frame before the stages end, so that each leaves its state after that frame.
         let goes_on = !self.stop.load(Ordering::Relaxed);
         if !goes_on {
             self.checkpoints.end_before(next, self.first);

@@ -60,6 +60,7 @@ impl FrameReport {
 /// If the name is not a picture type.
 pub(crate) fn picture_type<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {
     let name = String::deserialize(deserializer)?;
+    // Return a static name, so that reports borrow nothing from their input.
     let known = ["I", "P", "B"].into_iter().find(|known| *known == name);
     known.ok_or_else(|| serde::de::Error::custom("the picture type must be I, P or B"))
 }

@@ -59,6 +59,7 @@ impl<F, S: Shade<F>> Stage for Shading<S, F> {
 
     fn step(&mut self, index: u32, (prepared, last): Self::In) -> Result<Option<Self::Out>> {
         let _span = tracing::debug_span!("shade", frame = index).entered();
+        // Reproject the thresholds of the previous frame along this frame's motion.
         let thresholds = LastThresholds::new(index, last.as_ref(), prepared.correspondence.as_deref());
         let mut shaded = self.part.step(&prepared, thresholds);
         agree(&*self.ranks, index, &mut shaded)?;
@@ -80,7 +81,7 @@ fn agree(ranks: &dyn Ranks, index: u32, shaded: &mut Shaded) -> Result<()> {
         return Ok(());
     }
 
-    // Send the checksum of the light, and this rank's figures.
+    // Send a checksum of the light, which is far smaller than the light, and this rank's figures.
     let mut sum = crc32fast::Hasher::new();
     let mut row = Vec::new();
     for y in 0..shaded.radiance.height() {
@@ -129,6 +130,8 @@ impl<D: Display> Stage for Displaying<'_, D> {
     fn step(&mut self, index: u32, (shaded, motion): Self::In) -> Result<Option<Self::Out>> {
         let _span = tracing::debug_span!("display", frame = index).entered();
         let Self { display, observer, pool } = self;
+
+        // Measure the CPU time of the tone curve alone, without observers and files.
         let busy = Busy::default();
         let shown = pool.install(|| busy.measure(|| display.show(index, &shaded)));
         observer.shaded(index, &shaded);
@@ -136,10 +139,14 @@ impl<D: Display> Stage for Displaying<'_, D> {
         if let Some(importance) = &shaded.importance {
             observer.importance(index, importance);
         }
+
+        // Add the display's figures before `write` consumes the light.
         let mut figures = shaded.figures.clone();
         figures.non_finite = shown.picture.non_finite;
         figures.seconds.tone_map = busy.seconds();
         display.write(index, shaded, &shown.picture)?;
+
+        // Attach the motion, which the display does not process.
         let Motion { correspondence, forward } = motion;
         Ok(Some((Displayed { correspondence, forward, ..shown }, figures)))
     }
@@ -178,6 +185,7 @@ impl<E: Encode> Stage for Encoding<'_, E> {
         let busy = Busy::default();
         let coded = pool.install(|| busy.measure(|| part.step(&displayed)))?;
         figures.seconds.encode = busy.seconds();
+        // Store the figures first: the encoder may return this picture now or in a later step.
         log.expect(index, figures);
         let coding = log.hand_out(coded, part.ending(), *observer)?;
         Ok(Some((displayed, coding)))
@@ -191,6 +199,7 @@ impl<E: Encode> Stage for Encoding<'_, E> {
         let Self { part, log, observer, pool } = self;
         let busy = Busy::default();
         let coded = pool.install(|| busy.measure(|| part.finish()))?;
+        // Add the time to the last frame, because no further frame follows.
         log.spend_on_last(busy.seconds());
         log.hand_out(coded, Vec::new(), observer).map(drop)
     }
@@ -224,6 +233,7 @@ impl<M: Mask> Stage for Masking<'_, M> {
         let delta = pool.install(|| busy.measure(|| part.step(&displayed, &coding)));
         observer.thresholds(index, &delta);
         spent.push((index, busy.seconds()));
+        // Keep a copy for checkpoints: the feedback edge receives the original.
         let known = LuminanceThresholds { of: index, delta, luminance: displayed.luminance };
         *thresholds = Some(known.clone());
         Ok(Some(known))

@@ -49,6 +49,7 @@ pub(super) fn work<S: Stage>(
     frames: impl Iterator<Item = Stamped<S::In>>,
     mut send: impl FnMut(Stamped<S::Out>) -> bool,
 ) -> Result<()> {
+    // Run until the previous stage ends the frames, or this stage ends the film.
     let mut last = None;
     for Stamped { index, marked, content } in frames {
         let Some(content) = stage.step(index, content)? else { break };
@@ -61,6 +62,8 @@ pub(super) fn work<S: Stage>(
             return Ok(());
         }
     }
+
+    // Store the state after the last frame of a run that ended early, so that it can be resumed.
     if let Some(index) = last.filter(|&index| checkpoints.ends_after(index)) {
         checkpoints.leave(index, S::STAGE, stage.state()?);
     }
@@ -88,6 +91,7 @@ pub(super) fn run<const N: usize>(stages: [Work<'_>; N]) -> Result<()> {
             let thread = std::thread::Builder::new().name(name.into()).spawn_scoped(scope, stage);
             (name, thread.context("cannot start a thread"))
         });
+        // Join all threads before returning, because each borrows data of this run.
         let results = started.map(|(name, thread)| {
             thread?.join().unwrap_or_else(|_| Err(Error::Fault(format!("the {name} stage failed: this is a bug"))))
         });

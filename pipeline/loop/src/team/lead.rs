@@ -69,6 +69,7 @@ pub struct Lead {
 impl Lead {
     /// Returns the leader of `ranks`. This rank must be the first.
     pub fn of(ranks: Arc<dyn Ranks>) -> Self {
+        // Without other ranks, send no orders.
         let has_ended = ranks.count() == 1;
         Self { ranks, has_ended, goes_on: false }
     }

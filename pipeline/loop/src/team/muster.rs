@@ -25,6 +25,8 @@ pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
     if ranks.count() == 1 {
         return Ok(matches!(own, Present::Ready(_)));
     }
+
+    // Exchange all answers, so that every rank reaches the same decision.
     let mut answers = Vec::new();
     for bytes in ranks.all_gather(encode(own)) {
         answers.push(decode_bytes::<Present>(&bytes).map_err(|_| Error::Ranks("ranks run different programs".into()))?);
@@ -35,6 +37,7 @@ pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
     if !matches!(first, Present::Ready(_)) {
         return Ok(false);
     }
+    // Report the first rank that fails, or that would make another film.
     for (rank, answer) in answers.iter().enumerate() {
         match answer {
             Present::Fails(reason) => return Err(Error::Ranks(format!("rank {rank}: {reason}"))),
