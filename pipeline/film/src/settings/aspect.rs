@@ -49,6 +49,8 @@ impl PictureAspect {
             Self::Display4x3 => (4, 3),
             Self::Display16x9 => (16, 9),
         };
+
+        // Divide the display aspect ratio by the ratio of the sizes, and reduce it by Euclid's algorithm.
         let [width, height] = [wide * size.height as u64, high * size.width as u64];
         let (mut divisor, mut rest) = (width, height);
         while rest > 0 {

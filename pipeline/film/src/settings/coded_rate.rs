@@ -27,10 +27,12 @@ impl CodedRate {
     /// # Errors
     /// If no rate of MPEG is a multiple of `fps`.
     pub fn of(fps: f64) -> Result<Self, ConfigError> {
+        // Prefer a rate of MPEG, and report invalid rates with the encoder's error.
         let exact = FrameRate::from_fps(fps);
         if exact.is_ok() || fps.is_nan() || fps < LEAST {
             return exact.map(|rate| Self { rate, pictures: 1 });
         }
+        // Repeat each frame as few times as possible.
         for pictures in 2..=MOST_PICTURES {
             if let Ok(rate) = FrameRate::from_fps(fps * f64::from(pictures)) {
                 return Ok(Self { rate, pictures });
@@ -43,6 +45,7 @@ impl CodedRate {
     #[must_use]
     pub fn frames(self) -> (u32, u32) {
         let (numerator, denominator) = self.rate.fraction();
+        // Find the greatest common divisor by Euclid's algorithm.
         let (mut divisor, mut rest) = (numerator, self.pictures);
         while rest > 0 {
             (divisor, rest) = (rest, divisor % rest);

@@ -51,6 +51,7 @@ pub(super) fn check_part(range: Option<FrameRange>, output: &Path) -> Result<()>
 /// If `output` is a DVD-Video file and DVD-Video does not support the rate.
 pub fn check_disc(output: &Path, range: Option<FrameRange>, fps: f64) -> Result<()> {
     let rate = CodedRate::of(fps).map(|coded| coded.rate.fraction());
+    // Accept an invalid rate here, because the encoder reports it.
     let has_rate = [Ok((24_000, 1001)), Ok((25, 1)), Ok((30_000, 1001))].contains(&rate);
     if has_rate || rate.is_err() || container_of(output, range) != Some(Container::Disc) {
         return Ok(());

@@ -37,6 +37,8 @@ impl FromStr for FrameList {
     fn from_str(text: &str) -> Result<Self> {
         let wrong = || Error::Options(format!("\"{text}\" is not a list of frames such as 2,4,10-20, counted from 0"));
         let number = |text: &str| text.trim().parse::<u32>().ok().filter(|&frame| frame < u32::MAX).ok_or_else(wrong);
+
+        // Limit the length before each range is expanded, because a typing error could exceed the memory.
         let mut frames = Vec::new();
         for part in text.split(',') {
             let (first, last) = part.split_once('-').unwrap_or((part, part));
@@ -46,6 +48,7 @@ impl FromStr for FrameList {
             }
             frames.extend(first..=last);
         }
+        // Sort the frames and drop duplicates, so that each frame is rendered once.
         frames.sort_unstable();
         frames.dedup();
         Ok(Self(frames))

@@ -17,7 +17,9 @@ impl Serialize for Settings {
             moving_vpls, photons, seed, thresholds, kappa, stopping, within, qscale, motion, bframes, leave_out, aov,
         } = render;
 
+        // Serialize one flat table, so that reports do not depend on the nesting of the settings.
         let mut table = serializer.serialize_map(None)?;
+
         // List a key unless its condition fails.
         macro_rules! list {
             ($($key:ident $(if $listed:expr)?),* $(,)?) => {

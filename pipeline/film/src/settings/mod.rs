@@ -137,6 +137,7 @@ impl Settings {
     /// If the standard does not support the size, rate, quantiser or group of pictures. The message names valid values.
     pub fn encoder_config(&self) -> Result<mpeg2enc::Config> {
         let CodedRate { rate: frame_rate, pictures } = CodedRate::of(self.render.fps)?;
+        // Enable pulldown at 23.976 pictures per second, where DVD-Video requires it.
         let is_disc = self.container() == Container::Disc;
         let pulldown = is_disc && frame_rate == mpeg2enc::FrameRate::from_fps(24_000.0 / 1001.0)?;
 
@@ -151,6 +152,8 @@ impl Settings {
                 }
             }
         };
+
+        // Enable lookahead only for rate control and B pictures, because it delays coding and feedback.
         let config = mpeg2enc::Config::new(self.render.size.width, self.render.size.height, frame_rate)
             .with_standard(if self.coding.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
             .with_gop(coded_group(self.coding.gop, pictures))
@@ -169,6 +172,7 @@ impl Settings {
         if is_disc && lowest.is_some_and(|lowest| lowest <= Level::Main) {
             return Ok(config.with_level(Level::Main));
         }
+        // Let the encoder choose the level of an undivided film.
         if !self.is_in_chunks() {
             return Ok(config);
         }
@@ -184,6 +188,7 @@ impl Settings {
 /// Returns the distance between I pictures for groups of `gop` frames with `pictures` each. I pictures are the first
 /// pictures of their frames.
 fn coded_group(gop: u32, pictures: u32) -> u32 {
+    // Leave an invalid distance unchanged, so that validation reports the user's own number.
     if pictures == 1 || gop > LONGEST_GROUP {
         return gop;
     }

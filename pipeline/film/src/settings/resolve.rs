@@ -157,6 +157,7 @@ impl Options {
 
     /// Fills in a preset's values for options that are not set.
     fn fill_in_preset(&mut self, preset: Preset, scene: &Scene) {
+        // Set only missing options, because explicit options override the preset.
         match preset {
             Preset::Draft => {
                 self.size.get_or_insert_with(|| Size::of_camera(scene, 256));
@@ -175,6 +176,7 @@ impl Options {
     }
 
     fn fill_in_output(&mut self, path: &Path) -> Result<PathBuf> {
+        // Name the film after the scene, in the current folder; add the range to the name of a part.
         if self.output.is_none() {
             let stem = path.file_stem();
             let stem = stem.ok_or_else(|| Error::Options("the scene's path has no file name".into()))?;
@@ -185,6 +187,8 @@ impl Options {
             }
             self.output = Some(name.into());
         }
+
+        // Check the ending now, so that an unknown format is reported before rendering.
         let output = self.output.clone().unwrap_or_default();
         container_of(&output, self.range).ok_or_else(|| unknown_ending(&output))?;
         check_part(self.range, &output)?;
@@ -202,6 +206,7 @@ impl Options {
         if !(fps.is_finite() && fps > 0.0) {
             fail!("--fps {fps} must be positive");
         }
+
         // Determine the scene's length, and the range of frames that the film shows.
         let animated = (f64::from(scene.duration()) * fps).round().clamp(0.0, 1e6) as u32;
         let all = video.frames.unwrap_or(if animated > 0 { animated } else { 100 });
@@ -217,6 +222,7 @@ impl Options {
             }
             None => all,
         };
+        // Let `--frames` override the number of frames from start, end and step.
         let shown = end.saturating_sub(from).div_ceil(every);
         let frames = *self.frames.get_or_insert(shown);
         // Clear `to`, because the number of frames now determines the film's end.
@@ -229,6 +235,7 @@ impl Options {
 
     /// Checks the range of frames to make, if given.
     fn fill_in_chunks(&mut self, frames: u32) -> Result<()> {
+        // Reject a bit rate: rate control depends on all earlier pictures.
         let option = if self.chunk.is_some() { "--chunk" } else { "--range" };
         if self.bitrate.is_some() && (self.chunk.is_some() || self.range.is_some()) {
             fail!(
@@ -251,6 +258,7 @@ impl Options {
 
     /// Fills in the lighting method and the file of baked light.
     fn fill_in_lighting(&mut self, path: &Path) -> Result<Lighting> {
+        // Reject options that the lighting method ignores.
         let lighting = *self.lighting.get_or_insert(Lighting::Lightcuts);
         if self.baked.is_some() && !lighting.is_baked() {
             fail!("--baked needs --lighting baked");
@@ -258,6 +266,7 @@ impl Options {
         if lighting.is_baked() && self.tiles.is_some() {
             fail!("--tiles with --lighting baked: baked light needs no tiles; drop --tiles");
         }
+        // Expect the baked light next to the scene.
         if lighting.is_baked() {
             self.baked.get_or_insert_with(|| path.with_extension("slf"));
         }
@@ -267,12 +276,14 @@ impl Options {
     /// Fills in the stopping rule of lightcuts, and the fraction of pixels that calibrated stopping keeps within
     /// their thresholds.
     fn fill_in_stopping(&mut self) -> Result<(Stopping, f64)> {
+        // Let `--within` imply calibrated stopping.
         let implied = if self.within.is_some() { Stopping::Calibrated } else { Stopping::Bound };
         let stopping = *self.stopping.get_or_insert(implied);
         let within = self.within.unwrap_or(Calibration::DEFAULT_SHARE);
         if !(0.5..=0.999).contains(&within) {
             fail!("--within {within} must be in 0.5..=0.999; with 0.95 one pixel in twenty may exceed its threshold");
         }
+        // Reject a fraction that the bound would ignore, and store the default for reports.
         match stopping {
             Stopping::Bound if self.within.is_some() => {
                 fail!("--within needs calibrated stopping; drop --stopping bound");
@@ -285,6 +296,7 @@ impl Options {
 
     /// Fills in the gain of importance, and checks that the scene has the nodes of a task map.
     fn fill_in_importance(&mut self, path: &Path, scene: &Scene) -> Result<()> {
+        // Reject options without effect if there is no importance map.
         let Some(weights) = self.importance else {
             if self.importance_gain.is_some() {
                 fail!("--importance-gain needs --importance, such as --importance saliency:1");
@@ -317,12 +329,14 @@ impl Options {
     }
 
     fn check_files(&mut self) -> Result<()> {
+        // Reject files that this build cannot write, before rendering.
         if self.exr.is_some() && !cfg!(feature = "exr") {
             fail!("--exr: this build writes no OpenEXR; build it with the feature exr");
         }
         if self.png.is_some() && !cfg!(feature = "still") {
             fail!("--png: this build writes no pictures; build it with the feature still");
         }
+        // Reject options of OpenEXR files without such files.
         if !self.aov.is_empty() && self.exr.is_none() {
             fail!("--aov needs --exr DIR, the folder of its files");
         }
@@ -339,6 +353,7 @@ impl Options {
 fn tone_map(path: &Path, scene: &Scene) -> Result<(ToneMap, bool)> {
     let Some(table) = &scene.settings.tone_mapping else { return Ok((ToneMap::default(), true)) };
     let file = SceneSettings::path_for(path);
+    // Let a constant exposure in the table disable automatic exposure.
     let read = read_tone_map(table).map_err(|error| Error::content(&file, format!(": [tone_mapping] {error}")))?;
     Ok((read, !table.contains_key("exposure")))
 }

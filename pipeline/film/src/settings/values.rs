@@ -44,6 +44,7 @@ impl FromStr for CheckpointEvery {
         if text == "off" {
             return Ok(Self::Off);
         }
+        // Limit the range, because `Duration` panics for negative, infinite and NaN seconds.
         let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=1e6).contains(seconds));
         seconds.map(Self::Seconds).ok_or_else(|| {
             let known = "is neither \"off\" nor a number of seconds from 0 to 1000000, such as 60; 0 writes one after each frame";
@@ -114,6 +115,7 @@ impl FromStr for BitRate {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
+        // Split off a decimal unit; without a unit, the number is in bits per second.
         let (number, unit) = match text.as_bytes().last() {
             Some(b'k' | b'K') => (&text[..text.len() - 1], 1e3),
             Some(b'm' | b'M') => (&text[..text.len() - 1], 1e6),
@@ -140,6 +142,7 @@ pub struct MemorySize(pub u64);
 
 impl fmt::Display for MemorySize {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Switch units at 9999.5 MB, so that megabytes never round to five digits.
         let megabytes = self.0 as f64 / 1e6;
         if megabytes < 9999.5 { write!(f, "{megabytes:.0} MB") } else { write!(f, "{:.0} GB", megabytes / 1e3) }
     }
