@@ -51,6 +51,7 @@ impl Observer for Channel {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = PathBuf::from(std::env::args().nth(1).ok_or("usage: drive SCENE.glb")?);
     let scene = render_core::scene::load(&path)?;
+    // Keep the film small, so that the example runs in seconds.
     let options = Options {
         output: Some("drive.mpg".into()),
         size: "128x128".parse().ok(),
@@ -59,8 +60,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         photons: Some(20_000),
         ..Options::default()
     };
+
+    // Fill in all defaults for this scene, and plan the stages that it needs.
     let settings = Settings::new(path, &scene, &options)?;
     let plan = Plan::new(&scene, &settings.render);
+
+    // Print the messages on another thread until the observer, which owns the sender, is dropped.
     let (news_out, news) = std::sync::mpsc::channel();
     let report = std::thread::scope(|scope| {
         scope.spawn(move || {

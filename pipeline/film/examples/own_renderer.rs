@@ -60,6 +60,8 @@ impl Prepare for Motion {
                 let inside = was[0] >= 0.0 && was[1] >= 0.0 && was[0] < width as f32 && was[1] < height as f32;
                 (inside && on_disc == is_on_disc(was, then)).then_some((here, was))
             };
+
+            // Store the motion as a vector and as the index of the matching pixel.
             let vector = |(here, was): ([f32; 2], [f32; 2])| [was[0] - here[0], was[1] - here[1]];
             let motion = Plane::from_fn(width, height, |x, y| before(x, y).map_or([0.0; 2], vector));
             let matches = Plane::from_fn(width, height, |x, y| {
@@ -90,6 +92,7 @@ impl Shade<u32> for Samples {
                 let place = [x as f32 + radical_inverse(2, count as u32), y as f32 + radical_inverse(3, count as u32)];
                 let value = radiance(place, center(frame));
                 (sum, squares, count) = (sum + value, squares + value * value, count + 1.0);
+                // Stop when the standard error of the mean is within the pixel's threshold.
                 let mean = sum / count;
                 let error = ((squares / count - mean * mean).max(0.0) / count).sqrt();
                 let allowed = thresholds.get(x, y).unwrap_or(0.02 * mean);
@@ -131,12 +134,15 @@ impl Observer for Widest {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "own_renderer.mpg".into()));
     let container = Container::of(&path).ok_or("name the output .mpg, .mp4, .mkv, .ts or .m2v")?;
+    // Make the film twice: a coarser quantiser permits larger errors, which need fewer samples.
     for quantiser_scale in [2, 16] {
         let config = Config::new(SIZE.0, SIZE.1, FrameRate::FPS_25);
         let video = Video::immediate(config, container, quantiser_scale)?;
         let tone_map = ToneMap::default();
         let masking = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT);
         let samples = Samples::default();
+
+        // Combine the custom renderer with the display, encoder and masking model of the workspace.
         let mut stages = Stages {
             prepare: Motion,
             shade: samples.clone(),
@@ -144,6 +150,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             encode: video,
             mask: Some(masking),
         };
+
+        // Run the loop, and observe the thresholds.
         let checkpoints = Checkpoints::off();
         let mut start = stages.begin(&checkpoints)?;
         start.write_to(&path)?;

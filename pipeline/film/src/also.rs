@@ -63,6 +63,7 @@ impl Companion {
     /// # Errors
     /// If the ending is unknown, ffmpeg is not installed, or it was built without the encoder.
     pub fn new(path: &Path, settings: &Settings) -> Result<Self> {
+        // Reject unknown endings before ffmpeg is started.
         let size = settings.render.size;
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
         let wanted: Vec<&Encoder> = ENCODERS.iter().filter(|encoder| encoder.ending == ending).collect();
@@ -70,6 +71,8 @@ impl Companion {
             let name = path.display();
             return Err(Error::Options(format!("--also {name}: unknown format; name it .mp4 or .webm")));
         }
+
+        // Choose the first encoder that supports the size and is built into the installed ffmpeg.
         let known = encoders_of_ffmpeg(path)?;
         let fits = |encoder: &&Encoder| size.width.min(size.height) >= encoder.least;
         let is_known =
@@ -119,6 +122,7 @@ impl Companion {
         command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
         command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
         command.args(encoder.options).args(COLOR);
+
         // Crop sides that are multiples of 4096: the film's header cannot code them, so they are coded one sample
         // larger.
         let is_longer = size.width.is_multiple_of(4096) || size.height.is_multiple_of(4096);
@@ -128,6 +132,7 @@ impl Companion {
         if is_longer || (width, height) != (size.width, size.height) {
             filters.push(format!("crop={width}:{height}:0:0"));
         }
+        // Convert the matrix of MPEG-1, because the new file is labeled BT.709.
         if *is_mpeg1 {
             filters.push("scale=in_color_matrix=bt601:out_color_matrix=bt709".into());
         }

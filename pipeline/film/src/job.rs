@@ -28,11 +28,14 @@ pub fn job_of(scene: &Scene, settings: &Settings) -> Result<FilmJob> {
 #[must_use]
 pub fn job_of_report(film: &Path, report: &[u8]) -> Option<FilmJob> {
     let report: Value = serde_json::from_slice(report).ok()?;
+    // Reject the report of an interrupted run: its film is unfinished.
     let (settings, inputs) = (report.get("settings")?, u32::try_from(report.get("inputs")?.as_u64()?).ok()?);
     if report["summary"]["interrupted"] != false {
         return None;
     }
     let job = FilmJob::new(film, report["program"].as_str()?, &identity_of(&settings.to_string()).ok()?, inputs);
+
+    // Derive the end from the last frame, because a range has fewer frames than the film.
     let frames = report["frames"].as_array()?;
     let end = frames.last()?["index"].as_u64()? + 1;
     Some(job.with_end(u32::try_from(end).ok()))
@@ -43,6 +46,7 @@ pub fn job_of_report(film: &Path, report: &[u8]) -> Option<FilmJob> {
 fn identity_of(settings: &str) -> serde_json::Result<String> {
     let mut value: Value = serde_json::from_str(settings)?;
     if let Some(names) = value.as_object_mut() {
+        // Keep the number of frames only for containers that store the film's length.
         let output = names.get("output").and_then(Value::as_str).map(PathBuf::from);
         let container = output.and_then(|path| Container::of(&path));
         if !matches!(container, Some(Container::Mp4 | Container::Matroska)) {

@@ -22,6 +22,7 @@ const INSTANCE: u64 = 600;
 /// two.
 #[must_use]
 pub fn estimate(scene: &Scene, size: Size) -> u64 {
+    // Add the data of the scene, which is already loaded, to the memory that rendering will allocate.
     let meshes: usize = scene.meshes.iter().map(render_core::scene::Mesh::byte_count).sum();
     let textures: usize = scene.textures.iter().map(render_core::scene::Texture::byte_count).sum();
     let places = size_of_val::<[Node]>(&scene.nodes) + size_of_val::<[Instance]>(&scene.instances);
@@ -37,6 +38,7 @@ pub fn estimate(scene: &Scene, size: Size) -> u64 {
 /// Returns [`Error::Memory`] with the scene's `path`, the estimate and the limit.
 pub fn check(path: &Path, scene: &Scene, size: Size, limit: Option<MemorySize>) -> Result<()> {
     let needed = estimate(scene, size);
+    // Prefer the user's limit; without any known limit, accept every film.
     let (allowed, whose) = match (limit, of_machine()) {
         (Some(MemorySize(bytes)), _) => (bytes, "--max-memory allows"),
         (None, Some(bytes)) => (bytes, "this machine has"),

@@ -62,7 +62,8 @@ impl Film {
     /// film is finished.
     ///
     /// # Errors
-    /// Errors of [`Film::settings`], an [`Error::Loop`] if the film cannot be written, and errors of [`render`](crate::render).
+    /// Returns the errors of [`Film::settings`] and [`render`](crate::render), and an [`Error::Loop`] if the film cannot
+    /// be written.
     pub fn render_to(&self, output: impl AsRef<Path>) -> Result<Report> {
         self.render_with(output, Run::default())
     }
@@ -71,11 +72,12 @@ impl Film {
     /// no further frame starts, and the video remains playable.
     ///
     /// # Errors
-    /// Errors of [`Film::render_to`].
+    /// Returns the errors of [`Film::render_to`].
     pub fn render_with(&self, output: impl AsRef<Path>, run: Run<'_>) -> Result<Report> {
         let options = Options { output: Some(output.as_ref().to_owned()), ..self.options.clone() };
         let settings = Settings::new(self.path.clone(), &self.scene, &options)?;
         let _ = settings.encoder_config()?;
+        // Create the folders of single frames now, so that a failure is reported before rendering.
         for folder in settings.files.exr.iter().chain(&settings.files.png) {
             std::fs::create_dir_all(folder).map_err(Error::file(folder, "cannot be created"))?;
         }

@@ -63,6 +63,7 @@ pub fn write_shown(path: &Path, picture: &Plane<[u8; 3]>) -> Result<()> {
     use image::{ExtendedColorType, ImageEncoder, codecs};
     let format = PictureFormat::of(path)?;
     let (width, height, samples) = (picture.width() as u32, picture.height() as u32, picture.samples().as_flattened());
+    // Encode into memory first, so that a failure leaves no file.
     let mut bytes = Vec::new();
     let written = match format {
         PictureFormat::Shown(ShownFormat::Jpeg) => codecs::jpeg::JpegEncoder::new_with_quality(

@@ -47,6 +47,7 @@ impl FilePlaces {
                 let path = path.display();
                 Err(Error::Options(format!("{name} {path}: this is a file of {of}; choose another name")))
             };
+            // Compare resolved paths, so that links and `..` cannot hide equal files.
             if let Some((of, _)) = self.read.iter().find(|(_, other)| other == file) {
                 return fail(of);
             }
@@ -68,6 +69,7 @@ fn resolved(path: &Path) -> Option<PathBuf> {
         Ok(metadata) if !metadata.is_file() => None,
         Ok(_) => Some(fs::canonicalize(path).unwrap_or_else(|_| path.into())),
         Err(_) => {
+            // Resolve only the folder of a new file, because a missing file has no canonical path.
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.into());
             Some(folder.join(path.file_name()?))

@@ -98,6 +98,7 @@ impl Summary {
         let Ending { interrupted, wall_seconds } = ending;
         let count = frames.len().max(1) as f64;
         let mean = |f: &dyn Fn(&FrameReport) -> f64| frames.iter().map(f).sum::<f64>() / count;
+        // Exclude lossless frames, whose PSNR is infinite, and the first frame, which has default thresholds.
         let psnrs: Vec<f64> = frames.iter().filter_map(|frame| frame.psnr_y).collect();
         let steered: Vec<f64> = frames.iter().skip(1).map(|frame| frame.figures.threshold_mean_relative).collect();
         Self {
@@ -110,6 +111,7 @@ impl Summary {
             cut_size_mean: mean(&|frame| frame.figures.cut_size_mean),
             cut_size_max: frames.iter().map(|frame| frame.figures.cut_size_max).max().unwrap_or(0),
             shadow_rays: mean(&|frame| frame.figures.shadow_rays as f64),
+            // Add 0.0, because the sum of an empty list is −0.0.
             threshold_mean_relative: (0.0 + steered.iter().sum::<f64>()) / steered.len().max(1) as f64,
             tree_swaps_share: mean(&|frame| frame.figures.tree_swaps_share),
             wall_seconds,
@@ -183,6 +185,7 @@ pub fn process_cpu_seconds() -> Option<f64> {
 
 /// Returns the peak resident memory reported by the kernel (proc(5), VmHWM) \[bytes\]; Linux only.
 fn peak_memory_bytes() -> Option<u64> {
+    // Parse a line such as "VmHWM:   12345 kB".
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)

@@ -30,6 +30,7 @@ impl Still {
     /// Renders frame `frame` of `scene`, counted from 0. Like the first frame of a film, the picture has no thresholds.
     #[must_use]
     pub fn render(scene: &Scene, settings: &Settings, frame: u32) -> Self {
+        // Render the frame alone; thresholds would need the coded previous frame.
         let renderer = settings.render.clone();
         let plan = Plan::new(scene, &renderer);
         let mut preparation = Preparation::new(scene, &renderer, &plan);

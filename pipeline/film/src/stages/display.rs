@@ -66,6 +66,7 @@ impl pipeline::stage::Display for Display {
     }
 
     fn show(&mut self, index: u32, shaded: &Shaded) -> Displayed {
+        // Keep the exposure of the first frame, because a changing exposure would flicker.
         if self.auto_exposure && index == 0 {
             self.tone_map = self.tone_map.with_exposure(exposure_for(&luminance_plane(&shaded.radiance)));
         }
@@ -78,6 +79,7 @@ impl pipeline::stage::Display for Display {
     }
 
     fn write(&mut self, index: u32, shaded: Shaded, picture: &YCbCr) -> Result<()> {
+        // Encode PNG files from linear light, because Y′C_BC_R would lose chroma resolution.
         if let Some(folder) = &self.png {
             let shown = shown(&shaded.blended(&self.tone_map), &self.tone_map);
             write_shown(&folder.join(format!("frame_{index:05}.png")), &shown)?;
@@ -92,6 +94,7 @@ impl pipeline::stage::Display for Display {
                 }
             }
         }
+        // Write OpenEXR files last, because they consume the channels.
         if let Some(folder) = &self.exr {
             let path = folder.join(format!("frame_{index:05}.exr"));
             write_linear(&path, &shaded.header, &shaded.radiance, shaded.channels, self.exr_depth)?;
@@ -134,6 +137,7 @@ impl Y4m {
         let (numerator, denominator) = CodedRate::of(settings.render.fps)?.frames();
         let [wide, high] = settings.aspect.pixel(settings.render.size);
         let Size { width, height } = settings.render.size;
+        // Describe the size, rate, pixel shape and chroma siting in the header.
         let header = format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A{wide}:{high} C420mpeg2\n");
         let matrix = if settings.files.y4m_is_coded { settings.matrix() } else { ColorMatrix::Bt601 };
         Ok(Self { path: path.into(), header, matrix, output: None })

@@ -26,11 +26,13 @@ pub fn write_linear(
     further: Channels,
     depth: ExrDepth,
 ) -> Result<()> {
+    // Store the radiance in the unnamed layer, which viewers display by default.
     let mut channels: Vec<FrameChannel> = Vec::new();
     for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
         let samples = radiance.samples().iter().map(|rgb| rgb[c]).collect();
         channels.push(FrameChannel { name: name.to_owned(), samples, depth: depth_of("", depth) });
     }
+    // Derive the sample depth of each further channel from its layer, the name before the last dot.
     for (name, samples) in further {
         let depth = depth_of(name.rsplit_once('.').map_or("", |(layer, _)| layer), depth);
         channels.push(FrameChannel { name, samples, depth });

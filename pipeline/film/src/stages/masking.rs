@@ -32,6 +32,7 @@ impl Masking {
     /// If no encoder supports the settings.
     pub fn new(settings: &Settings) -> crate::Result<Self> {
         let config = settings.encoder_config()?;
+        // Compute the quantiser steps of the film, with the intra DC step for 8 to 11 bits of precision.
         let (intra_matrix, non_intra_matrix) = config.matrices();
         let intra_dc_step = f32::from(8u8 >> (config.intra_dc_precision() - 8));
         let steps = QuantiserSteps { intra_matrix, non_intra_matrix, intra_dc_step };
@@ -41,6 +42,7 @@ impl Masking {
 
     fn begin(kappa: f32, tone_map: ToneMap, last: Option<(Arc<Plane<f32>>, Plane<u8>)>) -> Feedback {
         let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT).with_kappa(kappa);
+        // Continue a resumed film from the thresholds and the predicted luma of its last frame.
         if let Some((delta, predicted)) = last {
             feedback.restore(delta);
             feedback.restore_predicted(predicted);
@@ -58,6 +60,7 @@ impl std::fmt::Debug for Masking {
 impl Mask for Masking {
     fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>> {
         let Self { thresholds, kappa, chunk, steps, feedback, last } = self;
+        // Reset the feedback at each chunk, because chunks must not depend on earlier frames.
         if begins_chunk(*chunk, displayed.index) {
             (*feedback, *last) = (None, None);
         }
@@ -66,6 +69,7 @@ impl Mask for Masking {
         let known = displayed.correspondence.as_deref();
         let frame = ObservedFrame { luma, luminance, known };
         let &Coding { quantiser_scale, ref outcome, begins_group, next } = coding;
+        // Derive thresholds from the measured coding loss where the encoder provides it.
         match (*thresholds, outcome) {
             (Thresholds::Codec, Some(coded)) => feedback.observe_coded(frame, steps, coded, next),
             // Predict the coding loss, because the encoder has not coded the picture yet.

@@ -62,12 +62,14 @@ struct Waiting {
 impl Video {
     /// Returns the encoder for `settings`.
     ///
+    /// # Errors
     /// If the standard does not support the settings. The message names valid values.
     pub fn new(settings: &Settings) -> crate::Result<Self> {
         let config = settings.encoder_config()?;
         let CodedRate { pictures, .. } = CodedRate::of(settings.render.fps)?;
         let frames = settings.frame_range();
         let (first, count) = (frames.start, frames.len() as u64);
+        // Declare the length of this file; its time codes count from the start of the whole film.
         let multiplexer = Multiplexer::new(settings.container(), &config).with_pictures(count * u64::from(pictures));
         let number = u64::from(first) * u64::from(pictures);
         Ok(Self {
@@ -96,6 +98,7 @@ impl Video {
     /// # Errors
     /// If the standard does not support the configuration.
     pub fn immediate(config: mpeg2enc::Config, container: Container, quantiser_scale: u32) -> crate::Result<Self> {
+        // Disable lookahead, so that each step returns the coded picture.
         let config = config.with_lookahead(0).with_quantiser_scale(quantiser_scale);
         let multiplexer = Multiplexer::new(container, &config);
         Ok(Self {
@@ -128,6 +131,7 @@ impl Video {
             Some(weights) => self.encoder.push_weighted(&picture, motion, &weights),
             None => self.encoder.push(&picture, motion),
         };
+        // Repeat the picture; only the last repetition has motion into the next frame.
         for number in 1..self.pictures {
             let to_next = if number + 1 == self.pictures { to_next } else { still.as_ref() };
             packets.extend(self.encoder.push_again(&picture, SuppliedMotion { to_previous: still.as_ref(), to_next }));
@@ -142,6 +146,7 @@ impl Video {
 
     /// Ends the chunk before frame `index`, and starts a new encoder. The stream continues without an end code.
     fn begin_chunk(&mut self, index: u32) -> Result<Encoded> {
+        // Code the waiting picture first, because it belongs to the chunk that ends.
         let last = self.push_last();
         let number = u64::from(index) * u64::from(self.pictures);
         let config = self.encoder.config().clone().with_first_number(number);
@@ -180,16 +185,25 @@ impl Stream {
         });
         // Record the finest quantiser, because the other pictures are predicted from the finest picture.
         self.quantiser_scale = scales.reduce(f32::min).unwrap_or(self.quantiser_scale);
-        let is_first = |packet: &&Packet| packet.display_index.is_multiple_of(self.pictures.into());
-        let outcome = packets.iter().rev().find(is_first).filter(|_| self.tells_outcome).map(Packet::coded);
+        // Send masking the first picture of the last frame: the frame's other pictures only repeat it.
+        let mut last_first = None;
+        for packet in &packets {
+            if packet.display_index.is_multiple_of(self.pictures.into()) {
+                last_first = Some(packet);
+            }
+        }
+        let outcome = last_first.filter(|_| self.tells_outcome).map(Packet::coded);
         let mut coded =
             Encoded { coding: Coding { outcome, ..Coding::of_quantiser(self.quantiser_scale) }, ..Encoded::default() };
+
+        // Number the pictures from the start of this file, because each encoder counts from its own first picture.
         for packet in packets {
             coded.pictures.extend(self.count(&packet, first));
             let before = u64::from(first.saturating_sub(self.first)) * u64::from(self.pictures);
             let unit = AccessUnit { display_index: before + packet.display_index, ..packet.into() };
             coded.bytes.extend(self.multiplexer.push(unit));
         }
+        // Report the last frame now if no later packet can add pictures to it.
         if self.pictures == 1 || self.is_immediate {
             coded.pictures.extend(self.held.take());
         }
@@ -207,6 +221,7 @@ impl Stream {
 
     /// Adds a picture's bits to its frame. Returns the previous frame if the picture begins a new one.
     fn count(&mut self, packet: &Packet, first: u32) -> Option<CodedFrame> {
+        // Add repetitions of a picture to the report of their frame.
         let pictures = u64::from(self.pictures);
         if let Some(held) = self.held.as_mut().filter(|_| !packet.display_index.is_multiple_of(pictures)) {
             held.bits += packet.bits;
@@ -234,6 +249,7 @@ impl Encode for Video {
         let Displayed { index, picture, correspondence, forward, .. } = displayed;
         let to_previous = correspondence.clone().filter(|_| self.uses_motion);
         let weights = weights(displayed, self.masks);
+        // Start a new encoder at each chunk except the first one, which the film already started with.
         let before = match begins_chunk(self.chunk, *index) && *index != self.first {
             true => self.begin_chunk(*index)?,
             false => Encoded::default(),
@@ -249,10 +265,13 @@ impl Encode for Video {
         } else {
             self.push(taken, None)
         };
+
         // Report the planned quantiser, which rate control will use for the waiting picture.
         if let Some(planned) = self.encoder.planned_quantiser_scale() {
             coded.coding.quantiser_scale = planned;
         }
+
+        // Report the planned types of this picture and the next one, which masking needs.
         coded.coding.begins_group = self.begins_group(*index);
         if self.begins_group(index + 1) {
             coded.coding.next = NextPicture::Intra { group: self.encoder.config().gop() };
@@ -293,6 +312,8 @@ impl Encode for Video {
         if !waiting.iter().all(fits) || held.is_some() && !may_hold {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
+
+        // Restore a new encoder, and replace this one only if the whole state is valid.
         let mut same = self
             .encoder
             .config()

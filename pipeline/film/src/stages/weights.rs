@@ -29,6 +29,7 @@ pub(super) fn weights(displayed: &Displayed, masks: bool) -> Option<Plane<f32>> 
 /// Returns the weight of each macroblock, given the importance of each pixel, 0…1.
 fn of_importance(importance: &Plane<f32>) -> Plane<f32> {
     let (width, height) = (importance.width(), importance.height());
+    // Average over the visible pixels of each macroblock; those at the right and bottom may be incomplete.
     let of_macroblock = |column: usize, row: usize| {
         let (left, top) = (column * MACROBLOCK, row * MACROBLOCK);
         let (right, bottom) = (width.min(left + MACROBLOCK), height.min(top + MACROBLOCK));
@@ -36,6 +37,8 @@ fn of_importance(importance: &Plane<f32>) -> Plane<f32> {
         sum / ((right - left) * (bottom - top)) as f32
     };
     let means = Plane::from_fn(width.div_ceil(MACROBLOCK), height.div_ceil(MACROBLOCK), of_macroblock);
+
+    // Normalize by the picture's mean, so that the geometric mean of the weights is 1.
     let mean = means.samples().iter().sum::<f32>() / means.samples().len().max(1) as f32;
     means.map(|v| (STRENGTH * (mean - v)).exp2())
 }
