@@ -20,7 +20,7 @@ struct Encoder {
     options: &'static [&'static str],
     /// Minimum width and height \[pixels\].
     least: usize,
-    /// True if width and height must be even.
+    /// Whether width and height must be even.
     is_even: bool,
 }
 
@@ -53,7 +53,7 @@ pub struct Companion {
     path: PathBuf,
     encoder: &'static Encoder,
     size: Size,
-    /// True if the film is MPEG-1, which does not signal a matrix and uses BT.601.
+    /// Whether the film is MPEG-1, which does not signal a matrix and uses BT.601.
     is_mpeg1: bool,
 }
 

@@ -65,13 +65,13 @@ impl Error {
         pipeline::error::chain(self)
     }
 
-    /// Returns a function for `map_err`. It converts the system's error for the file at `path` to an error with
-    /// `problem`.
+    /// Returns a function for `map_err` that converts an operating-system error for the file at `path` to an error with
+    /// the message `problem`.
     pub fn file(path: &Path, problem: &str) -> impl FnOnce(io::Error) -> Self {
         |source| Self::Loop(pipeline::Error::file(path, problem)(source))
     }
 
-    /// Returns an error about unexpected content of a file. The text in `problem` begins with its own punctuation.
+    /// Returns an error for unexpected content of a file. `problem` is appended to the path, with leading punctuation.
     #[must_use]
     pub fn content(path: &Path, problem: impl Into<String>) -> Self {
         Self::Loop(pipeline::Error::content(path, problem))
@@ -112,10 +112,10 @@ impl From<serde_json::Error> for Error {
 
 /// Adds context to an error of another type.
 pub trait Context<T> {
-    /// Puts `context` before the message of the error, if any.
+    /// Wraps the error, if any, in an error with the message `context`.
     ///
     /// # Errors
-    /// Returns the original error, with `context` before it.
+    /// Returns an error with the message `context` and the original error as its cause.
     fn context(self, context: impl Into<String>) -> Result<T>;
 }
 

@@ -86,7 +86,7 @@ pub struct Summary {
 /// Duration of a run, and whether the user ended it early.
 #[derive(Clone, Copy, Debug)]
 pub struct Ending {
-    /// True if the user ended the run early.
+    /// Whether the user ended the run early.
     pub interrupted: bool,
     /// Wall-clock time since the start \[s\].
     pub wall_seconds: f64,

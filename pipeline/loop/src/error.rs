@@ -117,7 +117,7 @@ pub trait Context<T> {
     /// Wraps the error, if any, in [`Error::Context`].
     ///
     /// # Errors
-    /// Returns the original error as the cause of one with the message `context`.
+    /// Returns an error with the message `context` and the original error as its cause.
     fn context(self, context: impl Into<String>) -> Result<T>;
 }
 

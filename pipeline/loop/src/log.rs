@@ -1,4 +1,4 @@
-//! Log of the film: its written bytes, and a report for each coded picture.
+//! Log of a film: the written bytes, and the report of each coded frame.
 
 use super::observe::Observer;
 use crate::early_end::EarlyEnd;
@@ -28,10 +28,10 @@ pub(super) struct FilmLog {
     waiting: BTreeMap<u32, FrameFigures>,
 }
 
-/// Log in a checkpoint: written bytes of the film, reports, waiting figures, and state of the encoder.
+/// Log in a checkpoint: length and checksum of the film, reports, waiting figures, and state of the encoder.
 type StoredLog = (Written, Vec<StoredLine>, BTreeMap<u32, FrameFigures>, Vec<u8>);
 
-/// Report without field names, which bincode cannot store.
+/// Report without flattened fields, which bincode cannot store.
 #[derive(Serialize, Deserialize)]
 struct StoredLine {
     index: u32,

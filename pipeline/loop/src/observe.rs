@@ -15,8 +15,8 @@ pub trait Observer: Sync {
     /// Receives the picture of frame `index` before coding, in display order.
     fn picture(&self, _index: u32, _picture: &YCbCr) {}
 
-    /// Receives the importance of each pixel of frame `index`, 0…1, in display order. It is called only if importance
-    /// is in use.
+    /// Receives the importance of each pixel of frame `index`, 0…1, in display order. This method is
+    /// called only if importance is in use.
     fn importance(&self, _index: u32, _importance: &Plane<f32>) {}
 
     /// Receives the permitted luminance error of each pixel of frame `index` \[W·m⁻²·sr⁻¹\], in display order. Frame

@@ -37,8 +37,8 @@ impl<'a> Pace<'a> {
         self.decided.take().unwrap_or_else(|| self.decide(index))
     }
 
-    /// Decides about the frame after `index` if other ranks follow; called when frame `index` is passed to shading. Returns
-    /// the decision, or false without other ranks.
+    /// Returns whether the frame after `index` starts, for other ranks; false without other ranks. Call this function when
+    /// frame `index` is passed to shading.
     pub fn hand_over(&self, index: u32) -> bool {
         self.decided.set(self.is_led.then(|| self.decide(index + 1)));
         self.decision().unwrap_or_default()

@@ -42,6 +42,7 @@ impl FrameReport {
             },
             bits: picture.bits,
             qscale: picture.quantiser_scale,
+            // Omit the infinite PSNR of a lossless picture, which JSON cannot represent.
             psnr_y: picture.psnr_y.is_finite().then_some(picture.psnr_y),
             figures,
         }

@@ -226,6 +226,7 @@ impl Shaded {
     /// the curve would let a light far above white cover thin objects in front of it.
     #[must_use]
     pub fn blended(&self, tone_map: &ToneMap) -> Cow<'_, Plane<[f32; 3]>> {
+        // Copy the radiance only if a pixel shows several surfaces.
         let mut radiance = Cow::Borrowed(&self.radiance);
         for Outline { pixel, parts } in &self.outlines {
             radiance.to_mut().samples_mut()[*pixel] = tone_map.mean_shown(parts.iter().copied());

@@ -1,4 +1,4 @@
-//! Checks that parts belong to the same film, are complete and in order.
+//! Checks that parts belong to the same film, are complete, and are in order.
 
 use super::part::WholePart;
 use crate::error::{Error, Result};

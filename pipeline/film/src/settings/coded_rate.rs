@@ -9,7 +9,7 @@ use std::str::FromStr;
 
 /// Minimum accepted frame rate \[frames per second\].
 const LEAST: f64 = 1.0;
-/// Maximum number of pictures per frame: a film of one frame per second has 60.
+/// Maximum number of pictures per frame: MPEG's highest rate, 60 pictures per second, divided by `LEAST`.
 const MOST_PICTURES: u32 = 60;
 
 /// Frame rate of a film, expressed as a picture rate of MPEG.

@@ -65,11 +65,11 @@ pub struct CodingSettings {
     pub gop: u32,
     /// Maximum bit rate, or the exact rate with `cbr`; `None` for no limit.
     pub bitrate: Option<BitRate>,
-    /// True if the bit rate is constant.
+    /// Whether the bit rate is constant.
     pub cbr: bool,
     /// Thoroughness of the encoder's search.
     pub effort: Effort,
-    /// True if the video is MPEG-1.
+    /// Whether the video is MPEG-1.
     pub mpeg1: bool,
 }
 
@@ -88,7 +88,7 @@ pub struct FileSettings {
     pub exr_depth: Option<ExrDepth>,
     /// File for uncompressed frames, as YUV4MPEG2.
     pub y4m: Option<PathBuf>,
-    /// True if the YUV4MPEG2 file uses the film's color matrix, for readers that expect this matrix.
+    /// Whether the YUV4MPEG2 file uses the film's color matrix, for readers that expect this matrix.
     pub y4m_is_coded: bool,
 }
 

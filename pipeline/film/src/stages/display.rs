@@ -19,7 +19,7 @@ use std::sync::atomic::AtomicBool;
 #[derive(Debug)]
 pub struct Display {
     tone_map: ToneMap,
-    /// True if the first frame sets the exposure.
+    /// Whether the first frame sets the exposure.
     auto_exposure: bool,
     /// Color matrix of the film.
     matrix: ColorMatrix,

@@ -23,30 +23,30 @@ pub struct Video {
     /// Number of frames per chunk; each chunk starts a new encoder.
     chunk: Option<u32>,
     stream: Stream,
-    /// True if the encoder uses the renderer's motion.
+    /// Whether the encoder uses the renderer's motion.
     uses_motion: bool,
-    /// True if quantisers are weighted by masking.
+    /// Whether quantisers are weighted by masking.
     masks: bool,
-    /// True if pictures wait for the motion into the next picture. B pictures need this motion.
+    /// Whether pictures wait for the motion into the next picture. B pictures need this motion.
     waits: bool,
     waiting: Option<Waiting>,
 }
 
-/// Container, and statistics of the packets written into it.
+/// Container, and statistics of the packets written to the container.
 struct Stream {
     multiplexer: Multiplexer,
     /// Index in the film of the first frame in this file.
     first: u32,
     /// Number of pictures per frame.
     pictures: u32,
-    /// True if pictures are coded as they are pushed.
+    /// Whether pictures are coded as they are pushed.
     is_immediate: bool,
     /// Last frame, to which more pictures may be added.
     held: Option<CodedFrame>,
-    /// Mean quantiser of the finest of the last coded pictures, which later pictures are predicted from. The initial
-    /// value is the quantiser of the settings.
+    /// Mean quantiser_scale of the finest picture in the last step that coded pictures. Later pictures are predicted from
+    /// this picture. The initial value comes from the settings.
     quantiser_scale: f32,
-    /// True if masking receives the coded picture. An encoder with lookahead codes it too late for masking.
+    /// Whether masking receives the coded picture. An encoder with lookahead codes it too late for masking.
     tells_outcome: bool,
 }
 

@@ -33,7 +33,7 @@ pub(crate) struct RestoredState {
 /// Thresholds of a frame: its number, ΔY and luminance.
 type SentThresholds = (u32, Plane<f32>, Plane<f32>);
 
-/// Order of rank 0 in the form in which it is sent: with references instead of owned data.
+/// Order as rank 0 sends it, with references instead of owned data.
 #[derive(Serialize)]
 enum Sent<'a> {
     Start { first: u32, restored: Option<(u32, &'a [u8], &'a [u8])> },
@@ -48,6 +48,7 @@ impl Order {
     /// # Errors
     /// If the bytes are not an order.
     pub fn next(ranks: &dyn Ranks) -> Result<Self> {
+        // Send no bytes: a broadcast returns the bytes of rank 0 on every rank.
         decode_bytes(&ranks.broadcast(Vec::new())).map_err(|_| Error::Fault("rank 0 sent an unknown order".into()))
     }
 
@@ -110,6 +111,7 @@ impl Lead {
     /// Orders the other ranks to shade frame `index` with the given `thresholds`.
     pub fn frame(&mut self, index: u32, marked: bool, thresholds: Option<&LuminanceThresholds>) {
         let thresholds = thresholds.map(|known| (known.of, &*known.delta, &*known.luminance));
+        // Clear the flag, so that the end of the film does not announce the same preparation again.
         let goes_on = std::mem::take(&mut self.goes_on);
         self.say(&Sent::Frame { index, marked, goes_on, thresholds });
     }
