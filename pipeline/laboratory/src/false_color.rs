@@ -13,6 +13,7 @@ const STOPS: [[f32; 3]; 6] = [
 
 /// Returns the color of `value` on a scale from 0 to 1. Values outside the scale have the color of the nearest end.
 pub fn false_color(value: f32) -> [u8; 3] {
+    // Interpolate between the two nearest colors.
     let place = value.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
     let below = (place as usize).min(STOPS.len() - 2);
     let share = place - below as f32;

@@ -30,10 +30,14 @@ fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>,
     }
     let mut bytes = vec![0; reader.output_buffer_size().ok_or("its size overflows")?];
     reader.next_frame(&mut bytes)?;
+    // Repeat gray in all three channels, and drop alpha.
     let channels = reader.output_color_type().0.samples();
     let pixel = |sample: &[u8]| if channels < 3 { [sample[0]; 3] } else { [sample[0], sample[1], sample[2]] };
     let count = width as usize * height as usize;
-    let samples = bytes.chunks_exact(channels).take(count).map(pixel).collect();
+    let mut samples = Vec::with_capacity(count);
+    for sample in bytes.chunks_exact(channels).take(count) {
+        samples.push(pixel(sample));
+    }
     Ok(Plane::from_vec(width as usize, height as usize, samples))
 }
 
@@ -58,6 +62,7 @@ pub fn animation(pictures: &[Plane<[u8; 3]>], fps: f64) -> Vec<u8> {
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::High);
     if pictures.len() > 1 {
+        // Loop forever: 0 plays means without limit.
         encoder.set_animated(pictures.len() as u32, 0).expect(WRITES);
         encoder.set_frame_delay(1000, (1000.0 * fps).round().clamp(1.0, 65535.0) as u16).expect(WRITES);
     }

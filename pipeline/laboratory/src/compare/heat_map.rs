@@ -21,6 +21,7 @@ impl HeatMap {
     /// # Panics
     /// If the sizes differ from each other or from earlier pictures.
     pub fn add(&mut self, a: &View, b: &View) {
+        // Size the sum by the first picture.
         if self.count == 0 {
             self.sum = Plane::filled(a.fine_luma.width(), a.fine_luma.height(), 0.0);
         }

@@ -45,6 +45,7 @@ pub fn measure(a: &View, b: &View) -> Comparison {
         let off = off.map(|(b, v)| std::array::from_fn(|c| b[c] + v[c].max(0.0).sqrt())).collect();
         perceptual::relative_mse(&Plane::from_vec(noise.width(), noise.height(), off), &b.linear)
     });
+    // Pass the light that the display emits to SSIMULACRA 2.
     let linear_rgb = |view: &View| {
         let shown = &view.shown;
         LinearRgb::new(shown.samples().to_vec(), shown.width(), shown.height()).expect("one sample per pixel")
@@ -90,6 +91,7 @@ impl std::fmt::Display for Comparison {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { width, height, mean_ratio, rmse, relative_mse, .. } = self;
         writeln!(f, "pixels                {width}x{height}")?;
+        // Omit unknown measures, and replace infinite PSNR by a word.
         if let Some(ratio) = mean_ratio {
             writeln!(f, "mean luminance        {ratio:.5} of the reference")?;
         }

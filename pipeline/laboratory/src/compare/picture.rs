@@ -77,16 +77,20 @@ impl Picture {
                 View { linear: radiance, variance, luma, fine_luma, shown }
             }
             Self::Display(picture) => {
+                // Decode each of the 256 codes once.
                 let decode: [f32; 256] = std::array::from_fn(|code| srgb.decode(code as f32 / 255.0));
                 let shown = picture.map(|rgb| rgb.map(|code| decode[usize::from(code)]));
+                // Compute luma from nonlinear codes, as a video encoder does.
                 let fine_luma = picture.map(|rgb| WHITE_LUMA * luminance(rgb.map(|code| f32::from(code) / 255.0)));
                 let luma = fine_luma.map(|luma| (BLACK + luma).round() as u8);
                 View { linear: shown.clone(), variance: None, luma, fine_luma, shown }
             }
             Self::Video(frame, ColorMatrix::Bt601) => {
+                // Compute Rec. 709 luma through R′G′B′, so that the luma of all pictures is comparable.
                 Self::Display(to_rgb8_by(&frame, ColorMatrix::Bt601)).view(exposure)
             }
             Self::Video(frame, matrix) => {
+                // Keep the coded luma, without a round trip through R′G′B′.
                 let fine_luma = frame.luma().map(|code| f32::from(code) - BLACK);
                 let display = Self::Display(to_rgb8_by(&frame, matrix)).view(exposure);
                 let [luma, ..] = frame.into_planes();

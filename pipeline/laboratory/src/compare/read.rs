@@ -39,6 +39,7 @@ impl Pictures {
         let source = if metadata.is_dir() {
             FrameSource::Files(pictures_in(path)?.into_iter())
         } else {
+            // Choose the reader by the file ending.
             match ending(path).as_str() {
                 "exr" | "png" => FrameSource::Files(vec![path.to_owned()].into_iter()),
                 "y4m" => {
@@ -66,8 +67,10 @@ impl Iterator for Pictures {
     fn next(&mut self) -> Option<Self::Item> {
         match &mut self.source {
             FrameSource::Files(paths) => paths.next().map(|path| read_picture(&path)),
+            // YUV4MPEG2 does not signal a color matrix, so BT.601 is assumed.
             FrameSource::Y4m(decoder) => next_frame(&self.path, decoder, ColorMatrix::Bt601).transpose(),
             FrameSource::Ffmpeg(decoder, child) => {
+                // After the last picture, check whether ffmpeg failed.
                 match next_frame(&self.path, decoder, ColorMatrix::Bt709).transpose() {
                     None => match child.wait() {
                         Ok(status) if status.success() => None,
@@ -82,6 +85,7 @@ impl Iterator for Pictures {
 
 impl Drop for Pictures {
     fn drop(&mut self) {
+        // Stop ffmpeg if its output was not read to the end.
         if let FrameSource::Ffmpeg(_, child) = &mut self.source {
             let _ = child.kill();
             let _ = child.wait();
@@ -150,6 +154,7 @@ fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn
 
 /// Returns the first line, up to the maximum length of a header, and the whole input including this line.
 fn header_and_all(mut input: Box<dyn Read>) -> std::io::Result<(Vec<u8>, Box<dyn Read>)> {
+    // Read single bytes, to stop right after the header.
     let mut header = Vec::new();
     let mut byte = [0];
     while header.len() < LONGEST_HEADER && header.last() != Some(&b'\n') && input.read(&mut byte)? == 1 {
@@ -167,6 +172,7 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: Co
         Err(error) => return Err(Error::content(path, format!(": the video is truncated: {error}"))),
     };
     let plane = |samples: &[u8], width, height| Plane::from_vec(width, height, samples.to_vec());
+    // Round the chroma size up if a side is odd.
     let chroma = |samples| plane(samples, width.div_ceil(2), height.div_ceil(2));
     let (cb, cr) = (chroma(frame.get_u_plane()), chroma(frame.get_v_plane()));
     let picture = plane::Picture::new(plane(frame.get_y_plane(), width, height), cb, cr);
@@ -194,6 +200,7 @@ fn ffmpeg(path: &Path) -> Result<FrameSource> {
     match decoder {
         Ok(decoder) => Ok(FrameSource::Ffmpeg(Box::new(decoder), child)),
         Err(_) => {
+            // Collect the exit status, so that no zombie process remains.
             let _ = child.wait();
             Err(Error::content(path, ": ffmpeg finds no video in it"))
         }

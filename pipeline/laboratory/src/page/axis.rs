@@ -17,6 +17,7 @@ impl Axis {
         let known: Vec<f64> = values.filter(|v| v.is_finite() && (!log || *v > 0.0)).collect();
         let low = known.iter().copied().reduce(f64::min).unwrap_or(if log { 0.1 } else { 0.0 });
         let high = known.iter().copied().reduce(f64::max).unwrap_or(1.0);
+        // Add 6 % of the range at both ends, with a minimum if the values are nearly equal.
         let (low, high) = if log {
             let room = (high / low).powf(0.06).max(1.15);
             (low / room, high * room)
@@ -54,9 +55,11 @@ impl Axis {
     }
 
     fn linear_ticks(&self) -> Vec<f64> {
+        // Choose the smallest round step that makes at most five intervals.
         let rough = (self.high - self.low) / 5.0;
         let decade = 10f64.powf(rough.log10().floor());
         let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * decade).into_iter().find(|&s| s >= rough).unwrap_or(10.0 * decade);
+        // Tolerate rounding errors at both ends.
         let first = (self.low / step - 1e-9).ceil() as i64;
         (first..).map(|i| i as f64 * step).take_while(|&v| v <= self.high + 1e-9 * step).collect()
     }
@@ -66,11 +69,18 @@ impl Axis {
         const MULTIPLES: [&[f64]; 3] = [&[1.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]];
         let first = self.low.log10().floor() as i32;
         let last = self.high.log10().ceil() as i32;
-        let ticks = MULTIPLES.iter().map(|multiples| -> Vec<f64> {
-            let all = (first..=last).flat_map(|e| multiples.iter().map(move |m| m * 10f64.powi(e)));
-            all.filter(|v| (self.low..=self.high).contains(v)).collect()
-        });
-        ticks.into_iter().find(|ticks| ticks.len() >= 3).unwrap_or_else(|| self.linear_ticks())
+        for multiples in MULTIPLES {
+            let mut ticks: Vec<f64> = Vec::new();
+            for e in first..=last {
+                let all = multiples.iter().map(|m| m * 10f64.powi(e));
+                ticks.extend(all.filter(|v| (self.low..=self.high).contains(v)));
+            }
+            if ticks.len() >= 3 {
+                return ticks;
+            }
+        }
+        // Logarithmic steps are too coarse for a narrow range.
+        self.linear_ticks()
     }
 }
 
@@ -80,19 +90,20 @@ pub(super) fn short(value: f64) -> String {
     if size == 0.0 {
         return "0".into();
     }
+    // Write numbers of moderate size without trailing zeros.
     if (1e-3..1e5).contains(&size) {
         let text = format!("{value:.4}");
         return text.trim_end_matches('0').trim_end_matches('.').to_owned();
     }
+    // Write other numbers as mantissa and power of ten.
     let exponent = size.log10().floor() as i32;
     let mantissa = value / 10f64.powi(exponent);
-    let raised: String = exponent
-        .to_string()
-        .chars()
-        .map(|c| {
-            c.to_digit(10).map_or('⁻', |digit| ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize])
-        })
-        .collect();
+    let mut raised = String::new();
+    for c in exponent.to_string().chars() {
+        let digits = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+        raised.push(c.to_digit(10).map_or('⁻', |digit| digits[digit as usize]));
+    }
+    // Omit a mantissa of 1.
     if (mantissa - 1.0).abs() < 1e-6 {
         format!("10{raised}")
     } else {

@@ -41,6 +41,7 @@ impl StackedBars {
         // Draw columns from the bottom up, and the labels for which space suffices.
         let width = (right - left) / self.columns.len().max(1) as f64;
         let gap = if width > 8.0 { 0.16 * width } else { 0.0 };
+        // Reserve 34 pixels for each label.
         let every = (self.columns.len() as f64 * 34.0 / (right - left)).ceil().max(1.0) as usize;
         let titled = self.columns.len() <= MOST_TITLED;
         for (i, column) in self.columns.iter().enumerate() {
@@ -49,6 +50,7 @@ impl StackedBars {
             for (&value, (name, color)) in column.iter().zip(&self.parts) {
                 let (Some(low), Some(high)) = (y.place(below), y.place(below + value)) else { continue };
                 below += value;
+                // Omit bars that are too low to see.
                 if low - high > 0.02 {
                     let about = if titled {
                         format!("{} {}: {name} {value:.3}", self.x_label, self.names[i])

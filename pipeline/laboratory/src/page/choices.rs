@@ -76,6 +76,7 @@ pub(super) fn without_folders(report: &Report) -> Report {
     report.settings = settings_without_folders(&report.settings);
     let folder = report.scene.file.parent().map(|folder| format!("{}/", folder.display())).unwrap_or_default();
     report.scene.file = report.settings.scene.clone();
+    // A scene without a folder has the prefix "/", which must not be removed.
     if folder.len() > 1 {
         report.scene.warnings.iter_mut().for_each(|warning| *warning = warning.replace(&folder, ""));
     }

@@ -25,6 +25,7 @@ pub(super) fn csv_of(frames: &[FrameReport]) -> Result<String> {
     for frame in frames {
         let cells = cells(frame)?;
         let line = |of: fn(&(String, String)) -> &String| cells.iter().map(of).cloned().collect::<Vec<_>>().join(",");
+        // Write the headings before the first frame.
         if text.is_empty() {
             text = line(|(name, _)| name) + "\n";
         }

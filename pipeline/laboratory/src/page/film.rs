@@ -106,12 +106,14 @@ impl FilmWatch {
         let (width, height, count) = (first.width(), first.height(), held.strip.len());
         let samples: Vec<[u8; 3]> = held.strip.values().flat_map(|frame| frame.samples().iter().copied()).collect();
         let uri = jpeg(&Plane::from_vec(width, height * count, samples), QUALITY.1)?;
+        // Play in real time if the rate is within the limits, otherwise at the nearer limit.
         let own_pace = self.fps / f64::from(self.every());
         let pace = own_pace.clamp(PACE.1, PACE.0);
         let seconds = count as f64 / pace;
         Ok(Some(context! {
             uri, width, height, count,
             every => self.every(),
+            // Show the speed if it differs from real time by 1 % or more.
             speed => if (pace / own_pace - 1.0).abs() < 0.01 { None } else { Some(format!("{:.2}", pace / own_pace)) },
             seconds => format!("{seconds:.2}"),
             first => held.strip.keys().next(),
@@ -134,6 +136,7 @@ impl FilmWatch {
 /// Observes pictures in coding order, which differs from frame order with B pictures.
 impl Observer for FilmWatch {
     fn shaded(&self, index: u32, shaded: &Shaded) {
+        // Prefer the frame nearest to the middle of the film.
         let is_nearer = |kept: &FrameMaps| self.distance_to_middle(index) < self.distance_to_middle(kept.index);
         if self.held().maps.as_ref().is_none_or(is_nearer) {
             let maps = FrameMaps::new(index, shaded, self.share_elsewhere);
@@ -147,6 +150,7 @@ impl Observer for FilmWatch {
 
     fn decoded(&self, index: u32, picture: &Picture) {
         let still = || Some(KeptPicture { index, picture: picture.clone() });
+        // Shrink frames of the strip before locking, so that other threads wait less.
         let is_of_strip = index.wrapping_sub(self.frames.start).is_multiple_of(self.every());
         let small = is_of_strip.then(|| {
             let factor = factor(picture.width(), picture.height(), STRIP.1);

@@ -49,14 +49,16 @@ impl FrameMaps {
             is_told.then(|| Plane::from_vec(width, height, samples.clone()))
         };
         let by_luminance = |thresholds: Plane<f32>| {
-            let pixels = thresholds.samples().iter().zip(shaded.radiance.samples());
-            let shares = pixels.map(|(&threshold, &rgb)| match luminance(rgb) {
-                light if light > 0.0 && threshold > 0.0 => threshold / light,
-                light if light > 0.0 => elsewhere,
-                // Black pixels have no relative threshold.
-                _ => 0.0,
-            });
-            Plane::from_vec(width, height, shares.collect())
+            let mut shares = Vec::with_capacity(width * height);
+            for (&threshold, &rgb) in thresholds.samples().iter().zip(shaded.radiance.samples()) {
+                shares.push(match luminance(rgb) {
+                    light if light > 0.0 && threshold > 0.0 => threshold / light,
+                    light if light > 0.0 => elsewhere,
+                    // Black pixels have no relative threshold.
+                    _ => 0.0,
+                });
+            }
+            Plane::from_vec(width, height, shares)
         };
         let thresholds = plane("threshold.Y").map(by_luminance);
         Self { index, thresholds, cuts: plane("cut.size"), reused: plane("shading.reused") }
@@ -67,12 +69,14 @@ impl FrameMaps {
         let mut drawn = Vec::new();
         if let Some(plane) = &self.thresholds {
             let small = fitting(plane, mean);
+            // Exclude black pixels, which have no threshold, from the mean.
             let seen: Vec<f32> = plane.samples().iter().copied().filter(|&share| share > 0.0).collect();
             let about = format!("mean {:.1} %: smaller errors are invisible", 100.0 * mean(&seen));
             let map = png(&THRESHOLD.picture(&small));
             drawn.push(context! { name => "Thresholds", uri => map, about, scale => legend(&THRESHOLD) });
         }
         if let Some(plane) = &self.cuts {
+            // Enlarge sparse lightcuts to squares, because single pixels are hard to see.
             let made = plane.samples().iter().filter(|&&size| size > 0.0).count();
             let is_sparse = (made as f64) < SPARSE.0 * plane.samples().len() as f64;
             let squares = if is_sparse { shrunk(plane, SPARSE.1, most) } else { plane.clone() };
@@ -84,6 +88,7 @@ impl FrameMaps {
             drawn.push(context! { name => "Cut sizes", uri => map, about, scale => legend(&CUT_SIZE) });
         }
         if let Some(plane) = &self.reused {
+            // Keep one pixel of each square, because kinds cannot be averaged.
             let first = |samples: &[f32]| samples[0];
             let color = |value: f32| false_color(REUSED[kind(value)].1);
             let map = png(&fitting(plane, first).map(color));
@@ -102,11 +107,15 @@ fn kind(value: f32) -> usize {
 fn entries(plane: &Plane<f32>) -> Vec<Value> {
     let mut counts = [0usize; REUSED.len()];
     plane.samples().iter().for_each(|&value| counts[kind(value)] += 1);
-    let entry = |((name, place), count): (&(&str, f32), usize)| {
-        let share = format!("{:.0} %", 100.0 * count as f64 / plane.samples().len() as f64);
-        context! { name => *name, color => css_color(false_color(*place)), share }
-    };
-    REUSED.iter().zip(counts).filter(|(_, count)| *count > 0).map(entry).collect()
+    let mut kinds = Vec::new();
+    for ((name, place), count) in REUSED.iter().zip(counts) {
+        // Omit kinds that do not occur.
+        if count > 0 {
+            let share = format!("{:.0} %", 100.0 * count as f64 / plane.samples().len() as f64);
+            kinds.push(context! { name => *name, color => css_color(false_color(*place)), share });
+        }
+    }
+    kinds
 }
 
 fn legend(scale: &super::Scale) -> Value {

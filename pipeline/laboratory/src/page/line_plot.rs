@@ -56,21 +56,28 @@ pub struct LinePlot {
 impl LinePlot {
     /// Draws the plot.
     pub fn draw(&self) -> Svg {
+        // Reserve space for the legend.
         let rows = self.series.len().div_ceil(columns(self.series.iter().map(|series| series.name.as_str())));
         let (height, bottom) = height_and_bottom(rows);
         let mut svg = Svg::new(SIZE.0, height, &self.title);
         let (left, right, top) = AREA;
+
+        // Fit the axes to all points and to the level.
         let values = || self.series.iter().flat_map(|series| &series.points);
         let x = Axis::holding(values().map(|p| p.0), self.x_log, left, right);
         let levels = self.level.iter().map(|(level, _)| *level);
         let y = Axis::holding(values().map(|p| p.1).chain(levels), self.y_log, bottom, top);
         let labels = Labels { title: &self.title, x: &self.x_label, y: &self.y_label };
         frame(&mut svg, labels, Some(&x), &y, bottom);
+
+        // Draw the level first, below the lines.
         if let Some((place, name)) = self.level.as_ref().and_then(|(level, name)| Some((y.place(*level)?, name))) {
             svg.rule(at(left, place), at(right, place), "axis");
             svg.text(at(right - 4.0, place - 5.0), TextStyle { class: "soft", anchor: "end", size: 12.0 }, name);
         }
         self.series.iter().for_each(|series| self.draw_line(&mut svg, series, &x, &y));
+
+        // Show each line in the legend.
         let entry = |series: &Series| LegendEntry {
             name: series.name.clone(),
             color: series.color,
@@ -83,12 +90,15 @@ impl LinePlot {
 
     /// Draws a line and marks: every point, or a few points of a long line.
     fn draw_line(&self, svg: &mut Svg, series: &Series, x: &Axis, y: &Axis) {
+        // Omit points that an axis cannot show.
         let placed: Vec<(usize, Point)> =
             (0..).zip(&series.points).filter_map(|(i, &(a, b))| Some((i, at(x.place(a)?, y.place(b)?)))).collect();
         let line: Vec<Point> = placed.iter().map(|&(_, place)| place).collect();
         if line.len() > 1 {
             svg.polyline(&line, series.color, series.dashed);
         }
+
+        // Mark only a few points of long lines.
         let every = if series.points_shown || line.len() == 1 { 1 } else { line.len().div_ceil(MARKS) };
         for (i, place) in placed.into_iter().skip(every / 2).step_by(every) {
             let (a, b) = series.points[i];
@@ -133,11 +143,14 @@ pub(super) struct Labels<'a> {
 pub(super) fn frame(svg: &mut Svg, labels: Labels, x: Option<&Axis>, y: &Axis, bottom: f64) {
     let (left, right, top) = AREA;
     svg.text(at(left, 20.0), TextStyle { class: "ink", anchor: "start", size: 15.0 }, labels.title);
+    // Draw a grid line and a label for each tick of the y axis.
     for (value, text) in y.ticks() {
         let Some(place) = y.place(value) else { continue };
         svg.rule(at(left, place), at(right, place), "grid");
         svg.text(at(left - 7.0, place + 4.5), TextStyle { class: "soft", anchor: "end", size: 13.0 }, &text);
     }
+
+    // Draw ticks and labels of the x axis.
     let mut free = 0.0;
     for (value, text) in x.map(Axis::ticks).unwrap_or_default() {
         let Some(place) = x.and_then(|x| x.place(value)) else { continue };
@@ -148,9 +161,12 @@ pub(super) fn frame(svg: &mut Svg, labels: Labels, x: Option<&Axis>, y: &Axis, b
             continue;
         }
         free = place + 0.5 * room;
+        // Align the last label to the edge if it would exceed the drawing.
         let (place, anchor) = if free > SIZE.0 { (SIZE.0 - 1.0, "end") } else { (place, "middle") };
         svg.text(at(place, bottom + 18.0), TextStyle { class: "soft", anchor, size: 13.0 }, &text);
     }
+
+    // Draw the x axis, and the labels of both axes.
     svg.rule(at(left, bottom), at(right, bottom), "axis");
     let x_label = x.map_or_else(|| labels.x.to_owned(), |x| x.label(labels.x));
     svg.text(

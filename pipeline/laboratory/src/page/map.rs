@@ -33,6 +33,7 @@ impl ImportanceSum {
         let title = "Mean importance";
         let mut svg = Svg::new(WIDTH, ABOVE + scale * height as f64, title);
         svg.text(at(0.0, 20.0), TextStyle { class: "ink", anchor: "start", size: 16.0 }, title);
+        // Average each macroblock over its pixels and all frames.
         for top in (0..height).step_by(SQUARE) {
             for left in (0..width).step_by(SQUARE) {
                 let (right, bottom) = (width.min(left + SQUARE), height.min(top + SQUARE));

@@ -26,11 +26,16 @@ pub struct Made {
 /// # Errors
 /// If the page cannot be rendered, which is a bug.
 pub fn run_page(report: &Report, film: &FilmWatch, made: &Made) -> Result<String> {
+    // Hide the machine's folders.
     let report = &without_folders(report);
     let stem = report.scene.file.file_stem().map_or("film".into(), |stem| stem.to_string_lossy().into_owned());
+
+    // Draw the plots, which can also be saved as files.
     let figures = Figures::of(&report.frames);
     let plot = |(name, svg): &(&str, _)| drawing(&format!("{stem}-{name}.svg"), svg);
     let plots: Vec<Value> = figures.plots.iter().map(plot).collect();
+
+    // Collect data that may be missing: default settings and maps.
     let usual = usual_without_folders(made.usual.as_ref());
     let maps = film.maps();
     let (map_frame, maps) = maps.map_or((None, Vec::new()), |(index, maps)| (Some(index), maps));
@@ -74,6 +79,7 @@ fn tiles(report: &Report) -> Vec<(&'static str, String)> {
         ("luma PSNR", summary.psnr_y.map_or("equal".into(), |psnr| format!("{psnr:.1} dB"))),
         ("mean threshold", format!("{:.1} %", 100.0 * summary.threshold_mean_relative)),
     ];
+    // Omit peak memory on systems that do not report it.
     if let Some(bytes) = summary.peak_memory_bytes {
         tiles.push(("peak memory", format!("{:.0} MB", bytes as f64 / 1e6)));
     }

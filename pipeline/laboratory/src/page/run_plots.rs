@@ -43,7 +43,7 @@ const ROWS: [FigureRow; 8] = [
         title: "PSNR of the decoded luma",
         unit: "dB",
         line: ("against the uncompressed picture", 2),
-        // Leave a gap in the line for equal pictures, which have no PSNR.
+        // Omit equal pictures, which have no PSNR.
         value: |frame| frame.psnr_y.unwrap_or(f64::NAN),
     },
     FigureRow {
@@ -134,6 +134,7 @@ impl Figures {
             return;
         }
         if let Some(value) = constant(&values) {
+            // Omit a unit that the title or the line already names.
             let unit = if row.unit == row.line.0 || row.title.starts_with(row.unit) { "" } else { row.unit };
             self.constant.push((row.title.into(), format!("{} {unit}", digits(value)).trim_end().to_owned()));
             return;
@@ -142,6 +143,7 @@ impl Figures {
             name: row.line.0.into(),
             color: row.line.1,
             dashed: false,
+            // Mark every point in short films only.
             points_shown: frames.len() <= MOST_MARKED,
             points,
             crossed: Vec::new(),
@@ -184,6 +186,7 @@ impl Columns {
     /// Reduces the bars to at most [`MOST_COLUMNS`] means of consecutive frames.
     fn few(self) -> Self {
         let every = self.columns.len().div_ceil(MOST_COLUMNS).max(1);
+        // Average each stacked value over the frames of a bar.
         let mean = |columns: &[Vec<f64>]| {
             let sum = |part: usize| columns.iter().map(|column| column[part]).sum::<f64>();
             (0..self.parts.len()).map(|part| sum(part) / columns.len() as f64).collect()
@@ -217,6 +220,7 @@ fn stages(frames: &[FrameReport]) -> Columns {
 
 fn kinds(frames: &[FrameReport]) -> Columns {
     let mut kinds = vec![("I", 3), ("P", 0), ("B", 2)];
+    // Omit picture types that do not occur.
     kinds.retain(|(kind, _)| frames.iter().any(|frame| frame.picture_type == *kind));
     let bits = |frame: &FrameReport| {
         let of = |kind: &str| if frame.picture_type == kind { frame.bits as f64 / 1000.0 } else { 0.0 };

@@ -49,6 +49,7 @@ impl Coder {
         settings.render.qscale = qscale;
         let encoder = settings.encoder_config()?.with_lookahead(0).encoder()?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
+        // Compare with the driver's stream only if both were encoded with the same quantiser.
         let written = film.stream.as_ref().filter(|_| film.settings.render.qscale == qscale);
         let open = |path: &PathBuf| File::open(path).map_err(Error::file(path, "cannot be read"));
         let sinks = Sinks { written: written.map(open).transpose()?.map(BufReader::new), copy: None };
@@ -73,6 +74,7 @@ impl Coder {
         let known = frame.known.as_ref().filter(|_| self.settings.render.motion);
         let busy = Busy::default();
         let Self { encoder, pool, .. } = self;
+        // Encode on one thread, and measure the CPU time.
         let mut packets = pool.install(|| busy.measure(|| encoder.push(&frame.picture, known.into())));
         let packet = packets.pop().ok_or_else(|| Error::fault("a frame without a packet"))?;
         self.sinks.take(&packet.data)?;
@@ -90,6 +92,7 @@ impl Coder {
     pub fn finish(self) -> Result<Option<DecoderCheck>> {
         let Self { encoder, mut sinks, .. } = self;
         sinks.take(&encoder.finish().end)?;
+        // Reject driver streams that continue after the end of this stream.
         if sinks.written.as_mut().is_some_and(|written| written.read(&mut [0]).map_or(true, |more| more > 0)) {
             return Err(Error::fault(ANOTHER_STREAM));
         }
@@ -171,6 +174,7 @@ fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
         }
         frames += 1;
     }
+    // Inverse transforms may round differently; larger differences reveal a bug.
     if largest > MOST_DIFFERENCE {
         return Err(Error::fault(format!(
             "ffmpeg's pictures differ from the encoder's reconstruction by {largest} code values: this is a bug"

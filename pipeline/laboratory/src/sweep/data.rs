@@ -44,12 +44,14 @@ pub(super) fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
         let beside = run.against_baseline.as_ref();
         let known = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value}"));
         let seconds = &run.seconds;
+        // Identify the run in the first columns.
         let mut columns: Vec<(&str, String)> = vec![
             ("method", run.method.into()),
             ("qscale", run.qscale.to_string()),
             ("cache", run.cache.to_string()),
             ("kappa", run.kappa.map_or(String::new(), |kappa| kappa.to_string())),
         ];
+        // List the numeric figures; figures that are unknown for a run stay empty.
         let numbers = [
             ("threshold_mean_relative", Some(run.threshold_mean_relative)),
             ("tree_swaps_share", Some(run.tree_swaps_share)),
@@ -86,6 +88,7 @@ pub(super) fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
         ];
         columns.extend(numbers.map(|(name, value)| (name, known(value))));
         columns.push(("equal_quality", beside.map_or(String::new(), |beside| beside.equal_quality.to_string())));
+        // Write the names of the first run's columns as headings, so that names and values stay aligned.
         if std::ptr::eq(run, &runs[0]) {
             writer.write_record(columns.iter().map(|(name, _)| name)).map_err(Error::other)?;
         }

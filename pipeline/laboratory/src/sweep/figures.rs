@@ -155,6 +155,7 @@ pub fn mean_seconds(frames: &[FrameReport]) -> Seconds {
 impl MethodRun {
     fn beside(&self, baseline: &Self) -> AgainstBaseline {
         let ratio = |of: f64, by: f64| if by > 0.0 { of / by } else { 1.0 };
+        // Count two lossless pictures as equal: both have infinite PSNR.
         let psnr = |run: &Self| run.decoded.psnr_y.unwrap_or(f64::INFINITY);
         let psnr_difference = if psnr(self) == psnr(baseline) { 0.0 } else { psnr(self) - psnr(baseline) };
         let bits_ratio = ratio(self.bits, baseline.bits);

@@ -108,6 +108,7 @@ pub struct Workshop<'a> {
 pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut() + Send) -> Result<Film> {
     let Workshop { scene, folder: workspace, stop } = workshop;
     let folder = folder_in(workspace)?;
+    // Request the files that `read_frame` reads, in addition to the video.
     let video = folder.path().join("film.m2v");
     let mut with_files = Settings { output: video.clone(), ..settings.clone() };
     with_files.render.aov = vec![Aov::Motion, Aov::Threshold, Aov::CutSize];
@@ -122,6 +123,7 @@ pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut()
     let plan = Plan::new(scene, &with_files.render);
     let observer = OnFrame::new(|_: &FrameReport| each());
     let report = render2mpeg::render(scene, &with_files, &plan, Run { observer: &observer, stop })?;
+    // Discard interrupted films, because frames are missing.
     if report.summary.interrupted || stop.load(Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }
@@ -133,6 +135,7 @@ fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame>
     let (width, height) = (layers.width, layers.height);
     let channel = |name: &str| layers.channel(name).ok_or_else(|| Error::content(path, format!(": no channel {name}")));
     let plane = |name: &str| Ok::<_, Error>(Plane::from_vec(width, height, channel(name)?.to_vec()));
+    // Build the motion vectors; NaN marks pixels without a match in the previous frame.
     let (x, y, known) = (channel("motion.X")?, channel("motion.Y")?, channel("motion.A")?);
     let vectors = x.iter().zip(y).zip(known);
     let vectors = vectors.map(|((&x, &y), &known)| if known > 0.0 { [x, y] } else { [f32::NAN; 2] }).collect();
@@ -193,6 +196,7 @@ pub fn by_paths(
 fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, known: Option<&Correspondence>) -> Result<()> {
     let (width, height) = (radiance.width(), radiance.height());
     let color = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
+    // Store zero vectors and `motion.A` = 0 for pixels without a match.
     let motion = |index: usize| known.and_then(|known| known.motion_of(index % width, index / width));
     let vector = |c: usize| (0..width * height).map(|index| motion(index).map_or(0.0, |vector| vector[c])).collect();
     let is_known = (0..width * height).map(|index| if motion(index).is_some() { 1.0 } else { 0.0 }).collect();

@@ -58,15 +58,18 @@ impl Ratios {
     /// Adds the lit pixels of a frame, with the ratio |Y − Y_reference| / threshold.
     pub fn add(&mut self, frame: &FilmFrame, reference: &FilmFrame) {
         let truth = reference.radiance.map(|rgb| f64::from(luminance(rgb)));
+        // Exclude almost black pixels: both their error and their threshold are near 0.
         let dark = DARK * truth.samples().iter().sum::<f64>() / truth.samples().len().max(1) as f64;
         let pixels = frame.radiance.samples().iter().zip(truth.samples()).zip(frame.thresholds.samples());
+        // Continue the sampling interval across frames.
         let first = self.pixels.next_multiple_of(self.stride) - self.pixels;
         self.pixels += truth.samples().len();
-        let taken = pixels.skip(first).step_by(self.stride);
-        self.pairs.extend(taken.filter(|((_, y), _)| **y > dark).map(|((&rgb, &y), &threshold)| {
-            let threshold = if threshold > 0.0 { f64::from(threshold) } else { self.otherwise * y };
-            ((f64::from(luminance(rgb)) - y).abs() / threshold, threshold / y)
-        }));
+        for ((&rgb, &y), &threshold) in pixels.skip(first).step_by(self.stride) {
+            if y > dark {
+                let threshold = if threshold > 0.0 { f64::from(threshold) } else { self.otherwise * y };
+                self.pairs.push(((f64::from(luminance(rgb)) - y).abs() / threshold, threshold / y));
+            }
+        }
     }
 
     /// Returns the histogram of the ratios.
@@ -78,8 +81,10 @@ impl Ratios {
 impl ErrorHistogram {
     /// Returns the histogram of pairs: the ratio of error to threshold, and of threshold to luminance.
     fn from_pairs(mut pairs: Vec<(f64, f64)>) -> Self {
+        // Sort by ratio, as quantiles and fractions below a limit require.
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let count = pairs.len().max(1) as f64;
+        // Count the pixels and sum the thresholds in each bin.
         let (mut members, mut sums) = ([0usize; BINS], [0.0; BINS]);
         for &(ratio, threshold) in pairs.iter().filter(|(ratio, _)| *ratio < HIGHEST) {
             let bin = ((ratio / HIGHEST * BINS as f64) as usize).min(BINS - 1);

@@ -59,6 +59,7 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
         if n >= uncounted {
             sums.add(&frame, &truth, &coded);
         }
+        // Keep pictures and maps of the last frame only.
         if n + 1 == count {
             let maps = lightcuts.then(|| maps_of(&film.settings, &frame, &truth));
             last = Some(RunPictures { method: method.name, qscale, decoded: to_rgb8(&coded.decoded), maps });
@@ -84,6 +85,7 @@ impl Flicker {
     fn add(&mut self, frame: &FilmFrame, decoded: &plane::Picture, reference: &plane::Picture) {
         let now = [decoded.luma().clone(), reference.luma().clone()];
         if let (Some(before), Some(known)) = (&self.before, &frame.known) {
+            // Round motion to whole pixels, and discard matches outside the picture.
             let (width, height) = (known.width(), known.height());
             let matches = Plane::from_fn(width, height, |x, y| {
                 let Some([dx, dy]) = known.motion_of(x, y) else { return NO_MATCH };
@@ -131,6 +133,7 @@ impl FrameSums {
         rendered.psnr_y = Some(perceptual::psnr(frame.picture.luma(), truth.picture.luma())).filter(|p| p.is_finite());
         rendered.ssim = perceptual::ssim(frame.picture.luma(), truth.picture.luma());
         self.rendered.push(rendered);
+        // Compare the decoded picture with the uncompressed reference.
         let video = |frame: &plane::Picture| Picture::Video(frame.clone(), ColorMatrix::Bt709).view(1.0);
         self.decoded.push(measure(&video(&coded.decoded), &video(&truth.picture)));
         self.bits += coded.bits;
@@ -140,9 +143,11 @@ impl FrameSums {
 
     fn into_run(self, method: &Method, qscale: u32, film: &Film) -> MethodRun {
         let count = self.decoded.len().max(1) as f64;
+        // Use the encoding time at this quantiser, since the film may have been encoded with another.
         let mut seconds = mean_seconds(&film.reports);
         seconds.encode = self.seconds / count;
         seconds.add_up();
+        // Report κ only if the thresholds depend on masking.
         let lightcuts = film.stream.is_some();
         let steered_by_masking = lightcuts && !matches!(film.settings.render.thresholds, Thresholds::Fixed(_));
         MethodRun {
@@ -170,11 +175,13 @@ impl FrameSums {
 /// Returns thresholds and cut sizes of `frame`, and the luma difference from the reference.
 fn maps_of(settings: &Settings, frame: &FilmFrame, truth: &FilmFrame) -> Maps {
     let share = settings.render.thresholds.share_elsewhere();
+    // Use the fixed fraction for pixels without a threshold.
     let relative = |x, y| {
         let (threshold, light) = (frame.thresholds.get(x, y), luminance(frame.radiance.get(x, y)));
         if threshold > 0.0 && light > 0.0 { threshold / light } else { share }
     };
     let (width, height) = (frame.radiance.width(), frame.radiance.height());
+    // Compare luma in floating point, before quantisation to code values.
     let luma = |frame: &FilmFrame| YCbCr::from_radiance(&frame.radiance, &settings.render.tone_map).luma;
     let (own, other) = (luma(frame), luma(truth));
     Maps {

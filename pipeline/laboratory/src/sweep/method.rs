@@ -141,6 +141,7 @@ impl Method {
         let switch = |on| Some(if on { Switch::On } else { Switch::Off });
         let mut options =
             Options { cache: switch(self.cache), compensation: switch(self.compensates()), ..common.clone() };
+        // Apply the method's changes last, so that they override the common options.
         if let Way::Film(change) = self.way {
             change(&mut options);
         }

@@ -184,6 +184,7 @@ impl Sweep {
 
     /// Returns the methods and their baselines in the order of the table without duplicates.
     fn methods_with_baselines(&self) -> Vec<&'static Method> {
+        // Include requested methods and the baselines of requested methods.
         let wanted = |candidate: &&Method| {
             self.methods.iter().any(|method| {
                 let baseline = method.baseline().map(|baseline| baseline.name);
@@ -310,6 +311,7 @@ impl ReferenceFilms {
     ) -> Result<Self> {
         let mut exposure = None;
         let mut films: [Option<Film>; 2] = [None, None];
+        // Render the compensated reference first; both references use its exposure.
         for compensates in [true, false].into_iter().filter(|&c| methods.iter().any(|m| m.compensates() == c)) {
             let options = reference_options(common, compensates);
             let settings = settings_for(path, workshop.scene, &options, exposure)?;
@@ -319,6 +321,7 @@ impl ReferenceFilms {
             if exposure.is_none() {
                 exposure = Some(exposure_of(&film)?);
             }
+            // Fix the exposure, so that all films share one tone curve.
             film.settings.render.tone_map = film.settings.render.tone_map.with_exposure(exposure.unwrap_or(1.0));
             film.settings.render.auto_exposure = false;
             films[usize::from(compensates)] = Some(film);
@@ -366,6 +369,7 @@ struct WeightedFrames<'a> {
 
 impl<'a> WeightedFrames<'a> {
     fn new(qscales: u64, methods: &[&Method], frames: u64, progress: &'a mut (dyn FnMut(&Progress) + Send)) -> Self {
+        // Weight each film by its render time. Steered methods render one film per quantiser.
         let renderings = |method: &Method| if method.steered { qscales } else { 1 };
         let references = [true, false].iter().filter(|&&c| methods.iter().any(|m| m.compensates() == c)).count() as u64;
         let films: u64 = methods.iter().map(|method| method.weight() * renderings(method)).sum();

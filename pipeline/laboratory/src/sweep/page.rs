@@ -141,29 +141,28 @@ fn map_blocks(swept: &Swept) -> Vec<Value> {
     let by_pixel = steered().any(|(run, _)| !run.cache);
     let runs: Vec<(&MethodRun, &RunPictures)> = steered().filter(|(run, _)| run.cache != by_pixel).collect();
     let block = |runs: &[(&MethodRun, &RunPictures)]| {
-        let columns: Vec<Value> = runs
-            .iter()
-            .filter_map(|(run, pictures)| {
-                let maps = maps::pictures(pictures.maps.as_ref()?);
-                let under = [
-                    format!("{:.0} % on average", 100.0 * run.threshold_mean_relative),
-                    format!("{:.0} on average", run.cut_size_mean),
-                    run.rendered.psnr_y.map_or("equal".into(), |psnr| format!("PSNR {psnr:.1} dB")),
-                ];
-                let pictures: Vec<Value> = maps
-                    .iter()
-                    .zip(under)
-                    .map(|(MapPicture { scale, picture }, under)| context! { name => scale.about, uri => uri(picture), under })
-                    .chain([context! {
-                        name => "decoded",
-                        uri => uri(&pictures.decoded),
-                        under => run.decoded.psnr_y.map_or("equal".into(), |psnr| format!("PSNR {psnr:.1} dB")),
-                    }])
-                    .collect();
-                Some(context! { qscale => run.qscale, pictures })
-            })
-            .collect();
+        let columns: Vec<Value> = runs.iter().filter_map(|(run, pictures)| map_column(run, pictures)).collect();
         context! { label => runs[0].0.label.clone(), columns }
     };
     runs.chunk_by(|a, b| a.0.method == b.0.method).map(block).collect()
+}
+
+/// Returns a column with the maps and the decoded picture of a run; `None` for path tracing, which has no maps.
+fn map_column(run: &MethodRun, pictures: &RunPictures) -> Option<Value> {
+    let maps = maps::pictures(pictures.maps.as_ref()?);
+    let under = [
+        format!("{:.0} % on average", 100.0 * run.threshold_mean_relative),
+        format!("{:.0} on average", run.cut_size_mean),
+        run.rendered.psnr_y.map_or("equal".into(), |psnr| format!("PSNR {psnr:.1} dB")),
+    ];
+    let mut column: Vec<Value> = Vec::new();
+    for (MapPicture { scale, picture }, under) in maps.iter().zip(under) {
+        column.push(context! { name => scale.about, uri => uri(picture), under });
+    }
+    column.push(context! {
+        name => "decoded",
+        uri => uri(&pictures.decoded),
+        under => run.decoded.psnr_y.map_or("equal".into(), |psnr| format!("PSNR {psnr:.1} dB")),
+    });
+    Some(context! { qscale => run.qscale, pictures => column })
 }

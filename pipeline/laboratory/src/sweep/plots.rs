@@ -27,6 +27,7 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
 fn against_time(outcome: &Outcome) -> Vec<Plot> {
     let all = |_: &MethodRun| true;
     let seconds = |run: &MethodRun| run.seconds.total;
+    // Omit pictures without PSNR, which equal the reference: plots skip NaN.
     let psnr = |run: &MethodRun| run.decoded.psnr_y.unwrap_or(f64::NAN);
     let rendered = |run: &MethodRun| run.rendered.relative_mse;
     let time = ("CPU s per frame", true);
@@ -59,6 +60,7 @@ fn against_time(outcome: &Outcome) -> Vec<Plot> {
 /// Plots the steered methods against fixed thresholds of 2 %, per quantiser.
 fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
     let steered = |run: &MethodRun| run.kappa.is_some();
+    // Omit runs without a baseline: plots skip NaN.
     let speedup = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
     let lost = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.psnr_difference);
     let bits =
@@ -198,34 +200,38 @@ fn first_word(label: &str) -> &str {
 
 /// Plots histograms of error divided by threshold, for the steered methods at the middle quantiser.
 fn histograms(outcome: &Outcome) -> Vec<Plot> {
+    // Select the middle of the measured quantisers.
     let mut qscales: Vec<u32> = outcome.runs.iter().map(|run| run.qscale).collect();
     qscales.sort_unstable();
     qscales.dedup();
     let middle = qscales.get(qscales.len() / 2).copied();
     let runs = outcome.runs.iter().filter(|run| run.kappa.is_some() && Some(run.qscale) == middle);
-    runs.filter_map(|run| {
-        // Use different colors for ratios within the threshold and for larger ratios.
-        let histogram = run.error_by_threshold.as_ref()?;
-        let starts = (0..histogram.shares.len()).map(|i| histogram.bin * i as f64);
-        let columns = starts.clone().zip(&histogram.shares).map(|(start, &share)| {
-            if start < 1.0 - 1e-9 { vec![100.0 * share, 0.0] } else { vec![0.0, 100.0 * share] }
-        });
-        let bars = StackedBars {
-            title: format!("{} at {}: true error / threshold", run.label, run.qscale),
-            x_label: "|error| / threshold of pixels".into(),
-            y_label: "% of pixels".into(),
-            parts: vec![("within".into(), 2), ("beyond".into(), 3)],
-            names: starts.map(|start| format!("{start:.2}")).collect(),
-            columns: columns.collect(),
-        };
-        let caption = format!(
-            "{:.1} % of pixels are within their threshold; the median is {:.2} of it, the 95th percentile {:.2}; {:.1} % exceed the plot. As in figure 7 of the paper.",
-            100.0 * histogram.within,
-            histogram.median,
-            histogram.p95,
-            100.0 * histogram.above
-        );
-        Some(Plot { name: format!("histogram_{}_{}", run.method, run.qscale), svg: bars.draw(), caption })
-    })
-    .collect()
+    runs.filter_map(histogram).collect()
+}
+
+/// Plots the histogram of a run; `None` if the run has no thresholds.
+fn histogram(run: &MethodRun) -> Option<Plot> {
+    let histogram = run.error_by_threshold.as_ref()?;
+    let starts = (0..histogram.shares.len()).map(|i| histogram.bin * i as f64);
+    // Use different colors for ratios within the threshold and for larger ratios.
+    let columns = starts
+        .clone()
+        .zip(&histogram.shares)
+        .map(|(start, &share)| if start < 1.0 - 1e-9 { vec![100.0 * share, 0.0] } else { vec![0.0, 100.0 * share] });
+    let bars = StackedBars {
+        title: format!("{} at {}: true error / threshold", run.label, run.qscale),
+        x_label: "|error| / threshold of pixels".into(),
+        y_label: "% of pixels".into(),
+        parts: vec![("within".into(), 2), ("beyond".into(), 3)],
+        names: starts.map(|start| format!("{start:.2}")).collect(),
+        columns: columns.collect(),
+    };
+    let caption = format!(
+        "{:.1} % of pixels are within their threshold; the median is {:.2} of it, the 95th percentile {:.2}; {:.1} % exceed the plot. As in figure 7 of the paper.",
+        100.0 * histogram.within,
+        histogram.median,
+        histogram.p95,
+        100.0 * histogram.above
+    );
+    Some(Plot { name: format!("histogram_{}_{}", run.method, run.qscale), svg: bars.draw(), caption })
 }

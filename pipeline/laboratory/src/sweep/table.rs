@@ -30,8 +30,10 @@ pub fn cells(run: &MethodRun, lights: u32) -> [String; 15] {
     let beside = run.against_baseline.as_ref();
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let time = |seconds: f64| format!("{seconds:.3}");
+    // Replace the lightcut columns of path tracing with a dash.
     let of_cuts = |text: String| if run.lightcuts { text } else { "–".into() };
     let psnr = run.decoded.psnr_y.map_or("equal".into(), |psnr| format!("{psnr:.2} dB"));
+    // Show differences from the baseline only for steered methods.
     let difference =
         beside.filter(|_| run.kappa.is_some()).map_or(String::new(), |b| format!(" ({:+.2})", b.psnr_difference));
     let ratio = beside
@@ -70,6 +72,7 @@ impl Outcome {
     /// Returns the table as text for a terminal.
     pub fn table(&self) -> String {
         let rows: Vec<[String; 15]> = self.rows().map(|run| cells(run, self.lights)).collect();
+        // Align each column to its widest cell, including the heading.
         let width = |column: usize| {
             let cells = rows.iter().map(|row| row[column].chars().count());
             cells.chain([HEADINGS[column].chars().count()]).max().unwrap_or(0)
@@ -81,6 +84,7 @@ impl Outcome {
             let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}"));
             let _ = writeln!(text, "{}", cells.collect::<Vec<String>>().join("  "));
         }
+        // Append the findings below the table.
         if self.interrupted {
             let _ = writeln!(text, "\nThis sweep ended early: unmeasured runs are missing.");
         }
@@ -111,6 +115,7 @@ impl Outcome {
     /// Returns the findings on each steered method: at which quantisers coupling saves time, and at which it does not.
     pub fn findings(&self) -> Vec<Finding> {
         let steered: Vec<&MethodRun> = self.runs.iter().filter(|run| run.kappa.is_some()).collect();
+        // Require a saving above the variation between equal measurements.
         let notable = NOTABLE.max(1.0 + self.timing_spread());
         steered.chunk_by(|a, b| a.method == b.method).map(|runs| finding(runs, notable)).collect()
     }
@@ -130,11 +135,13 @@ pub struct Finding {
 const NOTABLE: f64 = 1.05;
 
 fn finding(runs: &[&MethodRun], notable: f64) -> Finding {
+    // Sort the runs into faster at equal quality, not faster, and unequal quality.
     let beside: Vec<(u32, &AgainstBaseline)> =
         runs.iter().filter_map(|run| Some((run.qscale, run.against_baseline.as_ref()?))).collect();
     let (equal, other): (Vec<_>, Vec<_>) = beside.iter().copied().partition(|(_, b)| b.equal_quality);
     let (pays, not): (Vec<_>, Vec<_>) = equal.into_iter().partition(|(_, b)| b.speedup_indirect >= notable);
     let mut sentences = Vec::new();
+    // Describe the quantisers at which coupling saves time.
     if !pays.is_empty() {
         let speed = range(&pays, |b| b.speedup_indirect);
         let cuts = range(&pays, |b| b.cut_size_ratio);
@@ -145,11 +152,13 @@ fn finding(runs: &[&MethodRun], notable: f64) -> Finding {
             list(&pays)
         ));
     }
+    // Describe the quantisers at which quality is equal but time is not saved.
     if !not.is_empty() {
         let speed = range(&not, |b| b.speedup_indirect);
         sentences
             .push(format!("At {} coupling does not pay: at equal quality it is {speed} times as fast.", list(&not)));
     }
+    // Report the largest differences where quality is not equal.
     if !other.is_empty() {
         let psnr = farthest(&other, |b| b.psnr_difference);
         let bits = farthest(&other, |b| 100.0 * (b.bits_ratio - 1.0));

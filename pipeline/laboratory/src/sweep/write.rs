@@ -36,10 +36,12 @@ impl Swept {
             make_folder(&path)?;
             Ok::<_, Error>(path)
         };
+        // Write each plot as an SVG file.
         let drawn = made("plots")?;
         for plot in &plots {
             write(&drawn.join(format!("{}.svg", plot.name)), plot.svg.file().as_bytes())?;
         }
+        // Write the reference, and the decoded picture and maps of each run.
         let drawn = made("maps")?;
         let save = |name: String, picture: &Plane<[u8; 3]>| write(&drawn.join(name), &png_file::encode(picture));
         save("reference.png".into(), &self.truth)?;
