@@ -31,10 +31,12 @@ const NOT_IN_FILES: [&str; 11] = [
 /// If the file cannot be read, has an unknown option or value, or has an option of another program.
 pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     let typed = with_command(typed);
+    // Report a missing feature first, because a build without it may not parse the command.
     if let Some(command) = typed.get(1).and_then(|word| word.to_str()) {
         features::need_for(command)?;
     }
     let command = Arguments::command().long_version(features::version());
+    // Parse the typed words, with advice on options of other programs.
     let matches = match command.clone().try_get_matches_from(&typed) {
         Ok(matches) => matches,
         Err(error) => match guess(&error, &command, &typed) {
@@ -42,6 +44,8 @@ pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
             None => end(&error),
         },
     };
+
+    // Parse again with the options of the file, if one is named.
     let with_file = match matches.subcommand() {
         Some((name, options)) => match file_named_by(options) {
             Some(path) => Some(with_file(&command, name, options, &path, &typed)?),
@@ -85,7 +89,7 @@ fn guess(error: &clap::Error, command: &Command, typed: &[OsString]) -> Option<S
     Some(format!("there is no option {option}: {advice}"))
 }
 
-// Return the path of the `--config` file, if given.
+/// Returns the path of the `--config` file, if given.
 fn file_named_by(options: &ArgMatches) -> Option<PathBuf> {
     options.try_get_one::<PathBuf>("config").ok().flatten().cloned()
 }
@@ -98,6 +102,7 @@ fn with_file(
     path: &Path,
     typed: &[OsString],
 ) -> Result<Vec<OsString>> {
+    // Read the file, and report the line of a syntax error.
     let place = path.display();
     let text = std::fs::read_to_string(path).with_context(|| format!("{place} cannot be read"))?;
     let table: Table = text.parse().map_err(|error: toml::de::Error| {
@@ -126,6 +131,7 @@ fn with_file(
             words.extend(words_of(option, key, value).with_context(|| format!("{place}: {key} = {value}"))?);
         }
     }
+    // Require a scene from either source.
     if !has_scene && scene.is_none() {
         bail!("{place}: no scene; add scene = \"FILE.glb\", or name one on the command line");
     }
@@ -158,6 +164,7 @@ fn words_of(option: &clap::Arg, key: &str, value: &Value) -> Result<Vec<String>>
         Value::Boolean(on) => Ok(if *on { "on" } else { "off" }.into()),
         _ => bail!("expected a string, a number, true or false"),
     };
+    // Flags have no value. Lists are joined by commas, or repeat the option.
     match (value, is_flag) {
         (Value::Boolean(on), true) => Ok(on.then(|| format!("--{key}")).into_iter().collect()),
         (_, true) => bail!("expected true or false"),

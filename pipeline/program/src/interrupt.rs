@@ -53,6 +53,7 @@ impl Interrupt {
             (reactions.second)();
             std::process::exit(code.into());
         }
+        // Let frames in progress finish after the first signal.
         self.code.store(code, Ordering::Relaxed);
         self.stop.store(true, Ordering::Relaxed);
         (reactions.first)();

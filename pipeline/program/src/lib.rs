@@ -61,6 +61,7 @@ pub fn main() -> ExitCode {
         ranks::check(matches!(arguments.command, Command::Render(_)))?;
         Ok(arguments)
     });
+    // Exit with a different code if the arguments are wrong.
     let result = result.map_err(|error| (error, WRONG_ARGUMENTS));
     match result.and_then(|arguments| run(arguments.command).map_err(with_exit_code)) {
         Ok(code) => code,

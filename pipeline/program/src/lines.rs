@@ -104,5 +104,6 @@ impl Lines {
 /// Prints a line at once. If the reader has closed its end, the film continues.
 fn print(line: &str) {
     let mut out = std::io::stdout().lock();
+    // Flush each line, because the reader shows progress immediately.
     let _ = writeln!(out, "{line}").and_then(|()| out.flush());
 }

@@ -35,12 +35,15 @@ fn listen(verbose: u8, trace: Option<Trace>) {
     use tracing_subscriber::filter::LevelFilter;
     use tracing_subscriber::fmt::format::FmtSpan;
     use tracing_subscriber::prelude::*;
+    // Color the lines at a terminal, unless the user set NO_COLOR.
     let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    // Log frames at verbosity 1, and the end of each span at verbosity 2.
     let lines = (verbose > 0).then(|| {
         let level = if verbose > 1 { LevelFilter::DEBUG } else { LevelFilter::INFO };
         let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(color).with_target(false);
         lines.with_span_events(if verbose > 1 { FmtSpan::CLOSE } else { FmtSpan::NONE }).with_filter(level)
     });
+    // Without a subscriber, events cost almost nothing.
     if lines.is_some() || trace.is_some() {
         tracing_subscriber::registry().with(lines).with(trace.with_filter(LevelFilter::DEBUG)).init();
     }

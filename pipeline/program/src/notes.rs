@@ -39,6 +39,7 @@ fn beyond_levels(settings: &Settings) -> Option<String> {
 /// Returns a note if frames were quantised coarser than the settings to stay within the level.
 pub(super) fn on_level(report: &Report) -> Option<String> {
     let settings = &report.settings;
+    // At a given bit rate, rate control chooses the quantisers.
     if settings.coding.bitrate.is_some() {
         return None;
     }
@@ -56,6 +57,7 @@ fn beyond_the_end(scene: &Scene, settings: &Settings) -> Option<String> {
     let (renderer, duration) = (settings.render.clone(), f64::from(scene.duration()));
     let last = settings.frame_range().end.checked_sub(1)?;
     let late = f64::from(renderer.time(last)) - duration;
+    // Ignore static scenes, and films that exceed the animation by at most one frame.
     if duration == 0.0 || late * settings.render.fps <= 1.0 {
         return None;
     }
@@ -65,11 +67,14 @@ fn beyond_the_end(scene: &Scene, settings: &Settings) -> Option<String> {
 
 /// Returns the code that at most 1 % of the pixels exceed. A small lamp therefore does not make a picture bright.
 pub(super) fn bright_code(codes: impl Iterator<Item = u8>) -> u8 {
+    // Count the pixels of each code.
     let (mut counts, mut all) = ([0usize; 256], 0);
     for code in codes {
         counts[usize::from(code)] += 1;
         all += 1;
     }
+
+    // Find the largest code that more than 1 % of the pixels reach or exceed.
     let mut above = 0;
     for code in (1..=255).rev() {
         above += counts[code];
@@ -86,6 +91,7 @@ pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<
     if brightest? > BLACK {
         return None;
     }
+    // Mention only an exposure that is not automatic.
     let exposure = match settings.render.auto_exposure {
         true => String::new(),
         false => format!("the exposure is {}, adjustable with --set exposure=…; ", settings.render.tone_map.exposure),

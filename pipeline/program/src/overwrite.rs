@@ -32,6 +32,7 @@ impl Overwrite {
             return Ok(());
         }
         let name = path.display();
+        // Ask only if the user can read the question and answer it.
         let is_asked = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
         if is_asked && says_yes(&format!("{name} {what}; replace it? [y/N] "))? {
             return Ok(());

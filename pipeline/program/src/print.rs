@@ -19,6 +19,7 @@ fn is_control(c: char) -> bool {
 }
 
 fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
+    // Copy the text only if it contains escaped characters.
     if !text.contains(&is_escaped) {
         return Cow::Borrowed(text);
     }

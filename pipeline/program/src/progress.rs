@@ -72,6 +72,7 @@ impl ProgressLine {
         let style = style.expect("the template is correct");
         let frames = settings.frame_range();
         let bar = ProgressBar::new(frames.len() as u64).with_style(style);
+        // Count the frames of earlier runs as finished.
         if first_frame > frames.start {
             tell!("resuming at frame {first_frame}");
             bar.set_position((first_frame - frames.start).into());
@@ -144,6 +145,7 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     let settings = &report.settings;
     let rate = s.bits * report.settings.render.fps / 1000.0;
     let psnr = s.psnr_y.map_or("lossless".into(), |psnr| format!("{psnr:.1} dB"));
+    // Report the frames of this run, without frames of earlier runs.
     let (all, made) = (s.frames, s.frames.saturating_sub(before));
     let of_all = if before > 0 { format!(" ({all} in total)") } else { String::new() };
     let ended = if s.interrupted { ", interrupted" } else { "" };
@@ -161,6 +163,7 @@ pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
         threshold,
     );
     tell!("  video     {rate:.0} kbit/s, luma PSNR {psnr}");
+    // Omit peak memory on systems that do not report it.
     if let Some(bytes) = s.peak_memory_bytes {
         tell!("  memory    {:.0} MB peak", bytes as f64 / 1e6);
     }

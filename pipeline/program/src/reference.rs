@@ -62,10 +62,12 @@ fn add_command(page: &mut String, command: &Command, listed: &mut BTreeSet<(Stri
     let (mut heading, mut again) = (None, Vec::new());
     for argument in arguments_of(command) {
         let (name, meaning) = (name_of(argument), meaning_of(argument));
+        // List arguments by name if an earlier command explains them.
         if !listed.insert((name.clone(), meaning.clone())) {
             again.push(argument.get_long().map_or(name, |long| format!("--{long}")));
             continue;
         }
+        // Begin a table for each group of options.
         let group = argument.get_help_heading().unwrap_or("Argument");
         if heading != Some(group) {
             let _ = write!(page, "\n| {group} | Meaning |\n|---|---|\n");
@@ -100,6 +102,7 @@ fn name_of(argument: &Arg) -> String {
 fn meaning_of(argument: &Arg) -> String {
     let help = argument.get_long_help().or(argument.get_help());
     let mut meaning = help.map(text_of).unwrap_or_default();
+    // List the values to choose from.
     if argument.get_action().takes_values() && !argument.is_hide_possible_values_set() {
         for value in argument.get_possible_values().iter().filter(|value| !value.is_hide_set()) {
             let _ = write!(meaning, "<br>`{}`", value.get_name());

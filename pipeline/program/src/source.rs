@@ -82,6 +82,7 @@ impl Reading {
     /// If the scene cannot be read or is in another program's format.
     pub fn load(&self, path: &Path) -> anyhow::Result<Scene> {
         foreign::check(path)?;
+        // Pass the options as settings, which override the scene's TOML file.
         let mut set = self.set.clone();
         set.extend(self.point_size.clone());
         let names = [("camera", &self.camera), ("animation", &self.animation), ("variant", &self.variant)];

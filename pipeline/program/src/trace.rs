@@ -69,12 +69,15 @@ impl Trace {
         let (wall, sum) = self.overlap();
         let bars = self.bars();
         let micros = |time: Duration| time.as_nanos() as f64 / 1000.0;
+        // Collect each thread once, to name its row in the viewer.
         let mut threads: Vec<(u64, &str)> = bars.iter().map(|bar| (bar.thread, &bar.thread_name[..])).collect();
         threads.sort_unstable();
         threads.dedup();
         let names = threads.into_iter().map(|(thread, name)| {
             json!({ "name": "thread_name", "ph": "M", "pid": 1, "tid": thread, "args": { "name": name } })
         });
+
+        // Write each bar as a complete event, with times in µs.
         let events = bars.iter().map(|bar| {
             json!({ "name": bar.name, "ph": "X", "pid": 1, "tid": bar.thread, "ts": micros(bar.start),
                 "dur": micros(bar.length), "args": { "frame": bar.frame } })

@@ -108,6 +108,7 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
         Some(path) => bake::read(&scene, &path)?,
         None => job.bake(texels as usize, output.as_deref())?,
     };
+    // Export the light that was read or baked.
     if let Some(gltf) = gltf {
         job.export(light, &gltf, texture)?;
     }
@@ -151,11 +152,13 @@ impl BakeJob<'_> {
                 atlas.tiles(),
             );
             let coats = &baked.texels.coats;
+            // Omit the line of coats if no surface has a coat.
             if !coats.is_empty() {
                 let (texels, samples, bytes) = (coats.texels(), coats.samples(), coats.stored_bytes());
                 let seconds = baked.coat_seconds;
                 tell!("  coats: {texels} texels, {samples} directions in total, {bytes} bytes in {seconds:.1} s");
             }
+            // Suggest the command that renders with this light.
             if written.is_some() {
                 tell!("  render2mpeg render {} --lighting baked", self.settings.scene.display());
             }

@@ -37,13 +37,17 @@ pub fn run(arguments: &Join) -> Result<ExitCode> {
     let Join { parts, output, report, overwrite, quiet } = arguments;
     // Report an invalid file name before asking whether the file may be replaced.
     container_of(output, None).ok_or_else(|| unknown_ending(output))?;
+    // Write the report next to the film, except for a film on standard output.
     let beside = || (!is_standard_output(output)).then(|| path_beside(output));
     let report_path = report.clone().or_else(beside);
     places(parts).writes("-o", Some(output)).writes("--report", report_path.as_deref()).check()?;
     overwrite.check(output)?;
+    // Report an unwritable path before joining begins.
     report_path.as_deref().map(Output::create).transpose()?;
     let report = join(parts, output)?;
     report_path.as_deref().map_or(Ok(()), |path| report.write(path))?;
+
+    // Print the numbers of frames and parts, and the paths.
     if !quiet {
         tell!("{} of {}", counted(report.summary.frames as usize, "frame"), counted(parts.len(), "part"));
         tell!("video:  {}", output.display());

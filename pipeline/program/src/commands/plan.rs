@@ -26,9 +26,12 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let path = arguments.source.path();
     let scene = arguments.source.reading.load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
+    // Reject settings that the encoder does not support.
     let _ = settings.encoder_config()?;
     let plan = renderer::plan::Plan::new(&scene, &settings.render);
     say!("{}", plan.table().trim_end());
+
+    // Estimate time and memory, which depend on this machine.
     let (seconds, frames) = (plan.seconds_a_frame(), settings.frame_range().len());
     let all = frames as f64 * seconds / rayon::current_num_threads() as f64;
     let frames = counted(frames, "frame");
@@ -45,6 +48,7 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
         false => format!("{}, as set", settings.render.tone_map.exposure),
     };
     say!("exposure: {exposure}");
+    // Print the notes that `render` would print.
     notes::before(&scene, &settings).iter().for_each(|note| say!("note: {}", single_line(note)));
     Ok(ExitCode::SUCCESS)
 }

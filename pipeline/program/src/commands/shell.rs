@@ -22,6 +22,7 @@ pub fn man(program: Command, command: Option<&str>) -> Result<ExitCode> {
 }
 
 fn page(mut program: Command, command: Option<&str>) -> Result<Vec<u8>> {
+    // Complete the definitions of all subcommands, which clap otherwise does while parsing.
     program.build();
     let page = match command {
         None => program,

@@ -69,6 +69,7 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let StillArguments { scene: path, output, frame, preset, size, samples, fps, vpls, .. } = arguments;
     let StillArguments { reading, memory, overwrite, quiet, .. } = arguments;
     let output = output.unwrap_or_else(|| PathBuf::from(path.file_stem().unwrap_or_default()).with_extension("png"));
+    // Check paths and scene before rendering begins.
     let _ = PictureFormat::of(&output)?;
     let scene = reading.load(&path)?;
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
@@ -110,6 +111,7 @@ fn named(output: &Path, frames: &FrameList) -> Vec<(u32, PathBuf)> {
     if let [frame] = frames.frames() {
         return vec![(*frame, output.into())];
     }
+    // Pad frame numbers with zeros, so that names sort by frame.
     let digits = frames.last().to_string().len();
     let stem = output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let ending = output.extension().unwrap_or_default().to_string_lossy().into_owned();

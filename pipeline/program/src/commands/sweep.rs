@@ -85,6 +85,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
         ..
     } = arguments;
     let scene = reading.load(&path)?;
+    // By default, name the folder after the scene.
     let folder = match output {
         Some(folder) => folder,
         None => {

@@ -62,6 +62,7 @@ impl Post {
         };
         let thread = std::thread::Builder::new().name("mail of ranks".into()).spawn(carry);
         let thread = thread.map_err(|error| Error::Ranks(format!("cannot start a thread: {error}")))?;
+        // Wait for the communicator, so that all ranks make communicators in the same order.
         let _ = ready_in.recv();
         Ok(Self { rank, count, letters: letters_out, inbox, thread: Mutex::new(Some(thread)) })
     }
@@ -88,10 +89,12 @@ impl Mail for Post {
 
     fn send(&self, to: usize, bytes: Vec<u8>) {
         assert!(to < self.count, "rank {to} of {}", self.count);
+        // Deliver messages to this rank directly.
         if to == self.rank {
             self.inbox.put(Message { from: to, bytes });
             return;
         }
+        // Prefix the length, so that the receiver detects the last piece.
         let mut framed = Vec::with_capacity(HEAD + bytes.len());
         framed.extend((bytes.len() as u64).to_le_bytes());
         framed.extend(bytes);
@@ -128,6 +131,7 @@ impl Carrier {
 
     /// Sends and receives messages until all ranks have ended.
     fn carry(&mut self, letters: &Receiver<Letter>) {
+        // Alternate between receiving and sending, so that neither waits for the other.
         loop {
             self.take_in();
             match self.next(letters) {
@@ -150,6 +154,7 @@ impl Carrier {
 
     /// Returns the next letter, if one arrives within the pause before the next poll.
     fn next(&self, letters: &Receiver<Letter>) -> Option<Letter> {
+        // Poll without pauses while messages are frequent.
         let Some(pause) = pause(self.last) else {
             std::thread::yield_now();
             return letters.try_recv().ok();
@@ -167,6 +172,7 @@ impl Carrier {
             let begin = Instant::now();
             scope(|scope| {
                 let mut request = self.line.process_at_rank(to as i32).immediate_send(scope, piece);
+                // Receive during the transfer, so that two large messages do not block each other.
                 while let Err(pending) = request.test() {
                     request = pending;
                     self.take_in();
@@ -194,6 +200,7 @@ impl Carrier {
             true => *begun = piece,
             false => begun.extend(piece),
         }
+        // The first piece contains the whole length field.
         let head = begun.first_chunk::<HEAD>().expect("the first piece has the length");
         match u64::from_le_bytes(*head) {
             END => {

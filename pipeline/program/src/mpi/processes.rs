@@ -36,6 +36,7 @@ impl Processes {
     /// If MPI was initialized before or does not support several threads, or if a thread cannot be started.
     pub fn join() -> Result<Self> {
         let fail = |text: &str| Error::Ranks(text.into());
+        // Require MPI calls on several threads, because each communicator has its own thread.
         let (universe, granted) =
             mpi::initialize_with_threading(Threading::Multiple).ok_or_else(|| fail("MPI was already initialized"))?;
         if granted != Threading::Multiple {
@@ -143,6 +144,7 @@ impl Process {
         };
         let thread = std::thread::Builder::new().name(name.into()).spawn(serve);
         thread.map_err(|error| Error::Ranks(format!("cannot start a thread: {error}")))?;
+        // Wait for the communicator, so that all ranks make communicators in the same order.
         let _ = results_in.recv();
         Ok(Self { rank, count, thread: Mutex::new(Ends { operations: operations_out, results: results_in }) })
     }
@@ -205,6 +207,7 @@ impl Line {
 
     fn gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
         let (lengths, longest) = self.lengths(own.len());
+        // Ranks other than 0 send their pieces and receive nothing.
         if self.0.rank() != 0 {
             for (piece, _) in pieces(own, longest, 0) {
                 let root = self.0.process_at_rank(0);

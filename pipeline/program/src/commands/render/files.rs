@@ -55,6 +55,7 @@ impl Files {
         let report = self.report.as_ref().and_then(|report| std::fs::read(report).ok());
         let made = report.and_then(|report| job_of_report(job.film(), &report));
         let is_whole = made.is_some_and(|made| made.is_same(job) && made.end() == job.end());
+        // A film with a checkpoint is unfinished.
         is_whole && job.film().is_file() && !path_for(job.film()).exists()
     }
 
@@ -64,12 +65,15 @@ impl Files {
     /// If the user refuses.
     pub fn check_replaced(&self, overwrite: Overwrite, resume: bool, settings: &Settings) -> Result<()> {
         let film = &settings.output;
+        // Without a checkpoint, a resumed film starts at the first frame and replaces the existing film.
         if resume {
             let what = "has no checkpoint to resume from (--keep-checkpoint keeps the checkpoint of a finished film)";
             return overwrite.check_for(film, what);
         }
         overwrite.check_for(&path_for(film), "exists: --resume continues its film")?;
         overwrite.check(film)?;
+
+        // Check the other files, and the frames in folders.
         let named = self.named_report.then_some(self.report.as_ref()).flatten();
         let others = [&settings.files.y4m, &self.html, &self.trace].into_iter().flatten();
         others.chain(named).chain(&self.also).try_for_each(|path| overwrite.check(path))?;

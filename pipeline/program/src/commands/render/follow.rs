@@ -20,6 +20,7 @@ use std::process::ExitCode;
 /// If the options are wrong on every rank. Rank 0 prints these errors.
 pub(super) fn run(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode> {
     let film = film(arguments);
+    // Report to the other ranks whether this rank can make the film.
     let answer = match &film {
         Ok((.., job)) => Present::Ready(job.sum()),
         Err(error) => Present::Fails(format!("{error:#}")),
@@ -27,6 +28,7 @@ pub(super) fn run(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode>
     let is_made = muster(&*ranks.team().shade, &answer)?;
     let Some((scene, settings, _)) = film.ok().filter(|_| is_made) else { return Ok(ExitCode::SUCCESS) };
 
+    // Compute this rank's share of each frame.
     let plan = Plan::new(&scene, &settings.render);
     match Render::follow(&scene, &settings, &plan, ranks.team()) {
         Ok(()) => Ok(ExitCode::SUCCESS),

@@ -146,6 +146,7 @@ fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> 
         files.check_replaced(arguments.overwrite, arguments.resume, &settings)?;
     }
 
+    // Reject films that exceed the memory, then announce the film to the other ranks.
     arguments.memory.check(&scene, &settings)?;
     settings.files.exr.iter().chain(&settings.files.png).try_for_each(|folder| make_folder(folder))?;
     let checkpoints = arguments.checkpoints(&job)?;
@@ -153,6 +154,8 @@ fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> 
     if let Some(code) = arguments.make(&scene, &settings, (&files, answer.team), checkpoints)? {
         return Ok(code);
     }
+
+    // Code the finished film again for other players.
     for companion in &companions {
         companion.make(&settings.output)?;
         if !arguments.quiet {
@@ -204,6 +207,7 @@ impl RenderArguments {
     fn checkpoints(&self, job: &FilmJob) -> Result<Checkpoints> {
         let every = self.checkpoint_every();
         let checkpoints = if self.resume { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
+        // Keep a checkpoint at the end, so that --resume can extend the film.
         if let Some(end) = job.end().filter(|_| self.keep_checkpoint) {
             checkpoints.leave_at_end(end);
         }
@@ -219,6 +223,7 @@ impl RenderArguments {
         (files, team): (&Files, &Team),
         checkpoints: Checkpoints,
     ) -> Result<Option<ExitCode>> {
+        // Open all outputs before the first frame, to report errors early.
         let plan = Plan::new(scene, &settings.render);
         let mut film = Render::among(scene, settings, &plan, &checkpoints, team)?;
         film.write_to(&settings.output)?;
@@ -241,6 +246,8 @@ impl RenderArguments {
             lines.frame(frame);
             checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
         });
+
+        // Record brightness for the notes, and pictures for the page.
         let brightest = AtomicU8::new(0);
         let lightest = AtomicU32::new(0);
         let page = files.html.as_ref().map(|_| keep_for_page(&mut film, settings));
@@ -327,6 +334,7 @@ fn reactions(film: &Render, progress: &progress::ProgressLine, settings: &Settin
     let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
     let tell_again = progress.teller();
     let first = move || tell("stopping after this frame; interrupt again to stop now");
+    // Complete the file, so that the written frames play.
     let second = move || match end.as_ref().map(|end| end()) {
         Some(Ok(true)) => tell_again(&format!("video:  {output}, incomplete, up to the last written frame")),
         Some(Err(error)) => tell_again(&error.chain()),

@@ -20,8 +20,10 @@ type Stamp = Option<(SystemTime, u64)>;
 /// If the program cannot be started again.
 pub fn run(path: &Path, load: impl Fn() -> Result<Scene>) -> Result<ExitCode> {
     let program = std::env::current_exe().context("cannot find the program's own executable")?;
+    // Repeat the command without --watch, so that each film has a new process.
     let words: Vec<OsString> = std::env::args_os().skip(1).filter(|word| word != "--watch").collect();
     loop {
+        // List the files again each time, because an edit may change the list.
         let files = files_of(path, load().ok());
         let stamps = stamps(&files);
         let mut film =
@@ -59,6 +61,7 @@ fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Res
             return Ok(());
         }
         last = now;
+        // Print the hint once, when the film is finished.
         if !is_told && film.try_wait().context("cannot watch the renderer")?.is_some() {
             tell!("waiting for changes; Ctrl-C quits");
             is_told = true;

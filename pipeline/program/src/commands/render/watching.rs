@@ -62,6 +62,7 @@ pub fn keep_for_page(film: &mut Render, settings: &Settings) -> FilmWatch {
 /// Writes the page of the run, if requested.
 pub fn write_page(path: Option<&Path>, report: &Report, watched: Option<FilmWatch>, scene: &Scene) -> Result<()> {
     let Some((path, watched)) = path.zip(watched) else { return Ok(()) };
+    // List the defaults for this scene next to the chosen settings.
     let usual = Settings::new(report.settings.scene.clone(), scene, &Options::default()).ok();
     let made = Made { command: page::command_line(std::env::args_os()), usual };
     let mut output = Output::create(path)?;
