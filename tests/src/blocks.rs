@@ -49,12 +49,13 @@ impl Blocks {
     #[must_use]
     pub fn of(folder: &Path, scene: &Path, comparison: Comparison) -> Self {
         let Comparison { side, frame, paths, film, reference } = comparison;
+        // Render the film's frame as linear light, with samples at pixel centers.
         let frames = if film.contains("--frames") { "" } else { "--frames 1" };
         let film = format!("--size {side}x{side} {frames} --antialiasing off --exr linear {film}");
         render(folder, "film", scene, &film);
         let film = read_exr(&folder.join(format!("linear/frame_{frame:05}.exr"))).expect("a linear frame");
 
-        // The path-traced picture, and one without reflections, which shows only emissive surfaces.
+        // Trace the picture, and a picture without reflections, which shows only emissive surfaces.
         let paths_of = |more: &str| {
             let scene = scene.to_str().expect("a path in UTF-8");
             let arguments =
@@ -68,11 +69,12 @@ impl Blocks {
         Self::between(&film, &truth, &glowing)
     }
 
-    /// Compares two pictures; pixels that are not black in `glowing` are left out.
+    /// Compares two pictures, except pixels that are not black in `glowing`.
     #[must_use]
     pub fn between(film: &Plane<Vec3>, truth: &Plane<Vec3>, glowing: &Plane<Vec3>) -> Self {
         let (width, height) = (film.width(), film.height());
         let mut blocks = Self { found: Vec::new(), expected: Vec::new() };
+        // Visit the blocks row by row.
         let corners = (0..height).step_by(BLOCK).flat_map(|y| (0..width).step_by(BLOCK).map(move |x| (x, y)));
         for (left, top) in corners {
             let (mut found, mut expected, mut count) = (0.0, 0.0, 0);
@@ -85,6 +87,7 @@ impl Blocks {
                     }
                 }
             }
+            // Skip blocks with too few pixels that are not emissive.
             if count >= BLOCK * BLOCK / 4 {
                 blocks.found.push(found / count as f32);
                 blocks.expected.push(expected / count as f32);
@@ -93,22 +96,23 @@ impl Blocks {
         blocks
     }
 
-    /// Ratio of the film's mean to the path-traced mean.
+    /// Returns the ratio of the film's mean to the path-traced mean.
     #[must_use]
     pub fn mean_ratio(&self) -> f32 {
         self.found.iter().sum::<f32>() / self.expected.iter().sum::<f32>()
     }
 
-    /// Mean luminance of the film.
+    /// Returns the mean luminance of the film.
     #[must_use]
     pub fn mean(&self) -> f32 {
         self.found.iter().sum::<f32>() / self.found.len() as f32
     }
 
-    /// Ratio of film to path tracing for each block that is not too dark, in ascending order.
+    /// Returns the ratio of film to path tracing for each block that is not too dark, in ascending order.
     #[must_use]
     pub fn ratios(&self) -> Vec<f32> {
         let mean = self.expected.iter().sum::<f32>() / self.expected.len() as f32;
+        // Omit dark blocks, because path tracing is too noisy there.
         let blocks = self.found.iter().zip(&self.expected).filter(|(_, expected)| **expected > DARK * mean);
         let mut ratios: Vec<f32> = blocks.map(|(found, expected)| found / expected).collect();
         ratios.sort_by(f32::total_cmp);

@@ -56,6 +56,7 @@ pub fn decode_mpeg2dec(video: &Path, (width, height): (usize, usize)) -> Vec<Pic
         let samples = &rest[start..start + map_width * map_height];
         rest = &rest[start + map_width * map_height..];
         let at = |x: usize, y: usize| samples[y * map_width + x];
+        // Discard the padding of whole macroblocks.
         let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
         let chroma =
             |left: usize| Plane::from_fn(chroma_width, chroma_height, |x, y| at(x + left, map_height * 2 / 3 + y));
@@ -70,6 +71,7 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
     let mut words = Vec::new();
     let mut position = 0;
     while words.len() < 4 {
+        // Read the four words of the header: type, width, height and maximum.
         let length = bytes[position..].iter().position(u8::is_ascii_whitespace).expect("a header of four words");
         words.push(std::str::from_utf8(&bytes[position..position + length]).expect("a header in ASCII"));
         position += length + 1;
@@ -102,6 +104,7 @@ fn picture(planes: [&[u8]; 3], (width, height): (usize, usize)) -> Picture {
 
 /// Splits concatenated raw planar 4:2:0 pictures.
 fn pictures(bytes: &[u8], (width, height): (usize, usize)) -> Vec<Picture> {
+    // Split the output into pictures, which ffmpeg writes without headers.
     let (luma, chroma) = (width * height, width.div_ceil(2) * height.div_ceil(2));
     let size = luma + 2 * chroma;
     assert_eq!(bytes.len() % size, 0, "whole pictures of {width}x{height}");

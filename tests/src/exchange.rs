@@ -5,7 +5,7 @@ use render_core::ranks::{Mail, Message};
 /// Number of messages from each rank to each.
 const MESSAGES: usize = 40;
 
-/// An exchange of messages of up to about `largest` bytes.
+/// Exchange of messages of up to about `largest` bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct Exchange {
     /// Approximate length of the longest message \[bytes\].
@@ -18,7 +18,7 @@ impl Exchange {
     /// # Panics
     /// If a message differs from the one sent, is out of order, or is superfluous.
     pub fn run(&self, mail: &dyn Mail) {
-        // All messages are sent before any is received, so large ones pass each other.
+        // Send all messages before receiving any, so that large messages pass each other.
         let (own, count) = (mail.rank(), mail.count());
         for k in 0..MESSAGES {
             for to in 0..count {
@@ -26,8 +26,8 @@ impl Exchange {
             }
         }
 
-        // Receive them half by waiting, half by polling. A rank that has every message sends its own number to all, as its
-        // last message.
+        // Receive messages alternately by waiting and by polling. A rank that has received all messages sends its number to
+        // all ranks as its last message.
         let (mut next, mut left) = (vec![0; count], MESSAGES * count);
         for received in 0..(MESSAGES + 1) * count {
             let Message { from, bytes } = if received % 2 == 0 { mail.receive() } else { asked_for(mail) };
@@ -46,8 +46,8 @@ impl Exchange {
         assert_eq!(mail.try_receive(), None);
     }
 
-    /// Returns the bytes of message `k` between two ranks: empty, short, or longer than one transfer. The longest go between
-    /// ranks 1 and 2.
+    /// Returns the bytes of message `k` between two ranks: empty, short, or longer than one transfer. Only ranks 1 and 2
+    /// exchange the longest messages.
     fn message(&self, from: usize, to: usize, k: usize) -> Vec<u8> {
         let length = match k {
             7 if from + to == 3 => self.largest + from,

@@ -127,11 +127,13 @@ impl Glb {
 
     /// Adds a root node with `quads`, all of one reflectance and emission, and returns its index.
     pub fn add(&mut self, quads: &[Quad], base_color: Vec3, emission: Vec3) -> usize {
+        // Bound the corners, as glTF requires for positions.
         let corners: Vec<Vec3> = quads.iter().flat_map(|[c, a, b]| [*c, *c + *a, *c + *a + *b, *c + *b]).collect();
         let low = corners.iter().fold(Vec3::INFINITY, |low, &corner| low.min(corner));
         let high = corners.iter().fold(Vec3::NEG_INFINITY, |high, &corner| high.max(corner));
         let bounds = json!({ "min": low.to_array(), "max": high.to_array() });
         let positions = self.accessor(Numbers::vectors(&corners), bounds);
+        // Split each quad into two triangles.
         let indices: Vec<u32> = (0..quads.len() as u32).flat_map(|q| [0, 1, 2, 0, 2, 3].map(|i| 4 * q + i)).collect();
         let indices = self.accessor(Numbers::integers(&indices), json!({}));
         self.add_primitive(json!({ "POSITION": positions }), indices, base_color, emission)
@@ -157,11 +159,11 @@ impl Glb {
         double_sided: bool,
     ) -> usize {
         let node = self.add(&[[corner, x, y]], Vec3::ZERO, Vec3::splat(emission));
-        // The quad's texture coordinates.
+        // Add the quad's texture coordinates.
         let uvs: Vec<f32> = vec![0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
         let uvs = Numbers { kind: "VEC2", count: 4, ..Numbers::floats(&uvs) };
         let uvs = self.accessor(uvs, json!({}));
-        // The image, in a view of its own.
+        // Add the image in its own view.
         let image = gray_png(side, codes);
         let view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": image.len() });
         let view = self.push("bufferViews", view);
@@ -169,7 +171,7 @@ impl Glb {
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
         self.json["images"] = json!([{ "bufferView": view, "mimeType": "image/png" }]);
         self.json["textures"] = json!([{ "source": 0 }]);
-        // The material emits by the texture.
+        // Scale the material's emission by the texture.
         let mesh = self.json["nodes"][node]["mesh"].as_u64().expect("a mesh") as usize;
         let primitive = &mut self.json["meshes"][mesh]["primitives"][0];
         primitive["attributes"]["TEXCOORD_0"] = json!(uvs);
@@ -180,6 +182,7 @@ impl Glb {
     }
 
     fn add_primitive(&mut self, attributes: Value, indices: usize, base_color: Vec3, emission: Vec3) -> usize {
+        // Scale emission above 1 by the extension, because emissiveFactor is at most 1.
         let strength = emission.max_element().max(1.0);
         let material = json!({
             "pbrMetallicRoughness": { "baseColorFactor": [base_color.x, base_color.y, base_color.z, 1.0], "metallicFactor": 0.0 },
@@ -195,7 +198,7 @@ impl Glb {
 
     /// Adds a camera that looks along −z, and returns its node's index.
     pub fn add_camera(&mut self, position: Vec3) -> usize {
-        // The near plane suits scenes of a millimeter too.
+        // Use a near plane that also suits scenes of a millimeter.
         let perspective = json!({ "yfov": 0.9, "znear": 1e-6 });
         let camera = self.push("cameras", json!({ "type": "perspective", "perspective": perspective }));
         self.add_node(json!({ "camera": camera, "translation": position.to_array() }))
@@ -248,7 +251,7 @@ impl Glb {
 /// Encodes a square image of `side` × `side` gray codes as PNG.
 fn gray_png(side: usize, codes: &[u8]) -> Vec<u8> {
     let mut file = Vec::new();
-    // 8-bit gray.
+    // The encoder's default is 8-bit gray.
     let encoder = png::Encoder::new(&mut file, side as u32, side as u32);
     let mut writer = encoder.write_header().expect("memory to write to");
     writer.write_image_data(codes).expect("memory to write to");
@@ -278,7 +281,7 @@ pub enum Moving {
 pub fn checkered_room(moving: Moving) -> Glb {
     let mut glb = Glb::default();
     let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
-    // Walls and a lamp.
+    // Add walls and a lamp.
     let walls = [
         [vec3(-2.0, 0.0, -2.0), 4.0 * x, 3.0 * y],
         [vec3(-2.0, 0.0, -2.0), 4.0 * z, 4.0 * x],
@@ -291,7 +294,7 @@ pub fn checkered_room(moving: Moving) -> Glb {
     glb.add(&light, vec3(0.8, 0.75, 0.6), Vec3::ZERO);
     glb.add(&[[vec3(-0.5, 2.99, -0.5), x, z]], Vec3::ZERO, Vec3::splat(12.0));
 
-    // The box.
+    // Add the box.
     let (a, b, c) = (0.6 * x, 0.6 * y, 0.6 * z);
     let (near, far) = (vec3(-0.3, 0.5, -0.3), vec3(0.3, 1.1, 0.3));
     let sides = [[near, b, a], [near, a, c], [near, c, b], [far, -a, -b], [far, -c, -a], [far, -b, -c]];
@@ -303,7 +306,7 @@ pub fn checkered_room(moving: Moving) -> Glb {
     glb.json["nodes"][thing]["children"] = json!([red]);
     glb.json["scenes"][0]["nodes"].as_array_mut().expect("a list").retain(|node| node != red);
 
-    // The camera, and the motion.
+    // Add the camera and the motion.
     let camera = glb.add_camera(vec3(0.0, 1.5, 4.5));
     let way = x;
     match moving {
@@ -317,6 +320,7 @@ pub fn checkered_room(moving: Moving) -> Glb {
 /// Splits each quad into `count` × `count` quads, alternately in the first and the second list.
 fn checks(quads: &[Quad], count: usize) -> [Vec<Quad>; 2] {
     let mut colors = [Vec::new(), Vec::new()];
+    // Alternate the lists like the squares of a chess board.
     for &[corner, a, b] in quads {
         let (a, b) = (a / count as f32, b / count as f32);
         for (i, j) in (0..count).flat_map(|i| (0..count).map(move |j| (i, j))) {
@@ -334,23 +338,24 @@ pub fn furnace(albedo: Vec3, emission: Vec3) -> Glb {
             let n = Vec3::AXES[axis] * sign;
             let [a, b] = [Vec3::AXES[(axis + 1) % 3] * 2.0, Vec3::AXES[(axis + 2) % 3] * 2.0];
             let corner = n - (a + b) / 2.0;
-            // Facing the center: a × b = −n.
+            // Make the wall face the center: a × b = −n.
             let wall: Quad = if sign < 0.0 { [corner, a, b] } else { [corner, b, a] };
             glb.add(&[wall], albedo, emission);
         }
     }
     glb.add_camera(Vec3::ZERO);
-    // Wide enough for most of the front wall.
+    // Show most of the front wall.
     glb.json["cameras"][0]["perspective"]["yfov"] = json!(1.5);
     glb
 }
 
-/// One texel, as base64 of a PNG file.
+/// PNG file with one texel, in base64.
 const PNG: &str = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
 
 /// Builds a lit textured square, a spot light and a moving camera: a document so small that most changes affect the picture.
 pub fn textured_square() -> Glb {
     let mut glb = Glb::default();
+    // Add a textured square, and a lamp above it.
     glb.add(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], Vec3::splat(0.5), Vec3::ZERO);
     glb.add(&[[vec3(0.0, 2.0, 1.0), Vec3::X, Vec3::Z]], Vec3::ONE, Vec3::splat(5.0));
     let camera = glb.add_camera(vec3(0.5, 0.5, 2.0));

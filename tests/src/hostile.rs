@@ -3,7 +3,7 @@
 use crate::{Glb, Moving, checkered_room};
 use serde_json::{Value, json};
 
-/// A scene that the loader must refuse.
+/// Scene that the loader must refuse.
 #[derive(Clone, Debug)]
 pub struct Hostile {
     /// Name of the fault.
@@ -37,7 +37,7 @@ fn room_with(pointer: &str, value: Value) -> Glb {
 /// Scenes with the names of their faults.
 type Scenes = Vec<(&'static str, Glb)>;
 
-/// Node hierarchies that are not trees, too deep, or in no scene.
+/// Returns node hierarchies that are not trees, too deep, or in no scene.
 fn hierarchy() -> Scenes {
     let mut longer_cycle = room_with("/nodes/0/children", json!([1]));
     longer_cycle.json["nodes"][1]["children"] = json!([0]);
@@ -52,7 +52,7 @@ fn hierarchy() -> Scenes {
     ]
 }
 
-/// Indices out of range, and missing objects.
+/// Returns scenes with indices out of range or missing objects.
 fn indices() -> Scenes {
     let mut index = checkered_room(Moving::Camera);
     // The first mesh's indices follow its positions.
@@ -77,7 +77,7 @@ fn indices() -> Scenes {
     ]
 }
 
-/// Accessors and views that claim more data than exists.
+/// Returns scenes with accessors and views that claim more data than exists.
 fn accessors() -> Scenes {
     let part = |view: u32| json!({ "bufferView": view, "byteOffset": 0, "componentType": 5125 });
     let sparse = json!({ "count": 1u64 << 40, "indices": part(0), "values": { "bufferView": 0 } });
@@ -102,7 +102,7 @@ fn accessors() -> Scenes {
     ]
 }
 
-/// Buffers that are missing, truncated or outside the scene's folder.
+/// Returns scenes with buffers that are missing, truncated or outside the scene's folder.
 fn resources() -> Scenes {
     let buffer = |uri: &str| room_with("/buffers", json!([{ "byteLength": 12, "uri": uri }]));
     vec![
@@ -118,7 +118,7 @@ fn resources() -> Scenes {
     ]
 }
 
-/// Values out of range.
+/// Returns scenes with values out of range.
 fn values() -> Scenes {
     let mut nan = checkered_room(Moving::Camera);
     nan.bin[..4].copy_from_slice(&f32::NAN.to_le_bytes());
@@ -138,7 +138,7 @@ pub fn damaged(whole: &[u8], random: &mut Random) -> (Vec<u8>, Vec<(usize, u8)>)
     let json_length = u32::from_le_bytes([whole[12], whole[13], whole[14], whole[15]]) as usize;
     let mut places = Vec::new();
     for _ in 0..=random.below(3) {
-        // Mostly replace digits by digits or signs: the JSON stays readable, and the change reaches deeper code.
+        // Prefer to replace digits by digits or signs, so that the JSON stays valid and the change reaches deeper code.
         let place = 20 + random.below(json_length);
         let digit = (place..20 + json_length).find(|&place| damaged[place].is_ascii_digit());
         let (place, byte) = match (random.below(8), digit) {

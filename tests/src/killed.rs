@@ -62,6 +62,7 @@ impl KilledFilm {
             let video = fs::read(&settings.output).expect("a video");
             (settings, plan, stored, video, *bytes.first_chunk().expect("a header"))
         });
+        // Combine the job of the long film with the state of the short film.
         let (settings, plan, (job, ..), truth, begin) = long;
         Self { scene, settings, plan, stored: (job, 1, short.2.2), part: short.3, truth, begin }
     }

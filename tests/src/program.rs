@@ -48,6 +48,7 @@ pub fn start_until_checkpoint(folder: &Path, arguments: &[&str], film: &str) -> 
     let mut command = Command::new(program());
     let child = command.args(arguments).current_dir(folder).stdin(Stdio::null()).spawn().expect("render2mpeg starts");
     let (begin, checkpoint) = (Instant::now(), folder.join(format!("{film}.checkpoint")));
+    // Poll at short intervals, to stop before the film is finished.
     while !checkpoint.exists() {
         assert!(begin.elapsed() < Duration::from_secs(120), "no checkpoint is made");
         std::thread::sleep(Duration::from_millis(1));
@@ -88,6 +89,7 @@ pub fn render(folder: &Path, name: &str, scene: &Path, extra: &str) -> Rendered 
     assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "render2mpeg {arguments:?}");
     let stream = std::fs::read(folder.join(video)).expect("the video is there");
     let report = std::fs::read(folder.join(report)).expect("the report is there");
+    // Compare header values of every rendered film with the stream.
     crate::truth::assert_true(&stream, name);
     Rendered { stream, report: serde_json::from_slice(&report).expect("the report is JSON") }
 }
@@ -97,7 +99,7 @@ pub fn assert_fails(folder: &Path, arguments: &[&str], words: &[&str]) {
     let Finished { code, stderr, .. } = render2mpeg(folder, arguments);
     let context = format!("render2mpeg {arguments:?}: exit code {code:?}, {stderr}");
     match code {
-        // Invalid arguments: clap adds usage and a hint.
+        // For invalid arguments, clap adds usage and a hint.
         Some(2) if stderr.starts_with("error: ") => {}
         Some(1 | 2) => {
             assert_eq!(stderr.trim_end().lines().count(), 1, "not one line: {context}");
@@ -111,12 +113,12 @@ pub fn assert_fails(folder: &Path, arguments: &[&str], words: &[&str]) {
     }
 }
 
-/// Path of the Cornell box, which ships with the project.
+/// Returns the path of the Cornell box, which ships with the project.
 pub fn cornell() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/cornell/cornell.glb"))
 }
 
-/// Folder of scenes outside the workspace, if present; their licenses keep them out of the repository.
+/// Returns the folder of scenes outside the workspace, if present. Their licenses exclude them from the repository.
 pub fn shared_scenes() -> Option<PathBuf> {
     let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes"));
     let present = folder.is_dir();

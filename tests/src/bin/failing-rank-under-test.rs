@@ -10,7 +10,7 @@ fn main() -> std::process::ExitCode {
         }
         panic!("on purpose");
     };
-    // A panic outside the main thread, like one in a stage or in rayon.
+    // Panic outside the main thread, as a stage or rayon would.
     std::thread::spawn(fails);
     program::main()
 }

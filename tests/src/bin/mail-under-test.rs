@@ -3,7 +3,7 @@
 use program::mpi::Processes;
 use tests::Exchange;
 
-/// Length of the longest message \[bytes\]: more than one MPI operation transfers here.
+/// Length of the longest message \[bytes\]: more than one MPI operation transfers.
 const LARGEST: usize = (1 << 26) + 12_345;
 
 fn main() {

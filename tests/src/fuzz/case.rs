@@ -38,7 +38,7 @@ const OPTIONS: [&str; 15] = [
 const LAYERS: &str = "--frames 2 --exr frames --aov direct,indirect,albedo,normal,depth,position,motion,vector,\
     crypto-object,crypto-material,cut-size,threshold,shading";
 
-/// A test case and its result.
+/// Test case and its result.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Number of the case.
@@ -53,7 +53,7 @@ pub struct Case {
     pub verdict: Verdict,
 }
 
-/// A case with a fault.
+/// Case with a fault.
 #[derive(Clone, Debug)]
 pub struct Finding {
     /// The folder of its files.
@@ -90,6 +90,7 @@ impl Fuzzer {
 
     /// Changes a scene, and renders it if it loads.
     fn run_scene(&self, number: u64, random: &mut Random) -> io::Result<Case> {
+        // Change a random scene, and render it with random options.
         let mut draft = random.pick(&self.seeds).clone();
         let changes = mutate(&mut draft, random);
         let mut film = Film::new(&self.work.path().join("case"))?;
@@ -100,12 +101,13 @@ impl Fuzzer {
         let words = format!("render ../scene/{name} {ALL} {small} {options} {quiet}");
         film.arguments = words.split_whitespace().map(str::to_owned).collect();
 
-        // The outputs that the options promise, in order of their names.
+        // List the outputs that the options promise, in order of their names.
         let mut outputs = vec!["film.m2v", "film.report.json"];
         outputs.extend(options.contains("--y4m").then_some("film.y4m"));
         outputs.extend((options == LAYERS).then_some("frames"));
         let before = sorted_names(&film.scene());
         let mut verdict = Verdict::of(&film, &film.run()?, &before, &outputs);
+        // Render some films again, to compare numbers of threads.
         if verdict == Verdict::Rendered && random.one_in(3) {
             verdict = again_on_one_thread(&mut film)?;
         }
@@ -139,6 +141,7 @@ impl Fuzzer {
 fn again_on_one_thread(film: &mut Film) -> io::Result<Verdict> {
     let first = fs::read(film.out().join("film.m2v"))?;
     film.clear()?;
+    // Replace the number of threads in the command.
     if let Some(place) = film.arguments.iter().position(|argument| argument == "--threads") {
         film.arguments[place + 1] = "1".into();
     }

@@ -11,14 +11,14 @@ use std::{fs, io};
 /// Options that continue the film.
 const COMMAND: &str = "--frames 3 --size 8x8 --vpls 5 --photons 50 --bframes 1 --cache on --resume --quiet --threads 2";
 
-/// A killed film, and the program that continues it.
+/// Killed film, and the program that continues it.
 #[derive(Debug)]
 pub struct Forger {
     film: Film,
     killed: KilledFilm,
 }
 
-/// A changed checkpoint.
+/// Changed checkpoint.
 struct Forged {
     name: &'static str,
     file: Vec<u8>,
@@ -33,6 +33,7 @@ impl Forger {
     /// # Panics
     /// If the film cannot be rendered, or the unchanged checkpoint does not lead to the same bits.
     pub fn new(folder: &Path) -> io::Result<Self> {
+        // Write the scene, and the command that continues its film.
         let mut film = Film::new(folder)?;
         let path = film.scene().join("scene.glb");
         checkered_room(Moving::Box).write(&path);
@@ -40,6 +41,7 @@ impl Forger {
         let words = format!("render {} --output {} {COMMAND}", path.display(), output.display());
         film.arguments = words.split_whitespace().map(str::to_owned).collect();
 
+        // Render a film with the same settings, and keep its checkpoint.
         let options = Options {
             output: Some(output),
             size: "8x8".parse().ok(),
@@ -50,7 +52,7 @@ impl Forger {
         };
         let forger = Self { film, killed: KilledFilm::new(&path, &options) };
 
-        // The unchanged checkpoint continues the film.
+        // Check that the unchanged checkpoint continues the film.
         let KilledFilm { stored, part, .. } = &forger.killed;
         let file = forger.killed.file(stored);
         let whole = Forged { name: "nothing", file, part: part.clone(), is_noticed: true };
@@ -59,7 +61,7 @@ impl Forger {
         Ok(forger)
     }
 
-    /// The film.
+    /// Returns the film.
     pub fn film(&self) -> &Film {
         &self.film
     }
@@ -76,7 +78,7 @@ impl Forger {
         let (mut stored, mut part) = (killed.stored.clone(), killed.part.clone());
         let whole = killed.file(&stored);
         let (name, file, is_noticed) = match random.below(12) {
-            // Changes of the file.
+            // Change the file.
             0 => ("bytes", changed(&whole, random), true),
             1 => ("cut", whole[..random.below(whole.len())].to_vec(), true),
             2 => {
@@ -84,7 +86,7 @@ impl Forger {
                 file[random.below(HEADER)] ^= 1 << random.below(8);
                 ("header", file, true)
             }
-            // Changes of the content, with a valid checksum.
+            // Change the content, with a valid checksum.
             3 => ("body", killed.sealed(&changed(&whole[HEADER..], random)), false),
             4 => {
                 let (program, settings, inputs) = &mut stored.0;
@@ -114,6 +116,7 @@ impl Forger {
                 }
                 ("film", whole, true)
             }
+            // Change the state of a stage, with valid checksums.
             _ => {
                 let place = random.below(stored.2.len());
                 let state = &mut stored.2[place];
@@ -168,7 +171,7 @@ fn change_state(state: &mut Vec<u8>, random: &mut Random) {
         2 => state.extend((0..=random.below(40)).map(|_| 0)),
         3 => state.fill(255),
         4 => {
-            // NaN, infinite or large floats, which are large lengths and indices too.
+            // Write NaN, infinite or large floats, which are also large lengths and indices.
             let bytes = random.pick(&[f32::NAN, f32::INFINITY, 1e30, -1.0]).to_le_bytes();
             let place = random.below(state.len().max(4)).min(state.len().saturating_sub(4));
             state.iter_mut().skip(place).zip(bytes).for_each(|(old, new)| *old = new);

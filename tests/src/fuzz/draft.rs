@@ -21,7 +21,7 @@ const RAW: [&str; 12] = [
     "",
 ];
 
-/// A scene: its JSON document, its binary chunk and its settings file.
+/// Scene as JSON document, binary chunk and settings file.
 #[derive(Clone, Debug)]
 pub struct Draft {
     /// Name of the original scene.
@@ -34,7 +34,7 @@ pub struct Draft {
     pub toml: String,
 }
 
-/// The numbers of an accessor in the binary chunk.
+/// Layout of an accessor's numbers in the binary chunk.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
     /// Offset of the first byte.
@@ -57,7 +57,7 @@ impl Draft {
         Self { name: name.into(), json, bin: glb.bin.clone(), toml: String::new() }
     }
 
-    /// The document as text.
+    /// Returns the document as text.
     pub(super) fn text(&self) -> String {
         let mut text = self.json.to_string();
         for (number, raw) in RAW.iter().enumerate() {
@@ -75,12 +75,12 @@ impl Draft {
     ///
     /// Most scenes are .glb files, the others .gltf files with an embedded or external buffer. Some files get damaged bytes.
     pub fn write(&self, folder: &Path, random: &mut Random) -> std::io::Result<&'static str> {
-        // The settings.
+        // Write the settings.
         if !self.toml.is_empty() {
             std::fs::write(folder.join("scene.toml"), &self.toml)?;
         }
 
-        // The scene in one of three forms. Without the first buffer in the document, only the .glb form is possible.
+        // Write the scene in one of three forms. Without a first buffer in the document, only the .glb form is possible.
         let form = random.below(6);
         let mut whole = self.clone();
         let buffer = whole.json.pointer_mut("/buffers/0").and_then(Value::as_object_mut);
@@ -97,7 +97,7 @@ impl Draft {
             _ => ("scene.glb", glb_file(&self.text(), &self.bin)),
         };
 
-        // Damage outside any document: bytes of headers and text, and truncated files.
+        // Damage bytes of headers and text, and truncate files.
         if random.one_in(20) {
             for _ in 0..=random.below(3) {
                 let near = [40, bytes.len()][random.below(2)].min(bytes.len());
@@ -112,7 +112,7 @@ impl Draft {
         Ok(name)
     }
 
-    /// Number of entries of a list of the document.
+    /// Returns the number of entries of a list of the document.
     pub(super) fn count(&self, list: &str) -> usize {
         self.json.get(list).and_then(Value::as_array).map_or(0, Vec::len)
     }
@@ -141,6 +141,7 @@ impl Draft {
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
         let start = self.bin.len();
         self.bin.extend(bytes);
+        // Extend the buffer of the document, and add a view and an accessor.
         if let Some(length) = self.json.pointer_mut("/buffers/0/byteLength") {
             *length = json!(start + bytes.len());
         }
@@ -154,6 +155,7 @@ impl Draft {
     pub(super) fn span(&self, accessor: usize) -> Option<Span> {
         let accessor = self.json.get("accessors")?.get(accessor)?;
         let number = |value: &Value, key: &str| value.get(key).and_then(Value::as_u64).unwrap_or(0) as usize;
+        // Find the layout of an element.
         let view = self.json.get("bufferViews")?.get(number(accessor, "bufferView"))?;
         let components = match accessor.get("type")?.as_str()? {
             "SCALAR" => 1,
@@ -166,6 +168,7 @@ impl Draft {
         };
         let component_type = accessor.get("componentType")?.as_u64()?;
         let packed = components * size_of_component(component_type);
+        // Elements follow each other if the view has no stride.
         let stride = match number(view, "byteStride") {
             0 => packed,
             stride => stride,
@@ -182,7 +185,7 @@ impl Draft {
     }
 }
 
-/// Size of a number of this type \[bytes\].
+/// Returns the size of a number of this type \[bytes\].
 fn size_of_component(component_type: u64) -> usize {
     match component_type {
         5120 | 5121 => 1,
@@ -194,6 +197,7 @@ fn size_of_component(component_type: u64) -> usize {
 /// Returns a data URI of the bytes (RFC 2397; RFC 4648, 4).
 pub(super) fn data_uri(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    // Write three bytes as four digits, with = for missing bytes.
     let mut uri = "data:application/octet-stream;base64,".to_owned();
     for group in bytes.chunks(3) {
         let bits = (0..3).fold(0usize, |bits, i| bits << 8 | usize::from(group.get(i).copied().unwrap_or(0)));

@@ -50,17 +50,17 @@ impl Film {
         Ok(Self { folder: folder.to_owned(), arguments: Vec::new() })
     }
 
-    /// Folder of the scene.
+    /// Returns the folder of the scene.
     pub fn scene(&self) -> PathBuf {
         self.folder.join("scene")
     }
 
-    /// Folder of the film.
+    /// Returns the folder of the film.
     pub fn out(&self) -> PathBuf {
         self.folder.join("out")
     }
 
-    /// Whether the program runs with `--quiet`.
+    /// Returns whether the program runs with `--quiet`.
     pub fn is_quiet(&self) -> bool {
         self.arguments.iter().any(|argument| argument == "--quiet")
     }
@@ -71,14 +71,14 @@ impl Film {
         fs::create_dir(self.out())
     }
 
-    /// The command line, to be run in the output folder.
+    /// Returns the command line, to be run in the output folder.
     pub fn command(&self) -> String {
         format!("ulimit -v {MEMORY}; ulimit -t {PROCESSOR}; render2mpeg {}", self.arguments.join(" "))
     }
 
     /// Runs the program, and waits for its end.
     pub fn run(&self) -> io::Result<Outcome> {
-        // Standard error goes to a file, so that no thread has to read it meanwhile.
+        // Redirect standard error to a file, so that no thread has to read it during the run.
         let told = self.folder.join("stderr");
         let script =
             format!("ulimit -c 0; ulimit -v {MEMORY}; ulimit -t {PROCESSOR}; ulimit -f {FILE}; exec \"$0\" \"$@\"");
@@ -95,6 +95,7 @@ impl Film {
             std::thread::sleep(Duration::from_millis(if begin.elapsed().as_millis() < 200 { 2 } else { 20 }));
             status = child.try_wait()?;
         }
+        // Kill a run that exceeds its time.
         let endless = status.is_none();
         if endless {
             child.kill()?;

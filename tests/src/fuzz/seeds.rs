@@ -36,6 +36,7 @@ pub fn own_seeds() -> Vec<Draft> {
 
 /// Returns all small scenes below `folder` that load, in order of their paths.
 pub fn seeds_below(folder: &Path) -> Vec<Draft> {
+    // Search the folder and its subfolders.
     let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
     while let Some(folder) = open.pop() {
         for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
@@ -66,12 +67,13 @@ fn in_one_piece(path: &Path) -> Option<Draft> {
         starts.push(bin.len());
         bin.extend(match buffer.get("uri").and_then(Value::as_str) {
             Some(uri) => source.resource(&format!("buffer {index}"), uri).ok()?,
-            // A fallback buffer without data in the file.
+            // Skip a fallback buffer, which has no data in the file.
             None if index > 0 => continue,
             None => source.binary.clone()?,
         });
     }
     let absent: Vec<bool> = buffers.iter().enumerate().map(|(i, b)| i > 0 && b.get("uri").is_none()).collect();
+    // Move each view, and its compressed data, into the joined buffer.
     for view in json.get_mut("bufferViews").and_then(Value::as_array_mut).into_iter().flatten() {
         move_view(view, &starts, &absent)?;
         for name in MESHOPT {

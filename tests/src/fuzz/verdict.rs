@@ -23,7 +23,7 @@ impl Verdict {
     /// Judges a run that must leave the folder of `scene` unchanged and write `outputs` or no files.
     pub fn of(film: &Film, outcome: &Outcome, scene: &[String], outputs: &[&str]) -> Self {
         let judged = told(outcome, film.is_quiet()).and_then(|rendered| {
-            // Other folders are unchanged.
+            // Check that other folders are unchanged.
             same("around the scene", &sorted_names(&film.folder), &["out", "scene", "tmp"])?;
             let expected: Vec<&str> = scene.iter().map(String::as_str).collect();
             same("beside the scene", &sorted_names(&film.scene()), &expected)?;
@@ -40,7 +40,7 @@ impl Verdict {
 pub(super) fn told(outcome: &Outcome, is_quiet: bool) -> Result<bool, String> {
     let message = String::from_utf8_lossy(&outcome.stderr);
     let fault = |what: &str| Err(format!("{what}: exit code {:?}, {message}", outcome.code));
-    // Faults of any run.
+    // Reject faults of any run.
     if outcome.endless {
         return fault("it does not end");
     }
@@ -53,7 +53,7 @@ pub(super) fn told(outcome: &Outcome, is_quiet: bool) -> Result<bool, String> {
     if message.chars().any(|c| c.is_control() && c != '\n') || std::str::from_utf8(&outcome.stderr).is_err() {
         return fault("control characters");
     }
-    // Exit codes and their messages.
+    // Compare the exit code with the message.
     match outcome.code {
         Some(0) if message.is_empty() || !is_quiet => Ok(true),
         Some(0) => fault("words in spite of --quiet"),
@@ -83,6 +83,7 @@ fn whole(film: &Film) -> Result<(), String> {
     if !read("film.m2v")?.starts_with(&BEGIN) {
         return Err("the film has no header".into());
     }
+    // Read the frames from the report.
     let report: Value = serde_json::from_slice(&read("film.report.json")?).map_err(|error| error.to_string())?;
     let frames = report["frames"].as_array().ok_or("the report has no frames")?;
     let broken: u64 = frames.iter().filter_map(|frame| frame["non_finite_pixels"].as_u64()).sum();

@@ -102,6 +102,7 @@ impl Elementary {
         let mut stream = Self::default();
         let (mut begin, mut in_picture) = (0, false);
         let mut group = None;
+        // Assign each header to the sequence, group or picture that it belongs to.
         for (at, code) in start_codes(bytes) {
             let mut bits = Bits::new(&bytes[at + 4..]);
             // A header after slices ends the picture.
@@ -126,6 +127,7 @@ impl Elementary {
                     in_picture = true;
                 }
                 0x01..=0xaf => {
+                    // Above 2800 lines, slices have an extension of their row (6.2.4).
                     let vertical_size = stream.sequences.last().expect("a sequence header in front").size.1;
                     let above = if vertical_size > 2800 { 128 * bits.take(3) } else { 0 };
                     stream.last().rows.push(above + u64::from(code) - 1);
@@ -142,6 +144,7 @@ impl Elementary {
 
     fn extension(&mut self, bits: &mut Bits, in_picture: bool) {
         let id = bits.take(4);
+        // Read only one of a picture's extensions, the picture coding extension.
         if in_picture {
             if id == 8 {
                 picture_coding_extension(bits, self.last());
@@ -221,6 +224,7 @@ fn sequence_extension(bits: &mut Bits, sequence: &mut Sequence) {
     assert_eq!(bits.take(2), 1, "chroma_format: 4:2:0");
     sequence.size.0 += bits.take(2) << 12;
     sequence.size.1 += bits.take(2) << 12;
+    // Add the upper bits of bit_rate, which start at bit 18.
     let low = sequence.bit_rate.unwrap_or(400 * 0x3_ffff) / 400;
     sequence.bit_rate = Some(400 * (low | bits.take(12) << 18));
     bits.skip(1);

@@ -61,13 +61,14 @@ impl Extracted {
     /// Checks that pictures are due at the frame rate, in display order.
     fn stamp_faults(&self, video: &Elementary) -> Vec<String> {
         let mut faults = Vec::new();
+        // Compute display times in fields, because some pictures last three fields.
         let field = 0.5 / fps(&video.sequences[0]);
         let fields = video.fields();
         let due = |index: u64| fields[..index as usize].iter().sum::<u64>() as f64 * field;
         let indices = video.display_indices();
         let shown_first = indices.iter().position(|&index| index == 0).expect("a first picture");
         let begin = self.stamps[shown_first].presentation as f64 * UNIT;
-        // Display times follow the frame rate, and decoding precedes display.
+        // Check that display times follow the frame rate, and that decoding precedes display.
         for (at, (stamps, &index)) in self.stamps.iter().zip(&indices).enumerate() {
             let (presentation, expected) = (stamps.presentation as f64 * UNIT, begin + due(index));
             if (presentation - expected).abs() > 1.5 * UNIT {
@@ -77,7 +78,7 @@ impl Extracted {
                 faults.push(format!("picture {at} is decoded after it is shown"));
             }
         }
-        // The interval between two decodings equals the display time of the picture shown meanwhile.
+        // Check that a decoding interval equals the display time of the picture shown in it.
         let reorders =
             !video.sequences[0].low_delay && self.stamps.iter().any(|stamps| stamps.decoding != stamps.presentation);
         for (at, pair) in self.stamps.windows(2).enumerate() {
@@ -101,7 +102,7 @@ impl Extracted {
         let (mut first, mut picture) = (0, 0);
         let mut begin = 0;
         for chunk in &self.chunks {
-            // The picture of this run of bytes.
+            // Find the picture that contains these bytes.
             while picture + 1 < video.pictures.len() && begin >= video.pictures[picture].end {
                 picture += 1;
             }
@@ -112,7 +113,7 @@ impl Extracted {
             if due - chunk.arrival.0 > LONGEST_WAIT + UNIT {
                 faults.push(format!("byte {begin} of picture {picture} comes {} s early", due - chunk.arrival.0));
             }
-            // Pictures decoded by now have left the buffer.
+            // Remove the pictures that were decoded before these bytes arrived.
             while first < picture && decoding(first) <= chunk.arrival.1 + UNIT {
                 first += 1;
             }

@@ -40,13 +40,14 @@ pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
                 }
                 at += 14 + usize::from(file[at + 13] & 7);
             }
+            // The system header contains rate_bound.
             0xbb => {
                 let length = bits.take(16) as usize;
                 bits.skip(1);
                 bound = Some(50.0 * bits.take(22) as f64);
                 at += 6 + length;
             }
-            // Video packets: bytes arrive at the rate of the pack.
+            // Bytes of video packets arrive at the rate of the pack.
             0xe0 => {
                 let length = bits.take(16) as usize;
                 let fields = read_header(&mut bits, &mut buffer, &mut extracted);
@@ -56,6 +57,7 @@ pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
                 extracted.add(&file[begin..end], (when(begin), when(end)));
                 at = end;
             }
+            // Skip private, padding and other streams.
             0xbd..=0xbf => at += 6 + bits.take(16) as usize,
             other => {
                 faults.push(format!("start code {other:#x} at {at}"));
@@ -64,7 +66,7 @@ pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
         }
     }
 
-    // The elementary stream, in the buffer that the packets state.
+    // Check the elementary stream with the buffer size in the packets.
     let video = Elementary::read(&extracted.stream);
     match buffer {
         Some(buffer) => faults.extend(extracted.faults(&video, buffer as f64)),
@@ -80,6 +82,7 @@ fn read_header(bits: &mut Bits, buffer: &mut Option<u64>, extracted: &mut Extrac
     let extension = bits.flag();
     let fields = bits.take(8) as usize;
     read_stamps(bits, has, extracted);
+    // The extension contains P-STD_buffer_size.
     if extension {
         bits.skip(8 + 2);
         let scale = if bits.flag() { 1024 } else { 128 };

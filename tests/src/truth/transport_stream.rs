@@ -20,7 +20,7 @@ const MULTIPLEXING: f64 = 0.004 + 1.0 / 750.0;
 /// Index of the packet's byte with the last bit of program_clock_reference_base.
 const REFERENCE_BYTE: usize = 10;
 
-/// A clock reference.
+/// Clock reference with its position.
 #[derive(Clone, Copy, Debug)]
 struct Reference {
     /// Offset in the file of the byte that arrives at this time.
@@ -41,6 +41,7 @@ pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
     let mut nulls = 0;
     for (number, packet) in file.chunks_exact(PACKET).enumerate() {
         let Packet { pid, begins, counter, payload } = header(packet);
+        // Count null packets, which have no counter.
         if pid == 0x1fff {
             nulls += 1;
             continue;
@@ -53,7 +54,7 @@ pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
         counters.insert(pid, counter);
         let Some(begin) = payload else { continue };
         let at = number * PACKET;
-        // Tables: the CRC and the interval.
+        // Check the CRC and the interval of tables.
         if pid < 0x10 || pid == 0x1000 {
             faults.extend(table_faults(&packet[begin..]));
             let time = time_of(&references, at);
@@ -62,7 +63,7 @@ pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
             }
             continue;
         }
-        // Video: a PES header precedes a picture.
+        // Read the PES header that precedes a picture, then the video.
         let mut data = begin;
         if begins {
             let mut bits = Bits::new(&packet[begin + 4..]);
@@ -87,7 +88,7 @@ pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
         }
     }
 
-    // Low and Main Level have the level's buffer, higher levels the stated one.
+    // Low and Main Level use the level's buffer size; higher levels use the size in the header.
     let buffer = level_bounds(sequence).map_or(f64::INFINITY, |(rate, buffer)| {
         let buffer = if sequence.profile_and_level & 15 >= 8 { buffer } else { sequence.buffer };
         (buffer as f64 + MULTIPLEXING * rate as f64) / 8.0
@@ -96,7 +97,7 @@ pub(super) fn read(file: &[u8]) -> (Extracted, Elementary, Vec<String>) {
     (extracted, video, faults)
 }
 
-/// The header of a packet.
+/// Header of a packet.
 struct Packet {
     pid: u64,
     begins: bool,
@@ -123,6 +124,7 @@ fn header(packet: &[u8]) -> Packet {
 fn references(file: &[u8]) -> Vec<Reference> {
     let mut references = Vec::new();
     for (number, packet) in file.chunks_exact(PACKET).enumerate() {
+        // A reference requires an adaptation field with PCR_flag.
         let has_reference = packet[3] & 0x20 != 0 && packet[4] >= 7 && packet[5] & 0x10 != 0;
         if has_reference {
             let mut bits = Bits::new(&packet[6..]);
@@ -137,6 +139,7 @@ fn references(file: &[u8]) -> Vec<Reference> {
 
 /// Returns the arrival time of a byte \[s\]: the rate is constant between two references (13818-1, 2.4.2.2).
 fn time_of(references: &[Reference], at: usize) -> f64 {
+    // Interpolate between the references around the byte, or extrapolate at the ends.
     let after = references.partition_point(|reference| reference.at < at).clamp(1, references.len().max(2) - 1);
     let Some([a, b]) = references.get(after - 1..after + 1) else { return references.first().map_or(0.0, |r| r.time) };
     a.time + (at as f64 - a.at as f64) * (b.time - a.time) / (b.at - a.at) as f64

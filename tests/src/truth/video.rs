@@ -33,6 +33,7 @@ pub(super) fn level_bounds(sequence: &Sequence) -> Option<(u64, u64)> {
 pub(super) fn faults(stream: &Elementary) -> Vec<String> {
     let Some(sequence) = stream.sequences.first() else { return vec!["no sequence header".into()] };
     let mut faults = Vec::new();
+    // Require equal sequence headers, and an I picture at the start of each group.
     if stream.sequences.iter().any(|other| other != sequence) {
         faults.push("sequence headers differ".into());
     }
@@ -61,6 +62,8 @@ fn level_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
         }
         return faults;
     }
+
+    // Check profile and level.
     let (profile, level) = (sequence.profile_and_level >> 4, sequence.profile_and_level & 15);
     let Some(level) = LEVELS.iter().find(|known| known.indication == level) else {
         return vec![format!("level {level} does not exist")];
@@ -68,7 +71,7 @@ fn level_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
     if !matches!(profile, 4 | 1) {
         faults.push(format!("profile {profile} is neither Main nor High"));
     }
-    // Size and rates, against the level.
+    // Compare size and rates with the level.
     let ((width, height), fps) = (sequence.size, fps(sequence));
     let exceeds = |level: &Level| {
         let samples = (width * height) as f64 * fps;
@@ -77,7 +80,7 @@ fn level_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
             || fps > level.frames_per_second
             || samples > level.samples_per_second
     };
-    // Beyond High Level no limit applies, and the header must state High Level.
+    // Above the limits of High Level, the header must contain High Level.
     if exceeds(&LEVELS[3]) {
         if level.indication != 4 {
             faults.push("not even High Level is stated".into());
@@ -98,6 +101,7 @@ fn level_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
             faults.push("f_code exceeds the level".into());
         }
     }
+    // With low_delay, pictures may not be reordered.
     if sequence.low_delay && stream.pictures.iter().any(|picture| picture.kind == 3) {
         faults.push("low_delay with B pictures".into());
     }
@@ -127,7 +131,7 @@ fn removals(pictures: &[Picture], sequence: &Sequence) -> Vec<f64> {
 fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
     let mut faults = Vec::new();
     let size = sequence.buffer as f64;
-    // A variable rate in MPEG-1: each picture must fit.
+    // At a variable rate in MPEG-1, each picture must fit into the buffer.
     let Some(bit_rate) = sequence.bit_rate else {
         let large = pictures.iter().position(|picture| picture.bits() as f64 > size);
         return large.map(|at| format!("picture {at} does not fit into the buffer")).into_iter().collect();
@@ -197,6 +201,7 @@ fn order_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
 
 /// Checks the field flags: a frame starts with the field of opposite parity to the last field before it (13818-2, 7.12).
 fn field_faults(stream: &Elementary, sequence: &Sequence) -> Vec<String> {
+    // Compare the fields of pictures that are consecutive in display order.
     let mut shown: Vec<(u64, &Picture)> = stream.display_indices().into_iter().zip(&stream.pictures).collect();
     shown.sort_by_key(|&(index, _)| index);
     let is_wrong = |pair: &[(u64, &Picture)]| {

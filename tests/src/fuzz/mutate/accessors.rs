@@ -51,6 +51,7 @@ fn view(draft: &mut Draft, random: &mut Random) -> Option<()> {
 
 /// Adds sparse data over a view or over zeros; one property is often invalid.
 fn sparse(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    // Choose an accessor, and the number of replaced elements.
     let (index, accessor) = draft.entry("accessors", random)?;
     let count = accessor.get("count").and_then(Value::as_u64).unwrap_or(1).max(1) as usize;
     let few = 1 + random.below(count.min(8));
@@ -70,7 +71,7 @@ fn sparse(draft: &mut Draft, random: &mut Random) -> Option<()> {
         "values": { "bufferView": view(values)? }
     });
 
-    // At most one property is wrong.
+    // Make at most one property wrong.
     match random.below(6) {
         0 => part["count"] = extreme(random),
         1 => part["indices"]["componentType"] = json!(random.pick(&COMPONENTS)),
@@ -79,6 +80,7 @@ fn sparse(draft: &mut Draft, random: &mut Random) -> Option<()> {
         4 => part["values"]["bufferView"] = json!(random.below(draft.count("bufferViews") + 1)),
         _ => {}
     }
+    // Use zeros in place of the view in some cases.
     let accessor = draft.json.get_mut("accessors")?.get_mut(index)?;
     if random.one_in(3) {
         accessor.as_object_mut()?.remove("bufferView");
@@ -100,6 +102,7 @@ fn attribute(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let names = ["POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_9", "COLOR_0", "_OWN"];
     let name = *random.pick(&names);
     let (change, mode) = (random.below(5), random.below(9));
+    // Choose a primitive of a random mesh.
     let (_, mesh) = draft.entry("meshes", random)?;
     let primitives = mesh.get_mut("primitives")?.as_array_mut()?;
     let index = random.below(primitives.len().max(1));
@@ -108,7 +111,7 @@ fn attribute(draft: &mut Draft, random: &mut Random) -> Option<()> {
         0 => put(primitive, "mode", json!(mode))?,
         1 => drop(primitive.as_object_mut()?.remove("indices")),
         2 => {
-            // Positions used as displacements have the right count.
+            // Use positions as displacements, because they have the right count.
             let own = primitive.get("attributes")?.get("POSITION").cloned().unwrap_or(any);
             let target = json!({ *random.pick(&["POSITION", "POSITION", "NORMAL", "TANGENT"]): own });
             put(primitive, "targets", vec![target; 1 + mode].into())?;

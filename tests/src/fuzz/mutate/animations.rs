@@ -29,7 +29,7 @@ fn keys(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let accessor = sampler.get(key)?.as_u64()? as usize;
     let span = draft.span(accessor).filter(|span| span.component_type == 5126 && span.count > 0)?;
     let (value, begin, component) = (float(random), random.below(span.count), random.below(span.components));
-    // One key, or all keys from there to the end.
+    // Change one key, or all keys from this key to the last.
     let end = if random.one_in(2) { begin + 1 } else { span.count };
     for element in begin..end {
         draft.component(&span, element, component)?.copy_from_slice(&value.to_le_bytes());
@@ -42,6 +42,7 @@ fn channel(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let (node, accessor) = (random.below(draft.count("nodes") + 1), random.below(draft.count("accessors") + 1));
     let (change, path, way) = (random.below(6), *random.pick(&PATHS), *random.pick(&WAYS));
     let any = extreme(random);
+    // Choose a random channel or sampler.
     let (_, animation) = draft.entry("animations", random)?;
     let list = if change < 3 { "channels" } else { "samplers" };
     let entries = animation.get_mut(list)?.as_array_mut()?;
@@ -71,11 +72,12 @@ fn new_animation(draft: &mut Draft, random: &mut Random) -> Option<()> {
         times[place] = float(random);
     }
 
-    // Values of moderate size, or any value.
+    // Use values of moderate size, or any values.
     let values = count * components * if way == "CUBICSPLINE" { 3 } else { 1 };
     let wild = random.one_in(2);
     let values: Vec<f32> =
         (0..values).map(|_| if wild { float(random) } else { random.below(2001) as f32 / 1000.0 - 1.0 }).collect();
+    // Add an animation of a random node.
     let input = append_floats(draft, &times, "SCALAR", 1)?;
     let output = append_floats(draft, &values, kind, components)?;
     let node = random.below(draft.count("nodes").max(1));
@@ -94,7 +96,7 @@ fn append_floats(draft: &mut Draft, list: &[f32], kind: &str, components: usize)
 
 /// Gives a node with a mesh a skin with random joints, and its mesh joints and weights.
 fn new_skin(draft: &mut Draft, random: &mut Random) -> Option<()> {
-    // The skinned primitive, and its number of vertices.
+    // Choose the primitive to skin, and count its vertices.
     let mesh = random.below(draft.count("meshes").max(1));
     let place = format!("/meshes/{mesh}/primitives/0/attributes");
     let positions = draft.json.pointer(&place)?.get("POSITION")?.as_u64()? as usize;
@@ -109,11 +111,12 @@ fn new_skin(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let matrices: Vec<f32> = (0..16 * joints)
         .map(|place| if random.one_in(20) { float(random) } else { f32::from(u8::from(place % 16 % 5 == 0)) })
         .collect();
+    // Append joints, weights and inverse bind matrices.
     let of = draft.append(&of, 5121, "VEC4", vertices)?;
     let weights = append_floats(draft, &weights, "VEC4", 4)?;
     let matrices = append_floats(draft, &matrices, "MAT4", 16)?;
 
-    // The skin, and a node that shows the mesh with it.
+    // Add the skin, and assign it to a node with the mesh.
     let nodes = draft.count("nodes").max(1);
     let joints: Value = (0..joints).map(|_| random.below(nodes)).collect();
     let skin = draft.push("skins", json!({ "joints": joints, "inverseBindMatrices": matrices }))?;

@@ -82,6 +82,7 @@ fn camera(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let kind = *random.pick(&["perspective", "orthographic"]);
     let key = *random.pick(&["yfov", "aspectRatio", "znear", "zfar", "xmag", "ymag"]);
     let (_, camera) = draft.entry("cameras", random)?;
+    // Change the type of some cameras.
     if random.one_in(4) {
         put(camera, "type", json!(kind))?;
         let part = json!({ "xmag": 1, "ymag": 1, "zfar": 9, "znear": 0.1, "yfov": 1 });
@@ -123,6 +124,7 @@ fn transform(draft: &mut Draft, random: &mut Random) -> Option<()> {
 /// Gives a node a matrix: singular, huge, with an invalid last row, or in addition to other transforms.
 fn matrix(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let mut matrix: Vec<Value> = (0..16).map(|place| json!(f64::from(u8::from(place % 5 == 0)))).collect();
+    // Replace a few elements of the identity matrix.
     for _ in 0..=random.below(4) {
         let place = random.below(16);
         matrix[place] = unusual(random);

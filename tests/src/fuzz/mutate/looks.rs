@@ -87,6 +87,7 @@ fn slot<'a>(draft: &'a mut Draft, random: &mut Random) -> Option<&'a mut Value> 
 /// Assigns a texture, possibly a missing one, or changes the mode of a sampler.
 fn texture(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let any = random.below(4);
+    // Add a sampler with a random mode, or a reference to a missing one.
     if random.one_in(3) {
         let mode = *random.pick(&[33071, 33648, 10497, 9728, 9987, 0]);
         let key = *random.pick(&["wrapS", "wrapT", "magFilter", "minFilter"]);
@@ -109,6 +110,7 @@ fn texture_transform(draft: &mut Draft, random: &mut Random) -> Option<()> {
 
 /// Attaches a light to a node, with any color, intensity, range and angles.
 fn light(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    // Describe the light; many properties are optional.
     let kind = *random.pick(&["point", "spot", "directional", "area"]);
     let mut light = json!({ "type": kind, "intensity": factor(random) });
     if random.one_in(2) {

@@ -37,7 +37,7 @@ const SUBJECTS: [&[Mutation]; 13] = [
 /// Applies one to six changes to the scene, and returns their names.
 pub fn mutate(draft: &mut Draft, random: &mut Random) -> Vec<&'static str> {
     let mut names = Vec::new();
-    // Mostly few changes: one of many is often enough for a refusal.
+    // Prefer few changes, because one of many often leads to a refusal.
     let most = [1, 1, 2, 2, 3, 6][random.below(6)];
     // A change that does not apply is not counted. The bound ends the loop for empty scenes.
     for _ in 0..50 {

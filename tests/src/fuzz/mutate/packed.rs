@@ -28,6 +28,7 @@ fn view(draft: &mut Draft, random: &mut Random) -> Option<()> {
         6 => ("byteOffset", if random.one_in(2) { small } else { large }),
         _ => ("buffer", json!(random.below(3))),
     };
+    // Change a view only if it has an extension for compression.
     let (_, view) = draft.entry("bufferViews", random)?;
     let extensions = view.get_mut("extensions")?;
     let name = MESHOPT.into_iter().find(|name| extensions.get(name).is_some())?;

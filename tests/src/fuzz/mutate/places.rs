@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 pub(super) fn any_place(document: &Value, random: &mut Random) -> Option<String> {
     let (mut pointer, mut value) = (String::new(), document);
     loop {
+        // Step to a random member or entry.
         let (step, next) = match value {
             Value::Object(map) if !map.is_empty() => {
                 let (key, next) = map.iter().nth(random.below(map.len()))?;
@@ -20,6 +21,7 @@ pub(super) fn any_place(document: &Value, random: &mut Random) -> Option<String>
         };
         pointer = format!("{pointer}/{step}");
         value = next;
+        // End early with a probability of 1/5.
         if random.one_in(5) {
             break;
         }
@@ -30,6 +32,7 @@ pub(super) fn any_place(document: &Value, random: &mut Random) -> Option<String>
 /// Returns the pointers of all values, also those in lists, under one of these keys.
 pub(super) fn places_under(document: &Value, keys: &[&str]) -> Vec<String> {
     let (mut found, mut open) = (Vec::new(), vec![(String::new(), document, false)]);
+    // Search the document depth first; entries of lists inherit the key.
     while let Some((pointer, value, wanted)) = open.pop() {
         match value {
             Value::Object(map) => open.extend(map.iter().map(|(key, value)| {

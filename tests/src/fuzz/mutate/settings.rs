@@ -75,6 +75,7 @@ const TEXTS: [&str; 11] = [
 
 /// Adds a table with values at the limits of the allowed range, or replaces the settings by it.
 fn settings(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    // Fill a random line with random numbers and texts.
     let mut line = String::new();
     for c in random.pick(&LINES).chars() {
         match c {
