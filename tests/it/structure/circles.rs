@@ -11,7 +11,7 @@ use syn::visit::{self, Visit};
 /// Path of a module; empty for the crate root.
 type Module = Vec<String>;
 
-/// The modules that a file imports, and the names that it re-exports.
+/// Modules that a file imports, and names that it re-exports.
 #[derive(Default)]
 struct Imports {
     /// Absolute paths of modules or of their items.
@@ -33,6 +33,7 @@ struct Collector {
 impl Collector {
     /// Returns the absolute path if `path` starts with `crate`, `self` or `super`, or, if `in_use`, with a child module.
     fn absolute(&self, path: &[String], in_use: bool) -> Option<Module> {
+        // Resolve the first segments to a module.
         let mut base = self.here.clone();
         let mut rest = path;
         match path.first()?.as_str() {
@@ -67,6 +68,7 @@ impl Collector {
 
     fn add(&mut self, path: &[String], name: Option<String>) {
         let Some(path) = self.absolute(path, true) else { return };
+        // Names in inline modules do not belong to the file.
         if let Some(name) = name.filter(|_| self.here.len() == self.depth_of_file) {
             self.imports.names.insert(name, path.clone());
         }
@@ -76,6 +78,7 @@ impl Collector {
     /// Collects paths from the tokens of a macro, which is not parsed.
     fn tokens(&mut self, text: &str) {
         let words: Vec<&str> = text.split_whitespace().collect();
+        // Extend each `crate` or `super` by the names after `::`.
         for (i, word) in words.iter().enumerate().filter(|(_, word)| ["crate", "super"].contains(word)) {
             let after = words[i + 1..].chunks_exact(2).take_while(|pair| pair[0] == "::");
             let path: Vec<String> =
@@ -131,6 +134,7 @@ fn read(folder: &Path, module: &Module, files: &mut BTreeMap<Module, Imports>) {
         let path = entry.expect("an entry").path();
         let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
         let mut own = module.clone();
+        // Folders are modules.
         if path.is_dir() {
             own.push(name);
             read(&path, &own, files);
@@ -156,8 +160,10 @@ fn read(folder: &Path, module: &Module, files: &mut BTreeMap<Module, Imports>) {
 
 /// Returns the file that defines `path`, following re-exports.
 fn defined_in(path: &Module, files: &BTreeMap<Module, Imports>, steps: usize) -> Option<Module> {
+    // Find the deepest module of the path that is a file.
     let depth = (0..=path.len()).rev().find(|&depth| files.contains_key(&path[..depth]))?;
     let (module, rest) = path.split_at(depth);
+    // Follow a re-export of the next name.
     let handed_on = rest.first().and_then(|name| files[module].names.get(name)).filter(|_| steps > 0);
     let followed = handed_on.and_then(|target| {
         let whole = [target.as_slice(), &rest[1..]].concat();
@@ -175,6 +181,7 @@ fn rooms(files: &BTreeMap<Module, Imports>) -> BTreeMap<Module, Edges> {
     let is_test = |file: &Module| (0..=file.len()).any(|depth| test_modules.contains(&file[..depth].to_vec()));
     let mut rooms = BTreeMap::<Module, Edges>::new();
     for (file, imports) in files.iter().filter(|(file, _)| !is_test(file)) {
+        // Compare the modules at the level where their paths diverge.
         for target in imports.paths.iter().filter_map(|path| defined_in(path, files, 8)) {
             let common = file.iter().zip(&target).take_while(|(a, b)| a == b).count();
             if common == file.len() || common == target.len() {
@@ -190,6 +197,7 @@ fn rooms(files: &BTreeMap<Module, Imports>) -> BTreeMap<Module, Edges> {
 
 /// Returns whether `to` imports `from`, directly or indirectly.
 fn leads_back(edges: &Edges, (from, to): &(Module, Module)) -> bool {
+    // Search all modules that `to` imports.
     let (mut reached, mut open) = (BTreeSet::from([to]), vec![to]);
     while let Some(one) = open.pop() {
         let next = edges.keys().filter(|(importing, _)| importing == one).map(|(_, imported)| imported);

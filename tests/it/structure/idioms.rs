@@ -3,13 +3,13 @@
 use super::sentences::{paragraphs, plain};
 use super::{CRATES, files_below, name_of, root};
 
-/// Idioms with the number of uses allowed in 1000 words.
+/// Rare idioms, with the number of uses allowed in 1000 words.
 const RARE: [(&[&str], f64); 3] = [
     (&["what", "whatever"], 2.0),
     (&["tell", "tells", "told", "say", "says", "said", "know", "knows", "knew"], 1.0),
     (&["those of", "that of"], 0.5),
 ];
-/// Idioms that are not used.
+/// Forbidden idioms.
 const NEVER: [&str; 22] = [
     "anew",
     "afresh",
@@ -34,17 +34,17 @@ const NEVER: [&str; 22] = [
     "likewise",
     "thereby",
 ];
-/// First words of doc lines that do not stand alone, where the line has three words or fewer.
+/// Prepositions that, as first words, mark a doc line of at most three words as incomplete.
 const PREPOSITIONS: [&str; 14] =
     ["of", "in", "on", "at", "for", "from", "to", "by", "with", "as", "before", "after", "between", "without"];
-/// Messages have this many words at least; shorter strings are names.
+/// Minimum number of words of a message; shorter strings are names.
 const MESSAGE_WORDS: usize = 4;
 
 /// A paragraph with its file and line.
 struct Passage {
     place: String,
     is_doc: bool,
-    /// In lower case, without signs; code counts as a word.
+    /// Words in lower case, without punctuation; code counts as one word.
     words: Vec<String>,
 }
 
@@ -56,38 +56,39 @@ impl Passage {
         Self { place: format!("{name}:{line}"), is_doc, words: words.collect() }
     }
 
-    /// The number of places where the words of `idiom` follow each other.
+    /// Returns the number of positions at which the words of `idiom` follow each other.
     fn count(&self, idiom: &str) -> usize {
         let idiom: Vec<&str> = idiom.split(' ').collect();
         self.words.windows(idiom.len()).filter(|words| words.iter().eq(idiom.iter())).count()
     }
 
-    /// Whether this is a doc line that needs its neighbors to be understood.
+    /// Returns whether this is a doc line that is incomprehensible without its neighbors.
     fn leans(&self) -> bool {
         self.is_doc && self.words.len() <= 3 && self.words.first().is_some_and(|w| PREPOSITIONS.contains(&w.as_str()))
     }
 }
 
-/// The text after the sign of a doc line or comment.
+/// Returns the sign of a doc line or comment, and the text after the sign.
 fn commented(line: &str) -> Option<(&'static str, &str)> {
     let line = line.trim_start();
     let sign = ["///", "//!", "//"].into_iter().find(|sign| line.starts_with(sign))?;
     Some((sign, line[sign.len()..].trim()))
 }
 
-/// The strings of a line that are long enough to be messages.
+/// Returns the strings of a line that are long enough to be messages.
 fn messages(line: &str) -> Vec<String> {
-    // Escaped signs end no string.
+    // Remove escaped quotes, which do not end a string.
     let line = line.replace("\\\\", "").replace("\\\"", "");
     let strings = line.split('"').skip(1).step_by(2);
     strings.filter(|text| text.split_whitespace().count() >= MESSAGE_WORDS).map(str::to_owned).collect()
 }
 
-/// Doc lines, comments and messages of a source, by paragraphs.
+/// Returns the doc lines, comments and messages of a source, by paragraphs.
 fn passages_of_source(name: &str, text: &str) -> Vec<Passage> {
     let (mut passages, mut open): (_, Option<(&str, usize, String)>) = (Vec::new(), None);
     let mut in_block = false;
     for (number, line) in text.lines().chain([""]).enumerate() {
+        // Skip code blocks, tables and headings.
         let comment = commented(line);
         let starts_block = comment.is_some_and(|(_, text)| text.starts_with("```"));
         let text = match comment {
@@ -98,7 +99,7 @@ fn passages_of_source(name: &str, text: &str) -> Vec<Passage> {
         };
         in_block ^= starts_block;
 
-        // A paragraph ends with its sign, and before each item of a list.
+        // End a paragraph where the sign changes, and before each item of a list.
         let begins_item = text.is_some_and(|(_, text)| text.starts_with("- ") || text.starts_with("* "));
         let goes_on = matches!((&open, text), (Some((sign, ..)), Some((next, _))) if *sign == next) && !begins_item;
         if !goes_on && let Some((sign, first, paragraph)) = open.take() {
@@ -109,6 +110,7 @@ fn passages_of_source(name: &str, text: &str) -> Vec<Passage> {
             (None, Some((sign, text))) => open = Some((sign, number + 1, text.to_owned())),
             _ => {}
         }
+        // Check the messages of lines without comments.
         if comment.is_none() {
             passages.extend(messages(line).iter().map(|text| Passage::new(name, number + 1, false, text)));
         }
@@ -116,16 +118,17 @@ fn passages_of_source(name: &str, text: &str) -> Vec<Passage> {
     passages
 }
 
-/// Paragraphs and rows of tables of a document.
+/// Returns the paragraphs and table rows of a document.
 fn passages_of_document(name: &str, text: &str) -> Vec<Passage> {
     let rows = text.lines().filter(|line| line.starts_with('|')).map(str::to_owned);
     paragraphs(text).into_iter().chain(rows).map(|text| Passage::new(name, 0, false, &text)).collect()
 }
 
-/// Breaks of the rules in texts that belong together.
+/// Returns the broken rules in texts that belong together.
 fn breaks(group: &str, passages: &[Passage]) -> Vec<String> {
     let mut found = Vec::new();
     let words: usize = passages.iter().map(|passage| passage.words.len()).sum();
+    // Compare the density of rare idioms with the allowed density.
     for (idioms, allowed) in RARE {
         let count: usize = idioms.iter().flat_map(|idiom| passages.iter().map(|passage| passage.count(idiom))).sum();
         let density = 1000.0 * count as f64 / words.max(1) as f64;
@@ -133,6 +136,7 @@ fn breaks(group: &str, passages: &[Passage]) -> Vec<String> {
             found.push(format!("{group}: {idioms:?} {density:.1} times in 1000 words, allowed are {allowed}"));
         }
     }
+    // Report every forbidden idiom.
     for passage in passages {
         found.extend(
             NEVER.iter().filter(|idiom| passage.count(idiom) > 0).map(|idiom| format!("{}: {idiom}", passage.place)),

@@ -3,7 +3,7 @@
 use super::{CRATES, root};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A crate, and names forbidden among its direct and indirect dependencies.
+/// Crates, and names forbidden among their direct and indirect dependencies.
 const NEVER: [(&str, &[&str]); 11] = [
     ("support/lanes", &["glam", "rayon", "serde", "ranks", "plane"]),
     ("support/plane", &["glam", "rayon", "ranks", "render-core"]),
@@ -23,6 +23,7 @@ fn dependencies(name: &str) -> BTreeSet<String> {
     let text = std::fs::read_to_string(root().join(name).join("Cargo.toml")).expect("a manifest");
     let mut names = BTreeSet::new();
     let mut within = false;
+    // Read the tables of dependencies, without those for tests and builds.
     for line in text.lines() {
         if line.starts_with('[') {
             within = line == "[dependencies]" || line.starts_with("[target.") && line.ends_with(".dependencies]");
@@ -53,7 +54,7 @@ fn crates_keep_off_the_crates_above_them() {
     let folders = folders();
     let mut found = Vec::new();
     for (of, never) in NEVER {
-        // All crates of the workspace in reach.
+        // Collect direct and indirect dependencies.
         let (mut reached, mut open) = (BTreeSet::new(), vec![of]);
         while let Some(folder) = open.pop() {
             for name in dependencies(folder) {

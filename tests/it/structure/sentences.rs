@@ -14,6 +14,7 @@ pub(super) fn paragraphs(text: &str) -> Vec<String> {
         if line.starts_with("```") {
             in_block = !in_block;
         }
+        // Recognize items of bulleted and numbered lists.
         let item = line.strip_prefix("- ").or(line.strip_prefix("* ")).or_else(|| {
             let (number, rest) = line.split_once(". ")?;
             number.parse::<u32>().is_ok().then_some(rest)
@@ -34,6 +35,7 @@ pub(super) fn paragraphs(text: &str) -> Vec<String> {
 /// Replaces code by one word, and removes the targets of links.
 pub(super) fn plain(text: &str) -> String {
     let mut plain = String::new();
+    // Text between pairs of backticks is code.
     for (number, piece) in text.split('`').enumerate() {
         plain.push_str(if number % 2 == 0 { piece } else { "code" });
     }
@@ -49,6 +51,7 @@ fn sentences(paragraph: &str) -> Vec<Vec<&str>> {
     let mut sentences = vec![Vec::new()];
     for word in paragraph.split_whitespace() {
         let last = sentences.last_mut().expect("one to begin with");
+        // Words without letters or digits do not count.
         if word.contains(char::is_alphanumeric) {
             last.push(word);
         }
@@ -62,7 +65,7 @@ fn sentences(paragraph: &str) -> Vec<Vec<&str>> {
 #[test]
 fn sentences_of_documents_are_short() {
     let mut documents = files_below(&root(), "md");
-    // The references are titles.
+    // Omit the references, which are titles.
     documents.retain(|path| name_of(path) != "docs/REFERENCES.md");
     assert!(documents.len() > 8, "there are documents");
     let mut found = Vec::new();

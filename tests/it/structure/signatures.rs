@@ -14,7 +14,7 @@ const WRAPPERS: [&str; 6] = ["Option", "Result", "Vec", "Box", "Arc", "Timed"];
 /// Public functions with accepted tuples of mixed types.
 const KNOWN_TUPLES: [&str; 1] = ["render-core/src/image_file/open_exr.rs write_layers"];
 
-/// A public function: file and name, and its signature.
+/// Public function with file, name and signature.
 struct Function {
     place: String,
     signature: syn::Signature,
@@ -149,6 +149,7 @@ fn contents(kind: &syn::Type) -> Vec<&syn::Type> {
     let syn::Type::Path(path) = kind else { return Vec::new() };
     let Some(segment) = path.path.segments.last() else { return Vec::new() };
     let syn::PathArguments::AngleBracketed(arguments) = &segment.arguments else { return Vec::new() };
+    // Look only into known wrappers.
     if !WRAPPERS.iter().any(|wrapper| segment.ident == wrapper) {
         return Vec::new();
     }

@@ -66,7 +66,7 @@ fn has_tuple(pattern: &syn::Pat) -> bool {
 #[test]
 fn parameters_are_hardly_ever_tuples() {
     let mut found = Vec::new();
-    // Test modules of a crate are in folders of this name.
+    // Omit test modules of a crate, which are in folders called `tests`.
     let sources = CRATES.iter().flat_map(|name| sources_of(name)).filter(|(file, _)| !file.contains("/tests/"));
     for (file, source) in sources {
         let mut collector = Collector { file, found: Vec::new() };

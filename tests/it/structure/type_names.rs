@@ -22,6 +22,7 @@ const SHARED: [&str; 6] = ["Absolute", "Display", "Readme", "Squared", "Words", 
 /// configuration. Private types count if `private` is set.
 fn add(items: &[syn::Item], module: &str, private: bool, names: &mut BTreeMap<String, BTreeSet<String>>) {
     for item in items {
+        // Search inline modules too, except modules of tests.
         let (visibility, name, attributes) = match item {
             syn::Item::Struct(item) => (&item.vis, &item.ident, &item.attrs),
             syn::Item::Enum(item) => (&item.vis, &item.ident, &item.attrs),

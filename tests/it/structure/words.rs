@@ -64,6 +64,7 @@ fn british_lines(text: &str, is_document: bool) -> Vec<(usize, &'static str)> {
         if in_block {
             continue;
         }
+        // Remove accepted words before the search.
         let mut line = format!("{} ", line.to_lowercase());
         for kept in KEPT {
             line = line.replace(kept, "");
