@@ -29,6 +29,7 @@ fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>,
         return Err(format!("{width}x{height} pixels exceed this program's limit").into());
     }
     let mut bytes = vec![0; reader.output_buffer_size().ok_or("its size overflows")?];
+    // Read the first picture of an animation.
     reader.next_frame(&mut bytes)?;
     // Repeat gray in all three channels, and drop alpha.
     let channels = reader.output_color_type().0.samples();

@@ -29,6 +29,7 @@ impl ImportanceSum {
         let held = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let (sum, frames) = held.as_ref()?;
         let (width, height) = (sum.width(), sum.height());
+        // Scale the map to the width of the drawing.
         let scale = WIDTH / width.max(1) as f64;
         let title = "Mean importance";
         let mut svg = Svg::new(WIDTH, ABOVE + scale * height as f64, title);

@@ -167,6 +167,7 @@ fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
         let (Picture::Video(own, _), Some(Picture::Video(other, _))) = (own?, others.next().transpose()?) else {
             return Err(Error::Comparison("ffmpeg decodes fewer pictures than were coded".into()));
         };
+        // Compare the luma of both pictures.
         for (&a, &b) in own.luma().samples().iter().zip(other.luma().samples()) {
             largest = largest.max(a.abs_diff(b));
             equal += usize::from(a == b);

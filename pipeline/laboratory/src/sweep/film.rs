@@ -91,7 +91,7 @@ pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Opt
     Ok(settings)
 }
 
-/// Scene of the films, and the folder in which they are stored.
+/// Scene of the films, and the folder for the files of all films.
 #[derive(Clone, Copy)]
 pub struct Workshop<'a> {
     pub scene: &'a Scene,

@@ -85,6 +85,7 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
             scales => [THRESHOLD, CUT_SIZE, maps::ERROR].map(|scale| context! {
                 about => scale.about, low => scale.ends.0, high => scale.ends.1
             }),
+            // Embed the figures as files.
             csv => download("sweep.csv", "text/csv", &csv_of(&outcome.runs)?),
             json => download("sweep.json", "application/json", swept.json_without_folders()?.as_bytes()),
             tiles, plots, rows,

@@ -63,8 +63,10 @@ fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
     // Omit runs without a baseline: plots skip NaN.
     let speedup = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
     let lost = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.psnr_difference);
+    // Plot bits as an increase in percent.
     let bits =
         |run: &MethodRun| 100.0 * (run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.bits_ratio) - 1.0);
+    // Draw crosses for runs of unequal quality.
     let unequal = |run: &MethodRun| run.against_baseline.as_ref().is_some_and(|beside| !beside.equal_quality);
     vec![
         plot(
@@ -112,6 +114,7 @@ fn of_each_method(outcome: &Outcome) -> Vec<Plot> {
                 "Cut size",
                 ("quantiser_scale", true),
                 ("mean clusters", true),
+                // Omit path tracing, which has no lightcuts.
                 lines(outcome, |run| run.lightcuts, qscale, |run| run.cut_size_mean, never),
                 None,
             ),
