@@ -146,8 +146,10 @@ fn with_file(
 
     // Append the typed words last, so that they win.
     words.extend(scene.filter(|_| !has_scene));
-    let rest = typed.iter().skip(2).cloned();
-    Ok(head.into_iter().chain(words.into_iter().map(OsString::from)).chain(rest).collect())
+    let mut whole = Vec::from(head);
+    whole.extend(words.into_iter().map(OsString::from));
+    whole.extend(typed.iter().skip(2).cloned());
+    Ok(whole)
 }
 
 /// Returns the option named `key`, if files may contain it.

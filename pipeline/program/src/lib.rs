@@ -85,6 +85,7 @@ fn with_exit_code(error: anyhow::Error) -> (anyhow::Error, u8) {
 
 /// Runs a command.
 fn run(command: Command) -> Result<ExitCode> {
+    // Start the threads before a command that renders uses them.
     match command {
         Command::Join(arguments) => commands::join::run(&arguments),
         Command::Plan(arguments) => commands::plan::run(*arguments),

@@ -30,6 +30,7 @@ impl Log {
     }
 }
 
+/// Installs the subscriber for log lines and trace.
 fn listen(verbose: u8, trace: Option<Trace>) {
     use std::io::IsTerminal;
     use tracing_subscriber::filter::LevelFilter;

@@ -26,6 +26,7 @@ pub struct Trace {
     bars: Arc<Mutex<Vec<Bar>>>,
 }
 
+/// Finished span.
 struct Bar {
     name: &'static str,
     frame: Option<u64>,
@@ -98,6 +99,7 @@ fn thread_number() -> u64 {
     NUMBER.with(Cell::get)
 }
 
+/// Visitor that reads the frame of a span.
 #[derive(Default)]
 struct FrameOf(Option<u64>);
 

@@ -31,7 +31,7 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let plan = renderer::plan::Plan::new(&scene, &settings.render);
     say!("{}", plan.table().trim_end());
 
-    // Estimate time and memory, which depend on this machine.
+    // Estimate the time on all threads, and the memory.
     let (seconds, frames) = (plan.seconds_a_frame(), settings.frame_range().len());
     let all = frames as f64 * seconds / rayon::current_num_threads() as f64;
     let frames = counted(frames, "frame");

@@ -93,6 +93,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
             PathBuf::from(format!("{}-sweep", stem.to_string_lossy()))
         }
     };
+    // Ask before replacing the results of another sweep.
     overwrite.check(&folder.join("sweep.json"))?;
     pipeline::streams::make_folder(&folder)?;
     // Report an unwritable folder before rendering begins.

@@ -76,7 +76,9 @@ impl Files {
         // Check the other files, and the frames in folders.
         let named = self.named_report.then_some(self.report.as_ref()).flatten();
         let others = [&settings.files.y4m, &self.html, &self.trace].into_iter().flatten();
-        others.chain(named).chain(&self.also).try_for_each(|path| overwrite.check(path))?;
+        for path in others.chain(named).chain(&self.also) {
+            overwrite.check(path)?;
+        }
         first_frame_there(settings).map_or(Ok(()), |frame| overwrite.check(&frame))
     }
 
@@ -86,7 +88,10 @@ impl Files {
     /// If a folder does not exist or cannot be written to.
     pub fn try_out(&self) -> FilmResult<()> {
         let paths = [&self.report, &self.html, &self.trace];
-        paths.into_iter().flatten().chain(&self.also).try_for_each(|path| Ok(Output::create(path).map(drop)?))
+        for path in paths.into_iter().flatten().chain(&self.also) {
+            drop(Output::create(path)?);
+        }
+        Ok(())
     }
 }
 

@@ -110,6 +110,7 @@ pub fn run_among(arguments: RenderArguments, ranks: &Ranks) -> Result<ExitCode> 
 fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> {
     arguments.check_features()?;
     let path = arguments.source.path();
+    // Handle --watch, which starts a separate process for each film.
     if arguments.watch && answer.team.count() > 1 {
         let text = "--watch starts a new process for each film: run it without mpirun";
         return Err(render2mpeg::Error::Options(text.into()).into());
