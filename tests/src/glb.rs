@@ -5,19 +5,19 @@ use gltf::binary::Header;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// A parallelogram: a corner and two edges a and b; it faces a × b.
+/// Parallelogram with a corner and two edges a and b; its front faces a × b.
 pub type Quad = [Vec3; 3];
 
-/// A glTF document with one buffer; `json` is public, so that tests can damage it.
+/// glTF document with one buffer. Tests may damage `json`.
 #[derive(Clone, Debug)]
 pub struct Glb {
-    /// The JSON document.
+    /// JSON document.
     pub json: Value,
-    /// The buffer.
+    /// Content of the buffer.
     pub bin: Vec<u8>,
 }
 
-/// A faceted ball.
+/// Faceted ball.
 #[derive(Clone, Copy, Debug)]
 pub struct Ball {
     /// Center \[m\].
@@ -65,7 +65,7 @@ impl Ball {
 
 /// Data of an accessor.
 struct Numbers {
-    /// The encoded numbers.
+    /// Encoded numbers.
     bytes: Vec<u8>,
     /// Number of elements.
     count: usize,
@@ -266,7 +266,7 @@ pub(crate) fn glb_file(document: &str, bin: &[u8]) -> Vec<u8> {
     file.to_vec().expect("memory to write to")
 }
 
-/// The dynamic object of [`checkered_room`].
+/// Dynamic object of [`checkered_room`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Moving {
     /// Everything is static.

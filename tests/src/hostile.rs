@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 pub struct Hostile {
     /// Name of the fault.
     pub name: &'static str,
-    /// The file.
+    /// Content of the file.
     pub bytes: Vec<u8>,
 }
 
@@ -41,6 +41,7 @@ type Scenes = Vec<(&'static str, Glb)>;
 fn hierarchy() -> Scenes {
     let mut longer_cycle = room_with("/nodes/0/children", json!([1]));
     longer_cycle.json["nodes"][1]["children"] = json!([0]);
+    // A deep chain overflows the stack of a recursive loader.
     let mut deep = Glb::default();
     deep.json["nodes"] = json!((0..200_000).map(|node| json!({ "children": [node + 1] })).collect::<Vec<_>>());
     deep.json["scenes"][0]["nodes"] = json!([0]);
@@ -81,6 +82,7 @@ fn indices() -> Scenes {
 fn accessors() -> Scenes {
     let part = |view: u32| json!({ "bufferView": view, "byteOffset": 0, "componentType": 5125 });
     let sparse = json!({ "count": 1u64 << 40, "indices": part(0), "values": { "bufferView": 0 } });
+    // Sparse data without a view needs memory for every element.
     let mut alone =
         room_with("/accessors/0/sparse", json!({ "count": 1, "indices": part(1), "values": { "bufferView": 0 } }));
     alone.json["accessors"][0].as_object_mut().expect("an object").remove("bufferView");
@@ -151,7 +153,7 @@ pub fn damaged(whole: &[u8], random: &mut Random) -> (Vec<u8>, Vec<(usize, u8)>)
     (damaged, places)
 }
 
-/// A fast generator with the same sequence on every platform (xorshift).
+/// Fast random generator with the same sequence on every platform (xorshift).
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 

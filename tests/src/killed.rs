@@ -22,20 +22,20 @@ pub const HEADER: usize = 20;
 /// Index of the state section `Part::Prepare`, the light tree, which has a header and a checksum of its own.
 pub const TREE: usize = 0;
 
-/// A film of three frames, killed after its second.
+/// Film of three frames, killed after the second frame.
 #[derive(Debug)]
 pub struct KilledFilm {
-    /// The scene.
+    /// Scene of the film.
     pub scene: Scene,
     /// Settings of all three frames.
     pub settings: Settings,
-    /// The plan of the film.
+    /// Plan of the film.
     pub plan: Plan,
     /// Body of the checkpoint.
     pub stored: Stored,
-    /// The unfinished video.
+    /// Unfinished video.
     pub part: Vec<u8>,
-    /// The complete video of three frames.
+    /// Complete video of three frames.
     pub truth: Vec<u8>,
     /// Magic number and version of checkpoints.
     begin: [u8; 8],

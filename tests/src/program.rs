@@ -56,11 +56,11 @@ pub fn start_until_checkpoint(folder: &Path, arguments: &[&str], film: &str) -> 
     child
 }
 
-/// A finished film.
+/// Finished film.
 pub struct Rendered {
-    /// The video.
+    /// Content of the video file.
     pub stream: Vec<u8>,
-    /// The report.
+    /// Content of the report.
     pub report: Value,
 }
 

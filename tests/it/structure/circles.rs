@@ -24,7 +24,7 @@ struct Imports {
 
 /// Collects the imports of a file.
 struct Collector {
-    /// The file's module, then the inline modules around the current item.
+    /// Module of the file, and the inline modules around the current item.
     here: Module,
     depth_of_file: usize,
     imports: Imports,
@@ -81,8 +81,8 @@ impl Collector {
         // Extend each `crate` or `super` by the names after `::`.
         for (i, word) in words.iter().enumerate().filter(|(_, word)| ["crate", "super"].contains(word)) {
             let after = words[i + 1..].chunks_exact(2).take_while(|pair| pair[0] == "::");
-            let path: Vec<String> =
-                std::iter::once(*word).chain(after.map(|pair| pair[1])).map(str::to_owned).collect();
+            let mut path = vec![(*word).to_owned()];
+            path.extend(after.map(|pair| pair[1].to_owned()));
             self.imports.paths.extend(self.absolute(&path, false));
         }
     }
@@ -94,6 +94,7 @@ impl<'ast> Visit<'ast> for Collector {
         if !only_in_tests(&module.attrs) {
             visit::visit_item_mod(self, module);
         } else if module.content.is_none() {
+            // Record test modules in separate files, because `read` visits these files too.
             self.imports.test_modules.insert(self.here.clone());
         }
         self.here.pop();

@@ -40,7 +40,7 @@ const PREPOSITIONS: [&str; 14] =
 /// Minimum number of words of a message; shorter strings are names.
 const MESSAGE_WORDS: usize = 4;
 
-/// A paragraph with its file and line.
+/// Paragraph with its file and line.
 struct Passage {
     place: String,
     is_doc: bool,
@@ -51,6 +51,7 @@ struct Passage {
 impl Passage {
     fn new(name: &str, line: usize, is_doc: bool, text: &str) -> Self {
         let plain = plain(text).to_lowercase();
+        // Split words at punctuation, except apostrophes.
         let is_sign = |c: char| !c.is_alphanumeric() && c != '’' && c != '\'';
         let words = plain.split(is_sign).filter(|word| word.chars().any(char::is_alphabetic)).map(str::to_owned);
         Self { place: format!("{name}:{line}"), is_doc, words: words.collect() }

@@ -39,6 +39,7 @@ fn dependencies(name: &str) -> BTreeSet<String> {
 fn folders() -> BTreeMap<&'static str, &'static str> {
     let mut folders = BTreeMap::new();
     for folder in CRATES {
+        // The names of two crates differ from their folders.
         let name = match folder {
             "pipeline/loop" => "pipeline",
             "pipeline/film" => "render2mpeg",

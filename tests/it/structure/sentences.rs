@@ -19,6 +19,7 @@ pub(super) fn paragraphs(text: &str) -> Vec<String> {
             let (number, rest) = line.split_once(". ")?;
             number.parse::<u32>().is_ok().then_some(rest)
         });
+        // Empty lines, tables, headings, code and HTML end a paragraph.
         let is_apart = line.is_empty() || ["|", "#", "```", "<"].iter().any(|first| line.starts_with(first));
         if in_block || is_apart {
             paragraphs.push(String::new());
@@ -39,6 +40,7 @@ pub(super) fn plain(text: &str) -> String {
     for (number, piece) in text.split('`').enumerate() {
         plain.push_str(if number % 2 == 0 { piece } else { "code" });
     }
+    // Remove the targets of links.
     while let Some(start) = plain.find("](") {
         let end = plain[start..].find(')').map_or(plain.len(), |end| start + end + 1);
         plain.replace_range(start..end, "");
@@ -72,6 +74,7 @@ fn sentences_of_documents_are_short() {
     for path in documents {
         let (name, text) = (name_of(&path), std::fs::read_to_string(&path).expect("a text"));
         let (mut count, mut all_words) = (0, 0);
+        // Report each sentence that is too long.
         for paragraph in paragraphs(&text) {
             for words in sentences(&plain(&paragraph)).into_iter().filter(|words| !words.is_empty()) {
                 if words.len() > MOST_WORDS {
@@ -81,6 +84,7 @@ fn sentences_of_documents_are_short() {
                 all_words += words.len();
             }
         }
+        // Compare the mean length over the document with the limit.
         let mean = all_words as f64 / f64::from(count.max(1));
         if mean > MOST_ON_AVERAGE {
             found.push(format!("{name}: {mean:.1} words in a sentence on average"));

@@ -25,7 +25,7 @@ struct Collector {
     file: String,
     /// Public types of the crate that the file may refer to.
     types: BTreeSet<String>,
-    /// The type or trait around the current item.
+    /// Type or trait around the current item.
     owner: Option<String>,
     found: Vec<Function>,
 }
@@ -136,6 +136,7 @@ fn adds_to_figures(kind: &syn::Type) -> bool {
         syn::Type::Reference(reference) => {
             let name = last_name(&reference.elem).unwrap_or_default();
             let is_counter = COUNTERS.iter().any(|ending| name.ends_with(ending));
+            // `Busy` counts through a shared reference.
             name == "Busy" || reference.mutability.is_some() && is_counter || adds_to_figures(&reference.elem)
         }
         syn::Type::Tuple(tuple) => tuple.elems.iter().any(adds_to_figures),
@@ -162,7 +163,7 @@ fn contents(kind: &syn::Type) -> Vec<&syn::Type> {
     types
 }
 
-/// The names and symbols of a type in order; equal for equally spelled types.
+/// Names and symbols of a type in order, equal for equally spelled types.
 #[derive(Default, PartialEq)]
 struct Spelling(Vec<String>);
 
@@ -176,6 +177,7 @@ impl<'ast> Visit<'ast> for Spelling {
     }
 
     fn visit_type(&mut self, kind: &'ast syn::Type) {
+        // Add a symbol for references, lists and tuples, so that `&T` differs from `T`.
         let sign = match kind {
             syn::Type::Reference(_) => "&",
             syn::Type::Slice(_) => "[]",

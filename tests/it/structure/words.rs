@@ -50,7 +50,7 @@ const BRITISH: [&str; 41] = [
 ];
 /// Accepted words: similar words, syntax elements of MPEG-2, and an option that is still accepted.
 const KEPT: [&str; 5] = ["optimistic", "colour_description", "colour_primaries", "alias = \"centre\"", "`--centre`"];
-/// The file with this list.
+/// Path of the file with this list.
 const LIST: &str = "tests/it/structure/words.rs";
 
 /// Returns the lines of `text` in British spelling, by number. Output blocks in documents come from other programs and are
@@ -64,7 +64,7 @@ fn british_lines(text: &str, is_document: bool) -> Vec<(usize, &'static str)> {
         if in_block {
             continue;
         }
-        // Remove accepted words before the search.
+        // Append a space, because some fragments end with a space. Remove accepted words.
         let mut line = format!("{} ", line.to_lowercase());
         for kept in KEPT {
             line = line.replace(kept, "");

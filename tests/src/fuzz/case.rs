@@ -47,16 +47,16 @@ pub struct Case {
     pub subject: String,
     /// Names of the changes, in order.
     pub changes: Vec<&'static str>,
-    /// The command line.
+    /// Command line of the case.
     pub command: String,
-    /// The result.
+    /// Result of the case.
     pub verdict: Verdict,
 }
 
 /// Case with a fault.
 #[derive(Clone, Debug)]
 pub struct Finding {
-    /// The folder of its files.
+    /// Folder with the case's files.
     pub folder: PathBuf,
     /// Description of the fault.
     pub fault: String,

@@ -89,6 +89,7 @@ impl Forger {
             // Change the content, with a valid checksum.
             3 => ("body", killed.sealed(&changed(&whole[HEADER..], random)), false),
             4 => {
+                // Change the job: program, settings or inputs.
                 let (program, settings, inputs) = &mut stored.0;
                 match random.below(3) {
                     0 => program.push(' '),
@@ -174,7 +175,9 @@ fn change_state(state: &mut Vec<u8>, random: &mut Random) {
             // Write NaN, infinite or large floats, which are also large lengths and indices.
             let bytes = random.pick(&[f32::NAN, f32::INFINITY, 1e30, -1.0]).to_le_bytes();
             let place = random.below(state.len().max(4)).min(state.len().saturating_sub(4));
-            state.iter_mut().skip(place).zip(bytes).for_each(|(old, new)| *old = new);
+            for (old, new) in state.iter_mut().skip(place).zip(bytes) {
+                *old = new;
+            }
         }
         _ if state.is_empty() => state.push(1),
         _ => *state = changed(state, random),

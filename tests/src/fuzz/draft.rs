@@ -1,4 +1,4 @@
-//! A scene under change.
+//! Scene that the changes apply to.
 
 use crate::glb::glb_file;
 use crate::{Glb, Random};
@@ -26,9 +26,9 @@ const RAW: [&str; 12] = [
 pub struct Draft {
     /// Name of the original scene.
     pub name: String,
-    /// The JSON document.
+    /// JSON document.
     pub json: Value,
-    /// The first buffer.
+    /// Content of the first buffer.
     pub bin: Vec<u8>,
     /// Text of the settings file, which is not written if empty.
     pub toml: String,

@@ -19,18 +19,18 @@ const LONGEST: Duration = Duration::from_secs(120);
 /// Folders of one case: scene, output and temporary files.
 #[derive(Debug)]
 pub struct Film {
-    /// The folder that contains the other three.
+    /// Folder that contains the other three.
     pub folder: PathBuf,
     /// Arguments of the program, which runs in the output folder.
     pub arguments: Vec<String>,
 }
 
-/// The end of a run.
+/// End of a run.
 #[derive(Debug)]
 pub struct Outcome {
     /// Exit code; none if a signal ended the run.
     pub code: Option<i32>,
-    /// The signal that ended the run.
+    /// Signal that ended the run, if any.
     pub signal: Option<i32>,
     /// Whether the run exceeded its time and was killed.
     pub endless: bool,

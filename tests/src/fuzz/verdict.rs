@@ -11,11 +11,11 @@ const BEGIN: [u8; 4] = [0, 0, 1, 0xb3];
 /// Result of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// A complete film.
+    /// Complete film.
     Rendered,
-    /// One line of error, and no files.
+    /// Error message of one line, and no files.
     Refused,
-    /// A broken rule.
+    /// Broken rule, with a description.
     Fault(String),
 }
 

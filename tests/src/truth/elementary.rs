@@ -35,7 +35,7 @@ pub struct Sequence {
     pub matrix: Option<u64>,
 }
 
-/// A group of pictures.
+/// Group of pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Group {
     /// Hours, minutes, seconds and pictures of its time code.
@@ -44,7 +44,7 @@ pub struct Group {
     pub closed: bool,
 }
 
-/// A picture in coding order, with the headers in front of it.
+/// Picture in coding order, with preceding headers.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
     /// Offset in the stream of the first byte of its headers.
@@ -59,7 +59,7 @@ pub struct Picture {
     pub temporal_reference: u64,
     /// vbv_delay \[1/90 000 s\].
     pub vbv_delay: u64,
-    /// The group that starts with this picture.
+    /// Group that starts with this picture, if any.
     pub group: Option<Group>,
     /// f_code\[s\]\[t\]; 15 without vectors.
     pub f_code: [[u64; 2]; 2],
@@ -81,7 +81,7 @@ impl Picture {
     }
 }
 
-/// The headers of a whole stream.
+/// Headers of a whole stream.
 #[derive(Clone, Debug, Default)]
 pub struct Elementary {
     /// All sequence headers, including repetitions.
@@ -155,6 +155,7 @@ impl Elementary {
         match id {
             1 => sequence_extension(bits, sequence),
             2 => {
+                // Read matrix_coefficients and the display size from the sequence_display_extension.
                 bits.skip(3);
                 if bits.flag() {
                     bits.skip(16);

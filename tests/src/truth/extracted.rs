@@ -20,7 +20,7 @@ pub(super) struct Stamps {
     pub decoding: u64,
 }
 
-/// A run of bytes of the elementary stream.
+/// Consecutive bytes of the elementary stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chunk {
     /// Offset of the byte after the last one.
@@ -29,7 +29,7 @@ pub(super) struct Chunk {
     pub arrival: (f64, f64),
 }
 
-/// The elementary stream of a container.
+/// Elementary stream of a container.
 #[derive(Debug, Default)]
 pub(super) struct Extracted {
     pub stream: Vec<u8>,

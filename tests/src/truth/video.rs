@@ -141,6 +141,7 @@ fn buffer_faults(pictures: &[Picture], sequence: &Sequence) -> Vec<String> {
     if pictures.iter().any(|picture| (picture.vbv_delay == VARIABLE) != is_variable) {
         faults.push("vbv_delay of variable and of constant rate".into());
     }
+    // vbv_delay refers to the picture_start_code, so preceding headers are in the buffer too.
     let ahead = |picture: &Picture| 8.0 * (picture.header - picture.begin) as f64;
     let mut fullness = if is_variable { size } else { first.vbv_delay as f64 * rate / 90_000.0 + ahead(first) };
     // Fill and empty the buffer, picture by picture.

@@ -14,7 +14,7 @@ mod structure;
 use super::Draft;
 use crate::Random;
 
-/// A named change, which returns `None` if it does not apply.
+/// Named change, which returns `None` if it does not apply.
 type Mutation = (&'static str, fn(&mut Draft, &mut Random) -> Option<()>);
 
 /// All changes by subject; subjects are drawn evenly. Subjects that mostly load are listed twice.

@@ -25,6 +25,7 @@ fn odd_text(random: &mut Random) -> Value {
         "ü€😀",
         "\u{fffd}\u{feff}",
     ];
+    // Draw huge texts less often than short ones.
     match random.below(14) {
         0 => json!("x".repeat(100_000)),
         1 => json!("\u{1b}".repeat(1000)),
@@ -57,6 +58,7 @@ fn odd_address(draft: &Draft, random: &mut Random) -> Value {
         "data:application/octet-stream;base64,AAAA====AAAA",
         "data:text/plain,hello",
     ];
+    // Draw valid data, truncated data or an odd text in some cases.
     match random.below(8) {
         0 => json!(data_uri(&draft.bin)),
         1 => json!(data_uri(&draft.bin[..random.below(draft.bin.len() + 1)])),
