@@ -76,7 +76,7 @@ fn on_signal(note: impl Fn(u8) + Send + 'static) -> Result<()> {
     Ok(())
 }
 
-/// Calls `note` after Ctrl-C, the only such signal on other systems.
+/// Calls `note` after Ctrl-C, the only request to end the process on systems other than Unix.
 #[cfg(not(unix))]
 fn on_signal(note: impl Fn(u8) + Send + 'static) -> Result<()> {
     ctrlc::set_handler(move || note(INTERRUPTED))?;

@@ -7,9 +7,10 @@ use super::{CRATES, only_in_tests, sources_of};
 use std::collections::BTreeSet;
 use syn::visit::{self, Visit};
 
-/// Name endings of types that count or time work; functions return such types and do not add to their callers'.
+/// Name endings of types that count or time work. Functions return values of these types, and do not modify a caller's
+/// values.
 const COUNTERS: [&str; 4] = ["Figures", "Counts", "Seconds", "Stats"];
-/// Types to look into: a tuple inside them is in the signature too.
+/// Generic types to search: a tuple among their arguments is also part of the signature.
 const WRAPPERS: [&str; 6] = ["Option", "Result", "Vec", "Box", "Arc", "Timed"];
 /// Public functions with accepted tuples of mixed types.
 const KNOWN_TUPLES: [&str; 1] = ["render-core/src/image_file/open_exr.rs write_layers"];
@@ -56,7 +57,7 @@ impl<'ast> Visit<'ast> for Collector {
     }
 
     fn visit_item_impl(&mut self, item: &'ast syn::ItemImpl) {
-        // The signatures of trait methods are given by the trait.
+        // The trait defines the signatures of its methods.
         let owner = last_name(&item.self_ty).filter(|name| self.types.contains(name));
         if item.trait_.is_none() && owner.is_some() && !only_in_tests(&item.attrs) {
             self.owner = owner;

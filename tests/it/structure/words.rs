@@ -53,8 +53,8 @@ const KEPT: [&str; 5] = ["optimistic", "colour_description", "colour_primaries",
 /// Path of the file with this list.
 const LIST: &str = "tests/it/structure/words.rs";
 
-/// Returns the lines of `text` in British spelling, by number. Output blocks in documents come from other programs and are
-/// skipped.
+/// Returns the lines of `text` in British spelling, by number. Skips output blocks in documents, because other programs
+/// write them.
 fn british_lines(text: &str, is_document: bool) -> Vec<(usize, &'static str)> {
     let (mut found, mut in_block) = (Vec::new(), false);
     for (number, line) in text.lines().enumerate() {

@@ -73,7 +73,8 @@ impl Draft {
 
     /// Writes the scene and its settings into `folder`, and returns the name of the scene's file.
     ///
-    /// Most scenes are .glb files, the others .gltf files with an embedded or external buffer. Some files get damaged bytes.
+    /// Most scenes are .glb files. The others are .gltf files with an embedded or external buffer. Some files have damaged
+    /// bytes.
     pub fn write(&self, folder: &Path, random: &mut Random) -> std::io::Result<&'static str> {
         // Write the settings.
         if !self.toml.is_empty() {

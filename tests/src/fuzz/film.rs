@@ -88,7 +88,7 @@ impl Film {
         shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(&told)?);
         let mut child = shell.spawn()?;
 
-        // Poll at short intervals first: most runs take some hundredths of a second.
+        // Poll at short intervals first, because most runs take a few hundredths of a second.
         let begin = Instant::now();
         let mut status: Option<ExitStatus> = child.try_wait()?;
         while status.is_none() && begin.elapsed() < LONGEST {

@@ -6,7 +6,7 @@ use render_core::scene::{self, GltfSource, Reach};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Maximum size of a seed \[bytes\]; larger scenes take the time of many small ones.
+/// Maximum size of a seed \[bytes\]. Rendering a larger scene takes longer than rendering many small scenes.
 const LARGEST: usize = 200_000;
 
 /// Extensions of views that refer to a buffer.

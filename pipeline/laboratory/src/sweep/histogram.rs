@@ -45,8 +45,8 @@ pub struct Ratios {
 }
 
 impl Ratios {
-    /// Returns an empty collection for `frames` frames of `film`. The fraction for pixels without a threshold comes
-    /// from the film's settings.
+    /// Returns an empty collection for `frames` frames of `film`. The film's settings define the fraction for pixels
+    /// without a threshold.
     pub fn of(film: &Film, frames: usize) -> Self {
         let otherwise = f64::from(film.settings.render.thresholds.share_elsewhere());
         let Size { width, height } = film.settings.render.size;

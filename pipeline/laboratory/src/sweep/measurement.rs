@@ -181,7 +181,7 @@ fn maps_of(settings: &Settings, frame: &FilmFrame, truth: &FilmFrame) -> Maps {
         if threshold > 0.0 && light > 0.0 { threshold / light } else { share }
     };
     let (width, height) = (frame.radiance.width(), frame.radiance.height());
-    // Compare luma in floating point, before quantisation to code values.
+    // Compare luma in floating point, before rounding to code values.
     let luma = |frame: &FilmFrame| YCbCr::from_radiance(&frame.radiance, &settings.render.tone_map).luma;
     let (own, other) = (luma(frame), luma(truth));
     Maps {

@@ -14,7 +14,7 @@ use render2mpeg::{Error, Render};
 use renderer::plan::Plan;
 use std::process::ExitCode;
 
-/// Follows rank 0 while it makes a film, if it makes one.
+/// Follows rank 0 until its film is finished. Returns at once if rank 0 makes no film.
 ///
 /// # Errors
 /// If the options are wrong on every rank. Rank 0 prints these errors.
