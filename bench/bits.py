@@ -8,7 +8,7 @@ Each film has two SHA-256 values:
     frames    all EXR files, as `sha256sum *.exr | sha256sum` in their folder prints it
 
 With --before, the other program renders each film first. With --against, the hashes of an earlier --keep are used instead.
-Keep and compare on one machine, with programs of one version: frame headers contain it.
+Keep and compare on one machine, with programs of the same version: frame headers contain the version.
 Each film is reported as the same or as DIFFERENT, with the first frame that differs. The command fails if any film differs.
 
 --list prints the names of the films. They show each shipped scene, and a room with coats (coated_room.py) with a static or moving ball.
@@ -38,7 +38,7 @@ import tables
 from running import Failure, add_program, need_files, need_program, run
 
 SHIPPED = ["cornell", "cornell-box", "atrium", "conference", "nave"]
-# Rooms generated here, and whether the ball moves.
+# Names of generated rooms, and whether the lacquered ball moves.
 ROOMS = {"room": False, "room-moving": True}
 LAYERS = "direct,indirect,albedo,normal,depth,motion,cut-size,threshold,cache,shading"
 AHEAD = "--bframes 2 --cbr --bitrate 150k --stopping calibrated"
@@ -54,9 +54,9 @@ class Film:
     side: int = 128
     frames: int = 8
     video: str = "film.m2v"
-    # The film that it must equal.
+    # Name of the film that this film must equal.
     like: str = ""
-    # Number of reported frames before it is killed, to be resumed.
+    # Number of reported frames after which the program is killed and the film resumed; 0 for uninterrupted films.
     killed_after: int = 0
 
     def words(self, full):
@@ -157,7 +157,7 @@ def render_and_kill(command, checkpoint, after):
 
 
 def render_and_resume(command, film, video):
-    """Renders with a checkpoint after each frame, is killed, and resumes."""
+    """Renders with a checkpoint after each frame, kills the program, and resumes the film."""
     if os.name != "posix":
         raise Failure("films that are killed and resumed need a system with signals; name others with --film")
     command = [*map(str, command), "--checkpoint", "0", "--progress", "json"]
@@ -196,7 +196,7 @@ def together(frames):
 
 
 def difference(old, new, same_options=True):
-    """Describes the difference between two films; none for equal ones."""
+    """Returns a description of the difference between two films; empty if they are equal."""
     if old is None:
         return "it is missing there"
     if old["scene"] != new["scene"]:

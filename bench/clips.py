@@ -84,7 +84,7 @@ def shipped(size, frames, may_build):
 
 
 def generated(program, frames):
-    """Returns the clips of another program, called as PROGRAM FOLDER CLIP --frames N; existing ones are reused."""
+    """Returns the clips of another program, called as PROGRAM FOLDER CLIP --frames N. Existing clips are reused."""
     folder = FOLDER / f"rendered-{frames}"
     folder.mkdir(parents=True, exist_ok=True)
     for name in GENERATED:

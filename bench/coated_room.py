@@ -1,4 +1,4 @@
-"""A small glTF room with coated surfaces, for `bits`: no shipped scene has them.
+"""A small glTF room with coated surfaces, for `bits`. No shipped scene has coats.
 
 A glossy floor, a metal ball, a lacquered ball and a half-transparent screen, below one lamp.
 The camera moves, and optionally the lacquered ball.
@@ -62,7 +62,7 @@ def ball(rings=16, sectors=32):
         for sector in range(sectors):
             here = ring * (sectors + 1) + sector
             below = here + sectors + 1
-            # At a pole one of the two triangles has no area.
+            # At a pole, one of the two triangles has no area.
             triangles += [(here, here + 1, below)] * (ring > 0)
             triangles += [(here + 1, below + 1, below)] * (ring < rings - 1)
     return points, points, triangles

@@ -4,8 +4,8 @@
 
 Uncoupled: --thresholds fixed:0.02 --shading full. Coupled: the default. Both run alternately.
 
-    ratio       uncoupled by coupled, CPU seconds per frame; frames 0 to 2 do not count
-    program     the same for the whole programs, including loading and frames 0 to 2
+    ratio       CPU seconds per frame, uncoupled divided by coupled, without frames 0 to 2
+    program     CPU seconds of whole programs, uncoupled divided by coupled, including loading and frames 0 to 2
     decoded     luma PSNR of the decoded film against a fine film of the same scene, before coding
     flicker     mean change of luma between frames of decoded films
 
@@ -28,7 +28,7 @@ from running import Failure, add_program, need_files, need_installed, need_progr
 UNCOUPLED = ["--thresholds", "fixed:0.02", "--shading", "full"]
 COUPLED = []
 FINE = ["--qscale", "1", "--thresholds", "fixed:0.005", "--shading", "full"]
-# First frame that counts for CPU seconds.
+# First frame included in CPU seconds.
 FIRST = 3
 QUICK = {
     "scenes": [presets.shipped(name) for name in ("cornell", "nave", "conference")],

@@ -24,12 +24,12 @@ OURS = {
     "ours, best, adaptive": ("--effort best --adaptive", True),
     "ours, best, N=60": ("--effort best --gop 60", True),
 }
-# Only at a requested rate: without a bound on its distribution.
+# Used only with a requested rate, without a bound on the distribution of bits.
 TWO_PASSES = {
     "ours, balanced, two passes": ("--effort balanced --two-pass", True),
     "ours, best, two passes": ("--effort best --two-pass", True),
 }
-# Our best options without one tool, or with a replacement; the anchor is the first.
+# Our best options without one tool, or with a replacement. The first entry is the anchor.
 BEST = "best"
 TOOLS = {
     BEST: ("--effort best", True),

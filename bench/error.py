@@ -7,10 +7,10 @@ transport, filters and sampling differ. Mitsuba renders the reference with a box
 camera. References are kept in out/bench-references. OUT receives pictures, table.md and plot.png.
 Quick: two of the scenes, 128x128, the first frame only, 192 paths per pixel for the reference.
 
-    set-up    CPU seconds (user and system) before the first picture: loading, and for Mitsuba compiling; for ours all but frames
+    set-up    CPU seconds (user and system) before the first picture: loading, and for Mitsuba compiling; for ours, all except frames
     frame     CPU seconds of the picture; in our films the mean after the first frame
     relMSE    mean of (x - a)(x - b) / (r² + 0.01 mean(r)²); a and b are halves of the reference r, so its noise cancels
-    trimmed   the same without the worst 0.1 % of the pixels
+    trimmed   relMSE without the worst 0.1 % of the pixels
     FLIP      mean, of tone-mapped pictures
     mean      mean luminance relative to the reference
 
@@ -31,7 +31,7 @@ import presets
 import tables
 from running import ROOT, Failure, add_program, need_program, own_cpu, run
 
-# Modules, and their packages on PyPI.
+# Python modules, and their packages on PyPI.
 PACKAGES = {
     "numpy": "numpy",
     "PIL": "pillow",
@@ -42,7 +42,7 @@ PACKAGES = {
     "matplotlib": "matplotlib",
 }
 FPS = 25
-# File below SCENES, and our camera.
+# File in the folder SCENES, and the camera of our films.
 SCENES = {
     "sponza-crytek": ("sponza-crytek/sponza.glb", "added_camera"),
     "conference": ("conference/conference.glb", "added_camera_walk"),

@@ -6,7 +6,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.ticker import NullFormatter  # noqa: E402
 
-# Names of lines, and their renderers.
+# Names of the plotted lines, and their renderers.
 LINES = {
     "Mitsuba": lambda renderer: renderer.startswith("Mitsuba") and "OIDN" not in renderer,
     "Mitsuba + OIDN": lambda renderer: "OIDN" in renderer,

@@ -38,7 +38,7 @@ def add_options(parser):
 
 
 def with_part(name):
-    """Returns the options of a build with one feature."""
+    """Returns cargo's options for a build with one feature."""
     return ["--no-default-features", "--features", name]
 
 
@@ -93,7 +93,7 @@ def measured(options, folder):
     units, binary = build(options, folder)
     seconds = dict(map(json.loads, (folder / "compile.log").read_text().splitlines()))
     by_package = {package: sum(seconds.get(unit, 0) for unit in own) for package, own in units.items()}
-    # In the list of units, the program has no hash: it is the last with its name.
+    # The list of units contains no hash of the program. The program is the last unit with its name.
     program = [took for unit, took in seconds.items() if unit.startswith("render2mpeg-")][-1]
     whole = program + sum(by_package.values())
     return by_package, f"{whole:.0f} s", f"{stripped_size(binary, folder) / 1e6:.1f} MB"

@@ -7,8 +7,8 @@ flicker of a frame is the root mean square of its change along the motion in exc
 
     (Y_t(x) − Y_{t−1}(x')) − (R_t(x) − R_{t−1}(x'))        over the pixels x that were visible at x' in the previous frame
 
-R is a film with a lightcut per pixel, to 1 % of its luminance; such films are kept. Borders are the first frames of all chunks but the
-first. Luma is measured before coding, and after decoding by ffmpeg.
+R is a film with a lightcut per pixel and thresholds of 1 % of the luminance. Such films are kept. Borders are the first frames
+of all chunks except the first. Luma is measured before coding, and after decoding by ffmpeg.
 Requires numpy and OpenEXR from PyPI.
 """
 

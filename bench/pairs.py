@@ -7,7 +7,7 @@ import sys
 import time
 from dataclasses import dataclass
 
-# Seconds by the clock that a quick measurement plans with; five minutes leave room for the last pair.
+# Wall-clock seconds planned for a quick measurement. The rest of the five minutes is a reserve for the last pair.
 QUICK_SECONDS = 270
 
 

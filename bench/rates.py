@@ -32,7 +32,7 @@ FPS, FRAMES, SIZE = 25, 75, "352x288"
 EFFORTS = ["fast", "balanced", "best"]
 QSCALES = [*range(1, 9), *range(10, 25, 2), *range(28, 63, 4), 64, *range(72, 113, 8)]
 BOUND_QSCALE = 4
-# Initial fullness of the buffer, as a fraction, for a constant rate and for a bound.
+# Initial fullness of the buffer for a constant rate and for a bound, as a fraction.
 START = {"constant": 11 / 16, "bound": 1}
 
 # A slow, slightly blurred zoom, and its first frame alone.

@@ -47,7 +47,7 @@ def correlated(plane, kernel):
 def next_level(plane):
     """Halves width and height: each sample is the weighted mean of the 6x6 samples around its 2x2."""
     binomial = np.array([1, 5, 10, 10, 5, 1]) / 32
-    # One more row and column for odd sizes.
+    # Add a row and a column to odd sizes.
     height, width = plane.shape
     padded = np.pad(plane, ((2, 2 + height % 2), (2, 2 + width % 2)), mode="symmetric")
     windows = sliding_window_view(padded, (6, 6))[::2, ::2]
@@ -82,7 +82,7 @@ def promoted(plane, floor):
     highest = plane.max()
     if highest <= 0:
         return np.zeros_like(plane)
-    # Half a window of an eighth of the map on each side, at least one sample.
+    # The window extends by a sixteenth of the map on each side, at least by one sample.
     reach = [max(1, side // 16) for side in plane.shape]
     padded = np.pad(plane, [(r, r) for r in reach], constant_values=-np.inf)
     around = sliding_window_view(padded, [2 * r + 1 for r in reach])

@@ -1,17 +1,17 @@
-"""Error against run time of thresholds from the encoder, against lightcuts of 2 %, by `render2mpeg sweep`.
+"""Error and run time with thresholds from the encoder, compared with lightcuts of 2 %, by `render2mpeg sweep`.
 
     python3 bench sweep [SCENE.glb …] [--quick] [--size WxH] [--frames N] [--qscale 2,16,48]
     python3 bench sweep --full [--page-only] [--sponza SPONZA.glb]
 
 Quick: a sweep renders both methods frame by frame, and is repeated within five minutes. The table has
 
-    light, frame    ratio of 2 % to the encoder's thresholds, CPU seconds of indirect light and of a frame
+    light, frame    CPU seconds of indirect light and of a frame: films at 2 %, divided by films with the encoder's thresholds
     decoded         luma PSNR of decoded 2 % frames against all lights at every pixel, and the other method's difference
-    bits, flicker   changes against 2 %; flicker is the change of the decoded film in excess of all lights'
+    bits, flicker   changes against 2 %; flicker is the change of the decoded film in excess of the reference's change
     equal           whether PSNR is at most 0.1 dB less, bits at most 1 % and flicker at most 10 % more
 
-Full writes the plots of docs/sweep and the tables in out/sweeps/README.md. Sweeps are kept in out/sweeps, and existing ones are reused: remove the folder for figures of a
-new build. With --page-only no sweep is made, and the page shows the existing ones.
+Full writes the plots of docs/sweep and the tables in out/sweeps/README.md. Existing sweeps in out/sweeps are reused: remove
+this folder to measure a new build. With --page-only, no sweep is made, and the page shows the existing sweeps.
 Sponza does not ship: without --sponza, or a copy next to the repository, the page reports it as missing.
 """
 

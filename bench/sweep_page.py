@@ -18,7 +18,7 @@ LARGE = (
     "--size 160x160 --frames 5 --methods "
     "paper,perceptual,codec,calibrated,perceptual-cache,codec-cache,calibrated-cache,paths-4,paths-16,paths-64"
 )
-# Name, additional options, description.
+# Name of the scene, additional options, description.
 SCENES = [
     ("cornell", LARGE, "a box with moving blocks: matte surfaces, one lamp, light that changes slowly"),
     ("atrium", SMALL, "a courtyard under sun and sky, with fine detail"),
