@@ -7,7 +7,7 @@ transport, filters and sampling differ. Mitsuba renders the reference with a box
 camera. References are kept in out/bench-references. OUT receives pictures, table.md and plot.png.
 Quick: two of the scenes, 128x128, the first frame only, 192 paths per pixel for the reference.
 
-    set-up    CPU seconds (user and system) before the first picture: loading, and for Mitsuba compiling; for ours, all except frames
+    set-up    CPU seconds (user and system) before the first picture: loading, for Mitsuba also compiling; for ours, all but frames
     frame     CPU seconds of the picture; in our films the mean after the first frame
     relMSE    mean of (x - a)(x - b) / (r² + 0.01 mean(r)²); a and b are halves of the reference r, so its noise cancels
     trimmed   relMSE without the worst 0.1 % of the pixels
