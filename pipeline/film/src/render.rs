@@ -141,6 +141,8 @@ impl<'a> Render<'a> {
             self.stages.display.set_exposure(exposure);
         }
         self.write_light()?;
+
+        // Store a checksum of the inputs, so that `join` refuses parts made from other files.
         let inputs = Some(sum_of_inputs(self.scene, self.settings)?);
         let Self { scene, settings, plan, stages, start, begin, .. } = self;
         let reports = couple(stages, start, run)?;
@@ -155,6 +157,7 @@ impl<'a> Render<'a> {
     /// resumed film already has its exposure.
     fn exposure_before(&mut self) -> Option<f32> {
         let Self { scene, settings, stages, start, .. } = self;
+        // Keep an exposure that is constant, or that the checkpoint restored.
         let begins = start.first_frame() == settings.frame_range().start;
         if !settings.render.auto_exposure || !begins {
             return None;
@@ -162,6 +165,8 @@ impl<'a> Render<'a> {
         if !settings.is_in_chunks() {
             return exposure_of_lit_frames(scene, &settings.render);
         }
+
+        // Use one exposure for all chunks, because no chunk may depend on an earlier one.
         let known = stages.prepare.exposure();
         let exposure = known.unwrap_or_else(|| {
             exposure_of_chunks(&mut stages.prepare, scene, settings, |settings, plan| {
