@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 const FORMAT: SealedFormat =
-    SealedFormat { magic: *b"R2MC", version: 16, name: "checkpoint", remedy: "restart without --resume" };
+    SealedFormat { magic: *b"R2MC", version: 17, name: "checkpoint", remedy: "restart without --resume" };
 
 /// Program, settings and inputs of a film. A run can resume the film only if all three are equal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,8 +22,8 @@ pub struct Identity {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Stored {
     pub identity: Identity,
-    /// Last finished frame.
-    pub frame: u32,
+    /// Last finished frame; `None` if the run ended before its first checkpoint.
+    pub frame: Option<u32>,
     /// States, indexed by [`StageName`](super::StageName); empty if a stage has none.
     pub states: Vec<Vec<u8>>,
 }
@@ -85,9 +85,9 @@ mod tests {
         let path = folder.path().join("film.m2v.checkpoint");
         let job = Identity { program: "p 1".into(), settings: r#"{"qscale":8,"gop":15}"#.into(), inputs: 7 };
         let stages = vec![vec![1], vec![], vec![2, 3], vec![250; 300], vec![4]];
-        Stored { identity: job.clone(), frame: 41, states: stages.clone() }.write(&path).unwrap();
+        Stored { identity: job.clone(), frame: Some(41), states: stages.clone() }.write(&path).unwrap();
         let read = Stored::read(&path).unwrap();
-        assert!(read.identity == job && read.frame == 41 && read.states == stages);
+        assert!(read.identity == job && read.frame == Some(41) && read.states == stages);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no other file remains");
 
         let bytes = fs::read(&path).unwrap();

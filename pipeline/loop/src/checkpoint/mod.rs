@@ -113,8 +113,10 @@ impl Checkpoints {
                 path.display()
             )));
         }
+        // Start again if the earlier run wrote no state.
+        let Some(last) = stored.frame else { return Ok(Self::new(job, every)) };
         // Refuse to shorten a film: coded frames cannot be removed again.
-        let done = stored.frame.saturating_add(1);
+        let done = last.saturating_add(1);
         if let Some(end) = job.end().filter(|&end| end < done) {
             return Err(Error::Checkpoint(format!(
                 "{}: {done} frames are done, not {end}: increase --frames, or restart with --overwrite instead of --resume",
@@ -128,7 +130,7 @@ impl Checkpoints {
     /// Returns the last finished frame; `None` at the start of a film.
     #[must_use]
     pub fn last_frame(&self) -> Option<u32> {
-        self.from.as_ref().map(|stored| stored.frame)
+        self.from.as_ref()?.frame
     }
 
     /// Returns the state of a stage after [`Checkpoints::last_frame`]; empty if the stage has none.
@@ -223,12 +225,27 @@ impl Checkpoints {
 
         // Write under the lock, so that checkpoints are written in frame order.
         let states = states.map(Option::unwrap_or_default).to_vec();
-        match (Stored { identity: place.job.identity().clone(), frame, states }.write(&place.path)) {
+        match (Stored { identity: place.job.identity().clone(), frame: Some(frame), states }.write(&place.path)) {
             Ok(()) => {
                 self.kept.store(true, Ordering::Relaxed);
                 tracing::info!("checkpoint after frame {frame}");
             }
             Err(error) => progress.failure = Some(error),
+        }
+    }
+
+    /// Returns a function that permits `--resume` for a run that ends before its first checkpoint: the resumed film
+    /// then starts at its first frame and replaces the incomplete one. The function has no effect if a checkpoint
+    /// exists or checkpoints are off.
+    pub fn restart(&self) -> impl Fn() -> Result<()> + Send + 'static {
+        let job = self.place.as_ref().map(|place| (place.path.clone(), place.job.identity().clone()));
+        let kept = self.kept();
+        move || match &job {
+            Some((path, identity)) if !kept.load(Ordering::Relaxed) => {
+                let states = vec![Vec::new(); STAGES];
+                Stored { identity: identity.clone(), frame: None, states }.write(path)
+            }
+            _ => Ok(()),
         }
     }
 

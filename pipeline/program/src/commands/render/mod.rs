@@ -239,7 +239,7 @@ impl RenderArguments {
         let progress = progress::ProgressLine::new(settings, scene, first, self.quiet || self.verbose > 0);
         // React to SIGTERM at once: when a rank is lost, the launcher ends all other ranks within about a second.
         let is_hasty = team.count() > 1;
-        let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &progress, settings) })?;
+        let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &checkpoints, &progress, settings) })?;
         let lines = Lines::new(self.progress_kind(), settings, first);
         lines.begin();
         let frames = OnFrame::new(|frame: &FrameReport| {
@@ -331,13 +331,22 @@ impl Drop for Answer<'_> {
 
 /// Returns the reactions to signals. The first signal lets frames in progress finish. The second ends the process at
 /// once.
-fn reactions(film: &Render, progress: &progress::ProgressLine, settings: &Settings) -> Reactions {
+fn reactions(
+    film: &Render,
+    checkpoints: &Checkpoints,
+    progress: &progress::ProgressLine,
+    settings: &Settings,
+) -> Reactions {
     let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
     let tell_again = progress.teller();
     let first = move || tell("stopping after this frame; interrupt again to stop now");
-    // Complete the file, so that the written frames play.
+    // Complete the file, so that the written frames play, and permit --resume.
+    let restart = checkpoints.restart();
     let second = move || match end.as_ref().map(|end| end()) {
-        Some(Ok(true)) => tell_again(&format!("video:  {output}, incomplete, up to the last written frame")),
+        Some(Ok(true)) => {
+            tell_again(&format!("video:  {output}, incomplete, up to the last written frame"));
+            restart().err().into_iter().for_each(|error| tell_again(&error.chain()));
+        }
         Some(Err(error)) => tell_again(&error.chain()),
         Some(Ok(false)) | None => {}
     };
