@@ -276,7 +276,7 @@ fn the_job_template_makes_the_film_of_one_machine() {
     }
     let folder = folder_with_room(Moving::Camera);
     let folder = folder.path();
-    let farm = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("farm");
+    let farm = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("packaging");
     let template = farm.join("render2mpeg.openjd.yaml").display().to_string();
     let output = Command::new("openjd")
         .args(["run", &template, "--step", "Join", "--run-dependencies", "-p", "Scene=room.glb", "-p", "LastFrame=8"])

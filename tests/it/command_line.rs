@@ -94,6 +94,8 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "bounces",
             "checkpoint",
             "chunk",
+            "chunk-index",
+            "light",
             "range",
             "trace",
             "threads",

@@ -97,7 +97,7 @@ fn a_last_frame_beyond_the_film_is_refused() {
     let (_folder, film) = film(10);
     for last in [2, 1000, u32::MAX] {
         let mut stored = film.stored.clone();
-        stored.1 = last;
+        stored.1 = Some(last);
         let error = go_on(&film, &stored).unwrap_err();
         let word = if last == 2 { "is invalid" } else { "increase --frames" };
         assert!(error.contains("film.m2v.checkpoint") && error.contains(word), "{last}: {error}");

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 /// Body of a checkpoint, as `pipeline/loop/src/checkpoint/file.rs` stores it: the job (program, settings, checksum of the
 /// inputs), the last finished frame, the state sections.
-pub type Stored = ((String, String, u32), u32, Vec<Vec<u8>>);
+pub type Stored = ((String, String, u32), Option<u32>, Vec<Vec<u8>>);
 
 /// Encoding of checkpoints and their state sections.
 pub const CONFIG: bincode::config::Configuration = bincode::config::standard();
@@ -64,7 +64,7 @@ impl KilledFilm {
         });
         // Combine the job of the long film with the state of the short film.
         let (settings, plan, (job, ..), truth, begin) = long;
-        Self { scene, settings, plan, stored: (job, 1, short.2.2), part: short.3, truth, begin }
+        Self { scene, settings, plan, stored: (job, Some(1), short.2.2), part: short.3, truth, begin }
     }
 
     /// Returns the file of a checkpoint with this body and a valid checksum.

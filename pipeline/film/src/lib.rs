@@ -14,6 +14,7 @@ pub mod places;
 mod render;
 pub mod report;
 pub mod settings;
+mod shading;
 pub mod stages;
 pub mod still;
 

@@ -5,14 +5,17 @@ use crate::job::sum_of_inputs;
 use crate::light_file;
 use crate::report::{Ending, Report};
 use crate::settings::Settings;
+use crate::shading::exposure_of_chunks;
+#[cfg(feature = "bake")]
+use crate::shading::{read_baked, with_baked};
 use crate::stages::{Display, Masking, Video};
 use pipeline::checkpoint::Checkpoints;
 use pipeline::team::{Lead, Team};
 use pipeline::{Run, Stages, Start, couple, follow};
 use render_core::scene::Scene;
 use renderer::plan::{Plan, Stage};
-use renderer::settings::{Aov, RenderSettings};
-use renderer::{Crew, Preparation, Shading, SimulatedRanks, exposure_of_first_frame, exposure_of_lit_frames};
+use renderer::settings::Aov;
+use renderer::{Crew, Preparation, Shading, SimulatedRanks, exposure_of_lit_frames};
 use std::path::Path;
 #[cfg(feature = "bake")]
 use std::sync::Arc;
@@ -189,17 +192,6 @@ impl<'a> Render<'a> {
     }
 }
 
-/// Returns the exposure of a film in chunks: the exposure of the film's lit frames if the first frame is not
-/// representative, otherwise the exposure of a small version of the first frame.
-pub(crate) fn exposure_of_chunks(
-    preparation: &mut Preparation,
-    scene: &Scene,
-    settings: &Settings,
-    shading: impl for<'a> FnOnce(&RenderSettings, &'a Plan) -> Shading<'a>,
-) -> f32 {
-    exposure_of_lit_frames(scene, &settings.render).unwrap_or_else(|| exposure_of_first_frame(preparation, shading))
-}
-
 /// Stages that compute light, needed on every rank.
 struct LightStages<'a> {
     prepare: Preparation<'a>,
@@ -239,21 +231,6 @@ impl<'a> LightStages<'a> {
             baked,
             is_read,
         })
-    }
-}
-
-/// Reads the baked light of the film; `None` without baked light.
-#[cfg(feature = "bake")]
-pub(crate) fn read_baked(scene: &Scene, settings: &Settings) -> Result<Option<Arc<BakedTexels>>> {
-    let baked = settings.files.baked.as_deref().map(|path| renderer::bake::read(scene, path));
-    Ok(baked.transpose()?.map(Arc::new))
-}
-
-#[cfg(feature = "bake")]
-pub(crate) fn with_baked<'a>(shading: Shading<'a>, baked: Option<&Arc<BakedTexels>>) -> Shading<'a> {
-    match baked {
-        Some(baked) => shading.with_baked(baked.clone()),
-        None => shading,
     }
 }
 

@@ -199,6 +199,13 @@ fn standard_output() -> std::io::Result<File> {
     std::io::stdout().as_handle().try_clone_to_owned().map(File::from)
 }
 
+/// Returns whether another run writes to the file at `path` now.
+#[must_use]
+pub fn is_being_written(path: &Path) -> bool {
+    let part = File::options().write(true).open(part_of(path));
+    part.is_ok_and(|part| matches!(part.try_lock(), Err(TryLockError::WouldBlock)))
+}
+
 /// Opens `part`, and locks it for the file at `path`.
 fn locked(path: &Path, part: &Path, options: &fs::OpenOptions) -> Result<File> {
     let problem = || Error::file(path, "cannot be written; choose another path with -o");

@@ -99,7 +99,7 @@ impl Forger {
                 ("job", killed.file(&stored), true)
             }
             5 => {
-                stored.1 = *random.pick(&[0, 2, 3, 1000, u32::MAX]);
+                stored.1 = *random.pick(&[None, Some(0), Some(2), Some(3), Some(1000), Some(u32::MAX)]);
                 ("frame", killed.file(&stored), false)
             }
             6 => {

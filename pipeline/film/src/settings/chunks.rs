@@ -54,6 +54,23 @@ impl<'de> Deserialize<'de> for FrameRange {
     }
 }
 
+/// Returns the range of the chunk with this index in a film of `frames` frames. The last chunk may be shorter.
+///
+/// # Errors
+/// If chunks have no length, or the film has no such chunk.
+pub(super) fn range_of_chunk(chunk: Option<u32>, index: u32, frames: u32) -> Result<FrameRange> {
+    let fail = |text: String| Err(Error::Options(text));
+    let Some(chunk) = chunk.filter(|&chunk| chunk > 0) else {
+        return fail(format!("--chunk-index {index} needs --chunk N, with at least one frame per chunk"));
+    };
+    let last = frames.div_ceil(chunk) - 1;
+    if index > last {
+        return fail(format!("--chunk-index {index} exceeds the film: its last chunk has the index {}", last));
+    }
+    let first = index * chunk;
+    Ok(FrameRange { first, last: first.saturating_add(chunk).min(frames) - 1 })
+}
+
 /// Returns the checked range of frames to make, or `None` for all frames. The film has `frames` frames. With `chunk`
 /// frames per chunk, a range consists of whole chunks. The last chunk may be shorter than the others, but its range may
 /// be given at full chunk length.
@@ -89,6 +106,22 @@ mod tests {
 
     fn filled(chunk: Option<u32>, range: &str, frames: u32) -> Result<Option<FrameRange>> {
         checked_range(chunk, Some(range.parse()?), frames)
+    }
+
+    #[test]
+    fn chunk_indices_cover_the_film_once() {
+        for (chunk, frames) in [(10, 30), (10, 25), (7, 7), (1, 3), (100, 8), (u32::MAX, u32::MAX)] {
+            let mut next = 0;
+            for index in 0..u32::div_ceil(frames, chunk) {
+                let range = range_of_chunk(Some(chunk), index, frames).unwrap();
+                assert_eq!(checked_range(Some(chunk), Some(range), frames).unwrap(), Some(range));
+                assert_eq!(range.first, next);
+                next = range.last + 1;
+            }
+            assert_eq!(next, frames);
+            assert!(range_of_chunk(Some(chunk), frames.div_ceil(chunk), frames).is_err());
+        }
+        assert!(range_of_chunk(None, 0, 8).is_err() && range_of_chunk(Some(0), 0, 8).is_err());
     }
 
     #[test]

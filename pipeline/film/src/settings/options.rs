@@ -57,6 +57,20 @@ pub struct Options {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<FrameRange>,
+    /// Render only chunk K of --chunk N, counted from 0: for array jobs [default: all]
+    #[cfg_attr(
+        feature = "clap",
+        arg(
+            long,
+            value_name = "K",
+            requires = "chunk",
+            conflicts_with = "range",
+            help_heading = "Parts of a film",
+            hide_short_help = true
+        )
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chunk_index: Option<u32>,
     /// File of the film's light: read if it exists, otherwise made and written; it saves the start of each part
     #[cfg_attr(
         feature = "clap",

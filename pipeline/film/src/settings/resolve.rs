@@ -1,7 +1,7 @@
 //! Resolves options to settings: fills in all defaults and checks single options. No other file defines a default.
 
 use super::aspect::PictureAspect;
-use super::chunks::checked_range;
+use super::chunks::{checked_range, range_of_chunk};
 use super::coded_rate::CodedRate;
 use super::container::{check_disc, check_part, container_of, unknown_ending};
 use super::emphasis::AdaptiveQuantiser;
@@ -237,10 +237,19 @@ impl Options {
     fn fill_in_chunks(&mut self, frames: u32) -> Result<()> {
         // Reject a bit rate: rate control depends on all earlier pictures.
         let option = if self.chunk.is_some() { "--chunk" } else { "--range" };
-        if self.bitrate.is_some() && (self.chunk.is_some() || self.range.is_some()) {
+        let has_parts = self.chunk.is_some() || self.range.is_some();
+        if self.bitrate.is_some() && has_parts {
             fail!(
                 "{option} with --bitrate: chunks are coded independently and cannot share a bit rate; drop one of the two options"
             );
+        }
+
+        // Replace the index of a chunk by its range.
+        if let Some(index) = self.chunk_index.take() {
+            if self.range.is_some() {
+                fail!("--chunk-index with --range: both choose the frames; drop one of the two options");
+            }
+            self.range = Some(range_of_chunk(self.chunk, index, frames)?);
         }
         self.range = checked_range(self.chunk, self.range, frames)?;
         Ok(())

@@ -40,8 +40,9 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     say!("memory: about {needed} for {}x{} pixels", size.width, size.height);
     if let Some(path) = &settings.files.light {
         FilePlaces::of(&scene).writes("--light", Some(path)).check()?;
-        make_light(&scene, &settings, &plan, path)?;
-        say!("light:  {}, for all parts of the film", path.display());
+        let is_new = make_light(&scene, &settings, &plan, path)?;
+        let made = if is_new { "made" } else { "already made" };
+        say!("light:  {}, {made} for all parts of the film", path.display());
     }
     let exposure = match settings.render.auto_exposure {
         true => "set by the first frame; by the film's lit frames if that is dark or lamps move".to_owned(),

@@ -1,7 +1,6 @@
 //! Light that all frames, chunks and parts of a film have in common: ray trees of the meshes, anchors, photons, and the
 //! lights of a static film.
 
-use super::lights::Lights;
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{RenderSettings, Size};
 use lighttree::LightTree;
@@ -10,8 +9,8 @@ use pipeline::state::{NONSENSE, decode, encode};
 use render_core::ranks::{Ranks, process_seconds};
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, AnchorFlux, Anchors, Emitters, Geometry, Guide, GuideSearch, Photons, PosedScene, Surfaces,
-    SweptVolume, Units, ZoneSearch, Zones,
+    Accelerator, AnchorFlux, Anchors, DirectLights, Emitters, FinalGather, Geometry, Guide, GuideSearch, Photons,
+    PosedScene, Surfaces, SweptVolume, Units, ZoneSearch, Zones,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -47,6 +46,14 @@ pub(super) struct FirstFrame {
     pub lights: Option<Lights>,
     /// Light tree of a static film, from a file.
     pub tree: Option<Arc<LightTree>>,
+}
+
+/// Lights of a frame.
+#[derive(Clone)]
+pub(super) struct Lights {
+    pub tree: Arc<LightTree>,
+    pub direct: Arc<DirectLights>,
+    pub gather: Arc<FinalGather>,
 }
 
 /// Work done before the first prepared frame, which reports it.

@@ -1,6 +1,6 @@
 //! Lights of a frame: light tree, directly sampled lights, and final gather.
 
-use super::film_light::{CHANGING, FilmLight, FirstFrame};
+use super::film_light::{CHANGING, FilmLight, FirstFrame, Lights};
 use super::{Kept, PlacedScene, PrepareState};
 use crate::plan::Stage;
 use glam::Vec3;
@@ -23,14 +23,6 @@ const FEW_PATCHES: usize = 4;
 /// Maximum extent of a static area light with more patches that pixels sample directly, as a fraction of the scene's
 /// radius.
 const SMALL_EXTENT: f32 = 0.1;
-
-/// Lights of a frame.
-#[derive(Clone)]
-pub(super) struct Lights {
-    pub tree: Arc<LightTree>,
-    pub direct: Arc<DirectLights>,
-    pub gather: Arc<FinalGather>,
-}
 
 impl PrepareState<'_> {
     /// Returns the lights of a frame, with their current flux.

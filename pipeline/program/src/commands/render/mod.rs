@@ -207,7 +207,9 @@ impl RenderArguments {
     /// Returns the checkpoints of the job, either resumed or new.
     fn checkpoints(&self, job: &FilmJob) -> Result<Checkpoints> {
         let every = self.checkpoint_every();
-        let checkpoints = if self.resume { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
+        // With --overwrite, the checkpoint of another film is replaced.
+        let is_resumed = self.resume && !(self.overwrite.is_given() && Checkpoints::is_of_another_film(job));
+        let checkpoints = if is_resumed { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
         // Keep a checkpoint at the end, so that --resume can extend the film.
         if let Some(end) = job.end().filter(|_| self.keep_checkpoint) {
             checkpoints.leave_at_end(end);
@@ -239,7 +241,8 @@ impl RenderArguments {
         let progress = progress::ProgressLine::new(settings, scene, first, self.quiet || self.verbose > 0);
         // React to SIGTERM at once: when a rank is lost, the launcher ends all other ranks within about a second.
         let is_hasty = team.count() > 1;
-        let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &checkpoints, &progress, settings) })?;
+        let interrupt =
+            Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &checkpoints, &progress, settings) })?;
         let lines = Lines::new(self.progress_kind(), settings, first);
         lines.begin();
         let frames = OnFrame::new(|frame: &FrameReport| {
