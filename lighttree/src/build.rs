@@ -19,6 +19,7 @@ use crate::node::Node;
 use crate::race::arrivals;
 use crate::sites::Sites;
 use crate::tree::LightTree;
+use agglomerate::{SearchLoop, on_threads};
 use cluster::{Cluster, Metric};
 
 /// Minimum luminance of a light in the cost, as a fraction of the mean luminance. It is not in the papers.
@@ -95,6 +96,35 @@ impl LightTree {
         Self::build_by(Builder::BottomUp, lights, params)
     }
 
+    /// Builds the same tree as [`LightTree::build`], with `searches` as the loop of its searches, such as a loop that
+    /// several processes share.
+    ///
+    /// `searches(count, search)` returns `search(0)` to `search(count - 1)` in order. A build runs some dozens of such
+    /// loops, one after the other; the results of a loop have the same bits in every process.
+    ///
+    /// ```
+    /// use lighttree::{BuildParams, Emission, Light, LightTree};
+    ///
+    /// # use glam::{Vec3, Vec3A};
+    /// # let at = |k: i32| Light { position: Vec3A::X * k as f32, emission: Emission::Omni, intensity: Vec3::ONE };
+    /// let lights: Vec<Light> = (0..1000).map(at).collect();
+    /// let params = BuildParams::for_area(94.0, lights.len());
+    /// let tree = LightTree::build_with(&lights, params, &|count, search| (0..count).map(search).collect());
+    /// assert!(tree == LightTree::build(&lights, params));
+    /// ```
+    ///
+    /// # Panics
+    ///
+    /// If there are 2³¹ lights or more, or a loop does not return `count` results of `search`.
+    #[must_use]
+    pub fn build_with(
+        lights: &[Light],
+        params: BuildParams,
+        searches: &dyn Fn(usize, &(dyn Fn(usize) -> u64 + Sync)) -> Vec<u64>,
+    ) -> Self {
+        Self::build_from(lights, params, |lights, metrics| merges(Builder::BottomUp, lights, metrics, searches))
+    }
+
     /// Builds the tree like [`LightTree::build`], with the given builder. The tree does not depend on the number of
     /// threads.
     ///
@@ -103,6 +133,15 @@ impl LightTree {
     /// If there are 2³¹ lights or more.
     #[must_use]
     pub fn build_by(builder: Builder, lights: &[Light], params: BuildParams) -> Self {
+        Self::build_from(lights, params, |lights, metrics| merges(builder, lights, metrics, &on_threads))
+    }
+
+    /// Builds the tree with the merges of a function.
+    fn build_from(
+        lights: &[Light],
+        params: BuildParams,
+        merges: impl FnOnce(&[Light], &Metrics) -> Vec<[u32; 2]>,
+    ) -> Self {
         assert!(lights.len() < 1 << 31, "{} lights, expected fewer than 2^31", lights.len());
         let (lights, fitness): (Vec<_>, Vec<_>) = lights.iter().map(|light| light.accepted()).unzip();
         let mut misplaced = Vec::new();
@@ -113,7 +152,7 @@ impl LightTree {
         }
         let rejected = fitness.iter().filter(|&&f| f != Fitness::Good).count();
         let metrics = Metrics::of(&lights);
-        let merges = merges(builder, &lights, &metrics);
+        let merges = merges(&lights, &metrics);
         let mut tree = Self {
             nodes: Vec::new(),
             extents: Vec::new(),
@@ -248,7 +287,7 @@ fn diagonal2<'a>(lights: impl Iterator<Item = &'a Light>) -> f32 {
 }
 
 /// Returns the merges that form one tree. The k-th merge creates cluster n + k.
-fn merges(builder: Builder, lights: &[Light], metrics: &Metrics) -> Vec<[u32; 2]> {
+fn merges(builder: Builder, lights: &[Light], metrics: &Metrics, searches: SearchLoop) -> Vec<[u32; 2]> {
     let (far, near): (Vec<_>, Vec<_>) =
         leaf_clusters(lights).into_iter().partition(|leaf| is_directional(&lights[leaf.id as usize]));
     let mut merges = Vec::with_capacity(lights.len());
@@ -257,7 +296,7 @@ fn merges(builder: Builder, lights: &[Light], metrics: &Metrics) -> Vec<[u32; 2]
         let Some(only) = leaves.first().map(|leaf| leaf.id) else { continue };
         let next = (lights.len() + merges.len()) as u32;
         merges.extend(match builder {
-            Builder::BottomUp => agglomerate::agglomerate(leaves, metric, next),
+            Builder::BottomUp => agglomerate::agglomerate(leaves, metric, next, searches),
             Builder::TopDown => top_down::divide(leaves, metric, next),
         });
         let end = (lights.len() + merges.len()) as u32;

@@ -21,12 +21,13 @@ pub(crate) use surfels::{SurfelMap, Surfels};
 use zones::Shares;
 pub use zones::{ZoneSearch, Zones};
 
-use crate::Units;
 use crate::accel::Geometry;
 use crate::luminance;
+use crate::ranks::Ranks;
 use crate::scene::Scene;
 use crate::surface::Surfaces;
 use crate::swept::SweptVolume;
+use crate::{PosedScene, Units};
 use glam::{Vec3, Vec3A};
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -127,7 +128,8 @@ impl Anchors {
 
     /// Distributes anchors like [`Anchors::spread`], but places fixed anchors only on exposed static surfaces. There
     /// are about `fixed` of them, each with an equal share of the exposed area. Dynamic geometry does not affect
-    /// exposure, because the surfaces that it covers now will receive light later.
+    /// exposure, because the surfaces that it covers now will receive light later. The `ranks` share the rays, and must
+    /// call this function together.
     #[must_use]
     pub fn spread_exposed(
         surfaces: &Surfaces,
@@ -135,11 +137,12 @@ impl Anchors {
         units: &Units,
         zones: &Zones,
         [fixed, dynamic]: [usize; 2],
+        ranks: &dyn Ranks,
     ) -> Self {
         // Measure exposure in the static geometry only.
         let accelerator = &geometry.place_still();
         let outlooks_of = |anchors: &Self, places: &[Anchor]| {
-            Eye::of(anchors, surfaces, accelerator, NEAR, OUTLOOK_RAYS).outlooks(places)
+            Eye::of(anchors, surfaces, accelerator, NEAR, OUTLOOK_RAYS).outlooks(places, ranks)
         };
 
         // Distribute anchors over all surfaces first, as probes that measure the exposed fraction.
@@ -160,7 +163,8 @@ impl Anchors {
         let outlooks = outlooks_of(&anchors, &anchors.fixed);
         let (places, outlooks) = exposure::exposed(&anchors.fixed, outlooks);
         anchors.fixed = places;
-        anchors.surfels = Surfels::of_exposed(&mut anchors, &outlooks, surfaces, accelerator, units);
+        anchors.surfels =
+            Surfels::of_exposed(&mut anchors, &outlooks, PosedScene::new(accelerator, surfaces), units, ranks);
         anchors
     }
 

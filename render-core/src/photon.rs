@@ -202,7 +202,7 @@ impl Photons {
             let ranks = self.ranks.clone();
             let emission = FrameEmission { walk, quantum, surfels, busy, ranks: &*ranks };
             let (sums, traced) = self.sums(&emission);
-            let moved = anchors.surfels.fixed.moved(&emission.sight());
+            let moved = anchors.surfels.fixed.moved(&emission.sight(), &*ranks);
             AnchorFlux { traced, ..sums.anchor_flux(emission.quantum, anchors, surfels, moved) }
         })
     }

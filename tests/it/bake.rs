@@ -158,6 +158,11 @@ fn a_film_of_baked_light_looks_like_one_of_cuts() {
         let psnr = psnr(baked.luma(), cuts.luma());
         assert!(psnr > 36.0, "{psnr} dB");
     }
+    // Nothing moves, so later frames keep the light of the first.
+    for film in [&cuts, &baked] {
+        assert_eq!(film.rendered.figures(&["shaded_share"])[1..], [0.0; 2]);
+        assert_eq!(film.rendered.figures(&["shadow_rays"])[1..], [0.0; 2]);
+    }
 }
 
 /// Dynamic geometry is lit by records of its own, to almost the same luma as without baked light.

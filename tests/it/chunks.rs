@@ -127,6 +127,137 @@ fn no_chunk_depends_on_another() {
     }
 }
 
+/// Parts that share the light of the film in a file are the parts that make their own.
+#[test]
+fn parts_may_share_the_light_of_the_film() {
+    for (moving, options) in [
+        (Moving::Nothing, ""),
+        (Moving::Camera, "--importance saliency:1"),
+        (Moving::Box, "--bframes 1"),
+        (Moving::Box, "--cache off --run-everything"),
+        (Moving::Camera, "--set exposure=1"),
+    ] {
+        let folder = folder_with_room(moving);
+        let folder = folder.path();
+        let film = format!("--frames 6 --chunk 2 {SMALL} {options}");
+        let alone = render(folder, "film", &folder.join("room.glb"), &film);
+
+        // The first command makes the light, and repeating it changes nothing.
+        let plan = format!("plan room.glb --frames 6 --light film.light {SMALL} {options}");
+        for made in ["film.light, made for", "film.light, already made for"] {
+            let planned = render2mpeg(folder, &plan.split_whitespace().collect::<Vec<_>>());
+            assert!(planned.code == Some(0) && planned.stdout.contains(made), "{} {}", planned.stdout, planned.stderr);
+        }
+        let light = fs::read(folder.join("film.light")).unwrap();
+        let render_chunk = |index: u32, name: &str| {
+            let more = format!("{film} --chunk-index {index} --light {name}");
+            let part = format!("part_{index}.m2v");
+            let _ = render(folder, &part, &folder.join("room.glb"), &more);
+            part
+        };
+        let parts = [0, 1, 2].map(|index| render_chunk(index, "film.light"));
+        assert!(join(folder, &parts, "joined.m2v").stream == alone.stream, "{options}");
+        assert!(fs::read(folder.join("film.light")).unwrap() == light, "parts only read the file");
+
+        // Without the first command, the first part makes the same light.
+        let parts = [2, 0, 1].map(|index| render_chunk(index, "other.light"));
+        let parts = [1, 2, 0].map(|place: usize| parts[place].clone());
+        assert!(join(folder, &parts, "again.m2v").stream == alone.stream, "{options}");
+        assert!(folder.join("other.light").exists());
+    }
+}
+
+/// A light file is read only if it is complete and belongs to the film.
+#[test]
+fn light_of_another_film_is_refused() {
+    let folder = folder_with_room(Moving::Camera);
+    let folder = folder.path();
+    let words =
+        |options: &str| format!("render room.glb -q --overwrite -o film.m2v --light film.light {SMALL} {options}");
+    let run = |options: &str| render2mpeg(folder, &words(options).split_whitespace().collect::<Vec<_>>());
+    assert_eq!(run("--frames 2").code, Some(0));
+    let whole = fs::read(folder.join("film.light")).unwrap();
+
+    // Coding, range and output do not change the light.
+    for options in ["--frames 2 --gop 3 --bframes 1", "--frames 2 --range 1-1", "--frames 2 --png pictures"] {
+        let Finished { code, stderr, .. } = run(options);
+        assert_eq!(code, Some(0), "{options}: {stderr}");
+    }
+    for (options, named) in [
+        ("--frames 3", "frames was 2 and is now 3"),
+        ("--frames 2 --seed 5", "seed was 1 and is now 5"),
+        ("--frames 2 --bounces 1", "bounces was null and is now 1"),
+    ] {
+        let refused = run(options);
+        let is_named = refused.stderr.contains("film.light") && refused.stderr.contains(named);
+        assert!(refused.code == Some(1) && is_named && refused.stderr.lines().count() == 1, "{}", refused.stderr);
+    }
+
+    // Damaged files, and files of other kinds.
+    for (place, text) in [(whole.len() - 1, "damaged"), (30, "damaged"), (5, "version"), (0, "not a light file")] {
+        let mut damaged = whole.clone();
+        damaged[place] ^= 4;
+        fs::write(folder.join("film.light"), damaged).unwrap();
+        let refused = run("--frames 2");
+        let is_named = refused.stderr.contains("film.light") && refused.stderr.contains(text);
+        assert!(refused.code == Some(1) && is_named && refused.stderr.lines().count() == 1, "{}", refused.stderr);
+    }
+    fs::write(folder.join("film.light"), &whole[..whole.len() / 2]).unwrap();
+    assert_eq!(run("--frames 2").code, Some(1));
+    assert_fails(folder, &["plan", "room.glb", "--light", "room.glb"], &["room.glb", "a file of the scene"]);
+}
+
+/// Parts that start together make the light once, and each of them ends well.
+#[test]
+fn parts_may_start_together() {
+    let folder = folder_with_room(Moving::Nothing);
+    let folder = folder.path();
+    let start = |index: u32| {
+        let film = format!("render room.glb -q --frames 4 --chunk 2 --light film.light {SMALL}");
+        let part = format!("--chunk-index {index} -o part_{index}.m2v");
+        let words = film.split_whitespace().chain(part.split_whitespace());
+        Command::new(program()).args(words).current_dir(folder).spawn().expect("render2mpeg starts")
+    };
+    for mut part in [start(0), start(1)] {
+        assert_eq!(part.wait().unwrap().code(), Some(0));
+    }
+    let alone = render(folder, "film", &folder.join("room.glb"), &format!("--frames 4 --chunk 2 {SMALL}"));
+    assert!(join(folder, &["part_0.m2v".into(), "part_1.m2v".into()], "joined.m2v").stream == alone.stream);
+}
+
+/// A film ended twice before its first checkpoint starts again with the same command and `--resume`.
+#[test]
+fn a_film_ended_before_its_first_checkpoint_starts_again() {
+    let folder = folder_with_room(Moving::Box);
+    let folder = folder.path();
+    let words = format!("render room.glb -o film.mpg --frames 300 --progress openjd {SMALL}");
+    let words: Vec<&str> = words.split_whitespace().collect();
+    let mut child = Command::new(program())
+        .args(&words)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("render2mpeg starts");
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.by_ref().any(|line| line.starts_with("openjd_status: 9 ")), "nine frames are made");
+    let id = Pid::from_raw(child.id() as i32).unwrap();
+    kill_process(id, Signal::TERM).unwrap();
+    let _ = kill_process(id, Signal::INT);
+    lines.for_each(drop);
+    let code = child.wait().unwrap().code();
+    assert!(matches!(code, Some(130 | 143)), "{code:?}");
+
+    // An unfinished film is not replaced without permission.
+    assert_fails(folder, &words, &["film.mpg", "--resume"]);
+    let resumed = render2mpeg(folder, &[&words[..], &["--resume"]].concat());
+    assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
+    let at_once = render(folder, "again.mpg", &folder.join("room.glb"), &format!("--frames 300 {SMALL}"));
+    assert!(fs::read(folder.join("film.mpg")).unwrap() == at_once.stream);
+    assert!(!folder.join("film.mpg.checkpoint").exists());
+}
+
 #[test]
 fn baked_light_is_in_chunks_too() {
     let folder = folder_with_room(Moving::Box);
@@ -137,6 +268,8 @@ fn baked_light_is_in_chunks_too() {
     let (scene, options) = (folder.join("room.glb"), format!("--lighting baked {SMALL}"));
     let parts = render_parts(folder, &scene, 6, 3, &options);
     let alone = render(folder, "film", &scene, &format!("--frames 6 --chunk 3 {options}"));
+    assert!(join(folder, &parts, "joined.m2v").stream == alone.stream);
+    let parts = render_parts(folder, &scene, 6, 3, &format!("{options} --light film.light"));
     assert!(join(folder, &parts, "joined.m2v").stream == alone.stream);
 }
 

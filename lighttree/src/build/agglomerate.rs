@@ -41,10 +41,23 @@ use crate::bounds::Cone;
 /// Minimum number of searches for parallel execution. Fewer searches would finish before another thread wakes.
 const PARALLEL: usize = 4096;
 
+/// Loop of searches: calls the function with 0 … count − 1 and returns the results in order.
+pub(super) type SearchLoop<'a> = &'a dyn Fn(usize, &(dyn Fn(usize) -> u64 + Sync)) -> Vec<u64>;
+
+/// Runs searches on the threads of this process.
+pub(super) fn on_threads(count: usize, search: &(dyn Fn(usize) -> u64 + Sync)) -> Vec<u64> {
+    if count < PARALLEL { (0..count).map(search).collect() } else { (0..count).into_par_iter().map(search).collect() }
+}
+
 /// Merges clusters until one remains. The merges are numbered from `first_merge`.
 ///
 /// Returns the greedy tree, except for ties. The merges are not in greedy order, but children precede their parents.
-pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) -> Vec<[u32; 2]> {
+pub(super) fn agglomerate(
+    leaves: Vec<Cluster>,
+    metric: &Metric,
+    first_merge: u32,
+    searches: SearchLoop,
+) -> Vec<[u32; 2]> {
     let leaf_count = leaves.len();
     if leaf_count == 0 {
         return Vec::new();
@@ -61,15 +74,14 @@ pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u3
     let mut merges = Vec::with_capacity(leaf_count - 1);
     let mut pairs = Vec::new();
     while merges.len() + 1 < leaf_count {
-        // Find partners, in parallel if there are many searches.
-        let search = |&id: &u32| neighborhood.nearest(id, partners.hint(id, &neighborhood));
-        let found: Vec<Partner> = if searching.len() < PARALLEL {
-            searching.iter().map(search).collect()
-        } else {
-            searching.par_iter().map(search).collect()
+        // Find partners. The searches of a round are independent.
+        let search = |place: usize| {
+            let id = searching[place];
+            neighborhood.nearest(id, partners.hint(id, &neighborhood)).to_bits()
         };
+        let found = searches(searching.len(), &search);
         for (&id, found) in searching.iter().zip(found) {
-            partners.of[id as usize] = found;
+            partners.of[id as usize] = Partner::from_bits(found);
             partners.searches[id as usize] = false;
         }
         // Merge all mutual pairs of this round.

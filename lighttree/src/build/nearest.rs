@@ -11,6 +11,18 @@ pub(super) struct Partner {
     pub id: u32,
 }
 
+impl Partner {
+    /// Returns the partner as a number, for loops that other crates run.
+    pub fn to_bits(self) -> u64 {
+        u64::from(self.cost.to_bits()) << 32 | u64::from(self.id)
+    }
+
+    /// Returns the partner of [`to_bits`](Self::to_bits).
+    pub fn from_bits(bits: u64) -> Self {
+        Self { cost: f32::from_bits((bits >> 32) as u32), id: bits as u32 }
+    }
+}
+
 /// Number of clusters per leaf of the search tree. Builds with 4 to 8 took the same time.
 const LEAF_SIZE: usize = 6;
 /// Scale from the extent of axes (at most 2) to a length for splits of the search tree, in units of c. Two lights at

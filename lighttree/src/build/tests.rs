@@ -48,7 +48,7 @@ proptest! {
         let leaves: Vec<Cluster> =
             leaf_clusters(&scene.lights).into_iter().filter(|c| !is_directional(&scene.lights[c.id as usize])).collect();
         let leaves: Vec<Cluster> = (0u32..).zip(leaves).map(|(id, leaf)| Cluster { id, ..leaf }).collect();
-        let merges = agglomerate::agglomerate(leaves.clone(), &metric, leaves.len() as u32);
+        let merges = agglomerate::agglomerate(leaves.clone(), &metric, leaves.len() as u32, &on_threads);
         check_greedy(&leaves, &merges, &metric)?;
     }
 

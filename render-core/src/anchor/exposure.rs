@@ -5,10 +5,10 @@
 
 use super::{Anchor, Anchors, Shares};
 use crate::accel::Accelerator;
+use crate::ranks::{Ranks, portable, share_blocks};
 use crate::sampling::{centered_sobol, cosine_hemisphere, hash_unit};
 use crate::surface::Surfaces;
 use glam::Vec2;
-use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Maximum ratio of all rays to free rays at an exposed point.
@@ -29,6 +29,10 @@ pub(crate) struct Outlook {
     lengths: [u8; BINS],
 }
 
+portable!(Outlook { openness, exposed, rays, lengths });
+
+/// Number of points whose rays are traced together.
+const AT_ONCE: usize = 64;
 /// Number of bins in a histogram of ray lengths.
 const BINS: usize = 12;
 /// Width of a bin in octaves of distance.
@@ -98,8 +102,9 @@ impl<'a> Eye<'a> {
         Self { surfaces, accelerator, shares, bound, near, rays }
     }
 
-    pub fn outlooks(&self, places: &[Anchor]) -> Vec<Outlook> {
-        places.par_iter().enumerate().map(|(index, place)| self.outlook(place, index as u64)).collect()
+    /// Measures the outlooks from `places`; the `ranks` share the rays.
+    pub fn outlooks(&self, places: &[Anchor], ranks: &dyn Ranks) -> Vec<Outlook> {
+        share_blocks(ranks, places.len(), AT_ONCE, |index| self.outlook(&places[index], index as u64)).value
     }
 
     /// Measures the outlook from `place`. `index` determines a rotation of the rays. Rays that hit a back side count

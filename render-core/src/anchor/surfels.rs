@@ -20,8 +20,9 @@ mod moved;
 use super::exposure::{Eye, Outlook, exposed};
 use super::grid::{LEAST_COSINE, SplatScratch, Spot, kernel_radius};
 use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches, Shares, Sight, Zones};
+use crate::PosedScene;
 use crate::Units;
-use crate::accel::Accelerator;
+use crate::ranks::{Alone, Ranks, portable, share_blocks};
 use crate::surface::Surfaces;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -81,6 +82,9 @@ struct SurfelPoints<'a> {
     outlooks: &'a [Outlook],
 }
 
+/// Number of surfels that a thread processes together.
+const AT_ONCE: usize = 64;
+
 /// Anchor that emits the energy of a surfel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -90,37 +94,39 @@ struct Owner {
     share: f32,
 }
 
+portable!(Owner { anchor, share });
+
 impl Surfels {
     /// Creates surfels on the surfaces of `anchors`, all assumed to be open.
     pub fn of(anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
         let points = Self::points(surfaces, units, anchors);
         let surfels = SurfelPoints { points: &points, outlooks: &[] };
-        let owners = Self::owners(anchors, surfels, &[], None);
-        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, None);
+        let owners = Self::owners(anchors, surfels, &[], None, &Alone);
+        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, None, &Alone);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
     /// Creates surfels on the exposed surfaces. `outlooks` are the outlooks of the fixed anchors. Adds anchors in rooms
-    /// without anchors.
+    /// without anchors. The `ranks` share the rays.
     pub fn of_exposed(
         anchors: &mut Anchors,
         outlooks: &[Outlook],
-        surfaces: &Surfaces,
-        accelerator: &Accelerator,
+        PosedScene { accelerator, surfaces }: PosedScene,
         units: &Units,
+        ranks: &dyn Ranks,
     ) -> Self {
         // Drop enclosed surfels: they would receive energy of photons around them and lose it.
         let points = Self::points(surfaces, units, anchors);
         let eye = Eye::of(anchors, surfaces, accelerator, NEAR, OUTLOOK_RAYS);
-        let seen = eye.outlooks(&points);
+        let seen = eye.outlooks(&points, ranks);
         let (points, seen) = exposed(&points, seen);
         let surfels = SurfelPoints { points: &points, outlooks: &seen };
 
         // Restrict owners and distribution to one room: a surfel and its owner must not be separated by walls.
         let sight = Some(&Sight { accelerator, epsilon: units.epsilon });
-        let mut owners = Self::owners(anchors, surfels, outlooks, sight);
+        let mut owners = Self::owners(anchors, surfels, outlooks, sight, ranks);
         add_anchors(&mut owners, surfels, anchors, &Sight { accelerator, epsilon: units.epsilon });
-        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, sight);
+        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, sight, ranks);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
@@ -139,10 +145,12 @@ impl Surfels {
         surfels: SurfelPoints,
         seen_by_anchors: &[Outlook],
         sight: Option<&Sight>,
+        ranks: &dyn Ranks,
     ) -> Vec<Owner> {
         let grid = Grid::new(&anchors.fixed, &[], anchors.shares());
-        let owner = |(j, point)| Owner::of(point, openness(surfels.outlooks, j), &grid, seen_by_anchors, sight);
-        surfels.points.par_iter().enumerate().map(owner).collect()
+        let SurfelPoints { points, outlooks } = surfels;
+        let owner = |j: usize| Owner::of(&points[j], openness(outlooks, j), &grid, seen_by_anchors, sight);
+        share_blocks(ranks, points.len(), AT_ONCE, owner).value
     }
 
     /// Combines the `fixed` surfels with new surfels on moving or deforming surfaces.
@@ -168,7 +176,7 @@ impl Surfels {
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
         let surfels = SurfelPoints { points: &points, outlooks: &[] };
-        SurfelMap::new(surfels, self.dynamic_owners.clone(), self.dynamic_area_share.into(), true, None)
+        SurfelMap::new(surfels, self.dynamic_owners.clone(), self.dynamic_area_share.into(), true, None, &Alone)
     }
 }
 
@@ -249,11 +257,12 @@ impl SurfelMap {
         shares: Shares,
         own_instance: bool,
         sight: Option<&Sight>,
+        ranks: &dyn Ranks,
     ) -> Self {
         // Collect w_jk of the surfels k around each surfel j, without surfels hidden by walls.
         let SurfelPoints { points, outlooks } = surfels;
         let mut grid = Grid::new(points, outlooks, shares.clone());
-        grid.find_walls(sight);
+        grid.find_walls(sight, ranks);
         let weights_of = |point: &Anchor| {
             let mut near = Vec::new();
             grid.splat(&Spot::of(point, own_instance), sight, |k, weight| near.push((k as u32, weight)));

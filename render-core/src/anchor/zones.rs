@@ -171,6 +171,7 @@ impl Shares {
 mod tests {
     use super::*;
     use crate::anchor::{Anchors, Patches};
+    use crate::ranks::Alone;
     use crate::scene::{Material, Mesh, Scene};
     use crate::surface::Surfaces;
     use crate::{Geometry, Units};
@@ -222,7 +223,8 @@ mod tests {
         let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
         let zones = zones(&[Vec3A::Y]);
         let counts = [20_000, 0];
-        let anchors = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &Units::of(&scene), &zones, counts);
+        let anchors =
+            Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &Units::of(&scene), &zones, counts, &Alone);
         let shares = anchors.shares();
         for zone in 0..3 {
             let [inner, outer] =
@@ -242,7 +244,8 @@ mod tests {
         let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
         let counts = [5000, 0];
         let zones = zones(&[Vec3A::Y]);
-        let anchors = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &Units::of(&scene), &zones, counts);
+        let anchors =
+            Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &Units::of(&scene), &zones, counts, &Alone);
         let grid = super::super::Grid::new(&anchors.fixed, &[], anchors.shares());
         for step in 1..25 {
             let position = Vec3A::new(3.0 * step as f32, 1e-4, 2.0);

@@ -416,7 +416,8 @@ fn anchors_keep_out_of_covered_places() {
     };
     let everywhere = Anchors::spread(&surfaces, &units, 2000, 0);
     assert!(covered(&everywhere) > 50, "the floor under the block is 1 of 29 m²");
-    let exposed = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0]);
+    let exposed =
+        Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0], &Alone);
     assert_eq!(covered(&exposed), 0);
     assert!(exposed.fixed.len().abs_diff(2000) < 40, "{} anchors", exposed.fixed.len());
     assert!(
@@ -434,7 +435,8 @@ fn anchors_keep_out_of_covered_places() {
     }
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
-    let moving = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0]);
+    let moving =
+        Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0], &Alone);
     // The static surfaces have an area of 24 m².
     assert!(covered(&moving).abs_diff(2000 / 24) < 15, "{} of 83 anchors under the block", covered(&moving));
 }

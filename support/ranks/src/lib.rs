@@ -173,6 +173,24 @@ pub fn share_each<T: Portable + Send, S>(
     })
 }
 
+/// Shares a loop of `count` cheap items in blocks of `at_once` consecutive items, in order.
+///
+/// # Panics
+/// If the ranks run different programs, or `at_once` is 0.
+pub fn share_blocks<T: Portable + Send>(
+    ranks: &dyn Ranks,
+    count: usize,
+    at_once: usize,
+    compute: impl Fn(usize) -> T + Sync,
+) -> Timed<Vec<T>> {
+    let blocks = in_order(count.div_ceil(at_once));
+    let block = |(): &mut (), number: usize| {
+        let begin = number * at_once;
+        (begin..(begin + at_once).min(count)).map(&compute).collect::<Vec<T>>()
+    };
+    share_each(ranks, &blocks, 1, || (), block).map(|blocks| blocks.into_iter().flatten().collect())
+}
+
 /// Adds the results of `compute` on all ranks and returns the sum on every rank. `compute` processes this rank's own
 /// items of a loop.
 ///

@@ -121,7 +121,7 @@ impl FilmLight {
         } else {
             let dynamic = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
             let counts = [settings.vpls, dynamic];
-            (Anchors::spread_exposed(&surfaces, &geometry, &units, &zones, counts), settings.photons)
+            (Anchors::spread_exposed(&surfaces, &geometry, &units, &zones, counts, &**ranks), settings.photons)
         };
         let mut photons = Photons::new(photons, settings.seed).with_ranks(ranks.clone());
         if let Some(bounces) = settings.bounces {

@@ -6,10 +6,15 @@ use crate::plan::Stage;
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use pipeline::figures::FrameFigures;
+use render_core::ranks::share_blocks;
 use render_core::{AnchorFlux, Busy, DirectLights, Emitters, FinalGather, PosedScene, Surfaces, dome_lights};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
+/// Minimum number of searches in a round of the tree's construction that ranks and threads share.
+const SHARED_SEARCHES: usize = 512;
+/// Number of searches that a thread runs together.
+const SEARCHES_AT_ONCE: usize = 32;
 /// Number of directions for sky light. They are 5° apart, less than the width of shadows from a sky.
 const DOME_LIGHTS: usize = 1024;
 /// Total number of points that represent area lights in the light tree.
@@ -31,8 +36,10 @@ impl PrepareState<'_> {
         let PlacedScene { frame: n, pose, surfaces, accelerator } = placed;
         let pending = std::mem::take(&mut self.light.pending);
         figures.seconds.anchors = pending.anchors;
-        (figures.seconds.photons, figures.photons_traced) = (pending.photons, pending.photons_traced);
-        figures.seconds.tree = pending.tree;
+        (figures.seconds.photons, figures.seconds.tree) = (pending.photons, pending.tree);
+        if n == 0 {
+            figures.photons_traced = pending.photons_traced;
+        }
 
         // Reuse the lights of the previous frame, or of frame 0, if nothing changes.
         if let Some(kept) = self.kept.as_ref().filter(|_| !CHANGING.iter().any(|&stage| self.plan.runs(stage, n))) {
@@ -79,7 +86,13 @@ impl PrepareState<'_> {
                 };
                 let bound = anchors.geometry_term_bound(self.plan.is_on(Stage::Compensation));
                 let params = BuildParams::bounded_by(bound).with_seed(self.settings.seed);
-                Arc::new(busy.measure(|| LightTree::build(&lights, params)))
+                // Let the ranks share the searches. Small rounds cost less than their messages.
+                let ranks = &*self.ranks;
+                let searches = |count: usize, search: &(dyn Fn(usize) -> u64 + Sync)| match count {
+                    ..SHARED_SEARCHES => (0..count).map(search).collect(),
+                    _ => busy.take(share_blocks(ranks, count, SEARCHES_AT_ONCE, search)),
+                };
+                Arc::new(busy.measure(|| LightTree::build_with(&lights, params, &searches)))
             }
         };
 

@@ -138,8 +138,8 @@ impl<'s> Preparation<'s> {
     }
 
     fn state_with(&self, light: FilmLight) -> PrepareState<'s> {
-        let Self { scene, settings, plan, .. } = self;
-        PrepareState { scene, settings: settings.clone(), plan, light, tree: None, kept: None }
+        let Self { scene, settings, plan, ranks, .. } = self;
+        PrepareState { scene, settings: settings.clone(), plan, ranks: ranks.clone(), light, tree: None, kept: None }
     }
 
     /// Returns the state, with the light of the film.
@@ -194,6 +194,8 @@ struct PrepareState<'s> {
     scene: &'s Scene,
     settings: RenderSettings,
     plan: &'s Plan,
+    /// Ranks that share the work.
+    ranks: Arc<dyn Ranks>,
     light: FilmLight,
     /// Light tree of a checkpoint, used instead of a new tree in the first frame.
     tree: Option<Arc<LightTree>>,

@@ -6,7 +6,11 @@
 use super::{Grid, Spot};
 use crate::accel::PACKET;
 use crate::anchor::{Anchor, Sight};
+use crate::ranks::{Ranks, share_blocks};
 use rayon::prelude::*;
+
+/// Number of points that a thread tests together.
+const AT_ONCE: usize = 64;
 
 /// Kind of occluder between a point and its neighbors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -42,10 +46,11 @@ impl Walls {
         Self { doubts: vec![Doubt::Nothing; count], ..Self::unknown(count) }
     }
 
-    /// Tests all pairs of neighboring points of `grid` by rays.
-    fn between(grid: &Grid, sight: &Sight) -> Self {
+    /// Tests all pairs of neighboring points of `grid` by rays, which the `ranks` share.
+    fn between(grid: &Grid, sight: &Sight, ranks: &dyn Ranks) -> Self {
         // Test each pair once, from its first point.
-        let later_hidden = |p: u32| {
+        let later_hidden = |p: usize| {
+            let p = p as u32;
             let spot = Spot::of(&grid.points[p as usize], false);
             let (mut later, mut places) = (Vec::new(), Vec::new());
             grid.near(&spot, |k, _| {
@@ -63,7 +68,7 @@ impl Walls {
             }
             hidden_places
         };
-        let later: Vec<Vec<u32>> = (0..grid.points.len() as u32).into_par_iter().map(later_hidden).collect();
+        let later: Vec<Vec<u32>> = share_blocks(ranks, grid.points.len(), AT_ONCE, later_hidden).value;
 
         // Add each hidden pair to both lists, because visibility is symmetric.
         let mut lists = vec![Vec::new(); later.len()];
@@ -111,10 +116,10 @@ impl Walls {
 }
 
 impl Grid {
-    /// Finds the walls between the points by rays. Without `sight`, assumes that no walls exist.
-    pub fn find_walls(&mut self, sight: Option<&Sight>) {
+    /// Finds the walls between the points by rays, which the `ranks` share. Without `sight`, assumes that no walls exist.
+    pub fn find_walls(&mut self, sight: Option<&Sight>, ranks: &dyn Ranks) {
         self.walls = match sight {
-            Some(sight) => Walls::between(self, sight),
+            Some(sight) => Walls::between(self, sight, ranks),
             None => Walls::none(self.points.len()),
         };
     }
@@ -191,6 +196,7 @@ mod tests {
     use super::super::SplatScratch;
     use super::*;
     use crate::accel::Geometry;
+    use crate::ranks::Alone;
     use crate::sampling::hash_unit;
     use crate::scene::{Material, Mesh, Scene};
     use glam::{Vec3, Vec3A};
@@ -224,7 +230,7 @@ mod tests {
             (0..count).map(|k| Anchor { position: on_floor(k), normal: Vec3A::Y, instance: 0 }).collect();
         let share = 16.0 / count as f32;
         let mut by_lists = Grid::new(&points, &[], share);
-        by_lists.find_walls(Some(&sight));
+        by_lists.find_walls(Some(&sight), &Alone);
         let by_rays = Grid::new(&points, &[], share);
 
         let (mut differing, mut over_curb) = (0, 0);

@@ -4,12 +4,12 @@
 //! surfels k around a surfel j are visible. The weights w_jk are restricted to visible surfels. Rays also test whether
 //! a surfel still sees its owner.
 
-use super::{Owner, SurfelMap};
+use super::{AT_ONCE, Owner, SurfelMap};
 use crate::anchor::grid::{Grid, Spot};
 use crate::anchor::{Anchor, Shares, Sight};
+use crate::ranks::{Ranks, portable, share_blocks};
 use crate::swept::SweptVolume;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::collections::HashMap;
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -46,6 +46,8 @@ pub(super) struct Change {
     hidden: u64,
 }
 
+portable!(Change { surfel, owner, hidden });
+
 impl SurfelMap {
     /// Prepares for moving geometry within the `swept` space. `anchors` own the surfels and represent the areas
     /// `shares`.
@@ -78,11 +80,12 @@ impl SurfelMap {
         }
     }
 
-    /// Returns the changes at the time of `sight`.
-    pub fn moved(&self, sight: &Sight) -> Moved {
+    /// Returns the changes at the time of `sight`. The `ranks` share the rays.
+    pub fn moved(&self, sight: &Sight, ranks: &dyn Ranks) -> Moved {
         let Some(movable) = &self.movable else { return Moved::default() };
-        let change = |&surfel: &u32| self.change(surfel, movable, sight);
-        Moved { changes: movable.surfels.par_iter().filter_map(change).collect() }
+        let change = |place: usize| self.change(movable.surfels[place], movable, sight);
+        let changes = share_blocks(ranks, movable.surfels.len(), AT_ONCE, change).value;
+        Moved { changes: changes.into_iter().flatten().collect() }
     }
 
     fn change(&self, surfel: u32, movable: &Movable, sight: &Sight) -> Option<Change> {
