@@ -6,7 +6,7 @@ use plane::Picture;
 use render_core::scene::{Gradient, Instance, Material, Mesh, Node, Scene, Transform};
 use render_core::{Environment, NOTHING, Surfaces, luminance};
 use render2mpeg::{Options, Settings};
-use renderer::bake::Bake;
+use renderer::bake::{Bake, BakeRun};
 use renderer::plan::Plan;
 use renderer::{Preparation, bake};
 use std::path::{Path, PathBuf};
@@ -49,7 +49,9 @@ pub(super) fn gray(albedo: f32) -> Material {
 fn baked(scene: &Scene, texels: usize) -> Bake {
     let options = Options { vpls: Some(1000), photons: Some(100_000), ..Options::default() };
     let settings = Settings::new("stage.glb".into(), scene, &options).expect("right settings");
-    bake::bake(scene, &settings.render, texels, &|_, _| ()).expect("the scene can be baked")
+    bake::bake(scene, &settings.render, texels, &BakeRun::alone(), &|_, _| ())
+        .expect("the scene can be baked")
+        .expect("it was not stopped")
 }
 
 /// Each point of a box under a uniform sky of radiance L sees half of the sky: E = π L.

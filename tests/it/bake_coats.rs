@@ -7,7 +7,7 @@ use plane::Plane;
 use render_core::scene::{Camera, Gradient, Material, Node, Projection, Scene, Transform};
 use render_core::{Environment, PathOptions, PixelSampling, Surfaces, luminance};
 use render2mpeg::{Options, Settings};
-use renderer::bake::Bake;
+use renderer::bake::{Bake, BakeRun};
 use renderer::plan::Plan;
 use renderer::reference::by_paths;
 use renderer::settings::Lighting;
@@ -41,7 +41,9 @@ fn settings(scene: &Scene, side: usize) -> Settings {
 }
 
 fn baked(scene: &Scene, texels: usize) -> Bake {
-    bake::bake(scene, &settings(scene, 16).render, texels, &|_, _| ()).expect("the scene can be baked")
+    bake::bake(scene, &settings(scene, 16).render, texels, &BakeRun::alone(), &|_, _| ())
+        .expect("the scene can be baked")
+        .expect("it was not stopped")
 }
 
 /// Under a uniform sky of radiance L, the mean radiance reflected by a coat is L in every direction, for every lobe.

@@ -5,6 +5,7 @@
 mod bake;
 mod bake_coats;
 mod bake_export;
+mod bake_run;
 #[cfg(unix)]
 mod chunks;
 mod closed_loop;

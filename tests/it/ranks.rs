@@ -193,6 +193,35 @@ fn other_light_is_found_out() {
     }
 }
 
+/// Of several processes, only rank 0 runs a command that shares no work.
+#[test]
+fn commands_without_shared_work_run_once() {
+    let folder = tempfile::tempdir().unwrap();
+    checkered_room(Moving::Nothing).write(&folder.path().join("room.glb"));
+    for (rank, is_run) in [("1", false), ("0", true)] {
+        let mut command = std::process::Command::new(tests::program());
+        command.args([
+            "still",
+            "room.glb",
+            "-o",
+            "room.png",
+            "--size",
+            "32x32",
+            "--vpls",
+            "50",
+            "--photons",
+            "500",
+            "-q",
+        ]);
+        command.current_dir(folder.path()).env("OMPI_COMM_WORLD_SIZE", "2").env("OMPI_COMM_WORLD_RANK", rank);
+        let output = command.output().expect("it starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        assert_eq!(said.contains("rank 0 runs this command alone"), is_run, "{said}");
+        assert_eq!(folder.path().join("room.png").exists(), is_run, "rank {rank}");
+    }
+}
+
 /// A build without the feature reports it in one line, on one rank only.
 #[test]
 #[cfg(not(feature = "mpi"))]

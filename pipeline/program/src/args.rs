@@ -82,6 +82,18 @@ pub enum Command {
     },
 }
 
+impl Command {
+    /// Returns whether the processes of a run share the work of the command.
+    pub fn is_shared(&self) -> bool {
+        match self {
+            Self::Render(_) => true,
+            #[cfg(feature = "bake")]
+            Self::Bake(_) => true,
+            _ => false,
+        }
+    }
+}
+
 /// Hides the output files of a film in the help of a command that writes no files. The options are still accepted, so
 /// that a command line of `render` also works for `plan`.
 fn without_files(option: Arg) -> Arg {

@@ -58,9 +58,19 @@ const WRONG_ARGUMENTS: u8 = 2;
 #[must_use]
 pub fn main() -> ExitCode {
     let result = config_file::parse(std::env::args_os().collect()).and_then(|arguments| {
-        ranks::check(matches!(arguments.command, Command::Render(_)))?;
+        ranks::check(arguments.command.is_shared())?;
         Ok(arguments)
     });
+    // Several processes run a command without shared work once.
+    if let Ok(arguments) = &result
+        && !arguments.command.is_shared()
+        && ranks::are_several()
+    {
+        if ranks::is_silent() {
+            return ExitCode::SUCCESS;
+        }
+        tell!("note: only render and bake share their work among ranks; rank 0 runs this command alone");
+    }
     // Exit with a different code if the arguments are wrong.
     let result = result.map_err(|error| (error, WRONG_ARGUMENTS));
     match result.and_then(|arguments| run(arguments.command).map_err(with_exit_code)) {
@@ -97,7 +107,7 @@ fn run(command: Command) -> Result<ExitCode> {
         #[cfg(feature = "bake")]
         Command::Bake(arguments) => {
             use_threads(arguments.threads)?;
-            commands::bake::run(arguments)
+            commands::bake::run(arguments, &Ranks::join()?)
         }
         Command::Reference(arguments) => {
             use_threads(arguments.threads)?;

@@ -66,21 +66,15 @@ impl Ranks {
     }
 }
 
-/// Refuses commands that each of several processes would run completely.
+/// Checks that this build can share the work of the command, if the command shares it.
 ///
 /// # Errors
-/// If several processes were started, and this build lacks MPI or the command does not share its work.
+/// If several processes were started for a shared command, and this build lacks MPI.
 pub fn check(is_shared: bool) -> Result<()> {
-    if !are_several() {
-        return Ok(());
-    }
-    if !cfg!(feature = "mpi") {
+    if is_shared && are_several() && !cfg!(feature = "mpi") {
         bail!(
             "mpirun started several ranks, but this build lacks the feature mpi; build with cargo build --release --features mpi"
         );
-    }
-    if !is_shared {
-        bail!("mpirun started several ranks, but only render shares its work; run this command without mpirun");
     }
     Ok(())
 }

@@ -28,7 +28,7 @@ macro_rules! portable_numbers {
     )*};
 }
 
-portable_numbers!(f32, f64, i64, u8, u32, u64);
+portable_numbers!(f32, f64, i64, u8, u16, u32, u64);
 
 /// Implements [`Portable`](crate::Portable) for a struct, given all of its fields.
 ///

@@ -1,21 +1,26 @@
 //! Command `render2mpeg bake`.
 
+use crate::interrupt::{Interrupt, Reactions};
 use crate::overwrite::Overwrite;
 use crate::progress;
+use crate::ranks::Ranks;
 use crate::source::Reading;
 use anyhow::Result;
 use clap::Args;
+use pipeline::checkpoint::FilmJob;
 use pipeline::output::Output;
 use render_core::scene::Scene;
 use render2mpeg::places::FilePlaces;
 use render2mpeg::{Error, Options, Settings};
-use renderer::bake;
 use renderer::bake::export::check_path;
+use renderer::bake::{self, BakeCheckpoint, BakeRun};
+use renderer::settings::RenderSettings;
 use renderer::texels::BakedTexels;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Scene to bake, and the resolution of its light.
 #[derive(Args)]
@@ -56,6 +61,9 @@ pub(crate) struct BakeArguments {
     /// Number of threads; the result does not depend on it [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Continue a bake that was interrupted or killed, to the same bits; without a checkpoint, start at the beginning
+    #[arg(long, conflicts_with = "baked")]
+    resume: bool,
     /// Permission to replace files.
     #[command(flatten)]
     overwrite: Overwrite,
@@ -64,8 +72,11 @@ pub(crate) struct BakeArguments {
     quiet: bool,
 }
 
-/// Bakes the light, and writes the light file, the glTF export, or both.
-pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
+/// Time between checkpoints: a killed bake loses about a minute of work.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+
+/// Bakes the light among the `ranks`. Rank 0 writes the light file, the glTF export, or both.
+pub fn run(arguments: BakeArguments, ranks: &Ranks) -> Result<ExitCode> {
     let BakeArguments {
         scene: path,
         reading,
@@ -78,6 +89,7 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
         photons,
         bounces,
         seed,
+        resume,
         overwrite,
         quiet,
         ..
@@ -90,26 +102,35 @@ pub fn run(arguments: BakeArguments) -> Result<ExitCode> {
         .writes("-o", output.as_deref())
         .writes("--gltf", gltf.as_deref())
         .check()?;
-    for path in output.iter().chain(&gltf) {
-        overwrite.check(path)?;
-    }
-    if let Some(output) = &output {
-        drop(Output::create(output)?);
-    }
-    if let Some(gltf) = &gltf {
-        check_path(gltf, &path)?;
+    let is_first = ranks.team().rank() == 0;
+    if is_first {
+        for path in output.iter().chain(&gltf) {
+            overwrite.check(path)?;
+        }
+        if let Some(output) = &output {
+            drop(Output::create(output)?);
+        }
+        if let Some(gltf) = &gltf {
+            check_path(gltf, &path)?;
+        }
     }
 
     // Use the finest quantiser, which requires the most photons.
     let options = Options { vpls, photons, bounces, seed, qscale: Some(1), ..Options::default() };
     let settings = Settings::new(path, &scene, &options)?;
-    let job = BakeJob { scene: &scene, settings: &settings, quiet };
+    let job = BakeJob { scene: &scene, settings: &settings, quiet: quiet || !is_first };
     let light = match baked {
         Some(path) => bake::read(&scene, &path)?,
-        None => job.bake(texels as usize, output.as_deref())?,
+        None => {
+            let work = BakeWork { texels: texels as usize, output: output.as_deref(), resume, ranks };
+            match job.bake(&work)? {
+                Ok(light) => light,
+                Err(code) => return Ok(code),
+            }
+        }
     };
     // Export the light that was read or baked.
-    if let Some(gltf) = gltf {
+    if let Some(gltf) = gltf.filter(|_| is_first) {
         job.export(light, &gltf, texture)?;
     }
     Ok(ExitCode::SUCCESS)
@@ -122,16 +143,44 @@ struct BakeJob<'a> {
     quiet: bool,
 }
 
+/// Resolution of a bake, its file, and the ranks that share it.
+struct BakeWork<'a> {
+    texels: usize,
+    output: Option<&'a Path>,
+    resume: bool,
+    ranks: &'a Ranks,
+}
+
 impl BakeJob<'_> {
-    /// Bakes the light, and writes it to `output`, if given.
-    fn bake(&self, texels: usize, output: Option<&Path>) -> Result<BakedTexels> {
+    /// Bakes the light, and writes it to the output, if given. Returns the exit code of an interrupted bake.
+    fn bake(&self, work: &BakeWork) -> Result<Result<BakedTexels, ExitCode>> {
         let begin = Instant::now();
+        let BakeWork { texels, output, resume, ranks } = *work;
+        let is_first = ranks.team().rank() == 0;
+
+        // Write checkpoints next to the light file. Rank 0 sends their content to the other ranks.
+        let checkpoint = match output.filter(|_| is_first) {
+            Some(output) => Some(BakeCheckpoint::new(&self.film_job(texels, output)?, CHECKPOINT_EVERY, resume)?),
+            None => None,
+        };
         let bar = progress::of_work(self.quiet);
-        let baked = bake::bake(self.scene, &self.settings.render, texels, &|done, all| {
+        let interrupt = Interrupt::watch(Reactions::default())?;
+        let run = BakeRun { ranks: ranks.team().prepare.clone(), checkpoint, stop: &interrupt.stop };
+        let baked = bake::bake(self.scene, &self.settings.render, texels, &run, &|done, all| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         })?;
         bar.finish_and_clear();
+        let Some(baked) = baked else {
+            if !self.quiet {
+                match output {
+                    Some(_) => tell!("ended early: the same command with --resume continues"),
+                    None => tell!("ended early: without -o, a bake has no checkpoint"),
+                }
+            }
+            return Ok(Err(interrupt.exit_code()));
+        };
+        let output = output.filter(|_| is_first);
         let written = output.map(|path| Ok::<_, Error>((path, baked.write(self.scene, path)?))).transpose()?;
 
         // Print size, resolution and cost of the light.
@@ -163,7 +212,18 @@ impl BakeJob<'_> {
                 tell!("  render2mpeg render {} --lighting baked", self.settings.scene.display());
             }
         }
-        Ok(baked.texels)
+        if let Some(checkpoint) = &run.checkpoint {
+            checkpoint.remove()?;
+        }
+        Ok(Ok(baked.texels))
+    }
+
+    /// Returns the job of baking `texels` texels into the file at `output`.
+    fn film_job(&self, texels: usize, output: &Path) -> Result<FilmJob> {
+        let RenderSettings { vpls, photons, bounces, seed, .. } = self.settings.render;
+        let settings = json!({ "texels": texels, "vpls": vpls, "photons": photons, "bounces": bounces, "seed": seed });
+        let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
+        Ok(FilmJob::new(output, program, &settings.to_string(), self.scene.origin.sum))
     }
 
     /// Writes the scene with `light` in its textures to a glTF file.

@@ -2,6 +2,7 @@
 
 use super::inside::Places;
 use super::light::TexelLight;
+use super::loops::{BakeLoops, LoopEnd};
 use crate::coat_fields::{CoatField, CoatFields};
 use crate::{BAKED_ROUGHNESS, KnownScene, TexelCoat};
 use glam::Vec3;
@@ -72,35 +73,41 @@ pub(super) struct CoatBake<'a> {
 
 impl CoatBake<'_> {
     /// Bakes the light of coats. `done` is called with the number of texels completed since the previous call.
-    pub fn fields(&self, coats: &CoatTexels, done: &(dyn Fn(usize) + Sync)) -> CoatFields {
+    pub fn fields(
+        &self,
+        coats: &CoatTexels,
+        loops: &mut BakeLoops,
+        done: &dyn Fn(usize),
+    ) -> Result<CoatFields, LoopEnd> {
         let unit = (UNIT * self.light.mean() / PI).max(f32::MIN_POSITIVE);
         let unit = LogScale::new(unit).expect("a normal number");
         let mut fields = Vec::new();
         for (&side, group) in &coats.0 {
-            fields.push(self.field(side, group, unit, done));
+            fields.push(self.field(side, group, unit, loops, done)?);
         }
-        CoatFields::new(self.places.atlas, fields).expect("tiles consist of texels of the atlas")
+        Ok(CoatFields::new(self.places.atlas, fields).expect("tiles consist of texels of the atlas"))
     }
 
     /// Bakes the texels that have maps of n × n directions, n = `side`.
-    fn field(&self, side: usize, group: &[CoatTexel], scale: LogScale, done: &(dyn Fn(usize) + Sync)) -> CoatField {
+    fn field(
+        &self,
+        side: usize,
+        group: &[CoatTexel],
+        scale: LogScale,
+        loops: &mut BakeLoops,
+        done: &dyn Fn(usize),
+    ) -> Result<CoatField, LoopEnd> {
         // Find the tiles of the atlas, each with a mask of its texels, and the texels in storage order.
         let (numbers, tiles, order) = tiled(self.places.atlas, group);
 
         // Compute the codes of each texel's light in all directions.
         let map = OctahedralMap { side };
-        let codes: Vec<Vec<u16>> = order
-            .par_iter()
-            .map_init(Scratch::default, |scratch, &index| {
-                let codes = self.codes(&group[index], map, scale, scratch);
-                done(1);
-                codes
-            })
-            .collect();
+        let codes_of = |scratch: &mut Scratch, place: usize| self.codes(&group[order[place]], map, scale, scratch);
+        let codes: Vec<Vec<u16>> = loops.each(order.len(), Scratch::default, codes_of, |_| done(1))?;
         let samples = Samples::Logarithmic { scale, codes: codes.concat() };
         let field = Field::new(tiles, map.len(), samples).expect("a map for each texel");
         let light = NearLossless::encode(&field, DELTA).expect("the limit is small");
-        CoatField::new(side, numbers, light).expect("the field has this map and these tiles")
+        Ok(CoatField::new(side, numbers, light).expect("the field has this map and these tiles"))
     }
 
     /// Returns the baked irradiance \[W·m⁻²\] at a ray's hit; `None` if the atlas lacks the surface.

@@ -16,14 +16,15 @@
 
 use super::blocks::{TexelBlock, blocks};
 use super::inside::Places;
+use super::loops::{BakeLoops, LoopEnd};
 use crate::Visibility;
 use crate::frame::Frame;
 use glam::{Vec3, Vec3A};
 use lighttree::{Lambert, Light, Lightcut, Receivers, Scratch, Stop};
-use rayon::prelude::*;
+use render_core::ranks::portable;
 use render_core::{Atlas, ShadingPoint, luminance};
+use std::cell::Cell;
 use std::f32::consts::PI;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of passes over all texels, each counted in the progress.
 pub(super) const PASSES: usize = 3;
@@ -83,7 +84,7 @@ struct BlockScratch {
 
 /// Irradiance of a texel after the first pass \[W·m⁻²\].
 struct FirstLight {
-    texel: usize,
+    texel: u32,
     direct: [f32; 3],
     indirect: Option<[f32; 3]>,
 }
@@ -91,10 +92,13 @@ struct FirstLight {
 /// Direct and indirect irradiance of a texel \[W·m⁻²\].
 #[derive(Clone, Copy)]
 struct TwoLights {
-    texel: usize,
+    texel: u32,
     direct: Vec3,
     indirect: Vec3,
 }
+
+portable!(FirstLight { texel, direct, indirect });
+portable!(TwoLights { texel, direct, indirect });
 
 /// A texel and its shading point.
 #[derive(Clone, Copy)]
@@ -114,64 +118,53 @@ struct TexelBaker<'a> {
 }
 
 /// Lights the texels of the atlas of `places` at `points`; `None` marks a texel without a point. `progress` is called
-/// from any thread with the number of texels done, summed over all [`PASSES`] passes.
+/// with the number of texels done, summed over all [`PASSES`] passes.
 pub(super) fn light(
     places: &Places,
     points: &[Option<ShadingPoint>],
     compensates: bool,
-    progress: &(dyn Fn(usize) + Sync),
-) -> TexelLight {
+    loops: &mut BakeLoops,
+    progress: &dyn Fn(usize),
+) -> Result<TexelLight, LoopEnd> {
     let &Places { atlas, frame, visibility, .. } = places;
     let bake = TexelBaker { atlas, frame, visibility, points, compensates };
     let blocks = blocks(atlas);
-    let done = AtomicUsize::new(0);
-    let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels);
+    let count = blocks.len();
+    let done = Cell::new(0);
+    let tell = |block: usize| {
+        done.set(done.get() + blocks[block].texels.len());
+        progress(done.get());
+    };
 
     // Compute direct light, and indirect light of every fourth texel.
-    let first: Vec<Vec<FirstLight>> = blocks
-        .par_iter()
-        .map_init(Scratch::default, |scratch, block| {
-            let lit = bake.first(block, scratch);
-            tell(block.texels.len());
-            lit
-        })
-        .collect();
+    let first = loops.each(count, Scratch::default, |scratch, block| bake.first(&blocks[block], scratch), tell)?;
     let mut known = KnownLight { direct: vec![[0.0; 3]; atlas.len()], indirect: vec![None; atlas.len()] };
     for lit in first.into_iter().flatten() {
-        (known.direct[lit.texel], known.indirect[lit.texel]) = (lit.direct, lit.indirect);
+        let texel = lit.texel as usize;
+        (known.direct[texel], known.indirect[texel]) = (lit.direct, lit.indirect);
     }
 
     // Light the other texels, with thresholds from the light around them.
-    let rest: Vec<Vec<(usize, [f32; 3])>> = blocks
-        .par_iter()
-        .map_init(BlockScratch::default, |scratch, block| {
-            let lit = bake.rest(block, &known, scratch);
-            tell(block.texels.len());
-            lit
-        })
-        .collect();
+    let rest = |scratch: &mut BlockScratch, block: usize| bake.rest(&blocks[block], &known, scratch);
+    let rest = loops.each(count, BlockScratch::default, rest, tell)?;
     for (texel, light) in rest.into_iter().flatten() {
-        known.indirect[texel] = Some(light);
+        known.indirect[texel as usize] = Some(light);
     }
 
     // Light further points of texels that are unlike their neighbors, and use the mean.
-    let finer: Vec<Vec<TwoLights>> = blocks
-        .par_iter()
-        .map_init(BlockScratch::default, |scratch, block| {
-            let lit = bake.finer(block, places, &known, scratch);
-            tell(block.texels.len());
-            lit
-        })
-        .collect();
+    let finer = |scratch: &mut BlockScratch, block: usize| bake.finer(&blocks[block], places, &known, scratch);
+    let finer = loops.each(count, BlockScratch::default, finer, tell)?;
     for lit in finer.into_iter().flatten() {
-        (known.direct[lit.texel], known.indirect[lit.texel]) = (lit.direct.to_array(), Some(lit.indirect.to_array()));
+        let texel = lit.texel as usize;
+        (known.direct[texel], known.indirect[texel]) = (lit.direct.to_array(), Some(lit.indirect.to_array()));
     }
 
     // Fill the texels inside geometry from their neighbors.
     let filled = points.iter().filter(|point| point.is_none()).count();
     let KnownLight { mut direct, mut indirect } = known;
     fill(atlas, points, &mut direct, &mut indirect);
-    TexelLight { direct, indirect: indirect.into_iter().map(Option::unwrap_or_default).collect(), filled }
+    let indirect = indirect.into_iter().map(Option::unwrap_or_default).collect();
+    Ok(TexelLight { direct, indirect, filled })
 }
 
 impl TexelBaker<'_> {
@@ -197,13 +190,13 @@ impl TexelBaker<'_> {
             // Choose one texel of each 2×2 square: most other texels then have a lit neighbor.
             let is_first = x % 2 == 0 && y % 2 == 0;
             let indirect = is_first.then(|| self.alone(receiver, direct, scratch).to_array());
-            lit.push(FirstLight { texel: receiver.texel, direct: direct.to_array(), indirect });
+            lit.push(FirstLight { texel: receiver.texel as u32, direct: direct.to_array(), indirect });
         }
         lit
     }
 
     /// Computes the indirect light of a block's remaining texels.
-    fn rest(&self, block: &TexelBlock, known: &KnownLight, scratch: &mut BlockScratch) -> Vec<(usize, [f32; 3])> {
+    fn rest(&self, block: &TexelBlock, known: &KnownLight, scratch: &mut BlockScratch) -> Vec<(u32, [f32; 3])> {
         let KnownLight { direct, indirect } = known;
         let mut lit = Vec::new();
 
@@ -220,13 +213,13 @@ impl TexelBaker<'_> {
                     thresholds.push(TOGETHER * luminance(expected + of_direct));
                     waiting.push(receiver);
                 }
-                None => lit.push((texel, self.alone(&receiver, of_direct, &mut scratch.walk).to_array())),
+                None => lit.push((texel as u32, self.alone(&receiver, of_direct, &mut scratch.walk).to_array())),
             }
         }
 
         // Light the texels with thresholds in one traversal of the light tree.
         let lights = self.together(&waiting, &thresholds, scratch);
-        lit.extend(waiting.iter().zip(lights).map(|(receiver, light)| (receiver.texel, light.to_array())));
+        lit.extend(waiting.iter().zip(lights).map(|(receiver, light)| (receiver.texel as u32, light.to_array())));
         lit
     }
 
@@ -247,7 +240,7 @@ impl TexelBaker<'_> {
                 receivers.push(Receiver { texel, point });
                 owners.push(sums.len());
             }
-            sums.push((TwoLights { texel, direct: Vec3::from(direct[texel]), indirect: own }, 1.0));
+            sums.push((TwoLights { texel: texel as u32, direct: Vec3::from(direct[texel]), indirect: own }, 1.0));
         }
 
         // Derive the thresholds from the first point, because further points are about as bright.

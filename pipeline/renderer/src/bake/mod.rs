@@ -10,6 +10,7 @@ mod file;
 mod fingerprint;
 mod inside;
 mod light;
+mod loops;
 
 use crate::coat_fields::CoatFields;
 use crate::plan::{Plan, Stage, lamp_moves};
@@ -19,13 +20,15 @@ use crate::{GATHER_RAYS, Preparation, Visibility};
 pub use file::SectionFile;
 pub use fingerprint::fingerprint;
 use inside::Places;
+pub use loops::{BakeCheckpoint, BakeRun};
+use loops::{BakeLoops, LoopEnd};
 use pipeline::error::{Context, Error, Result};
 use pipeline::state::{decode, encode};
 use render_core::scene::Scene;
 use render_core::{Atlas, Surfaces};
+use std::cell::Cell;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// Tag of the file section with the atlas and its irradiance.
@@ -45,22 +48,42 @@ pub struct Bake {
     pub coat_seconds: f64,
 }
 
-/// Computes the light of about `texels` texels on the static surfaces of `scene`. `progress` is called from any thread with the
-/// work done and the total work. Equal scenes and settings produce equal bits for any number of threads.
+/// Computes the light of about `texels` texels on the static surfaces of `scene`. `progress` is called with the work done
+/// and the total work. Equal scenes and settings produce equal bits for any number of threads and ranks. Returns `None`
+/// if the `run` was stopped.
 ///
 /// # Errors
-/// If the scene cannot be baked, because a lamp moves or no surface is static.
+/// If the scene cannot be baked, because a lamp moves or no surface is static. If the checkpoint is invalid or cannot be
+/// written.
 pub fn bake(
     scene: &Scene,
     settings: &RenderSettings,
     texels: usize,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Bake> {
+    run: &BakeRun,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Option<Bake>> {
+    match bake_all(scene, settings, texels, run, progress) {
+        Ok(bake) => Ok(Some(bake)),
+        Err(LoopEnd::Stopped) => Ok(None),
+        Err(LoopEnd::Failed(error)) => Err(error),
+    }
+}
+
+/// Computes the light of all texels, unless the `run` is stopped.
+fn bake_all(
+    scene: &Scene,
+    settings: &RenderSettings,
+    texels: usize,
+    run: &BakeRun,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Bake, LoopEnd> {
     // Reject moving lamps: their light is not constant.
     if lamp_moves(scene) {
         let text = "the light of this scene cannot be baked because a lamp moves; render without baked light";
-        return Err(Error::Options(text.into()));
+        return Err(Error::Options(text.into()).into());
     }
+    let mut loops = BakeLoops::new(run)?;
+
     // Lay out the texels on the static surfaces.
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
@@ -76,7 +99,7 @@ pub fn bake(
         ..settings.clone()
     };
     let plan = Plan::new(&still, &settings);
-    let frame = Preparation::new(&still, &settings, &plan).everywhere().frame(0).frame;
+    let frame = Preparation::among(&still, &settings, &plan, run.ranks.clone()).everywhere().frame(0).frame;
 
     // Count each texel once per pass; the last pass covers only coats.
     let compensates = plan.is_on(Stage::Compensation);
@@ -85,15 +108,18 @@ pub fn bake(
     let points = places.points();
     let coated = coats::CoatTexels::find(&places, &points);
     let all = light::PASSES * atlas.len() + coated.len();
-    let lit = light::light(&places, &points, compensates, &|done| progress(done, all));
+    let lit = light::light(&places, &points, compensates, &mut loops, &|done| progress(done, all))?;
 
     // Trace the light of coats.
     let begin = Instant::now();
-    let done = AtomicUsize::new(light::PASSES * atlas.len());
-    let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels, all);
+    let done = Cell::new(light::PASSES * atlas.len());
+    let tell = |texels: usize| {
+        done.set(done.get() + texels);
+        progress(done.get(), all);
+    };
     let instances = standing(scene);
     let bake = coats::CoatBake { places: &places, light: &lit, instances: &instances };
-    let coats = Arc::new(bake.fields(&coated, &tell));
+    let coats = Arc::new(bake.fields(&coated, &mut loops, &tell)?);
     let coat_seconds = begin.elapsed().as_secs_f64();
     let light::TexelLight { direct, indirect, filled } = lit;
     let texels = BakedTexels { atlas, direct, indirect, coats };

@@ -10,7 +10,7 @@ use render_core::ranks::{Ranks, process_seconds};
 use render_core::scene::{Pose, Scene};
 use render_core::{
     Accelerator, AnchorFlux, Anchors, DirectLights, Emitters, FinalGather, Geometry, Guide, GuideSearch, Photons,
-    PosedScene, Surfaces, SweptVolume, Units, ZoneSearch, Zones,
+    PosedScene, Surfaces, SweptVolume, Timed, Units, ZoneSearch, Zones,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -61,6 +61,8 @@ pub(super) struct Lights {
 pub(super) struct PendingFigures {
     /// CPU seconds of the anchors.
     pub anchors: f64,
+    /// CPU seconds of placing the objects of frame 0.
+    pub update: f64,
     /// CPU seconds of the photons.
     pub photons: f64,
     /// CPU seconds of the light tree.
@@ -162,14 +164,16 @@ impl FilmLight {
         }
         let pose = scene.pose(settings.time(0));
         let surfaces = Surfaces::new(scene, &pose);
-        let accelerator = Arc::new(self.geometry.place(&pose));
+        let placed = Timed::of(|busy| busy.measure(|| Arc::new(self.geometry.place(&pose))));
+        let accelerator = placed.value;
         let emitters = Emitters::new(&surfaces, &pose, &self.units);
         let posed = PosedScene::new(&accelerator, &surfaces);
         let traced = self.photons.trace(posed, &emitters, &self.anchors, &self.units);
         let mut flux = traced.value;
         self.anchors.split_bright(&flux.fixed);
         flux.fixed = self.anchors.fixed_flux(&flux.surfels[0], &flux.moved);
-        (self.pending.photons, self.pending.photons_traced) = (traced.seconds, flux.traced);
+        (self.pending.update, self.pending.photons) = (placed.seconds, traced.seconds);
+        self.pending.photons_traced = flux.traced;
         self.first = FirstFrame { accelerator: Some(accelerator), flux: Some(flux), ..FirstFrame::default() };
     }
 

@@ -36,6 +36,7 @@ impl PrepareState<'_> {
         let PlacedScene { frame: n, pose, surfaces, accelerator } = placed;
         let pending = std::mem::take(&mut self.light.pending);
         figures.seconds.anchors = pending.anchors;
+        figures.seconds.update += pending.update;
         (figures.seconds.photons, figures.seconds.tree) = (pending.photons, pending.tree);
         if n == 0 {
             figures.photons_traced = pending.photons_traced;

@@ -115,6 +115,7 @@ impl<'s> Preparation<'s> {
         // Report the light with the first frame of the film, which has no previous frame.
         let (pending, figures) = (&mut work.light.pending, &prepared.figures);
         pending.anchors += figures.seconds.anchors;
+        pending.update += figures.seconds.update;
         pending.photons += figures.seconds.photons;
         pending.tree += figures.seconds.tree;
         pending.photons_traced += figures.photons_traced;
@@ -305,6 +306,7 @@ impl<'s> PrepareState<'s> {
         // Report the cost with the first frame of the film.
         let pending = &mut self.light.pending;
         pending.anchors += figures.seconds.anchors;
+        pending.update += figures.seconds.update;
         pending.photons += figures.seconds.photons;
         pending.tree += figures.seconds.tree;
         pending.photons_traced += figures.photons_traced;
