@@ -8,6 +8,7 @@ mod shown;
 mod vectors;
 
 use crate::accel::{Hit, PACKET};
+use crate::ranks::{Ranks, in_order, portable, share_each};
 use crate::scene::{DeformedMesh, View};
 use crate::{Busy, PosedScene, Surfaces, Timed};
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
@@ -124,6 +125,44 @@ impl GBuffer {
         layered.map(|layered| Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) })
     }
 
+    /// Traces rays as [`trace_at`](Self::trace_at) does, with macroblocks shared among `ranks`. All ranks receive the
+    /// whole G-buffer.
+    pub fn trace_among(
+        sample: PixelSample,
+        scene: PosedScene,
+        view: &View,
+        (width, height): (usize, usize),
+        ranks: &dyn Ranks,
+    ) -> Timed<Self> {
+        // Without other ranks, trace the rays into the plane directly.
+        if ranks.count() == 1 && ranks.log().is_none() {
+            return Self::trace_at(sample, scene, view, (width, height));
+        }
+        let shown = Shown::new(scene);
+        let camera = Camera { shown: &shown, view, sample };
+        let across = width.div_ceil(MACROBLOCK).max(1);
+        let corner = |block: usize| (block % across * MACROBLOCK, block / across * MACROBLOCK);
+        let blocks = in_order(across * height.div_ceil(MACROBLOCK));
+        let trace = |(): &mut (), block: usize| camera.macroblock(corner(block), (width, height));
+        let traced = share_each(ranks, &blocks, 1, || (), trace);
+
+        // Assemble the macroblocks of all ranks.
+        let mut pixels = Plane::filled(width, height, EMPTY);
+        let mut layered = Vec::new();
+        for (block, traced) in traced.value.into_iter().enumerate() {
+            let (left, top) = corner(block);
+            let columns = MACROBLOCK.min(width - left);
+            for (row, surfaces) in traced.pixels.chunks(columns).enumerate() {
+                let begin = (top + row) * width + left;
+                pixels.samples_mut()[begin..begin + columns].copy_from_slice(surfaces);
+            }
+            layered.extend(traced.layered);
+        }
+        layered.sort_unstable_by_key(|pixel| pixel.index);
+        let value = Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) };
+        Timed { value, seconds: traced.seconds }
+    }
+
     /// Builds a G-buffer of `pixels` with the current transforms of `surfaces`.
     fn placed(pixels: Plane<PixelSurface>, surfaces: &Surfaces, view: &View) -> Self {
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
@@ -182,6 +221,21 @@ fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
 
+#[rustfmt::skip]
+portable!(PixelSurface {
+    position, geometric_normal, shading_normal, albedo, specular, roughness, emission, depth, instance, triangle,
+});
+
+/// Traced pixels of a macroblock.
+struct MacroblockSurfaces {
+    /// Surfaces of the pixels, by rows.
+    pixels: Vec<PixelSurface>,
+    /// Pixels with several layers.
+    layered: Vec<LayeredPixel>,
+}
+
+portable!(MacroblockSurfaces { pixels, layered });
+
 /// Camera that traces one sample of each pixel of a picture.
 struct Camera<'a> {
     shown: &'a Shown<'a>,
@@ -206,25 +260,35 @@ impl Camera<'_> {
     /// Traces a row of macroblocks, starting at line `top`, into `strip`. Returns the row's pixels with several
     /// layers.
     fn strip(&self, top: usize, width: usize, strip: &mut [PixelSurface]) -> Vec<LayeredPixel> {
-        // Trace each macroblock as four packets. Packets at the border of the picture are smaller.
+        // Trace one macroblock after the other.
         let rows = strip.len() / width;
         let mut layered = Vec::new();
         for left in (0..width).step_by(MACROBLOCK) {
+            let traced = self.macroblock((left, top), (width, top + rows));
             let columns = MACROBLOCK.min(width - left);
-            for (x0, y0) in PACKET_CORNERS {
-                let places = packet_places()
-                    .map(|(x, y)| (x0 + x, y0 + y))
-                    .filter(|&(x, y)| x < columns && y < rows)
-                    .map(|(x, y)| (left + x, top + y));
-                self.see_together(places, |(x, y), pixel, layers| {
-                    strip[(y - top) * width + x] = pixel;
-                    if layers.len() > 1 {
-                        layered.push(LayeredPixel { index: (y * width + x) as u32, layers });
-                    }
-                });
+            for (row, surfaces) in traced.pixels.chunks(columns).enumerate() {
+                strip[row * width + left..][..columns].copy_from_slice(surfaces);
             }
+            layered.extend(traced.layered);
         }
         layered
+    }
+
+    /// Traces the pixels of the macroblock with this upper left corner, in a picture of this size.
+    fn macroblock(&self, (left, top): (usize, usize), (width, height): (usize, usize)) -> MacroblockSurfaces {
+        // Trace four packets. Packets at the border of the picture are smaller.
+        let (columns, rows) = (MACROBLOCK.min(width - left), MACROBLOCK.min(height - top));
+        let mut traced = MacroblockSurfaces { pixels: vec![EMPTY; columns * rows], layered: Vec::new() };
+        for (x0, y0) in PACKET_CORNERS {
+            let places = packet_places().map(|(x, y)| (x0 + x, y0 + y)).filter(|&(x, y)| x < columns && y < rows);
+            self.see_together(places.map(|(x, y)| (left + x, top + y)), |(x, y), pixel, layers| {
+                traced.pixels[(y - top) * columns + x - left] = pixel;
+                if layers.len() > 1 {
+                    traced.layered.push(LayeredPixel { index: (y * width + x) as u32, layers });
+                }
+            });
+        }
+        traced
     }
 
     /// Traces the rays of a packet's pixels together.

@@ -9,6 +9,7 @@ use crate::settings::Settings;
 use pipeline::checkpoint::{FilmJob, Identity};
 use pipeline::output::is_being_written;
 use pipeline::sealed::SealedFormat;
+use pipeline::stage::Prepare;
 use render_core::scene::Scene;
 use renderer::plan::Plan;
 use renderer::{Preparation, Shading};
@@ -99,7 +100,7 @@ pub fn make_light(scene: &Scene, settings: &Settings, plan: &Plan, path: &Path) 
             return Ok(false);
         }
     }
-    let mut preparation = Preparation::new(scene, &settings.render, plan).beginning_with_frame_0(true);
+    let mut preparation = Preparation::new(scene, &settings.render, plan);
     #[cfg(feature = "bake")]
     let baked = crate::shading::read_baked(scene, settings)?;
     if settings.render.auto_exposure {
@@ -111,6 +112,7 @@ pub fn make_light(scene: &Scene, settings: &Settings, plan: &Plan, path: &Path) 
         });
         preparation.set_exposure(exposure);
     }
+    preparation.make_ready();
     write(scene, settings, path, preparation.film_light())?;
     Ok(true)
 }

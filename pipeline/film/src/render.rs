@@ -172,6 +172,7 @@ impl<'a> Render<'a> {
         // Use one exposure for all chunks, because no chunk may depend on an earlier one.
         let known = stages.prepare.exposure();
         let exposure = known.unwrap_or_else(|| {
+            start.make_ready(&mut stages.prepare);
             exposure_of_chunks(&mut stages.prepare, scene, settings, |settings, plan| {
                 let shading = Shading::new(settings, plan);
                 #[cfg(feature = "bake")]
@@ -187,6 +188,7 @@ impl<'a> Render<'a> {
     fn write_light(&mut self) -> Result<()> {
         let Self { scene, settings, stages, .. } = self;
         let Some(path) = settings.files.light.as_deref().filter(|_| !self.has_read_light) else { return Ok(()) };
+        self.start.make_ready(&mut stages.prepare);
         let light = stages.prepare.film_light();
         light_file::write(scene, settings, path, light)
     }
@@ -214,11 +216,9 @@ impl<'a> LightStages<'a> {
         #[cfg(feature = "bake")]
         let shade = with_baked(shade, baked.as_ref());
 
-        // Read the light of the film, or light frame 0 first if the exposure or the light file needs it.
+        // Read the light of the film if a file contains it.
         let light = light_file::read(scene, settings)?;
-        let needs_frame_0 = settings.is_in_chunks() && settings.render.auto_exposure || settings.files.light.is_some();
-        let prepare =
-            Preparation::among(scene, &renderer, plan, team.prepare.clone()).beginning_with_frame_0(needs_frame_0);
+        let prepare = Preparation::among(scene, &renderer, plan, team.prepare.clone());
         let is_read = light.is_some();
         let prepare = match light {
             Some(light) => prepare.with_film_light(&light)?,

@@ -27,9 +27,12 @@ pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team
         order => return ended(&order),
     };
     // Wait for the decision of rank 0 whether the first frame starts.
-    let goes_on = match Order::next(orders)? {
-        Order::Begin { goes_on } => goes_on,
-        order => return ended(&order),
+    let goes_on = loop {
+        match Order::next(orders)? {
+            Order::Ready => prepare.make_ready(),
+            Order::Begin { goes_on } => break goes_on,
+            order => return ended(&order),
+        }
     };
 
     // Each message permits preparation of one frame: as on rank 0, preparation is one frame ahead.
@@ -105,6 +108,7 @@ fn ended(order: &Order) -> Result<()> {
 fn unexpected(order: &Order) -> Error {
     let name = match order {
         Order::Start { .. } => "to start",
+        Order::Ready => "to make the common state",
         Order::Begin { .. } => "to begin",
         Order::Frame { .. } => "to make a frame",
         Order::End { .. } => "to end",

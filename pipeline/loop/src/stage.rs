@@ -29,6 +29,10 @@ pub trait Prepare: Send {
     /// Prepares frame `index`, counted from 0; returns `None` after the last frame.
     fn step(&mut self, index: u32) -> Option<Prepared<Self::Frame>>;
 
+    /// Computes the state that all frames of the film have in common, before the first step. Without a call, the first
+    /// step does this.
+    fn make_ready(&mut self) {}
+
     /// Returns the state after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
         Vec::new()

@@ -114,6 +114,12 @@ impl Start<'_> {
         self.first
     }
 
+    /// Lets `prepare` compute the state that all frames have in common, on all ranks.
+    pub fn make_ready(&self, prepare: &mut impl Prepare) {
+        self.lead.make_ready();
+        prepare.make_ready();
+    }
+
     /// Opens the file at `path` for the film: a new file, or the existing one after its bytes at the checkpoint.
     ///
     /// # Errors

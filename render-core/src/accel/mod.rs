@@ -30,6 +30,7 @@ pub use packet::PACKET;
 pub use shaft::Shaft;
 pub(crate) use sheets::{RayCone, Shadows};
 
+use crate::ranks::portable;
 use cut_outs::Sheets;
 use found::Found;
 use glam::{Affine3A, BVec3A, DVec3, Vec3A};
@@ -57,6 +58,8 @@ pub struct Hit {
     /// Barycentric weight of the third corner.
     pub v: f32,
 }
+
+portable!(Hit { distance, instance, triangle, u, v });
 
 /// Acceleration structure for ray queries in the scene at a given time.
 ///

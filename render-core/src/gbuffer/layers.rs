@@ -18,6 +18,7 @@
 use super::{CameraRay, GBuffer, PixelSample};
 use crate::PosedScene;
 use crate::accel::{Accelerator, Hit, RayCone};
+use crate::ranks::portable;
 use crate::scene::View;
 use glam::Vec2;
 
@@ -28,6 +29,9 @@ pub(super) struct Layer {
     pub hit: Option<Hit>,
     pub share: f32,
 }
+
+portable!(Layer { hit, share });
+portable!(LayeredPixel { index, layers });
 
 /// Pixel with several layers at its center.
 #[derive(Clone, Debug, PartialEq)]

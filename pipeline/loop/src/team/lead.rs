@@ -13,6 +13,8 @@ use std::sync::Arc;
 pub(crate) enum Order {
     /// Restore the initial state of all ranks. `first` is the first frame to make.
     Start { first: u32, restored: Option<RestoredState> },
+    /// Compute the state that all frames have in common.
+    Ready,
     /// Prepare the first frame if rank 0 `goes_on`.
     Begin { goes_on: bool },
     /// Shade this frame. Store the state if it is `marked`; prepare the next frame if rank 0 `goes_on`.
@@ -37,6 +39,7 @@ type SentThresholds = (u32, Plane<f32>, Plane<f32>);
 #[derive(Serialize)]
 enum Sent<'a> {
     Start { first: u32, restored: Option<(u32, &'a [u8], &'a [u8])> },
+    Ready,
     Begin { goes_on: bool },
     Frame { index: u32, marked: bool, goes_on: bool, thresholds: Option<(u32, &'a Plane<f32>, &'a Plane<f32>)> },
     End { state_wanted: bool, goes_on: bool },
@@ -96,6 +99,11 @@ impl Lead {
     pub fn start(&self, first: u32, restored: Option<(&[u8], &[u8])>) {
         let restored = restored.map(|(prepare, shade)| (first - 1, prepare, shade));
         self.say(&Sent::Start { first, restored });
+    }
+
+    /// Orders the other ranks to compute the state that all frames have in common.
+    pub fn make_ready(&self) {
+        self.say(&Sent::Ready);
     }
 
     /// Announces whether the first frame is prepared.

@@ -65,7 +65,7 @@ struct StoredLoop {
 
 /// Content of a checkpoint.
 #[derive(Serialize, Deserialize)]
-struct Stored {
+struct WrittenBake {
     identity: Identity,
     loops: StoredLoops,
 }
@@ -81,7 +81,7 @@ impl BakeCheckpoint {
         let identity = job.identity().clone();
         let mut stored = None;
         if resume && path.exists() {
-            let read: Stored = FORMAT.read(&path)?;
+            let read: WrittenBake = FORMAT.read(&path)?;
             if let Some(difference) = read.identity.difference(&identity) {
                 let text = format!(" cannot be resumed: {difference}; use the same options, or bake without --resume");
                 return Err(Error::content(&path, text));
@@ -111,7 +111,7 @@ impl BakeCheckpoint {
     }
 
     fn write(&self, loops: StoredLoops) -> Result<()> {
-        FORMAT.write(&self.path, &Stored { identity: self.identity.clone(), loops })
+        FORMAT.write(&self.path, &WrittenBake { identity: self.identity.clone(), loops })
     }
 }
 

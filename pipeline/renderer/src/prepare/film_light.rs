@@ -5,6 +5,7 @@ use crate::plan::{Plan, Stage, State};
 use crate::settings::{RenderSettings, Size};
 use lighttree::LightTree;
 use pipeline::error::{Context, Result};
+use pipeline::figures::FrameFigures;
 use pipeline::state::{NONSENSE, decode, encode};
 use render_core::ranks::{Ranks, process_seconds};
 use render_core::scene::{Pose, Scene};
@@ -69,6 +70,17 @@ pub(super) struct PendingFigures {
     pub tree: f64,
     /// Number of traced photons.
     pub photons_traced: u64,
+}
+
+impl PendingFigures {
+    /// Adds the figures of work that no frame has reported.
+    pub fn add(&mut self, figures: &FrameFigures) {
+        self.anchors += figures.seconds.anchors;
+        self.update += figures.seconds.update;
+        self.photons += figures.seconds.photons;
+        self.tree += figures.seconds.tree;
+        self.photons_traced += figures.photons_traced;
+    }
 }
 
 /// Film and ranks for which light is made.

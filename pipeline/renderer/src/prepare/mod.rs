@@ -17,7 +17,7 @@ use pipeline::state::NONSENSE;
 use plane::Correspondence;
 use render_core::ranks::{Alone, Ranks};
 use render_core::scene::{Pose, Scene};
-use render_core::{Accelerator, Busy, DirectLights, FinalGather, GBuffer, PosedScene, Surfaces};
+use render_core::{Accelerator, Busy, DirectLights, FinalGather, GBuffer, PixelSample, PosedScene, Surfaces};
 use std::sync::Arc;
 
 /// First half of the renderer: prepares frames 0, 1, 2 … of a film.
@@ -29,8 +29,6 @@ pub struct Preparation<'s> {
     ranks: Arc<dyn Ranks>,
     /// Whether light is needed everywhere, not only in the camera's views.
     everywhere: bool,
-    /// Whether frame 0 is lit before the first prepared frame.
-    begins_with_frame_0: bool,
     /// State, created with the first frame, when the film's files are open.
     work: Option<PrepareState<'s>>,
 }
@@ -45,28 +43,13 @@ impl<'s> Preparation<'s> {
     /// Starts to prepare a film of `scene` on several `ranks`, which share the work and prepare the same frames.
     #[must_use]
     pub fn among(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan, ranks: Arc<dyn Ranks>) -> Self {
-        Self {
-            scene,
-            settings: settings.clone(),
-            plan,
-            ranks,
-            everywhere: false,
-            begins_with_frame_0: false,
-            work: None,
-        }
+        Self { scene, settings: settings.clone(), plan, ranks, everywhere: false, work: None }
     }
 
     /// Prepares light for all viewpoints: the camera does not guide photons.
     #[must_use]
     pub fn everywhere(self) -> Self {
         Self { everywhere: true, ..self }
-    }
-
-    /// Lights frame 0 before the first prepared frame, for [`frame_0_of_size`](Self::frame_0_of_size) and
-    /// [`film_light`](Self::film_light). All ranks of a film must have the same setting.
-    #[must_use]
-    pub fn beginning_with_frame_0(self, begins_with_frame_0: bool) -> Self {
-        Self { begins_with_frame_0, ..self }
     }
 
     /// Continues with the light of the film, from the bytes of [`film_light`](Self::film_light) of any run with the
@@ -76,12 +59,7 @@ impl<'s> Preparation<'s> {
     /// If the bytes are not the light of a film.
     pub fn with_film_light(mut self, bytes: &[u8]) -> Result<Self> {
         let light = FilmLight::from_bytes(bytes, &self.inputs())?;
-        let needs_frame_0 = self.begins_with_frame_0 && light.exposure.is_none();
-        let mut work = self.state_with(light);
-        if needs_frame_0 {
-            work.light_frame_0();
-        }
-        self.work = Some(work);
+        self.work = Some(self.state_with(light));
         Ok(self)
     }
 
@@ -106,19 +84,17 @@ impl<'s> Preparation<'s> {
         self.work().frame(index)
     }
 
-    /// Prepares frame 0 at another size, before the frames of the film. The light is the light of the film.
+    /// Prepares frame 0 at another size, before the frames of the film. The light is the light of the film. Other ranks
+    /// do not take part: with several ranks, call [`make_ready`](Prepare::make_ready) on all of them first.
     pub fn frame_0_of_size(&mut self, size: Size) -> PreparedFrame<'s> {
+        self.make_ready();
         let work = self.work();
-        let own = std::mem::replace(&mut work.settings.size, size);
+        let own_size = std::mem::replace(&mut work.settings.size, size);
+        let own_ranks = std::mem::replace(&mut work.ranks, Arc::new(Alone));
         let prepared = work.frame(0);
-        work.settings.size = own;
+        (work.settings.size, work.ranks) = (own_size, own_ranks);
         // Report the light with the first frame of the film, which has no previous frame.
-        let (pending, figures) = (&mut work.light.pending, &prepared.figures);
-        pending.anchors += figures.seconds.anchors;
-        pending.update += figures.seconds.update;
-        pending.photons += figures.seconds.photons;
-        pending.tree += figures.seconds.tree;
-        pending.photons_traced += figures.photons_traced;
+        work.light.pending.add(&prepared.figures);
         work.kept = None;
         prepared
     }
@@ -146,10 +122,7 @@ impl<'s> Preparation<'s> {
     /// Returns the state, with the light of the film.
     fn work(&mut self) -> &mut PrepareState<'s> {
         if self.work.is_none() {
-            let mut work = self.state_with(FilmLight::new(&self.inputs()));
-            if self.begins_with_frame_0 {
-                work.light_frame_0();
-            }
+            let work = self.state_with(FilmLight::new(&self.inputs()));
             self.work = Some(work);
         }
         self.work.as_mut().expect("it was just made")
@@ -173,6 +146,14 @@ impl<'s> Prepare for Preparation<'s> {
             (work.tree, work.kept) = (None, None);
         }
         (index < self.settings.end).then(|| self.frame(index))
+    }
+
+    /// Makes the light of the film, and the lights of frame 0.
+    fn make_ready(&mut self) {
+        let work = self.work();
+        if work.light.first.lights.is_none() && work.kept.is_none() {
+            work.light_frame_0();
+        }
     }
 
     /// Returns the light tree as bytes.
@@ -245,7 +226,9 @@ impl<'s> PrepareState<'s> {
             Some(kept) if !self.plan.runs(Stage::PrimaryRays, n) => kept.seen.clone(),
             _ => {
                 let view = self.scene.view(&pose, width, height).with_pixel_aspect(self.settings.pixel_aspect);
-                Arc::new(busy.take(GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (width, height))))
+                let scene = PosedScene::new(&accelerator, &surfaces);
+                let traced = GBuffer::trace_among(PixelSample::WHOLE, scene, &view, (width, height), &*self.ranks);
+                Arc::new(busy.take(traced))
             }
         };
 
@@ -304,11 +287,6 @@ impl<'s> PrepareState<'s> {
         let placed = PlacedScene { frame: 0, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
         self.light.first.lights = Some(self.lights(placed, &mut figures));
         // Report the cost with the first frame of the film.
-        let pending = &mut self.light.pending;
-        pending.anchors += figures.seconds.anchors;
-        pending.update += figures.seconds.update;
-        pending.photons += figures.seconds.photons;
-        pending.tree += figures.seconds.tree;
-        pending.photons_traced += figures.photons_traced;
+        self.light.pending.add(&figures);
     }
 }

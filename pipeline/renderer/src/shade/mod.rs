@@ -359,6 +359,11 @@ impl Shading<'_> {
         self.finished(prepared, lit, figures)
     }
 
+    /// Returns the ranks that share the loops of a frame. With tiles, each rank lights its tiles alone.
+    fn sharing(&self) -> Arc<dyn Ranks> {
+        if self.settings.tiles.is_some() { Arc::new(Alone) } else { self.ranks.clone() }
+    }
+
     /// Returns the surfaces of a sample, and adds the CPU time of finding them to `visibility`.
     fn surfaces<'f>(&self, frame: &'f Frame, sample: usize, visibility: &Busy) -> SampleSurfaces<'f> {
         // Use the G-buffer for the only sample, or for the first sample with importance.
@@ -369,7 +374,7 @@ impl Shading<'_> {
             let place = PixelSample::one_of(offsets.len(), offsets[sample]);
             let size = (seen.pixels.width(), seen.pixels.height());
             let scene = PosedScene::new(&frame.accelerator, &frame.surfaces);
-            visibility.take(GBuffer::trace_at(place, scene, &seen.view, size))
+            visibility.take(GBuffer::trace_among(place, scene, &seen.view, size, &*self.sharing()))
         });
 
         // Replace the albedo of coated surfaces: coats are a separate layer of light.
