@@ -1,6 +1,8 @@
 //! Directional albedo of the coat by angle and roughness, the basis of energy conservation.
 
+#[cfg(test)]
 use super::ggx::{Ggx, grazing_share};
+#[cfg(test)]
 use crate::sampling::hammersley;
 use glam::Vec3;
 use std::sync::LazyLock;
@@ -31,6 +33,7 @@ impl Albedo {
 /// changes occur at grazing angles. With 48 steps, interpolation is within 0.5 % of the integral.
 const STEPS: usize = 48;
 /// Number of directions in the integral of each table entry.
+#[cfg(test)]
 const DIRECTIONS: usize = 1024;
 
 /// Table of directional albedos: one row per roughness, one entry per square root of a cosine.
@@ -39,19 +42,37 @@ struct Table {
     means: [Albedo; STEPS],
 }
 
-/// Table of albedos, computed in a few milliseconds when a coat is first used.
+/// Table of albedos. The entries are stored, because their integrals take 0.3 CPU s.
 static TABLE: LazyLock<Table> = LazyLock::new(|| {
-    let step = |i: usize| i as f32 / (STEPS - 1) as f32;
-    // Integrate all entries first, because each mean depends on a complete row.
-    let rows: [[Albedo; STEPS]; STEPS] = std::array::from_fn(|row| {
-        let ggx = Ggx::from_roughness(step(row));
-        std::array::from_fn(|column| integrate(ggx, step(column).powi(2)))
-    });
+    let rows = stored(include_bytes!("albedo.bin"));
     let means = rows.map(|row| mean(&row));
     Table { rows, means }
 });
 
+/// Reads the entries of the table: for each one, `facing` and `grazing` as little-endian numbers.
+fn stored(bytes: &[u8; 8 * STEPS * STEPS]) -> [[Albedo; STEPS]; STEPS] {
+    let number = |at: usize| f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+    std::array::from_fn(|row| {
+        std::array::from_fn(|column| {
+            let at = 8 * (row * STEPS + column);
+            Albedo { facing: number(at), grazing: number(at + 4) }
+        })
+    })
+}
+
+/// Computes the entries of the table.
+#[cfg(test)]
+fn computed() -> Vec<[Albedo; STEPS]> {
+    let step = |i: usize| i as f32 / (STEPS - 1) as f32;
+    let row = |row: usize| {
+        let ggx = Ggx::from_roughness(step(row));
+        std::array::from_fn(|column| integrate(ggx, step(column).powi(2)))
+    };
+    (0..STEPS).map(row).collect()
+}
+
 /// Integrates over visible microfacets. Each facet contributes its Fresnel term times G₂/G₁.
+#[cfg(test)]
 fn integrate(ggx: Ggx, cos: f32) -> Albedo {
     // Exactly at grazing incidence no facet is visible, so use the limit.
     let cos = cos.max(1e-3);
@@ -125,6 +146,22 @@ impl AlbedoRow {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The stored entries are the integrals, within the rounding of another machine's functions.
+    #[test]
+    fn stored_entries_are_the_integrals() {
+        let computed = computed();
+        if std::env::var_os("WRITE_ALBEDO").is_some() {
+            let numbers = computed.iter().flatten().flat_map(|entry| [entry.facing, entry.grazing]);
+            let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+            std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/albedo.bin"), bytes).unwrap();
+            return;
+        }
+        for (stored, computed) in TABLE.rows.iter().flatten().zip(computed.iter().flatten()) {
+            let error = (stored.facing - computed.facing).abs().max((stored.grazing - computed.grazing).abs());
+            assert!(error < 1e-5, "{stored:?} instead of {computed:?}");
+        }
+    }
 
     #[test]
     fn interpolation_is_close_to_the_integral() {

@@ -1,5 +1,6 @@
 //! Rules about sources and documents that no compiler checks.
 
+mod chains;
 mod circles;
 mod idioms;
 mod layers;
