@@ -1,4 +1,4 @@
-//! The tree: a flat array of nodes, their lights, and global values.
+//! Light tree: a flat array of nodes, the lights, and values of the whole tree.
 
 use glam::Vec3;
 
@@ -18,7 +18,7 @@ use crate::sites::Sites;
 pub struct LightTree {
     pub(crate) nodes: Vec<Node>,
     pub(crate) lights: Vec<Light>,
-    /// Sites of the representatives. Estimates read them.
+    /// Positions and axes of the clusters' representatives, derived from `nodes` and `lights`.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub(crate) sites: Sites,
     /// s² of the geometry term G \[m²\], see [`BuildParams`](crate::BuildParams).

@@ -45,7 +45,7 @@ pub enum Container {
 
 impl Container {
     /// Returns the container for a file extension: `.m2v`, `.m1v`, `.mpv`; `.mpg`, `.mpeg`; `.vob`; `.ts`, `.m2t`; `.mp4`;
-    /// `.mkv`. `None` for other extensions, or without one.
+    /// `.mkv`. `None` for other extensions, or without an extension.
     ///
     /// ```
     /// use mpeg2enc::Container;

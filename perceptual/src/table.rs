@@ -76,11 +76,11 @@ impl LumaDecodeTable {
         Self { segments: segments.try_into().expect("as many as there are") }
     }
 
-    /// Returns the luminance of gray for eight luma values, which are clamped to 0…219. NaN is not allowed.
+    /// Returns the luminance of gray pixels for eight luma values. Luma is clamped to 0…219 and must not be NaN.
     ///
-    /// All eight lanes are processed together, so that everything except the table access is vectorized. The segment
-    /// number is the position minus ½, rounded to the nearest integer. At a node, both adjacent segments are correct.
-    /// Adding 2²³ removes the fraction and leaves the integer in the lowest bits.
+    /// Everything except the table access is vectorized over the eight lanes. Luma is scaled to segments. The index of
+    /// the segment is the scaled luma minus ½, rounded to the nearest integer. At a node, both adjacent segments are
+    /// correct. Adding 2²³ rounds, and leaves the integer in the lowest bits.
     #[inline]
     pub fn get(&self, luma: [f32; 8]) -> [f32; 8] {
         const WHOLE: f32 = (1 << 23) as f32;

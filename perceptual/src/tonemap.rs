@@ -220,7 +220,7 @@ impl ToneMap {
         }
     }
 
-    /// Returns the display value of linear radiance, 0…1.
+    /// Returns the display value, 0…1, of linear radiance.
     ///
     /// The function is monotonic in `linear` and saturates at 1. It returns 0 for negative values and NaN.
     #[must_use]

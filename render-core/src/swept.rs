@@ -37,7 +37,7 @@ impl SweptVolume {
     /// Returns the space through which the moving instances of `scene` pass at `times` \[s\].
     pub fn of(scene: &Scene, units: &Units, times: impl IntoIterator<Item = f32>) -> Self {
         let mut swept = Self::new(units);
-        // Use the bounds of the mesh for rigid shapes.
+        // List the moving instances with the bounds of their meshes, which rigid instances keep.
         let around = |positions: &[Vec3]| {
             let empty = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
             positions.iter().fold(empty, |[low, high], &p| [low.min(p.into()), high.max(p.into())])

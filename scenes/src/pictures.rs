@@ -131,7 +131,7 @@ pub fn whiteboard(size: usize) -> Texture {
 pub fn carpet(size: usize, base: Vec3, accent: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let (x, y) = ((u * 2.0).floor() as i32, (v * 2.0).floor() as i32);
-        // Every second tile is rotated by 90°.
+        // Exchange the axes of every second tile, so that the lines of adjacent tiles are perpendicular.
         let (s, t) = if (x + y) % 2 == 0 { (u, v) } else { (v, u) };
         let line = (s * 64.0).floor() as i32;
         let run = smoothstep(0.52, 0.60, value(t + hash(line, 1, seed), 0.5, 14, 2, seed + line as u32));

@@ -44,7 +44,7 @@ fn a_film_is_continued_with_the_files_it_was_begun_with() {
         let room = with_files(folder, scene);
         let bytes = if scene.ends_with("gltf") { room.json.to_string().into_bytes() } else { room.to_bytes() };
         fs::write(folder.join(scene), bytes).unwrap();
-        // Kill a film after its first checkpoint.
+        // Kill the renderer after its first checkpoint.
         let words = format!("render {scene} -o film.m2v --checkpoint 0 -q --frames 5000 {SMALL}");
         let words: Vec<&str> = words.split_whitespace().collect();
         let mut child = start_until_checkpoint(folder, &words, "film.m2v");

@@ -1,4 +1,4 @@
-//! A killed film is continued to the same bits.
+//! A killed run is continued to the same bits.
 //!
 //! Pipes of one line, available only on Linux, make the moment of the kill depend on lines and not on time.
 

@@ -220,7 +220,7 @@ impl Glb {
         }]);
     }
 
-    /// Moves a node to positions at times \[s\]; it is static until the next time.
+    /// Moves a node to positions at times \[s\]; it stays at each position until the next time.
     pub fn animate_in_steps(&mut self, node: usize, places: &[(f32, Vec3)]) {
         let (times, places): (Vec<f32>, Vec<Vec3>) = places.iter().copied().unzip();
         let bounds = json!({ "min": [times[0]], "max": [times[times.len() - 1]] });

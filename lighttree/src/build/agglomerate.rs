@@ -122,13 +122,14 @@ struct Partners {
 }
 
 impl Partners {
-    /// Returns whether the cluster has no living partner and must search before it can be joined.
+    /// Returns whether the cluster has no partner or a merged partner, and must search before it can be joined.
     fn is_alone(&self, id: u32, neighborhood: &Neighborhood) -> bool {
         let partner = self.of[id as usize].id;
         partner == DEAD || !neighborhood.is_alive(partner)
     }
 
-    /// Returns the living cluster that contains the former partner of `id`. It is usually close to `id`.
+    /// Returns the cluster that now contains the former partner of `id` and is not merged itself. It is usually close
+    /// to `id`.
     fn hint(&self, id: u32, neighborhood: &Neighborhood) -> Option<u32> {
         let mut near = self.of[id as usize].id;
         while near != DEAD && !neighborhood.is_alive(near) {
@@ -141,8 +142,8 @@ impl Partners {
     /// other.
     ///
     /// Costs are symmetric, but searches may break ties differently, and rounding may make a union cheaper than its
-    /// child. With mutual partners, the cheapest pair always agrees. Clusters without a living partner are added to
-    /// `searching`, once each.
+    /// child. With mutual partners, the cheapest pair always agrees. Clusters whose partner is missing or merged are
+    /// added to `searching`, once each.
     fn agree(&mut self, neighborhood: &Neighborhood, searching: &mut Vec<u32>) {
         for id in neighborhood.alive() {
             let Partner { cost, id: other } = self.of[id as usize];

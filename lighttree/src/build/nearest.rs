@@ -1,4 +1,4 @@
-//! Search for the cheapest partner among the living clusters.
+//! Search for the cheapest partner among the clusters that are not merged yet.
 
 use glam::Vec3A;
 
@@ -31,8 +31,8 @@ const AXIS_SCALE: f32 = 0.3;
 /// Index that marks a missing cluster.
 pub(super) const DEAD: u32 = u32::MAX;
 
-/// Static search tree over the clusters that were alive when it was built. A merged cluster reuses the slot of one of
-/// its children. It contains that child, so the bounds of the nodes stay lower bounds of costs.
+/// Static search tree over the clusters that were not merged when it was built. A union reuses the slot of one of its
+/// children. It contains that child, so the bounds of the nodes stay lower bounds of costs.
 pub(super) struct Neighborhood<'a> {
     metric: &'a Metric,
     slots: Vec<Cluster>,
@@ -70,7 +70,7 @@ impl<'a> Neighborhood<'a> {
         this
     }
 
-    /// Iterates over the living clusters, with neighbors next to each other.
+    /// Returns the clusters that are not merged yet. Neighbors in space are next to each other.
     pub fn alive(&self) -> impl Iterator<Item = u32> {
         self.slots.iter().map(|cluster| cluster.id).filter(|&id| id != DEAD)
     }
@@ -123,8 +123,8 @@ impl<'a> Neighborhood<'a> {
         self.split(right, first + middle);
     }
 
-    /// Returns the living cluster with the cheapest union, and the cost of the union. The cluster is [`DEAD`] if no
-    /// other cluster is alive. `hint` is a nearby cluster.
+    /// Returns the cluster with the cheapest union among the clusters that are not merged yet, and the cost of the
+    /// union. The cluster is [`DEAD`] if no other cluster remains. `hint` is a nearby cluster.
     pub fn nearest(&self, id: u32, hint: Option<u32>) -> Partner {
         let own = *self.cluster(id);
         let mut best = hint.map_or((f32::INFINITY, DEAD), |hint| (own.cost(self.cluster(hint), self.metric), hint));

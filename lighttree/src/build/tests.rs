@@ -6,8 +6,8 @@ use super::*;
 use crate::bounds::Cone;
 use crate::testing;
 
-/// Replays the merges, cheapest first, and compares each merge with the definition: no living pair is cheaper at that
-/// step.
+/// Replays the merges, cheapest first, and compares each merge with the definition: no remaining pair is cheaper at
+/// that step.
 ///
 /// The comparison is step by step, because pairs that tie up to rounding lead to different greedy trees.
 fn check_greedy(leaves: &[Cluster], merges: &[[u32; 2]], metric: &Metric) -> Result<(), TestCaseError> {

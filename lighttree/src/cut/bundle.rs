@@ -60,7 +60,7 @@ struct ShadowRays {
 
 impl ShadowRays {
     fn clear(&mut self, lights: usize) {
-        // Clear only lights in use, because the tree may have many more.
+        // Clear only the bits of listed lights, because the tree may have many more.
         for light in self.lights.drain(..) {
             self.receivers_of[light as usize] = 0;
         }

@@ -68,7 +68,7 @@ impl Halves {
         self.choose(&self.arriving::<F, R>(receiver, geometry_term_bound))
     }
 
-    /// Returns the unoccluded radiance of all eight halves.
+    /// Returns the unoccluded radiance of all eight halves \[W·m⁻²·sr⁻¹\].
     #[inline(always)]
     pub fn arriving<F: EightLanes, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Vector3<Eight> {
         let mut arriving = Vector3::ZERO;
@@ -262,7 +262,7 @@ impl<'a> Arriving<'a> {
     }
 }
 
-/// Returns the sum of the radiance of the unoccluded rays.
+/// Returns the sum of the radiance of the unoccluded rays \[W·m⁻²·sr⁻¹\].
 #[inline(always)]
 pub(super) fn sum_of_seen(rays: &[ShadowRay], radiance: &[Vec4]) -> Vec4 {
     rays.iter().zip(radiance).fold(Vec4::ZERO, |sum, (ray, &value)| sum + value * f32::from(ray.visible))

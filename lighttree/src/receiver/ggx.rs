@@ -7,7 +7,7 @@
 //! ```text
 //! M = diffuse/π · cos θ_i + F · D · V · cos θ_i
 //!   D = α² / (π (1 − (1 − α²) cos² θ_h)²)                          [Walter07], eq. 33
-//!   V = 1 / (2 (cos θ_o s(θ_i) + cos θ_i s(θ_o)))                  [Heitz14], eq. 99, with its denominator
+//!   V = 1 / (2 (cos θ_o s(θ_i) + cos θ_i s(θ_o)))                  [Heitz14], eq. 99, divided by 4 cos θ_o cos θ_i
 //!       s(θ) = √(cos² θ (1 − α²) + α²)
 //!   F = F₀ + (1 − F₀)(1 − cos θ_d)⁵                                Schlick
 //!   θ_h, θ_d  angles of the half vector to normal and view

@@ -202,9 +202,9 @@ impl Ahead {
             _ => VBV_DELAY_VARIABLE,
         };
         let mut base_x16 = rate.quantiser_x16(upcoming, None);
-        // A second attempt follows if the actual bits change the quantiser by more than a sixteenth. It is made for I pictures,
-        // the first picture of each type and the last four pictures. Other pictures need a prediction that was wrong by a
-        // sixteenth of the buffer. A third attempt follows only if the prediction was too low again.
+        // Code a picture again if its bits miss their prediction by a sixteenth of the buffer. The corrected model must
+        // also change the quantiser by more than a sixteenth. I pictures, the first picture of each type and the last
+        // four pictures need no miss. A third attempt follows only if the second attempt takes too many bits.
         let is_looked_at =
             !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;
         let mut looks = 0;

@@ -45,7 +45,8 @@ fn whole(block: &[[u8; BLOCK]; BLOCK]) -> ReferenceBlock<'_> {
     ReferenceBlock::whole(block.as_flattened(), BLOCK)
 }
 
-/// Returns the sums of absolute differences between every block and its mean, transformed or plain.
+/// Returns, for each block, the sum of absolute differences from the block's mean. If `transformed` is set, the
+/// differences are transformed first.
 pub(super) fn intra_costs(half: &Plane<u8>, transformed: bool) -> Arc<[u32]> {
     let (columns, rows) = (half.width() / BLOCK, half.height() / BLOCK);
     (0..columns * rows)

@@ -18,7 +18,7 @@ use std::sync::atomic::AtomicBool;
 pub struct Run<'a> {
     /// Receives the results of every stage.
     pub observer: &'a dyn Observer,
-    /// Whether to end the stream in order, without starting another frame.
+    /// Whether to complete the stream without starting another frame.
     pub stop: &'a AtomicBool,
 }
 

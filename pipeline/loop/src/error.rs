@@ -6,7 +6,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Error from another library.
+/// Underlying error, from another library or the caller's code.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
 /// Result with the error type of this crate.

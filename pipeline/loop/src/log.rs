@@ -18,7 +18,7 @@ use std::sync::atomic::AtomicBool;
 /// Reports of coded frames, and figures of frames that are still in the encoder.
 #[derive(Debug, Default)]
 pub(super) struct FilmLog {
-    /// File for the bytes of the film; without one, only the observer receives them.
+    /// File for the bytes of the film; without a file, only the observer receives them.
     output: Option<Output>,
     /// Length and checksum of the film at the checkpoint from which it continues.
     written: Written,

@@ -85,7 +85,7 @@ impl Output {
         // Find the bytes written so far, in the `.part` file or under the final name.
         let is_finished = !has_enough(&part);
         if is_finished {
-            // Copy a film that already has its final name: it ended in order, for example after Ctrl-C.
+            // Copy a film that already has its final name: it was completed, for example after Ctrl-C.
             if !has_enough(path) {
                 let problem = " is shorter than at its checkpoint: restart without --resume";
                 return Err(Error::content(&part, problem));

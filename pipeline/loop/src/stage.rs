@@ -226,8 +226,8 @@ pub struct Shaded {
 }
 
 impl Shaded {
-    /// Returns the radiance that `tone_map` displays as the mean of each pixel's tone-mapped surfaces. Blending before
-    /// the curve would let a light far above white cover thin objects in front of it.
+    /// Returns the radiance that `tone_map` displays as the mean of each pixel's tone-mapped surfaces \[W·m⁻²·sr⁻¹\].
+    /// Blending before the curve would let a light far above white cover thin objects in front of it.
     #[must_use]
     pub fn blended(&self, tone_map: &ToneMap) -> Cow<'_, Plane<[f32; 3]>> {
         // Copy the radiance only if a pixel shows several surfaces.
@@ -356,7 +356,8 @@ impl<'a> LastThresholds<'a> {
         self.reprojected(|thresholds| &thresholds.delta).unwrap_or_else(|| ThresholdMap::relative(width, height))
     }
 
-    /// Returns the luminance of the previous frame reprojected along the motion; `None` without thresholds.
+    /// Returns the luminance of the previous frame reprojected along the motion \[W·m⁻²·sr⁻¹\]; `None` without
+    /// thresholds.
     #[must_use]
     pub fn luminance(&self) -> Option<ThresholdMap> {
         self.reprojected(|thresholds| &thresholds.luminance)

@@ -31,15 +31,16 @@ pub(super) trait Stage: Sized {
     /// Returns the state after the last step.
     fn state(&self) -> Result<Vec<u8>>;
 
-    /// Ends the film in order, after the last frame.
+    /// Completes the output of the stage after the last frame.
     fn finish(self) -> Result<()> {
         Ok(())
     }
 }
 
-/// Steps through `frames` until they end, or until the receiver of `send` is gone.
+/// Processes `frames` until they end, the stage ends the film, or the receiver of `send` is gone.
 ///
-/// The stage stores its state after each marked frame, and after the last frame of a run that ended early.
+/// The stage stores its state after each frame marked for a checkpoint, and after the last frame of a run that ended
+/// early.
 ///
 /// # Errors
 /// Returns the first failure of a step, or a failure to return the state.

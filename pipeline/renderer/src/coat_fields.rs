@@ -76,7 +76,8 @@ impl CoatField {
         }
     }
 
-    /// Returns the radiance of the texel in a slot, bilinear in the `mirrored` direction; `None` for an empty slot.
+    /// Returns the radiance of the texel in a slot \[W·m⁻²·sr⁻¹\], bilinear in the `mirrored` direction; `None` for an
+    /// empty slot.
     fn light(&self, slot: usize, mirrored: Vec3) -> Option<Vec3> {
         let DirectionCells { cells, weights } = self.map.bilinear(mirrored);
         let mut sum = Vec3::ZERO;

@@ -27,7 +27,7 @@ impl Sharing {
             shown[mesh] += usize::from(!moving[index] && pose.deformed(index).is_none());
         }
 
-        // Share trees only if the total is large and sharing saves memory.
+        // Share the trees of meshes with several instances, but only if one common tree would become too large.
         let mut shared = Vec::with_capacity(shown.len());
         let mut together = 0usize;
         for (&times, mesh) in shown.iter().zip(&scene.meshes) {

@@ -386,7 +386,7 @@ impl SurfelMap {
         radiance
     }
 
-    /// Returns the radiance around each surfel without moving occluders.
+    /// Returns the radiance around each surfel without moving occluders \[W·m⁻²·sr⁻¹\].
     fn radiance_at_rest(&self, flux: &[Vec3]) -> Vec<Vec3> {
         let one = |bounds: &[u32]| {
             let around = &self.around[bounds[0] as usize..bounds[1] as usize];

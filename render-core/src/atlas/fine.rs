@@ -133,7 +133,7 @@ impl FineTexels<'_> {
     /// away, or if the texel is outside the image.
     #[must_use]
     pub fn point(&self, x: u32, y: u32) -> Option<FinePoint> {
-        // Find the triangle of the texel, and its position relative to the chart.
+        // Find the triangle of the texel, and convert the center of the texel to chart coordinates.
         let place = (x < self.width).then_some(y as usize * self.width as usize + x as usize)?;
         let owner = *self.owners.get(place).filter(|owner| **owner != NONE)?;
         let placed = &self.atlas.triangles[owner as usize];

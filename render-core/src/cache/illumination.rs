@@ -106,8 +106,8 @@ pub trait Illumination: Sync {
 /// Time of the last update of a record's light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LastUpdate {
-    /// Updated in the previous frame at the same position. Only the latest motion can have changed the light.
+    /// The light was updated in the previous frame at the same position. Only the latest motion can have changed it.
     LastFrame,
-    /// Updated earlier or at another position. Any surface may now occlude a light.
+    /// The light was updated earlier or at another position. Any surface may now occlude a light.
     Earlier,
 }

@@ -226,7 +226,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut known = std::mem::take(&mut self.known);
         let picture = SurfacePicture::new(request, &openness, &known, busy);
 
-        // Exclude records that were not updated in this frame, because their light is outdated.
+        // Exclude records that were last updated before the light changed.
         let mut tiles = Tiles::new(&picture);
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
         tiles.list(&picture, &self.records, current);

@@ -77,7 +77,7 @@ impl Prediction {
         }
     }
 
-    /// Returns the irradiance at a nearby pixel.
+    /// Returns the irradiance at a nearby pixel \[W·m⁻²\].
     #[inline]
     pub fn at(&self, shown: &ShownSurface) -> Vec3A {
         let light = self.irradiance

@@ -61,7 +61,7 @@ pub struct SurfaceFragment {
 }
 
 impl SurfaceFragment {
-    /// Returns the radiance of the region. `light` is the radiance of the pixels' centers.
+    /// Returns the radiance of the region \[W·m⁻²·sr⁻¹\]. `light` is the radiance of the pixels' centers.
     #[must_use]
     pub fn radiance(&self, light: &Plane<Vec3>) -> Vec3 {
         self.emission + self.reflected(light)

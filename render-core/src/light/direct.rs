@@ -106,7 +106,7 @@ impl DirectLights {
         Traced { value: sums, shadow_rays }
     }
 
-    /// Returns one point of each sampled light.
+    /// Returns one point of each sampled light, or the direction towards a distant light.
     #[must_use]
     pub fn lamps(&self) -> Lamps {
         Lamps(self.lights.iter().map(|light| light.lamp()).collect())

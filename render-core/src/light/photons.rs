@@ -56,8 +56,9 @@ impl PhotonSource<'_> {
         self.lights[start.light].emit(Space { surfaces, ball: self.ball }, start, share)
     }
 
-    /// Returns one near light and all distant lights. The near light is drawn with `which` (0…1), and returned with its
-    /// probability: half of it in proportion to power, half uniform.
+    /// Returns one near light, chosen by `which` (0…1), and all distant lights, each with its probability. The
+    /// probability of the near light is the mean of a distribution by power and a uniform one. Distant lights have
+    /// probability 1.
     pub(crate) fn some_lights(&self, which: f32) -> impl Iterator<Item = (usize, f64)> + use<> {
         // Mix both distributions, so that faint lights close to a receiver are drawn often enough.
         let near = self.near_lights();

@@ -18,7 +18,7 @@ pub(super) trait Sampled: Any + Debug + Send + Sync {
     /// Returns the region in which the light's shadow rays end.
     fn source(&self) -> Source;
 
-    /// Returns one point of the light.
+    /// Returns a point of the light, or the direction towards a distant light.
     fn lamp(&self) -> Lamp;
 
     /// Returns whether `other` is the same light in the same position.
@@ -69,7 +69,7 @@ pub enum Source {
     },
 }
 
-/// Point of a light.
+/// Point of a light, or the direction towards a distant light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Lamp {
     /// Position of the point \[m\].
@@ -78,12 +78,12 @@ pub(super) enum Lamp {
     Towards(Vec3A),
 }
 
-/// One point of each light that is sampled at every pixel.
+/// One point of each light that is sampled at every pixel, or the direction towards a distant light.
 #[derive(Clone, Debug, Default)]
 pub struct Lamps(pub(super) Vec<Lamp>);
 
 impl Lamps {
-    /// Returns whether any of the points is visible from `position` on a surface with this `normal`.
+    /// Returns whether any of the points or distant lights is visible from `position` on a surface with this `normal`.
     pub(crate) fn are_seen(&self, accelerator: &Accelerator, position: Vec3A, normal: Vec3A) -> bool {
         self.0.iter().any(|lamp| match *lamp {
             Lamp::At(lamp) => normal.dot(lamp - position) > 0.0 && !accelerator.occluded(position, lamp),

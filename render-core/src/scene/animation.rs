@@ -78,7 +78,7 @@ impl Channel {
     pub fn changes(&self) -> bool {
         let several = self.times.len() > 1;
         steps::count(self.times.len());
-        // Splines with nonzero tangents also change between equal keys.
+        // Cubic splines may change even between equal keys, because of their tangents.
         let spline = self.interpolation == Interpolation::CubicSpline;
         several
             && (spline

@@ -50,7 +50,7 @@ impl Scene {
                 mesh.positions.iter_mut().for_each(|position| *position -= middle);
             }
         }
-        // Compensate with an offset node above each instance of the mesh.
+        // Restore the positions by an offset node above each instance of a centered mesh.
         for instance in &mut self.instances {
             if let Some(translation) = moved[instance.mesh] {
                 let rest = Transform { translation, ..Transform::IDENTITY };

@@ -11,7 +11,7 @@ use std::path::{Component, Path, PathBuf};
 /// Maximum total size of the files of a scene \[bytes\]: glTF counts the bytes of a buffer in 32 bits.
 const MOST_BYTES: u64 = 1 << 32;
 
-/// Folders in which files named by a scene may be.
+/// Folders in which the files of a scene may be.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reach {
     /// The folder of the scene file and its subfolders, after links are resolved.
@@ -53,10 +53,10 @@ impl SceneFiles {
         Self { folder: folder.into(), reach, state: RefCell::new(state) }
     }
 
-    /// Reads a file that the user named: the scene or its settings.
+    /// Reads a file chosen by the user: the scene or its settings.
     ///
     /// # Errors
-    /// The system's message, or the reason why the file is refused.
+    /// Returns the system's message, or the reason if the file is refused.
     pub fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         let size = self.admit(path)?;
         let mut bytes = Vec::new();
@@ -70,19 +70,19 @@ impl SceneFiles {
         Ok(bytes)
     }
 
-    /// Reads a file that the scene names.
+    /// Reads a file to which the scene refers.
     ///
     /// # Errors
-    /// The reason why the file is not read.
+    /// Returns the reason if the file may not or cannot be read.
     pub fn read_named(&self, name: &Path) -> Result<Vec<u8>, String> {
         let path = self.resolved(name)?;
         self.read(&path).map_err(|error| error.to_string())
     }
 
-    /// Returns the path of a file that the scene names, if the file may be read.
+    /// Returns the path of a file to which the scene refers, if the file may be read.
     ///
     /// # Errors
-    /// The reason why the file may not be read.
+    /// Returns the reason if the file may not be read.
     pub fn resolved(&self, name: &Path) -> Result<PathBuf, String> {
         let outside = "it is outside the scene's folder; move it there or pass --allow-outside";
         // Refuse parent and absolute paths even if they resolve to a file in the folder.

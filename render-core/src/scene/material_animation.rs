@@ -73,7 +73,7 @@ pub struct MaterialFactors {
     pub emission: (Vec3, f32),
     /// Index of refraction. 0 means that all light is reflected.
     pub ior: f32,
-    /// Factor on the reflectance at normal incidence, and linear RGB factor on the same reflectance.
+    /// Reflectance at normal incidence: a scalar factor and a linear RGB factor.
     pub specular: (f32, Vec3),
     /// Whether the surface shows the sum of base color and emission, as points and lines do.
     pub shows_sum: bool,

@@ -163,7 +163,7 @@ impl<'a> Interaction<'a> {
     /// Evaluates all properties of the surface.
     pub fn surface(&self) -> Surface {
         let Self { material, position, geometric_normal, front, .. } = self;
-        // Unlit surfaces only emit. Lit surfaces also evaluate their textures and the normal map.
+        // Evaluate only the emission of unlit surfaces, because they reflect nothing.
         let dark = Surface {
             position: *position,
             geometric_normal: *geometric_normal,

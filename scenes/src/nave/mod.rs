@@ -83,7 +83,7 @@ pub fn build() -> Scene {
         let picture = scene.texture(name, texture);
         scene.material(Material { emission_texture: Some(picture), ..Material::glowing(name, Vec3::splat(radiance)) })
     };
-    // Create stones, wood, metals, cloths and glass.
+    // Create the materials: stones, wood, metals, cloths and glass.
     let lime = vec3(0.74, 0.69, 0.59);
     let pale = vec3(0.80, 0.77, 0.66);
     let stones = Stones {

@@ -30,7 +30,7 @@ pub trait Samples: Memory + Copy + Debug {
 
 /// Several sums, one per lane.
 pub trait Sum: Copy + Debug {
-    /// Returns zero sums.
+    /// Returns sums that are all zero.
     fn zero() -> Self;
     /// Adds each lane to the same lane of `other`.
     fn plus(self, other: Self) -> Self;
@@ -46,7 +46,7 @@ pub trait Sum: Copy + Debug {
 
 /// Rows of 16-bit differences of one 8×8 block, or of two adjacent blocks.
 pub trait Differences: Copy + Debug {
-    /// Returns zero differences.
+    /// Returns differences that are all zero.
     fn zero() -> Self;
     /// Returns the wrapping sum of each pair of differences.
     fn plus(self, other: Self) -> Self;

@@ -1,4 +1,4 @@
-//! Checkpoints of a killed film, changed with and without valid checksums.
+//! Checkpoints of a killed run, changed with and without valid checksums.
 
 use super::verdict::{Verdict, told};
 use super::{Film, Outcome};
@@ -11,7 +11,7 @@ use std::{fs, io};
 /// Options that continue the film.
 const COMMAND: &str = "--frames 3 --size 8x8 --vpls 5 --photons 50 --bframes 1 --cache on --resume --quiet --threads 2";
 
-/// Killed film, and the program that continues it.
+/// Files of a killed run, and the program that continues it.
 #[derive(Debug)]
 pub struct Forger {
     film: Film,

@@ -95,7 +95,7 @@ pub(super) fn short(value: f64) -> String {
         let text = format!("{value:.4}");
         return text.trim_end_matches('0').trim_end_matches('.').to_owned();
     }
-    // Write other numbers as mantissa and power of ten.
+    // Write very small and very large numbers as mantissa and power of ten.
     let exponent = size.log10().floor() as i32;
     let mantissa = value / 10f64.powi(exponent);
     let mut raised = String::new();

@@ -59,7 +59,7 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
         if n >= uncounted {
             sums.add(&frame, &truth, &coded);
         }
-        // Keep pictures and maps of the last frame only.
+        // Keep the decoded picture and the maps of the last frame only.
         if n + 1 == count {
             let maps = lightcuts.then(|| maps_of(&film.settings, &frame, &truth));
             last = Some(RunPictures { method: method.name, qscale, decoded: to_rgb8(&coded.decoded), maps });

@@ -376,7 +376,7 @@ impl<'a> WeightedFrames<'a> {
         Self { done: 0, all: frames * (films + references * REFERENCE_WEIGHT), progress }
     }
 
-    /// Starts a film, and returns the function to call for each of its frames.
+    /// Reports the start of a film, and returns the function to call for each of its frames.
     fn begin(&mut self, doing: String, weight: u64) -> impl FnMut() + Send {
         (self.progress)(&Progress { done: self.done, all: self.all, doing: doing.clone() });
         move || {

@@ -94,7 +94,7 @@ impl Lead {
         }
     }
 
-    /// Starts a film at frame `first`, with states of [`Prepare`](crate::stage::Prepare) and
+    /// Orders the other ranks to start a film at frame `first`, with states of [`Prepare`](crate::stage::Prepare) and
     /// [`Shade`](crate::stage::Shade) after the previous frame if it is resumed.
     pub fn start(&self, first: u32, restored: Option<(&[u8], &[u8])>) {
         let restored = restored.map(|(prepare, shade)| (first - 1, prepare, shade));

@@ -72,7 +72,7 @@ pub(crate) struct BakeArguments {
     quiet: bool,
 }
 
-/// Time between checkpoints: a killed bake loses about a minute of work.
+/// Time between checkpoints: if the program is killed, about a minute of work is lost.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Bakes the light among the `ranks`. Rank 0 writes the light file, the glTF export, or both.

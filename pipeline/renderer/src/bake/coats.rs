@@ -33,8 +33,8 @@ struct CoatTexel {
 pub(super) struct CoatTexels(BTreeMap<usize, Vec<CoatTexel>>);
 
 impl CoatTexels {
-    /// Finds the texels with rough coats among the texels of `places`, which are lit at `points`. A texel without a
-    /// point uses the point of an adjacent texel; without one, it is omitted.
+    /// Finds the texels with rough coats. `points` contains the shading points of the texels of `places`. A texel
+    /// without a point uses the point of an adjacent texel. If no adjacent texel has a point, the texel is omitted.
     pub fn find(places: &Places, points: &[Option<ShadingPoint>]) -> Self {
         let atlas = places.atlas;
         let beside = |texel| {

@@ -126,7 +126,7 @@ fn bits(x: f32) -> u32 {
 /// An unfinished hash.
 struct SceneHash {
     hash: Xxh3,
-    /// Bytes that are not hashed yet.
+    /// Buffer for the bytes of many items, which are hashed together.
     batch: Vec<u8>,
     /// New numbers of the included nodes; see [`numbers`].
     numbers: Vec<Option<usize>>,

@@ -243,7 +243,7 @@ impl TexelBaker<'_> {
             sums.push((TwoLights { texel: texel as u32, direct: Vec3::from(direct[texel]), indirect: own }, 1.0));
         }
 
-        // Derive the thresholds from the first point, because further points are about as bright.
+        // Light the further points. They are about as bright as the first point, which determines the thresholds.
         for (receivers, owners) in receivers.chunks(TOGETHER_AT_MOST).zip(owners.chunks(TOGETHER_AT_MOST)) {
             let points: Vec<ShadingPoint> = receivers.iter().map(|receiver| receiver.point).collect();
             let of_direct = self.frame.direct.irradiance_tile(&self.frame.accelerator, &points).value;

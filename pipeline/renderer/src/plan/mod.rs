@@ -26,7 +26,7 @@ pub struct Step {
     pub stage: Stage,
     /// How often the stage runs.
     pub state: State,
-    /// Reason for the state.
+    /// Reason why the stage runs or is skipped.
     pub reason: String,
     /// Estimated fraction of a frame's CPU time saved by skipping the stage, in frames after the first: the amount of work
     /// times its measured unit price. `None` if the stage runs or has no estimate.
@@ -40,7 +40,7 @@ pub struct Plan {
     steps: Vec<Step>,
     /// Fraction of a frame's CPU time for each stage; see [`Plan::share_of`].
     shares: Vec<Option<f64>>,
-    /// CPU time of a frame in which every stage runs \[s\].
+    /// Estimated CPU time of a frame in which every stage runs \[s\].
     whole: f64,
     facts: Vec<Fact>,
 }

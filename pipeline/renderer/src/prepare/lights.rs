@@ -11,7 +11,8 @@ use render_core::{AnchorFlux, Busy, DirectLights, Emitters, FinalGather, PosedSc
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Minimum number of searches in a round of the tree's construction that ranks and threads share.
+/// Minimum number of searches in a round of tree construction for sharing. Ranks and threads do not share smaller
+/// rounds.
 const SHARED_SEARCHES: usize = 512;
 /// Number of searches that a thread runs together.
 const SEARCHES_AT_ONCE: usize = 32;

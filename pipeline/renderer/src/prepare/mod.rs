@@ -34,13 +34,14 @@ pub struct Preparation<'s> {
 }
 
 impl<'s> Preparation<'s> {
-    /// Starts to prepare a film of `scene`.
+    /// Creates the preparation stage for a film of `scene`, for a single process.
     #[must_use]
     pub fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan) -> Self {
         Self::among(scene, settings, plan, Arc::new(Alone))
     }
 
-    /// Starts to prepare a film of `scene` on several `ranks`, which share the work and prepare the same frames.
+    /// Creates the preparation stage for a film of `scene` on several `ranks`, which share the work and prepare the
+    /// same frames.
     #[must_use]
     pub fn among(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan, ranks: Arc<dyn Ranks>) -> Self {
         Self { scene, settings: settings.clone(), plan, ranks, everywhere: false, work: None }

@@ -57,7 +57,7 @@ impl Layer for AllLights {
     }
 }
 
-/// Returns the radiance that a pixel reflects from all lights.
+/// Returns the radiance that a pixel reflects from all lights \[W·m⁻²·sr⁻¹\].
 fn exhaustive(light: &PixelLight, pixel: &MattePixel) -> Vec3 {
     let tree = &light.visible.frame.tree;
     let rays = Cell::new(0);

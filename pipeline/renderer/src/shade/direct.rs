@@ -55,8 +55,8 @@ impl Layer for Direct {
     }
 }
 
-/// Returns the irradiance of a macroblock in raster order, zero for unwanted pixels. Also returns the number of shadow
-/// rays.
+/// Returns the irradiance of a macroblock in raster order \[W·m⁻²\], zero for unwanted pixels. Also returns the number
+/// of shadow rays.
 fn macroblock(
     visible: &Visible,
     wanted: Option<&Plane<bool>>,

@@ -80,7 +80,7 @@ pub(super) struct Before {
 }
 
 impl Looking {
-    /// Starts a film in which the maps are summed with `weights`.
+    /// Creates the state of a film in which the maps are summed with `weights`.
     pub fn new(weights: Importance, settings: &RenderSettings) -> Self {
         let RenderSettings { samples, tone_map, .. } = *settings;
         Self { weights, most_samples: samples, tone_map, before: None, now: None }

@@ -17,7 +17,7 @@ pub(super) fn mattes(aov: Aov, scene: &Scene) -> Option<Cryptomatte> {
     let materials = |&Instance { mesh, .. }: &Instance| scene.meshes[mesh].material;
     match aov {
         Aov::CryptoObject => {
-            // Use the first instance's mesh name for an unnamed node with several instances.
+            // Give each unnamed node the mesh name of its first instance.
             let mut own: Vec<&str> = scene.nodes.iter().map(|node| node.name.as_str()).collect();
             for &Instance { node, mesh } in &scene.instances {
                 if own[node].is_empty() {

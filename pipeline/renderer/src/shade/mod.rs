@@ -100,13 +100,13 @@ pub struct Shading<'a> {
 }
 
 impl<'a> Shading<'a> {
-    /// Starts to light a film.
+    /// Creates the shading stage of a film, for a single process.
     #[must_use]
     pub fn new(settings: &RenderSettings, plan: &'a Plan) -> Self {
         Self::among(settings, plan, Arc::new(Alone))
     }
 
-    /// Starts to light a film on several `ranks`, which share the work and light the same frames.
+    /// Creates the shading stage of a film on several `ranks`, which share the work and light the same frames.
     #[must_use]
     pub fn among(settings: &RenderSettings, plan: &'a Plan, ranks: Arc<dyn Ranks>) -> Self {
         // Let each rank light its tiles alone if tiles are in use.
@@ -201,11 +201,11 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
         let (mut shaded, audits) = self.shade(prepared, &tolerance, ahead);
         shaded.figures.seconds.visibility += busy.seconds();
 
-        // Derive the next frame's multipliers from the errors measured in this frame.
+        // Derive the next frame's calibration factors from the errors measured in this frame.
         let learned = calibration.as_mut().and_then(|calibration| calibration.learn(&audits.cuts));
         self.calibration = calibration;
 
-        // Report the calibrated multiplier with calibrated stopping.
+        // With calibrated stopping, report the mean calibration factor as κ.
         shaded.figures.kappa = Some(learned.as_ref().map_or(kappa.into(), |learned| learned.lambda));
         shaded.figures.audit_error_p95 = learned.map(|learned| learned.error_p95);
         shaded
@@ -331,7 +331,7 @@ impl Shading<'_> {
         let ranks = self.ranks.clone();
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
         for sample in 0..self.settings.samples as usize {
-            // Select the pixels with further samples by importance.
+            // After the first sample, select the pixels by importance.
             let wanted = lit.importance.as_ref().filter(|_| sample > 0).map(|map| map.wanted(sample));
             if wanted.as_ref().is_some_and(|wanted| !wanted.samples().contains(&true)) {
                 break;

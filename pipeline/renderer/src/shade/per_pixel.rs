@@ -169,7 +169,7 @@ impl PixelBlock {
         Self { scratch, ..Self::default() }
     }
 
-    /// Returns the radiance of a macroblock in raster order.
+    /// Returns the radiance of a macroblock in raster order \[W·m⁻²·sr⁻¹\].
     fn light(&mut self, picture: &LitPicture, columns: Range<usize>, rows: Range<usize>) -> Vec<Vec3> {
         let mut radiance = vec![Vec3::ZERO; columns.len() * rows.len()];
         let (left, top, width) = (columns.start, rows.start, columns.len());
@@ -231,7 +231,8 @@ impl PixelBlock {
         self.together.push(pixel);
     }
 
-    /// Returns the radiance of a pixel with a relative threshold; `stop` is the criterion before calibration.
+    /// Returns the radiance of a pixel with a relative threshold \[W·m⁻²·sr⁻¹\]; `stop` is the criterion before
+    /// calibration.
     fn cut_alone(&mut self, picture: &LitPicture, pixel: &MattePixel, stop: Stop, relative: Stop) -> Vec3 {
         let PixelLight { visible, ref visibility, .. } = picture.light;
         let sees = |lamp: &Light, _: usize| visibility.sees(&pixel.receiver, lamp);

@@ -9,14 +9,13 @@ use glam::{Vec2, Vec3};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Older of two material models. It takes precedence if a material has both.
+/// Extension with the older of two material models. It takes precedence if a material has both.
 pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 
 /// Converts all materials in the file's order, followed by the default material for primitives without a material.
-/// Returns a note for each type of omitted property.
 ///
-/// Also returns the factors of textured materials of the older model. The texture slots of these materials refer to the
-/// file's images until conversion.
+/// Also returns the factors of specular-glossiness materials with textures, and a note for each type of omitted
+/// property. The texture slots of these materials refer to the file's images until the textures are converted.
 pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec<String>) {
     let mut left_out = [false; 3];
     let mut materials: Vec<Material> = Vec::new();
@@ -26,7 +25,7 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
         let specular = source.specular();
         left_out[0] |= specular.is_some_and(|s| s.specular_texture().or(s.specular_color_texture()).is_some());
         let mut material = material(&source);
-        // Convert textured materials of the older model if both textures coincide.
+        // Convert specular-glossiness materials with textures if both textures coincide.
         if let Some((glossy, factors)) = source.extension_value(SPECULAR_GLOSSINESS).and_then(glossy) {
             if material.base_color_texture.as_ref().is_none_or(|diffuse| coincide(diffuse, &glossy)) {
                 // The texels will contain the factors.
@@ -69,7 +68,7 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
 /// Maximum roughness that keeps the coat in [`Material::split`]: a coat that reflects more than 4 % is never omitted.
 const ROUGHEST: f32 = 0.999;
 
-/// Factors of materials of the older model with textures to convert, by index of the material.
+/// Factors of specular-glossiness materials with textures to convert, by index of the material.
 pub(super) type Older = BTreeMap<usize, OlderFactors>;
 
 fn material(source: &gltf::Material) -> Material {

@@ -100,11 +100,11 @@ pub enum LoadError {
 }
 
 /// Loads `path` (`.gltf` or `.glb`) and, if it exists, the TOML file of the same name next to it. Files
-/// named by the scene or by the TOML file must be in the scene's folder.
+/// to which the scene or the TOML file refers must be in the scene's folder.
 ///
 /// # Errors
-/// The scene, its settings or a file named by them cannot be read; see [`LoadError`]. A damaged file never causes a
-/// panic in the caller, and the process's panic hook stays unchanged.
+/// The scene, its settings or a file to which they refer cannot be read; see [`LoadError`]. A damaged file never causes
+/// a panic in the caller, and the process's panic hook stays unchanged.
 pub fn load(path: &Path) -> Result<Scene, LoadError> {
     load_with(path, Reach::Folder, &[])
 }
@@ -113,7 +113,7 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
 /// TOML file.
 ///
 /// # Errors
-/// The scene, its settings or a file named by them cannot be read; see [`LoadError`].
+/// The scene, its settings or a file to which they refer cannot be read; see [`LoadError`].
 pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, LoadError> {
     // Read the scene in a guarded call, because libraries may panic on damaged data.
     let files = SceneFiles::of(path, reach);

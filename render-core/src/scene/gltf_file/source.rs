@@ -18,7 +18,7 @@ pub struct GltfSource {
 }
 
 impl GltfSource {
-    /// Reads a .gltf or .glb file, but none of the files that it names. `reach` limits the folders of these files.
+    /// Reads a .gltf or .glb file, but none of the files to which it refers. `reach` limits the folders of these files.
     ///
     /// # Errors
     /// The file cannot be read, or is a truncated or damaged .glb file.

@@ -17,7 +17,7 @@ const DIELECTRIC: f32 = 0.04;
 /// Minimum divisor of the conversion formulas.
 const LEAST: f32 = 1e-6;
 
-/// Factors of a material of the older model with a specular-glossiness texture.
+/// Factors of a specular-glossiness material with a specular-glossiness texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct OlderFactors {
     /// Linear RGB diffuse color.

@@ -85,10 +85,11 @@ struct Reading<'a> {
 }
 
 impl<'a> Reading<'a> {
-    /// Reads the textures of a material. Converts the two textures of an `older` material together.
+    /// Reads the textures of a material. The two textures of a specular-glossiness material, whose factors are
+    /// `older`, are converted together.
     fn material(&mut self, material: &mut Material, older: Option<OlderFactors>) -> Result<(), LoadError> {
         let Material { base_color_texture, metallic_roughness_texture, emission_texture, .. } = material;
-        // Convert both textures of an older material. Read other base colors as sRGB.
+        // Convert both textures of a specular-glossiness material. Read other base colors as sRGB.
         let rough = match (older, *metallic_roughness_texture) {
             (Some(factors), Some(glossy)) => {
                 let [base, rough] = self.converted([*base_color_texture, Some(glossy)], factors)?;
@@ -156,7 +157,7 @@ impl<'a> Reading<'a> {
         Ok(if is_blocky(file) { read.blocky() } else { read })
     }
 
-    /// Converts diffuse and glossy slots of the older model to a base-color and a metallic-roughness texture.
+    /// Converts the diffuse and specular-glossiness textures to a base-color and a metallic-roughness texture.
     fn converted(&mut self, slots: [Option<TextureSlot>; 2], factors: OlderFactors) -> Result<[Texture; 2], LoadError> {
         let mut images = [None, None];
         // The glossy texture is last, so its sampler applies to both results.

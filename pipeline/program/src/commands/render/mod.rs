@@ -95,7 +95,7 @@ pub(crate) struct RenderArguments {
     quiet: bool,
 }
 
-/// Default interval between checkpoints: a killed film loses about a minute of work at most.
+/// Default interval between checkpoints: if the renderer is killed, at most about a minute of work is lost.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Renders the film and reports on rank 0. On other ranks, follows rank 0.
@@ -251,7 +251,7 @@ impl RenderArguments {
             checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
         });
 
-        // Record brightness for the notes, and pictures for the page.
+        // Record the maximum brightness of the film for the notes, and pictures for the page.
         let brightest = AtomicU8::new(0);
         let lightest = AtomicU32::new(0);
         let page = files.html.as_ref().map(|_| keep_for_page(&mut film, settings));

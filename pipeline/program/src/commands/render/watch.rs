@@ -47,7 +47,7 @@ fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
     files.iter().map(stamp).collect()
 }
 
-/// Returns after a file has changed and is no longer being written. If the film is unfinished, kills the renderer.
+/// Waits until a file has changed and is no longer being written, then stops the renderer if it still runs.
 fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Result<()> {
     let mut is_told = false;
     let mut last = before.to_vec();
@@ -55,7 +55,7 @@ fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Res
         std::thread::sleep(LOOK_EVERY);
         let now = stamps(files);
         if now != before && now == last {
-            // Stop the film only when the changed files have been written completely.
+            // Stop the renderer only when the changed files have been written completely.
             let _ = film.kill();
             film.wait().context("cannot stop the renderer")?;
             return Ok(());

@@ -47,7 +47,7 @@ impl Split {
         Self { vertices, triangles: new }
     }
 
-    /// Returns the texture coordinate of each vertex on a side; (0, 0) for a vertex without one.
+    /// Returns the texture coordinate of each vertex on a side; (0, 0) for a vertex without a coordinate.
     pub fn places(&self, side: &SideTriangles) -> Vec<Vec2> {
         let mut places = vec![Vec2::ZERO; self.vertices.len()];
         for (triangle, corners) in self.triangles.iter().zip(side) {

@@ -14,14 +14,17 @@ const UNTRACED_SHARE: f32 = 2e-4;
 /// Maximum cosine of lights near the horizon, from which the light behind the horizon is estimated.
 const HORIZON_COSINE: f32 = 0.4;
 
-/// Sum Σ I t over lights of intensity I and geometry term t, with derivatives.
+/// Irradiance E = Σ I t over lights of intensity I and geometry term t, with its derivatives.
 ///
-/// The derivative of a term by the normal n is taken for a fixed horizon. Under uniform light L, rotating the normal by
-/// α would then reduce the irradiance E to π L cos α. Light that rises over the horizon compensates for this loss. That
-/// light is assumed to be as bright as the light just above the horizon, Lₕ:
+/// ∂t/∂n is taken for a fixed horizon. Under uniform radiance L, rotating the normal n by α would then reduce E to
+/// π L cos α. Light that rises over the horizon compensates for this loss. Its radiance is assumed to be Lₕ, the mean
+/// radiance just above the horizon:
 ///
 /// ```text
-/// ∂E/∂n = Σ I ∂t/∂n − min(π Lₕ, E) nᵀ          Lₕ = Σ I t / cos θ over θ near the horizon / (2π h)          h  its cosine
+/// ∂E/∂n = Σ I ∂t/∂n − min(π Lₕ, E) nᵀ
+/// Lₕ = Σ I t / cos θ / (2π h)          over the lights with cos θ < h
+/// θ  angle between the normal and the direction to the light
+/// h  HORIZON_COSINE
 /// ```
 struct GradientSum {
     irradiance: Vec3,
@@ -49,7 +52,7 @@ impl GradientSum {
 }
 
 impl TreeLight<'_> {
-    /// Returns the irradiance from the visible clusters at their current intensities, plus bias compensation.
+    /// Returns the irradiance from the visible clusters at their current intensities, plus bias compensation \[W·m⁻²\].
     pub fn estimate(&self, receiver: &ShadingPoint, recipe: &Recipe) -> LocalIrradiance {
         let frame = self.visible.frame;
         let (position, normal): (Vec3, Vec3) = (receiver.position.into(), receiver.normal.into());

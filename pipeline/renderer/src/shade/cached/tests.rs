@@ -94,8 +94,7 @@ fn what_something_has_moved_over_is_closed_in() {
     assert!((0.4..0.8).contains(&openness(25, 1.02)), "beside it: {}", openness(25, 1.02));
 }
 
-/// Checks records at one position, each with its own draws. The errors are independent, and the mean is the sum over
-/// all lights.
+/// Checks that records at one position with independent draws are unbiased: their mean is the sum over all lights.
 #[test]
 fn records_draw_the_lights_of_their_clusters_anew() {
     let mut scene = floor_with_a_block();

@@ -82,7 +82,7 @@ impl Brought {
         ((self.light - self.excess) / weights, self.excess / weights)
     }
 
-    /// Returns the luminance of the mean radiance, including the excess.
+    /// Returns the luminance of the mean radiance, including the excess \[W·m⁻²·sr⁻¹\].
     pub fn luminance(&self) -> f32 {
         luminance(self.light) / luminance(self.weights).max(f32::MIN_POSITIVE)
     }
@@ -132,9 +132,9 @@ pub(super) struct ReflectedRay<'a> {
 pub(crate) type KnownIrradiance<'a> = &'a (dyn Fn(&Hit, &Surface) -> Option<Vec3> + Sync);
 
 impl Reflections<'_> {
-    /// Returns the radiance that the coat reflects from points and suns, and from sampled area lights if it is rough.
-    /// The base's deviation from uniform reflection is included, because the layer of direct light assumes uniform
-    /// reflection.
+    /// Returns the radiance that the coat reflects from points and suns, and from sampled area lights if it is rough
+    /// \[W·m⁻²·sr⁻¹\]. The base's deviation from uniform reflection is included, because the layer of direct light
+    /// assumes uniform reflection.
     pub fn sources(&mut self, coated: &Coated) -> Vec3 {
         let Frame { accelerator, direct, .. } = self.prepared;
         // Omit the coat from area lights if it is smooth: reflection rays compute that light.
@@ -150,7 +150,8 @@ impl Reflections<'_> {
         self.counted(direct.reflected(accelerator, &coated.receiver, brdf, area_brdf))
     }
 
-    /// Returns the radiance that a mirror coat reflects, except the light from [`sources`](Self::sources).
+    /// Returns the radiance that a mirror coat reflects, except the light from [`sources`](Self::sources)
+    /// \[W·m⁻²·sr⁻¹\].
     pub fn mirrored(&mut self, coated: &Coated) -> Vec3 {
         let albedo = coated.albedo();
         let Some(direction) = coated.mirrored() else { return Vec3::ZERO };
@@ -177,7 +178,8 @@ impl Reflections<'_> {
         })
     }
 
-    /// Returns the radiance that arrives at the coat along a ray, and the distance to the first hit \[m\].
+    /// Returns the radiance that arrives at the coat along a ray \[W·m⁻²·sr⁻¹\], and the distance to the first hit
+    /// \[m\].
     pub fn along(&mut self, coated: &Coated, ray: ReflectedRay<'_>) -> (Vec3, f32) {
         // Follow the ray through coats until the contribution is small.
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
@@ -252,8 +254,8 @@ impl Reflections<'_> {
         traced.value
     }
 
-    /// Returns the radiance that a matte surface at `receiver` reflects. `loose` is the permitted relative error of
-    /// clusters.
+    /// Returns the radiance that a matte surface at `receiver` reflects \[W·m⁻²·sr⁻¹\]. `loose` is the permitted
+    /// relative error of clusters.
     fn matte(&mut self, receiver: &ShadingPoint, albedo: Vec3, loose: f32) -> Vec3 {
         if albedo == Vec3::ZERO {
             return Vec3::ZERO;

@@ -23,7 +23,7 @@ impl Master {
         Self { tiles: 0, next: 0, list: Vec::new(), first: 0, given: vec![0; ranks] }
     }
 
-    /// Starts to distribute the tiles 0 … `tiles` − 1.
+    /// Makes the tiles 0 … `tiles` − 1 available for distribution.
     pub fn begin(&mut self, tiles: usize) {
         (self.tiles, self.next) = (tiles as u32, 0);
     }

@@ -86,7 +86,7 @@ pub(super) struct Tiling {
 }
 
 impl Tiling {
-    /// Starts to light a film by tiles.
+    /// Creates the state of a film that is lit by tiles.
     pub fn new(settings: TileSettings, crew: Crew, render: &RenderSettings, plan: &Plan) -> Self {
         let workers: Box<dyn Workers> = match crew {
             Crew::Ranks(mail, ranks) => Box::new(Team::new(settings, mail, ranks)),

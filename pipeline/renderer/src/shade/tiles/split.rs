@@ -150,7 +150,7 @@ mod tests {
     use proptest::collection::vec;
     use proptest::prelude::*;
 
-    /// Returns frames of up to 24×24 pixels with integer costs, many of them zero, so that sums are exact.
+    /// Generates frames of up to 24×24 pixels with integer costs, many of them zero. Sums of these costs are exact.
     fn pictures() -> impl Strategy<Value = Plane<f32>> {
         (1usize..=24, 1usize..=24).prop_flat_map(|(width, height)| {
             let cost = prop_oneof![Just(0.0f32), Just(1.0), (0u32..1000).prop_map(|cost| cost as f32)];
