@@ -1,5 +1,6 @@
 //! Shading of a film before its frames: baked light, and the exposure of films in chunks.
 
+#[cfg(feature = "bake")]
 use crate::error::Result;
 use crate::settings::Settings;
 use render_core::scene::Scene;
