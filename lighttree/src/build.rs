@@ -19,7 +19,7 @@ use crate::node::Node;
 use crate::race::arrivals;
 use crate::sites::Sites;
 use crate::tree::LightTree;
-use agglomerate::{SearchLoop, on_threads};
+use agglomerate::on_threads;
 use cluster::{Cluster, Metric};
 
 /// Minimum luminance of a light in the cost, as a fraction of the mean luminance. It is not in the papers.
@@ -28,6 +28,9 @@ const LUMINANCE_FLOOR: f32 = 1e-3;
 const COINCIDENCE: f32 = 1e-6;
 /// Minimum s² \[m²\], which keeps G in the range of `f32`. It is not in the papers.
 pub(crate) const SMALLEST_BOUND: f32 = 1e-12;
+
+/// Loop of the searches of a build: `searches(count, search)` returns `search(0)` to `search(count - 1)` in order.
+pub type SearchLoop<'a> = &'a dyn Fn(usize, &(dyn Fn(usize) -> u64 + Sync)) -> Vec<u64>;
 
 /// Parameters of a build.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,8 +102,8 @@ impl LightTree {
     /// Builds the same tree as [`LightTree::build`], with `searches` as the loop of its searches, such as a loop that
     /// several processes share.
     ///
-    /// `searches(count, search)` returns `search(0)` to `search(count - 1)` in order. A build runs some dozens of such
-    /// loops, one after the other; the results of a loop have the same bits in every process.
+    /// A build runs some dozens of such loops, one after the other. The results of a loop have the same bits in every
+    /// process.
     ///
     /// ```
     /// use lighttree::{BuildParams, Emission, Light, LightTree};
@@ -117,11 +120,7 @@ impl LightTree {
     ///
     /// If there are 2³¹ lights or more, or a loop does not return `count` results of `search`.
     #[must_use]
-    pub fn build_with(
-        lights: &[Light],
-        params: BuildParams,
-        searches: &dyn Fn(usize, &(dyn Fn(usize) -> u64 + Sync)) -> Vec<u64>,
-    ) -> Self {
+    pub fn build_with(lights: &[Light], params: BuildParams, searches: SearchLoop) -> Self {
         Self::build_from(lights, params, |lights, metrics| merges(Builder::BottomUp, lights, metrics, searches))
     }
 

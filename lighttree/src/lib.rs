@@ -36,7 +36,7 @@ mod update; // new intensities
 mod validate; // checks of a whole tree
 
 pub use crate::bounds::{DirectionCone, Region};
-pub use crate::build::{BuildParams, Builder};
+pub use crate::build::{BuildParams, Builder, SearchLoop};
 pub use crate::calibration::{Audits, Calibration, Learned};
 pub use crate::cut::{Cluster, KeptCluster, Lightcut, Receivers, Scratch, ShadowRay, Stop};
 pub use crate::exhaustive::exhaustive;

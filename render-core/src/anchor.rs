@@ -113,6 +113,19 @@ pub struct Anchors {
     pub(crate) surfels: Surfels,
 }
 
+/// Numbers of anchors, and the zones and ranks of their placement.
+#[derive(Clone, Copy, Debug)]
+pub struct AnchorSpread<'a> {
+    /// Zones with larger area shares.
+    pub zones: &'a Zones,
+    /// Number of fixed anchors.
+    pub fixed: usize,
+    /// Number of dynamic anchors.
+    pub dynamic: usize,
+    /// Ranks that share the rays.
+    pub ranks: &'a dyn Ranks,
+}
+
 impl Anchor {
     /// Placeholder for a list slot.
     const NOWHERE: Self = Self { position: Vec3A::ZERO, normal: Vec3A::ZERO, instance: 0 };
@@ -135,9 +148,7 @@ impl Anchors {
         surfaces: &Surfaces,
         geometry: &Geometry,
         units: &Units,
-        zones: &Zones,
-        [fixed, dynamic]: [usize; 2],
-        ranks: &dyn Ranks,
+        &AnchorSpread { zones, fixed, dynamic, ranks }: &AnchorSpread,
     ) -> Self {
         // Measure exposure in the static geometry only.
         let accelerator = &geometry.place_still();

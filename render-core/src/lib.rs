@@ -28,7 +28,7 @@ pub mod image_file;
 pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
-pub use anchor::{Anchor, Anchors, DynamicAnchor, Moved, ZoneSearch, Zones};
+pub use anchor::{Anchor, AnchorSpread, Anchors, DynamicAnchor, Moved, ZoneSearch, Zones};
 #[cfg(feature = "bake")]
 pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};

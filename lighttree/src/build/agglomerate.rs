@@ -34,15 +34,13 @@
 
 use rayon::prelude::*;
 
+use super::SearchLoop;
 use super::cluster::{Cluster, Metric};
 use super::nearest::{DEAD, Neighborhood, Partner};
 use crate::bounds::Cone;
 
 /// Minimum number of searches for parallel execution. Fewer searches would finish before another thread wakes.
 const PARALLEL: usize = 4096;
-
-/// Loop of searches: calls the function with 0 … count − 1 and returns the results in order.
-pub(super) type SearchLoop<'a> = &'a dyn Fn(usize, &(dyn Fn(usize) -> u64 + Sync)) -> Vec<u64>;
 
 /// Runs searches on the threads of this process.
 pub(super) fn on_threads(count: usize, search: &(dyn Fn(usize) -> u64 + Sync)) -> Vec<u64> {

@@ -51,11 +51,11 @@ impl SealedFormat {
     /// If the file cannot be read, is damaged, or belongs to another format or version.
     pub fn read<T: DeserializeOwned>(&self, path: &Path) -> Result<T> {
         let bytes = fs::read(path).map_err(Error::file(path, "cannot be read"))?;
-        self.from_bytes(&bytes).context(format!("{}: {}", path.display(), self.remedy))
+        self.decode(&bytes).context(format!("{}: {}", path.display(), self.remedy))
     }
 
     /// Decodes the content of a file.
-    pub(crate) fn from_bytes<T: DeserializeOwned>(&self, bytes: &[u8]) -> Result<T> {
+    pub(crate) fn decode<T: DeserializeOwned>(&self, bytes: &[u8]) -> Result<T> {
         // Check magic and version first, as the rest of the header depends on them.
         let Self { magic, version, name, .. } = *self;
         let Some((header, body)) = bytes.split_at_checked(HEADER).filter(|(header, _)| header[..4] == magic) else {

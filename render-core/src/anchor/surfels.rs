@@ -82,6 +82,13 @@ struct SurfelPoints<'a> {
     outlooks: &'a [Outlook],
 }
 
+/// Visibility tests whose rays several ranks share.
+#[derive(Clone, Copy)]
+struct SharedSight<'a> {
+    sight: &'a Sight<'a>,
+    ranks: &'a dyn Ranks,
+}
+
 /// Number of surfels that a thread processes together.
 const AT_ONCE: usize = 64;
 
@@ -102,7 +109,7 @@ impl Surfels {
         let points = Self::points(surfaces, units, anchors);
         let surfels = SurfelPoints { points: &points, outlooks: &[] };
         let owners = Self::owners(anchors, surfels, &[], None, &Alone);
-        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, None, &Alone);
+        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, None);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
@@ -126,7 +133,8 @@ impl Surfels {
         let sight = Some(&Sight { accelerator, epsilon: units.epsilon });
         let mut owners = Self::owners(anchors, surfels, outlooks, sight, ranks);
         add_anchors(&mut owners, surfels, anchors, &Sight { accelerator, epsilon: units.epsilon });
-        let fixed = SurfelMap::new(surfels, owners, shares(anchors), false, sight, ranks);
+        let fixed =
+            SurfelMap::new(surfels, owners, shares(anchors), false, sight.map(|sight| SharedSight { sight, ranks }));
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
@@ -176,7 +184,7 @@ impl Surfels {
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
         let surfels = SurfelPoints { points: &points, outlooks: &[] };
-        SurfelMap::new(surfels, self.dynamic_owners.clone(), self.dynamic_area_share.into(), true, None, &Alone)
+        SurfelMap::new(surfels, self.dynamic_owners.clone(), self.dynamic_area_share.into(), true, None)
     }
 }
 
@@ -256,9 +264,10 @@ impl SurfelMap {
         owners: Vec<Owner>,
         shares: Shares,
         own_instance: bool,
-        sight: Option<&Sight>,
-        ranks: &dyn Ranks,
+        shared: Option<SharedSight>,
     ) -> Self {
+        let (sight, ranks): (_, &dyn Ranks) =
+            shared.map_or((None, &Alone), |SharedSight { sight, ranks }| (Some(sight), ranks));
         // Collect w_jk of the surfels k around each surfel j, without surfels hidden by walls.
         let SurfelPoints { points, outlooks } = surfels;
         let mut grid = Grid::new(points, outlooks, shares.clone());

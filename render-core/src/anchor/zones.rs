@@ -170,6 +170,7 @@ impl Shares {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::anchor::AnchorSpread;
     use crate::anchor::{Anchors, Patches};
     use crate::ranks::Alone;
     use crate::scene::{Material, Mesh, Scene};
@@ -216,15 +217,19 @@ mod tests {
         assert!((f64::from(found) / (rings + corners) - 1.0).abs() < 0.01, "{found} instead of {}", rings + corners);
     }
 
+    /// Returns the placement of `fixed` anchors in `zones` by this process.
+    fn spread(zones: &Zones, fixed: usize) -> AnchorSpread<'_> {
+        AnchorSpread { zones, fixed, dynamic: 0, ranks: &Alone }
+    }
+
     /// The anchors of each ring represent the ring's whole area.
     #[test]
     fn anchors_of_each_ring_stand_for_its_area() {
         let scene = plain();
         let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
         let zones = zones(&[Vec3A::Y]);
-        let counts = [20_000, 0];
         let anchors =
-            Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &Units::of(&scene), &zones, counts, &Alone);
+            Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &Units::of(&scene), &spread(&zones, 20_000));
         let shares = anchors.shares();
         for zone in 0..3 {
             let [inner, outer] =
@@ -242,10 +247,9 @@ mod tests {
     fn places_of_all_zones_have_neighbors() {
         let scene = plain();
         let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
-        let counts = [5000, 0];
         let zones = zones(&[Vec3A::Y]);
         let anchors =
-            Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &Units::of(&scene), &zones, counts, &Alone);
+            Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &Units::of(&scene), &spread(&zones, 5000));
         let grid = super::super::Grid::new(&anchors.fixed, &[], anchors.shares());
         for step in 1..25 {
             let position = Vec3A::new(3.0 * step as f32, 1e-4, 2.0);

@@ -7,8 +7,8 @@ use render_core::scene::{
     Channel, Gradient, Interpolation, Material, Mesh, Node, PunctualKind, PunctualLight, Scene, Track, Transform,
 };
 use render_core::{
-    AnchorFlux, Anchors, DirectLights, Emitters, Geometry, Photons, PosedScene, ShadingPoint, Surfaces, SweptVolume,
-    Units, Zones, luminance,
+    AnchorFlux, AnchorSpread, Anchors, DirectLights, Emitters, Geometry, Photons, PosedScene, ShadingPoint, Surfaces,
+    SweptVolume, Units, Zones, luminance,
 };
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -415,9 +415,10 @@ fn anchors_keep_out_of_covered_places() {
         anchors.fixed.iter().filter(|anchor| under(anchor.position)).count()
     };
     let everywhere = Anchors::spread(&surfaces, &units, 2000, 0);
+    let zones = Zones::default();
+    let spread = AnchorSpread { zones: &zones, fixed: 2000, dynamic: 0, ranks: &Alone };
     assert!(covered(&everywhere) > 50, "the floor under the block is 1 of 29 m²");
-    let exposed =
-        Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0], &Alone);
+    let exposed = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &spread);
     assert_eq!(covered(&exposed), 0);
     assert!(exposed.fixed.len().abs_diff(2000) < 40, "{} anchors", exposed.fixed.len());
     assert!(
@@ -435,8 +436,7 @@ fn anchors_keep_out_of_covered_places() {
     }
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
-    let moving =
-        Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &Zones::default(), [2000, 0], &Alone);
+    let moving = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, &spread);
     // The static surfaces have an area of 24 m².
     assert!(covered(&moving).abs_diff(2000 / 24) < 15, "{} of 83 anchors under the block", covered(&moving));
 }

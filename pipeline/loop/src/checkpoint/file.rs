@@ -94,8 +94,8 @@ mod tests {
         for place in 0..bytes.len() {
             let mut changed = bytes.clone();
             changed[place] ^= 0x10;
-            assert!(FORMAT.from_bytes::<Stored>(&changed).is_err(), "byte {place}");
-            assert!(FORMAT.from_bytes::<Stored>(&bytes[..place]).is_err(), "cut at {place}");
+            assert!(FORMAT.decode::<Stored>(&changed).is_err(), "byte {place}");
+            assert!(FORMAT.decode::<Stored>(&bytes[..place]).is_err(), "cut at {place}");
         }
     }
 

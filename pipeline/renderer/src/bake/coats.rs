@@ -79,13 +79,17 @@ impl CoatBake<'_> {
         loops: &mut BakeLoops,
         done: &dyn Fn(usize),
     ) -> Result<CoatFields, LoopEnd> {
-        let unit = (UNIT * self.light.mean() / PI).max(f32::MIN_POSITIVE);
-        let unit = LogScale::new(unit).expect("a normal number");
         let mut fields = Vec::new();
         for (&side, group) in &coats.0 {
-            fields.push(self.field(side, group, unit, loops, done)?);
+            fields.push(self.field(side, group, loops, done)?);
         }
         Ok(CoatFields::new(self.places.atlas, fields).expect("tiles consist of texels of the atlas"))
+    }
+
+    /// Returns the logarithmic scale of the codes.
+    fn scale(&self) -> LogScale {
+        let unit = (UNIT * self.light.mean() / PI).max(f32::MIN_POSITIVE);
+        LogScale::new(unit).expect("a normal number")
     }
 
     /// Bakes the texels that have maps of n × n directions, n = `side`.
@@ -93,7 +97,6 @@ impl CoatBake<'_> {
         &self,
         side: usize,
         group: &[CoatTexel],
-        scale: LogScale,
         loops: &mut BakeLoops,
         done: &dyn Fn(usize),
     ) -> Result<CoatField, LoopEnd> {
@@ -101,7 +104,7 @@ impl CoatBake<'_> {
         let (numbers, tiles, order) = tiled(self.places.atlas, group);
 
         // Compute the codes of each texel's light in all directions.
-        let map = OctahedralMap { side };
+        let (map, scale) = (OctahedralMap { side }, self.scale());
         let codes_of = |scratch: &mut Scratch, place: usize| self.codes(&group[order[place]], map, scale, scratch);
         let codes: Vec<Vec<u16>> = loops.each(order.len(), Scratch::default, codes_of, |_| done(1))?;
         let samples = Samples::Logarithmic { scale, codes: codes.concat() };

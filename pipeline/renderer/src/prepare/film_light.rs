@@ -10,8 +10,8 @@ use pipeline::state::{NONSENSE, decode, encode};
 use render_core::ranks::{Ranks, process_seconds};
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, AnchorFlux, Anchors, DirectLights, Emitters, FinalGather, Geometry, Guide, GuideSearch, Photons,
-    PosedScene, Surfaces, SweptVolume, Timed, Units, ZoneSearch, Zones,
+    Accelerator, AnchorFlux, AnchorSpread, Anchors, DirectLights, Emitters, FinalGather, Geometry, Guide, GuideSearch,
+    Photons, PosedScene, Surfaces, SweptVolume, Timed, Units, ZoneSearch, Zones,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -134,8 +134,8 @@ impl FilmLight {
             (Anchors::none(&surfaces, settings.vpls), 0)
         } else {
             let dynamic = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
-            let counts = [settings.vpls, dynamic];
-            (Anchors::spread_exposed(&surfaces, &geometry, &units, &zones, counts, &**ranks), settings.photons)
+            let spread = AnchorSpread { zones: &zones, fixed: settings.vpls, dynamic, ranks: &**ranks };
+            (Anchors::spread_exposed(&surfaces, &geometry, &units, &spread), settings.photons)
         };
         let mut photons = Photons::new(photons, settings.seed).with_ranks(ranks.clone());
         if let Some(bounces) = settings.bounces {
