@@ -200,19 +200,7 @@ fn commands_without_shared_work_run_once() {
     checkered_room(Moving::Nothing).write(&folder.path().join("room.glb"));
     for (rank, is_run) in [("1", false), ("0", true)] {
         let mut command = std::process::Command::new(tests::program());
-        command.args([
-            "still",
-            "room.glb",
-            "-o",
-            "room.png",
-            "--size",
-            "32x32",
-            "--vpls",
-            "50",
-            "--photons",
-            "500",
-            "-q",
-        ]);
+        command.args(["still", "room.glb", "-o", "room.png", "--size", "32x32", "--vpls", "50"]);
         command.current_dir(folder.path()).env("OMPI_COMM_WORLD_SIZE", "2").env("OMPI_COMM_WORLD_RANK", rank);
         let output = command.output().expect("it starts");
         let said = String::from_utf8_lossy(&output.stderr);
