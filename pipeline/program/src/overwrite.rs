@@ -14,11 +14,6 @@ pub(crate) struct Overwrite {
 }
 
 impl Overwrite {
-    /// Returns whether `--overwrite` is set.
-    pub fn is_given(self) -> bool {
-        self.overwrite
-    }
-
     /// Permits the replacement of an existing file if `--overwrite` is set or the user agrees. Devices and pipes need
     /// no permission.
     ///

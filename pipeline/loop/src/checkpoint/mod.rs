@@ -96,15 +96,6 @@ impl Checkpoints {
         Self { place, from: None, path: Some(path), kept: Arc::default() }
     }
 
-    /// Returns whether the checkpoint next to the film is damaged or belongs to another film, which `job` cannot
-    /// continue. Returns false without a checkpoint.
-    #[must_use]
-    pub fn is_of_another_film(job: &FilmJob) -> bool {
-        let path = path_for(job.film());
-        let is_same = |stored: Stored| stored.identity.difference(job.identity()).is_none();
-        path.exists() && !Stored::read(&path).is_ok_and(is_same)
-    }
-
     /// Continues from the checkpoint next to the film. Without one, the film starts at its first frame.
     ///
     /// # Errors

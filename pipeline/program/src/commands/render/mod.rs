@@ -207,9 +207,7 @@ impl RenderArguments {
     /// Returns the checkpoints of the job, either resumed or new.
     fn checkpoints(&self, job: &FilmJob) -> Result<Checkpoints> {
         let every = self.checkpoint_every();
-        // With --overwrite, the checkpoint of another film is replaced.
-        let is_resumed = self.resume && !(self.overwrite.is_given() && Checkpoints::is_of_another_film(job));
-        let checkpoints = if is_resumed { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
+        let checkpoints = if self.resume { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
         // Keep a checkpoint at the end, so that --resume can extend the film.
         if let Some(end) = job.end().filter(|_| self.keep_checkpoint) {
             checkpoints.leave_at_end(end);
