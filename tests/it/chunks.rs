@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use tests::{
     Finished, Moving, Rendered, assert_fails, checkered_room, cornell, decode_ffmpeg, decode_mpeg2dec, need, program,
     render, render2mpeg, shared_scenes, sorted_names,
@@ -17,6 +17,13 @@ fn folder_with_room(moving: Moving) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     checkered_room(moving).write(&folder.path().join("room.glb"));
     folder
+}
+
+/// Starts the program in `folder` and returns the process, with its standard output in a pipe.
+fn started(folder: &Path, words: &[&str]) -> Child {
+    let mut command = Command::new(program());
+    command.args(words).current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
+    command.spawn().expect("render2mpeg starts")
 }
 
 /// Renders each chunk of a film separately, and returns the names of the files in order.
@@ -232,14 +239,7 @@ fn a_film_ended_before_its_first_checkpoint_starts_again() {
     let folder = folder.path();
     let words = format!("render room.glb -o film.mpg --frames 300 --progress openjd {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();
-    let mut child = Command::new(program())
-        .args(&words)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("render2mpeg starts");
+    let mut child = started(folder, &words);
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
     assert!(lines.by_ref().any(|line| line.starts_with("openjd_status: 9 ")), "nine frames are made");
     let id = Pid::from_raw(child.id() as i32).unwrap();
@@ -459,14 +459,7 @@ fn a_terminated_part_plays_and_goes_on_to_the_same_bits() {
         format!("render room.glb -o part.m2v --frames 400 --chunk 200 --range 200-399 --progress openjd {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();
     // Interrupt the chunk halfway with a signal.
-    let mut child = Command::new(program())
-        .args(&words)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("render2mpeg starts");
+    let mut child = started(folder, &words);
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
     assert_eq!(lines.next().as_deref(), Some("openjd_progress: 0.0"));
     assert_eq!(lines.next().as_deref(), Some("openjd_status: 0 of 200 frames"));

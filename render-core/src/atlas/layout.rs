@@ -71,7 +71,7 @@ fn placed(meshes: &[FlatMesh], frames: &[ChartRect]) -> Sheets {
     let (mut placed, mut charts) = (Sheets::default(), 0);
     for mesh in meshes {
         for side in 0..mesh.sides {
-            // Reserve a slot for each triangle of the mesh. Triangles without a chart keep the placeholder.
+            // Index triangles as the mesh does. Triangles without a chart have no position in the atlas.
             let first = placed.triangles.len() as u32;
             placed.sheets.push(Sheet { instance: mesh.instance, back: side == 1, first, count: mesh.count });
             placed.triangles.resize((first + mesh.count) as usize, ChartTriangle::NOWHERE);
