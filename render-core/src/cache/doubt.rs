@@ -6,11 +6,10 @@
 //! further record.
 
 use super::picture::{ShownSurface, SurfacePicture};
-use super::predict::{Predicted, predictions};
+use super::predict::{Prediction, predict_each};
 use super::record::Record;
 use super::tile::{DENSE, Tile, Tiles};
 use crate::luminance;
-use rayon::prelude::*;
 
 /// Difference from its neighbors above which a record shrinks, in tolerances.
 const DOUBTED: f32 = 1.65;
@@ -69,8 +68,8 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     let mut candidates = tiles.used_in(picture, &chosen);
     candidates.sort_unstable();
     candidates.dedup();
-    let predicted =
-        predictions(picture, tiles, records, &Vec::from_iter(candidates.iter().map(|&place| place as usize)));
+    let places: Vec<usize> = candidates.iter().map(|&place| place as usize).collect();
+    let predicted = predict_each(picture, tiles, (records, &places), |_, found| found.prediction);
 
     // Map positions in the list, which tiles use, to indices of predictions in the order of `candidates`.
     let mut number = vec![0; tiles.listed.len()];
@@ -79,9 +78,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     }
     let opinions = Opinions { tiles, records, tolerances: Tolerances::of(tiles, records), predicted, number };
 
-    let in_tile = |&index: &usize| picture.busy.measure(|| opinions.contradicted_in(picture, index));
-    let pixels: Vec<Vec<(usize, usize)>> = chosen.par_iter().map(in_tile).collect();
-    pixels.concat()
+    picture.share_tiles(&chosen, |index| opinions.contradicted_in(picture, index)).concat()
 }
 
 /// Predictions of records for the pixels around the records.
@@ -89,7 +86,7 @@ struct Opinions<'a, R> {
     tiles: &'a Tiles,
     records: &'a [Record<R>],
     tolerances: Tolerances,
-    predicted: Vec<Predicted>,
+    predicted: Vec<Prediction>,
     /// Index into `predicted` for each position in the list.
     number: Vec<usize>,
 }
@@ -116,7 +113,7 @@ impl<R> Opinions<'_, R> {
         let (mut whole, mut sum, mut squares, mut tolerance) = (0.0, 0.0, 0.0, 0.0);
         for &(k, weight) in weights {
             let place = tile.candidates[k] as usize;
-            let light = luminance(self.predicted[self.number[place]].prediction.at(shown).into());
+            let light = luminance(self.predicted[self.number[place]].at(shown).into());
             whole += weight;
             sum += weight * light;
             squares += weight * light * light;

@@ -4,9 +4,9 @@ use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
 use super::group::weight_between;
 use super::illumination::{Computed, Illumination, Site};
 use super::picture::SurfacePicture;
-use super::predict::predictions;
+use super::predict::predict_each;
 use super::record::{Record, RecordLight};
-use super::spacing::{clamp_to_neighbors, least_radius};
+use super::spacing::{Spheres, clamp_to_neighbors, least_radius};
 use super::tile::Tiles;
 use super::{IrradianceCache, openness};
 use crate::ranks::{Assignment, share};
@@ -35,6 +35,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
     ) -> usize {
         // Compare records attached to moving geometry with their new neighbors.
+        self.spheres = None;
         let (first, first_place) = (self.records.len(), tiles.listed.len());
         if !moved.is_empty() {
             self.doubt(picture, tiles, &moved);
@@ -73,10 +74,10 @@ impl<R: Send + Sync> IrradianceCache<R> {
     /// Compares the records listed at these `places` with their neighbors, and shrinks contradicted records.
     pub(super) fn doubt(&mut self, picture: &SurfacePicture, tiles: &Tiles, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
-        let found = predictions(picture, tiles, &self.records, places);
-        for (&place, predicted) in places.iter().zip(found) {
+        let differences = predict_each(picture, tiles, (&self.records, places), |_, found| found.difference);
+        for (&place, difference) in places.iter().zip(differences) {
             let record = &mut self.records[tiles.listed[place] as usize];
-            record.share = record.share.min(tolerances.share(record, predicted.difference));
+            record.share = record.share.min(tolerances.share(record, difference));
         }
     }
 
@@ -144,8 +145,15 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // Clamp the radii of neighbors, because a surface close to one record is close to its neighbors too.
         self.made = number(sites.len());
-        let among = self.regions.around();
-        clamp_to_neighbors(&mut self.records, before, among, picture.busy);
+        let (older, new) = self.records.split_at_mut(before);
+        if !new.is_empty() {
+            let of_older = || match self.regions.around() {
+                Some(around) => Spheres::of(around.iter().map(|&index| &older[index])),
+                None => Spheres::of(older.iter()),
+            };
+            let spheres = self.spheres.get_or_insert_with(|| picture.busy.measure(of_older));
+            clamp_to_neighbors(new, spheres, picture.busy);
+        }
         before..self.records.len()
     }
 }
@@ -155,9 +163,6 @@ impl<R: Send + Sync> IrradianceCache<R> {
 fn bare_pixels(picture: &SurfacePicture, tiles: &Tiles, bare: &[bool], step: usize) -> Vec<(usize, usize)> {
     let in_tile = |index: usize| {
         let mut pixels = Vec::new();
-        if !bare[index] {
-            return pixels;
-        }
         let on_lattice = |(x, y): (usize, usize)| x % step == step / 2 && y % step == step / 2;
         for (pixel, shown) in picture.pixels(index).zip(picture.shown(index)) {
             let counts = on_lattice(pixel) && shown.is_something();
@@ -169,9 +174,9 @@ fn bare_pixels(picture: &SurfacePicture, tiles: &Tiles, bare: &[bool], step: usi
     };
 
     // Search tiles in parallel, and concatenate their pixels in raster order of tiles.
-    let wanted = picture.wanted_tiles.par_iter();
-    let pixels: Vec<Vec<(usize, usize)>> = wanted.map(|&index| picture.busy.measure(|| in_tile(index))).collect();
-    pixels.concat()
+    let mut searched = picture.wanted_tiles.clone();
+    searched.retain(|&index| bare[index]);
+    picture.share_tiles(&searched, in_tile).concat()
 }
 
 /// Returns the sites of `pixels`, except sites that an earlier site is certain to cover.

@@ -1,22 +1,21 @@
 //! Interpolation of light between records.
 
 use super::picture::SurfacePicture;
-use super::predict::Predicted;
+use super::predict::Prediction;
 use super::tile::Tiles;
 use glam::Vec3A;
 use plane::Plane;
-use rayon::prelude::*;
 
 /// Interpolates the irradiance of every pixel from the predictions of the listed records. Returns the irradiance and
 /// the indices of the records used, ascending.
 pub(super) fn picture(
     picture: &SurfacePicture,
     tiles: &Tiles,
-    predicted: &[Predicted],
+    predicted: &[Prediction],
 ) -> (Plane<[f32; 3]>, Vec<usize>) {
     let (width, height) = picture.size();
-    let light = |&index: &usize| picture.busy.measure(|| tile(picture, tiles, index, predicted));
-    let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = picture.wanted_tiles.par_iter().map(light).collect();
+    let light = |index| tile(picture, tiles, index, predicted);
+    let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = picture.share_tiles(&picture.wanted_tiles, light);
 
     // Copy the pixels of each tile into the picture, row by row.
     let mut plane = Plane::filled(width, height, [0.0; 3]);
@@ -31,7 +30,7 @@ pub(super) fn picture(
     (plane, tiles.records(used))
 }
 
-fn tile(picture: &SurfacePicture, tiles: &Tiles, index: usize, predicted: &[Predicted]) -> (Vec<[f32; 3]>, Vec<u32>) {
+fn tile(picture: &SurfacePicture, tiles: &Tiles, index: usize, predicted: &[Prediction]) -> (Vec<[f32; 3]>, Vec<u32>) {
     // Mark the candidates that light any pixel.
     let tile = &tiles.all[index];
     let shown = picture.shown(index);
@@ -49,7 +48,7 @@ fn tile(picture: &SurfacePicture, tiles: &Tiles, index: usize, predicted: &[Pred
         let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
         for &(k, weight) in &weights {
             is_used[k] = true;
-            sum += predicted[tile.candidates[k] as usize].prediction.at(shown) * weight;
+            sum += predicted[tile.candidates[k] as usize].at(shown) * weight;
             whole += weight;
         }
         light.push((sum / whole.max(f32::MIN_POSITIVE)).to_array());

@@ -3,7 +3,6 @@
 
 use super::record::Record;
 use glam::{Mat3A, Vec3A};
-use ranks::portable;
 
 /// Regression sums of a record over its neighbors.
 #[derive(Clone, Copy, Debug)]
@@ -20,8 +19,6 @@ pub(super) struct Taught {
     pub all_square: Mat3A,
     pub all_unexplained: Vec3A,
 }
-
-portable!(Taught { radius, square, unexplained, weights, variance, all_square, all_unexplained });
 
 impl Taught {
     /// Returns the sums of a record without neighbors.

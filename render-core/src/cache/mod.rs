@@ -50,14 +50,15 @@ use crate::gbuffer::{GBuffer, NOTHING};
 use crate::ranks::{Assignment, Meter, Ranks, share};
 use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
-use known::{KnownNeighbors, Taught};
+use known::KnownNeighbors;
 use openness::Openness;
 use picture::SurfacePicture;
 use plane::Plane;
-use predict::{Predicted, predictions};
+use predict::predictions;
 use rayon::prelude::*;
 use record::{Record, RecordLight};
 use regions::FrameRegions;
+use spacing::Spheres;
 use tile::Tiles;
 
 /// Maximum number of frames for which an unseen record is kept.
@@ -95,6 +96,9 @@ pub struct IrradianceCache<R> {
     /// Neighbors of the records of the current frame, for further pictures of the frame.
     #[cfg_attr(feature = "serde", serde(skip))]
     known: KnownNeighbors,
+    /// Radii of the records that limit the radii of new records, while a picture is filled.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    spheres: Option<Spheres>,
     /// State of a frame that is lit in regions.
     #[cfg_attr(feature = "serde", serde(skip))]
     regions: FrameRegions,
@@ -139,6 +143,7 @@ impl<R> Default for IrradianceCache<R> {
             world: Vec::new(),
             openness: Openness::default(),
             known: KnownNeighbors::default(),
+            spheres: None,
             regions: FrameRegions::default(),
         }
     }
@@ -186,13 +191,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
         computed += self.fill(&picture, &mut tiles, moved, illumination);
-        let predicted = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
+        let (predicted, taught) = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
 
         // Interpolate the light, and keep the sums for further pictures.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
         self.known = KnownNeighbors::default();
         if request.is_first_of_many {
-            self.known.keep(&tiles.listed, &self.records, taught(&predicted), self.made);
+            self.known.keep(&tiles.listed, &self.records, taught, self.made);
         }
         let in_use = used.len();
         for index in used {
@@ -231,11 +236,11 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
         tiles.list(&picture, &self.records, current);
         let computed = self.fill(&picture, &mut tiles, Vec::new(), illumination);
-        let predicted = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
+        let (predicted, taught) = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
 
         // Interpolate the light, and keep the sums for further pictures.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
-        known.keep(&tiles.listed, &self.records, taught(&predicted), self.made);
+        known.keep(&tiles.listed, &self.records, taught, self.made);
         self.known = known;
         let in_use = used.len();
         for index in used {
@@ -437,11 +442,6 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.records.retain(|record| record.seen > oldest || record.seen == frame);
         }
     }
-}
-
-/// Returns the regression sums of the predictions.
-fn taught(predicted: &[Predicted]) -> Vec<Taught> {
-    predicted.iter().map(|predicted| predicted.taught).collect()
 }
 
 /// Result of updating a record.

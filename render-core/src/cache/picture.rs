@@ -5,7 +5,7 @@ use super::known::KnownNeighbors;
 use super::openness::Openness;
 use super::request::Request;
 use crate::gbuffer::{GBuffer, NOTHING};
-use crate::ranks::Ranks;
+use crate::ranks::{Portable, Ranks, in_order, share_each};
 use crate::{Busy, MACROBLOCK};
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -122,6 +122,12 @@ impl<'a> SurfacePicture<'a> {
     pub fn pixels(&self, tile: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
         let (columns, rows) = self.tile_area(tile);
         rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    }
+
+    /// Shares the `chosen` macroblocks among the ranks. Returns the result of `compute` for each, in order.
+    pub fn share_tiles<T: Portable + Send>(&self, chosen: &[usize], compute: impl Fn(usize) -> T + Sync) -> Vec<T> {
+        let one = |(): &mut (), item: usize| compute(chosen[item]);
+        self.busy.take(share_each(self.ranks(), &in_order(chosen.len()), 1, || (), one))
     }
 
     /// Returns the surfaces visible at the pixels of a macroblock, in raster order.

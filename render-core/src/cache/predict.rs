@@ -21,12 +21,13 @@ use super::record::Record;
 use super::spacing::radius_in_view;
 use super::tile::{Tile, Tiles};
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
-use crate::ranks::{in_order, share_each};
+use crate::ranks::{Assignment, Portable, share_each};
 use crate::sampling::frame;
 use crate::scene::View;
 use crate::{MACROBLOCK, luminance};
 use glam::{Mat3A, Vec3, Vec3A};
 use ranks::portable;
+use std::sync::Mutex;
 
 /// Maximum distance of neighbors \[pixels\]. [`BY_RADIUS`] clamps it to a range of multiples of the record's radius. In
 /// a simulation of `nave`, a minimum of 2 instead of 1.25 leaves 4 % less error and needs 4 % more records. On
@@ -62,6 +63,17 @@ pub(super) struct Prediction {
 }
 
 impl Prediction {
+    /// Placeholder for records without a prediction.
+    pub const NOTHING: Self = Self {
+        position: Vec3A::ZERO,
+        normal: Vec3A::ZERO,
+        irradiance: Vec3A::ZERO,
+        by_position: Mat3A::ZERO,
+        by_normal: Mat3A::ZERO,
+        by_openness: Vec3A::ZERO,
+        openness: 0.0,
+    };
+
     /// Returns the prediction from the record's own derivatives, limited over this `radius`.
     fn alone<R>(record: &Record<R>, radius: f32) -> Self {
         let Record { site, estimate, .. } = record;
@@ -100,33 +112,37 @@ pub(super) struct Predicted {
     pub taught: Taught,
 }
 
-portable!(Predicted { prediction, difference, taught });
-
-impl Predicted {
-    /// Placeholder for records without a prediction.
-    pub const NOTHING: Self = Self {
-        prediction: Prediction {
-            position: Vec3A::ZERO,
-            normal: Vec3A::ZERO,
-            irradiance: Vec3A::ZERO,
-            by_position: Mat3A::ZERO,
-            by_normal: Mat3A::ZERO,
-            by_openness: Vec3A::ZERO,
-            openness: 0.0,
-        },
-        difference: 0.0,
-        taught: Taught::nothing(0.0),
-    };
-}
-
-/// Predicts the irradiance around the records listed at these `places`. If an earlier picture of the frame has found
-/// the neighbors of a record, searches only for neighbors made since.
+/// Predicts the irradiance around the records listed at these `places`. Returns the predictions and the regression sums
+/// of this rank's records; other ranks' sums are left empty, because no prediction on this rank will need them.
 pub(super) fn predictions<R: Send + Sync>(
     picture: &SurfacePicture,
     tiles: &Tiles,
     records: &[Record<R>],
     places: &[usize],
-) -> Vec<Predicted> {
+) -> (Vec<Prediction>, Vec<Taught>) {
+    // Collect the sums in any order: they are not sent to other ranks.
+    let sums = Mutex::new(Vec::new());
+    let keep = |item: usize, found: Predicted| {
+        sums.lock().expect("no thread panics").push((item, found.taught));
+        found.prediction
+    };
+    let predicted = predict_each(picture, tiles, (records, places), keep);
+    let mut taught = vec![Taught::nothing(f32::NAN); places.len()];
+    for (item, sums) in sums.into_inner().expect("no thread panics") {
+        taught[item] = sums;
+    }
+    (predicted, taught)
+}
+
+/// Predicts the irradiance around the `records` listed at these `places`. Returns the result of `of` for the index and
+/// the prediction of each place. If an earlier picture of the frame has found the neighbors of a record, searches only
+/// for neighbors made since.
+pub(super) fn predict_each<R: Send + Sync, T: Portable + Send>(
+    picture: &SurfacePicture,
+    tiles: &Tiles,
+    (records, places): (&[Record<R>], &[usize]),
+    of: impl Fn(usize, Predicted) -> T + Sync,
+) -> Vec<T> {
     // Start from the sums of an earlier picture, if they exist; otherwise, search for all neighbors.
     let known = picture.known;
     let fresh = known.fresh(&tiles.listed, records);
@@ -140,11 +156,13 @@ pub(super) fn predictions<R: Send + Sync>(
             Some(before) => fit.go_on(&before, records),
             None => neighbors.teach(&mut fit, place, records),
         }
-        fit.solve()
+        of(item, fit.solve())
     };
 
-    // Divide the records among ranks and threads. Each thread has its own working memory.
-    let turns = in_order(places.len());
+    // Divide the records among ranks by number, so that each rank finds the sums of its records in later pictures. Each
+    // thread has its own working memory.
+    let number = |&place: &usize| records[tiles.listed[place] as usize].number;
+    let turns: Vec<Assignment> = places.iter().map(|place| Assignment::Golden(number(place))).collect();
     picture.busy.take(share_each(picture.ranks(), &turns, CHUNK, no_neighbors, predict))
 }
 

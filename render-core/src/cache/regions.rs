@@ -13,11 +13,11 @@ use super::interpolate;
 use super::known::KnownNeighbors;
 use super::openness::{self, Openness};
 use super::picture::SurfacePicture;
-use super::predict::{Predicted, predictions};
+use super::predict::{Prediction, predictions};
 use super::record::{Record, RecordLight};
 use super::request::Request;
 use super::tile::Tiles;
-use super::{CachedLight, Changes, IrradianceCache, Update, taught};
+use super::{CachedLight, Changes, IrradianceCache, Update};
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::ranks::Alone;
 use crate::{Busy, Timed};
@@ -216,8 +216,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // Predict only records that reach the region's pixels.
         let places = tiles.places_in_use(picture);
-        let found = predictions(picture, &tiles, &self.records, &places);
-        let mut predicted = vec![Predicted::NOTHING; tiles.listed.len()];
+        let (found, taught) = predictions(picture, &tiles, &self.records, &places);
+        let mut predicted = vec![Prediction::NOTHING; tiles.listed.len()];
         for (&place, &own) in places.iter().zip(&found) {
             predicted[place] = own;
         }
@@ -226,7 +226,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         // Keep the sums of these predictions for further pictures of the region.
         let mut known = KnownNeighbors::default();
         let listed: Vec<u32> = places.iter().map(|&place| tiles.listed[place]).collect();
-        known.keep(&listed, &self.records, taught(&found), self.made);
+        known.keep(&listed, &self.records, taught, self.made);
         self.known = known;
         let in_use = used.len();
         for index in used {

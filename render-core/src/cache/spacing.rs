@@ -52,37 +52,28 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &SurfacePicture) ->
     (radius * record.share).max(radius.min(DOUBTED * pixel))
 }
 
-/// Clamps the radii of the records from `first` on to their neighbors. A surface near one record is also near the next
-/// record, even if the rays of that record missed it \[Krivanek08, section 4.3.2\]. The records are compared with each
-/// other and with the records `among`, or with all records:
+/// Clamps the radii of `new` records to their neighbors, and inserts them into the spheres of `older` records. A surface
+/// near one record is also near the next record, even if the rays of that record missed it \[Krivanek08, section
+/// 4.3.2\]. New records are compared with each other and with older records:
 ///
 /// ```text
 /// R_x ← min(R_x, min_y (|x − y| + R_y))
 /// ```
-pub(super) fn clamp_to_neighbors<R: Send + Sync>(
-    records: &mut [Record<R>],
-    first: usize,
-    among: Option<&[usize]>,
-    busy: &Busy,
-) {
-    if first == records.len() {
-        return;
-    }
+pub(super) fn clamp_to_neighbors<R: Send + Sync>(new: &mut [Record<R>], older: &mut Spheres, busy: &Busy) {
     // Collect the radii before any clamping, so that the result does not depend on the order.
-    let spheres = busy.measure(|| match among {
-        Some(among) => Spheres::of(among.iter().map(|&index| &records[index]).chain(&records[first..])),
-        None => Spheres::of(records.iter()),
-    });
+    let unclamped = busy.measure(|| Spheres::of(new.iter()));
 
     // Clamp each new record. Older records keep their radii.
-    records[first..].par_chunks_mut(CHUNK).for_each(|records| {
+    new.par_chunks_mut(CHUNK).for_each(|records| {
         busy.measure(|| {
             for record in records {
-                record.radius_by_neighbors = spheres.reach(record.site.position, record.radius);
+                let (position, radius) = (record.site.position, record.radius);
+                record.radius_by_neighbors = older.reach(position, radius).min(unclamped.reach(position, radius));
                 record.radius = record.radius.min(record.radius_by_neighbors);
             }
         });
     });
+    busy.measure(|| older.insert(new.iter().map(sphere)));
 }
 
 /// Number of records per thread task.
@@ -91,19 +82,47 @@ const CHUNK: usize = 64;
 const TOGETHER: usize = 8;
 
 /// Positions and radii of records, in ascending order of radius.
-struct Spheres {
+#[derive(Default)]
+pub(super) struct Spheres {
     radii: Vec<f32>,
     /// x, y and z of the centers \[m\].
     centers: [Vec<f32>; 3],
 }
 
+fn sphere<R>(record: &Record<R>) -> (f32, Vec3A) {
+    (record.radius, record.site.position)
+}
+
 impl Spheres {
-    fn of<'a, R: 'a>(records: impl Iterator<Item = &'a Record<R>>) -> Self {
+    pub fn of<'a, R: 'a>(records: impl Iterator<Item = &'a Record<R>>) -> Self {
+        let mut spheres = Self::default();
+        spheres.insert(records.map(sphere));
+        spheres
+    }
+
+    /// Inserts spheres, given as pairs of radius and center.
+    fn insert(&mut self, spheres: impl Iterator<Item = (f32, Vec3A)>) {
         // Sort by radius, so that the spheres that can clamp a radius are a prefix of the list.
-        let mut sorted: Vec<(f32, Vec3A)> = records.map(|r| (r.radius, r.site.position)).collect();
+        let mut sorted: Vec<(f32, Vec3A)> = spheres.collect();
         sorted.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
-        let axis = |k: usize| sorted.iter().map(|(_, center)| center[k]).collect();
-        Self { radii: sorted.iter().map(|&(radius, _)| radius).collect(), centers: [axis(0), axis(1), axis(2)] }
+
+        // Merge from the end, where the new places are free. The list is several times longer than its insertions.
+        let mut from = self.radii.len();
+        let mut to = from + sorted.len();
+        self.radii.resize(to, 0.0);
+        self.centers.iter_mut().for_each(|axis| axis.resize(to, 0.0));
+        for (radius, center) in sorted.into_iter().rev() {
+            let begin = self.radii[..from].partition_point(|&other| other <= radius);
+            let moved = from - begin;
+            to -= moved;
+            self.radii.copy_within(begin..from, to);
+            self.centers.iter_mut().for_each(|axis| axis.copy_within(begin..from, to));
+            (from, to) = (begin, to - 1);
+            self.radii[to] = radius;
+            for (axis, &at) in self.centers.iter_mut().zip(center.as_ref()) {
+                axis[to] = at;
+            }
+        }
     }
 
     /// Returns the minimum of |x − y| + R_y over the spheres with R_y below `radius`, or ∞ if no sphere is that small.
@@ -148,10 +167,11 @@ mod tests {
     fn spheres_reach_as_far_as_one_by_one() {
         let place = |k: u64| Vec3A::from(uniform_sphere(sobol_point(k))) * (1.0 + (k % 7) as f32);
         let all: Vec<(f32, Vec3A)> = (0..203).map(|k| (0.01 * ((k * 37) % 101) as f32, place(k))).collect();
-        let mut sorted = all.clone();
-        sorted.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        let centers = [0, 1, 2].map(|axis| sorted.iter().map(|(_, center)| center[axis]).collect());
-        let spheres = Spheres { radii: sorted.iter().map(|&(radius, _)| radius).collect(), centers };
+        let mut spheres = Spheres::default();
+        for part in [&all[..90], &all[90..90], &all[90..91], &all[91..]] {
+            spheres.insert(part.iter().copied());
+        }
+        assert!(spheres.radii.is_sorted() && spheres.radii.len() == all.len());
         for &(radius, center) in &all {
             let smaller = all.iter().filter(|&&(other, _)| other < radius);
             let expected = smaller.map(|&(r, y)| r + y.distance(center)).fold(f32::INFINITY, f32::min);

@@ -7,6 +7,7 @@ use super::picture::{ShownSurface, SurfacePicture};
 use super::record::Record;
 use super::spacing::radius_in_view;
 use crate::MACROBLOCK;
+use crate::ranks::{in_order, share_each};
 use lanes::{Choice, LANES};
 use rayon::prelude::*;
 
@@ -27,6 +28,9 @@ pub(super) const DENSE: f32 = 2.0;
 /// screen. In a picture without previous frames, 1 % of the records exceed 2.3. With 4, `conference` at 160×160 has
 /// 19 900 records after 150 frames. With 2.5, it has 18 500 records, and a frame takes four fifths of the time.
 const CROWDED: f32 = 2.5;
+
+/// Number of records per thread task.
+const CHUNK: usize = 128;
 
 /// Macroblock of the picture, with its candidate records.
 #[derive(Default)]
@@ -216,17 +220,14 @@ impl Tiles {
     pub fn keep_used<R: Sync + Send>(&mut self, picture: &SurfacePicture, records: &[Record<R>], place: usize) {
         // Find the late candidates that light any pixel of a tile. Skip tiles without late candidates.
         let is_late = |&candidate: &u32| candidate as usize >= place;
+        let mut chosen = picture.wanted_tiles.clone();
+        chosen.retain(|&index| self.all[index].candidates.last().is_some_and(is_late));
         let in_tile = |index: usize| {
-            let mut used = if self.all[index].candidates.last().is_some_and(is_late) {
-                self.all[index].candidates_in_use(self.lanes, picture.shown(index))
-            } else {
-                Vec::new()
-            };
+            let mut used = self.all[index].candidates_in_use(self.lanes, picture.shown(index));
             used.retain(is_late);
             used
         };
-        let wanted = picture.wanted_tiles.par_iter();
-        let used: Vec<Vec<u32>> = wanted.map(|&index| picture.busy.measure(|| in_tile(index))).collect();
+        let used: Vec<Vec<u32>> = picture.share_tiles(&chosen, in_tile);
 
         // Remove all late records from the list, and add the used records again.
         let used = self.records(used.concat());
@@ -258,35 +259,47 @@ impl Tiles {
     /// than once.
     pub fn used_in(&self, picture: &SurfacePicture, chosen: &[usize]) -> Vec<u32> {
         // Skip macroblocks without surfaces, as most are if only a region is wanted.
-        let in_tile = |&index: &usize| {
+        let in_tile = |index: usize| {
             let mut shown = picture.shown(index).to_vec();
             shown.retain(ShownSurface::is_something);
             if shown.is_empty() { Vec::new() } else { self.all[index].candidates_in_use(self.lanes, &shown) }
         };
-        let used: Vec<Vec<u32>> = chosen.par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
-        used.concat()
+        picture.share_tiles(chosen, in_tile).concat()
     }
 
     /// Returns the superfluous records among the `chosen` records. At their positions, the weights of earlier records
     /// sum to at least [`CROWDED`].
     ///
     /// A record outside the picture is never superfluous, because the density of records outside is unknown.
-    pub fn superfluous<R>(&self, picture: &SurfacePicture, records: &[Record<R>], chosen: &[usize]) -> Vec<usize> {
-        let mut kept = vec![false; records.len()];
-        let mut weights = Vec::new();
+    pub fn superfluous<R: Send + Sync>(
+        &self,
+        picture: &SurfacePicture,
+        records: &[Record<R>],
+        chosen: &[usize],
+    ) -> Vec<usize> {
+        // Find the records at whose positions the weights of all listed records sum to that much. Few do.
         let across = picture.size().0.div_ceil(MACROBLOCK);
-        let mut superfluous = Vec::new();
-        for &index in chosen {
-            // Weigh the listed records at the position of this record.
-            let site = &records[index].site;
-            let Some((x, y)) = picture.pixel_of(site) else { continue };
+        let crowd = |weights: &mut Vec<(usize, f32)>, item: usize| {
+            let site = &records[chosen[item]].site;
+            let Some((x, y)) = picture.pixel_of(site) else { return Vec::new() };
             let tile = &self.all[y / MACROBLOCK * across + x / MACROBLOCK];
-            tile.weights(self.lanes, &site.into(), &mut weights);
+            tile.weights(self.lanes, &site.into(), weights);
+            if weights.iter().fold(0.0, |sum, (_, weight)| sum + weight) < CROWDED {
+                return Vec::new();
+            }
+            weights.iter().map(|&(k, weight)| (self.listed[tile.candidates[k] as usize], weight)).collect()
+        };
+        let turns = in_order(chosen.len());
+        let shared = share_each(picture.ranks(), &turns, CHUNK, Vec::new, crowd);
+        let crowds: Vec<Vec<(u32, f32)>> = picture.busy.take(shared);
 
-            // Sum only over kept records, so that two records close together do not exclude each other.
+        // Sum only over kept records, so that two records close together do not exclude each other.
+        let mut kept = vec![false; records.len()];
+        let mut superfluous = Vec::new();
+        for (&index, crowd) in chosen.iter().zip(crowds) {
             let mut covered = 0.0;
-            for &(k, weight) in &weights {
-                if kept[self.listed[tile.candidates[k] as usize] as usize] {
+            for (other, weight) in crowd {
+                if kept[other as usize] {
                     covered += weight;
                 }
             }

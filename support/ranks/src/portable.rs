@@ -55,6 +55,16 @@ macro_rules! portable {
     };
 }
 
+impl Portable for usize {
+    fn put(&self, bytes: &mut Vec<u8>) {
+        (*self as u64).put(bytes);
+    }
+
+    fn take(bytes: &mut &[u8]) -> Option<Self> {
+        u64::take(bytes)?.try_into().ok()
+    }
+}
+
 impl Portable for bool {
     fn put(&self, bytes: &mut Vec<u8>) {
         bytes.push(u8::from(*self));
