@@ -35,7 +35,6 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
     ) -> usize {
         // Compare records attached to moving geometry with their new neighbors.
-        self.spheres = None;
         let (first, first_place) = (self.records.len(), tiles.listed.len());
         if !moved.is_empty() {
             self.doubt(picture, tiles, &moved);
@@ -68,6 +67,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             // result.
             tiles.keep_used(picture, &self.records, first_place);
         }
+        self.spheres = None;
         self.records.len() - first
     }
 

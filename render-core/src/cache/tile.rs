@@ -1,11 +1,11 @@
 //! Lists of the records that may light the pixels of each macroblock.
 
-use super::Vec3A;
 use super::group::{InUse, NearRecords, ROUNDING, RecordGroup, SumUpTo, Weigh};
 use super::illumination::Site;
 use super::picture::{ShownSurface, SurfacePicture};
 use super::record::Record;
 use super::spacing::radius_in_view;
+use super::{LARGE_CHUNK, Vec3A};
 use crate::MACROBLOCK;
 use crate::ranks::{in_order, share_each};
 use lanes::{Choice, LANES};
@@ -28,9 +28,6 @@ pub(super) const DENSE: f32 = 2.0;
 /// screen. In a picture without previous frames, 1 % of the records exceed 2.3. With 4, `conference` at 160×160 has
 /// 19 900 records after 150 frames. With 2.5, it has 18 500 records, and a frame takes four fifths of the time.
 const CROWDED: f32 = 2.5;
-
-/// Number of records per thread task.
-const CHUNK: usize = 128;
 
 /// Macroblock of the picture, with its candidate records.
 #[derive(Default)]
@@ -290,7 +287,7 @@ impl Tiles {
             weights.iter().map(|&(k, weight)| (self.listed[tile.candidates[k] as usize], weight)).collect()
         };
         let turns = in_order(chosen.len());
-        let shared = share_each(picture.ranks(), &turns, CHUNK, Vec::new, crowd);
+        let shared = share_each(picture.ranks(), &turns, LARGE_CHUNK, Vec::new, crowd);
         let crowds: Vec<Vec<(u32, f32)>> = picture.busy.take(shared);
 
         // Sum only over kept records, so that two records close together do not exclude each other.

@@ -49,9 +49,8 @@ pub fn print(arguments: &Arguments) -> anyhow::Result<()> {
     let (items, sums) = (megabytes(|one| one.items.bytes), megabytes(|one| one.sums.bytes));
     let exchange = |of: fn(&LoopLog) -> f64| run.loops.iter().map(of).sum::<f64>();
     let (packing, unpacking) = (exchange(|one| one.items.packing), exchange(|one| one.items.unpacking));
-    println!(
-        "results of items: {items:.1} MB, packed in {packing:.2} s, unpacked in {unpacking:.2} s; sums of each rank: {sums:.1} MB"
-    );
+    println!("results of items: {items:.1} MB, packed in {packing:.2} s, unpacked in {unpacking:.2} s");
+    println!("sums of each rank: {sums:.1} MB");
     for (name, network) in &NETWORKS {
         println!("\n{name}\n\n| ranks | CPU s of the busiest | seconds | factor | efficiency |\n|---|---|---|---|---|");
         let one = run.on(1, network).seconds;
