@@ -2,7 +2,7 @@
 //!
 //! A [`Field`] contains raw samples: texels in tiles of 16×16 ([`TexelTiles`]), directions by index, three channels.
 //! [`NearLossless`] stores them with a bounded error. Both implement [`LookUp`]. [`OctahedralMap`] maps directions to
-//! indices.
+//! indices. [`Harmonics`] represents the light around a point for the irradiance of any normal.
 //!
 //! ```
 //! use lightfield::{Field, LookUp, NearLossless, Samples, TexelTiles};
@@ -17,6 +17,7 @@
 
 mod error;
 mod field;
+mod harmonics;
 mod look_up;
 mod near_lossless;
 mod octahedral;
@@ -25,6 +26,7 @@ mod tiles;
 
 pub use crate::error::FieldError;
 pub use crate::field::{Field, Samples};
+pub use crate::harmonics::{Harmonics, basis};
 pub use crate::look_up::LookUp;
 pub use crate::near_lossless::NearLossless;
 pub use crate::octahedral::{DirectionCells, OctahedralMap, map_side};
