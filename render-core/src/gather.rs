@@ -86,6 +86,12 @@ pub struct Gathered {
 }
 
 impl Gathered {
+    /// Returns surroundings without light, from the harmonic mean and the minimum of their distances \[m\].
+    pub fn of_distances(harmonic_mean: f32, nearest: f32) -> Self {
+        let (emitted, emitted_by_position) = (Vec3::ZERO, Mat3A::ZERO);
+        Self { harmonic_mean, nearest, sources: Vec::new(), emitted, emitted_by_position }
+    }
+
     /// Frees all memory except the distances. [`FinalGather::compensation`] is then zero.
     pub fn forget_light(&mut self) {
         self.sources = Vec::new();
@@ -214,13 +220,7 @@ impl FinalGather {
         let (x, y) = (Vec3A::from(x * cosine + y * sine), Vec3A::from(y * cosine - x * sine));
 
         // Collect hit distances for the radius of a record, and compensation for its light.
-        let mut found = Gathered {
-            harmonic_mean: f32::INFINITY,
-            nearest: f32::INFINITY,
-            sources: Vec::new(),
-            emitted: Vec3::ZERO,
-            emitted_by_position: Mat3A::ZERO,
-        };
+        let mut found = Gathered::of_distances(f32::INFINITY, f32::INFINITY);
         let (mut inverse_distances, mut above) = (0.0, 0);
         let weight = PI / directions.0.len() as f32;
         let spread = weight.sqrt();

@@ -81,6 +81,12 @@ impl<'a> Surfaces<'a> {
         self.point(hit, direction, width).surface()
     }
 
+    /// Evaluates a hit of an indirect ray like [`Surfaces::at`], but samples each texture once, over a disk.
+    #[must_use]
+    pub fn at_indirect(&self, hit: &Hit, direction: Vec3A, width: f32) -> Surface {
+        self.meet(hit, direction, width).surface()
+    }
+
     /// Evaluates a hit like [`Surfaces::at`], but samples the hit's material on demand.
     pub(crate) fn point(&self, hit: &Hit, direction: Vec3A, width: f32) -> Interaction<'_> {
         Interaction::new(self, hit, direction, |direction, normal| Footprint::ellipse(direction, normal, width))

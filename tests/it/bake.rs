@@ -153,9 +153,10 @@ fn a_film_of_baked_light_looks_like_one_of_cuts() {
         .map(|threads| bake_file(folder, &scene, "box", &format!("--texels 20000 --vpls 1000 --threads {threads}")));
     assert!(two == one, "the same bytes with any number of threads");
     let [cuts, baked] = films(folder, &scene, "box.slf", 1000);
-    for name in ["cache_records", "cache_new", "photons_traced"] {
-        assert_eq!(baked.rendered.figures(&[name]), [0.0; 3], "{name}");
-    }
+    assert_eq!(baked.rendered.figures(&["photons_traced"]), [0.0; 3]);
+    // Only a few pixels in corners have records, because their surroundings are nearer than two texels.
+    let records = |film: &Film| film.rendered.figures(&["cache_records"])[0];
+    assert!(records(&baked) < 0.3 * records(&cuts), "{} and {} records", records(&baked), records(&cuts));
     for (cuts, baked) in cuts.frames.iter().zip(&baked.frames) {
         let psnr = psnr(baked.luma(), cuts.luma());
         assert!(psnr > 36.0, "{psnr} dB");

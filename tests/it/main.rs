@@ -4,6 +4,7 @@
 
 mod bake;
 mod bake_coats;
+mod bake_dynamic;
 mod bake_export;
 mod bake_run;
 #[cfg(unix)]

@@ -8,6 +8,8 @@ pub mod bake;
 pub mod coat_fields;
 mod exposure;
 pub mod frame;
+#[cfg(feature = "bake")]
+pub mod normal_texels;
 pub mod plan;
 mod prepare;
 pub mod reference;
@@ -27,7 +29,7 @@ pub use shade::{
     SimulatedFrame, SimulatedRanks, Tolerance, Visible,
 };
 #[cfg(feature = "bake")]
-pub(crate) use shade::{GATHER_RAYS, KnownScene, TexelCoat, Visibility};
+pub(crate) use shade::{GATHER_RAYS, KnownScene, TexelCoat, Visibility, arriving_light};
 
 /// Minimum perceptual roughness of baked coats. Reflections in smoother coats contain details finer than texels.
 pub(crate) const BAKED_ROUGHNESS: f32 = 0.35;

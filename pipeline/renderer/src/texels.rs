@@ -1,10 +1,17 @@
 //! Baked light of static surfaces, in the texels of an atlas.
 
 use super::coat_fields::CoatFields;
-use glam::Vec3;
+use super::normal_texels::NormalTexels;
+use glam::{Vec3, Vec3A};
 use render_core::{Atlas, PixelSurface, Surfaces};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+
+/// Minimum weight of the reliable texels around a point that samples them.
+const LEAST_RELIABLE: f32 = 0.5;
+
+/// Minimum cosine between the normals of a pixel and of a texel that it samples: 26°.
+const LEAST_COSINE: f32 = 0.9;
 
 /// Baked light of an atlas's texels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -15,26 +22,44 @@ pub struct BakedTexels {
     pub direct: Vec<[f32; 3]>,
     /// Indirect irradiance of each texel \[W·m⁻²\], linear RGB.
     pub indirect: Vec<[f32; 3]>,
+    /// Whether each texel is outside of geometry and narrow enough for the distance of its surroundings.
+    pub is_reliable: Vec<bool>,
+    /// Shading normal of each texel's point, times 127; zero without a point.
+    pub facing: Vec<[i8; 3]>,
+    /// Indirect light of normal-mapped surfaces, by normal. Files store this light in a separate section.
+    #[serde(skip)]
+    pub normals: Arc<NormalTexels>,
     /// Light reflected by coats, except light from direct sources. Files store this light in a separate section.
     #[serde(skip)]
     pub coats: Arc<CoatFields>,
 }
 
 impl BakedTexels {
-    /// Returns the indirect irradiance of a pixel's surface \[W·m⁻²\]. Returns `None` if the atlas lacks the surface,
-    /// for example dynamic geometry.
+    /// Returns the indirect irradiance of a pixel's surface \[W·m⁻²\]. Returns `None` if the atlas lacks the surface, for
+    /// example dynamic geometry, or if most of the texels around the pixel are not reliable or face elsewhere.
     ///
     /// ```text
-    /// E = Σ w E_texel        w  bilinear weights of the four texels around the point
+    /// E = Σ w E_texel / Σ w        w  bilinear weights of the reliable texels around the point
     /// ```
     #[must_use]
     pub fn indirect_at(&self, pixel: &PixelSurface, surfaces: &Surfaces) -> Option<Vec3> {
         let blend = self.atlas.bilinear(surfaces, &pixel.into())?;
-        let mut irradiance = Vec3::ZERO;
+        let normal = pixel.shading_normal.into();
+        let (mut irradiance, mut weights) = (Vec3::ZERO, 0.0);
         for (texel, weight) in blend.texels.into_iter().zip(blend.weights) {
-            irradiance += weight * Vec3::from(self.indirect[texel as usize]);
+            let by_normal = self.normals.irradiance(texel, normal);
+            if self.is_reliable[texel as usize] && (by_normal.is_some() || self.faces(texel, normal)) {
+                irradiance += weight * by_normal.unwrap_or_else(|| self.indirect[texel as usize].into());
+                weights += weight;
+            }
         }
-        Some(irradiance)
+        (weights >= LEAST_RELIABLE).then(|| irradiance / weights)
+    }
+
+    /// Returns whether a texel has about the given unit normal. A wide texel may cover several sides of a small object.
+    fn faces(&self, texel: u32, normal: Vec3A) -> bool {
+        let facing = Vec3A::from_array(self.facing[texel as usize].map(f32::from));
+        facing.dot(normal) >= LEAST_COSINE * facing.length()
     }
 
     /// Returns the mean radiance \[W·m⁻²·sr⁻¹\] that a pixel's coat reflects, without direct sources. The unit vector

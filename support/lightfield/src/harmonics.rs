@@ -38,17 +38,7 @@ pub fn basis(direction: Vec3) -> [f32; COUNT] {
     const Y2: f32 = 1.092_548_4;
     const Y20: f32 = 0.315_391_57;
     const Y22: f32 = 0.546_274_2;
-    [
-        Y0,
-        Y1 * y,
-        Y1 * z,
-        Y1 * x,
-        Y2 * x * y,
-        Y2 * y * z,
-        Y20 * (3.0 * z * z - 1.0),
-        Y2 * x * z,
-        Y22 * (x * x - y * y),
-    ]
+    [Y0, Y1 * y, Y1 * z, Y1 * x, Y2 * x * y, Y2 * y * z, Y20 * (3.0 * z * z - 1.0), Y2 * x * z, Y22 * (x * x - y * y)]
 }
 
 impl Harmonics {

@@ -114,7 +114,7 @@ impl CoatBake<'_> {
     }
 
     /// Returns the baked irradiance \[W·m⁻²\] at a ray's hit; `None` if the atlas lacks the surface.
-    fn irradiance(&self, hit: &Hit, surface: &Surface) -> Option<Vec3> {
+    pub fn irradiance(&self, hit: &Hit, surface: &Surface) -> Option<Vec3> {
         let &Surface { position, geometric_normal, .. } = surface;
         let instance = *self.instances.get(hit.instance as usize)?;
         let at = AtlasPoint { instance, triangle: hit.triangle, position, geometric_normal };

@@ -17,7 +17,7 @@ use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2SL";
 /// Version of the file layout. New kinds of sections do not change it.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Number of bytes between the magic number and the table.
 const FIXED: u64 = 16;
 /// Number of bytes of a section's entry in the table.
@@ -295,7 +295,7 @@ mod tests {
         assert!(message(b"RIFF and more").contains("not a file of baked light"));
         assert_eq!(
             with(4, 3),
-            "nave.slf: baked light has version 3, this program reads version 1: run `render2mpeg bake` again"
+            "nave.slf: baked light has version 3, this program reads version 2: run `render2mpeg bake` again"
         );
         assert!(with(9, 0).contains("damaged in its header"));
         assert!(with(bytes.len() - 1, 0).contains("damaged in the section RADI"));

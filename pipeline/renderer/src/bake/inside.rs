@@ -9,6 +9,9 @@ use render_core::{Atlas, ShadingPoint, Surfaces};
 /// inside.
 const NEAR: f32 = 1.5;
 
+/// Maximum width of a reliable texel, as a fraction of the harmonic mean distance of its surroundings.
+const WIDEST: f32 = 0.5;
+
 /// The atlas, and the scene that lights the atlas's texels.
 pub(super) struct Places<'a> {
     pub atlas: &'a Atlas,
@@ -21,11 +24,14 @@ pub(super) struct Places<'a> {
 
 impl Places<'_> {
     /// Returns a shading point outside of geometry for each texel, `None` for a texel without one. If a whole
-    /// chart lacks outer points, inner points are used: overlapping geometry can still be visible.
-    pub fn points(&self) -> Vec<Option<ShadingPoint>> {
+    /// chart lacks outer points, inner points are used: overlapping geometry can still be visible. Also returns whether
+    /// each texel is reliable: its point is outside of geometry and far enough from its surroundings.
+    pub fn points(&self) -> (Vec<Option<ShadingPoint>>, Vec<bool>) {
         let texels = 0..self.atlas.len();
         let mut points: Vec<Option<ShadingPoint>> =
             texels.clone().into_par_iter().map(|texel| self.outside(texel).next()).collect();
+        let is_reliable = |point: &Option<ShadingPoint>| point.is_some_and(|point| self.is_resolved(&point));
+        let is_reliable = points.par_iter().map(is_reliable).collect();
         // Find the charts that have a point outside of geometry.
         let mut has_point = vec![false; self.atlas.charts()];
         for texel in texels.clone() {
@@ -36,7 +42,7 @@ impl Places<'_> {
                 points[texel] = self.sites(texel).next();
             }
         }
-        points
+        (points, is_reliable)
     }
 
     /// Returns at most `count` further points of a texel outside of geometry, without the texel's point from
@@ -56,6 +62,17 @@ impl Places<'_> {
             let normals = [site.shading_normal, site.geometric_normal];
             ShadingPoint::off_surface(site.position, normals, self.frame.epsilon)
         })
+    }
+
+    /// Returns whether texels resolve the light at a point: they are narrow compared with the harmonic mean distance of
+    /// the surroundings, on which the gradient of indirect light depends \[Ward88\].
+    fn is_resolved(&self, point: &ShadingPoint) -> bool {
+        let (mut inverse_distances, mut count) = (0.0, 0.0f32);
+        for (_, met) in self.visibility.felt(point) {
+            inverse_distances += met.map_or(0.0, |hit| 1.0 / hit.distance);
+            count += 1.0;
+        }
+        inverse_distances <= WIDEST * count * self.atlas.texels_per_meter()
     }
 
     /// Returns whether a back face is near the point in any of a few directions.

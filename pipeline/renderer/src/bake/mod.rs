@@ -11,14 +11,17 @@ mod fingerprint;
 mod inside;
 mod light;
 mod loops;
+mod normals;
 
 use crate::coat_fields::CoatFields;
+use crate::normal_texels::NormalTexels;
 use crate::plan::{Plan, Stage, lamp_moves};
 use crate::settings::{RenderSettings, Size};
 use crate::texels::BakedTexels;
 use crate::{GATHER_RAYS, Preparation, Visibility};
 pub use file::SectionFile;
 pub use fingerprint::fingerprint;
+use glam::Vec3;
 use inside::Places;
 pub use loops::{BakeCheckpoint, BakeRun};
 use loops::{BakeLoops, LoopEnd};
@@ -33,6 +36,8 @@ use std::time::Instant;
 
 /// Tag of the file section with the atlas and its irradiance.
 const TEXELS: [u8; 4] = *b"TEXL";
+/// Tag of the file section with the light of normal-mapped surfaces.
+const NORMALS: [u8; 4] = *b"NORM";
 /// Tag of the file section with the light of coats.
 const COATS: [u8; 4] = *b"COAT";
 
@@ -105,13 +110,13 @@ fn bake_all(
     let compensates = plan.is_on(Stage::Compensation);
     let visibility = Visibility::new(&frame, GATHER_RAYS);
     let places = Places { atlas: &atlas, surfaces: &surfaces, frame: &frame, visibility: &visibility };
-    let points = places.points();
+    let (points, is_reliable) = places.points();
     let coated = coats::CoatTexels::find(&places, &points);
-    let all = light::PASSES * atlas.len() + coated.len();
+    let mapped = normals::MappedTexels::find(&places, &points);
+    let all = light::PASSES * atlas.len() + mapped.len() + coated.len();
     let lit = light::light(&places, &points, compensates, &mut loops, &|done| progress(done, all))?;
 
-    // Trace the light of coats.
-    let begin = Instant::now();
+    // Trace the light of normal-mapped surfaces and of coats.
     let done = Cell::new(light::PASSES * atlas.len());
     let tell = |texels: usize| {
         done.set(done.get() + texels);
@@ -119,10 +124,13 @@ fn bake_all(
     };
     let instances = standing(scene);
     let bake = coats::CoatBake { places: &places, light: &lit, instances: &instances };
+    let normals = Arc::new(bake.normals(&mapped, &mut loops, &tell)?);
+    let begin = Instant::now();
     let coats = Arc::new(bake.fields(&coated, &mut loops, &tell)?);
     let coat_seconds = begin.elapsed().as_secs_f64();
+    let facing = points.iter().map(|point| point.map_or([0; 3], |point| facing(point.normal.into()))).collect();
     let light::TexelLight { direct, indirect, filled } = lit;
-    let texels = BakedTexels { atlas, direct, indirect, coats };
+    let texels = BakedTexels { atlas, direct, indirect, is_reliable, facing, normals, coats };
     Ok(Bake { texels, filled, coat_seconds })
 }
 
@@ -132,7 +140,8 @@ impl Bake {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, scene: &Scene, path: &Path) -> Result<u64> {
-        let sections = vec![(TEXELS, encode(&self.texels)), (COATS, self.texels.coats.to_bytes())];
+        let BakedTexels { normals, coats, .. } = &self.texels;
+        let sections = vec![(TEXELS, encode(&self.texels)), (NORMALS, normals.to_bytes()), (COATS, coats.to_bytes())];
         SectionFile { fingerprint: fingerprint(scene), sections }.write(path)
     }
 }
@@ -153,13 +162,23 @@ pub fn read(scene: &Scene, path: &Path) -> Result<BakedTexels> {
     // Check indices and lengths: a forged file may contain any value.
     let whole = texels.atlas.validate(scene)
         && texels.direct.len() == texels.atlas.len()
-        && texels.indirect.len() == texels.atlas.len();
+        && texels.indirect.len() == texels.atlas.len()
+        && texels.is_reliable.len() == texels.atlas.len()
+        && texels.facing.len() == texels.atlas.len();
     if !whole {
         return Err(Error::content(path, ": its texels are invalid: bake it again"));
     }
+    let invalid = |text: String| Error::content(path, format!(": {text}: bake it again"));
+    let normals = NormalTexels::from_bytes(file.section(path, NORMALS)?, texels.atlas.len());
+    texels.normals = Arc::new(normals.map_err(invalid)?);
     let coats = CoatFields::from_bytes(&texels.atlas, file.section(path, COATS)?);
-    texels.coats = Arc::new(coats.map_err(|text| Error::content(path, format!(": {text}: bake it again")))?);
+    texels.coats = Arc::new(coats.map_err(invalid)?);
     Ok(texels)
+}
+
+/// Returns a unit normal as three bytes.
+fn facing(normal: Vec3) -> [i8; 3] {
+    normal.to_array().map(|value| (value * 127.0).round() as i8)
 }
 
 /// Returns the indices of the static instances.

@@ -30,6 +30,10 @@ const fn off(condition: fn(&Facts<'_>) -> bool, reason: &'static str) -> Rule {
     Rule { when: When::Holds(condition), state: State::Off, reason }
 }
 
+const fn once(condition: fn(&Facts<'_>) -> bool, reason: &'static str) -> Rule {
+    Rule { when: When::Holds(condition), state: State::Once, reason }
+}
+
 const fn any(count: fn(&Facts<'_>) -> usize, reason: &'static str) -> Rule {
     Rule { when: When::Any(count), state: State::On, reason }
 }
@@ -51,7 +55,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             off(|f| !f.reflects, NO_REFLECTION),
             off(|f| f.reflects_once(), ONE_REFLECTION),
-            off(|f| f.looks_all_up(), BAKED),
+            off(|f| f.looks_up(), BAKED),
             otherwise(State::Once, "anchors keep their positions in all frames"),
         ],
     ),
@@ -61,7 +65,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             off(|f| !f.reflects, NO_REFLECTION),
             off(|f| f.reflects_once(), ONE_REFLECTION),
-            off(|f| f.looks_all_up(), BAKED),
+            off(|f| f.looks_up(), BAKED),
             on(|f| f.light_changes(), "moving objects or lights change light paths"),
             otherwise(State::Once, "all light paths are static"),
         ],
@@ -70,7 +74,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::TreeUpdate,
         &[
             off(|f| !f.reflects, NO_REFLECTION),
-            off(|f| f.looks_all_up(), BAKED),
+            once(|f| f.looks_up(), "only the sky and area lights are in the tree; other light is baked"),
             on(|f| f.light_changes(), "the flux of the lights changes"),
             otherwise(State::Once, "the flux of the lights is constant"),
         ],
@@ -79,7 +83,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (
         Stage::KeptPhotons,
         &[
-            off(|f| f.reflects_once() || f.looks_all_up(), "no photons are traced"),
+            off(|f| f.reflects_once() || f.looks_up(), "no photons are traced"),
             on(
                 |f| f.reflects && f.light_changes() && f.keeps_photons(),
                 "paths are traced once, up to the space that moving objects sweep",
@@ -95,6 +99,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::DynamicAnchors,
         &[
             off(|f| f.reflects_once(), ONE_REFLECTION),
+            off(|f| f.looks_up(), BAKED),
             on(|f| f.reflects && f.object_moves, "moving objects may reflect light"),
             otherwise(State::Off, "no moving object reflects light"),
         ],
@@ -133,7 +138,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             off(|f| !f.reflects, NO_INDIRECT),
             off(|f| f.lamp_moves, "cannot be baked: a lamp moves"),
             off(|f| !f.stands, "cannot be baked: every surface moves"),
-            on(|f| f.looks_all_up(), "all surfaces sample baked light, as requested"),
+            on(|f| f.looks_up() && !f.object_moves, "all surfaces sample baked light, as requested"),
             on(|f| f.looks_up(), "static surfaces sample baked light, as requested"),
             off(|f| f.object_moves, "not requested; the light of static surfaces can be baked"),
             otherwise(State::Off, "not requested; all light of this scene can be baked"),
@@ -143,8 +148,8 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::Cache,
         &[
             off(|f| !f.reflects, NO_INDIRECT),
-            off(|f| f.looks_up() && !f.object_moves, BAKED),
-            on(|f| f.looks_up() && f.settings.cache, "moving surfaces are not baked"),
+            on(|f| f.looks_up() && f.object_moves, "moving surfaces gather light from the texels"),
+            on(|f| f.looks_up(), "surfaces without valid texels gather light from the others"),
             off(|f| !f.cuts(), "the reference does not use a cache"),
             on(|f| f.settings.cache, "indirect light varies slowly"),
             otherwise(State::Off, LEFT_OUT),
@@ -167,7 +172,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::Compensation,
         &[
             off(|f| !f.reflects, NO_INDIRECT),
-            off(|f| f.looks_up() && !f.object_moves, BAKED),
+            off(|f| f.looks_up(), BAKED),
             on(|f| f.settings.compensation, "clamped nearby virtual lights would darken corners"),
             otherwise(State::Off, LEFT_OUT),
         ],
@@ -279,11 +284,6 @@ impl Facts<'_> {
     /// Returns whether static surfaces sample baked indirect light. Films with moving lamps are rejected.
     fn looks_up(&self) -> bool {
         self.settings.lighting.is_baked() && !self.lamp_moves
-    }
-
-    /// Returns whether virtual lights are not needed: no surface moves, and the light of every coat is baked.
-    fn looks_all_up(&self) -> bool {
-        self.looks_up() && !self.object_moves && self.live_coats == 0
     }
 }
 

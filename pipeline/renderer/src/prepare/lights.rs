@@ -81,11 +81,7 @@ impl PrepareState<'_> {
                 tree
             }
             None => {
-                // Omit all lights if baked light replaces them.
-                let lights = match self.settings.lighting.is_baked() && self.plan.is_off(Stage::TreeUpdate) {
-                    true => Vec::new(),
-                    false => self.tree_lights(anchor_flux, self.lights_that_stay(&emitters, surfaces, &sampled)),
-                };
+                let lights = self.tree_lights(anchor_flux, self.lights_that_stay(&emitters, surfaces, &sampled));
                 let bound = anchors.geometry_term_bound(self.plan.is_on(Stage::Compensation));
                 let params = BuildParams::bounded_by(bound).with_seed(self.settings.seed);
                 // Let the ranks share the searches. Small rounds cost less than their messages.

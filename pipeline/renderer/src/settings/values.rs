@@ -16,7 +16,7 @@ pub enum Lighting {
     Lightcuts,
     /// Every light at every pixel: the slow reference for lightcuts.
     AllLights,
-    /// Baked light on static surfaces, lightcuts on dynamic ones.
+    /// Baked light on static surfaces; other surfaces gather light from them.
     #[cfg(feature = "bake")]
     Baked,
 }

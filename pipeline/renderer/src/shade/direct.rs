@@ -124,7 +124,7 @@ impl Reprojectable for Direct {
 }
 
 /// Returns whether `thing` may be between `point` and a light.
-fn shades(thing: &MovingBox, point: Vec3A, source: &Source) -> bool {
+pub(super) fn shades(thing: &MovingBox, point: Vec3A, source: &Source) -> bool {
     match *source {
         Source::Lamp { low, high } => thing.is_between(point, low, high),
         Source::Disc { towards, angular_radius } => {

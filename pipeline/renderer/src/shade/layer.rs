@@ -2,6 +2,7 @@
 
 use super::audits::Audits;
 use super::counts::{LightcutCounts, RecordCounts};
+use super::known::KnownLight;
 use super::movement::Movement;
 use super::tolerance::Tolerance;
 use crate::frame::Frame;
@@ -106,6 +107,8 @@ pub struct Visible<'a> {
     pub ranks: &'a dyn Ranks,
     /// Motion since the previous frame.
     pub(super) movement: &'a Movement,
+    /// Light that is known before the frame is lit; `None` if photons and virtual lights represent all light.
+    pub(super) known: Option<&'a dyn KnownLight>,
 }
 
 #[cfg(test)]
@@ -123,6 +126,7 @@ impl<'a> Visible<'a> {
             radiance,
             ranks: &ranks::Alone,
             movement: &MOVEMENT,
+            known: None,
         }
     }
 }

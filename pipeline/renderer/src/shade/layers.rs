@@ -44,11 +44,10 @@ impl Layers {
             direct.push(Box::new(Coats::default()));
         }
 
-        // Restrict the layer to dynamic surfaces if light is baked: their light changes, and none of it is reprojected.
+        // Reproject no light of the layer if light is baked: the layer lights only surfaces without valid texels.
         let (is_baked, compensates) = (settings.lighting.is_baked(), plan.is_on(Stage::Compensation));
-        let is_needed = !plan.is_off(Stage::Indirect) && (!is_baked || plan.is_on(Stage::DynamicAnchors));
         let mut indirect: Vec<Box<dyn Layer>> = Vec::new();
-        if is_needed {
+        if !plan.is_off(Stage::Indirect) {
             indirect.push(match settings.lighting {
                 _ if plan.is_on(Stage::Cache) => {
                     reprojected_if(carries && !is_baked, Cached::new(plan, settings.samples, ranks.clone()), settings)

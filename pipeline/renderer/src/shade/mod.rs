@@ -13,6 +13,7 @@
 //! | `importance` | importance map, which sets samples and thresholds |
 //! | `audits`, `counts` | errors measured by recomputing light, and counts of the work |
 //! | `visibility`, `movement`, `macroblock`, `pixel` | rays, moving objects, and pixels as layers process them |
+//! | `known`, `gradient_sum` | light that is known before a frame is lit, and sums of light with derivatives |
 //! | `samples`, `lit_frame`, `channels`, `mattes`, `state` | the result, as frames, channels and bytes |
 
 mod all_lights;
@@ -24,7 +25,9 @@ mod channels;
 mod coats;
 mod counts;
 mod direct;
+mod gradient_sum;
 mod importance;
+mod known;
 mod layer;
 mod layers;
 mod lit_frame;
@@ -42,7 +45,7 @@ mod visibility;
 
 pub use audits::Audits;
 #[cfg(feature = "bake")]
-pub(crate) use coats::{KnownScene, TexelCoat};
+pub(crate) use coats::{KnownScene, TexelCoat, arriving_light};
 pub use counts::{LightcutCounts, RecordCounts};
 pub use layer::{Layer, Lit, RegionLayer, RegionSample, Visible};
 pub use tiles::{Crew, SimulatedFrame, SimulatedRanks};
@@ -58,6 +61,8 @@ use crate::settings::{Aov, RenderSettings, Stopping};
 use channels::{Known, colors};
 use glam::Vec3;
 use importance::{ImportanceMap, Looking};
+#[cfg(feature = "bake")]
+use known::KnownLight;
 use layer::add_ranks;
 use layers::Layers;
 use lighttree::Calibration;
@@ -71,7 +76,7 @@ use plane::Plane;
 use render_core::image_file::FrameHeader;
 use render_core::ranks::{Alone, Ranks};
 use render_core::{AuditCounts, Busy, Coverage, GBuffer, InstanceShares, PixelSample, PosedScene, sample_offsets};
-use samples::{SampleSurfaces, SamplesLight};
+use samples::{Common, SampleSurfaces, SamplesLight};
 use std::sync::Arc;
 use tiles::Tiling;
 
@@ -97,6 +102,9 @@ pub struct Shading<'a> {
     ranks: Arc<dyn Ranks>,
     /// Tiles that ranks request on demand; `None` without tiles.
     tiling: Option<Tiling>,
+    /// Baked light; `None` in films without it.
+    #[cfg(feature = "bake")]
+    texels: Option<Arc<BakedTexels>>,
 }
 
 impl<'a> Shading<'a> {
@@ -124,6 +132,8 @@ impl<'a> Shading<'a> {
             watched: Vec::new(),
             ranks,
             tiling: None,
+            #[cfg(feature = "bake")]
+            texels: None,
         }
     }
 
@@ -151,6 +161,7 @@ impl<'a> Shading<'a> {
     #[must_use]
     pub fn with_baked(mut self, texels: Arc<BakedTexels>) -> Self {
         self.layers.look_coats_up(&texels);
+        self.texels = Some(texels.clone());
         let others = self.layers.indirect.pop();
         self.with_indirect(Box::new(baked::Baked::new(texels, others)))
     }
@@ -329,6 +340,13 @@ impl Shading<'_> {
         let frame = &prepared.frame;
         let movement = Movement::to(frame, &self.places);
         let ranks = self.ranks.clone();
+        #[cfg(feature = "bake")]
+        let known = self.texels.as_ref().map(|texels| baked::TexelLight::new(texels, frame, &movement));
+        #[cfg(feature = "bake")]
+        let known = known.as_ref().map(|known| known as &dyn KnownLight);
+        #[cfg(not(feature = "bake"))]
+        let known = None;
+        let common = Common { movement: &movement, known, ranks: &*ranks };
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
         for sample in 0..self.settings.samples as usize {
             // After the first sample, select the pixels by importance.
@@ -339,7 +357,7 @@ impl Shading<'_> {
 
             // Light the surfaces of this sample by all layers.
             let of_sample = self.surfaces(frame, sample, &lit.visibility);
-            let visible = of_sample.visible(prepared, sample, &movement, &*ranks);
+            let visible = of_sample.visible(prepared, sample, common);
             let (light, [of_direct, of_indirect]) = self.layers.sample(&visible, wanted.as_ref(), tolerance);
 
             // Derive importance from the first sample if no map was available before lighting.

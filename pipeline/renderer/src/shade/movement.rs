@@ -28,6 +28,13 @@ pub(super) struct MovingBox {
     high: Vec3A,
 }
 
+/// Bounding sphere of objects.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sphere {
+    pub center: Vec3A,
+    pub radius: f32,
+}
+
 /// Motion of all instances since the previous frame.
 #[derive(Debug)]
 pub(super) struct Movement {
@@ -116,6 +123,11 @@ impl MovingBox {
             }
         }
         all
+    }
+
+    /// Returns the sphere around the box.
+    pub fn sphere(&self) -> Sphere {
+        Sphere { center: 0.5 * (self.low + self.high), radius: 0.5 * (self.high - self.low).length() }
     }
 
     /// Returns the squared distance from a point to the box \[m²\].

@@ -1,6 +1,7 @@
 //! Samples of a frame's pixels: their surfaces and light before reconstruction.
 
 use super::importance::ImportanceMap;
+use super::known::KnownLight;
 use super::layer::{Lit, Visible};
 use super::lit_frame::{Reused, Sample};
 use super::movement::{InstancePose, Movement};
@@ -28,6 +29,16 @@ pub(super) struct SamplesLight {
     pub visibility: Busy,
 }
 
+/// State of a frame that all samples have in common.
+#[derive(Clone, Copy)]
+pub(super) struct Common<'a> {
+    /// Motion since the previous frame.
+    pub movement: &'a Movement,
+    /// Light that is known before the frame is lit.
+    pub known: Option<&'a dyn KnownLight>,
+    pub ranks: &'a dyn Ranks,
+}
+
 /// Visible surfaces of one sample of each pixel.
 pub(super) struct SampleSurfaces<'f> {
     /// Surfaces at the pixel centers: the G-buffer.
@@ -42,13 +53,8 @@ pub(super) struct SampleSurfaces<'f> {
 
 impl SampleSurfaces<'_> {
     /// Returns the surfaces for a [`Layer`](super::layer::Layer). `sample` is the sample's number within pixels.
-    pub fn visible<'a>(
-        &'a self,
-        prepared: &'a PreparedFrame,
-        sample: usize,
-        movement: &'a Movement,
-        ranks: &'a dyn Ranks,
-    ) -> Visible<'a> {
+    pub fn visible<'a>(&'a self, prepared: &'a PreparedFrame, sample: usize, common: Common<'a>) -> Visible<'a> {
+        let Common { movement, known, ranks } = common;
         // Use the G-buffer for samples at the pixel centers.
         let surfaces = self.own.as_ref().unwrap_or(self.seen);
         Visible {
@@ -61,6 +67,7 @@ impl SampleSurfaces<'_> {
             radiance: &self.emitted,
             ranks,
             movement,
+            known,
         }
     }
 

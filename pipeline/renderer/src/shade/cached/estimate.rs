@@ -2,7 +2,8 @@
 
 use super::recipe::Recipe;
 use super::tree_light::{FINENESS, TreeLight};
-use glam::{Mat3A, Vec3, Vec3A};
+use crate::shade::gradient_sum::GradientSum;
+use glam::Vec3;
 use lighttree::{Cluster, Emission, IrradianceTerm, Light, irradiance_term};
 use render_core::cache::LocalIrradiance;
 use render_core::{Anchor, Gathered, PACKET, ShadingPoint, luminance};
@@ -10,46 +11,6 @@ use render_core::{Anchor, Gathered, PACKET, ShadingPoint, luminance};
 /// Minimum contribution of a dynamic anchor for which a shadow ray is traced, as a fraction of the irradiance. Anchors
 /// below it are treated as visible; two dozen of them add less than 0.5 %.
 const UNTRACED_SHARE: f32 = 2e-4;
-
-/// Maximum cosine of lights near the horizon, from which the light behind the horizon is estimated.
-const HORIZON_COSINE: f32 = 0.4;
-
-/// Irradiance E = Σ I t over lights of intensity I and geometry term t, with its derivatives.
-///
-/// ∂t/∂n is taken for a fixed horizon. Under uniform radiance L, rotating the normal n by α would then reduce E to
-/// π L cos α. Light that rises over the horizon compensates for this loss. Its radiance is assumed to be Lₕ, the mean
-/// radiance just above the horizon:
-///
-/// ```text
-/// ∂E/∂n = Σ I ∂t/∂n − min(π Lₕ, E) nᵀ
-/// Lₕ = Σ I t / cos θ / (2π h)          over the lights with cos θ < h
-/// θ  angle between the normal and the direction to the light
-/// h  HORIZON_COSINE
-/// ```
-struct GradientSum {
-    irradiance: Vec3,
-    by_normal: Mat3A,
-    by_position: Mat3A,
-    /// Estimate of π Lₕ, from lights near the horizon \[W·m⁻²\].
-    horizon: Vec3,
-}
-
-impl GradientSum {
-    /// Sum without any light. (The default matrix would be the identity.)
-    const ZERO: Self =
-        Self { irradiance: Vec3::ZERO, by_normal: Mat3A::ZERO, by_position: Mat3A::ZERO, horizon: Vec3::ZERO };
-
-    fn add(&mut self, intensity: Vec3, term: &IrradianceTerm) {
-        self.irradiance += intensity * term.value;
-        self.by_normal += outer(intensity, term.by_normal);
-        self.by_position += outer(intensity, term.by_position);
-        // The length of ∂t/∂n is t / cos θ.
-        let facing = term.by_normal.length();
-        if term.value < HORIZON_COSINE * facing {
-            self.horizon += intensity * (facing / (2.0 * HORIZON_COSINE));
-        }
-    }
-}
 
 impl TreeLight<'_> {
     /// Returns the irradiance from the visible clusters at their current intensities, plus bias compensation \[W·m⁻²\].
@@ -64,7 +25,8 @@ impl TreeLight<'_> {
             sum.add(frame.tree.cluster_intensity(cluster), &term);
         }
         self.add_moving_anchors(receiver, &mut sum);
-        sum.by_normal -= outer(sum.horizon.min(sum.irradiance), normal);
+        sum.add_all(&recipe.reflected);
+        let by_normal = sum.by_normal_and_horizon(normal);
 
         // Add the light from nearby surfaces that clamping has removed, measured by final gather.
         let Gathered { harmonic_mean, nearest, .. } = recipe.surroundings;
@@ -73,7 +35,7 @@ impl TreeLight<'_> {
             sum.irradiance += missing.irradiance;
             sum.by_position += missing.by_position;
         }
-        let GradientSum { irradiance, by_normal, by_position, .. } = sum;
+        let GradientSum { irradiance, by_position, .. } = sum;
         // Convert the threshold: a record's threshold is a fraction of its pixels' threshold.
         let tolerance = recipe.threshold / FINENESS;
         LocalIrradiance { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
@@ -121,10 +83,4 @@ impl TreeLight<'_> {
         };
         recipe.seen_clusters().map(of).sum()
     }
-}
-
-/// Returns the outer product `a · bᵀ`.
-fn outer(a: Vec3, b: Vec3) -> Mat3A {
-    let a = Vec3A::from(a);
-    Mat3A::from_cols(a * b.x, a * b.y, a * b.z)
 }

@@ -1,5 +1,6 @@
 //! Recipe of a record: lightcut and final gather, stored so that an update is cheap.
 
+use crate::shade::gradient_sum::GradientSum;
 use glam::Vec3A;
 use lighttree::Cluster;
 use render_core::{Gathered, PACKET};
@@ -14,6 +15,8 @@ pub(super) struct Recipe {
     /// Visibility of the clusters, with one bit per cluster and one word per [`PACKET`].
     pub visible: Box<[u64]>,
     pub surroundings: Gathered,
+    /// Reflected light that is not in the lightcut, in films with known light.
+    pub reflected: GradientSum,
     /// Whether a moving object was near when the final gather was traced.
     pub near_moving: bool,
     /// Position and normal of the record when its lightcut was computed.

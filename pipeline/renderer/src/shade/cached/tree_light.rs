@@ -3,6 +3,8 @@
 use super::recipe::Recipe;
 use crate::shade::audits::{MadeLightcut, is_record_audited};
 use crate::shade::counts::Counts;
+use crate::shade::gradient_sum::GradientSum;
+use crate::shade::known::GatheredLight;
 use crate::shade::layer::Visible;
 use crate::shade::movement::MovingBox;
 use crate::shade::tolerance::{FootprintPixel, Tolerance};
@@ -35,6 +37,9 @@ const LEAST_TURNED_COSINE: f32 = 0.99;
 /// | 0.75 | 0.28 % | 1.0 % | 1.07 |
 /// | 0 | 0.09 % | 0.8 % | 1.4 |
 const DRAWN_ANEW: f32 = 0.75;
+/// Distance within which an object changes the known light that records gather, in radii of its bounding sphere. At
+/// this distance, it covers 1 % of the hemisphere.
+const KNOWN_REACH: f32 = 10.0;
 /// Number of points at which thresholds are read, along each axis of a record's footprint.
 const FOOTPRINT_POINTS: i32 = 5;
 /// Minimum cosine between the normals of a record and of pixels that are assumed to be lit alike.
@@ -84,7 +89,7 @@ impl Illumination for TreeLight<'_> {
         let CutScratch { cuts, audits } = scratch;
         let tree = &self.visible.frame.tree;
         let receiver = self.receiver(site);
-        let surroundings = self.visibility.final_gather(&receiver, site.key);
+        let (surroundings, reflected) = self.surroundings(&receiver, site.key);
         let white = Lambert {
             position: receiver.position.into(),
             normal: receiver.normal.into(),
@@ -109,6 +114,7 @@ impl Illumination for TreeLight<'_> {
             clusters,
             visible,
             surroundings,
+            reflected,
             near_moving: self.is_near(&self.standing, site),
             position: site.position,
             normal: site.normal,
@@ -156,8 +162,8 @@ impl Illumination for TreeLight<'_> {
             LastUpdate::LastFrame => self.is_near(self.swept, site),
             LastUpdate::Earlier => recipe.near_moving || self.is_near(&self.standing, site),
         };
-        if gathers_again {
-            recipe.surroundings = self.visibility.final_gather(&receiver, site.key);
+        if gathers_again || site.carrier != NOTHING && self.visible.known.is_some() {
+            (recipe.surroundings, recipe.reflected) = self.surroundings(&receiver, site.key);
             recipe.near_moving = self.is_near(&self.standing, site);
         }
 
@@ -207,9 +213,29 @@ impl TreeLight<'_> {
         ShadingPoint::off_surface(position, [normal, geometric_normal], self.visible.frame.epsilon)
     }
 
-    /// Returns whether any of the objects `things` is so near that clamping removes much of its light. The object to
-    /// which the record is attached is excluded, because it is always near.
+    /// Traces rays into the surroundings of a record. Returns the surroundings, and the light that they reflect if it is
+    /// known.
+    fn surroundings(&self, receiver: &ShadingPoint, key: u64) -> (Gathered, GradientSum) {
+        match self.visible.known {
+            Some(known) => {
+                let GatheredLight { light, harmonic_mean, nearest } = known.gather(receiver, key);
+                (Gathered::of_distances(harmonic_mean, nearest), light)
+            }
+            None => (self.visibility.final_gather(receiver, key), GradientSum::ZERO),
+        }
+    }
+
+    /// Returns whether any of the objects `things` is so near that it changes the final gather. The object to which the
+    /// record is attached is excluded, because it is always near.
     fn is_near(&self, things: &[MovingBox], site: &Site) -> bool {
+        // Clamping removes much light of near objects; known light is gathered from farther ones, too.
+        if self.visible.known.is_some() {
+            let near = |thing: &MovingBox| {
+                let sphere = thing.sphere();
+                sphere.center.distance(site.position) < KNOWN_REACH * sphere.radius
+            };
+            return things.iter().any(|thing| thing.instance != site.carrier && near(thing));
+        }
         let nearby = self.visible.frame.gather.dynamic_reach();
         let near =
             |thing: &MovingBox| thing.instance != site.carrier && thing.distance2(site.position) < nearby * nearby;

@@ -108,6 +108,12 @@ impl Coated {
         Vec3::new(-self.outgoing.x, -self.outgoing.y, self.outgoing.z)
     }
 
+    /// Transforms a direction from the shading frame to world space, even if it is below the triangle.
+    #[cfg(feature = "bake")]
+    pub fn unclipped(&self, local: Vec3) -> Vec3A {
+        self.direction(local)
+    }
+
     fn direction(&self, local: Vec3) -> Vec3A {
         let [x, y, z] = self.axes;
         Vec3A::from((x * local.x + y * local.y + z * local.z).normalize())

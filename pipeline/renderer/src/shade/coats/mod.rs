@@ -46,14 +46,14 @@ use lighttree::Scratch;
 use neighbors::{Lobe, excess, shared};
 use plane::Plane;
 use ranks::portable;
-use reflections::{Brought, Reflections, Typical};
+use reflections::{Brought, KnownIrradiance, Reflections, Typical};
 use render_core::ranks::Alone;
-use render_core::{Busy, GBuffer, PixelSurface};
+use render_core::{Busy, GBuffer, Hit, PixelSurface, Surface};
 #[cfg(feature = "bake")]
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(feature = "bake")]
-pub(crate) use texel::{KnownScene, TexelCoat};
+pub(crate) use texel::{KnownScene, TexelCoat, arriving_light};
 
 /// Number of reflection rays that each pixel traces, in smooth and in rough coats. On a flat coat, two rays and the
 /// rays of nearby pixels leave as much noise as 36 rays.
@@ -115,10 +115,13 @@ impl Layer for Coats {
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let (busy, shadow_rays) = (Busy::default(), AtomicU64::new(0));
         let is_wanted = |x, y| wanted.is_none_or(|wanted| wanted.get(x, y));
+        let of_known =
+            visible.known.map(|light| move |hit: &Hit, surface: &Surface| Some(light.irradiance(hit, surface)));
+        let known = of_known.as_ref().map(|irradiance| irradiance as KnownIrradiance);
 
         // Trace a few rays for each pixel.
         let own = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
-            let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
+            let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
             let mut lobes = Vec::with_capacity(columns.len() * rows.len());
             for (x, y) in places(columns, rows) {
                 lobes.push(if is_wanted(x, y) { self.own_lobe(&mut reflections, seen, x, y) } else { Lobe::default() });
@@ -142,7 +145,7 @@ impl Layer for Coats {
         // Share rays between pixels, and trace more rays if too few pixels are similar.
         let traced = Traced { own, beyond };
         let reflected = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
-            let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
+            let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
             let pixels = places(columns, rows).map(|(x, y)| traced.reflected(&mut reflections, seen, x, y)).collect();
             shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
             pixels

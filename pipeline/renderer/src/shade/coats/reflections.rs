@@ -35,6 +35,8 @@ pub(super) struct Reflections<'a> {
     pub scratch: &'a mut Scratch,
     /// Number of traced shadow rays.
     pub shadow_rays: u64,
+    /// Irradiance of surfaces, if it is known.
+    pub known: Option<KnownIrradiance<'a>>,
 }
 
 /// Sums over reflection rays of weight w = F·G₂/G₁ and radiance L.
@@ -115,7 +117,7 @@ impl Typical {
 }
 
 /// A ray that leaves a coat.
-pub(super) struct ReflectedRay<'a> {
+pub(super) struct ReflectedRay {
     pub direction: Vec3A,
     /// Ratio of the texture footprint to the distance.
     pub spread: f32,
@@ -123,9 +125,8 @@ pub(super) struct ReflectedRay<'a> {
     pub share: f32,
     /// Number of rays that are averaged for the pixel.
     pub rays: u32,
-    /// Known irradiance of surfaces; `None` in films without it. With it, a ray is followed through every coat, because
-    /// its light is computed only once.
-    pub known: Option<KnownIrradiance<'a>>,
+    /// Whether the ray is followed through every coat, because its light is computed only once.
+    pub is_kept: bool,
 }
 
 /// Function that returns the irradiance at a hit \[W·m⁻²\]; `None` if the irradiance is not known.
@@ -155,7 +156,7 @@ impl Reflections<'_> {
     pub fn mirrored(&mut self, coated: &Coated) -> Vec3 {
         let albedo = coated.albedo();
         let Some(direction) = coated.mirrored() else { return Vec3::ZERO };
-        let ray = ReflectedRay { direction, spread: 0.0, share: luminance(albedo), rays: 1, known: None };
+        let ray = ReflectedRay { direction, spread: 0.0, share: luminance(albedo), rays: 1, is_kept: false };
         albedo * self.along(coated, ray).0
     }
 
@@ -173,14 +174,14 @@ impl Reflections<'_> {
             let weights = coated.bsdf.coat_weight(coated.outgoing, local);
             let alone = Brought { rays: 1.0, weights, ..Brought::default() };
             let Some(direction) = coated.to_world(local) else { return alone };
-            let (light, way) = self.along(coated, ReflectedRay { direction, spread, share, rays, known: None });
+            let (light, way) = self.along(coated, ReflectedRay { direction, spread, share, rays, is_kept: false });
             Brought { light: weights * light, nearness: way.recip(), ..alone }
         })
     }
 
     /// Returns the radiance that arrives at the coat along a ray \[W·m⁻²·sr⁻¹\], and the distance to the first hit
     /// \[m\].
-    pub fn along(&mut self, coated: &Coated, ray: ReflectedRay<'_>) -> (Vec3, f32) {
+    pub fn along(&mut self, coated: &Coated, ray: ReflectedRay) -> (Vec3, f32) {
         // Follow the ray through coats until the contribution is small.
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
@@ -205,8 +206,8 @@ impl Reflections<'_> {
             let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
             // Only the camera sees unlit materials, as in path tracing. Rough coats have added sampled area lights
             // already.
-            let known = rough && direct.samples_instance(hit.instance);
-            if !unlit && !known {
+            let is_sampled = rough && direct.samples_instance(hit.instance);
+            if !unlit && !is_sampled {
                 sum += throughput * surface.emission;
             }
             if unlit || (!surface.front && !surface.double_sided) {
@@ -220,12 +221,12 @@ impl Reflections<'_> {
             let is_metal = luminance(coat) > luminance(diffuse);
             let least_share = if blurred { LEAST_SHARE_IN_ROUGH[usize::from(met.is_rough())] } else { LEAST_SHARE };
             let is_small = share * luminance(coat) < least_share || (blurred || met.is_rough()) && !is_metal;
-            let ends = coats == MOST_COATS || coat == Vec3::ZERO || is_small && ray.known.is_none();
+            let ends = coats == MOST_COATS || coat == Vec3::ZERO || is_small && !ray.is_kept;
 
             // Light the base. A coat that is not followed reflects as a portion of the base.
             let albedo = if ends { diffuse + coat } else { diffuse };
             sum += throughput
-                * if let Some(irradiance) = ray.known.and_then(|known| known(&hit, &surface)) {
+                * if let Some(irradiance) = self.known.and_then(|known| known(&hit, &surface)) {
                     albedo / PI * irradiance
                 } else if blurred {
                     gather.surfel_radiance(PosedScene::new(accelerator, surfaces), &surface, hit.instance)

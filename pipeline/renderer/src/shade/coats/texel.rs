@@ -59,22 +59,7 @@ impl TexelCoat {
         }
         let coated = Coated::at(receiver, surface);
         let rays = hemisphere(LEAST_RAYS.max(directions));
-        let count = rays.len() as u32;
-
-        // Average textures over the solid angle of a ray. No light arrives from directions below the triangle.
-        let (spread, share) = ((TAU / count as f32).sqrt(), luminance(coated.albedo()));
-        let KnownScene { frame, known } = scene;
-        let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
-        let mut light = Vec::with_capacity(rays.len());
-        for &local in &rays {
-            light.push(match coated.to_world(local) {
-                Some(direction) => {
-                    let ray = ReflectedRay { direction, spread, share, rays: count, known: Some(known) };
-                    reflections.along(&coated, ray).0
-                }
-                None => Vec3::ZERO,
-            });
-        }
+        let light = light_along(scene, &coated, &rays, scratch);
         Some(Self { coated, rays, light })
     }
 
@@ -102,6 +87,42 @@ impl TexelCoat {
         }
         sum / weights.max(Vec3::splat(f32::MIN_POSITIVE))
     }
+}
+
+/// Returns the indirect light that arrives at a matte surface: `count` unit directions, each with its radiance
+/// \[W·m⁻²·sr⁻¹\]. The directions are even over the hemisphere. The surface is lit at the given point.
+pub(crate) fn arriving_light(
+    scene: KnownScene,
+    (receiver, surface): (ShadingPoint, &Surface),
+    count: usize,
+    scratch: &mut Scratch,
+) -> impl Iterator<Item = (Vec3A, Vec3)> {
+    // A rough surface omits the emission of lamps that direct light samples.
+    let coated = Coated::at(receiver, &Surface { roughness: 1.0, ..*surface });
+    let rays = hemisphere(count);
+    let light = light_along(scene, &coated, &rays, scratch);
+    rays.into_iter().zip(light).map(move |(ray, light)| (coated.unclipped(ray), light))
+}
+
+/// Returns the radiance that arrives along `rays`, even directions in the shading frame of `coated`
+/// \[W·m⁻²·sr⁻¹\].
+fn light_along(scene: KnownScene, coated: &Coated, rays: &[Vec3], scratch: &mut Scratch) -> Vec<Vec3> {
+    // Average textures over the solid angle of a ray. No light arrives from directions below the triangle.
+    let count = rays.len() as u32;
+    let (spread, share) = ((TAU / count as f32).sqrt(), luminance(coated.albedo()));
+    let KnownScene { frame, known } = scene;
+    let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known: Some(known) };
+    let mut light = Vec::with_capacity(rays.len());
+    for &local in rays {
+        light.push(match coated.to_world(local) {
+            Some(direction) => {
+                let ray = ReflectedRay { direction, spread, share, rays: count, is_kept: true };
+                reflections.along(coated, ray).0
+            }
+            None => Vec3::ZERO,
+        });
+    }
+    light
 }
 
 /// Returns evenly distributed directions about +z: `count` points of a spherical Fibonacci lattice \[Keinert15\].

@@ -33,7 +33,7 @@ use super::layer::{Layer, Lit, Visible};
 use super::layers::Layers;
 use super::lit_frame::{Reused, Sample};
 use super::movement::Movement;
-use super::samples::{SampleSurfaces, SamplesLight};
+use super::samples::{Common, SampleSurfaces, SamplesLight};
 use super::tolerance::Tolerance;
 use crate::frame::PreparedFrame;
 use crate::plan::{Plan, Stage};
@@ -119,7 +119,8 @@ impl Tiling {
         let most = shading.settings.samples as usize;
         let surfaces: Vec<SampleSurfaces> =
             (0..most).map(|sample| shading.surfaces(&prepared.frame, sample, &lit.visibility)).collect();
-        let of_sample = |sample: usize| surfaces[sample].visible(prepared, sample, &movement, &Alone);
+        let common = Common { movement: &movement, known: None, ranks: &Alone };
+        let of_sample = |sample: usize| surfaces[sample].visible(prepared, sample, common);
         let frame = FrameSamples { visible: (0..most).map(of_sample).collect(), tolerance };
         self.workers.begin(&mut shading.layers, &frame.visible[0], tolerance);
 

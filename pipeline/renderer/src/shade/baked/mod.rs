@@ -1,4 +1,16 @@
-//! Layer of baked indirect light on static surfaces. A second layer lights dynamic surfaces.
+//! Layer of baked indirect light.
+//!
+//! | surfaces | light |
+//! |---|---|
+//! | static, with valid texels | texels, plus the change by dynamic objects (`movers.rs`) |
+//! | dynamic, or without valid texels | a second layer, which gathers light from the texels (`texel_light.rs`) |
+
+mod lattice;
+mod mover_points;
+mod movers;
+mod probe;
+mod texel_blocks;
+mod texel_light;
 
 use super::layer::{Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
@@ -6,23 +18,47 @@ use super::tolerance::Tolerance;
 use crate::frame::Frame;
 use crate::settings::Aov;
 use crate::texels::BakedTexels;
+use glam::Vec3;
+use lattice::MoverChange;
 use pipeline::error::Result;
 use plane::Plane;
-use render_core::Busy;
 use render_core::ranks::Alone;
+use render_core::{Busy, luminance};
+use std::f32::consts::PI;
 use std::sync::Arc;
+pub(super) use texel_light::TexelLight;
+
+/// Minimum reflectance in conversions of radiance to irradiance.
+const LEAST_REFLECTANCE: f32 = 0.05;
 
 /// Layer of baked indirect light.
 pub(super) struct Baked {
     texels: Arc<BakedTexels>,
-    /// Layer for surfaces that the atlas lacks; `None` if all surfaces are in the atlas.
+    /// Layer for all other surfaces.
     others: Option<Box<dyn Layer>>,
 }
 
 impl Baked {
-    /// Creates a layer with the light of `texels`. The layer `others` lights all other surfaces.
+    /// Creates a layer with the light of `texels`. The layer `others` lights surfaces without valid texels.
     pub fn new(texels: Arc<BakedTexels>, others: Option<Box<dyn Layer>>) -> Self {
         Self { texels, others }
+    }
+
+    /// Returns the change of the texels' light by dynamic objects; `None` without such objects.
+    fn change(&self, visible: &Visible, looked_up: &Plane<Option<[f32; 3]>>, busy: &Busy) -> Option<Plane<[f32; 3]>> {
+        let light = TexelLight::new(&self.texels, visible.frame, visible.movement);
+        if light.movers.spheres.is_empty() {
+            return None;
+        }
+        let change = MoverChange { light: &light, visible };
+        let is_lit = |x, y| looked_up.get(x, y).is_some() && visible.matte.pixels.get(x, y).reflects();
+        // Compare changes with all light that arrives at a pixel: direct light is known already.
+        let arriving = |x, y| {
+            let albedo = luminance(visible.matte.pixels.get(x, y).albedo.into()).max(LEAST_REFLECTANCE);
+            let direct = PI / albedo * luminance(visible.radiance.get(x, y));
+            direct + looked_up.get(x, y).map_or(0.0, |light| luminance(light.into()))
+        };
+        Some(busy.take(change.all(is_lit, arriving)))
     }
 }
 
@@ -32,7 +68,7 @@ impl Layer for Baked {
         let (width, height) = (pixels.width(), pixels.height());
         let is_lit = |x, y| pixels.get(x, y).reflects() && wanted.is_none_or(|wanted| wanted.get(x, y));
 
-        // Sample the baked light of surfaces in the atlas.
+        // Sample the baked light of surfaces with valid texels.
         let (busy, surfaces) = (Busy::default(), &visible.frame.surfaces);
         let of_pixel = |(x, y): (usize, usize)| match is_lit(x, y) {
             true => self.texels.indirect_at(&pixels.get(x, y), surfaces).map(Into::into),
@@ -40,17 +76,21 @@ impl Layer for Baked {
         };
         let block = |(): &mut (), columns, rows| places(columns, rows).map(of_pixel).collect();
         let looked_up: Plane<Option<[f32; 3]>> = busy.take(by_macroblock(&Alone, width, height, || (), block));
-        let missing = looked_up.map(|light| light.is_none());
+        let change = self.change(visible, &looked_up, &busy);
 
         // Light the other surfaces by the second layer; without it, they stay black.
+        let missing = looked_up.map(|light| light.is_none());
         let mut lit = match &mut self.others {
             Some(others) if missing.samples().contains(&true) => others.light(visible, Some(&missing), tolerance),
             _ => Lit::default(),
         };
         let found = lit.irradiance.take();
-        let irradiance = Plane::from_fn(width, height, |x, y| {
-            let otherwise = || found.as_ref().map_or([0.0; 3], |found| found.get(x, y));
-            looked_up.get(x, y).unwrap_or_else(otherwise)
+        let irradiance = Plane::from_fn(width, height, |x, y| match looked_up.get(x, y) {
+            Some(light) => {
+                let change = change.as_ref().map_or([0.0; 3], |change| change.get(x, y));
+                (Vec3::from(light) + Vec3::from(change)).max(Vec3::ZERO).to_array()
+            }
+            None => found.as_ref().map_or([0.0; 3], |found| found.get(x, y)),
         });
         lit += Lit { seconds: busy.seconds(), ..Lit::of_irradiance(irradiance) };
         lit
