@@ -1,5 +1,7 @@
 //! Unwrapping of surfaces into flat charts by `uvunwrap`. Each instance is unwrapped separately, in world space.
 
+use super::planes::{Laid, merged};
+use super::weld::WeldedMesh;
 use crate::Surfaces;
 use glam::{DVec2, Vec2, Vec3, dvec2};
 use rayon::prelude::*;
@@ -59,6 +61,17 @@ pub(super) struct FlatChart {
     pub triangles: Vec<FlatTriangle>,
 }
 
+impl FlatChart {
+    /// Returns the area of the triangles \[m²\].
+    pub fn area(&self) -> f64 {
+        let mut double = 0.0;
+        for [a, b, c] in self.triangles.iter().map(|triangle| triangle.corners) {
+            double += f64::from((b - a).perp_dot(c - a).abs());
+        }
+        double / 2.0
+    }
+}
+
 /// Flattened surfaces of an instance.
 pub(super) struct FlatMesh {
     pub instance: u32,
@@ -66,6 +79,8 @@ pub(super) struct FlatMesh {
     pub sides: usize,
     /// Number of triangles of the mesh, including triangles without a chart.
     pub count: u32,
+    /// Opposite corners of the bounding box in world space \[m\].
+    pub bounds: [Vec3; 2],
     pub charts: Vec<FlatChart>,
 }
 
@@ -95,60 +110,61 @@ fn flattened(surfaces: &Surfaces, instance: usize) -> Result<FlatMesh, AtlasErro
     // Work in world space, so that all instances have the same density.
     let scene = surfaces.scene();
     let mesh = &scene.meshes[scene.instances[instance].mesh];
-    let rest = surfaces.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
+    let (rest, normals) = match surfaces.deformed(instance) {
+        Some(bent) => (&bent.positions, &bent.normals),
+        None => (&mesh.positions, &mesh.normals),
+    };
     let world = surfaces.world(instance);
-    let positions: Vec<[f32; 3]> = rest.iter().map(|&place| world.transform_point3(place).to_array()).collect();
+    let positions: Vec<Vec3> = rest.iter().map(|&place| world.transform_point3(place)).collect();
+    let welded = WeldedMesh::new(&positions, normals, &mesh.triangles);
+    let charts = unwrapped(&welded).map_err(|reason| AtlasError::Unwrap { instance, reason })?;
 
+    // Both sides of a double-sided surface use the same charts, with separate texels.
+    let sides = if scene.materials[mesh.material].double_sided { 2 } else { 1 };
+    let (instance, count) = (instance as u32, mesh.triangles.len() as u32);
+    let charts = merged(&welded, charts).into_iter().filter_map(chart).collect();
+    Ok(FlatMesh { instance, sides, count, bounds: welded.bounds, charts })
+}
+
+/// Returns the charts of a mesh made by `uvunwrap`, or the reason why there are none.
+fn unwrapped(mesh: &WeldedMesh) -> Result<Vec<Vec<Laid>>, String> {
     // Unwrap without padding: charts are packed again at their final density.
+    let positions: Vec<[f32; 3]> = mesh.positions.iter().map(Vec3::to_array).collect();
     let input = uvunwrap::MeshInput::new(&positions, mesh.triangles.as_flattened());
     let options = uvunwrap::Options {
-        density: uvunwrap::Density::Fixed { texels_per_unit: SIDE / length(&positions), page_size: None },
+        density: uvunwrap::Density::Fixed { texels_per_unit: SIDE / mesh.length as f32, page_size: None },
         padding: 0,
         packing: uvunwrap::Packing::Fast,
         ..uvunwrap::Options::default()
     };
-    let unwrapped = uvunwrap::generate(&[input], &options)
-        .map_err(|error| AtlasError::Unwrap { instance, reason: error.to_string() })?;
+    let unwrapped = uvunwrap::generate(&[input], &options).map_err(|error| error.to_string())?;
 
     // Convert texture coordinates in 0…1 to meters, by chart. Isolated triangles without area have no chart.
     let density = f64::from(unwrapped.texels_per_unit);
     let meters = dvec2(f64::from(unwrapped.width), f64::from(unwrapped.height)) / density;
     let found = &unwrapped.meshes[0];
-    let mut charts: Vec<Vec<(u32, [DVec2; 3])>> = vec![Vec::new(); unwrapped.chart_count as usize];
+    let mut charts: Vec<Vec<Laid>> = vec![Vec::new(); unwrapped.chart_count as usize];
     for (index, vertices) in found.indices.chunks_exact(3).enumerate() {
         let vertices = [0, 1, 2].map(|corner| &found.vertices[vertices[corner] as usize]);
         if let Some(chart) = vertices[0].chart {
             let corners = vertices.map(|vertex| Vec2::from(vertex.uv).as_dvec2() * meters);
-            charts[chart as usize].push((index as u32, corners));
+            charts[chart as usize].push(Laid { index: index as u32, corners });
         }
     }
-
-    // Both sides of a double-sided surface use the same charts, with separate texels.
-    let sides = if scene.materials[mesh.material].double_sided { 2 } else { 1 };
-    let (instance, count) = (instance as u32, mesh.triangles.len() as u32);
-    Ok(FlatMesh { instance, sides, count, charts: charts.into_iter().filter_map(chart).collect() })
+    Ok(charts)
 }
 
-/// Returns the longest side of the bounding box of `positions` \[m\], clamped to the range of finite densities.
-fn length(positions: &[[f32; 3]]) -> f32 {
-    let mut corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for &position in positions {
-        corners = (corners.0.min(position.into()), corners.1.max(position.into()));
-    }
-    (corners.1 - corners.0).max_element().clamp(1e-30, 1e30)
-}
-
-/// Returns the chart of coplanar triangles, rotated so that its height is at most its width. Returns `None` for an
+/// Returns the chart of the triangles, rotated so that its height is at most its width. Returns `None` for an
 /// empty chart.
-fn chart(mut triangles: Vec<(u32, [DVec2; 3])>) -> Option<FlatChart> {
+fn chart(mut triangles: Vec<Laid>) -> Option<FlatChart> {
     // Move the chart to the origin, and rotate high charts by 90°.
     let (mut least, mut most) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    for corner in triangles.iter().flat_map(|(_, corners)| corners) {
+    for corner in triangles.iter().flat_map(|triangle| &triangle.corners) {
         (least, most) = (least.min(*corner), most.max(*corner));
     }
     let mut size = most - least;
     let is_high = size.y > size.x;
-    for (_, corners) in &mut triangles {
+    for Laid { corners, .. } in &mut triangles {
         let moved = corners.map(|corner| corner - least);
         *corners = if is_high { moved.map(|corner| dvec2(corner.y, size.x - corner.x)) } else { moved };
     }
@@ -157,9 +173,9 @@ fn chart(mut triangles: Vec<(u32, [DVec2; 3])>) -> Option<FlatChart> {
     }
 
     // Round to f32 after the translation, to keep precision. Drop charts without any area.
-    let single = |(index, corners): (u32, [DVec2; 3])| {
-        let has_area = corners[0] != corners[1] || corners[1] != corners[2];
-        FlatTriangle { index, corners: corners.map(|corner| corner.as_vec2()), has_area }
+    let single = |triangle: Laid| {
+        let has_area = triangle.has_area();
+        FlatTriangle { index: triangle.index, corners: triangle.corners.map(|corner| corner.as_vec2()), has_area }
     };
     let triangles: Vec<FlatTriangle> = triangles.into_iter().map(single).collect();
     triangles.iter().any(|triangle| triangle.has_area).then(|| FlatChart { size: size.as_vec2(), triangles })

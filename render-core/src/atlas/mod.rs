@@ -2,7 +2,9 @@
 //!
 //! The modules are steps in the construction and use of the atlas:
 //!
+//! - `weld` joins the copies of vertices.
 //! - `flatten` unwraps the surfaces into flat charts.
+//! - `planes` merges flat charts that continue each other, so that a wall is one chart.
 //! - `density` finds the scale at which the charts use the requested number of texels.
 //! - `pack` assigns a rectangle to each chart.
 //! - `cover` finds the texels in use, which samples on a chart may read.
@@ -18,11 +20,14 @@ mod density;
 mod fine;
 mod flatten;
 mod layout;
+mod near;
 mod nearest;
 mod pack;
+mod planes;
 mod point;
 mod tiles;
 mod validate;
+mod weld;
 
 pub use fine::{FinePoint, FineTexels};
 pub use flatten::AtlasError;
