@@ -10,6 +10,7 @@
 //! - `cover` finds the texels in use, which samples on a chart may read.
 //! - `tiles` numbers the texels in use.
 //! - `point` converts texels to surface points and back.
+//! - `seams` finds the edges along which surfaces continue in another chart.
 //! - `fine` converts texels of a finer image of the atlas to surface points.
 //!
 //! Each side of a double-sided surface has separate charts, because the light on the two sides differs. Single-sided
@@ -25,6 +26,7 @@ mod nearest;
 mod pack;
 mod planes;
 mod point;
+mod seams;
 mod tiles;
 mod validate;
 mod weld;
@@ -32,6 +34,7 @@ mod weld;
 pub use fine::{FinePoint, FineTexels};
 pub use flatten::AtlasError;
 pub use point::{AtlasPoint, TexelBlend, TexelSite};
+pub use seams::{SeamPoint, SeamSide};
 
 use crate::Surfaces;
 use glam::Vec2;

@@ -146,7 +146,7 @@ impl Atlas {
     }
 
     /// Returns a site at a point of the triangle with this `index` in [`Atlas::triangles`].
-    fn site(&self, index: u32, nearest: Nearest, surfaces: &Surfaces) -> Option<TexelSite> {
+    pub(super) fn site(&self, index: u32, nearest: Nearest, surfaces: &Surfaces) -> Option<TexelSite> {
         let sheet = self.sheets[self.sheets.partition_point(|sheet| sheet.first <= index).checked_sub(1)?];
         let (instance, triangle) = (sheet.instance, index - sheet.first);
 
@@ -218,7 +218,7 @@ impl Atlas {
 
 /// Returns the normal of a triangle's front as defined in the file. The length of the normal is twice the triangle's
 /// area.
-fn outward(surfaces: &Surfaces, instance: u32, triangle: u32) -> Vec3A {
+pub(super) fn outward(surfaces: &Surfaces, instance: u32, triangle: u32) -> Vec3A {
     let [a, b, c] = surfaces.corners(instance as usize, triangle as usize);
     // Reverse the normal under a mirroring transform, which reverses the order of corners but keeps the front.
     let mirrored = surfaces.world(instance as usize).matrix3.determinant() < 0.0;

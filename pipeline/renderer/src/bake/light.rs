@@ -7,6 +7,7 @@
 //! 4  light the other texels in blocks: lightcuts stop at 1 % of the light between the texels of step 3
 //! 5  light further points of texels that differ from their neighbors, as in step 4, and use the mean
 //! 6  fill texels without a point from their neighbors
+//! 7  correct texels at seams, so that both sides agree
 //! ```
 //!
 //! Step 5 is antialiasing. On `nave`, the centers of a row of texels are in the gap behind a book rest. Without step 5,
@@ -17,6 +18,7 @@
 use super::blocks::{TexelBlock, blocks};
 use super::inside::Places;
 use super::loops::{BakeLoops, LoopEnd};
+use super::seams;
 use crate::Visibility;
 use crate::frame::Frame;
 use glam::{Vec3, Vec3A};
@@ -163,7 +165,8 @@ pub(super) fn light(
     let filled = points.iter().filter(|point| point.is_none()).count();
     let KnownLight { mut direct, mut indirect } = known;
     fill(atlas, points, &mut direct, &mut indirect);
-    let indirect = indirect.into_iter().map(Option::unwrap_or_default).collect();
+    let mut indirect: Vec<[f32; 3]> = indirect.into_iter().map(Option::unwrap_or_default).collect();
+    seams::close(places, points, [&mut direct, &mut indirect]);
     Ok(TexelLight { direct, indirect, filled })
 }
 

@@ -12,6 +12,7 @@ mod inside;
 mod light;
 mod loops;
 mod normals;
+mod seams;
 
 use crate::coat_fields::CoatFields;
 use crate::normal_texels::NormalTexels;
