@@ -40,6 +40,9 @@ use crate::Surfaces;
 use glam::Vec2;
 use tiles::Tiles;
 
+/// Minimum size of charts that are not narrow \[texels\]. The size of a chart on each axis is a whole number.
+const NARROW: f32 = 1.5;
+
 /// Index of an absent item.
 const NONE: u32 = u32::MAX;
 
@@ -112,6 +115,32 @@ impl Atlas {
         Ok(layout::laid_out(&meshes, density))
     }
 
+    /// Builds an atlas like [`Atlas::new`], with a number of texels that follows from the scene.
+    ///
+    /// A texel is 1/140 of the diagonal of all static surfaces, or smaller: up to 1.5 times as many texels are used to
+    /// have 90 % of the area in charts of two texels and more. The number is between 20 000 and 1 000 000, unless there
+    /// are more charts.
+    ///
+    /// # Errors
+    ///
+    /// If no lit surface is static, or if surfaces cannot be flattened.
+    pub fn automatic(surfaces: &Surfaces) -> Result<Self, AtlasError> {
+        let meshes = flatten::standing(surfaces)?;
+        let density = density::automatic(&meshes)?;
+        Ok(layout::laid_out(&meshes, density))
+    }
+
+    /// Returns the number of texels at which half of the [narrow charts](Atlas::narrow_charts) are not narrow. Returns
+    /// `None` without narrow charts, or if an atlas cannot have so many texels. Flattens all surfaces again.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Atlas::automatic`].
+    pub fn texels_for_half_as_narrow(&self, surfaces: &Surfaces) -> Result<Option<usize>, AtlasError> {
+        let meshes = flatten::standing(surfaces)?;
+        Ok(density::for_half_as_narrow(&meshes, self.texels_per_meter))
+    }
+
     /// Returns the number of texels in use.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -128,6 +157,20 @@ impl Atlas {
     #[must_use]
     pub fn charts(&self) -> usize {
         self.charts.len()
+    }
+
+    /// Returns the number of charts that are narrower than two texels, at which the light across the chart is linear.
+    #[must_use]
+    pub fn narrow_charts(&self) -> usize {
+        // Find the bounding box of each chart's triangles.
+        let mut boxes = vec![(Vec2::INFINITY, Vec2::NEG_INFINITY); self.charts.len()];
+        for placed in self.triangles.iter().filter(|placed| placed.chart != NONE) {
+            let (least, most) = &mut boxes[placed.chart as usize];
+            for corner in placed.corners() {
+                (*least, *most) = (least.min(corner), most.max(corner));
+            }
+        }
+        boxes.iter().filter(|(least, most)| (*most - *least).min_element() < NARROW).count()
     }
 
     /// Returns the number of tiles (16×16 texels) that contain a texel in use.

@@ -13,7 +13,7 @@ use render_core::scene::Scene;
 use render2mpeg::places::FilePlaces;
 use render2mpeg::{Error, Options, Settings};
 use renderer::bake::export::check_path;
-use renderer::bake::{self, BakeCheckpoint, BakeRun};
+use renderer::bake::{self, Bake, BakeCheckpoint, BakeRun};
 use renderer::settings::RenderSettings;
 use renderer::texels::BakedTexels;
 use serde_json::json;
@@ -43,9 +43,10 @@ pub(crate) struct BakeArguments {
     #[arg(long, value_name = "FILE.slf", requires = "gltf",
         conflicts_with_all = ["output", "texels", "vpls", "photons", "bounces", "seed"])]
     baked: Option<PathBuf>,
-    /// Number of texels on surfaces, including the texels of chart borders
-    #[arg(long, value_name = "N", default_value_t = 400_000, value_parser = clap::value_parser!(u32).range(16..=16_000_000))]
-    texels: u32,
+    /// Number of texels on surfaces, including the texels of chart borders [default: 20000 to 1000000, from the size of
+    /// the scene and the width of its surfaces]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=MOST_TEXELS))]
+    texels: Option<u32>,
     /// Number of anchor lights, the sources of indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
@@ -71,6 +72,9 @@ pub(crate) struct BakeArguments {
     #[arg(short, long)]
     quiet: bool,
 }
+
+/// Maximum number of texels that can be requested.
+const MOST_TEXELS: i64 = 16_000_000;
 
 /// Time between checkpoints: if the program is killed, about a minute of work is lost.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
@@ -122,7 +126,8 @@ pub fn run(arguments: BakeArguments, ranks: &Ranks) -> Result<ExitCode> {
     let light = match baked {
         Some(path) => bake::read(&scene, &path)?,
         None => {
-            let work = BakeWork { texels: texels as usize, output: output.as_deref(), resume, ranks };
+            let work =
+                BakeWork { texels: texels.map(|texels| texels as usize), output: output.as_deref(), resume, ranks };
             match job.bake(&work)? {
                 Ok(light) => light,
                 Err(code) => return Ok(code),
@@ -145,7 +150,8 @@ struct BakeJob<'a> {
 
 /// Resolution of a bake, its file, and the ranks that share it.
 struct BakeWork<'a> {
-    texels: usize,
+    /// Requested number of texels.
+    texels: Option<usize>,
     output: Option<&'a Path>,
     resume: bool,
     ranks: &'a Ranks,
@@ -183,34 +189,8 @@ impl BakeJob<'_> {
         let output = output.filter(|_| is_first);
         let written = output.map(|path| Ok::<_, Error>((path, baked.write(self.scene, path)?))).transpose()?;
 
-        // Print size, resolution and cost of the light.
         if !self.quiet {
-            let seconds = begin.elapsed().as_secs_f64();
-            match written {
-                Some((path, bytes)) => tell!("{}: {bytes} bytes in {seconds:.1} s", path.display()),
-                None => tell!("light baked in {seconds:.1} s"),
-            }
-            let atlas = &baked.texels.atlas;
-            tell!(
-                "  {} texels, {} on surfaces and {} inside other geometry, {:.2} per meter, in {} charts and {} tiles",
-                atlas.len(),
-                atlas.covered(),
-                baked.filled,
-                atlas.texels_per_meter(),
-                atlas.charts(),
-                atlas.tiles(),
-            );
-            let coats = &baked.texels.coats;
-            // Omit the line of coats if no surface has a coat.
-            if !coats.is_empty() {
-                let (texels, samples, bytes) = (coats.texels(), coats.samples(), coats.stored_bytes());
-                let seconds = baked.coat_seconds;
-                tell!("  coats: {texels} texels, {samples} directions in total, {bytes} bytes in {seconds:.1} s");
-            }
-            // Suggest the command that renders with this light.
-            if written.is_some() {
-                tell!("  render2mpeg render {} --lighting baked", self.settings.scene.display());
-            }
+            self.describe(&baked, written, begin.elapsed().as_secs_f64())?;
         }
         if let Some(checkpoint) = &run.checkpoint {
             checkpoint.remove()?;
@@ -218,8 +198,47 @@ impl BakeJob<'_> {
         Ok(Ok(baked.texels))
     }
 
-    /// Returns the job of baking `texels` texels into the file at `output`.
-    fn film_job(&self, texels: usize, output: &Path) -> Result<FilmJob> {
+    /// Prints size, resolution and cost of the light.
+    fn describe(&self, baked: &Bake, written: Option<(&Path, u64)>, seconds: f64) -> Result<()> {
+        match written {
+            Some((path, bytes)) => tell!("{}: {bytes} bytes in {seconds:.1} s", path.display()),
+            None => tell!("light baked in {seconds:.1} s"),
+        }
+        let atlas = &baked.texels.atlas;
+        tell!(
+            "  {} texels, {} on surfaces and {} inside other geometry, {:.2} per meter, in {} charts and {} tiles",
+            atlas.len(),
+            atlas.covered(),
+            baked.filled,
+            atlas.texels_per_meter(),
+            atlas.charts(),
+            atlas.tiles(),
+        );
+        // Suggest more texels for narrow surfaces.
+        let narrow = baked.narrow_charts(self.scene)?;
+        if narrow.count > 0 {
+            let remedy = match narrow.texels_for_half.filter(|&texels| texels <= MOST_TEXELS as usize) {
+                Some(texels) => format!("--texels {} halves this number", rounded_up(texels)),
+                None => "no possible number of texels halves this number".into(),
+            };
+            tell!("  {} charts are narrower than two texels; {remedy}", narrow.count);
+        }
+        let coats = &baked.texels.coats;
+        // Omit the line of coats if no surface has a coat.
+        if !coats.is_empty() {
+            let (texels, samples, bytes) = (coats.texels(), coats.samples(), coats.stored_bytes());
+            let seconds = baked.coat_seconds;
+            tell!("  coats: {texels} texels, {samples} directions in total, {bytes} bytes in {seconds:.1} s");
+        }
+        // Suggest the command that renders with this light.
+        if written.is_some() {
+            tell!("  render2mpeg render {} --lighting baked", self.settings.scene.display());
+        }
+        Ok(())
+    }
+
+    /// Returns the job of baking the requested number of texels into the file at `output`.
+    fn film_job(&self, texels: Option<usize>, output: &Path) -> Result<FilmJob> {
         let RenderSettings { vpls, photons, bounces, seed, .. } = self.settings.render;
         let settings = json!({ "texels": texels, "vpls": vpls, "photons": photons, "bounces": bounces, "seed": seed });
         let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
@@ -239,4 +258,11 @@ impl BakeJob<'_> {
         }
         Ok(())
     }
+}
+
+/// Rounds a number up to two digits and zeros. The atlas has up to 1 % fewer texels than requested.
+fn rounded_up(number: usize) -> usize {
+    let more = number + number / 64;
+    let unit = 10usize.pow(more.checked_ilog10().unwrap_or(0).saturating_sub(1));
+    more.div_ceil(unit) * unit
 }

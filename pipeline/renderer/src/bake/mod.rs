@@ -54,7 +54,18 @@ pub struct Bake {
     pub coat_seconds: f64,
 }
 
-/// Computes the light of about `texels` texels on the static surfaces of `scene`. `progress` is called with the work done
+/// Number of narrow charts, on which details of light are lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct NarrowCharts {
+    /// Number of charts narrower than two texels.
+    pub count: usize,
+    /// Number of texels that halves `count`, unless an atlas cannot have so many texels.
+    pub texels_for_half: Option<usize>,
+}
+
+/// Computes the light of about `texels` texels on the static surfaces of `scene`, or of as many as [`Atlas::automatic`]
+/// chooses if `texels` is `None`. `progress` is called with the work done
 /// and the total work. Equal scenes and settings produce equal bits for any number of threads and ranks. Returns `None`
 /// if the `run` was stopped.
 ///
@@ -64,11 +75,11 @@ pub struct Bake {
 pub fn bake(
     scene: &Scene,
     settings: &RenderSettings,
-    texels: usize,
+    texels: impl Into<Option<usize>>,
     run: &BakeRun,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Option<Bake>> {
-    match bake_all(scene, settings, texels, run, progress) {
+    match bake_all(scene, settings, texels.into(), run, progress) {
         Ok(bake) => Ok(Some(bake)),
         Err(LoopEnd::Stopped) => Ok(None),
         Err(LoopEnd::Failed(error)) => Err(error),
@@ -79,7 +90,7 @@ pub fn bake(
 fn bake_all(
     scene: &Scene,
     settings: &RenderSettings,
-    texels: usize,
+    texels: Option<usize>,
     run: &BakeRun,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Bake, LoopEnd> {
@@ -93,7 +104,11 @@ fn bake_all(
     // Lay out the texels on the static surfaces.
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
-    let atlas = Atlas::new(&surfaces, texels).map_err(Error::other)?;
+    let atlas = match texels {
+        Some(texels) => Atlas::new(&surfaces, texels),
+        None => Atlas::automatic(&surfaces),
+    };
+    let atlas = atlas.map_err(Error::other)?;
 
     // Omit moving instances: their shadows and reflections would be valid for only one moment of the film.
     let still = without_moving(scene);
@@ -136,6 +151,20 @@ fn bake_all(
 }
 
 impl Bake {
+    /// Returns the number of charts of `scene` that are narrower than two texels.
+    ///
+    /// # Errors
+    /// If surfaces cannot be flattened.
+    pub fn narrow_charts(&self, scene: &Scene) -> Result<NarrowCharts> {
+        let atlas = &self.texels.atlas;
+        let (pose, count) = (scene.pose(0.0), atlas.narrow_charts());
+        let texels_for_half = match count {
+            0 => None,
+            _ => atlas.texels_for_half_as_narrow(&Surfaces::new(scene, &pose)).map_err(Error::other)?,
+        };
+        Ok(NarrowCharts { count, texels_for_half })
+    }
+
     /// Writes the light of `scene` to a file and returns its length in bytes.
     ///
     /// # Errors
