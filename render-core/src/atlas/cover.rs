@@ -8,6 +8,10 @@ use glam::Vec2;
 /// Enlargement of the squares on each side \[texels\]. It far exceeds the rounding errors of positions.
 const SLACK: f32 = 1.0 / 64.0;
 
+/// Extent of a chart with one column or row on that axis \[texels\]. All its points are at the center of the texel for
+/// bilinear samples, but remain different points.
+const LINE: f32 = 5e-4;
+
 /// Rectangle of texels for a chart.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChartRect {
@@ -15,6 +19,8 @@ pub(super) struct ChartRect {
     pub rows: u32,
     /// Number of texels per meter on each axis.
     density: Vec2,
+    /// Position of the chart's corner in the rectangle \[texels\].
+    start: Vec2,
 }
 
 impl ChartRect {
@@ -25,23 +31,32 @@ impl ChartRect {
     ///
     /// ```text
     /// n = ⌊w + ½⌋ + 1                 one column for a chart narrower than half a texel
-    /// density' = (n − 1) / w          two thirds to twice the density, or 0 for one column
+    /// density' = (n − 1) / w          two thirds to twice the density, or almost 0 for one column
     /// ```
     ///
     /// Every texel of a rectangular chart then has its center on the chart. Without stretching, a chart would need one
     /// more column, and most charts of `nave` are narrower than a texel.
     pub fn new(size: Vec2, density: f32) -> Self {
         let steps = (size * density + 0.5).floor();
+        // Center a single column or row on its texel, so that the texel's sites are in the middle of a narrow chart.
+        let is_line = steps.cmplt(Vec2::ONE);
+        let extent = Vec2::select(is_line, Vec2::splat(LINE), steps);
         Self {
             columns: steps.x as u32 + 1,
             rows: steps.y as u32 + 1,
-            density: steps / size.max(Vec2::splat(f32::MIN_POSITIVE)),
+            density: extent / size.max(Vec2::splat(f32::MIN_POSITIVE)),
+            start: Vec2::select(is_line, Vec2::splat(0.5 - LINE / 2.0), Vec2::splat(0.5)),
         }
+    }
+
+    /// Returns whether the chart is narrower than two texels after stretching.
+    pub fn is_narrow(&self) -> bool {
+        self.columns.min(self.rows) <= 2
     }
 
     /// Returns the position of a point of the chart, in texels from the corner of the rectangle.
     pub fn place(&self, point: Vec2) -> Vec2 {
-        point * self.density + 0.5
+        point * self.density + self.start
     }
 
     /// Calls `row(y, first, last)` for each row of texels that samples of a triangle may read.

@@ -268,6 +268,29 @@ fn sites_are_points_of_their_surface() {
     });
 }
 
+/// A strip of a fifth of a texel has sites in its middle and at both edges.
+#[test]
+fn sites_reach_across_narrow_strips() {
+    let mut scene = Scene::default();
+    let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
+    add(&mut scene, rest(Vec3::ZERO), quad(Vec3::ZERO, Vec3::Z * 4.0, Vec3::X * 4.0), gray());
+    add(&mut scene, rest(vec3(0.0, 1.0, 0.0)), quad(Vec3::ZERO, Vec3::Z * 4.0, Vec3::X * 0.02), gray());
+    with_atlas(&scene, 1800, |surfaces, atlas| {
+        assert!((atlas.texels_per_meter() - 10.0).abs() < 1.0 && atlas.narrow_charts() == 1);
+        let mut count = 0;
+        for texel in 0..atlas.len() {
+            let sites = atlas.sites(texel, surfaces);
+            if sites[0].instance == 1 {
+                count += 1;
+                let across: Vec<f32> = sites.iter().map(|site| site.position.x / 0.02).collect();
+                assert!((across[0] - 0.5).abs() < 0.01, "{across:?}");
+                assert!(across.iter().any(|&x| x < 0.01) && across.iter().any(|&x| x > 0.99), "{across:?}");
+            }
+        }
+        assert!(count > 35, "{count} texels");
+    });
+}
+
 #[test]
 fn boxes_face_outward() {
     let scene = room();
@@ -311,6 +334,52 @@ fn the_wished_number_is_met() {
             assert!((atlas.len() as f64 / wish as f64 - 1.0).abs() < 0.05, "{} for {wish}", atlas.len());
         });
     }
+}
+
+/// A texel of the automatic density is 1/140 of the diagonal, for a floor whose texels are then above the minimum.
+#[test]
+fn the_automatic_number_follows_from_the_size() {
+    for size in [0.01, 1.0, 300.0] {
+        let mut scene = Scene::default();
+        let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
+        for height in 0..5 {
+            let corner = vec3(0.0, 0.1 * size * height as f32, 0.0);
+            add(&mut scene, rest(corner), quad(Vec3::ZERO, Vec3::Z * size, Vec3::X * size), gray());
+        }
+        let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+        let atlas = Atlas::automatic(&surfaces).expect("surfaces");
+        let diagonal = vec3(size, 0.4 * size, size).length();
+        let wanted = 140.0 / diagonal;
+        assert!((atlas.texels_per_meter() / wanted - 1.0).abs() < 0.02, "{} for {wanted}", atlas.texels_per_meter());
+        assert_eq!(atlas.narrow_charts(), 0);
+        assert_eq!(atlas.texels_for_half_as_narrow(&surfaces), Ok(None));
+    }
+    // One square has fewer texels at this density than the minimum.
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), quad(Vec3::ZERO, Vec3::Z, Vec3::X), material(Vec3::ONE, Vec3::ZERO));
+    let atlas = Atlas::automatic(&Surfaces::new(&scene, &scene.pose(0.0))).expect("a square");
+    assert!((19_000..21_000).contains(&atlas.len()), "{} texels", atlas.len());
+}
+
+/// The suggested number of texels has at most half as many narrow charts. The charts are counted by their sizes.
+#[test]
+fn narrow_charts_are_counted_and_halved() {
+    let mut scene = Scene::default();
+    let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
+    for k in 0..20 {
+        let width = 0.004 * (k + 1) as f32;
+        add(&mut scene, rest(vec3(0.0, k as f32, 0.0)), quad(Vec3::ZERO, Vec3::Z, Vec3::X * width), gray());
+    }
+    let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+    let narrow = |texels| {
+        let atlas = Atlas::new(&surfaces, texels).expect("surfaces");
+        let widths = (0..20).map(|k| 0.004 * (k + 1) as f32 * atlas.texels_per_meter());
+        assert_eq!(atlas.narrow_charts(), widths.filter(|&width| width < 1.5).count(), "{texels} texels");
+        (atlas.narrow_charts(), atlas.texels_for_half_as_narrow(&surfaces).expect("surfaces"))
+    };
+    let (count, texels) = narrow(2000);
+    let (fewer, _) = narrow(texels.expect("possible") * 102 / 100);
+    assert!(count > 5 && fewer <= count / 2, "{count} and {fewer}");
 }
 
 #[test]
