@@ -2,7 +2,8 @@
 //!
 //! A [`Field`] contains raw samples: texels in tiles of 16×16 ([`TexelTiles`]), directions by index, three channels.
 //! [`NearLossless`] stores them with a bounded error. Both implement [`LookUp`]. [`OctahedralMap`] maps directions to
-//! indices. [`Harmonics`] represents the light around a point for the irradiance of any normal.
+//! indices. [`Harmonics`] represents the light around a point for the irradiance of any normal. [`CompactFit`] fits the
+//! light of a texel in a form of fixed size for GPUs.
 //!
 //! ```
 //! use lightfield::{Field, LookUp, NearLossless, Samples, TexelTiles};
@@ -15,21 +16,25 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod compact;
 mod error;
 mod field;
 mod harmonics;
 mod look_up;
 mod near_lossless;
 mod octahedral;
+mod packed;
 mod scale;
 mod tiles;
 
+pub use crate::compact::{CompactFit, CompactKind, CompactMap, CompactPages, CompactPlace};
 pub use crate::error::FieldError;
 pub use crate::field::{Field, Samples};
 pub use crate::harmonics::{Harmonics, basis};
 pub use crate::look_up::LookUp;
 pub use crate::near_lossless::NearLossless;
 pub use crate::octahedral::{DirectionCells, OctahedralMap, map_side};
+pub use crate::packed::{from_half, from_shared_exponent, half, shared_exponent};
 pub use crate::scale::LogScale;
 pub use crate::tiles::{TILE_SIDE, TILE_SLOTS, TexelTiles};
 
