@@ -15,7 +15,7 @@ use renderer::{Preparation, Shading, bake};
 use std::sync::Arc;
 
 /// Returns an empty scene with a camera at `eye` that looks towards −z, tilted down by `tilt`.
-fn seen_from(eye: Vec3, tilt: f32) -> Scene {
+pub(super) fn seen_from(eye: Vec3, tilt: f32) -> Scene {
     let mut scene = Scene::default();
     let turned = Transform { translation: eye, rotation: Quat::from_rotation_x(-tilt), scale: Vec3::ONE };
     for rest in [Transform::IDENTITY, turned] {
@@ -30,17 +30,17 @@ fn seen_from(eye: Vec3, tilt: f32) -> Scene {
     scene
 }
 
-fn metal(color: Vec3, roughness: f32) -> Material {
+pub(super) fn metal(color: Vec3, roughness: f32) -> Material {
     Material { base_color: color, metallic: 1.0, roughness, ..Material::default() }
 }
 
-fn settings(scene: &Scene, side: usize) -> Settings {
+pub(super) fn settings(scene: &Scene, side: usize) -> Settings {
     let size = format!("{side}x{side}").parse().ok();
     let options = Options { size, frames: Some(1), vpls: Some(2000), photons: Some(200_000), ..Options::default() };
     Settings::new("room.glb".into(), scene, &options).expect("right settings")
 }
 
-fn baked(scene: &Scene, texels: usize) -> Bake {
+pub(super) fn baked(scene: &Scene, texels: usize) -> Bake {
     bake::bake(scene, &settings(scene, 16).render, texels, &BakeRun::alone(), &|_, _| ())
         .expect("the scene can be baked")
         .expect("it was not stopped")

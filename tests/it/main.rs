@@ -7,6 +7,7 @@ mod bake_coats;
 mod bake_dynamic;
 mod bake_export;
 mod bake_run;
+mod bake_view;
 #[cfg(unix)]
 mod chunks;
 mod closed_loop;

@@ -150,6 +150,24 @@ impl Texture {
         Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32)
     }
 
+    /// Returns the addressing of coordinates along both axes.
+    #[must_use]
+    pub fn wrap(&self) -> [Wrap; 2] {
+        self.wrap
+    }
+
+    /// Returns whether magnified texels have sharp borders.
+    #[must_use]
+    pub fn is_blocky(&self) -> bool {
+        self.is_blocky
+    }
+
+    /// Returns the texels of the finest level, as RGBA code values in rows from the top.
+    #[must_use]
+    pub fn texels(&self) -> &[[u8; 4]] {
+        &self.levels[0].texels
+    }
+
     /// Returns the opacity of the most transparent texel.
     pub fn least_opacity(&self) -> f32 {
         self.levels[0].texels.iter().map(|texel| f32::from(texel[3]) / 255.0).fold(1.0, f32::min)

@@ -6,14 +6,13 @@ use crate::progress;
 use crate::ranks::Ranks;
 use crate::source::Reading;
 use anyhow::Result;
-use clap::Args;
+use clap::{ArgGroup, Args};
 use pipeline::checkpoint::FilmJob;
 use pipeline::output::Output;
 use render_core::scene::Scene;
 use render2mpeg::places::FilePlaces;
 use render2mpeg::{Error, Options, Settings};
-use renderer::bake::export::check_path;
-use renderer::bake::{self, Bake, BakeCheckpoint, BakeRun};
+use renderer::bake::{self, Bake, BakeCheckpoint, BakeRun, export, view};
 use renderer::settings::RenderSettings;
 use renderer::texels::BakedTexels;
 use serde_json::json;
@@ -24,23 +23,27 @@ use std::time::{Duration, Instant};
 
 /// Scene to bake, and the resolution of its light.
 #[derive(Args)]
+#[command(group(ArgGroup::new("exports").args(["gltf", "view"]).multiple(true)))]
 pub(crate) struct BakeArguments {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
     /// Options for reading the scene: folders, camera, animation and scene settings.
     #[command(flatten)]
     reading: Reading,
-    /// File of the baked light [default: the scene's path with .slf; none with --gltf]
+    /// File of the baked light [default: the scene's path with .slf; none with --gltf or --view]
     #[arg(short, long, value_name = "FILE.slf")]
     output: Option<PathBuf>,
     /// Also write the scene with the light in its textures, for any glTF viewer
     #[arg(long, value_name = "OUT.glb")]
     gltf: Option<PathBuf>,
+    /// Also write a page that shows the scene with this light in a browser, in real time and without a network
+    #[arg(long, value_name = "OUT.html")]
+    view: Option<PathBuf>,
     /// Longer side of the light texture [default: 4 per texel of the light, 2048 to 4096]
     #[arg(long, value_name = "SIDE", requires = "gltf", value_parser = clap::value_parser!(u32).range(64..=16384))]
     texture: Option<u32>,
-    /// Use this baked light for --gltf
-    #[arg(long, value_name = "FILE.slf", requires = "gltf",
+    /// Use this baked light for --gltf or --view
+    #[arg(long, value_name = "FILE.slf", requires = "exports",
         conflicts_with_all = ["output", "texels", "vpls", "photons", "bounces", "seed"])]
     baked: Option<PathBuf>,
     /// Number of texels on surfaces, including the texels of chart borders [default: 20000 to 1000000, from the size of
@@ -79,13 +82,14 @@ const MOST_TEXELS: i64 = 16_000_000;
 /// Time between checkpoints: if the program is killed, about a minute of work is lost.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
-/// Bakes the light among the `ranks`. Rank 0 writes the light file, the glTF export, or both.
+/// Bakes the light among the `ranks`. Rank 0 writes the light file and the exports.
 pub fn run(arguments: BakeArguments, ranks: &Ranks) -> Result<ExitCode> {
     let BakeArguments {
         scene: path,
         reading,
         output,
         gltf,
+        view,
         texture,
         baked,
         texels,
@@ -100,22 +104,26 @@ pub fn run(arguments: BakeArguments, ranks: &Ranks) -> Result<ExitCode> {
     } = arguments;
     let scene = reading.load(&path)?;
     // Report unwritable outputs before baking begins.
-    let output = output.or_else(|| gltf.is_none().then(|| path.with_extension("slf")));
+    let output = output.or_else(|| (gltf.is_none() && view.is_none()).then(|| path.with_extension("slf")));
     FilePlaces::of(&scene)
         .reads("--baked", baked.as_deref())
         .writes("-o", output.as_deref())
         .writes("--gltf", gltf.as_deref())
+        .writes("--view", view.as_deref())
         .check()?;
     let is_first = ranks.team().rank() == 0;
     if is_first {
-        for path in output.iter().chain(&gltf) {
+        for path in output.iter().chain(&gltf).chain(&view) {
             overwrite.check(path)?;
         }
         if let Some(output) = &output {
             drop(Output::create(output)?);
         }
         if let Some(gltf) = &gltf {
-            check_path(gltf, &path)?;
+            export::check_path(gltf, &path)?;
+        }
+        if let Some(view) = &view {
+            view::check_path(view)?;
         }
     }
 
@@ -135,8 +143,12 @@ pub fn run(arguments: BakeArguments, ranks: &Ranks) -> Result<ExitCode> {
         }
     };
     // Export the light that was read or baked.
+    let light = Arc::new(light);
     if let Some(gltf) = gltf.filter(|_| is_first) {
-        job.export(light, &gltf, texture)?;
+        job.export(&light, &gltf, texture)?;
+    }
+    if let Some(view) = view.filter(|_| is_first) {
+        job.view(&light, &view)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -246,15 +258,33 @@ impl BakeJob<'_> {
     }
 
     /// Writes the scene with `light` in its textures to a glTF file.
-    fn export(&self, light: BakedTexels, path: &Path, side: Option<u32>) -> Result<()> {
+    fn export(&self, light: &Arc<BakedTexels>, path: &Path, side: Option<u32>) -> Result<()> {
         let begin = Instant::now();
-        let export =
-            bake::export::export(self.scene, &self.settings.scene, &self.settings.render, &Arc::new(light), side)?;
+        let export = export::export(self.scene, &self.settings.scene, &self.settings.render, light, side)?;
         let bytes = export.write(path)?;
         if !self.quiet {
             let (width, height) = export.size;
             tell!("{}: {bytes} bytes in {:.1} s", path.display(), begin.elapsed().as_secs_f64());
             tell!("  {width}x{height} texels, exposure {:.3}", export.tone_map.exposure);
+        }
+        Ok(())
+    }
+
+    /// Writes a page that shows the scene with `light`.
+    fn view(&self, light: &Arc<BakedTexels>, path: &Path) -> Result<()> {
+        let begin = Instant::now();
+        let page = view::view(self.scene, &self.settings.scene, &self.settings.render, light)?;
+        let bytes = page.write(path)?;
+        if !self.quiet {
+            let seconds = begin.elapsed().as_secs_f64();
+            let images = page.image_bytes;
+            tell!("{}: {bytes} bytes in {seconds:.1} s, {images} of them in images", path.display());
+            // Omit the line of coats if no surface has a coat.
+            if page.coat_texels > 0 {
+                let (texels, each, coarse) = (page.coat_texels, page.coat_bytes_per_texel, page.coarse_coats);
+                let error = 100.0 * page.coat_error;
+                tell!("  coats: {texels} texels of {each:.1} bytes, mean error {error:.1} %, {coarse} above the tolerance");
+            }
         }
         Ok(())
     }

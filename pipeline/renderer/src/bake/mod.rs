@@ -1,7 +1,7 @@
 //! Baked light: the light of static surfaces, computed once and sampled by films.
 //!
 //! [`bake`] computes the light of an atlas's texels and writes an `.slf` file. [`read`] loads it for a film of the same scene.
-//! [`export`] paints the light into a copy of the scene.
+//! [`export`] paints the light into a copy of the scene. [`view`] creates a page that shows the scene in a browser.
 
 mod blocks;
 mod coats;
@@ -13,6 +13,7 @@ mod light;
 mod loops;
 mod normals;
 mod seams;
+pub mod view;
 
 use crate::coat_fields::CoatFields;
 use crate::normal_texels::NormalTexels;

@@ -11,7 +11,7 @@ pub(super) const ARRAY_BUFFER: u32 = 34962;
 pub(super) const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// A document and its buffers. Each addition of bytes is a separate buffer until all buffers are packed into one file.
-pub(super) struct Document {
+pub(in crate::bake) struct Document {
     path: PathBuf,
     source: GltfSource,
     pub json: Value,
@@ -99,7 +99,7 @@ impl Document {
 }
 
 /// Converts a JSON value to a nonnegative integer; `None` if it is not one.
-pub(super) fn number(value: &Value) -> Option<usize> {
+pub(in crate::bake) fn number(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|number| usize::try_from(number).ok())
 }
 

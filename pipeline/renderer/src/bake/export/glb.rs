@@ -35,7 +35,7 @@ pub(super) fn take_images_in(document: &mut Document) -> Result<()> {
 }
 
 /// Returns the media type of an image, recognized by its first bytes.
-fn kind(bytes: &[u8]) -> Option<&'static str> {
+pub(in crate::bake) fn kind(bytes: &[u8]) -> Option<&'static str> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => Some("image/png"),
         [0xff, 0xd8, 0xff, ..] => Some("image/jpeg"),

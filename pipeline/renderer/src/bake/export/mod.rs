@@ -17,7 +17,7 @@
 mod apart;
 mod beside;
 mod compact;
-mod document;
+pub(super) mod document;
 mod elements;
 mod fill;
 mod glb;
@@ -32,9 +32,13 @@ mod tone;
 use crate::settings::RenderSettings;
 use crate::texels::BakedTexels;
 use document::Document;
+pub(super) use glb::kind as image_kind;
 use materials::Materials;
 use meshes::Meshes;
 use page::Painter;
+pub(super) use page::png;
+pub(super) use split::{SideTriangles, Split};
+pub(super) use tone::tone_map;
 use perceptual::ToneMap;
 use pipeline::error::{Error, Result};
 use pipeline::output::Output;
@@ -86,10 +90,10 @@ pub fn export(
     let surfaces = Surfaces::new(scene, &pose);
 
     // Paint the image.
-    let tone_map = tone::tone_map(scene, settings, baked)?;
+    let tone_map = tone_map(scene, settings, baked)?;
     let picture = Painter { texels: &fine, baked, surfaces: &surfaces, tone_map }.painted();
     let has_alpha = scene.materials.iter().any(|material| material.alpha != Alpha::Opaque);
-    let png = page::png(&picture, fine.width(), fine.height(), has_alpha)?;
+    let png = png(&picture, fine.width(), fine.height(), has_alpha)?;
     drop(picture);
 
     // Insert the image into the document.

@@ -59,7 +59,7 @@ fn code(value: f32) -> u8 {
 }
 
 /// Encodes an image as PNG, with opacity if `has_alpha`.
-pub(super) fn png(picture: &[[u8; 4]], width: u32, height: u32, has_alpha: bool) -> Result<Vec<u8>> {
+pub(in crate::bake) fn png(picture: &[[u8; 4]], width: u32, height: u32, has_alpha: bool) -> Result<Vec<u8>> {
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, width, height);
     encoder.set_depth(png::BitDepth::Eight);

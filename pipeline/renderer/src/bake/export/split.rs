@@ -5,11 +5,11 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 /// Texture coordinates of the triangles on one side of an instance; `None` for a triangle without coordinates.
-pub(super) type SideTriangles = Vec<Option<[Vec2; 3]>>;
+pub(in crate::bake) type SideTriangles = Vec<Option<[Vec2; 3]>>;
 
 /// Vertices of a mesh, split so that each has one texture coordinate per side of each instance.
 #[derive(Debug, PartialEq)]
-pub(super) struct Split {
+pub(in crate::bake) struct Split {
     /// Index of the original vertex of each new vertex.
     pub vertices: Vec<u32>,
     /// Indices of the new vertices of each triangle.

@@ -14,7 +14,7 @@ const SIDE: usize = 128;
 
 /// Returns the tone curve of a film with `settings`. Without a given exposure, the film's first frame determines it,
 /// rendered with baked light at 128×128 pixels.
-pub(super) fn tone_map(scene: &Scene, settings: &RenderSettings, baked: &Arc<BakedTexels>) -> Result<ToneMap> {
+pub(in crate::bake) fn tone_map(scene: &Scene, settings: &RenderSettings, baked: &Arc<BakedTexels>) -> Result<ToneMap> {
     if !settings.auto_exposure {
         return Ok(settings.tone_map);
     }
