@@ -6,7 +6,8 @@ use base64::Engine;
 use glam::{Vec3, vec3};
 use lightfield::{from_shared_exponent, shared_exponent};
 use render_core::Environment;
-use render_core::scene::{Gradient, load};
+use render_core::scene::Gradient;
+use render2mpeg::Options;
 use renderer::bake::{self, Bake, view};
 use renderer::texels::BakedTexels;
 use serde_json::Value;
@@ -14,7 +15,7 @@ use std::f32::consts::PI;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tests::{Moving, assert_fails, checkered_room, render2mpeg};
+use tests::{Moving, assert_fails, checkered_room, load, render2mpeg};
 
 /// Description and data of a page.
 struct Page {
@@ -94,12 +95,13 @@ fn a_page_contains_the_scene_and_its_light() {
     let light = std::fs::metadata(folder.join("box.slf")).expect("the light exists").len();
     assert!(html.len() as u64 <= light * 3 / 2, "{} bytes, but the light has {light}", html.len());
 
-    // The first texel in use that is not black determines the exposure.
-    let scene = load(&path).expect("the scene is valid");
+    // The library makes the same page as the program.
+    let (scene, settings) = load(&path, Options::default());
     let texels = bake::read(&scene, &folder.join("box.slf")).expect("the light is valid");
     let page = Page::read(&html);
-    let exposure = scene.settings.tone_mapping.exposure;
-    assert_same_light(&page, &texels, exposure);
+    let same = view::view(&scene, &path, &settings.render, &Arc::new(texels.clone())).expect("a page");
+    assert!(same.html == html);
+    assert_same_light(&page, &texels, same.tone_map.exposure);
 
     // Each triangle is in one batch, and its corners exist.
     let (indices, vertices) = (page.words("indices"), page.block("positions").len() / 12);

@@ -283,7 +283,9 @@ impl BakeJob<'_> {
             if page.coat_texels > 0 {
                 let (texels, each, coarse) = (page.coat_texels, page.coat_bytes_per_texel, page.coarse_coats);
                 let error = 100.0 * page.coat_error;
-                tell!("  coats: {texels} texels of {each:.1} bytes, mean error {error:.1} %, {coarse} above the tolerance");
+                tell!(
+                    "  coats: {texels} texels of {each:.1} bytes, mean error {error:.1} %, {coarse} above the tolerance"
+                );
             }
         }
         Ok(())

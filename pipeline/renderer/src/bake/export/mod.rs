@@ -37,15 +37,15 @@ use materials::Materials;
 use meshes::Meshes;
 use page::Painter;
 pub(super) use page::png;
-pub(super) use split::{SideTriangles, Split};
-pub(super) use tone::tone_map;
 use perceptual::ToneMap;
 use pipeline::error::{Error, Result};
 use pipeline::output::Output;
 use render_core::Surfaces;
 use render_core::scene::{Alpha, Scene, SceneSettings};
+pub(super) use split::{SideTriangles, Split};
 use std::path::Path;
 use std::sync::Arc;
+pub(super) use tone::tone_map;
 
 /// Default range of the longer side of the image \[texels\]. Within it, the image is four times as fine as the atlas.
 const USUAL: std::ops::RangeInclusive<u32> = 2048..=4096;

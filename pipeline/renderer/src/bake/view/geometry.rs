@@ -34,7 +34,7 @@ struct BatchKey {
 
 /// Vertex lists of the page, and indices of the triangles in each batch.
 #[derive(Default)]
-pub(super) struct Geometry {
+pub(super) struct ViewGeometry {
     positions: Vec<[f32; 3]>,
     /// Unit normals times 32767; zero on flat-shaded meshes.
     normals: Vec<[i16; 3]>,
@@ -69,7 +69,7 @@ pub(super) fn has_same_coordinates(one: &TextureSlot, other: &TextureSlot) -> bo
     one.uv_set == other.uv_set && one.transform == other.transform
 }
 
-impl Geometry {
+impl ViewGeometry {
     /// Collects the geometry of all instances.
     pub fn new(surfaces: &Surfaces, pose: &Pose, atlas: &Atlas) -> Self {
         let scene = surfaces.scene();

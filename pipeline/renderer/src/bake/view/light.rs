@@ -206,7 +206,8 @@ mod tests {
     /// The last row contains the integrals of the other rows.
     #[test]
     fn means_are_the_integrals() {
-        let table: Vec<f32> = albedo_table().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let table: Vec<f32> =
+            albedo_table().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         assert_eq!(table.len(), 2 * STEPS * (STEPS + 1));
         for row in [0, 10, 47] {
             let bsdf = Bsdf::new(Vec3::ZERO, Vec3::X, row as f32 / 47.0);

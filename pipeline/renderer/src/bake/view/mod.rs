@@ -31,7 +31,7 @@ mod payload;
 use super::export::tone_map;
 use crate::settings::RenderSettings;
 use crate::texels::BakedTexels;
-use geometry::Geometry;
+use geometry::ViewGeometry;
 use light::ViewLight;
 use materials::ViewMaterials;
 use payload::Payload;
@@ -77,7 +77,7 @@ pub fn view(scene: &Scene, path: &Path, settings: &RenderSettings, baked: &Arc<B
 
     // Add geometry, light and materials as blocks, each with a description.
     let light = ViewLight::new(baked, &surfaces, tone_map.exposure);
-    let geometry = Geometry::new(&surfaces, &pose, &baked.atlas);
+    let geometry = ViewGeometry::new(&surfaces, &pose, &baked.atlas);
     let materials = ViewMaterials::new(scene, path, tone_map.exposure)?;
     let description = json!({
         "batches": geometry.add_to(&mut payload),
@@ -125,6 +125,7 @@ fn page(name: &str, description: &Value, data: &str) -> String {
         ("{{surface.frag}}", include_str!("surface.frag")),
         ("{{sky.vert}}", include_str!("sky.vert")),
         ("{{sky.frag}}", include_str!("sky.frag")),
+        ("{{screen.frag}}", include_str!("screen.frag")),
         ("{{tone.glsl}}", include_str!("tone.glsl")),
         ("{{viewer}}", include_str!("viewer.js")),
         ("{{name}}", &name),

@@ -1,8 +1,7 @@
-// Tone curve of the film, from exposed light to display values. The exposure of the film is in the light already.
+// Tone curve of the film, from exposed light to linear display light. The exposure of the film is in the light already.
 uniform float gain;
 uniform int curveKind;
 uniform float white;
-uniform float gamma;
 
 float unscaledFilmic(float x) {
   const float A = 0.15, B = 0.50, C = 0.10, D = 0.20, E = 0.024, F = 0.30;
@@ -19,13 +18,8 @@ float curve(float x) {
   return x * GAIN < W ? unscaledFilmic(GAIN * x) / unscaledFilmic(W) : 1.0;
 }
 
-float transfer(float v) {
-  if (gamma > 0.0) return pow(v, 1.0 / gamma);
-  return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1.0 / 2.4) - 0.055;
-}
-
+// Returns linear display light. The framebuffer stores it as sRGB, so edges and blended surfaces mix as in films.
 vec3 display(vec3 light) {
   vec3 x = max(light, 0.0) * gain;
-  vec3 v = clamp(vec3(curve(x.r), curve(x.g), curve(x.b)), 0.0, 1.0);
-  return vec3(transfer(v.r), transfer(v.g), transfer(v.b));
+  return clamp(vec3(curve(x.r), curve(x.g), curve(x.b)), 0.0, 1.0);
 }

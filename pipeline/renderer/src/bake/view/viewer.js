@@ -54,6 +54,8 @@ class Renderer {
     }
     this.surface = this.program("surface");
     this.sky = this.program("sky");
+    this.screen = this.program("screen");
+    this.target = null;
     this.upload(blocks);
   }
 
@@ -193,11 +195,58 @@ class Renderer {
     gl.uniform1f(places.gain, gain);
     gl.uniform1i(places.curveKind, scene.curve.operator);
     gl.uniform1f(places.white, scene.curve.white);
-    gl.uniform1f(places.gamma, scene.curve.gamma);
     return unit;
   }
 
-  // Draws a picture of width × height pixels into the bound framebuffer.
+  // Returns buffers of width × height pixels with several samples, and a texture for their means, in linear display light.
+  buffers(width, height) {
+    const gl = this.gl;
+    if (this.target?.width === width && this.target.height === height) return this.target;
+    if (this.target) {
+      [this.target.many, this.target.single].forEach((one) => gl.deleteFramebuffer(one));
+      this.target.stored.forEach((one) => gl.deleteRenderbuffer(one));
+      gl.deleteTexture(this.target.texture);
+    }
+    const samples = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
+    const stored = [gl.SRGB8_ALPHA8, gl.DEPTH_COMPONENT24].map((format) => {
+      const buffer = gl.createRenderbuffer();
+      gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, width, height);
+      return buffer;
+    });
+    const [many, single] = [gl.createFramebuffer(), gl.createFramebuffer()];
+    gl.bindFramebuffer(gl.FRAMEBUFFER, many);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, stored[0]);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, stored[1]);
+    const texture = this.texels(width, height, null, [gl.SRGB8_ALPHA8, gl.RGBA, gl.UNSIGNED_BYTE]);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, single);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    return (this.target = { width, height, stored, many, single, texture });
+  }
+
+  // Draws a picture of width × height pixels into a framebuffer: factor × factor times four samples per pixel.
+  show(camera, look, { width, height, factor, framebuffer }) {
+    const gl = this.gl;
+    const [w, h] = [width * factor, height * factor];
+    const target = this.buffers(w, h);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target.many);
+    this.draw(camera, look, w, h);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, target.single);
+    gl.blitFramebuffer(0, 0, w, h, 0, 0, w, h, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+    const { program, places } = this.screen;
+    gl.useProgram(program);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, target.texture);
+    gl.uniform1i(places.picture, 0);
+    gl.uniform1i(places.factor, factor);
+    gl.uniform1f(places.gamma, scene.curve.gamma);
+    [gl.DEPTH_TEST, gl.CULL_FACE, gl.BLEND].forEach((one) => gl.disable(one));
+    gl.viewport(0, 0, width, height);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  // Draws the scene into the bound framebuffer of width × height pixels.
   draw(camera, { gain, coatMode }, width, height) {
     const gl = this.gl;
     const half = camera.half(width / height);
@@ -274,49 +323,24 @@ class Renderer {
     }
   }
 
-  // Returns a picture as { width, height, data }, RGBA in rows from the top: the mean of 2×2 times 4 samples per pixel.
+  // Returns a picture as { width, height, data }, RGBA in rows from the top.
   still(camera, look, width, height) {
     const gl = this.gl;
-    const factor = Math.max(width, height) * 2 <= gl.getParameter(gl.MAX_RENDERBUFFER_SIZE) ? 2 : 1;
-    const [w, h] = [width * factor, height * factor];
-    const buffer = (format, samples) => {
-      const created = gl.createRenderbuffer();
-      gl.bindRenderbuffer(gl.RENDERBUFFER, created);
-      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, w, h);
-      return created;
-    };
-    const samples = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
-    const buffers = [buffer(gl.RGBA8, samples), buffer(gl.DEPTH_COMPONENT24, samples), buffer(gl.RGBA8, 0)];
-    const [many, single] = [gl.createFramebuffer(), gl.createFramebuffer()];
-    gl.bindFramebuffer(gl.FRAMEBUFFER, single);
-    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, buffers[2]);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, many);
-    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, buffers[0]);
-    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, buffers[1]);
-    this.draw(camera, look, w, h);
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, many);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, single);
-    gl.blitFramebuffer(0, 0, w, h, 0, 0, w, h, gl.COLOR_BUFFER_BIT, gl.NEAREST);
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, single);
-    const pixels = new Uint8Array(4 * w * h);
-    gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    const factor = Math.max(width, height) * 2 <= Math.min(this.largest, gl.getParameter(gl.MAX_RENDERBUFFER_SIZE)) ? 2 : 1;
+    const [buffer, framebuffer] = [gl.createRenderbuffer(), gl.createFramebuffer()];
+    gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, width, height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, buffer);
+    this.show(camera, look, { width, height, factor, framebuffer });
+    const pixels = new Uint8ClampedArray(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    [many, single].forEach((one) => gl.deleteFramebuffer(one));
-    buffers.forEach((one) => gl.deleteRenderbuffer(one));
-    // Average the samples of each pixel. Rows of WebGL start at the bottom.
-    const data = new Uint8ClampedArray(4 * width * height);
-    for (let y = 0; y < height; y++) {
-      for (let x = 0; x < width; x++) {
-        for (let c = 0; c < 4; c++) {
-          let sum = 0;
-          for (let k = 0; k < factor * factor; k++) {
-            const row = h - 1 - (y * factor + Math.floor(k / factor));
-            sum += pixels[4 * (row * w + x * factor + (k % factor)) + c];
-          }
-          data[4 * (y * width + x) + c] = Math.round(sum / (factor * factor));
-        }
-      }
-    }
+    gl.deleteFramebuffer(framebuffer);
+    gl.deleteRenderbuffer(buffer);
+    // Rows of WebGL start at the bottom.
+    const data = new Uint8ClampedArray(pixels.length);
+    for (let y = 0; y < height; y++) data.set(pixels.subarray(4 * width * y, 4 * width * (y + 1)), 4 * width * (height - 1 - y));
     return { width, height, data };
   }
 }
@@ -393,8 +417,11 @@ function start(renderer) {
   const keys = new Set();
   const pointers = new Map();
   let [isDirty, isTurning, before, times] = [true, false, 0, []];
+  // Draw the first frames several times, for up to a second, to measure them.
+  let [trials, begin] = [12, performance.now()];
   const { radius, low, high } = scene.bounds;
   const isInside = scene.camera.eye.every((part, k) => part > low[k] && part < high[k]);
+  element("panel").open = innerWidth >= 640;
   element("mode").value = isInside ? "walk" : "orbit";
   element("coats").hidden = !renderer.hasCoats && !scene.materials.list.some((material) => material.coat);
   const touch = (change) => {
@@ -477,9 +504,9 @@ function start(renderer) {
     const size = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== size[0] || canvas.height !== size[1]) touch(() => ([canvas.width, canvas.height] = size));
     if (isDirty && size[0] > 0 && size[1] > 0) {
-      isDirty = false;
-      renderer.draw(camera, look, ...size);
-      if (now - before < 1000) times.push(now - before);
+      isDirty = --trials > 0 && now - begin < 1000;
+      renderer.show(camera, look, { width: size[0], height: size[1], factor: 1, framebuffer: null });
+      if (now - before < 5000) times.push(now - before);
       times = times.slice(-20);
       const mean = times.reduce((sum, time) => sum + time, 0) / times.length;
       if (times.length > 1) element("speed").textContent = `${mean.toFixed(1)} ms · ${(1000 / mean).toFixed(0)} frames/s`;
@@ -500,12 +527,13 @@ function start(renderer) {
     [canvas.width, canvas.height] = [width, height];
     const pixel = new Uint8Array(4);
     const complete = () => gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-    renderer.draw(camera, look, width, height);
+    const show = () => renderer.show(camera, look, { width, height, factor: 1, framebuffer: null });
+    show();
     complete();
     const begin = performance.now();
     for (let k = 0; k < count; k++) {
       camera.turn(0.01, 0);
-      renderer.draw(camera, look, width, height);
+      show();
       complete();
     }
     isDirty = true;
@@ -517,7 +545,7 @@ function start(renderer) {
 async function main() {
   message.textContent = "Loading the scene …";
   message.hidden = false;
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, powerPreference: "high-performance" });
+  const gl = canvas.getContext("webgl2", { antialias: false, depth: false, alpha: false, powerPreference: "high-performance" });
   if (!gl) return fail("This page needs WebGL 2, which this browser does not offer. Another browser, or hardware acceleration in the settings, may help.");
   if (!window.DecompressionStream) return fail("This browser is too old for this page: it has no DecompressionStream.");
   canvas.addEventListener("webglcontextlost", () => fail("The graphics device was lost. Reload the page."));
