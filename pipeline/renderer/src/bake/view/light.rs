@@ -42,16 +42,24 @@ impl ViewLight {
             (y * width + x) as usize
         };
 
-        // Paint the irradiance of texels in use, then extend it to adjacent unused texels.
-        let mut picture: Vec<Option<Vec3>> = vec![None; (width * height) as usize];
+        // Paint the irradiance of reliable texels, then extend it to adjacent texels.
+        let mut picture = Picture { known: vec![None; (width * height) as usize], width: width as usize };
         let mut sum = glam::DVec3::ZERO;
+        let light = |texel: usize| scale * (Vec3::from(baked.direct[texel]) + Vec3::from(baked.indirect[texel]));
         for texel in 0..atlas.len() {
-            let light = scale * (Vec3::from(baked.direct[texel]) + Vec3::from(baked.indirect[texel]));
-            picture[at(texel)] = Some(light);
-            sum += light.as_dvec3();
+            if baked.is_reliable[texel] {
+                picture.known[at(texel)] = Some(light(texel));
+            }
+            sum += light(texel).as_dvec3();
         }
         let mean = (sum / atlas.len().max(1) as f64).as_vec3();
-        let irradiance = dilated(&picture, width as usize);
+        let mut irradiance: Vec<u32> = (0..picture.known.len()).map(|at| shared_exponent(picture.filled(at))).collect();
+        // Keep the light of texels that are not reliable and have no reliable neighbors.
+        for texel in (0..atlas.len()).filter(|&texel| !baked.is_reliable[texel]) {
+            if !picture.has_neighbors(at(texel)) {
+                irradiance[at(texel)] = shared_exponent(light(texel));
+            }
+        }
 
         // Fit the light of coats, and number the fits in the order of the atlas.
         let coated: Vec<usize> =
@@ -59,7 +67,7 @@ impl ViewLight {
         let maps = coated.par_chunks(BLOCK).map(|texels| fitted(baked, surfaces, texels, exposure));
         let (mut places, mut coats) = (Vec::new(), CompactPages::default());
         if !coated.is_empty() {
-            places = vec![0; picture.len()];
+            places = vec![0; picture.known.len()];
         }
         for (&texel, map) in coated.iter().zip(maps.collect::<Vec<Vec<CompactMap>>>().iter().flatten()) {
             let place = coats.push(map, TOLERANCE);
@@ -94,25 +102,36 @@ impl ViewLight {
     }
 }
 
-/// Encodes a picture, in rows of `width` texels. Unused texels have the mean of adjacent texels in use, or zero.
-fn dilated(picture: &[Option<Vec3>], width: usize) -> Vec<u32> {
-    let mut codes = Vec::with_capacity(picture.len());
-    for (at, &texel) in picture.iter().enumerate() {
-        let light = texel.unwrap_or_else(|| {
+/// Light of the texels of the atlas, in rows.
+struct Picture {
+    known: Vec<Option<Vec3>>,
+    width: usize,
+}
+
+impl Picture {
+    /// Returns the known light of the texels around and at an index.
+    fn around(&self, at: usize) -> impl Iterator<Item = Vec3> + '_ {
+        let (x, y) = (at % self.width, at / self.width);
+        let columns = x.saturating_sub(1)..=(x + 1).min(self.width - 1);
+        let rows = y.saturating_sub(1)..=y + 1;
+        let texels = rows.flat_map(move |row| columns.clone().map(move |column| row * self.width + column));
+        texels.filter_map(|texel| *self.known.get(texel)?)
+    }
+
+    fn has_neighbors(&self, at: usize) -> bool {
+        self.around(at).next().is_some()
+    }
+
+    /// Returns the light of a texel. A texel with unknown light has the mean of adjacent texels, or zero.
+    fn filled(&self, at: usize) -> Vec3 {
+        self.known[at].unwrap_or_else(|| {
             let (mut sum, mut count) = (Vec3::ZERO, 0);
-            let (x, y) = (at % width, at / width);
-            for row in y.saturating_sub(1)..=y + 1 {
-                for column in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-                    if let Some(&Some(light)) = picture.get(row * width + column) {
-                        (sum, count) = (sum + light, count + 1);
-                    }
-                }
+            for light in self.around(at) {
+                (sum, count) = (sum + light, count + 1);
             }
             sum / count.max(1) as f32
-        });
-        codes.push(shared_exponent(light));
+        })
     }
-    codes
 }
 
 /// Fits the coats of `texels`.
@@ -195,11 +214,12 @@ mod tests {
     #[test]
     fn unused_texels_have_the_mean_of_their_neighbors() {
         let (one, three) = (Some(Vec3::ONE), Some(Vec3::splat(3.0)));
-        let picture = [one, None, three, None, None, None, None, None, None, None, None, None];
+        let known = vec![one, None, three, None, None, None, None, None, None, None, None, None];
+        let picture = Picture { known, width: 4 };
         let expected = [1.0, 2.0, 3.0, 3.0, 1.0, 2.0, 3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
-        let found = dilated(&picture, 4);
-        for (code, light) in found.into_iter().zip(expected) {
-            assert_eq!(lightfield::from_shared_exponent(code), Vec3::splat(light));
+        for (at, light) in expected.into_iter().enumerate() {
+            assert_eq!(picture.filled(at), Vec3::splat(light));
+            assert_eq!(picture.has_neighbors(at), light > 0.0);
         }
     }
 
