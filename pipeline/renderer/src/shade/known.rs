@@ -1,8 +1,10 @@
 //! Light that is known before a frame is lit, such as baked light.
 
 use super::gradient_sum::GradientSum;
+use super::layer::Visible;
 use glam::Vec3;
-use render_core::{Hit, ShadingPoint, Surface};
+use plane::Plane;
+use render_core::{Hit, ShadingPoint, Surface, Timed};
 use std::fmt::Debug;
 
 /// Irradiance of all surfaces, known before a frame is lit. It replaces photons and virtual lights.
@@ -13,6 +15,10 @@ pub(crate) trait KnownLight: Debug + Sync {
     /// Traces rays around `receiver`, and returns the light that surfaces reflect to it. `key` determines the rotation
     /// of the rays.
     fn gather(&self, receiver: &ShadingPoint, key: u64) -> GatheredLight;
+
+    /// Returns the change of the irradiance of visible static surfaces by dynamic objects \[W·m⁻²\]; `None` without such
+    /// objects. `still` contains the irradiance of these surfaces without dynamic objects, and `None` elsewhere.
+    fn change(&self, visible: &Visible<'_>, still: &Plane<Option<[f32; 3]>>) -> Option<Timed<Plane<[f32; 3]>>>;
 }
 
 /// Light that surfaces reflect to a point, and the distances of these surfaces.

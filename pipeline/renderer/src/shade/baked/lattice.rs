@@ -11,6 +11,7 @@ use crate::shade::visibility::receiver;
 use glam::{Vec2, Vec3, Vec3A};
 use plane::Plane;
 use render_core::{PixelSurface, Timed, luminance};
+use std::f32::consts::PI;
 
 /// Directions per pixel.
 const DIRECTIONS: Directions = Directions { around: 32, hemisphere: 32, follows: MOST_FOLLOWED, shift: Vec2::ZERO };
@@ -18,6 +19,8 @@ const DIRECTIONS: Directions = Directions { around: 32, hemisphere: 32, follows:
 const COARSEST: usize = 8;
 /// Maximum difference between interpolated values at the largest step, as a fraction of the pixel's light.
 const AGREE: f32 = 0.03;
+/// Minimum reflectance in conversions of radiance to irradiance.
+const LEAST_REFLECTANCE: f32 = 0.05;
 /// Minimum cosine between the normals of pixels that share values.
 const ALIKE_COSINE: f32 = 0.95;
 
@@ -31,19 +34,24 @@ pub(super) struct MoverChange<'a> {
 }
 
 impl MoverChange<'_> {
-    /// Returns the change at each pixel on a static surface for which `is_lit` is true \[W·m⁻²\]; zero elsewhere.
-    /// `arriving` is the light at a pixel without the change \[W·m⁻²\].
-    pub fn all(
-        &self,
-        is_lit: impl Fn(usize, usize) -> bool + Sync,
-        arriving: impl Fn(usize, usize) -> f32 + Sync,
-    ) -> Timed<Plane<[f32; 3]>> {
-        let pixels = &self.visible.matte.pixels;
+    /// Returns the change at each pixel on a static surface \[W·m⁻²\]; zero elsewhere. `still` contains the irradiance of
+    /// these surfaces without the change.
+    pub fn all(&self, still: &Plane<Option<[f32; 3]>>) -> Timed<Plane<[f32; 3]>> {
+        let Visible { matte, radiance, ranks, .. } = *self.visible;
+        let pixels = &matte.pixels;
         let (width, height) = (pixels.width(), pixels.height());
-        let is_static = |x, y| is_lit(x, y) && !self.light.moves(pixels.get(x, y).instance);
+        let is_static = |x, y| {
+            let pixel = pixels.get(x, y);
+            still.get(x, y).is_some() && pixel.reflects() && !self.light.moves(pixel.instance)
+        };
+        // Compare changes with all light that arrives at a pixel: direct light is known already.
+        let arriving = |x, y| {
+            let albedo = luminance(pixels.get(x, y).albedo.into()).max(LEAST_REFLECTANCE);
+            let direct = PI / albedo * luminance(radiance.get(x, y));
+            direct + still.get(x, y).map_or(0.0, |light| luminance(light.into()))
+        };
 
         // Refine the lattice: interpolate the values of each step from the step before, or compute them.
-        let ranks = self.visible.ranks;
         let mut known = Timed { value: Plane::filled(width, height, None), seconds: 0.0 };
         let mut step = COARSEST;
         while step >= 1 {
@@ -101,6 +109,6 @@ impl MoverChange<'_> {
 
     /// Computes the change at the surface of a pixel \[W·m⁻²\].
     fn at(&self, pixel: &PixelSurface) -> Vec3 {
-        self.light.change(&receiver(pixel, self.light.frame.epsilon), DIRECTIONS)
+        self.light.change_at(&receiver(pixel, self.light.frame.epsilon), DIRECTIONS)
     }
 }

@@ -19,17 +19,12 @@ use crate::frame::Frame;
 use crate::settings::Aov;
 use crate::texels::BakedTexels;
 use glam::Vec3;
-use lattice::MoverChange;
 use pipeline::error::Result;
 use plane::Plane;
+use render_core::Busy;
 use render_core::ranks::Alone;
-use render_core::{Busy, luminance};
-use std::f32::consts::PI;
 use std::sync::Arc;
 pub(super) use texel_light::TexelLight;
-
-/// Minimum reflectance in conversions of radiance to irradiance.
-const LEAST_REFLECTANCE: f32 = 0.05;
 
 /// Layer of baked indirect light.
 pub(super) struct Baked {
@@ -42,23 +37,6 @@ impl Baked {
     /// Creates a layer with the light of `texels`. The layer `others` lights surfaces without valid texels.
     pub fn new(texels: Arc<BakedTexels>, others: Option<Box<dyn Layer>>) -> Self {
         Self { texels, others }
-    }
-
-    /// Returns the change of the texels' light by dynamic objects; `None` without such objects.
-    fn change(&self, visible: &Visible, looked_up: &Plane<Option<[f32; 3]>>, busy: &Busy) -> Option<Plane<[f32; 3]>> {
-        let light = TexelLight::new(&self.texels, visible.frame, visible.movement);
-        if light.movers.spheres.is_empty() {
-            return None;
-        }
-        let change = MoverChange { light: &light, visible };
-        let is_lit = |x, y| looked_up.get(x, y).is_some() && visible.matte.pixels.get(x, y).reflects();
-        // Compare changes with all light that arrives at a pixel: direct light is known already.
-        let arriving = |x, y| {
-            let albedo = luminance(visible.matte.pixels.get(x, y).albedo.into()).max(LEAST_REFLECTANCE);
-            let direct = PI / albedo * luminance(visible.radiance.get(x, y));
-            direct + looked_up.get(x, y).map_or(0.0, |light| luminance(light.into()))
-        };
-        Some(busy.take(change.all(is_lit, arriving)))
     }
 }
 
@@ -76,7 +54,8 @@ impl Layer for Baked {
         };
         let block = |(): &mut (), columns, rows| places(columns, rows).map(of_pixel).collect();
         let looked_up: Plane<Option<[f32; 3]>> = busy.take(by_macroblock(&Alone, width, height, || (), block));
-        let change = self.change(visible, &looked_up, &busy);
+        let change = visible.known.and_then(|known| known.change(visible, &looked_up));
+        let change = change.map(|change| busy.take(change));
 
         // Light the other surfaces by the second layer; without it, they stay black.
         let missing = looked_up.map(|light| light.is_none());

@@ -117,7 +117,7 @@ impl Cone {
 
 impl TexelLight<'_> {
     /// Estimates the change ΔE at `receiver` \[W·m⁻²\]. Both numbers of `directions` are at most 64.
-    pub(super) fn change(&self, receiver: &ShadingPoint, directions: Directions) -> Vec3 {
+    pub(super) fn change_at(&self, receiver: &ShadingPoint, directions: Directions) -> Vec3 {
         let Directions { around, hemisphere, follows, shift } = directions;
         let (mut cones, mut whole) = (Vec::with_capacity(MOST_CONES), 0.0);
         for (cone, cover) in self.movers.spheres.iter().filter_map(|sphere| cone(sphere, receiver)) {

@@ -13,6 +13,7 @@
 //! E(x) ≈ π/N Σ ρ(yᵢ)/π E(yᵢ)          yᵢ  end of ray i
 //! ```
 
+use super::lattice::MoverChange;
 use super::mover_points::MoverPoints;
 use super::movers::{Directions, Movers};
 use super::probe::Probes;
@@ -21,12 +22,14 @@ use crate::frame::Frame;
 use crate::shade::direct::shades;
 use crate::shade::gradient_sum::GradientSum;
 use crate::shade::known::{GatheredLight, KnownLight};
+use crate::shade::layer::Visible;
 use crate::shade::movement::{Movement, MovingBox};
 use crate::texels::BakedTexels;
 use glam::{Vec3, Vec3A, vec2};
 use lighttree::IrradianceTerm;
+use plane::Plane;
 use render_core::sampling::{centered_sobol, concentric_disc, frame, hash, hash_unit};
-use render_core::{AtlasPoint, Bsdf, Environment, Hit, ShadingPoint, Source, Surface, luminance};
+use render_core::{AtlasPoint, Bsdf, Environment, Hit, ShadingPoint, Source, Surface, Timed, luminance};
 use std::f32::consts::{PI, TAU};
 
 /// Number of rays that gather the light of a record.
@@ -229,7 +232,7 @@ impl<'a> TexelLight<'a> {
             // Equal directions for all blocks would shift their light together.
             let shift = vec2(hash_unit(texel as u64, 1, 0), hash_unit(texel as u64, 2, 0));
             let directions = Directions { around, hemisphere, follows, shift };
-            receiver.map_or(Vec3::ZERO, |receiver| self.change(&receiver, directions))
+            receiver.map_or(Vec3::ZERO, |receiver| self.change_at(&receiver, directions))
         })
     }
 
@@ -347,6 +350,11 @@ impl KnownLight for TexelLight<'_> {
             );
         }
         GatheredLight { light, harmonic_mean: above / inverse_distances, nearest }
+    }
+
+    fn change(&self, visible: &Visible<'_>, still: &Plane<Option<[f32; 3]>>) -> Option<Timed<Plane<[f32; 3]>>> {
+        let has_movers = !self.movers.spheres.is_empty();
+        has_movers.then(|| MoverChange { light: self, visible }.all(still))
     }
 }
 
