@@ -18,7 +18,7 @@ const STEPS: usize = 24;
 
 /// Number of texels along the scene's diagonal at the automatic density. A room of four times four meters has texels of
 /// about 5 cm.
-const ALONG_DIAGONAL: f64 = 140.0;
+const ALONG_DIAGONAL: f64 = 120.0;
 /// Fraction of the surfaces' area in charts that are at least two texels wide at the automatic density.
 const WIDE_AREA: f64 = 0.9;
 /// Maximum number of texels for that, as a multiple of the number at [`ALONG_DIAGONAL`].

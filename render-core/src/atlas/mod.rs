@@ -117,7 +117,7 @@ impl Atlas {
 
     /// Builds an atlas like [`Atlas::new`], with a number of texels that follows from the scene.
     ///
-    /// A texel is 1/140 of the diagonal of all static surfaces, or smaller: up to 1.5 times as many texels are used to
+    /// A texel is 1/120 of the diagonal of all static surfaces, or smaller: up to 1.5 times as many texels are used to
     /// have 90 % of the area in charts of two texels and more. The number is between 20 000 and 1 000 000, unless there
     /// are more charts.
     ///

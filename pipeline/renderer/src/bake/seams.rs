@@ -266,12 +266,11 @@ mod tests {
             rows[column][count] = system.weights[column] * baked[column].x;
         }
         for pivot in 0..count {
-            for row in pivot + 1..count {
-                let factor = rows[row][pivot] / rows[pivot][pivot];
-                for column in pivot..=count {
-                    let above = rows[pivot][column];
-                    rows[row][column] -= factor * above;
-                }
+            let (above, below) = rows.split_at_mut(pivot + 1);
+            let above = &above[pivot];
+            for row in below {
+                let factor = row[pivot] / above[pivot];
+                row.iter_mut().zip(above).for_each(|(value, above)| *value -= factor * above);
             }
         }
         let mut wanted = vec![0.0; count];
