@@ -8,6 +8,7 @@ use pipeline::error::{Error, Result};
 use render_core::scene::{Alpha, Material, Scene, Texture, TextureSlot, Wrap};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::Path;
 
 /// Image of a texture as bytes of a file.
@@ -37,10 +38,10 @@ impl<'a> ViewMaterials<'a> {
             let index = scene.meshes[instance.mesh].material;
             let material = &scene.materials[index];
             for (place, slot) in used(material) {
-                if !materials.images.contains_key(&slot.texture) {
+                if let Entry::Vacant(entry) = materials.images.entry(slot.texture) {
                     let texture = &scene.textures[slot.texture];
                     let source = original(&document, index, place, texture);
-                    materials.images.insert(slot.texture, source.map_or_else(|| encoded(texture), Ok)?);
+                    entry.insert(source.map_or_else(|| encoded(texture), Ok)?);
                 }
             }
         }
