@@ -42,24 +42,16 @@ impl ViewLight {
             (y * width + x) as usize
         };
 
-        // Paint the irradiance of reliable texels, then extend it to adjacent texels.
+        // Paint the irradiance of texels in use, then extend it to adjacent unused texels.
         let mut picture = Picture { known: vec![None; (width * height) as usize], width: width as usize };
         let mut sum = glam::DVec3::ZERO;
-        let light = |texel: usize| scale * (Vec3::from(baked.direct[texel]) + Vec3::from(baked.indirect[texel]));
         for texel in 0..atlas.len() {
-            if baked.is_reliable[texel] {
-                picture.known[at(texel)] = Some(light(texel));
-            }
-            sum += light(texel).as_dvec3();
+            let light = scale * (Vec3::from(baked.direct[texel]) + Vec3::from(baked.indirect[texel]));
+            picture.known[at(texel)] = Some(light);
+            sum += light.as_dvec3();
         }
         let mean = (sum / atlas.len().max(1) as f64).as_vec3();
-        let mut irradiance: Vec<u32> = (0..picture.known.len()).map(|at| shared_exponent(picture.filled(at))).collect();
-        // Keep the light of texels that are not reliable and have no reliable neighbors.
-        for texel in (0..atlas.len()).filter(|&texel| !baked.is_reliable[texel]) {
-            if !picture.has_neighbors(at(texel)) {
-                irradiance[at(texel)] = shared_exponent(light(texel));
-            }
-        }
+        let irradiance = (0..picture.known.len()).map(|at| shared_exponent(picture.filled(at))).collect();
 
         // Fit the light of coats, and number the fits in the order of the atlas.
         let coated: Vec<usize> =
@@ -116,10 +108,6 @@ impl Picture {
         let rows = y.saturating_sub(1)..=y + 1;
         let texels = rows.flat_map(move |row| columns.clone().map(move |column| row * self.width + column));
         texels.filter_map(|texel| *self.known.get(texel)?)
-    }
-
-    fn has_neighbors(&self, at: usize) -> bool {
-        self.around(at).next().is_some()
     }
 
     /// Returns the light of a texel. A texel with unknown light has the mean of adjacent texels, or zero.
@@ -219,7 +207,6 @@ mod tests {
         let expected = [1.0, 2.0, 3.0, 3.0, 1.0, 2.0, 3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
         for (at, light) in expected.into_iter().enumerate() {
             assert_eq!(picture.filled(at), Vec3::splat(light));
-            assert_eq!(picture.has_neighbors(at), light > 0.0);
         }
     }
 
