@@ -34,8 +34,6 @@ const LEAST_DIRECTIONS: usize = 4;
 const NEAR: f32 = 1.02;
 /// Number of spheres that are compared in pairs. More spheres are merged with the next one in order first.
 const MOST_COMPARED: usize = 64;
-/// Maximum number of directions of an estimate.
-const MOST_DIRECTIONS: usize = 64;
 /// Maximum number of cones; nearby objects share a cone.
 const MOST_CONES: usize = 6;
 /// Minimum fraction of the hemisphere, weighted by cosine, that objects must cover to change the light.
@@ -58,8 +56,6 @@ pub(super) struct Directions {
 #[derive(Debug, Default)]
 pub(super) struct Movers {
     pub spheres: Vec<Sphere>,
-    /// Points of the unit square, from which directions are made.
-    points: Vec<Vec2>,
 }
 
 impl Movers {
@@ -76,7 +72,7 @@ impl Movers {
             spheres.swap_remove(other);
             spheres[one] = merged;
         }
-        Self { spheres, points: centered_sobol(MOST_DIRECTIONS).collect() }
+        Self { spheres }
     }
 
     /// Returns the fraction of the hemisphere over `receiver` that the objects cover, weighted by cosine.
@@ -116,7 +112,7 @@ impl Cone {
 }
 
 impl TexelLight<'_> {
-    /// Estimates the change ΔE at `receiver` \[W·m⁻²\]. Both numbers of `directions` are at most 64.
+    /// Estimates the change ΔE at `receiver` \[W·m⁻²\].
     pub(super) fn change_at(&self, receiver: &ShadingPoint, directions: Directions) -> Vec3 {
         let Directions { around, hemisphere, follows, shift } = directions;
         let (mut cones, mut whole) = (Vec::with_capacity(MOST_CONES), 0.0);
@@ -135,7 +131,7 @@ impl TexelLight<'_> {
         }
         let mut change = Vec3::ZERO;
         for (cone, count) in &counted {
-            for &u in &self.movers.points[..*count] {
+            for u in centered_sobol(*count) {
                 let direction = cone.direction((u + shift).fract(), receiver.normal);
                 let density = |(cone, count): &(Cone, usize)| *count as f32 * cone.density(direction, receiver.normal);
                 let weight = counted.iter().map(density).sum::<f32>().max(f32::MIN_POSITIVE);
@@ -144,7 +140,7 @@ impl TexelLight<'_> {
         }
 
         // Add the losses in shadows: cosine-distributed directions have equal weights.
-        for &u in &self.movers.points[..hemisphere] {
+        for u in centered_sobol(hemisphere) {
             let direction = Cone::Hemisphere.direction((u + shift).fract(), receiver.normal);
             change += self.of_shadow(receiver, direction, follows) * (PI / hemisphere as f32);
         }

@@ -59,6 +59,8 @@ pub(in crate::shade) struct TexelLight<'a> {
     pub(super) frame: &'a Frame<'a>,
     /// Directions of gather rays around +z, cosine-distributed.
     directions: Vec<Vec3>,
+    /// Directions of rays that light points on dynamic instances, in the same way.
+    point_directions: Vec<Vec3>,
     /// Boxes around all moving instances.
     pub(super) standing: Vec<MovingBox>,
     /// Regions of the lamps in which shadow rays end.
@@ -90,12 +92,7 @@ impl std::fmt::Debug for TexelLight<'_> {
 impl<'a> TexelLight<'a> {
     /// Prepares the light of `frame`.
     pub fn new(texels: &'a BakedTexels, frame: &'a Frame<'a>, movement: &Movement) -> Self {
-        // Project evenly distributed points of the unit disc to the hemisphere.
-        let mut directions = Vec::with_capacity(RAYS);
-        for u in centered_sobol(RAYS) {
-            let p = concentric_disc(u);
-            directions.push(p.extend((1.0 - p.length_squared()).max(0.0).sqrt()));
-        }
+        let [directions, point_directions] = [RAYS, POINT_RAYS].map(cosine_directions);
         let (standing, sources) = (movement.standing(), frame.direct.sources());
         let movers = Movers::new(&standing);
         let radii = movers.spheres.iter().map(|sphere| sphere.radius);
@@ -104,6 +101,7 @@ impl<'a> TexelLight<'a> {
             texels,
             frame,
             directions,
+            point_directions,
             standing,
             sources,
             probes: Probes::default(),
@@ -277,7 +275,7 @@ impl<'a> TexelLight<'a> {
         let (x, y) = frame(shading_normal.into());
         let (x, y) = (x * cosine + y * sine, y * cosine - x * sine);
         let mut light = Vec3::ZERO;
-        for local in self.directions.iter().take(POINT_RAYS) {
+        for local in &self.point_directions {
             let direction = Vec3A::from(x * local.x + y * local.y) + shading_normal * local.z;
             if direction.dot(geometric_normal) > 0.0 {
                 light += match self.frame.accelerator.closest(receiver.position, direction) {
@@ -356,6 +354,17 @@ impl KnownLight for TexelLight<'_> {
         let has_movers = !self.movers.spheres.is_empty();
         has_movers.then(|| MoverChange { light: self, visible }.all(still))
     }
+}
+
+/// Returns `count` cosine-distributed directions around +z.
+fn cosine_directions(count: usize) -> Vec<Vec3> {
+    // Project evenly distributed points of the unit disc to the hemisphere.
+    let mut directions = Vec::with_capacity(count);
+    for u in centered_sobol(count) {
+        let p = concentric_disc(u);
+        directions.push(p.extend((1.0 - p.length_squared()).max(0.0).sqrt()));
+    }
+    directions
 }
 
 /// Returns the fraction of light that a surface reflects toward the origin of a ray in this `direction`.
