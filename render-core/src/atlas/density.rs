@@ -116,7 +116,7 @@ fn for_width(charts: &[Needed]) -> f64 {
 }
 
 /// Returns the number of texels at which half of the charts that are narrow at `density` are not narrow. Returns `None`
-/// if no chart is narrow, or if the atlas cannot have so many texels.
+/// if no chart is narrow, or if the number exceeds the limit of an atlas.
 pub(super) fn for_half_as_narrow(meshes: &[FlatMesh], density: f32) -> Option<usize> {
     // Sort the narrow charts from wide to narrow, and find the width of the middle one.
     let charts = needed(meshes);

@@ -131,11 +131,11 @@ impl Atlas {
     }
 
     /// Returns the number of texels at which half of the [narrow charts](Atlas::narrow_charts) are not narrow. Returns
-    /// `None` without narrow charts, or if an atlas cannot have so many texels. Flattens all surfaces again.
+    /// `None` without narrow charts, or if the number exceeds the limit of an atlas. Flattens all surfaces again.
     ///
     /// # Errors
     ///
-    /// As for [`Atlas::automatic`].
+    /// If the surfaces cannot be flattened.
     pub fn texels_for_half_as_narrow(&self, surfaces: &Surfaces) -> Result<Option<usize>, AtlasError> {
         let meshes = flatten::standing(surfaces)?;
         Ok(density::for_half_as_narrow(&meshes, self.texels_per_meter))

@@ -61,7 +61,7 @@ pub struct Bake {
 pub struct NarrowCharts {
     /// Number of charts narrower than two texels.
     pub count: usize,
-    /// Number of texels that halves `count`, unless an atlas cannot have so many texels.
+    /// Number of texels that halves `count`, unless that exceeds the limit of an atlas.
     pub texels_for_half: Option<usize>,
 }
 

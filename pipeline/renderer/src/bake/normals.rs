@@ -70,7 +70,7 @@ impl CoatBake<'_> {
         let known = |hit: &Hit, surface: &Surface| self.irradiance(hit, surface);
         let scene = KnownScene { frame: self.places.frame, known: &known };
         let mut light = Harmonics::default();
-        for (direction, radiance) in arriving_light(scene, (*point, surface), RAYS, scratch) {
+        for (direction, radiance) in arriving_light(scene, *point, surface, RAYS, scratch) {
             light.add(direction.into(), radiance, TAU / RAYS as f32);
         }
         // Only indirect light is projected: direct light is computed in each frame.

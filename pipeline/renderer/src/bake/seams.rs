@@ -1,10 +1,10 @@
-//! Seam optimisation: texels on both sides of a seam get the same light.
+//! Seam optimization: texels on both sides of a seam get the same light.
 //!
 //! Texels of two charts are in different places on a common edge, so interpolated light jumps there. The smallest
 //! corrections of texels at seams remove the jumps, in the least-squares sense [Iwanicki13]:
 //!
 //! ```text
-//! minimise  Σ s (Σ w e − Σ w' e')² + Σ r (e − b)²
+//! minimize  Σ s (Σ w e − Σ w' e')² + Σ r (e − b)²
 //!
 //! s       strength of a seam point, proportional to the length it represents
 //! w, w'   bilinear weights of the texels on the two sides of the seam

@@ -13,7 +13,7 @@
 //! | `importance` | importance map, which sets samples and thresholds |
 //! | `audits`, `counts` | errors measured by recomputing light, and counts of the work |
 //! | `visibility`, `movement`, `macroblock`, `pixel` | rays, moving objects, and pixels as layers process them |
-//! | `known`, `gradient_sum` | light that is known before a frame is lit, and sums of light with derivatives |
+//! | `gradient_sum` | sums of light with derivatives |
 //! | `samples`, `lit_frame`, `channels`, `mattes`, `state` | the result, as frames, channels and bytes |
 
 mod all_lights;
@@ -27,7 +27,6 @@ mod counts;
 mod direct;
 mod gradient_sum;
 mod importance;
-mod known;
 mod layer;
 mod layers;
 mod lit_frame;
@@ -62,7 +61,7 @@ use channels::{Known, colors};
 use glam::Vec3;
 use importance::{ImportanceMap, Looking};
 #[cfg(feature = "bake")]
-use known::KnownLight;
+use layer::KnownLight;
 use layer::add_ranks;
 use layers::Layers;
 use lighttree::Calibration;

@@ -1,7 +1,7 @@
 //! Samples of a frame's pixels: their surfaces and light before reconstruction.
 
 use super::importance::ImportanceMap;
-use super::known::KnownLight;
+use super::layer::KnownLight;
 use super::layer::{Lit, Visible};
 use super::lit_frame::{Reused, Sample};
 use super::movement::{InstancePose, Movement};

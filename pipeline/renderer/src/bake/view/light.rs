@@ -43,7 +43,7 @@ impl ViewLight {
         };
 
         // Paint the irradiance of texels in use, then extend it to adjacent unused texels.
-        let mut picture = Picture { known: vec![None; (width * height) as usize], width: width as usize };
+        let mut picture = HoledPicture { known: vec![None; (width * height) as usize], width: width as usize };
         let mut sum = glam::DVec3::ZERO;
         for texel in 0..atlas.len() {
             let light = scale * (Vec3::from(baked.direct[texel]) + Vec3::from(baked.indirect[texel]));
@@ -95,12 +95,12 @@ impl ViewLight {
 }
 
 /// Light of the texels of the atlas, in rows.
-struct Picture {
+struct HoledPicture {
     known: Vec<Option<Vec3>>,
     width: usize,
 }
 
-impl Picture {
+impl HoledPicture {
     /// Returns the known light of the texels around and at an index.
     fn around(&self, at: usize) -> impl Iterator<Item = Vec3> + '_ {
         let (x, y) = (at % self.width, at / self.width);
@@ -203,7 +203,7 @@ mod tests {
     fn unused_texels_have_the_mean_of_their_neighbors() {
         let (one, three) = (Some(Vec3::ONE), Some(Vec3::splat(3.0)));
         let known = vec![one, None, three, None, None, None, None, None, None, None, None, None];
-        let picture = Picture { known, width: 4 };
+        let picture = HoledPicture { known, width: 4 };
         let expected = [1.0, 2.0, 3.0, 3.0, 1.0, 2.0, 3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
         for (at, light) in expected.into_iter().enumerate() {
             assert_eq!(picture.filled(at), Vec3::splat(light));

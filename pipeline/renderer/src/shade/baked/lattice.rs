@@ -27,6 +27,14 @@ const ALIKE_COSINE: f32 = 0.95;
 /// Change of the irradiance at a pixel \[W·m⁻²\]; `None` where it is not computed.
 type Change = Option<[f32; 3]>;
 
+/// Change between computed values.
+struct Interpolated {
+    /// Interpolated change \[W·m⁻²\].
+    change: Vec3,
+    /// Largest difference in luminance between the values \[W·m⁻²\].
+    spread: f32,
+}
+
 /// Changes of a frame's irradiance by dynamic objects.
 pub(super) struct MoverChange<'a> {
     pub light: &'a TexelLight<'a>,
@@ -63,8 +71,10 @@ impl MoverChange<'_> {
                     return before.get(x, y);
                 }
                 let is_coarsest = step == COARSEST;
-                let between = (!is_coarsest).then(|| self.between(before, (x, y), 2 * step, agree * arriving(x, y)));
-                Some(between.flatten().unwrap_or_else(|| self.at(&pixels.get(x, y))).to_array())
+                let between = (!is_coarsest).then(|| {
+                    self.between(before, [x, y], 2 * step).filter(|change| change.spread <= agree * arriving(x, y))
+                });
+                Some(between.flatten().map_or_else(|| self.at(&pixels.get(x, y)), |found| found.change).to_array())
             };
             let block = |(): &mut (), columns, rows| places(columns, rows).map(of_pixel).collect();
             let finer: Timed<Plane<Change>> = by_macroblock(ranks, width, height, || (), block);
@@ -74,9 +84,8 @@ impl MoverChange<'_> {
         known.map(|changes| changes.map(Option::unwrap_or_default))
     }
 
-    /// Interpolates a pixel's change between the computed values around it. Returns `None` if their surfaces differ, or
-    /// the values differ by more than `most` \[W·m⁻²\].
-    fn between(&self, lattice: &Plane<Change>, (x, y): (usize, usize), step: usize, most: f32) -> Option<Vec3> {
+    /// Interpolates a pixel's change between the computed values around it. Returns `None` if their surfaces differ.
+    fn between(&self, lattice: &Plane<Change>, [x, y]: [usize; 2], step: usize) -> Option<Interpolated> {
         let pixels = &self.visible.matte.pixels;
         let own = pixels.get(x, y);
         let normal = Vec3A::from(own.shading_normal);
@@ -104,7 +113,7 @@ impl MoverChange<'_> {
             sum += weight * change;
             (low, high) = (low.min(luminance(change)), high.max(luminance(change)));
         }
-        (high - low <= most).then_some(sum)
+        Some(Interpolated { change: sum, spread: high - low })
     }
 
     /// Computes the change at the surface of a pixel \[W·m⁻²\].

@@ -2,9 +2,11 @@
 //!
 //! | surfaces | light |
 //! |---|---|
-//! | static, with valid texels | texels, plus the change by dynamic objects (`movers.rs`) |
-//! | dynamic, or without valid texels | a second layer, which gathers light from the texels (`texel_light.rs`) |
+//! | static, with valid texels | texels, plus the change by dynamic objects (`change.rs`) |
+//! | dynamic, or without valid texels | a second layer, which gathers light from the texels (`gather.rs`) |
 
+mod change;
+mod gather;
 mod lattice;
 mod mover_points;
 mod movers;

@@ -1,43 +1,21 @@
-//! Change of the indirect light on static surfaces by dynamic objects.
-//!
-//! Texels contain the light of the scene without its dynamic objects. An object hides the surfaces behind it and sends
-//! its own light instead:
-//!
-//! ```text
-//! ΔE(x) = ∫ (L_object − L_behind) cos θ dω        over the directions in which x sees a dynamic object
-//! ```
-//!
-//! Directions are sampled in the cones around the bounding spheres of the objects. A direction in several cones is
-//! weighted by the balance heuristic \[Veach97\]: with nₖ directions of density pₖ in cone k,
-//!
-//! ```text
-//! ΔE ≈ Σ f(ωᵢ) / Σₖ nₖ pₖ(ωᵢ)
-//! ```
-//!
-//! Objects also cast shadows and hide light from other surfaces, which then reflect less. Cosine-distributed directions
-//! add this change of the reflected light:
-//!
-//! ```text
-//! ΔE ≈ π/N Σ ρ(yᵢ)/π ((V − 1) E_direct + ΔE)(yᵢ)
-//! ```
+//! Dynamic objects, and the directions in which they are visible.
 
-use super::texel_light::TexelLight;
 use crate::shade::movement::{MovingBox, Sphere};
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3A};
 use render_core::ShadingPoint;
-use render_core::sampling::{centered_sobol, frame};
+use render_core::sampling::frame;
 use std::f32::consts::{PI, TAU};
 
 /// Minimum number of directions in a cone.
-const LEAST_DIRECTIONS: usize = 4;
+pub(super) const LEAST_DIRECTIONS: usize = 4;
 /// Distance from the center of a sphere, in radii, within which all directions are sampled.
 const NEAR: f32 = 1.02;
 /// Number of spheres that are compared in pairs. More spheres are merged with the next one in order first.
 const MOST_COMPARED: usize = 64;
 /// Maximum number of cones; nearby objects share a cone.
-const MOST_CONES: usize = 6;
+pub(super) const MOST_CONES: usize = 6;
 /// Minimum fraction of the hemisphere, weighted by cosine, that objects must cover to change the light.
-const LEAST_COVER: f32 = 0.002;
+pub(super) const LEAST_COVER: f32 = 0.002;
 
 /// Number of directions of an estimate: around the objects, and in the hemisphere.
 #[derive(Clone, Copy, Debug)]
@@ -77,12 +55,18 @@ impl Movers {
 
     /// Returns the fraction of the hemisphere over `receiver` that the objects cover, weighted by cosine.
     pub fn cover(&self, receiver: &ShadingPoint) -> f32 {
-        self.spheres.iter().filter_map(|sphere| cone(sphere, receiver)).map(|(_, cover)| cover).sum()
+        self.cones(receiver).map(|(_, cover)| cover).sum()
+    }
+
+    /// Returns the directions in which objects are visible from `receiver`, each with the fraction of the hemisphere that
+    /// it covers.
+    pub fn cones(&self, receiver: &ShadingPoint) -> impl Iterator<Item = (Cone, f32)> {
+        self.spheres.iter().filter_map(move |sphere| cone(sphere, receiver))
     }
 }
 
 /// Directions around a sphere.
-enum Cone {
+pub(super) enum Cone {
     /// All directions above the receiver, cosine-distributed.
     Hemisphere,
     /// Directions within an angle of the axis, uniformly distributed.
@@ -91,7 +75,7 @@ enum Cone {
 
 impl Cone {
     /// Returns the density of a direction \[sr⁻¹\].
-    fn density(&self, direction: Vec3A, normal: Vec3A) -> f32 {
+    pub fn density(&self, direction: Vec3A, normal: Vec3A) -> f32 {
         match *self {
             Self::Hemisphere => direction.dot(normal).max(0.0) / PI,
             Self::Around { axis, cosine } if direction.dot(axis) >= cosine => 1.0 / (TAU * (1.0 - cosine)),
@@ -100,7 +84,7 @@ impl Cone {
     }
 
     /// Returns the direction at a point of the unit square.
-    fn direction(&self, u: Vec2, normal: Vec3A) -> Vec3A {
+    pub fn direction(&self, u: Vec2, normal: Vec3A) -> Vec3A {
         let (axis, z) = match *self {
             Self::Hemisphere => (normal, (1.0 - u.x).sqrt()),
             Self::Around { axis, cosine } => (axis, 1.0 - u.x * (1.0 - cosine)),
@@ -108,72 +92,6 @@ impl Cone {
         let (x, y) = frame(axis.into());
         let ((sine, turned), radius) = ((TAU * u.y).sin_cos(), (1.0 - z * z).max(0.0).sqrt());
         Vec3A::from(x * (turned * radius) + y * (sine * radius)) + axis * z
-    }
-}
-
-impl TexelLight<'_> {
-    /// Estimates the change ΔE at `receiver` \[W·m⁻²\].
-    pub(super) fn change_at(&self, receiver: &ShadingPoint, directions: Directions) -> Vec3 {
-        let Directions { around, hemisphere, follows, shift } = directions;
-        let (mut cones, mut whole) = (Vec::with_capacity(MOST_CONES), 0.0);
-        for (cone, cover) in self.movers.spheres.iter().filter_map(|sphere| cone(sphere, receiver)) {
-            whole += cover;
-            cones.push((cone, cover));
-        }
-
-        // Divide the directions between the cones by their size.
-        let mut counted = Vec::with_capacity(cones.len());
-        for (cone, cover) in cones {
-            if whole >= LEAST_COVER {
-                let count = (around as f32 * cover / whole).round() as usize;
-                counted.push((cone, count.clamp(LEAST_DIRECTIONS, around)));
-            }
-        }
-        let mut change = Vec3::ZERO;
-        for (cone, count) in &counted {
-            for u in centered_sobol(*count) {
-                let direction = cone.direction((u + shift).fract(), receiver.normal);
-                let density = |(cone, count): &(Cone, usize)| *count as f32 * cone.density(direction, receiver.normal);
-                let weight = counted.iter().map(density).sum::<f32>().max(f32::MIN_POSITIVE);
-                change += self.of_object(receiver, direction) / weight;
-            }
-        }
-
-        // Add the losses in shadows: cosine-distributed directions have equal weights.
-        for u in centered_sobol(hemisphere) {
-            let direction = Cone::Hemisphere.direction((u + shift).fract(), receiver.normal);
-            change += self.of_shadow(receiver, direction, follows) * (PI / hemisphere as f32);
-        }
-        change
-    }
-
-    /// Returns (L_object − L_behind) cos θ for a direction \[W·m⁻²·sr⁻¹\]; zero if no object is visible there.
-    fn of_object(&self, receiver: &ShadingPoint, direction: Vec3A) -> Vec3 {
-        let &ShadingPoint { position, normal, geometric_normal } = receiver;
-        let cosine = normal.dot(direction);
-        if cosine <= 0.0 || geometric_normal.dot(direction) <= 0.0 {
-            return Vec3::ZERO;
-        }
-        // Omit rays that pass by all objects.
-        let meets = |thing: &MovingBox| thing.is_crossed(position, position + direction * thing.farthest(position));
-        if !self.standing.iter().any(meets) {
-            return Vec3::ZERO;
-        }
-        let first = self.frame.accelerator.closest(position, direction);
-        let Some(hit) = first.filter(|hit| self.moves(hit.instance)) else { return Vec3::ZERO };
-        (self.radiance(&hit, direction) - self.static_radiance(position, direction, hit.distance)) * cosine
-    }
-
-    /// Returns the change of the radiance that a static surface sends from a direction \[W·m⁻²·sr⁻¹\], with
-    /// `follows` reflections between changed surfaces.
-    fn of_shadow(&self, receiver: &ShadingPoint, direction: Vec3A, follows: usize) -> Vec3 {
-        if receiver.geometric_normal.dot(direction) <= 0.0 {
-            return Vec3::ZERO;
-        }
-        match self.frame.accelerator.closest(receiver.position, direction) {
-            Some(hit) if !self.moves(hit.instance) => self.change_of_radiance(&hit, direction, follows),
-            _ => Vec3::ZERO,
-        }
     }
 }
 

@@ -3,7 +3,6 @@
 //! The radiance around a center is projected to spherical harmonics of degree 2, which represent the irradiance of
 //! any normal with an error of about 1 % \[RamamoorthiHanrahan01\]. Rays pass through dynamic instances.
 
-use super::texel_light::TexelLight;
 use glam::{Vec3, Vec3A};
 use lightfield::Harmonics;
 use render_core::sampling::centered_sobol;
@@ -19,11 +18,17 @@ const RAYS: usize = 256;
 pub(super) struct Probes(BTreeMap<u32, Harmonics>);
 
 impl Probes {
-    /// Traces a probe for each moving instance. Rays see only static surfaces.
-    pub fn trace(light: &TexelLight) -> Self {
+    /// Creates the probes of `instances`, each with the radiance that `radiance` returns for a point and a direction
+    /// \[W·m⁻²·sr⁻¹\].
+    pub fn trace(instances: &[(u32, Vec3A)], radiance: impl Fn(Vec3A, Vec3A) -> Vec3) -> Self {
         let mut probes = BTreeMap::new();
-        for thing in &light.standing {
-            probes.insert(thing.instance, probe(light, thing.sphere().center));
+        for &(instance, center) in instances {
+            let mut harmonics = Harmonics::default();
+            for u in centered_sobol(RAYS) {
+                let direction = Vec3A::from(uniform_sphere(u));
+                harmonics.add(direction.into(), radiance(center, direction), 4.0 * PI / RAYS as f32);
+            }
+            probes.insert(instance, harmonics);
         }
         Self(probes)
     }
@@ -32,15 +37,4 @@ impl Probes {
     pub fn irradiance(&self, instance: u32, normal: Vec3A) -> Vec3 {
         self.0.get(&instance).map_or(Vec3::ZERO, |probe| probe.irradiance(normal.into()).max(Vec3::ZERO))
     }
-}
-
-/// Returns the radiance around a point, without dynamic surfaces.
-fn probe(light: &TexelLight, center: Vec3A) -> Harmonics {
-    let mut harmonics = Harmonics::default();
-    let solid_angle = 4.0 * PI / RAYS as f32;
-    for u in centered_sobol(RAYS) {
-        let direction = Vec3A::from(uniform_sphere(u));
-        harmonics.add(direction.into(), light.static_radiance(center, direction, 0.0), solid_angle);
-    }
-    harmonics
 }

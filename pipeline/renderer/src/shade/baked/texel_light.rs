@@ -4,36 +4,25 @@
 //! E(y) = V E_direct + E_indirect + ΔE   y on a static surface: light of the texels
 //! E(y) = E_direct + P(n)                y on a dynamic surface: light of the nearest point of `mover_points.rs`
 //!   V   fraction of the direct light that dynamic objects do not hide
-//!   ΔE  change of the indirect light by nearby dynamic objects: see `movers.rs`
+//!   ΔE  change of the indirect light by nearby dynamic objects: see `change.rs`
 //!   P   irradiance at the center of the dynamic instance, by the normal n: see `probe.rs`
 //! ```
-//! The light that arrives at a point x is the mean over cosine-distributed rays:
-//!
-//! ```text
-//! E(x) ≈ π/N Σ ρ(yᵢ)/π E(yᵢ)          yᵢ  end of ray i
-//! ```
 
-use super::lattice::MoverChange;
 use super::mover_points::MoverPoints;
 use super::movers::{Directions, Movers};
 use super::probe::Probes;
 use super::texel_blocks::TexelBlocks;
 use crate::frame::Frame;
 use crate::shade::direct::shades;
-use crate::shade::gradient_sum::GradientSum;
-use crate::shade::known::{GatheredLight, KnownLight};
-use crate::shade::layer::Visible;
 use crate::shade::movement::{Movement, MovingBox};
 use crate::texels::BakedTexels;
 use glam::{Vec3, Vec3A, vec2};
-use lighttree::IrradianceTerm;
-use plane::Plane;
 use render_core::sampling::{centered_sobol, concentric_disc, frame, hash, hash_unit};
-use render_core::{AtlasPoint, Bsdf, Environment, Hit, ShadingPoint, Source, Surface, Timed, luminance};
+use render_core::{AtlasPoint, Bsdf, Environment, Hit, ShadingPoint, Source, Surface, luminance};
 use std::f32::consts::{PI, TAU};
 
 /// Number of rays that gather the light of a record.
-const RAYS: usize = 128;
+pub(super) const GATHER_RAYS: usize = 128;
 /// Number of rays that light a point on a dynamic instance for the ends of rays.
 const POINT_RAYS: usize = 32;
 /// Ratio of a ray's width to the distance, for textures.
@@ -50,15 +39,13 @@ const CHANGES_PER_RADIUS: f32 = 3.0;
 const CHANGE_DIRECTIONS: (usize, usize) = (16, 16);
 /// Minimum fraction of the hemisphere that objects cover where they change the indirect light of a block.
 const LEAST_COVER: f32 = 0.02;
-/// Minimum cosine in derivatives. At grazing angles, derivatives would not be finite.
-const LEAST_COSINE: f32 = 0.05;
 
 /// Light of a frame in a film with baked light.
 pub(in crate::shade) struct TexelLight<'a> {
     texels: &'a BakedTexels,
     pub(super) frame: &'a Frame<'a>,
     /// Directions of gather rays around +z, cosine-distributed.
-    directions: Vec<Vec3>,
+    pub(super) directions: Vec<Vec3>,
     /// Directions of rays that light points on dynamic instances, in the same way.
     point_directions: Vec<Vec3>,
     /// Boxes around all moving instances.
@@ -92,7 +79,7 @@ impl std::fmt::Debug for TexelLight<'_> {
 impl<'a> TexelLight<'a> {
     /// Prepares the light of `frame`.
     pub fn new(texels: &'a BakedTexels, frame: &'a Frame<'a>, movement: &Movement) -> Self {
-        let [directions, point_directions] = [RAYS, POINT_RAYS].map(cosine_directions);
+        let [directions, point_directions] = [GATHER_RAYS, POINT_RAYS].map(cosine_directions);
         let (standing, sources) = (movement.standing(), frame.direct.sources());
         let movers = Movers::new(&standing);
         let radii = movers.spheres.iter().map(|sphere| sphere.radius);
@@ -112,7 +99,9 @@ impl<'a> TexelLight<'a> {
         };
 
         // Trace the probes without light of dynamic surfaces, which needs the probes. Then light these surfaces.
-        light.probes = Probes::trace(&light);
+        let centers: Vec<(u32, Vec3A)> =
+            light.standing.iter().map(|thing| (thing.instance, thing.sphere().center)).collect();
+        light.probes = Probes::trace(&centers, |center, direction| light.static_radiance(center, direction, 0.0));
         let moving: Vec<u32> = light.standing.iter().map(|thing| thing.instance).collect();
         light.points = MoverPoints::light(frame, &moving, |instance, surface| light.computed(instance, surface));
         // Light them again by rays, which see the shadows around them.
@@ -138,7 +127,7 @@ impl<'a> TexelLight<'a> {
 
     /// Returns the radiance that leaves the surface at a ray's hit, in the light of this frame \[W·m⁻²·sr⁻¹\].
     pub(super) fn radiance(&self, hit: &Hit, direction: Vec3A) -> Vec3 {
-        self.leaving(hit, direction, |surface| self.irradiance(hit, surface))
+        self.leaving(hit, direction, |surface| self.irradiance_at(hit, surface))
     }
 
     /// Returns the change of the radiance that the static surface at a hit reflects, by shadows of dynamic objects and by
@@ -184,6 +173,16 @@ impl<'a> TexelLight<'a> {
     /// Returns whether the instance moves during the film.
     pub(super) fn moves(&self, instance: u32) -> bool {
         self.frame.surfaces.moving()[instance as usize]
+    }
+
+    /// Returns the irradiance at a ray's hit, in the light of this frame \[W·m⁻²\].
+    pub(super) fn irradiance_at(&self, hit: &Hit, surface: &Surface) -> Vec3 {
+        let Some(light) = self.of_texels(hit, surface) else {
+            let nearest = self.points.nearest(hit.instance, surface);
+            return nearest.unwrap_or_else(|| self.computed(hit.instance, surface));
+        };
+        let indirect = light.indirect + self.change_nearby(&light, surface, MOST_FOLLOWED - 1);
+        light.direct * self.unshadowed(&light, surface) + indirect.max(Vec3::ZERO)
     }
 
     /// Returns the light of the texels at a hit; `None` without texels.
@@ -296,66 +295,6 @@ impl<'a> TexelLight<'a> {
     }
 }
 
-impl KnownLight for TexelLight<'_> {
-    fn irradiance(&self, hit: &Hit, surface: &Surface) -> Vec3 {
-        let Some(light) = self.of_texels(hit, surface) else {
-            let nearest = self.points.nearest(hit.instance, surface);
-            return nearest.unwrap_or_else(|| self.computed(hit.instance, surface));
-        };
-        let indirect = light.indirect + self.change_nearby(&light, surface, MOST_FOLLOWED - 1);
-        light.direct * self.unshadowed(&light, surface) + indirect.max(Vec3::ZERO)
-    }
-
-    fn gather(&self, receiver: &ShadingPoint, key: u64) -> GatheredLight {
-        let &ShadingPoint { position, normal, geometric_normal } = receiver;
-        // Rotate the directions about the normal.
-        let (x, y) = frame(normal.into());
-        let (sine, cosine) = (TAU * hash_unit(key, 0, 0)).sin_cos();
-        let (x, y) = (x * cosine + y * sine, y * cosine - x * sine);
-
-        let (mut light, mut nearest) = (GradientSum::ZERO, f32::INFINITY);
-        let (mut inverse_distances, mut above) = (0.0, 0.0f32);
-        let weight = PI / RAYS as f32;
-        for local in &self.directions {
-            let direction = Vec3A::from(x * local.x + y * local.y) + normal * local.z;
-            if direction.dot(geometric_normal) <= 0.0 {
-                continue;
-            }
-            above += 1.0;
-            let Some(hit) = self.frame.accelerator.closest(position, direction) else { continue };
-            inverse_distances += 1.0 / hit.distance;
-            nearest = nearest.min(hit.distance);
-
-            // Let each ray represent the region up to the neighboring rays. Emission and sky are in the light tree.
-            let surface = self.frame.surfaces.at_indirect(&hit, direction, hit.distance * weight.sqrt());
-            if !surface.front && !surface.double_sided {
-                continue;
-            }
-            let radiance = reflectance(&surface, direction) / PI * self.irradiance(&hit, &surface);
-
-            // Take derivatives of cos θ cos θ_y / r² for a fixed end of the ray: both cosines contain the direction.
-            let facing = surface.geometric_normal;
-            let towards = direction.dot(facing).min(-LEAST_COSINE);
-            let slope = (direction * 4.0 - facing / towards) / hit.distance;
-            let slope = slope - normal * slope.dot(normal);
-            light.add(
-                radiance,
-                &IrradianceTerm {
-                    value: weight,
-                    by_normal: (direction * (weight / local.z.max(LEAST_COSINE))).into(),
-                    by_position: (slope * weight).into(),
-                },
-            );
-        }
-        GatheredLight { light, harmonic_mean: above / inverse_distances, nearest }
-    }
-
-    fn change(&self, visible: &Visible<'_>, still: &Plane<Option<[f32; 3]>>) -> Option<Timed<Plane<[f32; 3]>>> {
-        let has_movers = !self.movers.spheres.is_empty();
-        has_movers.then(|| MoverChange { light: self, visible }.all(still))
-    }
-}
-
 /// Returns `count` cosine-distributed directions around +z.
 fn cosine_directions(count: usize) -> Vec<Vec3> {
     // Project evenly distributed points of the unit disc to the hemisphere.
@@ -368,7 +307,7 @@ fn cosine_directions(count: usize) -> Vec<Vec3> {
 }
 
 /// Returns the fraction of light that a surface reflects toward the origin of a ray in this `direction`.
-fn reflectance(surface: &Surface, direction: Vec3A) -> Vec3 {
+pub(super) fn reflectance(surface: &Surface, direction: Vec3A) -> Vec3 {
     if surface.specular == Vec3::ZERO {
         return surface.albedo;
     }

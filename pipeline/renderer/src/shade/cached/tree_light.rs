@@ -4,7 +4,7 @@ use super::recipe::Recipe;
 use crate::shade::audits::{MadeLightcut, is_record_audited};
 use crate::shade::counts::Counts;
 use crate::shade::gradient_sum::GradientSum;
-use crate::shade::known::GatheredLight;
+use crate::shade::layer::GatheredLight;
 use crate::shade::layer::Visible;
 use crate::shade::movement::MovingBox;
 use crate::shade::tolerance::{FootprintPixel, Tolerance};

@@ -93,7 +93,8 @@ impl TexelCoat {
 /// \[W·m⁻²·sr⁻¹\]. The directions are even over the hemisphere. The surface is lit at the given point.
 pub(crate) fn arriving_light(
     scene: KnownScene,
-    (receiver, surface): (ShadingPoint, &Surface),
+    receiver: ShadingPoint,
+    surface: &Surface,
     count: usize,
     scratch: &mut Scratch,
 ) -> impl Iterator<Item = (Vec3A, Vec3)> {
