@@ -24,10 +24,13 @@
 use super::movers::{Cone, Directions, LEAST_COVER, LEAST_DIRECTIONS, MOST_CONES};
 use super::texel_light::TexelLight;
 use crate::shade::movement::MovingBox;
-use glam::{Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A, vec2};
 use render_core::ShadingPoint;
-use render_core::sampling::centered_sobol;
 use std::f32::consts::PI;
+
+/// Factor of the number of directions in the hemisphere under a near object. With 64 directions, the light under a plate
+/// deviates by up to 2 % of the unobstructed light.
+const NEAR_FACTOR: usize = 2;
 
 impl TexelLight<'_> {
     /// Estimates the change ΔE at `receiver` \[W·m⁻²\].
@@ -39,17 +42,22 @@ impl TexelLight<'_> {
             cones.push((cone, cover));
         }
 
+        // Shadows are near their objects, so they change little where the objects cover little.
+        if whole < LEAST_COVER {
+            return Vec3::ZERO;
+        }
+
         // Divide the directions between the cones by their size.
         let mut counted = Vec::with_capacity(cones.len());
         for (cone, cover) in cones {
-            if whole >= LEAST_COVER {
-                let count = (around as f32 * cover / whole).round() as usize;
-                counted.push((cone, count.clamp(LEAST_DIRECTIONS, around)));
-            }
+            // Near an object, each direction covers more of its outline.
+            let around = if matches!(cone, Cone::Hemisphere) { NEAR_FACTOR * around } else { around };
+            let count = (around as f32 * cover / whole).round() as usize;
+            counted.push((cone, count.clamp(LEAST_DIRECTIONS, around)));
         }
         let mut change = Vec3::ZERO;
         for (cone, count) in &counted {
-            for u in centered_sobol(*count) {
+            for u in golden(*count) {
                 let direction = cone.direction((u + shift).fract(), receiver.normal);
                 let density = |(cone, count): &(Cone, usize)| *count as f32 * cone.density(direction, receiver.normal);
                 let weight = counted.iter().map(density).sum::<f32>().max(f32::MIN_POSITIVE);
@@ -58,7 +66,7 @@ impl TexelLight<'_> {
         }
 
         // Add the losses in shadows: cosine-distributed directions have equal weights.
-        for u in centered_sobol(hemisphere) {
+        for u in golden(hemisphere) {
             let direction = Cone::Hemisphere.direction((u + shift).fract(), receiver.normal);
             change += self.of_shadow(receiver, direction, follows) * (PI / hemisphere as f32);
         }
@@ -93,4 +101,11 @@ impl TexelLight<'_> {
             _ => Vec3::ZERO,
         }
     }
+}
+
+/// Returns `count` points of the unit square, whose second coordinate advances by the golden ratio. Directions made from
+/// them are even, and unlike a lattice, they do not align with the outlines of boxes.
+fn golden(count: usize) -> impl Iterator<Item = Vec2> {
+    const RATIO: f32 = 0.618_034;
+    (0..count).map(move |k| vec2((k as f32 + 0.5) / count as f32, (k as f32 * RATIO).fract()))
 }

@@ -1,7 +1,7 @@
 //! Change of the light on visible static surfaces by dynamic objects.
 //!
-//! The change is smooth except near contacts. It is computed at every eighth pixel and row, and interpolated where the
-//! values around a pixel agree; elsewhere, every fourth, second and single pixel follows.
+//! The change is smooth except near contacts. It is computed at every 16th pixel and row, and interpolated where the
+//! values around a pixel agree. Elsewhere, the distance is halved until it is a single pixel.
 
 use super::movers::Directions;
 use super::texel_light::{MOST_FOLLOWED, TexelLight};
@@ -16,9 +16,9 @@ use std::f32::consts::PI;
 /// Directions per pixel.
 const DIRECTIONS: Directions = Directions { around: 32, hemisphere: 32, follows: MOST_FOLLOWED, shift: Vec2::ZERO };
 /// Maximum distance between pixels with computed values \[pixels\]; a power of two.
-const COARSEST: usize = 8;
+const COARSEST: usize = 16;
 /// Maximum difference between interpolated values at the largest step, as a fraction of the pixel's light.
-const AGREE: f32 = 0.03;
+const AGREE: f32 = 0.02;
 /// Minimum reflectance in conversions of radiance to irradiance.
 const LEAST_REFLECTANCE: f32 = 0.05;
 /// Minimum cosine between the normals of pixels that share values.
@@ -118,6 +118,11 @@ impl MoverChange<'_> {
 
     /// Computes the change at the surface of a pixel \[W·m⁻²\].
     fn at(&self, pixel: &PixelSurface) -> Vec3 {
-        self.light.change_at(&receiver(pixel, self.light.frame.epsilon), DIRECTIONS)
+        let receiver = receiver(pixel, self.light.frame.epsilon);
+        // A visible point is outside of objects, except for rounding errors at a contact.
+        if self.light.is_within(&receiver) {
+            return Vec3::ZERO;
+        }
+        self.light.change_at(&receiver, DIRECTIONS)
     }
 }

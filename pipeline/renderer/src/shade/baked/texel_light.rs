@@ -246,7 +246,7 @@ impl<'a> TexelLight<'a> {
     }
 
     /// Returns whether a point is within a dynamic object: the first surface over it is the back of such an object.
-    fn is_within(&self, receiver: &ShadingPoint) -> bool {
+    pub(super) fn is_within(&self, receiver: &ShadingPoint) -> bool {
         let ShadingPoint { position, geometric_normal: up, .. } = *receiver;
         let first = self.frame.accelerator.closest(position, up);
         first.is_some_and(|hit| self.moves(hit.instance) && !self.frame.surfaces.is_front(&hit, up))
