@@ -10,9 +10,11 @@ use crate::settings::Aov;
 use glam::Vec3;
 use pipeline::error::Result;
 use plane::{Correspondence, Plane};
+#[cfg(feature = "bake")]
+use render_core::Timed;
 use render_core::cache::SharedRecord;
 use render_core::ranks::{Portable, Ranks};
-use render_core::{GBuffer, Hit, ShadingPoint, Surface, Timed};
+use render_core::{GBuffer, Hit, ShadingPoint, Surface};
 use std::f32::consts::PI;
 use std::fmt::Debug;
 use std::ops::AddAssign;
@@ -97,6 +99,7 @@ pub(crate) trait KnownLight: Debug + Sync {
 
     /// Returns the change of the irradiance of visible static surfaces by dynamic objects \[W·m⁻²\]; `None` without such
     /// objects. `still` contains the irradiance of these surfaces without dynamic objects, and `None` elsewhere.
+    #[cfg(feature = "bake")]
     fn change(&self, visible: &Visible<'_>, still: &Plane<Option<[f32; 3]>>) -> Option<Timed<Plane<[f32; 3]>>>;
 }
 

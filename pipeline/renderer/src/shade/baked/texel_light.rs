@@ -31,7 +31,7 @@ const SPREAD: f32 = 0.1;
 pub(super) const MOST_FOLLOWED: usize = 2;
 /// Maximum number of dynamic surfaces through which a ray passes.
 const MOST_CROSSED: usize = 16;
-/// Number of blocks of texels along the radius of the smallest dynamic object, for shadows and for changes of indirect
+/// Number of blocks of texels along the radius of the largest dynamic object, for shadows and for changes of indirect
 /// light.
 const SHADOWS_PER_RADIUS: f32 = 8.0;
 const CHANGES_PER_RADIUS: f32 = 3.0;
@@ -83,7 +83,7 @@ impl<'a> TexelLight<'a> {
         let (standing, sources) = (movement.standing(), frame.direct.sources());
         let movers = Movers::new(&standing);
         let radii = movers.spheres.iter().map(|sphere| sphere.radius);
-        let least_radius = radii.fold(f32::INFINITY, f32::min);
+        let largest_radius = radii.fold(0.0, f32::max);
         let mut light = Self {
             texels,
             frame,
@@ -94,8 +94,8 @@ impl<'a> TexelLight<'a> {
             probes: Probes::default(),
             points: MoverPoints::default(),
             movers,
-            shadows: TexelBlocks::new(&texels.atlas, least_radius / SHADOWS_PER_RADIUS),
-            changes: [(); 2].map(|()| TexelBlocks::new(&texels.atlas, least_radius / CHANGES_PER_RADIUS)),
+            shadows: TexelBlocks::new(&texels.atlas, largest_radius / SHADOWS_PER_RADIUS),
+            changes: [(); 2].map(|()| TexelBlocks::new(&texels.atlas, largest_radius / CHANGES_PER_RADIUS)),
         };
 
         // Trace the probes without light of dynamic surfaces, which needs the probes. Then light these surfaces.
