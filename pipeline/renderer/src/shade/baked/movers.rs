@@ -8,6 +8,8 @@ use std::f32::consts::{PI, TAU};
 
 /// Minimum number of directions in a cone.
 pub(super) const LEAST_DIRECTIONS: usize = 4;
+/// Maximum rounding error of a cosine. The directions of a cone must have a density.
+const ON_EDGE: f32 = 1e-5;
 /// Distance from the center of a sphere, in radii, within which all directions are sampled.
 const NEAR: f32 = 1.02;
 /// Number of spheres that are compared in pairs. More spheres are merged with the next one in order first.
@@ -78,7 +80,7 @@ impl Cone {
     pub fn density(&self, direction: Vec3A, normal: Vec3A) -> f32 {
         match *self {
             Self::Hemisphere => direction.dot(normal).max(0.0) / PI,
-            Self::Around { axis, cosine } if direction.dot(axis) >= cosine => 1.0 / (TAU * (1.0 - cosine)),
+            Self::Around { axis, cosine } if direction.dot(axis) >= cosine - ON_EDGE => 1.0 / (TAU * (1.0 - cosine)),
             Self::Around { .. } => 0.0,
         }
     }
@@ -152,8 +154,9 @@ mod tests {
         for (cone, solid_angle) in
             [(Cone::Around { axis, cosine: 0.9 }, TAU * 0.1), (Cone::Around { axis, cosine: 0.5 }, TAU * 0.5)]
         {
-            for k in 0..100 {
-                let u = Vec2::new(hash_unit(k, 0, 1), hash_unit(k, 0, 2));
+            for k in 0..1000 {
+                // Include directions on the edge of the cone.
+                let u = Vec2::new(if k < 500 { 1.0 - f32::EPSILON } else { hash_unit(k, 0, 1) }, hash_unit(k, 0, 2));
                 let direction = cone.direction(u, normal);
                 assert!((direction.length() - 1.0).abs() < 1e-5, "{direction}");
                 assert!((cone.density(direction, normal) * solid_angle - 1.0).abs() < 1e-4);
