@@ -28,6 +28,10 @@ use render_core::ranks::Alone;
 use std::sync::Arc;
 pub(super) use texel_light::TexelLight;
 
+/// Minimum fraction of the texels' light that dynamic objects leave. In dark corners, errors of the change would make
+/// single pixels black.
+const LEAST_LEFT: f32 = 0.15;
+
 /// Layer of baked indirect light.
 pub(super) struct Baked {
     texels: Arc<BakedTexels>,
@@ -69,7 +73,8 @@ impl Layer for Baked {
         let irradiance = Plane::from_fn(width, height, |x, y| match looked_up.get(x, y) {
             Some(light) => {
                 let change = change.as_ref().map_or([0.0; 3], |change| change.get(x, y));
-                (Vec3::from(light) + Vec3::from(change)).max(Vec3::ZERO).to_array()
+                let still = Vec3::from(light);
+                (still + Vec3::from(change)).max(LEAST_LEFT * still).to_array()
             }
             None => found.as_ref().map_or([0.0; 3], |found| found.get(x, y)),
         });
