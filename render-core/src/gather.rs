@@ -154,6 +154,14 @@ impl GatherDirections {
         };
         Self(centered_sobol(count).map(on_sphere).collect())
     }
+
+    /// Returns the directions around a unit `normal`, rotated about it by an angle that depends on `key`.
+    pub fn around(&self, normal: Vec3A, key: u64) -> impl Iterator<Item = Vec3A> {
+        let (x, y) = frame(normal.into());
+        let (sine, cosine) = (std::f32::consts::TAU * hash_unit(key, 0, 0)).sin_cos();
+        let (x, y) = (Vec3A::from(x * cosine + y * sine), Vec3A::from(y * cosine - x * sine));
+        self.0.iter().map(move |local| x * local.x + y * local.y + normal * local.z)
+    }
 }
 
 impl FinalGather {
@@ -214,18 +222,12 @@ impl FinalGather {
     ) -> Gathered {
         let ShadingPoint { position, normal, geometric_normal } = *receiver;
 
-        // Rotate the directions about the normal.
-        let (x, y) = frame(normal.into());
-        let (sine, cosine) = (std::f32::consts::TAU * hash_unit(key, 0, 0)).sin_cos();
-        let (x, y) = (Vec3A::from(x * cosine + y * sine), Vec3A::from(y * cosine - x * sine));
-
         // Collect hit distances for the radius of a record, and compensation for its light.
         let mut found = Gathered::of_distances(f32::INFINITY, f32::INFINITY);
         let (mut inverse_distances, mut above) = (0.0, 0);
         let weight = PI / directions.0.len() as f32;
         let spread = weight.sqrt();
-        for local in &directions.0 {
-            let direction = x * local.x + y * local.y + normal * local.z;
+        for direction in directions.around(normal, key) {
             if direction.dot(geometric_normal) <= 0.0 {
                 continue;
             }

@@ -126,6 +126,12 @@ fn bake_file(folder: &Path, scene: &Path, name: &str, extra: &str) -> Vec<u8> {
     std::fs::read(folder.join(output)).expect("the baked light is there")
 }
 
+/// Asserts that `bake room.glb` with `extra` arguments fails with an error that contains all `words`.
+pub(super) fn assert_bake_fails(folder: &Path, extra: &str, words: &[&str]) {
+    let arguments: Vec<&str> = ["bake", "room.glb"].into_iter().chain(extra.split_whitespace()).collect();
+    assert_fails(folder, &arguments, words);
+}
+
 /// A film and its frames before coding.
 struct Film {
     rendered: Rendered,

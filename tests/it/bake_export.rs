@@ -1,11 +1,12 @@
 //! Scenes exported with baked light in textures: their pictures and their files.
 
+use super::bake::assert_bake_fails;
 use glam::{Vec3, vec3};
 use perceptual::psnr;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use tests::{Glb, Moving, assert_fails, checkered_room, read_y4m, render, render2mpeg};
+use tests::{Glb, Moving, checkered_room, read_y4m, render, render2mpeg};
 
 const SIDE: usize = 96;
 
@@ -156,10 +157,7 @@ fn wrong_requests_are_told_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     checkered_room(Moving::Nothing).write(&folder.join("room.glb"));
-    let fails = |extra: &str, words: &[&str]| {
-        let arguments: Vec<&str> = ["bake", "room.glb"].into_iter().chain(extra.split_whitespace()).collect();
-        assert_fails(folder, &arguments, words);
-    };
+    let fails = |extra: &str, words: &[&str]| assert_bake_fails(folder, extra, words);
     fails("--gltf lit.gltf", &["lit.gltf", ".glb"]);
     fails("--gltf room.glb", &["room.glb", "another name"]);
     fails("--gltf ./room.glb", &["room.glb", "another name"]);

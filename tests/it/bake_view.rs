@@ -1,6 +1,6 @@
 //! Pages of baked scenes: their data, and their names.
 
-use super::bake::add;
+use super::bake::{add, assert_bake_fails};
 use super::bake_coats::{baked, metal, seen_from, settings};
 use base64::Engine;
 use glam::{Vec3, vec3};
@@ -15,7 +15,7 @@ use std::f32::consts::PI;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tests::{Moving, assert_fails, checkered_room, load, render2mpeg};
+use tests::{Moving, checkered_room, load, render2mpeg};
 
 /// Description and data of a page.
 struct Page {
@@ -151,10 +151,7 @@ fn wrong_names_are_refused_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     checkered_room(Moving::Nothing).write(&folder.join("room.glb"));
-    let fails = |extra: &str, words: &[&str]| {
-        let arguments: Vec<&str> = ["bake", "room.glb"].into_iter().chain(extra.split_whitespace()).collect();
-        assert_fails(folder, &arguments, words);
-    };
+    let fails = |extra: &str, words: &[&str]| assert_bake_fails(folder, extra, words);
     fails("--view room", &["room", ".html"]);
     fails("--view page.htm", &["page.htm", ".html"]);
     fails("--view none/page.html", &["none/page.html", "cannot be written", "--view"]);

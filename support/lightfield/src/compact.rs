@@ -16,8 +16,9 @@
 
 use crate::harmonics::basis;
 use crate::octahedral::{DirectionCells, OctahedralMap};
-use crate::packed::{from_half, from_shared_exponent, half, shared_exponent};
+use crate::packed::{from_shared_exponent, half, shared_exponent};
 use glam::{DVec3, Vec3};
+use half::f16;
 
 /// Map of the octahedral kind.
 const MAP: OctahedralMap = OctahedralMap { side: 8 };
@@ -300,7 +301,7 @@ fn sum(kind: CompactKind, bytes: &[u8], functions: &Functions) -> Vec3 {
 /// Returns a coefficient of a texel.
 fn coefficient(kind: CompactKind, bytes: &[u8], index: usize) -> Vec3 {
     if kind.has_halves() {
-        let half = |channel: usize| from_half(u16::from_le_bytes([bytes[2 * channel], bytes[2 * channel + 1]]));
+        let half = |channel: usize| f16::from_le_bytes([bytes[2 * channel], bytes[2 * channel + 1]]).to_f32();
         return Vec3::new(half(3 * index), half(3 * index + 1), half(3 * index + 2));
     }
     let bytes = &bytes[4 * index..];

@@ -34,7 +34,7 @@ pub use crate::harmonics::{Harmonics, basis};
 pub use crate::look_up::LookUp;
 pub use crate::near_lossless::NearLossless;
 pub use crate::octahedral::{DirectionCells, OctahedralMap, map_side};
-pub use crate::packed::{from_half, from_shared_exponent, half, shared_exponent};
+pub use crate::packed::{from_shared_exponent, shared_exponent};
 pub use crate::scale::LogScale;
 pub use crate::tiles::{TILE_SIDE, TILE_SLOTS, TexelTiles};
 

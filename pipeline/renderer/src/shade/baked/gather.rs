@@ -8,12 +8,11 @@ use super::lattice::MoverChange;
 use super::texel_light::{GATHER_RAYS, TexelLight, reflectance};
 use crate::shade::gradient_sum::GradientSum;
 use crate::shade::layer::{GatheredLight, KnownLight, Visible};
-use glam::{Vec3, Vec3A};
+use glam::Vec3;
 use lighttree::IrradianceTerm;
 use plane::Plane;
-use render_core::sampling::{frame, hash_unit};
 use render_core::{Hit, ShadingPoint, Surface, Timed};
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 /// Minimum cosine in derivatives. At grazing angles, derivatives would not be finite.
 const LEAST_COSINE: f32 = 0.05;
@@ -25,16 +24,10 @@ impl KnownLight for TexelLight<'_> {
 
     fn gather(&self, receiver: &ShadingPoint, key: u64) -> GatheredLight {
         let &ShadingPoint { position, normal, geometric_normal } = receiver;
-        // Rotate the directions about the normal.
-        let (x, y) = frame(normal.into());
-        let (sine, cosine) = (TAU * hash_unit(key, 0, 0)).sin_cos();
-        let (x, y) = (x * cosine + y * sine, y * cosine - x * sine);
-
         let (mut light, mut nearest) = (GradientSum::ZERO, f32::INFINITY);
         let (mut inverse_distances, mut above) = (0.0, 0.0f32);
         let weight = PI / GATHER_RAYS as f32;
-        for local in &self.directions {
-            let direction = Vec3A::from(x * local.x + y * local.y) + normal * local.z;
+        for direction in self.directions.around(normal, key) {
             if direction.dot(geometric_normal) <= 0.0 {
                 continue;
             }
@@ -59,7 +52,7 @@ impl KnownLight for TexelLight<'_> {
                 radiance,
                 &IrradianceTerm {
                     value: weight,
-                    by_normal: (direction * (weight / local.z.max(LEAST_COSINE))).into(),
+                    by_normal: (direction * (weight / normal.dot(direction).max(LEAST_COSINE))).into(),
                     by_position: (slope * weight).into(),
                 },
             );

@@ -48,10 +48,7 @@ impl MoverChange<'_> {
         let Visible { matte, radiance, ranks, .. } = *self.visible;
         let pixels = &matte.pixels;
         let (width, height) = (pixels.width(), pixels.height());
-        let is_static = |x, y| {
-            let pixel = pixels.get(x, y);
-            still.get(x, y).is_some() && pixel.reflects() && !self.light.moves(pixel.instance)
-        };
+        let is_static = |x, y| still.get(x, y).is_some() && !self.light.moves(pixels.get(x, y).instance);
         // Compare changes with all light that arrives at a pixel: direct light is known already.
         let arriving = |x, y| {
             let albedo = luminance(pixels.get(x, y).albedo.into()).max(LEAST_REFLECTANCE);

@@ -60,7 +60,8 @@ impl Layer for Baked {
         };
         let block = |(): &mut (), columns, rows| places(columns, rows).map(of_pixel).collect();
         let looked_up: Plane<Option<[f32; 3]>> = busy.take(by_macroblock(&Alone, width, height, || (), block));
-        let change = visible.known.and_then(|known| known.change(visible, &looked_up));
+        let still = Plane::from_fn(width, height, |x, y| looked_up.get(x, y).filter(|_| is_lit(x, y)));
+        let change = visible.known.and_then(|known| known.change(visible, &still));
         let change = change.map(|change| busy.take(change));
 
         // Light the other surfaces by the second layer; without it, they stay black.

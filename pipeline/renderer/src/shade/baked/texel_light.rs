@@ -17,9 +17,9 @@ use crate::shade::direct::shades;
 use crate::shade::movement::{Movement, MovingBox};
 use crate::texels::BakedTexels;
 use glam::{Vec3, Vec3A, vec2};
-use render_core::sampling::{centered_sobol, concentric_disc, frame, hash, hash_unit};
-use render_core::{AtlasPoint, Bsdf, Environment, Hit, ShadingPoint, Source, Surface, luminance};
-use std::f32::consts::{PI, TAU};
+use render_core::sampling::{hash, hash_unit};
+use render_core::{AtlasPoint, Bsdf, Environment, GatherDirections, Hit, ShadingPoint, Source, Surface, luminance};
+use std::f32::consts::PI;
 
 /// Number of rays that gather the light of a record.
 pub(super) const GATHER_RAYS: usize = 128;
@@ -38,16 +38,16 @@ const CHANGES_PER_RADIUS: f32 = 3.0;
 /// Numbers of directions from which the change of a block's indirect light is estimated.
 const CHANGE_DIRECTIONS: (usize, usize) = (16, 16);
 /// Minimum fraction of the hemisphere that objects cover where they change the indirect light of a block.
-const LEAST_COVER: f32 = 0.02;
+const LEAST_BLOCK_COVER: f32 = 0.02;
 
 /// Light of a frame in a film with baked light.
 pub(in crate::shade) struct TexelLight<'a> {
     texels: &'a BakedTexels,
     pub(super) frame: &'a Frame<'a>,
-    /// Directions of gather rays around +z, cosine-distributed.
-    pub(super) directions: Vec<Vec3>,
-    /// Directions of rays that light points on dynamic instances, in the same way.
-    point_directions: Vec<Vec3>,
+    /// Directions of the rays of a record.
+    pub(super) directions: GatherDirections,
+    /// Directions of the rays of a point on a dynamic instance.
+    point_directions: GatherDirections,
     /// Boxes around all moving instances.
     pub(super) standing: Vec<MovingBox>,
     /// Regions of the lamps in which shadow rays end.
@@ -79,7 +79,7 @@ impl std::fmt::Debug for TexelLight<'_> {
 impl<'a> TexelLight<'a> {
     /// Prepares the light of `frame`.
     pub fn new(texels: &'a BakedTexels, frame: &'a Frame<'a>, movement: &Movement) -> Self {
-        let [directions, point_directions] = [GATHER_RAYS, POINT_RAYS].map(cosine_directions);
+        let [directions, point_directions] = [GATHER_RAYS, POINT_RAYS].map(GatherDirections::new);
         let (standing, sources) = (movement.standing(), frame.direct.sources());
         let movers = Movers::new(&standing);
         let radii = movers.spheres.iter().map(|sphere| sphere.radius);
@@ -146,17 +146,17 @@ impl<'a> TexelLight<'a> {
         reflectance(&surface, direction) / PI * change
     }
 
-    /// Returns the radiance that static surfaces and the sky, without dynamic surfaces, send to `origin` against `direction` \[W·m⁻²·sr⁻¹\]. The
-    /// ray begins at the distance `way` \[m\] and passes through dynamic surfaces.
+    /// Returns the radiance that arrives at `origin` from `direction` without dynamic surfaces \[W·m⁻²·sr⁻¹\]. The ray
+    /// begins at the distance `way` \[m\] and passes through dynamic surfaces.
     pub(super) fn static_radiance(&self, origin: Vec3A, direction: Vec3A, mut way: f32) -> Vec3 {
         for _ in 0..MOST_CROSSED {
             let start = origin + direction * way;
             let Some(hit) = self.frame.accelerator.closest(start, direction) else { break };
             way += hit.distance;
             if !self.moves(hit.instance) {
-                let still =
-                    |surface: &Surface| self.of_texels(&hit, surface).map(|light| light.direct + light.indirect);
-                return self.leaving(&hit, direction, |surface| still(surface).unwrap_or_default());
+                return self.leaving(&hit, direction, |surface| {
+                    self.of_texels(&hit, surface).map_or(Vec3::ZERO, |light| light.direct + light.indirect)
+                });
             }
             // Continue behind the dynamic surface.
             way += self.frame.epsilon;
@@ -242,7 +242,7 @@ impl<'a> TexelLight<'a> {
     /// Returns whether dynamic objects cover so much of the surroundings that they change the indirect light.
     fn is_covered(&self, surface: &Surface) -> bool {
         let &Surface { position, shading_normal: normal, geometric_normal, .. } = surface;
-        self.movers.cover(&ShadingPoint { position, normal, geometric_normal }) >= LEAST_COVER
+        self.movers.cover(&ShadingPoint { position, normal, geometric_normal }) >= LEAST_BLOCK_COVER
     }
 
     /// Returns whether a point is within a dynamic object: the first surface over it is the back of such an object.
@@ -266,18 +266,13 @@ impl<'a> TexelLight<'a> {
 
     /// Computes the irradiance of a surface with a few rays \[W·m⁻²\].
     fn arriving(&self, surface: &Surface) -> Vec3 {
-        let &Surface { position, geometric_normal, shading_normal, .. } = surface;
-        let receiver = ShadingPoint::off_surface(position, [shading_normal, geometric_normal], self.frame.epsilon);
-        // Rotate the directions about the normal by an angle that depends on the position.
+        let ShadingPoint { position, normal, geometric_normal } = self.over(surface);
+        // Rotate the directions by an angle that depends on the position.
         let key = position.to_array().map(f32::to_bits).into_iter().fold(0, |key, bits| hash(key, bits.into(), 0));
-        let (sine, cosine) = (TAU * hash_unit(key, 0, 0)).sin_cos();
-        let (x, y) = frame(shading_normal.into());
-        let (x, y) = (x * cosine + y * sine, y * cosine - x * sine);
         let mut light = Vec3::ZERO;
-        for local in &self.point_directions {
-            let direction = Vec3A::from(x * local.x + y * local.y) + shading_normal * local.z;
+        for direction in self.point_directions.around(normal, key) {
             if direction.dot(geometric_normal) > 0.0 {
-                light += match self.frame.accelerator.closest(receiver.position, direction) {
+                light += match self.frame.accelerator.closest(position, direction) {
                     Some(hit) => self.radiance(&hit, direction),
                     None => self.sky(direction),
                 };
@@ -288,22 +283,14 @@ impl<'a> TexelLight<'a> {
 
     /// Computes the direct irradiance at a hit \[W·m⁻²\].
     fn direct(&self, surface: &Surface) -> Vec3 {
-        let &Surface { position, geometric_normal, shading_normal, .. } = surface;
-        let Frame { accelerator, direct, epsilon, .. } = self.frame;
-        let receiver = ShadingPoint::off_surface(position, [shading_normal, geometric_normal], *epsilon);
-        direct.irradiance(accelerator, &receiver).value
+        self.frame.direct.irradiance(&self.frame.accelerator, &self.over(surface)).value
     }
-}
 
-/// Returns `count` cosine-distributed directions around +z.
-fn cosine_directions(count: usize) -> Vec<Vec3> {
-    // Project evenly distributed points of the unit disc to the hemisphere.
-    let mut directions = Vec::with_capacity(count);
-    for u in centered_sobol(count) {
-        let p = concentric_disc(u);
-        directions.push(p.extend((1.0 - p.length_squared()).max(0.0).sqrt()));
+    /// Returns the origin of rays from a surface.
+    fn over(&self, surface: &Surface) -> ShadingPoint {
+        let &Surface { position, geometric_normal, shading_normal, .. } = surface;
+        ShadingPoint::off_surface(position, [shading_normal, geometric_normal], self.frame.epsilon)
     }
-    directions
 }
 
 /// Returns the fraction of light that a surface reflects toward the origin of a ray in this `direction`.
