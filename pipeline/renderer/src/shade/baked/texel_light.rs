@@ -104,7 +104,7 @@ impl<'a> TexelLight<'a> {
         light.probes = Probes::trace(&centers, |center, direction| light.static_radiance(center, direction, 0.0));
         let moving: Vec<u32> = light.standing.iter().map(|thing| thing.instance).collect();
         light.points = MoverPoints::light(frame, &moving, |instance, surface| light.computed(instance, surface));
-        // Light them again by rays, which see the shadows around them.
+        // Light them again by rays, which see the shadows around them. Blocks that these rays meet keep the first light.
         light.points = MoverPoints::light(frame, &moving, |_, surface| light.arriving(surface));
         light
     }
