@@ -8,16 +8,18 @@ use tests::{Moving, Rendered, assert_fails, checkered_room, render, render2mpeg}
 const SMALL: &str = "--size 96x64 --vpls 60 --photons 2000 --frames 5";
 
 /// Writes a room with a moving camera, and its settings file.
-fn room(folder: &Path, settings: &str) {
+pub fn room(folder: &Path, settings: &str) {
     let mut room = checkered_room(Moving::Camera);
     room.json["nodes"][4]["name"] = "box".into();
     room.write(&folder.join("room.glb"));
     fs::write(folder.join("room.toml"), settings).unwrap();
 }
 
-const WATCHED: &str = "[importance]\nnodes = [\"box\"]\nviewing_distance = 0.4\nscreen_width = 0.6\n";
+/// Settings that name a watched node.
+pub const WATCHED: &str = "[importance]\nnodes = [\"box\"]\nviewing_distance = 0.4\nscreen_width = 0.6\n";
 
-fn film(folder: &Path, name: &str, more: &str) -> Rendered {
+/// Renders the room.
+pub fn film(folder: &Path, name: &str, more: &str) -> Rendered {
     render(folder, name, &folder.join("room.glb"), &format!("{SMALL} {more}"))
 }
 

@@ -29,6 +29,7 @@ mod forged;
 #[cfg(unix)]
 mod fuzz;
 mod importance;
+mod importance_maps;
 #[cfg(unix)]
 mod inputs;
 #[cfg(unix)]

@@ -270,6 +270,20 @@ fn saliency_of_new_things_is_full_and_that_of_rims_is_not() {
     }
 }
 
+/// A pan reveals a strip at the border, which is no new object. A hole inside of the picture is one.
+#[test]
+fn saliency_of_a_strip_that_enters_the_picture_is_its_own() {
+    let strip = |x: usize| x >= 12;
+    let hole = |x: usize, y: usize| (4..9).contains(&x) && (3..8).contains(&y);
+    let known = Plane::from_fn(16, 12, |x, y| if strip(x) || hole(x, y) { NO_MATCH } else { (16 * y + x) as u32 });
+    let now = Plane::filled(16, 12, 0.25);
+    let steady = steady_saliency(&now, &now, &Correspondence::from_matches(known));
+    for (x, y) in (0..12).flat_map(|y| (0..16).map(move |x| (x, y))) {
+        let is_new = (5..8).contains(&x) && (4..7).contains(&y);
+        assert_eq!(steady.get(x, y), if is_new { 1.0 } else { 0.25 }, "{x}, {y}");
+    }
+}
+
 #[test]
 fn saliency_is_steadied_along_the_motion() {
     let (now, before) = (Plane::filled(4, 1, 0.5), Plane::from_vec(4, 1, vec![0.1, 0.3, f32::NAN, 0.9]));
@@ -278,11 +292,10 @@ fn saliency_is_steadied_along_the_motion() {
     // The third pixel is not a new object, because its neighbors have matches.
     let expected = [0.4, 0.7, 0.5, 0.25];
     assert!(steady.samples().iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{steady:?}");
-    // Without previous saliency, all pixels count as new.
-    let first = steady_saliency(&now, &Plane::default(), &known);
-    assert_eq!(first.samples(), [1.0; 4]);
-    // The disoccluded pixels converge within a few frames.
+    // Without previous saliency, all pixels have that of the frame.
+    assert_eq!(steady_saliency(&now, &Plane::default(), &known).samples(), [0.5; 4]);
+    // Disoccluded pixels converge within a few frames.
     let still = Correspondence::still(4, 1);
-    let settled = (0..8).fold(first, |before, _| steady_saliency(&now, &before, &still));
+    let settled = (0..8).fold(Plane::filled(4, 1, 1.0), |before, _| steady_saliency(&now, &before, &still));
     assert!(settled.samples().iter().all(|s| (s - 0.5).abs() < 0.01));
 }

@@ -65,15 +65,18 @@ fn identity_of(settings: &str) -> serde_json::Result<String> {
     serde_json::to_string(&value)
 }
 
-/// Returns the CRC-32 of all input files of a film: the scene's files and the baked light.
+/// Returns the CRC-32 of all input files of a film: the scene's files, the baked light and the importance maps.
 ///
 /// # Errors
 /// If the baked light cannot be read.
 pub fn sum_of_inputs(scene: &Scene, settings: &Settings) -> Result<u32> {
-    let Some(path) = &settings.files.baked else { return Ok(scene.origin.sum) };
-    let baked = fs::read(path).map_err(Error::file(path, "cannot be read; make it with render2mpeg bake"))?;
     let mut sum = crc32fast::Hasher::new_with_initial(scene.origin.sum);
-    sum.update(&baked);
+    if let Some(path) = &settings.files.baked {
+        sum.update(&fs::read(path).map_err(Error::file(path, "cannot be read; make it with render2mpeg bake"))?);
+    }
+    if let Some(files) = settings.render.importance.as_ref().and_then(|importance| importance.files.as_ref()) {
+        sum.update(&files.sum().to_le_bytes());
+    }
     Ok(sum.finalize())
 }
 

@@ -24,6 +24,14 @@ pub enum ImageFileError {
         /// Reason reported by the decoder or encoder.
         error: Box<dyn std::error::Error + Send + Sync>,
     },
+    /// The image was read, but its content is unexpected.
+    #[error("{}: {problem}", path.display())]
+    Content {
+        /// Path of the image.
+        path: PathBuf,
+        /// Description of the problem, with a remedy.
+        problem: String,
+    },
     /// The image has more pixels than the limit.
     #[error("{}: {width}x{height} pixels are more than this program takes", path.display())]
     TooLarge {

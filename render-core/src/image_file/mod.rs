@@ -4,11 +4,13 @@
 mod attributes;
 mod cryptomatte;
 mod error;
+mod gray;
 #[cfg(feature = "exr")]
 mod open_exr;
 
 pub use cryptomatte::{Cryptomatte, RankedId, RankedThing, cryptomatte_id, murmur_hash3};
 pub use error::ImageFileError;
+pub use gray::decode_gray;
 #[cfg(feature = "exr")]
 pub use open_exr::{Layers, read_exr, read_layers, write_exr, write_frame, write_layers};
 pub use plane::{FrameCamera, FrameChannel, FrameHeader, FramePlace, HeaderText, SampleDepth};

@@ -1,9 +1,10 @@
 //! OpenEXR files: linear images with any channels.
 
 use super::{ImageFileError, attributes, check_size};
+use exr::meta::MetaData;
 use exr::prelude::{
-    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, SmallVec, WritableImage, f16,
-    read_first_flat_layer_from_file, read_first_rgba_layer_from_file,
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, ReadChannels, ReadLayers, SmallVec,
+    WritableImage, f16, read, read_first_rgba_layer_from_file,
 };
 use glam::Vec3;
 use plane::Plane;
@@ -154,17 +155,23 @@ impl Layers {
 /// # Errors
 /// The file is not an OpenEXR file, or is larger than 2²⁷ pixels; the message names the path.
 pub fn read_layers(path: &Path) -> Result<Layers, ImageFileError> {
+    decode_layers(path, &std::fs::read(path).map_err(ImageFileError::system(path))?)
+}
+
+/// Decodes all channels of the first part of an OpenEXR file. `bytes` is the content of the file at `path`.
+pub(super) fn decode_layers(path: &Path, bytes: &[u8]) -> Result<Layers, ImageFileError> {
     // Check sizes before decoding, because the decoder allocates memory for the whole image.
-    check_headers(path)?;
-    let image = read_first_flat_layer_from_file(path).map_err(ImageFileError::format(path))?;
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(ImageFileError::format(path))?;
+    check_headers(path, &meta)?;
+    let reader = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
+    let image = reader.from_buffered(Cursor::new(bytes)).map_err(ImageFileError::format(path))?;
     let (width, height) = (image.layer_data.size.x(), image.layer_data.size.y());
     let channels = image.layer_data.channel_data.list.into_iter();
     let channels = channels.map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect();
     Ok(Layers { width, height, channels })
 }
 
-fn check_headers(path: &Path) -> Result<(), ImageFileError> {
-    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(ImageFileError::format(path))?;
+fn check_headers(path: &Path, meta: &MetaData) -> Result<(), ImageFileError> {
     meta.headers.iter().try_for_each(|header| check_size(path, header.layer_size.0, header.layer_size.1))
 }
 
@@ -173,7 +180,7 @@ fn check_headers(path: &Path) -> Result<(), ImageFileError> {
 /// # Errors
 /// The file is not an OpenEXR file, has no color, or is larger than 2²⁷ pixels; the message names the path.
 pub fn read_exr(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
-    check_headers(path)?;
+    check_headers(path, &MetaData::read_from_file(path, false).map_err(ImageFileError::format(path))?)?;
     let image = read_first_rgba_layer_from_file(
         path,
         |size, _| Plane::filled(size.0, size.1, Vec3::ZERO),
@@ -205,7 +212,7 @@ mod tests {
 
     /// Returns the sample type of each channel in the file, by name.
     fn types(path: &Path) -> Vec<(String, SampleType)> {
-        let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
+        let meta = MetaData::read_from_file(path, false).unwrap();
         meta.headers[0].channels.list.iter().map(|channel| (channel.name.to_string(), channel.sample_type)).collect()
     }
 
@@ -259,7 +266,7 @@ mod tests {
         let header = FrameHeader { camera: Some(camera), place: Some(place), texts: vec![text] };
         let channel = FrameChannel { name: "R".into(), samples: vec![1.0; 8], depth: SampleDepth::Half };
         write_frame(&path, (4, 2), &header, vec![channel]).unwrap();
-        let read = exr::meta::MetaData::read_from_file(&path, false).unwrap().headers.remove(0);
+        let read = MetaData::read_from_file(&path, false).unwrap().headers.remove(0);
         let (shared, own) = (read.shared_attributes, read.own_attributes);
         assert_eq!(own.frames_per_second, Some((30_000, 1001)));
         assert_eq!(shared.time_code.map(|code| (code.seconds, code.frame)), Some((2, 1)));

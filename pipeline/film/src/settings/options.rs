@@ -146,8 +146,9 @@ pub struct Options {
     #[cfg_attr(feature = "clap", arg(long, value_enum, help_heading = "Research", hide_short_help = true))]
     pub shading: Option<PixelShading>,
     /// Importance maps: more samples, finer thresholds and finer quantisers where viewers look. "saliency:W" detects
-    /// conspicuous regions, "task:W" marks the nodes named in the scene's TOML file; join both with a comma [default:
-    /// uniform]
+    /// conspicuous regions, "task:W" marks the nodes named in the scene's TOML file, "edges:W" marks outlines and
+    /// textures, and "cost:W" regions that took much work in the previous frame. "map:W:FOLDER" reads gray .png or .exr
+    /// files, one for each frame or one for all. Join maps with commas [default: uniform]
     #[cfg_attr(feature = "clap", arg(long, value_name = "MAPS", help_heading = "Research", hide_short_help = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub importance: Option<Importance>,

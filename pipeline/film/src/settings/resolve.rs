@@ -77,6 +77,10 @@ impl Options {
             fail!("--vpls {vpls} must be in 1..=10000000");
         }
         let lighting = self.fill_in_lighting(&path)?;
+        let weighs_costs = self.importance.as_ref().is_some_and(|importance| importance.cost > 0.0);
+        if weighs_costs && (self.tiles.is_some() || lighting != Lighting::Lightcuts) {
+            fail!("--importance cost needs the sizes of lightcuts; drop --tiles or --lighting, or the cost map");
+        }
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
         // A bit rate may lead to any quantiser, so expect the default quantiser.
@@ -88,6 +92,10 @@ impl Options {
         check_disc(&output, self.range, fps)?;
         let frame_range = self.range.map_or(0..frames, |FrameRange { first, last }| first..last + 1);
         let [pixel_width, pixel_height] = aspect.pixel(size);
+        let pixel_aspect = pixel_width as f32 / pixel_height as f32;
+        if let Some(files) = self.importance.as_mut().and_then(|importance| importance.files.as_mut()) {
+            files.read(frame_range.clone(), size, pixel_aspect)?;
+        }
 
         // Collect the settings, since all options now have values.
         let render = RenderSettings {
@@ -99,8 +107,8 @@ impl Options {
             from: self.from.unwrap_or(0),
             every: self.every.unwrap_or(1),
             size,
-            pixel_aspect: pixel_width as f32 / pixel_height as f32,
-            importance: self.importance,
+            pixel_aspect,
+            importance: self.importance.clone(),
             importance_gain: self.importance_gain.unwrap_or(1.0),
             tiles: self.tiles,
             tone_map,
@@ -306,7 +314,7 @@ impl Options {
     /// Fills in the gain of importance, and checks that the scene has the nodes of a task map.
     fn fill_in_importance(&mut self, path: &Path, scene: &Scene) -> Result<()> {
         // Reject options without effect if there is no importance map.
-        let Some(weights) = self.importance else {
+        let Some(weights) = &self.importance else {
             if self.importance_gain.is_some() {
                 fail!("--importance-gain needs --importance, such as --importance saliency:1");
             }

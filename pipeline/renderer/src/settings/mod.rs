@@ -1,10 +1,12 @@
 //! Settings of the renderer: frames, resolution, lighting and permitted error.
 
 mod importance;
+mod importance_files;
 mod tiles;
 mod values;
 
 pub use importance::Importance;
+pub use importance_files::ImportanceFiles;
 pub(crate) use tiles::TILES_PER_RANK;
 pub use tiles::{RecordSharing, TileCost, TileSettings};
 pub use values::{Aov, Lighting, PixelShading, Size, Stopping, Thresholds, parsed};
@@ -44,7 +46,7 @@ pub struct RenderSettings {
     pub size: Size,
     /// Ratio of pixel width to pixel height.
     pub pixel_aspect: f32,
-    /// Weights of the saliency and task maps; `None` disables importance.
+    /// Weights of the importance maps; `None` disables importance.
     pub importance: Option<Importance>,
     /// Gain G of importance: thresholds are divided by G at importance 1 and multiplied by G at 0.
     pub importance_gain: f32,

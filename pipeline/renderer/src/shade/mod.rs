@@ -59,7 +59,7 @@ use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, RenderSettings, Stopping};
 use channels::{Known, colors};
 use glam::Vec3;
-use importance::{ImportanceMap, Looking};
+use importance::{ImportanceMap, Looking, SeenLight};
 #[cfg(feature = "bake")]
 use layer::KnownLight;
 use layer::add_ranks;
@@ -118,8 +118,11 @@ impl<'a> Shading<'a> {
     pub fn among(settings: &RenderSettings, plan: &'a Plan, ranks: Arc<dyn Ranks>) -> Self {
         // Let each rank light its tiles alone if tiles are in use.
         let sharing: Arc<dyn Ranks> = if settings.tiles.is_some() { Arc::new(Alone) } else { ranks.clone() };
-        let layers = Layers::new(settings, plan, &sharing);
+        let mut layers = Layers::new(settings, plan, &sharing);
         let (calibration, looking) = (calibration(settings), looking(settings));
+        if looking.as_ref().is_some_and(Looking::weighs_costs) {
+            layers.keep(&[Aov::CutSize]);
+        }
         Self {
             settings: settings.clone(),
             plan,
@@ -180,7 +183,7 @@ fn calibration(settings: &RenderSettings) -> Option<Calibration> {
 
 /// Returns the initial state of importance; `None` if the settings have no weights.
 fn looking(settings: &RenderSettings) -> Option<Looking> {
-    settings.importance.map(|weights| Looking::new(weights, settings))
+    settings.importance.as_ref().map(|weights| Looking::new(weights, settings))
 }
 
 impl std::fmt::Debug for Shading<'_> {
@@ -263,7 +266,8 @@ impl Shading<'_> {
         let importance = lit.light.importance.as_ref();
         if let (Some(looking), Some(map)) = (&mut self.looking, importance) {
             put_importance(map, looking.change(map, prepared.correspondence.as_deref()), &mut figures);
-            looking.keep(map, &radiance);
+            let cut_sizes = looking.weighs_costs().then(|| self.layers.channel(Aov::CutSize, frame)).flatten();
+            looking.keep(map, &SeenLight { radiance: &radiance, cut_sizes });
         }
 
         // Find the coverage of pixels by instance, which mattes need.
@@ -363,8 +367,10 @@ impl Shading<'_> {
             if sample == 0 {
                 lit.reused = Reused::new([&of_direct, &of_indirect], visible.matte);
                 if let Some(looking) = self.looking.as_mut().filter(|_| lit.importance.is_none()) {
-                    let map = lit.visibility.measure(|| looking.at(prepared, &triples(&light.whole())));
-                    lit.importance = Some(map);
+                    let cut_sizes = looking.weighs_costs().then(|| self.layers.channel(Aov::CutSize, frame)).flatten();
+                    let radiance = triples(&light.whole());
+                    let seen = SeenLight { radiance: &radiance, cut_sizes };
+                    lit.importance = Some(lit.visibility.measure(|| looking.at(prepared, &seen)));
                 }
             }
             self.add_layers(prepared, &of_sample, (sample, &light), &mut lit);

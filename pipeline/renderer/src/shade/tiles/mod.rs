@@ -28,7 +28,7 @@ pub use simulated::{SimulatedFrame, SimulatedRanks};
 use super::Shading;
 use super::coats::Coats;
 use super::counts::RecordCounts;
-use super::importance::ImportanceMap;
+use super::importance::{ImportanceMap, SeenLight};
 use super::layer::{Layer, Lit, Visible};
 use super::layers::Layers;
 use super::lit_frame::{Reused, Sample};
@@ -130,9 +130,10 @@ impl Tiling {
         let mut further = 0..most;
         if lit.importance.is_none() && shading.looking.is_some() {
             self.light_some(shading, (&frame, 0..1), &mut lit, (&mut counts, &mut seconds));
-            let whole = lit.samples[0].whole().map(|rgb| rgb.to_array());
+            let radiance = lit.samples[0].whole().map(|rgb| rgb.to_array());
+            let seen = SeenLight { radiance: &radiance, cut_sizes: None };
             let looking = shading.looking.as_mut().filter(|_| lit.importance.is_none());
-            lit.importance = looking.map(|looking| lit.visibility.measure(|| looking.at(prepared, &whole)));
+            lit.importance = looking.map(|looking| lit.visibility.measure(|| looking.at(prepared, &seen)));
             further = 1..most;
         }
         self.light_some(shading, (&frame, further), &mut lit, (&mut counts, &mut seconds));

@@ -2,17 +2,23 @@
 //! the bits of macroblocks.
 //!
 //! ```text
-//! v  = min(1, w_s S' + w_t T)                   importance
-//! S' = steady([(S − M) / (P − M)]⁺)             S  saliency      M  its mean      P  its maximum, at least 0.1
+//! v  = min(1, w_s S' + w_t T + w_e E + w_c C + w_f F)      importance
+//! S' = steady([(S − M) / (P − M)]⁺)             S  saliency      M  its mean      P  its maximum, at least M + 0.01
 //! |S'_t(x) − S'_(t−1)(x')| ≤ 1/8                x' the position of x in the previous frame
 //! n  = 1 + round((N − 1) v)                     samples of a pixel      N  maximum number
 //! g  = G^(2v − 1)                               gain, which divides thresholds      G  gain at importance 1
 //! ```
-//! The user sets w_s and w_t; T is the task map. Saliency comes from the previous frame's light, reprojected along the
-//! motion. Without a previous frame, it comes from the first sample of the current frame, and thresholds have no gain.
+//! The user sets the weights w. T is the task map, E the [`edges`], C the predicted [`cost`], and F a map from a file.
+//! Saliency comes from the previous frame's light, reprojected along the motion, and costs come from the previous frame.
+//! Without a previous frame, both come from the first sample of the current frame, and thresholds have no gain.
+
+mod cost;
+mod edges;
 
 use crate::frame::{Frame, PreparedFrame};
 use crate::settings::{Importance, RenderSettings};
+use cost::cost_map;
+use edges::edge_map;
 use perceptual::{ToneMap, luminance_plane, saliency, steady_saliency, task_map};
 use pipeline::error::{Error, Result};
 use pipeline::exposure::exposure_for;
@@ -21,9 +27,9 @@ use plane::{Correspondence, Plane};
 use render_core::scene::Scene;
 use serde::{Deserialize, Serialize};
 
-/// Minimum of P, so that a frame of noise, with S below 0.01, is not stretched to the full range. Frames of the shipped
-/// scenes have 0.18 to 0.35.
-const LEAST_PEAK: f32 = 0.1;
+/// Minimum of P − M, so that a frame of noise is not stretched to the full range. Noise with a standard deviation of
+/// 0.01 has 0.001, a frame of Sibenik 0.0105 and one of `nave` 0.08 (128×128).
+const LEAST_CONTRAST: f32 = 0.01;
 /// Maximum change of a surface's S' between frames. A full change then takes 0.3 s at 25 frames/s, about the duration
 /// of a fixation. S itself may jump when another region becomes as salient as the maximum.
 const MOST_CHANGE: f32 = 0.125;
@@ -68,6 +74,8 @@ pub(super) struct Looking {
     before: Option<Before>,
     /// Smoothed saliency S' of the current frame.
     now: Option<Plane<f32>>,
+    /// Predicted costs C of the current frame.
+    cost: Option<Plane<f32>>,
 }
 
 /// State of the previous frame.
@@ -77,17 +85,45 @@ pub(super) struct Before {
     samples: Plane<u8>,
     /// Radiance and S' of each pixel; `None` if importance does not use saliency.
     seen: Option<(Plane<[f32; 3]>, Plane<f32>)>,
+    /// Cost C of each pixel; `None` if importance does not use costs.
+    cost: Option<Plane<f32>>,
+}
+
+/// Light of a frame from which importance is computed.
+pub(super) struct SeenLight<'a> {
+    /// Radiance of each pixel.
+    pub radiance: &'a Plane<[f32; 3]>,
+    /// Sizes of lightcuts at each pixel; `None` if no layer of light provides them.
+    pub cut_sizes: Option<Vec<f32>>,
+}
+
+impl SeenLight<'_> {
+    /// Returns the cost map of the light.
+    fn cost(&self) -> Option<Plane<f32>> {
+        let (width, height) = (self.radiance.width(), self.radiance.height());
+        self.cut_sizes.as_ref().map(|sizes| cost_map(sizes, width, height))
+    }
 }
 
 impl Looking {
     /// Creates the state of a film in which the maps are summed with `weights`.
-    pub fn new(weights: Importance, settings: &RenderSettings) -> Self {
+    pub fn new(weights: &Importance, settings: &RenderSettings) -> Self {
         let RenderSettings { samples, tone_map, .. } = *settings;
-        Self { weights, most_samples: samples, tone_map, before: None, now: None }
+        Self { weights: weights.clone(), most_samples: samples, tone_map, before: None, now: None, cost: None }
+    }
+
+    /// Returns whether the cost map is in use, which needs the sizes of lightcuts.
+    pub fn weighs_costs(&self) -> bool {
+        self.weights.cost > 0.0
     }
 
     /// Returns the map of a frame before the frame is lit; `None` if the map requires the frame's own light.
     pub fn ahead(&mut self, prepared: &PreparedFrame) -> Option<ImportanceMap> {
+        let before = self.before.as_ref().filter(|_| prepared.correspondence.is_some());
+        if self.weights.needs_light() && before.is_none() {
+            return None;
+        }
+        self.cost = before.and_then(|before| before.cost.clone());
         if self.weights.saliency > 0.0 {
             // Reproject the previous frame's light: the light of this frame is not computed yet.
             let (radiance, _) = self.before.as_ref()?.seen.as_ref()?;
@@ -97,19 +133,22 @@ impl Looking {
         Some(self.map(&prepared.frame))
     }
 
-    /// Returns the map of a frame from the radiance of its first sample.
-    pub fn at(&mut self, prepared: &PreparedFrame, radiance: &Plane<[f32; 3]>) -> ImportanceMap {
-        self.now = Some(self.salient(radiance, prepared.correspondence.as_deref()));
+    /// Returns the map of a frame from its first sample.
+    pub fn at(&mut self, prepared: &PreparedFrame, light: &SeenLight) -> ImportanceMap {
+        if self.weights.saliency > 0.0 {
+            self.now = Some(self.salient(light.radiance, prepared.correspondence.as_deref()));
+        }
+        self.cost = light.cost();
         self.map(&prepared.frame)
     }
 
     /// Keeps the state for the next frame. A frame with reused light keeps the previous S'.
-    pub fn keep(&mut self, map: &ImportanceMap, radiance: &Plane<[f32; 3]>) {
+    pub fn keep(&mut self, map: &ImportanceMap, light: &SeenLight) {
         let seen = match self.now.take() {
-            Some(saliency) => Some((radiance.clone(), saliency)),
+            Some(saliency) => Some((light.radiance.clone(), saliency)),
             None => self.before.take().and_then(|before| before.seen),
         };
-        self.before = Some(Before { samples: map.samples.clone(), seen });
+        self.before = Some(Before { samples: map.samples.clone(), seen, cost: light.cost() });
     }
 
     /// Returns the mean absolute change in a surface's number of samples since the previous frame; `None` if no surface
@@ -138,6 +177,7 @@ impl Looking {
         let fits = |before: &Before| {
             let seen = before.seen.as_ref();
             (before.samples.width(), before.samples.height()) == size
+                && before.cost.as_ref().is_none_or(|cost| (cost.width(), cost.height()) == size)
                 && seen.is_none_or(|(radiance, saliency)| {
                     [(radiance.width(), radiance.height()), (saliency.width(), saliency.height())] == [size; 2]
                 })
@@ -149,9 +189,9 @@ impl Looking {
         Ok(())
     }
 
-    /// Returns v and n from the current saliency and the task map of `frame`.
+    /// Returns v and n from the maps of `frame`, with the current saliency and costs.
     fn map(&self, frame: &Frame) -> ImportanceMap {
-        let Importance { saliency, task } = self.weights;
+        let Importance { saliency, task, edges, cost, ref files } = self.weights;
         let (width, height) = (frame.seen.pixels.width(), frame.seen.pixels.height());
         let mut importance = Plane::filled(width, height, 0.0);
         if let Some(now) = &self.now {
@@ -159,6 +199,15 @@ impl Looking {
         }
         if task > 0.0 {
             add(&mut importance, task, &watched(frame));
+        }
+        if edges > 0.0 {
+            add(&mut importance, edges, &edge_map(&frame.seen));
+        }
+        if let Some(costs) = &self.cost {
+            add(&mut importance, cost, costs);
+        }
+        if let Some(files) = files {
+            add(&mut importance, files.weight(), &files.map(frame.index, width, height));
         }
         ImportanceMap::new(importance.map(|v| v.min(1.0)), self.most_samples)
     }
@@ -172,8 +221,8 @@ impl Looking {
 
         // Stretch saliency to 0…1: values up to the mean become 0.
         let mean = found.samples().iter().sum::<f32>() / found.samples().len().max(1) as f32;
-        let peak = found.samples().iter().copied().fold(LEAST_PEAK, f32::max);
-        let range = (peak - mean).max(f32::MIN_POSITIVE);
+        let peak = found.samples().iter().copied().fold(0.0, f32::max);
+        let range = (peak - mean).max(LEAST_CONTRAST);
         let stretched = found.map(|s| ((s - mean) / range).clamp(0.0, 1.0));
         match (self.before.as_ref().and_then(|before| before.seen.as_ref()), known) {
             (Some((_, before)), Some(known)) => limited(steady_saliency(&stretched, before, known), before, known),
