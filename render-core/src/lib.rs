@@ -30,7 +30,9 @@ pub mod sampling;
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
 pub use anchor::{Anchor, AnchorSpread, Anchors, DynamicAnchor, Moved, ZoneSearch, Zones};
 #[cfg(feature = "bake")]
-pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, SeamPoint, SeamSide, TexelBlend, TexelSite};
+pub use atlas::{
+    Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, SeamPoint, SeamSide, TexelBlend, TexelEstimate, TexelSite,
+};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};

@@ -132,6 +132,12 @@ impl<'a> Surfaces<'a> {
             .map(|vertex| self.world[instance].transform_point3a(positions[vertex as usize].into()))
     }
 
+    /// Returns the number of triangles of an instance.
+    #[must_use]
+    pub fn triangle_count(&self, instance: usize) -> usize {
+        self.mesh(instance).triangles.len()
+    }
+
     /// Returns the scene of these surfaces.
     #[must_use]
     pub fn scene(&self) -> &'a Scene {

@@ -10,7 +10,7 @@ use renderer::bake::{Bake, BakeRun};
 use renderer::plan::Plan;
 use renderer::{Preparation, bake};
 use std::path::{Path, PathBuf};
-use tests::{Moving, Rendered, assert_fails, checkered_room, cornell, load, read_y4m, render, render2mpeg};
+use tests::{Rendered, assert_fails, cornell, load, read_y4m, render, render2mpeg};
 
 /// Adds parallelograms, which face a × b, as one instance.
 pub(super) fn add(scene: &mut Scene, material: Material, faces: &[[Vec3; 3]]) {
@@ -117,7 +117,7 @@ fn cornell_box() -> PathBuf {
 }
 
 /// Bakes `scene` into `folder/NAME.slf` with `extra` arguments, and returns the file's bytes.
-fn bake_file(folder: &Path, scene: &Path, name: &str, extra: &str) -> Vec<u8> {
+pub(super) fn bake_file(folder: &Path, scene: &Path, name: &str, extra: &str) -> Vec<u8> {
     let output = format!("{name}.slf");
     let mut arguments = vec!["bake", scene.to_str().expect("a path in UTF-8"), "-o", &output, "--quiet", "--overwrite"];
     arguments.extend(extra.split_whitespace());
@@ -133,15 +133,15 @@ pub(super) fn assert_bake_fails(folder: &Path, extra: &str, words: &[&str]) {
 }
 
 /// A film and its frames before coding.
-struct Film {
-    rendered: Rendered,
-    frames: Vec<Picture>,
+pub(super) struct Film {
+    pub rendered: Rendered,
+    pub frames: Vec<Picture>,
 }
 
 const SIDE: usize = 64;
 
 /// Renders three frames of `scene` with lightcuts, and with the baked light of `folder/FILE`.
-fn films(folder: &Path, scene: &Path, file: &str, vpls: usize) -> [Film; 2] {
+pub(super) fn films(folder: &Path, scene: &Path, file: &str, vpls: usize) -> [Film; 2] {
     let baked = format!("--lighting baked --baked {file}");
     [("cuts", ""), ("baked", &baked)].map(|(name, more)| {
         let arguments = format!("--size {SIDE}x{SIDE} --frames 3 --vpls {vpls} --y4m {name}.y4m {more}");
@@ -206,25 +206,6 @@ fn things_that_move_are_lit_beside_baked_light() {
         println!("frame {index}: {psnr} dB over {count} pixels, {} in the mean", sum / f64::from(count));
         assert!(count > 200 && psnr > 38.0, "{psnr} dB over {count} pixels");
     }
-}
-
-/// No light is constant under a moving lamp: `bake`, `render` and `plan` report an error.
-#[test]
-fn light_of_lamps_that_move_is_not_baked() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let mut room = checkered_room(Moving::Nothing);
-    let lamp = room.add(&[[vec3(0.9, 2.9, 0.0), Vec3::X * 0.2, Vec3::Z * 0.2]], Vec3::ZERO, Vec3::splat(5.0));
-    room.animate(lamp, Vec3::ZERO, Vec3::X * 0.1);
-    room.write(&folder.join("room.glb"));
-    assert_fails(folder, &["bake", "room.glb"], &["lamp moves", "cannot be baked"]);
-    assert!(!folder.join("room.slf").exists(), "nothing is written");
-    // A film fails in the same way for any file.
-    std::fs::write(folder.join("any.slf"), "not read").expect("a file");
-    let film = ["render", "room.glb", "--lighting", "baked", "--baked", "any.slf"];
-    assert_fails(folder, &film, &["--lighting baked", "lamp moves"]);
-    let plan = render2mpeg(folder, &["plan", "room.glb"]).stdout;
-    assert!(plan.contains("cannot be baked: a lamp moves"), "{plan}");
 }
 
 #[test]

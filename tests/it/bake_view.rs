@@ -97,9 +97,9 @@ fn a_page_contains_the_scene_and_its_light() {
 
     // The library makes the same page as the program.
     let (scene, settings) = load(&path, Options::default());
-    let texels = bake::read(&scene, &folder.join("box.slf")).expect("the light is valid");
+    let texels = bake::read(&scene, &folder.join("box.slf")).expect("the light is valid").at(0.0);
     let page = Page::read(&html);
-    let same = view::view(&scene, &path, &settings.render, &Arc::new(texels.clone())).expect("a page");
+    let same = view::view(&scene, &path, &settings.render, &texels).expect("a page");
     assert!(same.html == html);
     assert_same_light(&page, &texels, same.tone_map.exposure);
 

@@ -6,6 +6,7 @@ mod bake;
 mod bake_coats;
 mod bake_dynamic;
 mod bake_export;
+mod bake_keys;
 mod bake_run;
 mod bake_view;
 #[cfg(unix)]

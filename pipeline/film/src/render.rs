@@ -17,13 +17,11 @@ use renderer::plan::{Plan, Stage};
 use renderer::settings::Aov;
 use renderer::{Crew, Preparation, Shading, SimulatedRanks, exposure_of_lit_frames};
 use std::path::Path;
-#[cfg(feature = "bake")]
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 #[cfg(feature = "bake")]
-use renderer::texels::BakedTexels;
+use renderer::baked_light::BakedLight;
 
 /// Film that is ready for rendering, from the first frame or from a checkpoint.
 #[derive(Debug)]
@@ -33,7 +31,7 @@ pub struct Render<'a> {
     plan: &'a Plan,
     stages: Stages<Preparation<'a>, Shading<'a>, Display, Masking, Video>,
     #[cfg(feature = "bake")]
-    baked: Option<Arc<BakedTexels>>,
+    baked: Option<BakedLight>,
     start: Start<'a>,
     begin: Instant,
     /// Whether the light of the film was read from a file.
@@ -199,7 +197,7 @@ struct LightStages<'a> {
     prepare: Preparation<'a>,
     shade: Shading<'a>,
     #[cfg(feature = "bake")]
-    baked: Option<Arc<BakedTexels>>,
+    baked: Option<BakedLight>,
     /// Whether the light of the film was read from a file.
     is_read: bool,
 }

@@ -4,13 +4,11 @@
 use crate::error::Result;
 use crate::settings::Settings;
 use render_core::scene::Scene;
+#[cfg(feature = "bake")]
+use renderer::baked_light::BakedLight;
 use renderer::plan::Plan;
 use renderer::settings::RenderSettings;
-#[cfg(feature = "bake")]
-use renderer::texels::BakedTexels;
 use renderer::{Preparation, Shading, exposure_of_first_frame, exposure_of_lit_frames};
-#[cfg(feature = "bake")]
-use std::sync::Arc;
 
 /// Returns the exposure of a film in chunks: the exposure of the film's lit frames if the first frame is not
 /// representative, otherwise the exposure of a small version of the first frame.
@@ -25,13 +23,13 @@ pub(crate) fn exposure_of_chunks(
 
 /// Reads the baked light of the film; `None` without baked light.
 #[cfg(feature = "bake")]
-pub(crate) fn read_baked(scene: &Scene, settings: &Settings) -> Result<Option<Arc<BakedTexels>>> {
+pub(crate) fn read_baked(scene: &Scene, settings: &Settings) -> Result<Option<BakedLight>> {
     let baked = settings.files.baked.as_deref().map(|path| renderer::bake::read(scene, path));
-    Ok(baked.transpose()?.map(Arc::new))
+    Ok(baked.transpose()?)
 }
 
 #[cfg(feature = "bake")]
-pub(crate) fn with_baked<'a>(shading: Shading<'a>, baked: Option<&Arc<BakedTexels>>) -> Shading<'a> {
+pub(crate) fn with_baked<'a>(shading: Shading<'a>, baked: Option<&BakedLight>) -> Shading<'a> {
     match baked {
         Some(baked) => shading.with_baked(baked.clone()),
         None => shading,

@@ -5,6 +5,8 @@
 #[cfg(feature = "bake")]
 pub mod bake;
 #[cfg(feature = "bake")]
+pub mod baked_light;
+#[cfg(feature = "bake")]
 pub mod coat_fields;
 mod exposure;
 pub mod frame;

@@ -60,6 +60,22 @@ impl NormalTexels {
         Some(self.light[slot].irradiance(normal.into()).max(Vec3::ZERO))
     }
 
+    /// Returns whether both have light of the same texels.
+    pub(crate) fn has_texels_of(&self, other: &Self) -> bool {
+        self.texels == other.texels
+    }
+
+    /// Returns the mean of this light and the light `later` of the same texels, which has the `weight`.
+    pub(crate) fn mixed(&self, later: &Self, weight: f32) -> Self {
+        let mut light = self.light.clone();
+        for (own, later) in light.iter_mut().zip(&later.light) {
+            for (own, later) in own.coefficients.iter_mut().zip(later.coefficients) {
+                *own = own.lerp(later, weight);
+            }
+        }
+        Self { texels: self.texels.clone(), light }
+    }
+
     /// Encodes the light as bytes.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         encode(&StoredTexels::of(self.texels.clone(), &self.light))

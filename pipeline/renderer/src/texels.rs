@@ -17,7 +17,7 @@ const LEAST_COSINE: f32 = 0.9;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BakedTexels {
     /// The atlas: texels and their surfaces.
-    pub atlas: Atlas,
+    pub atlas: Arc<Atlas>,
     /// Direct irradiance of each texel \[W·m⁻²\], linear RGB.
     pub direct: Vec<[f32; 3]>,
     /// Indirect irradiance of each texel \[W·m⁻²\], linear RGB.
@@ -32,6 +32,18 @@ pub struct BakedTexels {
     /// Light reflected by coats, except light from direct sources. Files store this light in a separate section.
     #[serde(skip)]
     pub coats: Arc<CoatFields>,
+    /// Light of coats at a later time. Files store this light with that time.
+    #[serde(skip)]
+    pub later_coats: Option<LaterCoats>,
+}
+
+/// Light of coats at a later time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LaterCoats {
+    /// The light.
+    pub coats: Arc<CoatFields>,
+    /// Weight in the mean of both times, 0…1.
+    pub weight: f32,
 }
 
 impl BakedTexels {
@@ -56,6 +68,25 @@ impl BakedTexels {
         (weights >= LEAST_RELIABLE).then(|| irradiance / weights)
     }
 
+    /// Returns the mean of this light and the light of the same texels at a `later` time, which has the `weight`.
+    pub(crate) fn mixed(&self, later: &Self, weight: f32) -> Self {
+        let mix = |own: &[[f32; 3]], later: &[[f32; 3]]| {
+            let pairs = own.iter().zip(later);
+            pairs.map(|(&own, &later)| Vec3::from(own).lerp(later.into(), weight).to_array()).collect()
+        };
+        let both_reliable = self.is_reliable.iter().zip(&later.is_reliable).map(|(own, later)| *own && *later);
+        Self {
+            atlas: self.atlas.clone(),
+            direct: mix(&self.direct, &later.direct),
+            indirect: mix(&self.indirect, &later.indirect),
+            is_reliable: both_reliable.collect(),
+            facing: self.facing.clone(),
+            normals: Arc::new(self.normals.mixed(&later.normals, weight)),
+            coats: self.coats.clone(),
+            later_coats: Some(LaterCoats { coats: later.coats.clone(), weight }),
+        }
+    }
+
     /// Returns whether a texel has about the given unit normal. A wide texel may cover several sides of a small object.
     fn faces(&self, texel: u32, normal: Vec3A) -> bool {
         let facing = Vec3A::from_array(self.facing[texel as usize].map(f32::from));
@@ -74,10 +105,17 @@ impl BakedTexels {
         // Interpolate the texels with baked coats: texels inside geometry and smoother texels have none.
         let (mut light, mut weights) = (Vec3::ZERO, 0.0);
         for (texel, weight) in blend.texels.into_iter().zip(blend.weights) {
-            if let Some(found) = self.coats.mean_radiance(texel as usize, mirrored) {
+            if let Some(found) = self.coat_of(texel as usize, mirrored) {
                 (light, weights) = (light + weight * found, weights + weight);
             }
         }
         (weights > 0.0).then(|| light / weights)
+    }
+
+    /// Returns the mean radiance that a texel's coat reflects in the direction `mirrored` \[W·m⁻²·sr⁻¹\].
+    fn coat_of(&self, texel: usize, mirrored: Vec3) -> Option<Vec3> {
+        let own = self.coats.mean_radiance(texel, mirrored)?;
+        let Some(LaterCoats { coats, weight }) = &self.later_coats else { return Some(own) };
+        Some(coats.mean_radiance(texel, mirrored).map_or(own, |later| own.lerp(later, *weight)))
     }
 }

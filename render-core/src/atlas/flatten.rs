@@ -86,12 +86,7 @@ pub(super) struct FlatMesh {
 
 /// Flattens all static lit surfaces, by instance.
 pub(super) fn standing(surfaces: &Surfaces) -> Result<Vec<FlatMesh>, AtlasError> {
-    let (scene, moving) = (surfaces.scene(), surfaces.moving());
-    let is_baked = |instance: &usize| {
-        let mesh = &scene.meshes[scene.instances[*instance].mesh];
-        !moving[*instance] && !scene.materials[mesh.material].unlit
-    };
-    let instances: Vec<usize> = (0..scene.instances.len()).filter(is_baked).collect();
+    let instances = standing_instances(surfaces);
     let meshes: Vec<_> = instances.into_par_iter().map(|instance| flattened(surfaces, instance)).collect();
 
     // Drop instances without charts. Return the first error in the order of instances.
@@ -103,6 +98,16 @@ pub(super) fn standing(surfaces: &Surfaces) -> Result<Vec<FlatMesh>, AtlasError>
         }
     }
     if standing.is_empty() { Err(AtlasError::NothingStatic) } else { Ok(standing) }
+}
+
+/// Returns the static instances that reflect light.
+pub(super) fn standing_instances(surfaces: &Surfaces) -> Vec<usize> {
+    let (scene, moving) = (surfaces.scene(), surfaces.moving());
+    let is_baked = |instance: &usize| {
+        let mesh = &scene.meshes[scene.instances[*instance].mesh];
+        !moving[*instance] && !scene.materials[mesh.material].unlit
+    };
+    (0..scene.instances.len()).filter(is_baked).collect()
 }
 
 /// Flattens the surfaces of an instance.

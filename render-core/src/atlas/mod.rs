@@ -31,6 +31,7 @@ mod tiles;
 mod validate;
 mod weld;
 
+pub use density::TexelEstimate;
 pub use fine::{FinePoint, FineTexels};
 pub use flatten::AtlasError;
 pub use point::{AtlasPoint, TexelBlend, TexelSite};
@@ -128,6 +129,13 @@ impl Atlas {
         let meshes = flatten::standing(surfaces)?;
         let density = density::automatic(&meshes)?;
         Ok(layout::laid_out(&meshes, density))
+    }
+
+    /// Estimates the number of texels of [`Atlas::automatic`], and the fraction of them on instances for which `counts` is
+    /// true. Takes much less time, because no surface is flattened.
+    #[must_use]
+    pub fn estimate(surfaces: &Surfaces, counts: &dyn Fn(usize) -> bool) -> TexelEstimate {
+        density::estimated(surfaces, counts)
     }
 
     /// Returns the number of texels at which half of the [narrow charts](Atlas::narrow_charts) are not narrow. Returns

@@ -18,23 +18,8 @@ const OWN_CHANNEL: &str = "importance.V";
 /// # Errors
 /// The file is damaged, has colors, or has a value outside of 0 to 1; this build does not read the format. The message
 /// names the path.
-#[cfg_attr(not(any(feature = "exr", feature = "textures")), expect(unused_variables, reason = "no format is read"))]
 pub fn decode_gray(path: &Path, bytes: &[u8]) -> Result<Plane<f32>, ImageFileError> {
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let gray: Plane<f32> = match ending.as_str() {
-        #[cfg(feature = "textures")]
-        "png" => decode_png(path, bytes)?,
-        #[cfg(feature = "exr")]
-        "exr" => decode_exr(path, bytes)?,
-        #[cfg(not(feature = "textures"))]
-        "png" => return Err(ImageFileError::LeftOut { path: path.into(), ending, feature: "textures" }),
-        #[cfg(not(feature = "exr"))]
-        "exr" => return Err(ImageFileError::LeftOut { path: path.into(), ending, feature: "exr" }),
-        _ => {
-            let problem = "maps are .png or .exr files".into();
-            return Err(ImageFileError::Content { path: path.into(), problem });
-        }
-    };
+    let gray = decode(path, bytes)?;
     // Refuse other ranges: their scale is unknown.
     for (index, value) in gray.samples().iter().enumerate() {
         if !(0.0..=1.0).contains(value) {
@@ -45,6 +30,27 @@ pub fn decode_gray(path: &Path, bytes: &[u8]) -> Result<Plane<f32>, ImageFileErr
         }
     }
     Ok(gray)
+}
+
+/// Decodes a gray image with any values.
+fn decode(path: &Path, bytes: &[u8]) -> Result<Plane<f32>, ImageFileError> {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    // Name the missing feature for a known format that this build does not read.
+    let needed = match ending.as_str() {
+        "png" if !cfg!(feature = "textures") => Some("textures"),
+        "exr" if !cfg!(feature = "exr") => Some("exr"),
+        _ => None,
+    };
+    if let Some(feature) = needed {
+        return Err(ImageFileError::LeftOut { path: path.into(), ending, feature });
+    }
+    match (ending.as_str(), bytes) {
+        #[cfg(feature = "textures")]
+        ("png", bytes) => decode_png(path, bytes),
+        #[cfg(feature = "exr")]
+        ("exr", bytes) => decode_exr(path, bytes),
+        _ => Err(ImageFileError::Content { path: path.into(), problem: "maps are .png or .exr files".into() }),
+    }
 }
 
 /// Returns the error of an image with colors.

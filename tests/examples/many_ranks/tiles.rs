@@ -57,7 +57,7 @@ pub fn walk(arguments: &Arguments) -> anyhow::Result<()> {
     let tiles = format!("{},{}", arguments.cost, arguments.records).parse().ok();
     let mut first: Option<(f64, Vec<f32>)> = None;
     for count in [1, arguments.ranks] {
-        let by_importance = arguments.options.importance.map(Some);
+        let by_importance = arguments.options.importance.clone().map(Some);
         for importance in [None].into_iter().chain(by_importance) {
             let everywhere = importance.is_none();
             let options = merged(arguments, Options { tiles, importance, ..Options::default() });

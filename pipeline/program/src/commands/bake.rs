@@ -12,7 +12,7 @@ use pipeline::output::Output;
 use render_core::scene::Scene;
 use render2mpeg::places::FilePlaces;
 use render2mpeg::{Error, Options, Settings};
-use renderer::bake::{self, Bake, BakeCheckpoint, BakeRun, export, view};
+use renderer::bake::{self, Bake, BakeCheckpoint, BakeRun, KeyedBake, KeyedResolution, export, view};
 use renderer::settings::RenderSettings;
 use renderer::texels::BakedTexels;
 use serde_json::json;
@@ -50,6 +50,10 @@ pub(crate) struct BakeArguments {
     /// the scene and the width of its surfaces]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=MOST_TEXELS))]
     texels: Option<u32>,
+    /// Number of key times of moving or changing lamps, evenly spaced over the animation. Films interpolate between them.
+    /// Exports have the light of the first key time
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(2..=MOST_KEYS), conflicts_with = "baked")]
+    keys: Option<u32>,
     /// Number of anchor lights, the sources of indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
@@ -79,6 +83,9 @@ pub(crate) struct BakeArguments {
 /// Maximum number of texels that can be requested.
 const MOST_TEXELS: i64 = 16_000_000;
 
+/// Maximum number of key times that can be requested.
+const MOST_KEYS: i64 = 256;
+
 /// Time between checkpoints: if the program is killed, about a minute of work is lost.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
@@ -93,6 +100,7 @@ pub fn run(arguments: BakeArguments, ranks: &Ranks) -> Result<ExitCode> {
         texture,
         baked,
         texels,
+        keys,
         vpls,
         photons,
         bounces,
@@ -132,10 +140,10 @@ pub fn run(arguments: BakeArguments, ranks: &Ranks) -> Result<ExitCode> {
     let settings = Settings::new(path, &scene, &options)?;
     let job = BakeJob { scene: &scene, settings: &settings, quiet: quiet || !is_first };
     let light = match baked {
-        Some(path) => bake::read(&scene, &path)?,
+        Some(path) => bake::read(&scene, &path)?.at(0.0),
         None => {
-            let work =
-                BakeWork { texels: texels.map(|texels| texels as usize), output: output.as_deref(), resume, ranks };
+            let texels = texels.map(|texels| texels as usize);
+            let work = BakeWork { texels, keys, output: output.as_deref(), resume, ranks };
             match job.bake(&work)? {
                 Ok(light) => light,
                 Err(code) => return Ok(code),
@@ -143,7 +151,6 @@ pub fn run(arguments: BakeArguments, ranks: &Ranks) -> Result<ExitCode> {
         }
     };
     // Export the light that was read or baked.
-    let light = Arc::new(light);
     if let Some(gltf) = gltf.filter(|_| is_first) {
         job.export(&light, &gltf, texture)?;
     }
@@ -164,6 +171,8 @@ struct BakeJob<'a> {
 struct BakeWork<'a> {
     /// Requested number of texels.
     texels: Option<usize>,
+    /// Number of key times; `None` for a scene without moving lamps.
+    keys: Option<u32>,
     output: Option<&'a Path>,
     resume: bool,
     ranks: &'a Ranks,
@@ -171,23 +180,31 @@ struct BakeWork<'a> {
 
 impl BakeJob<'_> {
     /// Bakes the light, and writes it to the output, if given. Returns the exit code of an interrupted bake.
-    fn bake(&self, work: &BakeWork) -> Result<Result<BakedTexels, ExitCode>> {
+    fn bake(&self, work: &BakeWork) -> Result<Result<Arc<BakedTexels>, ExitCode>> {
         let begin = Instant::now();
-        let BakeWork { texels, output, resume, ranks } = *work;
+        let BakeWork { texels, keys, output, resume, ranks } = *work;
         let is_first = ranks.team().rank() == 0;
 
         // Write checkpoints next to the light file. Rank 0 sends their content to the other ranks.
         let checkpoint = match output.filter(|_| is_first) {
-            Some(output) => Some(BakeCheckpoint::new(&self.film_job(texels, output)?, CHECKPOINT_EVERY, resume)?),
+            Some(output) => Some(BakeCheckpoint::new(&self.film_job(texels, keys, output)?, CHECKPOINT_EVERY, resume)?),
             None => None,
         };
         let bar = progress::of_work(self.quiet);
         let interrupt = Interrupt::watch(Reactions::default())?;
         let run = BakeRun { ranks: ranks.team().prepare.clone(), checkpoint, stop: &interrupt.stop };
-        let baked = bake::bake(self.scene, &self.settings.render, texels, &run, &|done, all| {
+        let progress = |done: usize, all: usize| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
-        })?;
+        };
+        let (scene, settings) = (self.scene, &self.settings.render);
+        let baked = match keys {
+            Some(keys) => {
+                let resolution = KeyedResolution { texels, keys };
+                bake::bake_keys(scene, settings, resolution, &run, &progress)?.map(BakeResult::Keys)
+            }
+            None => bake::bake(scene, settings, texels, &run, &progress)?.map(BakeResult::Constant),
+        };
         bar.finish_and_clear();
         let Some(baked) = baked else {
             if !self.quiet {
@@ -207,15 +224,20 @@ impl BakeJob<'_> {
         if let Some(checkpoint) = &run.checkpoint {
             checkpoint.remove()?;
         }
-        Ok(Ok(baked.texels))
+        Ok(Ok(Arc::new(baked.first().texels.clone())))
     }
 
     /// Prints size, resolution and cost of the light.
-    fn describe(&self, baked: &Bake, written: Option<(&Path, u64)>, seconds: f64) -> Result<()> {
+    fn describe(&self, baked: &BakeResult, written: Option<(&Path, u64)>, seconds: f64) -> Result<()> {
         match written {
             Some((path, bytes)) => tell!("{}: {bytes} bytes in {seconds:.1} s", path.display()),
             None => tell!("light baked in {seconds:.1} s"),
         }
+        if let BakeResult::Keys(KeyedBake { light, error, .. }) = baked {
+            let (count, last) = (light.times().len(), light.times().last().copied().unwrap_or_default());
+            tell!("  {count} key times up to {last:.2} s, error of the interpolation {:.2} %", 100.0 * error);
+        }
+        let baked = baked.first();
         let atlas = &baked.texels.atlas;
         tell!(
             "  {} texels, {} on surfaces and {} inside other geometry, {:.2} per meter, in {} charts and {} tiles",
@@ -249,10 +271,10 @@ impl BakeJob<'_> {
         Ok(())
     }
 
-    /// Returns the job of baking the requested number of texels into the file at `output`.
-    fn film_job(&self, texels: Option<usize>, output: &Path) -> Result<FilmJob> {
+    /// Returns the job of baking the requested numbers of texels and key times into the file at `output`.
+    fn film_job(&self, texels: Option<usize>, keys: Option<u32>, output: &Path) -> Result<FilmJob> {
         let RenderSettings { vpls, photons, bounces, seed, .. } = self.settings.render;
-        let settings = json!({ "texels": texels, "vpls": vpls, "photons": photons, "bounces": bounces, "seed": seed });
+        let settings = json!({ "texels": texels, "keys": keys, "vpls": vpls, "photons": photons, "bounces": bounces, "seed": seed });
         let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
         Ok(FilmJob::new(output, program, &settings.to_string(), self.scene.origin.sum))
     }
@@ -289,6 +311,31 @@ impl BakeJob<'_> {
             }
         }
         Ok(())
+    }
+}
+
+/// Light that was baked.
+enum BakeResult {
+    /// Light that does not change.
+    Constant(Bake),
+    /// Light at key times.
+    Keys(KeyedBake),
+}
+
+impl BakeResult {
+    /// Returns the light at the first time.
+    fn first(&self) -> &Bake {
+        match self {
+            Self::Constant(bake) => bake,
+            Self::Keys(keys) => &keys.first,
+        }
+    }
+
+    fn write(&self, scene: &Scene, path: &Path) -> pipeline::error::Result<u64> {
+        match self {
+            Self::Constant(bake) => bake.write(scene, path),
+            Self::Keys(keys) => keys.write(scene, path),
+        }
     }
 }
 

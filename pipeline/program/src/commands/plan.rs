@@ -5,10 +5,26 @@ use crate::print::{counted, rough_time, single_line};
 use crate::source::SceneSource;
 use anyhow::Result;
 use clap::Args;
+#[cfg(feature = "bake")]
+use render_core::scene::Scene;
 use render2mpeg::places::FilePlaces;
 use render2mpeg::settings::MemorySize;
 use render2mpeg::{Options, Settings, make_light, memory};
+#[cfg(feature = "bake")]
+use renderer::bake::{self, BakeEstimate};
 use std::process::ExitCode;
+
+/// Prints the estimated time of a bake.
+#[cfg(feature = "bake")]
+fn say_bake(scene: &Scene, settings: &Settings) {
+    // Bakes use the photons of the finest quantiser.
+    let options = Options { qscale: Some(1), vpls: Some(settings.render.vpls), ..Options::default() };
+    let Ok(finest) = Settings::new(settings.scene.clone(), scene, &options) else { return };
+    if let Some(BakeEstimate { texels, seconds }) = bake::estimate(scene, &finest.render) {
+        let all = rough_time(seconds / rayon::current_num_threads() as f64);
+        say!("bake:   about {texels} texels in {all}");
+    }
+}
 
 /// Options of a plan.
 #[derive(Args)]
@@ -38,6 +54,8 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     say!("time:   about {seconds:.2} CPU s per frame after the first; {frames} in about {}", rough_time(all));
     let (needed, size) = (MemorySize(memory::estimate(&scene, settings.render.size)), settings.render.size);
     say!("memory: about {needed} for {}x{} pixels", size.width, size.height);
+    #[cfg(feature = "bake")]
+    say_bake(&scene, &settings);
     if let Some(path) = &settings.files.light {
         FilePlaces::of(&scene).writes("--light", Some(path)).check()?;
         let is_new = make_light(&scene, &settings, &plan, path)?;

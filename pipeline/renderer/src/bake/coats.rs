@@ -30,6 +30,7 @@ struct CoatTexel {
 }
 
 /// Texels with coats rough enough for baking, grouped by the side of their maps.
+#[derive(Default)]
 pub(super) struct CoatTexels(BTreeMap<usize, Vec<CoatTexel>>);
 
 impl CoatTexels {

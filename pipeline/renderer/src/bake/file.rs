@@ -66,10 +66,16 @@ impl SectionFile {
     /// # Errors
     /// If the file lacks that section.
     pub fn section(&self, path: &Path, tag: [u8; 4]) -> Result<&[u8]> {
-        match self.sections.iter().find(|(found, _)| *found == tag) {
-            Some((_, bytes)) => Ok(bytes),
+        match self.optional(tag) {
+            Some(bytes) => Ok(bytes),
             None => Err(Error::content(path, format!(": the section {} is missing: {AGAIN}", tag.escape_ascii()))),
         }
+    }
+
+    /// Returns the bytes of the section `tag`; `None` if the file lacks that section.
+    #[must_use]
+    pub fn optional(&self, tag: [u8; 4]) -> Option<&[u8]> {
+        self.sections.iter().find(|(found, _)| *found == tag).map(|(_, bytes)| &bytes[..])
     }
 
     /// Checks that the light was baked for the scene with this `fingerprint`; `path` is only used in the error message.

@@ -9,6 +9,7 @@ use pipeline::sealed::SealedFormat;
 use render_core::ranks::{Alone, Portable, Ranks, in_order, share_each};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -23,7 +24,7 @@ const LEAST_AT_ONCE: usize = 64;
 /// Run of a bake: its ranks, its checkpoint, and its interruption.
 pub struct BakeRun<'a> {
     /// Ranks that share the work. All ranks must call [`bake`](super::bake) together.
-    pub ranks: std::sync::Arc<dyn Ranks>,
+    pub ranks: Arc<dyn Ranks>,
     /// Checkpoint of the bake; `None` for no checkpoints. Only rank 0 reads and writes it.
     pub checkpoint: Option<BakeCheckpoint>,
     /// Flag that ends the bake at its next batch, with a checkpoint. Only the flag of rank 0 counts.
@@ -35,7 +36,7 @@ impl BakeRun<'_> {
     #[must_use]
     pub fn alone() -> Self {
         static NEVER: AtomicBool = AtomicBool::new(false);
-        Self { ranks: std::sync::Arc::new(Alone), checkpoint: None, stop: &NEVER }
+        Self { ranks: Arc::new(Alone), checkpoint: None, stop: &NEVER }
     }
 }
 
@@ -148,6 +149,11 @@ impl<'a> BakeLoops<'a> {
         let own = pipeline::state::encode(&own.cloned().unwrap_or_default());
         let stored = pipeline::state::decode(&run.ranks.broadcast(own))?;
         Ok(Self { run, stored, next: 0, last: Instant::now() })
+    }
+
+    /// Returns the ranks that share the work.
+    pub fn ranks(&self) -> Arc<dyn Ranks> {
+        self.run.ranks.clone()
     }
 
     /// Runs the next loop over `count` items and returns one result per item. `done` is called with the index of each

@@ -21,6 +21,7 @@ use std::f32::consts::TAU;
 const RAYS: usize = 256;
 
 /// Texels with normal maps, in the order of the atlas.
+#[derive(Default)]
 pub(super) struct MappedTexels(Vec<MappedTexel>);
 
 /// A texel with a normal map.

@@ -158,11 +158,15 @@ fn may_be_smooth(material: &Material) -> bool {
     material.roughness < BAKED_ROUGHNESS || material.metallic_roughness_texture.is_some()
 }
 
-/// Returns whether a light or an emissive surface moves.
+/// Returns whether a light or an emissive surface moves or changes.
 pub(crate) fn lamp_moves(scene: &Scene) -> bool {
-    let (nodes, instances) = (scene.moving_nodes(), scene.moving_instances());
+    let nodes = scene.moving_nodes();
+    scene.punctual_lights.iter().any(|light| nodes[light.node]) || moving_lamps(scene).contains(&true)
+}
+
+/// Returns, for each instance, whether it emits light and moves or changes.
+pub(crate) fn moving_lamps(scene: &Scene) -> Vec<bool> {
     let materials = scene.extreme_materials();
     let glows = |one: &Instance| materials[scene.meshes[one.mesh].material].emits();
-    scene.punctual_lights.iter().any(|light| nodes[light.node])
-        || scene.instances.iter().zip(instances).any(|(one, moves)| moves && glows(one))
+    scene.instances.iter().zip(scene.moving_instances()).map(|(one, moves)| moves && glows(one)).collect()
 }

@@ -9,6 +9,8 @@ mod stage;
 
 pub use facts::Fact;
 pub(crate) use facts::lamp_moves;
+#[cfg(feature = "bake")]
+pub(crate) use facts::moving_lamps;
 pub use stage::{Stage, State};
 
 use crate::settings::RenderSettings;

@@ -136,10 +136,10 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::BakedLight,
         &[
             off(|f| !f.reflects, NO_INDIRECT),
-            off(|f| f.lamp_moves, "cannot be baked: a lamp moves"),
             off(|f| !f.stands, "cannot be baked: every surface moves"),
             on(|f| f.looks_up() && !f.object_moves, "all surfaces sample baked light, as requested"),
             on(|f| f.looks_up(), "static surfaces sample baked light, as requested"),
+            off(|f| f.lamp_moves, "not requested; a lamp moves, so the light can be baked at key times"),
             off(|f| f.object_moves, "not requested; the light of static surfaces can be baked"),
             otherwise(State::Off, "not requested; all light of this scene can be baked"),
         ],
@@ -281,9 +281,9 @@ impl Facts<'_> {
         self.settings.lighting != Lighting::AllLights
     }
 
-    /// Returns whether static surfaces sample baked indirect light. Films with moving lamps are rejected.
+    /// Returns whether static surfaces sample baked indirect light. Light of moving lamps has key times.
     fn looks_up(&self) -> bool {
-        self.settings.lighting.is_baked() && !self.lamp_moves
+        self.settings.lighting.is_baked()
     }
 }
 

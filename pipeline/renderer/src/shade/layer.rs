@@ -7,6 +7,8 @@ use super::movement::Movement;
 use super::tolerance::Tolerance;
 use crate::frame::Frame;
 use crate::settings::Aov;
+#[cfg(feature = "bake")]
+use crate::texels::BakedTexels;
 use glam::Vec3;
 use pipeline::error::Result;
 use plane::{Correspondence, Plane};
@@ -96,6 +98,13 @@ pub(crate) trait KnownLight: Debug + Sync {
     /// Traces rays around `receiver`, and returns the light that surfaces reflect to it. `key` determines the rotation
     /// of the rays.
     fn gather(&self, receiver: &ShadingPoint, key: u64) -> GatheredLight;
+
+    /// Returns the texels of static surfaces.
+    #[cfg(feature = "bake")]
+    fn texels(&self) -> &BakedTexels;
+
+    /// Returns whether the light of static surfaces changes from frame to frame.
+    fn changes(&self) -> bool;
 
     /// Returns the change of the irradiance of visible static surfaces by dynamic objects \[W·m⁻²\]; `None` without such
     /// objects. `still` contains the irradiance of these surfaces without dynamic objects, and `None` elsewhere.

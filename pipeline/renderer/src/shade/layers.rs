@@ -12,8 +12,6 @@ use super::tolerance::Tolerance;
 use crate::frame::Frame;
 use crate::plan::{Plan, Stage};
 use crate::settings::{Aov, Lighting, RenderSettings};
-#[cfg(feature = "bake")]
-use crate::texels::BakedTexels;
 use glam::Vec3;
 use pipeline::error::{Error, Result};
 use pipeline::state::NONSENSE;
@@ -41,7 +39,7 @@ impl Layers {
         let carries = plan.is_on(Stage::ReprojectedLight);
         let mut direct = vec![reprojected_if(carries, Direct::default(), settings)];
         if plan.is_on(Stage::Gloss) && settings.tiles.is_none() {
-            direct.push(Box::new(Coats::default()));
+            direct.push(Box::new(Coats));
         }
 
         // Reproject no light of the layer if light is baked: the layer lights only surfaces without valid texels.
@@ -59,15 +57,6 @@ impl Layers {
             });
         }
         Self { direct, indirect }
-    }
-
-    /// Makes coats sample the baked light of `texels`, if the scene has coats.
-    #[cfg(feature = "bake")]
-    pub fn look_coats_up(&mut self, texels: &Arc<BakedTexels>) {
-        // Replace the coats, which follow direct light in the list.
-        if let [_, coats] = &mut self.direct[..] {
-            *coats = Box::new(Coats::baked(texels.clone()));
-        }
     }
 
     /// Lights the surfaces of `visible`, with their emission as initial radiance. Returns the radiance of the

@@ -52,9 +52,9 @@ pub use tolerance::{FootprintPixel, Tolerance};
 #[cfg(feature = "bake")]
 pub(crate) use visibility::{GATHER_RAYS, Visibility};
 
-use super::frame::{Frame, PreparedFrame};
 #[cfg(feature = "bake")]
-use super::texels::BakedTexels;
+use super::baked_light::BakedLight;
+use super::frame::{Frame, PreparedFrame};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, RenderSettings, Stopping};
 use channels::{Known, colors};
@@ -103,7 +103,7 @@ pub struct Shading<'a> {
     tiling: Option<Tiling>,
     /// Baked light; `None` in films without it.
     #[cfg(feature = "bake")]
-    texels: Option<Arc<BakedTexels>>,
+    baked: Option<BakedLight>,
 }
 
 impl<'a> Shading<'a> {
@@ -135,7 +135,7 @@ impl<'a> Shading<'a> {
             ranks,
             tiling: None,
             #[cfg(feature = "bake")]
-            texels: None,
+            baked: None,
         }
     }
 
@@ -158,14 +158,13 @@ impl<'a> Shading<'a> {
         (self.calibration, self.looking) = (calibration(&self.settings), looking(&self.settings));
     }
 
-    /// Uses the baked light of `texels` for static surfaces.
+    /// Uses baked `light` for static surfaces.
     #[cfg(feature = "bake")]
     #[must_use]
-    pub fn with_baked(mut self, texels: Arc<BakedTexels>) -> Self {
-        self.layers.look_coats_up(&texels);
-        self.texels = Some(texels.clone());
+    pub fn with_baked(mut self, light: impl Into<BakedLight>) -> Self {
+        self.baked = Some(light.into());
         let others = self.layers.indirect.pop();
-        self.with_indirect(Box::new(baked::Baked::new(texels, others)))
+        self.with_indirect(Box::new(baked::Baked::new(others)))
     }
 
     /// Replaces all layers of indirect light by `layer`.
@@ -344,7 +343,9 @@ impl Shading<'_> {
         let movement = Movement::to(frame, &self.places);
         let ranks = self.ranks.clone();
         #[cfg(feature = "bake")]
-        let known = self.texels.as_ref().map(|texels| baked::TexelLight::new(texels, frame, &movement));
+        let baked = self.baked.as_ref().map(|light| baked::TexelsOfFrame::new(light, self.settings.time(frame.index)));
+        #[cfg(feature = "bake")]
+        let known = baked.as_ref().map(|texels| baked::TexelLight::new(texels, frame, &movement));
         #[cfg(feature = "bake")]
         let known = known.as_ref().map(|known| known as &dyn KnownLight);
         #[cfg(not(feature = "bake"))]

@@ -21,7 +21,7 @@ pub(super) struct InstancePose {
 }
 
 /// World-space bounding box of a moving instance.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct MovingBox {
     pub instance: u32,
     low: Vec3A,

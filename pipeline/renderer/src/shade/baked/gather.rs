@@ -8,6 +8,7 @@ use super::lattice::MoverChange;
 use super::texel_light::{GATHER_RAYS, TexelLight, reflectance};
 use crate::shade::gradient_sum::GradientSum;
 use crate::shade::layer::{GatheredLight, KnownLight, Visible};
+use crate::texels::BakedTexels;
 use glam::Vec3;
 use lighttree::IrradianceTerm;
 use plane::Plane;
@@ -20,6 +21,14 @@ const LEAST_COSINE: f32 = 0.05;
 impl KnownLight for TexelLight<'_> {
     fn irradiance(&self, hit: &Hit, surface: &Surface) -> Vec3 {
         self.irradiance_at(hit, surface)
+    }
+
+    fn texels(&self) -> &BakedTexels {
+        self.texels
+    }
+
+    fn changes(&self) -> bool {
+        !self.is_constant
     }
 
     fn gather(&self, receiver: &ShadingPoint, key: u64) -> GatheredLight {

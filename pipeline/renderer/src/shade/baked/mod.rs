@@ -19,14 +19,12 @@ use super::macroblock::{by_macroblock, places};
 use super::tolerance::Tolerance;
 use crate::frame::Frame;
 use crate::settings::Aov;
-use crate::texels::BakedTexels;
 use glam::Vec3;
 use pipeline::error::Result;
 use plane::Plane;
 use render_core::Busy;
 use render_core::ranks::Alone;
-use std::sync::Arc;
-pub(super) use texel_light::TexelLight;
+pub(super) use texel_light::{TexelLight, TexelsOfFrame};
 
 /// Minimum fraction of the texels' light that dynamic objects leave. In dark corners, errors of the change would make
 /// single pixels black.
@@ -34,15 +32,14 @@ const LEAST_LEFT: f32 = 0.15;
 
 /// Layer of baked indirect light.
 pub(super) struct Baked {
-    texels: Arc<BakedTexels>,
-    /// Layer for all other surfaces.
+    /// Layer for surfaces without valid texels.
     others: Option<Box<dyn Layer>>,
 }
 
 impl Baked {
-    /// Creates a layer with the light of `texels`. The layer `others` lights surfaces without valid texels.
-    pub fn new(texels: Arc<BakedTexels>, others: Option<Box<dyn Layer>>) -> Self {
-        Self { texels, others }
+    /// Creates a layer. The layer `others` lights surfaces without valid texels.
+    pub fn new(others: Option<Box<dyn Layer>>) -> Self {
+        Self { others }
     }
 }
 
@@ -53,9 +50,10 @@ impl Layer for Baked {
         let is_lit = |x, y| pixels.get(x, y).reflects() && wanted.is_none_or(|wanted| wanted.get(x, y));
 
         // Sample the baked light of surfaces with valid texels.
+        let texels = visible.known.expect("a film with baked light has texels").texels();
         let (busy, surfaces) = (Busy::default(), &visible.frame.surfaces);
         let of_pixel = |(x, y): (usize, usize)| match is_lit(x, y) {
-            true => self.texels.indirect_at(&pixels.get(x, y), surfaces).map(Into::into),
+            true => texels.indirect_at(&pixels.get(x, y), surfaces).map(Into::into),
             false => Some([0.0; 3]),
         };
         let block = |(): &mut (), columns, rows| places(columns, rows).map(of_pixel).collect();

@@ -12,7 +12,9 @@ use super::mover_points::MoverPoints;
 use super::movers::{Directions, Movers};
 use super::probe::Probes;
 use super::texel_blocks::TexelBlocks;
+use crate::baked_light::BakedLight;
 use crate::frame::Frame;
+use crate::plan::moving_lamps;
 use crate::shade::direct::shades;
 use crate::shade::movement::{Movement, MovingBox};
 use crate::texels::BakedTexels;
@@ -20,6 +22,7 @@ use glam::{Vec3, Vec3A, vec2};
 use render_core::sampling::{hash, hash_unit};
 use render_core::{AtlasPoint, Bsdf, Environment, GatherDirections, Hit, ShadingPoint, Source, Surface, luminance};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// Number of rays that gather the light of a record.
 pub(super) const GATHER_RAYS: usize = 128;
@@ -40,15 +43,31 @@ const CHANGE_DIRECTIONS: (usize, usize) = (16, 16);
 /// Minimum fraction of the hemisphere that objects cover where they change the indirect light of a block.
 const LEAST_BLOCK_COVER: f32 = 0.02;
 
+/// Texels at the time of a frame.
+pub(in crate::shade) struct TexelsOfFrame {
+    texels: Arc<BakedTexels>,
+    /// Whether the light is the same in all frames.
+    is_constant: bool,
+}
+
+impl TexelsOfFrame {
+    /// Returns the texels of `light` at a `time` \[s\].
+    pub fn new(light: &BakedLight, time: f32) -> Self {
+        Self { texels: light.at(time), is_constant: light.is_constant() }
+    }
+}
+
 /// Light of a frame in a film with baked light.
 pub(in crate::shade) struct TexelLight<'a> {
-    texels: &'a BakedTexels,
+    pub(super) texels: &'a BakedTexels,
+    /// Whether the light of the texels is the same in all frames.
+    pub(super) is_constant: bool,
     pub(super) frame: &'a Frame<'a>,
     /// Directions of the rays of a record.
     pub(super) directions: GatherDirections,
     /// Directions of the rays of a point on a dynamic instance.
     point_directions: GatherDirections,
-    /// Boxes around all moving instances.
+    /// Boxes around all moving instances, except lamps whose shadows are baked.
     pub(super) standing: Vec<MovingBox>,
     /// Regions of the lamps in which shadow rays end.
     sources: Vec<Source>,
@@ -78,14 +97,20 @@ impl std::fmt::Debug for TexelLight<'_> {
 
 impl<'a> TexelLight<'a> {
     /// Prepares the light of `frame`.
-    pub fn new(texels: &'a BakedTexels, frame: &'a Frame<'a>, movement: &Movement) -> Self {
+    pub fn new(of_frame: &'a TexelsOfFrame, frame: &'a Frame<'a>, movement: &Movement) -> Self {
+        let TexelsOfFrame { ref texels, is_constant } = *of_frame;
         let [directions, point_directions] = [GATHER_RAYS, POINT_RAYS].map(GatherDirections::new);
-        let (standing, sources) = (movement.standing(), frame.direct.sources());
+        let (all, sources) = (movement.standing(), frame.direct.sources());
+        // Omit moving lamps: light with key times contains their shadows.
+        let is_baked = if is_constant { Vec::new() } else { moving_lamps(frame.surfaces.scene()) };
+        let is_live = |thing: &&MovingBox| is_baked.get(thing.instance as usize) != Some(&true);
+        let standing: Vec<MovingBox> = all.iter().filter(is_live).cloned().collect();
         let movers = Movers::new(&standing);
         let radii = movers.spheres.iter().map(|sphere| sphere.radius);
         let largest_radius = radii.fold(0.0, f32::max);
         let mut light = Self {
             texels,
+            is_constant,
             frame,
             directions,
             point_directions,
@@ -99,10 +124,9 @@ impl<'a> TexelLight<'a> {
         };
 
         // Trace the probes without light of dynamic surfaces, which needs the probes. Then light these surfaces.
-        let centers: Vec<(u32, Vec3A)> =
-            light.standing.iter().map(|thing| (thing.instance, thing.sphere().center)).collect();
+        let centers: Vec<(u32, Vec3A)> = all.iter().map(|thing| (thing.instance, thing.sphere().center)).collect();
         light.probes = Probes::trace(&centers, |center, direction| light.static_radiance(center, direction, 0.0));
-        let moving: Vec<u32> = light.standing.iter().map(|thing| thing.instance).collect();
+        let moving: Vec<u32> = all.iter().map(|thing| thing.instance).collect();
         light.points = MoverPoints::light(frame, &moving, |instance, surface| light.computed(instance, surface));
         // Light them again by rays, which see the shadows around them. Blocks that these rays meet keep the first light.
         light.points = MoverPoints::light(frame, &moving, |_, surface| light.arriving(surface));

@@ -101,7 +101,8 @@ fn are_lit_by(intensities: &[Vec3], frame: &Frame) -> bool {
 
 /// Returns the changes since the previous frame. `before` contains the intensities of that frame.
 fn changes(before: &[Vec3], visible: &Visible) -> Changes {
-    Changes { light: !are_lit_by(before, visible.frame), geometry: visible.movement.is_any }
+    let known_changes = visible.known.is_some_and(|known| known.changes());
+    Changes { light: known_changes || !are_lit_by(before, visible.frame), geometry: visible.movement.is_any }
 }
 
 impl Layer for Cached {

@@ -162,7 +162,8 @@ impl Illumination for TreeLight<'_> {
             LastUpdate::LastFrame => self.is_near(self.swept, site),
             LastUpdate::Earlier => recipe.near_moving || self.is_near(&self.standing, site),
         };
-        if gathers_again || site.carrier != NOTHING && self.visible.known.is_some() {
+        let known_changes = self.visible.known.is_some_and(|known| site.carrier != NOTHING || known.changes());
+        if gathers_again || known_changes {
             (recipe.surroundings, recipe.reflected) = self.surroundings(&receiver, site.key);
             recipe.near_moving = self.is_near(&self.standing, site);
         }

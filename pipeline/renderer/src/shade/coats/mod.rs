@@ -49,8 +49,6 @@ use ranks::portable;
 use reflections::{Brought, KnownIrradiance, Reflections, Typical};
 use render_core::ranks::Alone;
 use render_core::{Busy, GBuffer, Hit, PixelSurface, Surface};
-#[cfg(feature = "bake")]
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(feature = "bake")]
 pub(crate) use texel::{KnownScene, TexelCoat, arriving_light};
@@ -73,40 +71,32 @@ pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
 
 /// Layer of light that coats reflect toward the viewer by single scattering.
 #[derive(Default)]
-pub(super) struct Coats {
-    /// Baked light of static coats; `None` in films without baked light.
-    #[cfg(feature = "bake")]
-    baked: Option<Arc<BakedTexels>>,
-}
+pub(super) struct Coats;
 
+/// Baked light of static coats. Light sources are not in that light.
 #[cfg(feature = "bake")]
-impl Coats {
-    /// Creates the layer for coats that sample the baked light of `texels`. Light sources are not in that light.
-    pub fn baked(texels: Arc<BakedTexels>) -> Self {
-        Self { baked: Some(texels) }
-    }
+type BakedCoats<'a> = Option<&'a BakedTexels>;
+#[cfg(not(feature = "bake"))]
+type BakedCoats<'a> = Option<&'a ()>;
+
+/// Returns a pixel's light if it is baked; `None` if the pixel needs reflection rays.
+#[cfg(feature = "bake")]
+fn looked_up(baked: BakedCoats, reflections: &mut Reflections, coated: &Coated, pixel: &PixelSurface) -> Option<Lobe> {
+    let texels = baked.filter(|_| pixel.roughness >= BAKED_ROUGHNESS)?;
+    let light = texels.coat_at(pixel, &reflections.prepared.surfaces, coated.middle().into())?;
+    Some(Lobe::without_rays(reflections.sources(coated) + coated.albedo() * light))
 }
 
-impl Coats {
-    /// Returns a pixel's light if it is baked; `None` if the pixel needs reflection rays.
-    #[cfg(feature = "bake")]
-    fn looked_up(&self, reflections: &mut Reflections, coated: &Coated, pixel: &PixelSurface) -> Option<Lobe> {
-        let texels = self.baked.as_ref().filter(|_| pixel.roughness >= BAKED_ROUGHNESS)?;
-        let light = texels.coat_at(pixel, &reflections.prepared.surfaces, coated.middle().into())?;
-        Some(Lobe::without_rays(reflections.sources(coated) + coated.albedo() * light))
-    }
+#[cfg(not(feature = "bake"))]
+fn looked_up(_: BakedCoats, _: &mut Reflections, _: &Coated, _: &PixelSurface) -> Option<Lobe> {
+    None
+}
 
-    #[cfg(not(feature = "bake"))]
-    fn looked_up(&self, _: &mut Reflections, _: &Coated, _: &PixelSurface) -> Option<Lobe> {
-        None
-    }
-
-    /// Returns a pixel's light from the pixel's own rays. A pixel without a coat has neither rays nor light.
-    fn own_lobe(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Lobe {
-        let Some(coated) = coated(reflections, seen, x, y) else { return Lobe::default() };
-        let pixel = seen.pixels.get(x, y);
-        self.looked_up(reflections, &coated, &pixel).unwrap_or_else(|| own_rays(reflections, &coated, x, y))
-    }
+/// Returns a pixel's baked light, or the light from the pixel's own rays. A pixel without a coat has no light.
+fn own_lobe(baked: BakedCoats, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Lobe {
+    let Some(coated) = coated(reflections, seen, x, y) else { return Lobe::default() };
+    let pixel = seen.pixels.get(x, y);
+    looked_up(baked, reflections, &coated, &pixel).unwrap_or_else(|| own_rays(reflections, &coated, x, y))
 }
 
 impl Layer for Coats {
@@ -118,13 +108,21 @@ impl Layer for Coats {
         let of_known =
             visible.known.map(|light| move |hit: &Hit, surface: &Surface| Some(light.irradiance(hit, surface)));
         let known = of_known.as_ref().map(|irradiance| irradiance as KnownIrradiance);
+        #[cfg(feature = "bake")]
+        let baked = visible.known.map(|known| known.texels());
+        #[cfg(not(feature = "bake"))]
+        let baked = None;
 
         // Trace a few rays for each pixel.
         let own = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
             let mut lobes = Vec::with_capacity(columns.len() * rows.len());
             for (x, y) in places(columns, rows) {
-                lobes.push(if is_wanted(x, y) { self.own_lobe(&mut reflections, seen, x, y) } else { Lobe::default() });
+                lobes.push(if is_wanted(x, y) {
+                    own_lobe(baked, &mut reflections, seen, x, y)
+                } else {
+                    Lobe::default()
+                });
             }
             shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
             lobes

@@ -60,11 +60,7 @@ impl Stage {
         assert!(plan.is_on(plan::Stage::Gloss));
         let prepared = Preparation::new(&self.0, &settings, &plan).frame(0).frame;
         let radiance = Plane::filled(SIDE, SIDE, Vec3::ZERO);
-        let lit = Coats::default().light(
-            &Visible::alone(&prepared, &radiance),
-            None,
-            &Tolerance::of_shares(SIDE, SIDE, 0.02),
-        );
+        let lit = Coats.light(&Visible::alone(&prepared, &radiance), None, &Tolerance::of_shares(SIDE, SIDE, 0.02));
         (lit.radiance.expect("coats send radiance"), (*prepared.seen).clone())
     }
 
