@@ -1,9 +1,8 @@
 //! Search for the density at which charts use a requested number of texels.
 
 use super::cover::{Bits, ChartRect};
-use super::flatten::{AtlasError, FlatChart, FlatMesh, standing_instances};
-use crate::Surfaces;
-use glam::{Vec3, Vec3A};
+use super::flatten::{AtlasError, FlatChart, FlatMesh};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Maximum length of a chart \[texels\]. Positions in a chart of this length are accurate to 0.001 texels.
@@ -19,16 +18,13 @@ const STEPS: usize = 24;
 
 /// Number of texels along the scene's diagonal at the automatic density. A room of four times four meters has texels of
 /// about 5 cm.
-const ALONG_DIAGONAL: f64 = 120.0;
+pub(super) const ALONG_DIAGONAL: f64 = 120.0;
 /// Fraction of the surfaces' area in charts that are at least two texels wide at the automatic density.
 const WIDE_AREA: f64 = 0.9;
 /// Maximum number of texels for that, as a multiple of the number at [`ALONG_DIAGONAL`].
-const MOST_FOR_WIDTH: f64 = 1.5;
+pub(super) const MOST_FOR_WIDTH: f64 = 1.5;
 /// Minimum and maximum number of texels at the automatic density.
-const AUTOMATIC: [usize; 2] = [20_000, 1_000_000];
-/// Estimated number of texels relative to the area of surfaces in texels: texels at borders cover no area, and narrow
-/// surfaces need smaller texels. The shipped scenes have 1.2 to 2.
-const BORDER_SHARE: f64 = 1.5;
+pub(super) const AUTOMATIC: [usize; 2] = [20_000, 1_000_000];
 /// Minimum width of charts that are not narrow \[texels\]. Such charts have two texels after stretching.
 const NARROW: f64 = 1.5;
 
@@ -89,38 +85,6 @@ pub(super) fn automatic(meshes: &[FlatMesh]) -> Result<f32, AtlasError> {
     let wish = if is_fine { texels(&charts, of_size.max(of_width)) } else { limit };
     let sides = charts.iter().map(|(_, sides)| sides).sum::<usize>();
     fitting(meshes, wish.clamp(AUTOMATIC[0], AUTOMATIC[1]).max(sides))
-}
-
-/// Estimated texels of an atlas.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TexelEstimate {
-    /// Number of texels at the automatic density.
-    pub texels: usize,
-    /// Fraction of the texels on the counted instances.
-    pub counted: f64,
-}
-
-/// Estimates the texels at the automatic density without flattening surfaces. `counts` returns whether an instance is
-/// counted.
-pub(super) fn estimated(surfaces: &Surfaces, counts: &dyn Fn(usize) -> bool) -> TexelEstimate {
-    // Sum the areas of all sides, and bound the surfaces.
-    let (mut all, mut counted) = (0.0f64, 0.0f64);
-    let (mut least, mut most) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-    for instance in standing_instances(surfaces) {
-        let sides = if surfaces.material(instance).double_sided { 2.0 } else { 1.0 };
-        let mut area = 0.0f64;
-        for triangle in 0..surfaces.triangle_count(instance) {
-            let [a, b, c] = surfaces.corners(instance, triangle);
-            area += f64::from((b - a).cross(c - a).length()) / 2.0;
-            (least, most) = (least.min(a.min(b).min(c)), most.max(a.max(b).max(c)));
-        }
-        all += sides * area;
-        counted += if counts(instance) { sides * area } else { 0.0 };
-    }
-    let diagonal = f64::from((most - least).length()).max(1e-30);
-    let wish = BORDER_SHARE * all * (ALONG_DIAGONAL / diagonal).powi(2);
-    let texels = (wish as usize).clamp(AUTOMATIC[0], AUTOMATIC[1]);
-    TexelEstimate { texels, counted: counted / all.max(f64::MIN_POSITIVE) }
 }
 
 /// Returns the length of the diagonal of all meshes' bounding box \[m\].

@@ -18,6 +18,7 @@
 
 mod cover;
 mod density;
+mod estimate;
 mod fine;
 mod flatten;
 mod layout;
@@ -31,7 +32,7 @@ mod tiles;
 mod validate;
 mod weld;
 
-pub use density::TexelEstimate;
+pub use estimate::TexelEstimate;
 pub use fine::{FinePoint, FineTexels};
 pub use flatten::AtlasError;
 pub use point::{AtlasPoint, TexelBlend, TexelSite};
@@ -135,7 +136,7 @@ impl Atlas {
     /// true. Takes much less time, because no surface is flattened.
     #[must_use]
     pub fn estimate(surfaces: &Surfaces, counts: &dyn Fn(usize) -> bool) -> TexelEstimate {
-        density::estimated(surfaces, counts)
+        estimate::estimated(surfaces, counts)
     }
 
     /// Returns the number of texels at which half of the [narrow charts](Atlas::narrow_charts) are not narrow. Returns
