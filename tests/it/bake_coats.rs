@@ -87,7 +87,7 @@ fn only_rough_coats_have_directions() {
 }
 
 /// Returns a room with a glossy floor (instance 1) and a metal block (instance 2).
-fn coated_room() -> Scene {
+pub(super) fn coated_room() -> Scene {
     let mut scene = seen_from(vec3(1.0, 1.1, 3.6), 0.1);
     let (low, high) = (Vec3::ZERO, vec3(2.0, 2.0, 2.0));
     // The room is open towards the viewer; its floor is a separate instance.

@@ -1,12 +1,12 @@
 //! Pages of baked scenes: their data, and their names.
 
 use super::bake::{add, assert_bake_fails};
-use super::bake_coats::{baked, metal, seen_from, settings};
+use super::bake_coats::{baked, coated_room, metal, seen_from, settings};
 use base64::Engine;
 use glam::{Vec3, vec3};
 use lightfield::{from_shared_exponent, shared_exponent};
-use render_core::Environment;
 use render_core::scene::Gradient;
+use render_core::{Environment, Surfaces};
 use render2mpeg::Options;
 use renderer::bake::{self, Bake, view};
 use renderer::texels::BakedTexels;
@@ -144,6 +144,70 @@ fn an_evenly_lit_coat_takes_four_bytes_per_texel() {
     let sky = read.scene["sky"]["gradient"][1][0].as_f64().expect("a number");
     assert!((sky / f64::from(3.0 * page.tone_map.exposure) - 1.0).abs() < 1e-5);
     assert_eq!(shared_exponent(Vec3::ZERO), 0, "unused texels are black");
+}
+
+/// Returns the fraction of a square lamp's irradiance at a point of the floor that passes a box, by a grid of points.
+///
+/// The lamp of [`coated_room`] is at a height of 1.99 m.
+fn unoccluded(floor: Vec3, low: Vec3, high: Vec3) -> f64 {
+    const SIDE: usize = 40;
+    let (mut seen, mut all) = (0.0, 0.0);
+    for k in 0..SIDE * SIDE {
+        let place = |k: usize| 0.7 + 0.6 * (k as f32 + 0.5) / SIDE as f32;
+        let way = vec3(place(k % SIDE), 1.99, place(k / SIDE)) - floor;
+        // Intersect the segment with the box.
+        let (a, b) = ((low - floor) / way, (high - floor) / way);
+        let (enters, leaves) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(1.0));
+        // Both cosines are the height divided by the distance.
+        let weight = f64::from(way.y.powi(2) / way.length_squared().powi(2));
+        all += weight;
+        seen += if enters < leaves { 0.0 } else { weight };
+    }
+    seen / all
+}
+
+/// The lamps in coats emit the power of the scene's lamp, and their visible fraction at the floor is the geometric one.
+#[test]
+fn lamps_in_coats_have_the_shadows_of_the_scene() {
+    let scene = coated_room();
+    let texels = Arc::new(baked(&scene, 6000).texels);
+    let made = view::view(&scene, Path::new("none.glb"), &settings(&scene, 16).render, &texels).unwrap();
+    let page = Page::read(&made.html);
+
+    // The intensities sum to radiance times area, and all points are on the lamp.
+    let numbers: Vec<f32> = page.words("lamps").into_iter().map(f32::from_bits).collect();
+    let points: Vec<&[f32]> = numbers.chunks_exact(12).collect();
+    assert_eq!(page.scene["lamps"], points.len());
+    let intensity: f32 = points.iter().map(|point| point[8]).sum();
+    assert!((intensity / (15.0 * 0.36 * made.tone_map.exposure) - 1.0).abs() < 1e-3, "{intensity}");
+    let is_on_lamp = |point: &&[f32]| {
+        (0.7..1.3).contains(&point[0]) && (0.7..1.3).contains(&point[2]) && (point[1] - 1.99).abs() < 1e-4
+    };
+    assert!(points.iter().all(is_on_lamp) && points.iter().all(|point| point[5] < -0.999));
+
+    // Compare the floor's visible fractions with segments that pass the block.
+    let pose = scene.pose(0.0);
+    let (surfaces, width) = (Surfaces::new(&scene, &pose), texels.atlas.size().0);
+    let visible = page.block("visible");
+    let (mut error, mut count, mut shadows) = (0.0, 0, 0);
+    for texel in 0..texels.atlas.len() {
+        let site = texels.atlas.sites(texel, &surfaces)[0];
+        let (x, y) = texels.atlas.place(texel);
+        let place = Vec3::from(site.position);
+        let is_under_block = place.x > 0.87 && place.x < 1.53 && place.z > 0.57 && place.z < 1.23;
+        if site.instance == 1 && !is_under_block {
+            let found = f64::from(visible[(y * width + x) as usize]) / 255.0;
+            let expected = unoccluded(place, vec3(0.9, 0.0, 0.6), vec3(1.5, 0.6, 1.2));
+            error += (found - expected).abs();
+            shadows += usize::from(expected < 0.5);
+            count += 1;
+            // Without an occluder, 16 points have the light of the lamp within 2 %.
+            assert!(expected < 1.0 || found > 0.98, "{place}: {found} of an unoccluded lamp");
+        }
+    }
+    let error = error / f64::from(count);
+    println!("{count} texels, {shadows} in shadow: mean error {error:.4}");
+    assert!(count > 500 && shadows > 10 && error < 0.01, "{error}");
 }
 
 #[test]

@@ -72,7 +72,7 @@ impl PrepareState<'_> {
         // Build or update the tree, which contains static anchors, and area lights if they are numerous.
         let busy = Busy::default();
         let FilmLight { anchors, units, first, .. } = &self.light;
-        let sampled = self.sampled_areas(&emitters, surfaces);
+        let sampled = sampled_areas(&emitters, surfaces, self.light.units.radius);
         let before = self.kept.as_ref().map(|kept| &kept.tree);
         let tree = match before.or(self.tree.as_ref()).or(first.tree.as_ref()) {
             Some(before) => {
@@ -145,24 +145,6 @@ impl PrepareState<'_> {
         (tree, swapped_share)
     }
 
-    /// Returns the indices of the area lights that each pixel samples directly: moving ones, and compact ones if these
-    /// are few.
-    fn sampled_areas(&self, emitters: &Emitters, surfaces: &Surfaces) -> Vec<usize> {
-        let moves = |place: usize| surfaces.moving()[emitters.areas[place].instance];
-        let compact = |place: usize| {
-            let light = &emitters.areas[place];
-            light.patch_count() <= FEW_PATCHES || light.extent(surfaces) <= SMALL_EXTENT * self.light.units.radius
-        };
-        let places = 0..emitters.areas.len();
-        // Sample compact lights only if they are few: every pixel evaluates each of them.
-        let few: Vec<usize> = places.clone().filter(|&place| !moves(place) && compact(place)).collect();
-        if few.len() <= MOST_SAMPLED_SURFACES {
-            places.filter(|&place| moves(place) || compact(place)).collect()
-        } else {
-            places.filter(|&place| moves(place)).collect()
-        }
-    }
-
     /// Returns the lights of constant intensity for the tree: area lights not in `sampled`, and the sky.
     fn lights_that_stay(&self, emitters: &Emitters, surfaces: &Surfaces, sampled: &[usize]) -> Vec<Light> {
         let luminance = render_core::luminance;
@@ -190,5 +172,23 @@ impl PrepareState<'_> {
             intensity: light.intensity,
         }));
         lights
+    }
+}
+
+/// Returns the indices of the area lights that each pixel samples directly: moving ones, and compact ones if these
+/// are few. `radius` is the scene's radius \[m\].
+pub(crate) fn sampled_areas(emitters: &Emitters, surfaces: &Surfaces, radius: f32) -> Vec<usize> {
+    let moves = |place: usize| surfaces.moving()[emitters.areas[place].instance];
+    let compact = |place: usize| {
+        let light = &emitters.areas[place];
+        light.patch_count() <= FEW_PATCHES || light.extent(surfaces) <= SMALL_EXTENT * radius
+    };
+    let places = 0..emitters.areas.len();
+    // Sample compact lights only if they are few: every pixel evaluates each of them.
+    let few: Vec<usize> = places.clone().filter(|&place| !moves(place) && compact(place)).collect();
+    if few.len() <= MOST_SAMPLED_SURFACES {
+        places.filter(|&place| moves(place) || compact(place)).collect()
+    } else {
+        places.filter(|&place| moves(place)).collect()
     }
 }

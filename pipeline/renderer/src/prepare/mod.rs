@@ -4,6 +4,7 @@
 mod film_light;
 mod lights;
 
+pub(crate) use lights::sampled_areas;
 use super::frame::{Frame, PreparedFrame};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{RenderSettings, Size};

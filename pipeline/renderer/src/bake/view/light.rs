@@ -1,5 +1,6 @@
 //! Baked light of the page: irradiance of the atlas as a picture, and light of coats in compact form.
 
+use super::lamps::ViewLamps;
 use super::payload::Payload;
 use crate::texels::BakedTexels;
 use glam::Vec3;
@@ -29,11 +30,13 @@ pub(super) struct ViewLight {
     coats: CompactPages,
     /// Mean of E/π over all texels.
     mean: Vec3,
+    /// Visible fraction of the lamps at coated texels, in steps of 1/255; empty without lamps or coats.
+    visible: Vec<u8>,
 }
 
 impl ViewLight {
     /// Collects the light of `baked`.
-    pub fn new(baked: &BakedTexels, surfaces: &Surfaces, exposure: f32) -> Self {
+    pub fn new(baked: &BakedTexels, surfaces: &Surfaces, lamps: &ViewLamps, exposure: f32) -> Self {
         let atlas = &baked.atlas;
         let (width, height) = atlas.size();
         let scale = exposure * FRAC_1_PI;
@@ -43,15 +46,15 @@ impl ViewLight {
         };
 
         // Paint the irradiance of texels in use, then extend it to adjacent unused texels.
-        let mut picture = HoledPicture { known: vec![None; (width * height) as usize], width: width as usize };
+        let mut picture = HoledPicture::new((width, height));
         let mut sum = glam::DVec3::ZERO;
         for texel in 0..atlas.len() {
             let light = scale * (Vec3::from(baked.direct[texel]) + Vec3::from(baked.indirect[texel]));
-            picture.known[at(texel)] = Some(light);
+            picture.set(atlas.place(texel), Some(light));
             sum += light.as_dvec3();
         }
         let mean = (sum / atlas.len().max(1) as f64).as_vec3();
-        let irradiance = (0..picture.known.len()).map(|at| shared_exponent(picture.filled(at))).collect();
+        let irradiance: Vec<u32> = picture.all().map(shared_exponent).collect();
 
         // Fit the light of coats, and number the fits in the order of the atlas.
         let coated: Vec<usize> =
@@ -59,13 +62,14 @@ impl ViewLight {
         let maps = coated.par_chunks(BLOCK).map(|texels| fitted(baked, surfaces, texels, exposure));
         let (mut places, mut coats) = (Vec::new(), CompactPages::default());
         if !coated.is_empty() {
-            places = vec![0; picture.known.len()];
+            places = vec![0; irradiance.len()];
         }
         for (&texel, map) in coated.iter().zip(maps.collect::<Vec<Vec<CompactMap>>>().iter().flatten()) {
             let place = coats.push(map, TOLERANCE);
             places[at(texel)] = (place.kind as u32 + 1) << 28 | place.row;
         }
-        Self { width, height, irradiance, places, coats, mean }
+        let visible = lamps.visible(baked, surfaces);
+        Self { width, height, irradiance, places, coats, mean, visible }
     }
 
     /// Returns the light of coats.
@@ -83,6 +87,7 @@ impl ViewLight {
             payload.add(&format!("page{number}"), self.coats.page(kind), kind.bytes());
         }
         payload.add("albedos", &albedo_table(), 8);
+        payload.add("visible", &self.visible, 1);
         let coefficients = CompactKind::ALL.map(CompactKind::coefficients);
         json!({
             "width": self.width,
@@ -95,12 +100,27 @@ impl ViewLight {
 }
 
 /// Light of the texels of the atlas, in rows.
-struct HoledPicture {
+pub(super) struct HoledPicture {
     known: Vec<Option<Vec3>>,
     width: usize,
 }
 
 impl HoledPicture {
+    /// Creates a picture without known texels.
+    pub fn new((width, height): (u32, u32)) -> Self {
+        Self { known: vec![None; (width * height) as usize], width: width as usize }
+    }
+
+    /// Sets the light of the texel in a column and a row; `None` for unknown light.
+    pub fn set(&mut self, (x, y): (u32, u32), light: Option<Vec3>) {
+        self.known[y as usize * self.width + x as usize] = light;
+    }
+
+    /// Returns the light of all texels by rows.
+    pub fn all(&self) -> impl Iterator<Item = Vec3> + '_ {
+        (0..self.known.len()).map(|at| self.filled(at))
+    }
+
     /// Returns the known light of the texels around and at an index.
     fn around(&self, at: usize) -> impl Iterator<Item = Vec3> + '_ {
         let (x, y) = (at % self.width, at / self.width);
@@ -136,12 +156,9 @@ fn fitted(baked: &BakedTexels, surfaces: &Surfaces, texels: &[usize], exposure: 
             None => CompactFit::new(&directions, normal),
         };
 
-        // Add the direct light of lamps evenly: baked light of coats does not contain it.
-        let direct = FRAC_1_PI * Vec3::from(baked.direct[texel]);
-        let radiance = |&direction: &Vec3| {
-            let mean = baked.coats.mean_radiance(texel, direction).unwrap_or(Vec3::ZERO);
-            exposure * (mean + direct)
-        };
+        // Baked light of coats does not contain the direct light of lamps, which the page computes.
+        let radiance =
+            |&direction: &Vec3| exposure * baked.coats.mean_radiance(texel, direction).unwrap_or(Vec3::ZERO);
         let light: Vec<Vec3> = directions.iter().map(radiance).collect();
         maps.push(fit.map(&light, TOLERANCE));
         prepared = Some((normal, fit));

@@ -4,6 +4,7 @@ use super::super::export::document::{Document, number};
 use super::super::export::{image_kind, png};
 use super::geometry::{has_same_coordinates, slots};
 use super::payload::Payload;
+use glam::Vec3;
 use pipeline::error::{Error, Result};
 use render_core::scene::{Alpha, Material, Scene, Texture, TextureSlot, Wrap};
 use serde_json::{Value, json};
@@ -54,7 +55,9 @@ impl<'a> ViewMaterials<'a> {
     }
 
     /// Adds the images to the page and returns the descriptions of materials and textures.
-    pub fn add_to(&self, payload: &mut Payload) -> Value {
+    ///
+    /// `is_lamp` returns whether a material has surfaces that are sampled as lamps.
+    pub fn add_to(&self, payload: &mut Payload, is_lamp: impl Fn(usize) -> bool) -> Value {
         let mut textures = Vec::new();
         let mut number_of: BTreeMap<usize, usize> = BTreeMap::new();
         for (&texture, image) in &self.images {
@@ -73,9 +76,19 @@ impl<'a> ViewMaterials<'a> {
                 "blocky": sampled.is_blocky(),
             }));
         }
-        let describe = |material: &Material| self.description(material, &number_of);
-        let list: Vec<Value> = self.scene.materials.iter().map(describe).collect();
+        let mut list = Vec::new();
+        for (index, material) in self.scene.materials.iter().enumerate() {
+            let mut description = self.description(material, &number_of);
+            description["lamp"] = json!(is_lamp(index));
+            list.push(description);
+        }
         json!({ "list": list, "textures": textures })
+    }
+
+    /// Returns the mean base color of a material, for its reflections.
+    fn mean_color(&self, material: &Material) -> Vec3 {
+        let texture = material.base_color_texture.as_ref().map(|slot| self.scene.textures[slot.texture].mean());
+        material.base_color * texture.unwrap_or(Vec3::ONE)
     }
 
     /// Describes a material. `number_of` contains the number in the page of each texture of the scene.
@@ -93,7 +106,7 @@ impl<'a> ViewMaterials<'a> {
         };
         // The color of an unlit surface is its radiance, so it needs the exposure.
         let emission =
-            if material.unlit { glam::Vec3::splat(self.exposure) } else { material.emission * self.exposure };
+            if material.unlit { Vec3::splat(self.exposure) } else { material.emission * self.exposure };
         json!({
             "base": material.base_color.to_array(),
             "opacity": material.opacity,
@@ -107,6 +120,8 @@ impl<'a> ViewMaterials<'a> {
             "baseTexture": slot(&material.base_color_texture),
             "roughTexture": slot(&material.metallic_roughness_texture),
             "emissionTexture": slot(&material.emission_texture),
+            "mean": self.mean_color(material).to_array(),
+            "twoSided": material.double_sided,
         })
     }
 }

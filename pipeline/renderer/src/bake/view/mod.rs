@@ -3,10 +3,11 @@
 //! ```text
 //! geometry    vertices of all instances at time 0, with their places in the atlas
 //! light       irradiance of the atlas as a picture, and the light of coats in compact form
+//! lamps       points of the lamps, and their visible fraction at coated texels
 //! materials   reflectance, emission and images of the materials
 //! camera      camera of the film's first frame, and the sky
 //! payload     blocks of bytes, compressed and in base64
-//! page.html, style.css, viewer.js, *.vert, *.frag        the page
+//! page.html, style.css, *.js, *.vert, *.frag, *.glsl       the page
 //! ```
 //!
 //! ```text
@@ -16,14 +17,26 @@
 //!   L_e  emission                                       ω  mirror direction
 //! ```
 //!
+//! # Coats
+//! ```text
+//! roughness        light other than lamps                 lamps
+//! 0.35 or more     compact light of the texels            lobes of lamp points
+//! 0.2 to 0.35      rays, without lamps at their hits      lobes of lamp points
+//! below 0.2        rays, with lamps at their hits         lobes of points, spots and suns
+//! ```
+//! Rays meet the triangles of the page, with the mean color of each material and the irradiance of the texels. The page
+//! builds their hierarchy when it loads. The visible fraction of the lamps at a texel is the ratio of baked direct light
+//! to unshadowed light.
+//!
 //! # Differences from films
 //! - Direct light has the resolution of the texels, and ignores normal maps.
-//! - Coats reflect the direct light of lamps evenly in all directions. Smooth coats, which are not baked, reflect the
-//!   mean light of their texel.
+//! - All lamps have the same visible fraction at a texel. Lamps of sky images are in the sky only.
+//! - Surfaces at the hits of rays have no textures. Rays pass through blended surfaces.
 //! - Dynamic surfaces have their pose at time 0, and the mean irradiance of all texels.
 
 mod camera;
 mod geometry;
+mod lamps;
 mod light;
 mod materials;
 mod payload;
@@ -32,13 +45,14 @@ use super::export::tone_map;
 use crate::settings::RenderSettings;
 use crate::texels::BakedTexels;
 use geometry::ViewGeometry;
+use lamps::ViewLamps;
 use light::ViewLight;
 use materials::ViewMaterials;
 use payload::Payload;
 use perceptual::{Display, Operator, ToneMap};
 use pipeline::error::{Error, Result};
 use pipeline::output::Output;
-use render_core::Surfaces;
+use render_core::{Surfaces, Units};
 use render_core::scene::Scene;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -76,13 +90,16 @@ pub fn view(scene: &Scene, path: &Path, settings: &RenderSettings, baked: &Arc<B
     let mut payload = Payload::default();
 
     // Add geometry, light and materials as blocks, each with a description.
-    let light = ViewLight::new(baked, &surfaces, tone_map.exposure);
+    let lamps = ViewLamps::new(&surfaces, &pose, tone_map.exposure);
+    let light = ViewLight::new(baked, &surfaces, &lamps, tone_map.exposure);
     let geometry = ViewGeometry::new(&surfaces, &pose, &baked.atlas);
     let materials = ViewMaterials::new(scene, path, tone_map.exposure)?;
     let description = json!({
         "batches": geometry.add_to(&mut payload),
         "light": light.add_to(&mut payload),
-        "materials": materials.add_to(&mut payload),
+        "lamps": lamps.add_to(&mut payload),
+        "materials": materials.add_to(&mut payload, |material| lamps.has_material(&surfaces, material)),
+        "epsilon": Units::of(scene).epsilon,
         "camera": camera::camera(scene, &pose),
         "bounds": camera::bounds(scene, &pose),
         "sky": camera::sky(scene, tone_map.exposure, &mut payload),
@@ -124,10 +141,18 @@ fn page(name: &str, description: &Value, data: &str) -> String {
         ("{{surface.vert}}", include_str!("surface.vert")),
         ("{{surface.frag}}", include_str!("surface.frag")),
         ("{{sky.vert}}", include_str!("sky.vert")),
+        ("{{sky.glsl}}", include_str!("sky.glsl")),
+        ("{{light.glsl}}", include_str!("light.glsl")),
+        ("{{coat.glsl}}", include_str!("coat.glsl")),
+        ("{{rays.glsl}}", include_str!("rays.glsl")),
         ("{{sky.frag}}", include_str!("sky.frag")),
         ("{{screen.frag}}", include_str!("screen.frag")),
         ("{{tone.glsl}}", include_str!("tone.glsl")),
-        ("{{viewer}}", include_str!("viewer.js")),
+        ("{{page.js}}", include_str!("page.js")),
+        ("{{rays.js}}", include_str!("rays.js")),
+        ("{{renderer.js}}", include_str!("renderer.js")),
+        ("{{camera.js}}", include_str!("camera.js")),
+        ("{{controls.js}}", include_str!("controls.js")),
         ("{{name}}", &name),
         ("{{scene}}", &description),
         ("{{data}}", data),

@@ -4,31 +4,9 @@ uniform vec3 right;
 uniform vec3 up;
 uniform vec3 ahead;
 uniform vec2 pictureSize;
-uniform bool isGradient;
-uniform vec3 zenith;
-uniform vec3 horizon;
-uniform vec3 ground;
-uniform sampler2D skyImage;
-
-vec3 gradient(float y) {
-  return y >= 0.0 ? mix(horizon, zenith, sqrt(y)) : mix(horizon, ground, min(-y * 20.0, 1.0));
-}
-
-vec3 image(vec3 d) {
-  // Rows from straight up to straight down; the middle of the image is in direction -z.
-  vec2 size = vec2(textureSize(skyImage, 0));
-  vec2 p = vec2(atan(d.x, -d.z) / 6.2831853 + 0.5, acos(clamp(d.y, -1.0, 1.0)) / 3.14159265) * size - 0.5;
-  ivec2 low = ivec2(floor(p)), n = ivec2(size);
-  vec2 f = p - vec2(low);
-  int x0 = (low.x + n.x) % n.x, x1 = (low.x + 1) % n.x;
-  int y0 = clamp(low.y, 0, n.y - 1), y1 = clamp(low.y + 1, 0, n.y - 1);
-  vec3 above = mix(texelFetch(skyImage, ivec2(x0, y0), 0).rgb, texelFetch(skyImage, ivec2(x1, y0), 0).rgb, f.x);
-  vec3 below = mix(texelFetch(skyImage, ivec2(x0, y1), 0).rgb, texelFetch(skyImage, ivec2(x1, y1), 0).rgb, f.x);
-  return mix(above, below, f.y);
-}
 
 void main() {
   vec2 p = gl_FragCoord.xy / pictureSize * 2.0 - 1.0;
   vec3 d = normalize(ahead + right * p.x + up * p.y);
-  shown = vec4(display(isGradient ? gradient(d.y) : image(d)), 1.0);
+  shown = vec4(display(skyLight(d)), 1.0);
 }

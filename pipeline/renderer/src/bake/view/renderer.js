@@ -1,48 +1,3 @@
-"use strict";
-// Viewer of a baked scene. The elements of the page contain the shaders, the description of the scene and its data.
-const element = (id) => document.getElementById(id);
-const scene = JSON.parse(element("scene").textContent);
-const canvas = element("picture");
-const message = element("message");
-
-function fail(text) {
-  message.textContent = text;
-  message.hidden = false;
-  window.failure = text;
-}
-
-// Vectors and matrices. Matrices have 16 numbers by columns.
-const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
-const scaled = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const normalized = (a) => scaled(a, 1 / (Math.hypot(...a) || 1));
-
-// Decodes the data: base64, zlib, then the differences in the columns of each block.
-async function decoded() {
-  const text = atob(element("data").textContent);
-  element("data").textContent = "";
-  const packed = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
-  const blocks = {};
-  for (const [name, { first, count, stride }] of Object.entries(scene.blocks)) {
-    if (stride === 0) {
-      blocks[name] = bytes.subarray(first, first + count);
-      continue;
-    }
-    const records = new Uint8Array(count * stride);
-    for (let column = 0, from = first; column < stride; column++) {
-      for (let record = 0, at = column, byte = 0; record < count; record++, at += stride) {
-        byte = (byte + bytes[from++]) & 255;
-        records[at] = byte;
-      }
-    }
-    blocks[name] = records;
-  }
-  return blocks;
-}
-
 // Draws the scene with a WebGL 2 context.
 class Renderer {
   constructor(gl, blocks) {
@@ -146,8 +101,37 @@ class Renderer {
       skyImage: scene.sky?.width ? this.texels(scene.sky.width, scene.sky.height, words(blocks.sky), shared)
         : this.texels(1, 1, one, shared),
     };
+    this.uploadCoats(blocks);
     this.blank = this.texels(1, 1, new Uint8Array([255, 255, 255, 255]), [gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE]);
     this.images = [];
+  }
+
+  // Creates a texture of numbers, four in a texel, in rows of 1024 texels.
+  list(numbers) {
+    const gl = this.gl;
+    const height = Math.max(1, Math.ceil(numbers.length / 4096));
+    if (height > this.largest) throw new Error("The scene has too many triangles for reflections on this device.");
+    const padded = new Float32Array(4096 * height);
+    padded.set(numbers);
+    return this.texels(1024, height, padded, [gl.RGBA32F, gl.RGBA, gl.FLOAT]);
+  }
+
+  // Creates the textures of lamps in coats, and of reflection rays if any coat is too smooth for baked light.
+  uploadCoats(blocks) {
+    const gl = this.gl;
+    const { light, materials } = scene;
+    this.hasVisible = blocks.visible.length > 0;
+    const [width, height] = this.hasVisible ? [light.width, light.height] : [1, 1];
+    const visible = this.hasVisible ? blocks.visible : new Uint8Array(1);
+    this.units.visibleImage = this.texels(width, height, visible, [gl.R8, gl.RED, gl.UNSIGNED_BYTE]);
+    const points = scene.lamps > 0 ? new Float32Array(blocks.lamps.buffer) : new Float32Array(12);
+    this.units.lampImage = this.texels(3, points.length / 12, points, [gl.RGBA32F, gl.RGBA, gl.FLOAT]);
+    this.hasRays = materials.list.some((material) => material.coat && (material.roughness < 0.35 || material.roughTexture));
+    const { nodes, records } = this.hasRays ? rayGeometry(blocks) : { nodes: [], records: [] };
+    this.units.nodeImage = this.list(nodes);
+    this.units.triangleImage = this.list(records);
+    this.units.materialImage = this.list(materials.list.flatMap((one) => [...one.mean, one.metallic, ...one.f0, one.roughness,
+      ...one.emission, one.lamp ? 1 : 0]));
   }
 
   // Decodes the images of the materials. An image may serve as color and as data, so each use has its own texture.
@@ -270,6 +254,12 @@ class Renderer {
     gl.uniform1i(places.coatMode, coatMode);
     gl.uniform1i(places.hasCoats, this.hasCoats);
     gl.uniform1i(places.albedoSteps, scene.light.steps);
+    gl.uniform1i(places.lampPoints, scene.lamps);
+    gl.uniform1i(places.hasVisible, this.hasVisible);
+    gl.uniform1i(places.hasRays, this.hasRays);
+    gl.uniform1i(places.hasSky, Boolean(scene.sky));
+    gl.uniform1f(places.epsilon, scene.epsilon);
+    this.setSky(places);
     gl.bindVertexArray(this.vertices);
     for (const batch of scene.batches) {
       this.setMaterial(scene.materials.list[batch.material], unit);
@@ -285,6 +275,12 @@ class Renderer {
     gl.depthMask(true);
   }
 
+  setSky(places) {
+    const colors = scene.sky?.gradient;
+    this.gl.uniform1i(places.isGradient, Boolean(colors));
+    if (colors) ["zenith", "horizon", "ground"].forEach((name, k) => this.gl.uniform3fv(places[name], colors[k]));
+  }
+
   drawSky(camera, half, gain, size) {
     const gl = this.gl;
     const { places } = this.sky;
@@ -296,9 +292,7 @@ class Renderer {
     gl.uniform3fv(places.right, scaled(camera.right, spread * half[0]));
     gl.uniform3fv(places.up, scaled(camera.up, spread * half[1]));
     gl.uniform2fv(places.pictureSize, size);
-    const colors = scene.sky.gradient;
-    gl.uniform1i(places.isGradient, Boolean(colors));
-    if (colors) ["zenith", "horizon", "ground"].forEach((name, k) => gl.uniform3fv(places[name], colors[k]));
+    this.setSky(places);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
@@ -344,220 +338,3 @@ class Renderer {
     return { width, height, data };
   }
 }
-
-// Camera with a position and three unit axes. It starts as the camera of the film.
-class Camera {
-  constructor() {
-    this.reset();
-  }
-
-  reset() {
-    const { eye, forward, up } = scene.camera;
-    const { center } = scene.bounds;
-    [this.eye, this.forward, this.up] = [eye, normalized(forward), normalized(up)];
-    this.right = normalized(cross(this.forward, this.up));
-    // Orbit around a point ahead, at the distance of the scene's center.
-    const way = dot(add(center, this.eye, -1), this.forward);
-    this.distance = Math.max(way, 0.1 * scene.bounds.radius);
-  }
-
-  // Half the width and height of the picture at a distance of 1, or in meters for parallel rays.
-  half(aspect) {
-    const { halfWidth, halfHeight } = scene.camera;
-    const height = Math.max(halfHeight, halfWidth / aspect);
-    return [height * aspect, height];
-  }
-
-  clipFromWorld([x, y]) {
-    const { radius, center } = scene.bounds;
-    const r = this.right, u = this.up, f = this.forward, e = this.eye;
-    const way = Math.hypot(...add(center, e, -1)) + radius;
-    const near = Math.max(scene.camera.near, 5e-4 * Math.min(radius, 100));
-    const far = Math.max(scene.camera.far > 0 ? Math.min(scene.camera.far, 1.1 * way) : 1.1 * way, 2 * near);
-    const position = [-dot(r, e), -dot(u, e), dot(f, e)];
-    const row = (axis, last, scale) => [axis[0] * scale, axis[1] * scale, axis[2] * scale, last * scale];
-    const X = row(r, position[0], 1 / x), Y = row(u, position[1], 1 / y);
-    const back = [-f[0], -f[1], -f[2], position[2]];
-    const [a, b] = scene.camera.parallel ? [-2 / (far - near), -(far + near) / (far - near)]
-      : [-(far + near) / (far - near), (-2 * far * near) / (far - near)];
-    const Z = back.map((value, k) => a * value + (k === 3 ? b : 0));
-    const W = scene.camera.parallel ? [0, 0, 0, 1] : back.map((value) => -value);
-    return new Float32Array([0, 1, 2, 3].flatMap((k) => [X[k], Y[k], Z[k], W[k]]));
-  }
-
-  // Turns by two angles: about the vertical axis, and up. Horizons become level.
-  turn(yaw, pitch) {
-    const f = this.forward;
-    const height = Math.asin(Math.max(-1, Math.min(1, f[1]))) + pitch;
-    const angle = Math.atan2(f[0], -f[2]) - yaw;
-    const limited = Math.max(-1.55, Math.min(1.55, height));
-    this.forward = [Math.cos(limited) * Math.sin(angle), Math.sin(limited), -Math.cos(limited) * Math.cos(angle)];
-    this.right = normalized(cross(this.forward, [0, 1, 0]));
-    this.up = cross(this.right, this.forward);
-  }
-
-  orbit(yaw, pitch) {
-    const pivot = add(this.eye, this.forward, this.distance);
-    this.turn(yaw, pitch);
-    this.eye = add(pivot, this.forward, -this.distance);
-  }
-
-  // Moves along the three axes [m]. Orbits approach their pivot.
-  move(right, up, forward) {
-    this.eye = add(add(add(this.eye, this.right, right), this.up, up), this.forward, forward);
-    this.distance = Math.max(this.distance - forward, 0.02 * scene.bounds.radius);
-  }
-}
-
-// Connects the renderer with the controls of the page.
-function start(renderer) {
-  const gl = renderer.gl;
-  const camera = new Camera();
-  const look = { gain: 1, coatMode: 0 };
-  const keys = new Set();
-  const pointers = new Map();
-  let [isDirty, isTurning, before, times] = [true, false, 0, []];
-  // Draw the first frames several times, for up to a second, to measure them.
-  let [trials, begin] = [12, performance.now()];
-  const { radius, low, high } = scene.bounds;
-  const isInside = scene.camera.eye.every((part, k) => part > low[k] && part < high[k]);
-  element("panel").open = innerWidth >= 640;
-  element("mode").value = isInside ? "walk" : "orbit";
-  element("coats").hidden = !renderer.hasCoats && !scene.materials.list.some((material) => material.coat);
-  const touch = (change) => {
-    change();
-    isDirty = true;
-  };
-
-  element("exposure").addEventListener("input", (event) => touch(() => {
-    const stops = Number(event.target.value);
-    look.gain = 2 ** stops;
-    element("stops").textContent = `${stops > 0 ? "+" : ""}${stops} stops`;
-  }));
-  element("coat").addEventListener("change", (event) => touch(() => (look.coatMode = Number(event.target.value))));
-  element("start").addEventListener("click", () => touch(() => camera.reset()));
-  element("turn").addEventListener("click", (event) => touch(() => {
-    isTurning = !isTurning;
-    event.target.setAttribute("aria-pressed", isTurning);
-  }));
-
-  // Keys move the camera while they are down. Buttons act as keys.
-  const moves = { KeyW: [0, 0, 1], ArrowUp: [0, 0, 1], KeyS: [0, 0, -1], ArrowDown: [0, 0, -1], KeyA: [-1, 0, 0],
-    ArrowLeft: [-1, 0, 0], KeyD: [1, 0, 0], ArrowRight: [1, 0, 0], KeyE: [0, 1, 0], KeyQ: [0, -1, 0] };
-  addEventListener("keydown", (event) => {
-    const isControl = ["INPUT", "SELECT"].includes(event.target.tagName);
-    if (!isControl && moves[event.code] && !event.ctrlKey && !event.metaKey && !event.altKey) {
-      keys.add(event.code);
-      event.preventDefault();
-    }
-  });
-  addEventListener("keyup", (event) => keys.delete(event.code));
-  addEventListener("blur", () => keys.clear());
-  for (const button of document.querySelectorAll("[data-key]")) {
-    const key = button.dataset.key;
-    button.addEventListener("pointerdown", () => keys.add(key));
-    for (const end of ["pointerup", "pointerleave", "pointercancel"]) button.addEventListener(end, () => keys.delete(key));
-    // A click without a pointer comes from the keyboard, and moves by one step.
-    button.addEventListener("click", (event) => {
-      if (event.detail === 0) touch(() => camera.move(...scaled(moves[key], 0.03 * radius)));
-    });
-  }
-
-  // One pointer looks or orbits, two pointers pinch.
-  const spread = () => {
-    const [a, b] = [...pointers.values()];
-    return Math.hypot(a[0] - b[0], a[1] - b[1]);
-  };
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    canvas.focus({ preventScroll: true });
-    pointers.set(event.pointerId, [event.clientX, event.clientY]);
-  });
-  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => pointers.delete(event.pointerId));
-  canvas.addEventListener("pointermove", (event) => {
-    const last = pointers.get(event.pointerId);
-    if (!last) return;
-    const wide = pointers.size === 2 ? spread() : 0;
-    pointers.set(event.pointerId, [event.clientX, event.clientY]);
-    touch(() => {
-      if (pointers.size === 2) {
-        camera.move(0, 0, (spread() - wide) * 0.004 * camera.distance);
-      } else if (pointers.size === 1) {
-        const angles = [(event.clientX - last[0]) * 0.005, (event.clientY - last[1]) * 0.005];
-        if (element("mode").value === "orbit") camera.orbit(...angles);
-        else camera.turn(...angles);
-      }
-    });
-  });
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    const pixels = event.deltaY * (event.deltaMode === 1 ? 20 : 1);
-    touch(() => camera.move(0, 0, -Math.max(-200, Math.min(200, pixels)) * 0.001 * camera.distance));
-  }, { passive: false });
-
-  // Draws a frame if anything changed, and shows the time of consecutive frames.
-  const frame = (now) => {
-    const seconds = Math.min((now - before) / 1000, 0.1);
-    for (const key of keys) touch(() => camera.move(...scaled(moves[key], 0.4 * radius * seconds)));
-    if (isTurning) touch(() => (element("mode").value === "orbit" ? camera.orbit(0.3 * seconds, 0) : camera.turn(0.3 * seconds, 0)));
-    const ratio = Math.min(devicePixelRatio || 1, 2);
-    const size = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
-    if (canvas.width !== size[0] || canvas.height !== size[1]) touch(() => ([canvas.width, canvas.height] = size));
-    if (isDirty && size[0] > 0 && size[1] > 0) {
-      isDirty = --trials > 0 && now - begin < 1000;
-      renderer.show(camera, look, { width: size[0], height: size[1], factor: 1, framebuffer: null });
-      if (now - before < 5000) times.push(now - before);
-      times = times.slice(-20);
-      const mean = times.reduce((sum, time) => sum + time, 0) / times.length;
-      if (times.length > 1) element("speed").textContent = `${mean.toFixed(1)} ms · ${(1000 / mean).toFixed(0)} frames/s`;
-    } else {
-      times = [];
-    }
-    before = now;
-    requestAnimationFrame(frame);
-  };
-  requestAnimationFrame(frame);
-
-  // Functions for tests: a picture of the current view, and the mean time of frames including their completion [ms].
-  window.renderStill = (width, height) => {
-    isDirty = true;
-    return renderer.still(camera, look, width, height);
-  };
-  window.measureFrames = (count, width, height) => {
-    [canvas.width, canvas.height] = [width, height];
-    const pixel = new Uint8Array(4);
-    const complete = () => gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-    const show = () => renderer.show(camera, look, { width, height, factor: 1, framebuffer: null });
-    show();
-    complete();
-    const begin = performance.now();
-    for (let k = 0; k < count; k++) {
-      camera.turn(0.01, 0);
-      show();
-      complete();
-    }
-    isDirty = true;
-    return (performance.now() - begin) / count;
-  };
-  window.setCoats = (mode) => (look.coatMode = mode);
-}
-
-async function main() {
-  message.textContent = "Loading the scene …";
-  message.hidden = false;
-  const gl = canvas.getContext("webgl2", { antialias: false, depth: false, alpha: false, powerPreference: "high-performance" });
-  if (!gl) return fail("This page needs WebGL 2, which this browser does not offer. Another browser, or hardware acceleration in the settings, may help.");
-  if (!window.DecompressionStream) return fail("This browser is too old for this page: it has no DecompressionStream.");
-  canvas.addEventListener("webglcontextlost", () => fail("The graphics device was lost. Reload the page."));
-  try {
-    const blocks = await decoded();
-    const renderer = new Renderer(gl, blocks);
-    await renderer.load(blocks);
-    start(renderer);
-    message.hidden = true;
-    window.isReady = true;
-  } catch (error) {
-    fail(`The scene cannot be shown: ${error.message}`);
-  }
-}
-main();

@@ -1,0 +1,174 @@
+//! Lamps of the page: points of the light sources that films sample with shadow rays at every pixel.
+//!
+//! ```text
+//! E = V Σ Eₖ        V  visible fraction of a texel      Eₖ  unshadowed irradiance from point k
+//! V = E_d / Σ Eₖ    E_d  baked direct irradiance of the texel
+//! ```
+//! All lamps share one visible fraction per texel, which weights them by their light.
+
+use super::light::HoledPicture;
+use super::payload::Payload;
+use crate::prepare::sampled_areas;
+use crate::texels::BakedTexels;
+use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
+use render_core::scene::{Pose, PunctualKind};
+use render_core::{Emitters, Surfaces, TexelSite, Units, luminance};
+use serde_json::{Value, json};
+use std::f32::consts::PI;
+
+/// Number of points of an area lamp in the page. A film samples 64 points.
+const POINTS: usize = 16;
+/// Bound of a point's geometry term, as a fraction of the bound for the point's own disc, as in films.
+const BOUND: f32 = 1.0 / 8.0;
+
+/// Shape of the light from a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Shape {
+    /// Lambertian disc of a squared radius \[m²\].
+    Disc { radius2: f32 },
+    /// Cone with the cosine of its outer angle, and the slope of the falloff. All directions are in the cone of a point.
+    Cone { outer: f32, slope: f32 },
+    /// Distant disc with an angular radius \[rad\].
+    Distant { radius: f32 },
+}
+
+/// Point of a lamp.
+#[derive(Clone, Copy, Debug)]
+struct LampPoint {
+    /// Position \[m\], or the unit vector towards a distant lamp.
+    place: Vec3A,
+    /// Normal of a disc or axis of a cone, a unit vector.
+    axis: Vec3A,
+    shape: Shape,
+    /// Intensity along the axis \[W·sr⁻¹\], or irradiance of a distant lamp \[W·m⁻²\], times the exposure.
+    light: Vec3,
+}
+
+/// Lamps of a scene at time 0.
+pub(super) struct ViewLamps {
+    points: Vec<LampPoint>,
+    /// Instances with emissive surfaces among the lamps.
+    instances: Vec<usize>,
+    exposure: f32,
+}
+
+impl ViewLamps {
+    /// Collects the lamps, with light multiplied by `exposure`.
+    pub fn new(surfaces: &Surfaces, pose: &Pose, exposure: f32) -> Self {
+        let units = Units::of(surfaces.scene());
+        let emitters = Emitters::new(surfaces, pose, &units);
+        let (mut points, mut instances) = (Vec::new(), Vec::new());
+        for area in sampled_areas(&emitters, surfaces, units.radius) {
+            let lamp = &emitters.areas[area];
+            instances.push(lamp.instance);
+            points.extend(lamp.samples(surfaces, POINTS).into_iter().map(|sample| LampPoint {
+                place: sample.position - sample.normal * sample.offset,
+                axis: sample.normal,
+                shape: Shape::Disc { radius2: sample.area / PI },
+                light: sample.intensity * exposure,
+            }));
+        }
+        points.extend(emitters.points.iter().map(|point| LampPoint {
+            place: point.position,
+            axis: point.axis,
+            shape: match point.kind {
+                PunctualKind::Spot { inner, outer } => {
+                    Shape::Cone { outer: outer.cos(), slope: 1.0 / (inner.cos() - outer.cos()).max(1e-3) }
+                }
+                _ => Shape::Cone { outer: -2.0, slope: 1.0 },
+            },
+            light: point.intensity * exposure,
+        }));
+        points.extend(emitters.suns.iter().map(|sun| LampPoint {
+            place: sun.towards,
+            axis: -sun.towards,
+            shape: Shape::Distant { radius: sun.angular_radius },
+            light: sun.irradiance * exposure,
+        }));
+        Self { points, instances, exposure }
+    }
+
+    /// Returns whether the scene has no such lamps.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Returns whether any surface of a material is a lamp.
+    pub fn has_material(&self, surfaces: &Surfaces, material: usize) -> bool {
+        let scene = surfaces.scene();
+        self.instances.iter().any(|&instance| scene.meshes[scene.instances[instance].mesh].material == material)
+    }
+
+    /// Returns the visible fraction of the lamps at the texels of coated surfaces, for the whole picture of the atlas, in
+    /// steps of 1/255. The list is empty without lamps or without coats.
+    pub fn visible(&self, baked: &BakedTexels, surfaces: &Surfaces) -> Vec<u8> {
+        let scene = surfaces.scene();
+        if self.is_empty() || !scene.materials.iter().any(|material| material.may_have_coat()) {
+            return Vec::new();
+        }
+        let fraction = |texel: usize| {
+            let site = *baked.atlas.sites(texel, surfaces).first()?;
+            let is_coated = baked.atlas.surface(&site, surfaces).specular != Vec3::ZERO;
+            let direct = luminance(Vec3::from(baked.direct[texel]) * self.exposure);
+            is_coated.then(|| direct / luminance(self.unshadowed(&site)).max(f32::MIN_POSITIVE))
+        };
+        let fractions: Vec<Option<f32>> = (0..baked.atlas.len()).into_par_iter().map(fraction).collect();
+
+        // Paint the picture. Unused texels have the mean of adjacent texels.
+        let mut picture = HoledPicture::new(baked.atlas.size());
+        for (texel, fraction) in fractions.into_iter().enumerate() {
+            picture.set(baked.atlas.place(texel), fraction.map(|fraction| Vec3::splat(fraction.min(1.0))));
+        }
+        picture.all().map(|fraction| (fraction.x * 255.0).round() as u8).collect()
+    }
+
+    /// Returns the unshadowed irradiance at a texel, times the exposure \[W·m⁻²\].
+    fn unshadowed(&self, site: &TexelSite) -> Vec3 {
+        self.points.iter().map(|point| point.irradiance(site)).sum()
+    }
+
+    /// Adds the points to the page and returns their number.
+    pub fn add_to(&self, payload: &mut Payload) -> Value {
+        let mut bytes = Vec::with_capacity(48 * self.points.len());
+        for point in &self.points {
+            let ([a, b, c], [d, e, f], [r, g, b_]) = (point.place.to_array(), point.axis.to_array(), point.light.to_array());
+            let (kind, extent, slope) = match point.shape {
+                Shape::Disc { radius2 } => (0.0, radius2, 0.0),
+                Shape::Cone { outer, slope } => (1.0, outer, slope),
+                Shape::Distant { radius } => (2.0, radius, 0.0),
+            };
+            for number in [a, b, c, kind, d, e, f, extent, r, g, b_, slope] {
+                bytes.extend(f32::to_le_bytes(number));
+            }
+        }
+        payload.add("lamps", &bytes, 48);
+        json!(self.points.len())
+    }
+}
+
+impl LampPoint {
+    /// Returns the unshadowed irradiance at a texel, times the exposure \[W·m⁻²\].
+    fn irradiance(&self, site: &TexelSite) -> Vec3 {
+        // No light arrives from below the surface.
+        let way = match self.shape {
+            Shape::Distant { .. } => self.place,
+            _ => self.place - site.position,
+        };
+        let (r2, cosine) = (way.length_squared().max(f32::MIN_POSITIVE), way.dot(site.shading_normal));
+        if cosine <= 0.0 || way.dot(site.geometric_normal) <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let r = r2.sqrt();
+        let along_axis = -way.dot(self.axis) / r;
+        self.light
+            * match self.shape {
+                Shape::Disc { radius2 } => cosine / r * along_axis.max(0.0) / (r2 + BOUND * radius2),
+                Shape::Cone { outer, slope } => {
+                    let falloff = ((along_axis - outer) * slope).clamp(0.0, 1.0);
+                    cosine / r * falloff * falloff / r2
+                }
+                Shape::Distant { .. } => cosine,
+            }
+    }
+}
