@@ -141,10 +141,10 @@ pub(super) struct Film {
 const SIDE: usize = 64;
 
 /// Renders three frames of `scene` with lightcuts, and with the baked light of `folder/FILE`.
-pub(super) fn films(folder: &Path, scene: &Path, file: &str, vpls: usize) -> [Film; 2] {
+pub(super) fn films(folder: &Path, scene: &Path, file: &str, options: &str) -> [Film; 2] {
     let baked = format!("--lighting baked --baked {file}");
     [("cuts", ""), ("baked", &baked)].map(|(name, more)| {
-        let arguments = format!("--size {SIDE}x{SIDE} --frames 3 --vpls {vpls} --y4m {name}.y4m {more}");
+        let arguments = format!("--size {SIDE}x{SIDE} --frames 3 {options} --y4m {name}.y4m {more}");
         let rendered = render(folder, name, scene, &arguments);
         Film { rendered, frames: read_y4m(&folder.join(format!("{name}.y4m")), (SIDE, SIDE)) }
     })
@@ -158,7 +158,7 @@ fn a_film_of_baked_light_looks_like_one_of_cuts() {
     let [two, one] = ["2", "1"]
         .map(|threads| bake_file(folder, &scene, "box", &format!("--texels 20000 --vpls 1000 --threads {threads}")));
     assert!(two == one, "the same bytes with any number of threads");
-    let [cuts, baked] = films(folder, &scene, "box.slf", 1000);
+    let [cuts, baked] = films(folder, &scene, "box.slf", "--vpls 1000");
     assert_eq!(baked.rendered.figures(&["photons_traced"]), [0.0; 3]);
     // Only a few pixels in corners have records, because their surroundings are nearer than two texels.
     let records = |film: &Film| film.rendered.figures(&["cache_records"])[0];
@@ -181,7 +181,7 @@ fn things_that_move_are_lit_beside_baked_light() {
     let (folder, path) = (folder.path(), cornell());
     // With fewer virtual lights, the film of lightcuts would deviate more from the truth.
     bake_file(folder, &path, "cornell", "--vpls 4000");
-    let [cuts, baked] = films(folder, &path, "cornell.slf", 4000);
+    let [cuts, baked] = films(folder, &path, "cornell.slf", "--vpls 4000");
     // Only dynamic geometry has records.
     let records = |film: &Film| film.rendered.figures(&["cache_records"])[0];
     assert!(records(&baked) > 0.0 && records(&baked) < 0.5 * records(&cuts), "records on dynamic geometry only");

@@ -74,6 +74,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::TreeUpdate,
         &[
             off(|f| !f.reflects, NO_REFLECTION),
+            on(|f| f.looks_up() && f.lamp_moves, "lamps move; only light of several reflections is baked"),
             once(|f| f.looks_up(), "only the sky and area lights are in the tree; other light is baked"),
             on(|f| f.light_changes(), "the flux of the lights changes"),
             otherwise(State::Once, "the flux of the lights is constant"),
