@@ -52,6 +52,7 @@ mod reprojected;
 mod resume;
 mod rooms;
 mod scale;
+mod shading_normals;
 mod still;
 mod structure;
 mod sweep;

@@ -21,6 +21,9 @@ const BOUNCE_DIMENSIONS: usize = 3;
 const MOST_AIMS: usize = 2;
 /// Maximum number of directions drawn from a coat until a direction leaves the surface.
 const MOST_DRAWS: u64 = 8;
+/// Maximum ratio of the light received by the shading normal to that received by the geometric normal. Grazing light
+/// exceeds it, and its few photons would outshine all others.
+const MOST_RECEIVED: f32 = 4.0;
 
 /// Scene, source and settings for the photon paths of one frame.
 pub(super) struct Walk<'a> {
@@ -136,13 +139,14 @@ impl Walk<'_> {
 
             // Compute the albedo of a coat for this direction, because it depends on the direction.
             let coat = surface.coat();
-            let albedo = match &coat {
-                Some((bsdf, normal)) => bsdf.directional_albedo(-direction.dot(*normal)),
-                None => surface.albedo(),
+            let (albedo, normal) = match &coat {
+                Some((bsdf, normal)) => (bsdf.directional_albedo(-direction.dot(*normal)), *normal),
+                None => (surface.albedo(), surface.shading_normal()),
             };
+            let received = received_share(direction, normal, surface.geometric_normal);
 
             // Store the reflection. Its energy is distributed among surfels later.
-            let reflected = flux * albedo;
+            let reflected = flux * albedo * received;
             path.reflections.push(Reflection {
                 position: surface.position,
                 normal: surface.geometric_normal,
@@ -175,7 +179,8 @@ impl Walk<'_> {
                     })
                 }
                 None => {
-                    let normal = surface.shading_normal().into();
+                    // The radiance of a matte surface is the same in all directions above its triangle.
+                    let normal = surface.geometric_normal.into();
                     let cone = if bounce < MOST_AIMS { self.starts.cone(surface.position) } else { None };
                     match cone {
                         Some(cone) => {
@@ -186,7 +191,7 @@ impl Walk<'_> {
                     }
                 }
             };
-            // End photons that shading normals send into the surface.
+            // End photons that the shading normals of coats send into the surface.
             if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;
             }
@@ -198,10 +203,25 @@ impl Walk<'_> {
                 distant: false,
                 origin: (surface.position + surface.geometric_normal * self.epsilon).into(),
                 direction,
-                flux: flux * weight / survival,
+                flux: flux * weight * received / survival,
             };
         }
     }
+}
+
+/// Returns the ratio of the light that a surface receives by its shading normal s to the light that it receives by its
+/// geometric normal g, for light along the unit vector `direction` \[Veach97, 5.3\]:
+///
+/// ```text
+/// (−ω · s)⁺ / (−ω · g)        at most 4
+/// ```
+/// Photons arrive in proportion to −ω · g, but path tracing evaluates the shading normal.
+fn received_share(direction: Vec3A, shading: Vec3A, geometric: Vec3A) -> f32 {
+    let [by_shading, by_geometric] = [shading, geometric].map(|normal| -direction.dot(normal));
+    if by_geometric <= 0.0 {
+        return 1.0;
+    }
+    (by_shading / by_geometric).clamp(0.0, MOST_RECEIVED)
 }
 
 /// Draws the direction in which a photon from `direction` leaves a coat or the base below it, and the photon's weight:

@@ -4,11 +4,11 @@
 mod film_light;
 mod lights;
 
-pub(crate) use lights::sampled_areas;
 use super::frame::{Frame, PreparedFrame};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{RenderSettings, Size};
 use film_light::{FilmInputs, FilmLight, Lights};
+pub(crate) use lights::sampled_areas;
 use lighttree::LightTree;
 use pipeline::chunks::begins_chunk;
 use pipeline::error::{Context, Result};

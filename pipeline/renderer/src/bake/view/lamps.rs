@@ -132,7 +132,8 @@ impl ViewLamps {
     pub fn add_to(&self, payload: &mut Payload) -> Value {
         let mut bytes = Vec::with_capacity(48 * self.points.len());
         for point in &self.points {
-            let ([a, b, c], [d, e, f], [r, g, b_]) = (point.place.to_array(), point.axis.to_array(), point.light.to_array());
+            let ([a, b, c], [d, e, f], [r, g, b_]) =
+                (point.place.to_array(), point.axis.to_array(), point.light.to_array());
             let (kind, extent, slope) = match point.shape {
                 Shape::Disc { radius2 } => (0.0, radius2, 0.0),
                 Shape::Cone { outer, slope } => (1.0, outer, slope),

@@ -157,8 +157,7 @@ fn fitted(baked: &BakedTexels, surfaces: &Surfaces, texels: &[usize], exposure: 
         };
 
         // Baked light of coats does not contain the direct light of lamps, which the page computes.
-        let radiance =
-            |&direction: &Vec3| exposure * baked.coats.mean_radiance(texel, direction).unwrap_or(Vec3::ZERO);
+        let radiance = |&direction: &Vec3| exposure * baked.coats.mean_radiance(texel, direction).unwrap_or(Vec3::ZERO);
         let light: Vec<Vec3> = directions.iter().map(radiance).collect();
         maps.push(fit.map(&light, TOLERANCE));
         prepared = Some((normal, fit));

@@ -105,8 +105,7 @@ impl<'a> ViewMaterials<'a> {
             Alpha::Blend => (2, 0.0),
         };
         // The color of an unlit surface is its radiance, so it needs the exposure.
-        let emission =
-            if material.unlit { Vec3::splat(self.exposure) } else { material.emission * self.exposure };
+        let emission = if material.unlit { Vec3::splat(self.exposure) } else { material.emission * self.exposure };
         json!({
             "base": material.base_color.to_array(),
             "opacity": material.opacity,
