@@ -1,11 +1,6 @@
-// Coats: the GGX lobe of the crate render-core, and lamps in it.
+// Coats: albedos and the GGX lobe of the crate render-core.
 uniform sampler2D albedoImage;
 uniform int albedoSteps;
-uniform sampler2D lampImage;
-uniform int lampPoints;
-uniform bool hasVisible;
-uniform sampler2D visibleImage;
-
 const float PI = 3.14159265;
 
 // Coat of a surface: the albedo below it, its reflectance at normal incidence, and factors of multiple scattering.
@@ -83,49 +78,4 @@ vec3 lobe(Coat c, vec3 n, vec3 outgoing, vec3 incident, float halfAngle) {
   float t = dot(across, across) / alpha2 + cosH * cosH;
   float shape = 1.0 / (PI * alpha2 * t * t * 4.0 * cosO * cosI * (1.0 + masking(alpha2, cosO) + masking(alpha2, cosI)));
   return fresnel(c.f0, dot(outgoing, h)) * shape;
-}
-
-// Light of the lamps that a coat reflects. A smooth coat reflects area lamps by rays, which find their surfaces. The base
-// reflects uniformly in all other terms, so its deviation is added for the mean direction of the light.
-vec3 lamps(Coat c, Passage outgoing, vec3 p, vec3 n, vec3 side, vec3 towards, bool withAreas, float visible) {
-  vec3 sum = vec3(0.0), arriving = vec3(0.0), cosines = vec3(0.0);
-  for (int k = 0; k < lampPoints && visible > 0.0; k++) {
-    vec4 place = texelFetch(lampImage, ivec2(0, k), 0), axis = texelFetch(lampImage, ivec2(1, k), 0);
-    vec4 light = texelFetch(lampImage, ivec2(2, k), 0);
-    vec3 way = place.w == 2.0 ? place.xyz : place.xyz - p;
-    float r2 = dot(way, way), r = sqrt(r2);
-    vec3 d = way / r;
-    float cosine = dot(n, d), alongAxis = -dot(d, axis.xyz);
-    if (cosine <= 0.0 || dot(side, d) <= 0.0) continue;
-    // Irradiance from a disc, from a cone, and from a distant disc.
-    float term = cosine, halfAngle = axis.w;
-    if (place.w == 0.0) {
-      term *= max(alongAxis, 0.0) / (r2 + axis.w / 8.0);
-      halfAngle = atan(sqrt(axis.w), r);
-    } else if (place.w == 1.0) {
-      float falloff = clamp((alongAxis - axis.w) * light.w, 0.0, 1.0);
-      term *= falloff * falloff / r2;
-      halfAngle = 0.0;
-    }
-    if (term <= 0.0) continue;
-    vec3 given = term * light.rgb;
-    arriving += given;
-    cosines += given * cosine;
-    if (withAreas || place.w != 0.0) sum += given * lobe(c, n, towards, d, halfAngle);
-  }
-  float total = arriving.r + arriving.g + arriving.b;
-  if (total > 0.0) {
-    Passage incident = passage(c, (cosines.r + cosines.g + cosines.b) / total);
-    vec3 diffuse = c.bouncing / c.lostMean * outgoing.lost * incident.lost + c.albedo / c.throughMean * outgoing.through * incident.through;
-    sum += arriving * (diffuse - diffuseAlbedo(c, outgoing)) / PI;
-  }
-  return sum * visible;
-}
-
-// Visible fraction of the lamps.
-float visibleLamps(Blend b) {
-  if (!hasVisible) return 0.0;
-  float sum = 0.0;
-  for (int k = 0; k < 4; k++) sum += b.weights[k] * texelFetch(visibleImage, b.texels[k], 0).r;
-  return sum;
 }

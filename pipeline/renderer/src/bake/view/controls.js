@@ -2,10 +2,12 @@
 function start(renderer) {
   const gl = renderer.gl;
   const camera = new Camera();
-  const look = { gain: 1, coatMode: 0 };
+  const look = { gain: 1, coatMode: 0, isStill: false };
   const keys = new Set();
   const pointers = new Map();
   let [isDirty, isTurning, before, times] = [true, false, 0, []];
+  // Draw shadow rays once the picture has been still for a while, unless its last frame took long [ms].
+  let [changed, isRefined, cost] = [0, false, 0];
   // Draw the first frames several times, for up to a second, to measure them.
   let [trials, begin] = [12, performance.now()];
   const { radius, low, high } = scene.bounds;
@@ -94,6 +96,7 @@ function start(renderer) {
     if (canvas.width !== size[0] || canvas.height !== size[1]) touch(() => ([canvas.width, canvas.height] = size));
     if (isDirty && size[0] > 0 && size[1] > 0) {
       isDirty = --trials > 0 && now - begin < 1000;
+      [changed, isRefined] = [now, false];
       renderer.show(camera, look, { width: size[0], height: size[1], factor: 1, framebuffer: null });
       if (now - before < 5000) times.push(now - before);
       times = times.slice(-20);
@@ -101,6 +104,11 @@ function start(renderer) {
       if (times.length > 1) element("speed").textContent = `${mean.toFixed(1)} ms · ${(1000 / mean).toFixed(0)} frames/s`;
     } else {
       times = [];
+      if (before === changed) cost = now - before;
+      if (!isRefined && now - changed > 400 && cost < 250 && size[0] > 0 && size[1] > 0) {
+        isRefined = true;
+        renderer.show(camera, { ...look, isStill: true }, { width: size[0], height: size[1], factor: 1, framebuffer: null });
+      }
     }
     before = now;
     requestAnimationFrame(frame);
@@ -110,7 +118,7 @@ function start(renderer) {
   // Functions for tests: a picture of the current view, and the mean time of frames including their completion [ms].
   window.renderStill = (width, height) => {
     isDirty = true;
-    return renderer.still(camera, look, width, height);
+    return renderer.still(camera, { ...look, isStill: true }, width, height);
   };
   window.measureFrames = (count, width, height) => {
     [canvas.width, canvas.height] = [width, height];

@@ -5,6 +5,9 @@
 //! V = E_d / Σ Eₖ    E_d  baked direct irradiance of the texel
 //! ```
 //! All lamps share one visible fraction per texel, which weights them by their light.
+//!
+//! Some texels are live: the page computes their direct light at each pixel, from the lamps and the visible fraction. In
+//! still pictures, shadow rays replace the fraction. The irradiance of live texels contains only indirect light.
 
 use super::light::HoledPicture;
 use super::payload::Payload;
@@ -21,6 +24,13 @@ use std::f32::consts::PI;
 const POINTS: usize = 16;
 /// Bound of a point's geometry term, as a fraction of the bound for the point's own disc, as in films.
 const BOUND: f32 = 1.0 / 8.0;
+
+/// Flag of a texel with live direct light, in the picture of visible fractions.
+const LIVE: u8 = 128;
+/// Maximum difference between visible fractions of adjacent texels that are not live.
+const SAME_SHADOW: f32 = 0.2;
+/// Minimum cosine between the normals of adjacent texels that are not live, about 14°.
+const SAME_NORMAL: f32 = 0.97;
 
 /// Shape of the light from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +61,34 @@ pub(super) struct ViewLamps {
     /// Instances with emissive surfaces among the lamps.
     instances: Vec<usize>,
     exposure: f32,
+}
+
+/// Visibility of the lamps at the texels.
+pub(super) struct LampVisibility {
+    /// Visible fraction of each texel of the picture in steps of 1/127, plus [`LIVE`].
+    pub picture: Vec<u8>,
+    /// Texels with live direct light, for which the page does not use baked direct light.
+    pub live: Vec<bool>,
+}
+
+/// Lamps at a texel: visible fraction, and the shading normal.
+struct TexelLamps {
+    fraction: f32,
+    normal: Vec3A,
+}
+
+/// Returns whether a texel is too coarse for direct light: it may be inside geometry, it has no neighbors along an axis,
+/// its neighbors face elsewhere, or the border of a shadow is near.
+fn is_live(baked: &BakedTexels, texels: &[TexelLamps], texel: usize) -> bool {
+    let own = &texels[texel];
+    let around = baked.atlas.neighbors(texel);
+    let is_unlike = |&neighbor: &u32| {
+        let other = &texels[neighbor as usize];
+        (own.fraction - other.fraction).abs() > SAME_SHADOW || own.normal.dot(other.normal) < SAME_NORMAL
+    };
+    // Neighbors are above, left, right and below, among the diagonal ones.
+    let is_narrow = around[3].or(around[4]).is_none() || around[1].or(around[6]).is_none();
+    !baked.is_reliable[texel] || is_narrow || around.iter().flatten().any(is_unlike)
 }
 
 impl ViewLamps {
@@ -89,38 +127,35 @@ impl ViewLamps {
         Self { points, instances, exposure }
     }
 
-    /// Returns whether the scene has no such lamps.
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
-    }
-
     /// Returns whether any surface of a material is a lamp.
     pub fn has_material(&self, surfaces: &Surfaces, material: usize) -> bool {
         let scene = surfaces.scene();
         self.instances.iter().any(|&instance| scene.meshes[scene.instances[instance].mesh].material == material)
     }
 
-    /// Returns the visible fraction of the lamps at the texels of coated surfaces, for the whole picture of the atlas, in
-    /// steps of 1/255. The list is empty without lamps or without coats.
-    pub fn visible(&self, baked: &BakedTexels, surfaces: &Surfaces) -> Vec<u8> {
-        let scene = surfaces.scene();
-        if self.is_empty() || !scene.materials.iter().any(|material| material.may_have_coat()) {
-            return Vec::new();
+    /// Returns the visibility of the lamps at all texels. It is empty without lamps.
+    pub fn visibility(&self, baked: &BakedTexels, surfaces: &Surfaces) -> LampVisibility {
+        if self.points.is_empty() {
+            return LampVisibility { picture: Vec::new(), live: vec![false; baked.atlas.len()] };
         }
-        let fraction = |texel: usize| {
-            let site = *baked.atlas.sites(texel, surfaces).first()?;
-            let is_coated = baked.atlas.surface(&site, surfaces).specular != Vec3::ZERO;
+        let at = |texel: usize| {
+            let site = baked.atlas.sites(texel, surfaces).first().copied();
             let direct = luminance(Vec3::from(baked.direct[texel]) * self.exposure);
-            is_coated.then(|| direct / luminance(self.unshadowed(&site)).max(f32::MIN_POSITIVE))
+            let unshadowed = site.map_or(0.0, |site| luminance(self.unshadowed(&site)));
+            let fraction = (direct / unshadowed.max(f32::MIN_POSITIVE)).min(1.0);
+            TexelLamps { fraction, normal: site.map_or(Vec3A::Z, |site| site.shading_normal) }
         };
-        let fractions: Vec<Option<f32>> = (0..baked.atlas.len()).into_par_iter().map(fraction).collect();
+        let texels: Vec<TexelLamps> = (0..baked.atlas.len()).into_par_iter().map(at).collect();
+        let live: Vec<bool> = (0..texels.len()).map(|texel| is_live(baked, &texels, texel)).collect();
 
         // Paint the picture. Unused texels have the mean of adjacent texels.
         let mut picture = HoledPicture::new(baked.atlas.size());
-        for (texel, fraction) in fractions.into_iter().enumerate() {
-            picture.set(baked.atlas.place(texel), fraction.map(|fraction| Vec3::splat(fraction.min(1.0))));
+        for (texel, (lamps, &live)) in texels.iter().zip(&live).enumerate() {
+            let is_live = f32::from(u8::from(live));
+            picture.set(baked.atlas.place(texel), Some(Vec3::new(lamps.fraction, is_live, 0.0)));
         }
-        picture.all().map(|fraction| (fraction.x * 255.0).round() as u8).collect()
+        let code = |texel: Vec3| (texel.x * 127.0).round() as u8 + if texel.y > 0.5 { LIVE } else { 0 };
+        LampVisibility { picture: picture.all().map(code).collect(), live }
     }
 
     /// Returns the unshadowed irradiance at a texel, times the exposure \[W·m⁻²\].

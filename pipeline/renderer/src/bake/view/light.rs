@@ -1,6 +1,6 @@
 //! Baked light of the page: irradiance of the atlas as a picture, and light of coats in compact form.
 
-use super::lamps::ViewLamps;
+use super::lamps::{LampVisibility, ViewLamps};
 use super::payload::Payload;
 use crate::texels::BakedTexels;
 use glam::Vec3;
@@ -23,15 +23,14 @@ const STEPS: usize = 48;
 pub(super) struct ViewLight {
     width: u32,
     height: u32,
-    /// E/π of each texel of the picture, with a shared exponent.
+    /// E/π of each texel of the picture, with a shared exponent. Live texels omit direct light.
     irradiance: Vec<u32>,
     /// Place of each texel's coat: 0 for none, otherwise the kind plus 1 in the highest 4 bits, and the row.
     places: Vec<u32>,
     coats: CompactPages,
     /// Mean of E/π over all texels.
     mean: Vec3,
-    /// Visible fraction of the lamps at coated texels, in steps of 1/255; empty without lamps or coats.
-    visible: Vec<u8>,
+    visibility: LampVisibility,
 }
 
 impl ViewLight {
@@ -48,10 +47,13 @@ impl ViewLight {
         // Paint the irradiance of texels in use, then extend it to adjacent unused texels.
         let mut picture = HoledPicture::new((width, height));
         let mut sum = glam::DVec3::ZERO;
+        let visibility = lamps.visibility(baked, surfaces);
         for texel in 0..atlas.len() {
-            let light = scale * (Vec3::from(baked.direct[texel]) + Vec3::from(baked.indirect[texel]));
+            let (direct, indirect) =
+                (scale * Vec3::from(baked.direct[texel]), scale * Vec3::from(baked.indirect[texel]));
+            let light = if visibility.live[texel] { indirect } else { direct + indirect };
             picture.set(atlas.place(texel), Some(light));
-            sum += light.as_dvec3();
+            sum += (direct + indirect).as_dvec3();
         }
         let mean = (sum / atlas.len().max(1) as f64).as_vec3();
         let irradiance: Vec<u32> = picture.all().map(shared_exponent).collect();
@@ -68,8 +70,7 @@ impl ViewLight {
             let place = coats.push(map, TOLERANCE);
             places[at(texel)] = (place.kind as u32 + 1) << 28 | place.row;
         }
-        let visible = lamps.visible(baked, surfaces);
-        Self { width, height, irradiance, places, coats, mean, visible }
+        Self { width, height, irradiance, places, coats, mean, visibility }
     }
 
     /// Returns the light of coats.
@@ -87,13 +88,14 @@ impl ViewLight {
             payload.add(&format!("page{number}"), self.coats.page(kind), kind.bytes());
         }
         payload.add("albedos", &albedo_table(), 8);
-        payload.add("visible", &self.visible, 1);
+        payload.add("visible", &self.visibility.picture, 1);
         let coefficients = CompactKind::ALL.map(CompactKind::coefficients);
         json!({
             "width": self.width,
             "height": self.height,
             "coefficients": coefficients,
             "mean": self.mean.to_array(),
+            "live": self.visibility.live.iter().filter(|&&is_live| is_live).count(),
             "steps": STEPS,
         })
     }

@@ -26,10 +26,11 @@
 //! ```
 //! Rays meet the triangles of the page, with the mean color of each material and the irradiance of the texels. The page
 //! builds their hierarchy when it loads. The visible fraction of the lamps at a texel is the ratio of baked direct light
-//! to unshadowed light.
+//! to unshadowed light. Films blend layers of a pixel before the tone curve, and so does the page.
 //!
 //! # Differences from films
-//! - Direct light has the resolution of the texels, and ignores normal maps.
+//! - Direct light has the resolution of the texels, except in live texels of still pictures. It ignores normal maps.
+//! - Live texels have indirect light of the texel's own normal.
 //! - All lamps have the same visible fraction at a texel. Lamps of sky images are in the sky only.
 //! - Surfaces at the hits of rays have no textures. Rays pass through blended surfaces.
 //! - Dynamic surfaces have their pose at time 0, and the mean irradiance of all texels.
@@ -145,6 +146,8 @@ fn page(name: &str, description: &Value, data: &str) -> String {
         ("{{light.glsl}}", include_str!("light.glsl")),
         ("{{coat.glsl}}", include_str!("coat.glsl")),
         ("{{rays.glsl}}", include_str!("rays.glsl")),
+        ("{{lamps.glsl}}", include_str!("lamps.glsl")),
+        ("{{reflections.glsl}}", include_str!("reflections.glsl")),
         ("{{sky.frag}}", include_str!("sky.frag")),
         ("{{screen.frag}}", include_str!("screen.frag")),
         ("{{tone.glsl}}", include_str!("tone.glsl")),

@@ -1,12 +1,8 @@
-// Reflection rays: the nearest triangle along a ray, and the baked light of its surface.
-uniform bool hasRays;
-uniform sampler2D nodeImage;
-uniform sampler2D triangleImage;
-uniform sampler2D materialImage;
+// Rays: the nearest triangle along a ray, or any triangle before a lamp.
+// Nodes, then triangles.
+uniform sampler2D rayImage;
+uniform int firstTriangle;
 uniform float epsilon;
-uniform bool hasSky;
-
-const int MOST_COATS = 3;
 
 vec4 record(sampler2D list, int index) {
   return texelFetch(list, ivec2(index & 1023, index >> 10), 0);
@@ -26,17 +22,17 @@ float entry(vec3 low, vec3 high, vec3 from, vec3 inverse, float far) {
   return near <= min(min(far3.x, far3.y), min(far3.z, far)) * 1.000002 ? near : 1e30;
 }
 
-// Nearest triangle. Rays pass through the backs of two-sided surfaces, which have a triangle for each side.
-Hit closest(vec3 from, vec3 d) {
-  Hit hit = Hit(-1, 1e29, vec2(0.0));
+// Nearest triangle up to a distance, or any triangle. Rays pass through the backs of two-sided surfaces, which have a triangle for each side.
+Hit nearest(vec3 from, vec3 d, float far, bool any) {
+  Hit hit = Hit(-1, far, vec2(0.0));
   vec3 inverse = 1.0 / mix(d, vec3(1e-20), lessThan(abs(d), vec3(1e-20)));
   int stack[32];
   int top = 0, reference = 0;
   while (true) {
     if (reference >= 0) {
       // Continue with the nearer child, and keep the other.
-      vec4 a = record(nodeImage, 4 * reference), b = record(nodeImage, 4 * reference + 1);
-      vec4 e = record(nodeImage, 4 * reference + 2), f = record(nodeImage, 4 * reference + 3);
+      vec4 a = record(rayImage, 4 * reference), b = record(rayImage, 4 * reference + 1);
+      vec4 e = record(rayImage, 4 * reference + 2), f = record(rayImage, 4 * reference + 3);
       float left = entry(a.xyz, b.xyz, from, inverse, hit.distance), right = entry(e.xyz, f.xyz, from, inverse, hit.distance);
       bool isLeft = left <= right;
       if (min(left, right) < 1e30) {
@@ -48,14 +44,15 @@ Hit closest(vec3 from, vec3 d) {
       // Intersect the triangles of a leaf [Möller97].
       int first = -reference >> 3, count = -reference & 7;
       for (int k = first; k < first + count; k++) {
-        vec4 corner = record(triangleImage, 7 * k);
-        vec3 u = record(triangleImage, 7 * k + 1).xyz, v = record(triangleImage, 7 * k + 2).xyz;
+        vec4 corner = record(rayImage, firstTriangle + 7 * k);
+        vec3 u = record(rayImage, firstTriangle + 7 * k + 1).xyz, v = record(rayImage, firstTriangle + 7 * k + 2).xyz;
         vec3 p = cross(d, v), s = from - corner.xyz, q = cross(s, u);
         float determinant = dot(u, p);
         if (determinant == 0.0 || corner.w > 0.5 && determinant < 0.0) continue;
         vec3 found = vec3(dot(s, p), dot(d, q), dot(v, q)) / determinant;
         if (found.x >= 0.0 && found.y >= 0.0 && found.x + found.y <= 1.0 && found.z > 0.0 && found.z < hit.distance) {
           hit = Hit(k, found.z, found.xy);
+          if (any) return hit;
         }
       }
     }
@@ -63,92 +60,4 @@ Hit closest(vec3 from, vec3 d) {
     reference = stack[--top];
   }
   return hit;
-}
-
-// Radiance along a ray from a coat. The ray follows mirror directions of further coats. `isRough` omits lamps, and `share` is
-// the fraction of the pixel's light. Surfaces at the hits have mean colors.
-vec3 along(vec3 from, vec3 d, bool isRough, float share) {
-  vec3 sum = vec3(0.0), throughput = vec3(1.0);
-  bool isBlurred = isRough;
-  for (int coats = 0; coats <= MOST_COATS; coats++) {
-    Hit hit = closest(from, d);
-    if (hit.triangle < 0) return sum + throughput * (hasSky ? skyLight(d) : vec3(0.0));
-    int first = 7 * hit.triangle;
-    vec4 corner = record(triangleImage, first), u = record(triangleImage, first + 1), v = record(triangleImage, first + 2);
-    vec4 places = record(triangleImage, first + 3), last = record(triangleImage, first + 4);
-    vec3 side = normalize(cross(u.xyz, v.xyz));
-    if (dot(side, d) > 0.0) return sum;
-
-    // Material at the hit: base color and metalness, reflectance and roughness, emission and kind.
-    int material = 3 * int(last.z);
-    vec4 base = record(materialImage, material), coat = record(materialImage, material + 1);
-    vec4 emission = record(materialImage, material + 2);
-    if (last.w == 2.0) return sum;
-    if (!(isRough && emission.w > 0.5)) sum += throughput * emission.rgb;
-    vec2 place = places.xy * (1.0 - hit.weights.x - hit.weights.y) + places.zw * hit.weights.x + last.xy * hit.weights.y;
-    vec3 arriving = last.w == 0.0 ? irradiance(blend(place)) : meanLight;
-    vec3 albedo = base.rgb * (1.0 - base.a), f0 = mix(coat.rgb, base.rgb, base.a);
-    bool isCoated = f0 != vec3(0.0) && (base.a > 0.0 || coat.a < 1.0);
-    if (!isCoated) return sum + throughput * albedo * arriving;
-
-    // Interpolate the normal, and bend a normal that faces away back to grazing.
-    vec4 l = record(triangleImage, first + 5), m = record(triangleImage, first + 6);
-    vec3 n = l.xyz * (1.0 - hit.weights.x - hit.weights.y) + vec3(l.w, m.xy) * hit.weights.x + vec3(m.zw, u.w) * hit.weights.y;
-    n = dot(n, n) > 0.1 ? normalize(n) : side;
-    float away = dot(n, d);
-    if (away >= 0.0) n = normalize(n - d * (away + 1e-3));
-    Coat c = coatOf(albedo, f0, coat.a);
-    Passage outgoing = passage(c, -dot(n, d));
-    vec3 diffuse = diffuseAlbedo(c, outgoing);
-
-    // Follow a coat while its reflection is a large enough fraction of the pixel's light, as in films.
-    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
-    float bright = dot(outgoing.single, LUMINANCE);
-    bool isMetal = bright > dot(diffuse, LUMINANCE), isDull = coat.a >= 0.2;
-    float least = isBlurred ? (isDull ? 0.3 : 0.1) : 0.02;
-    bool isSmall = share * dot(throughput, LUMINANCE) * bright < least || (isBlurred || isDull) && !isMetal;
-    vec3 next = reflect(d, n);
-    if (coats == MOST_COATS || isSmall) return sum + throughput * (diffuse + outgoing.single) * arriving;
-    sum += throughput * diffuse * arriving;
-    throughput *= outgoing.single;
-    if (dot(next, side) <= 0.0) return sum;
-    from = from + d * hit.distance + side * epsilon;
-    d = next;
-    isRough = isDull;
-  }
-  return sum;
-}
-
-// Microfacet normal that is visible from a direction, in the shading frame, for a point of the unit square [Dupuy23].
-vec3 facet(float alpha, vec3 outgoing, vec2 point) {
-  vec3 v = normalize(outgoing * vec3(alpha, alpha, 1.0));
-  float z = (1.0 - point.y) * (1.0 + v.z) - v.z, radius = sqrt(max(1.0 - z * z, 0.0)), angle = 2.0 * PI * point.x;
-  return normalize((vec3(radius * cos(angle), radius * sin(angle), z) + v) * vec3(alpha, alpha, 1.0));
-}
-
-// Mean radiance that a coat reflects toward the viewer: a mirror ray, or several rays for a wider lobe.
-vec3 traced(Coat c, Passage outgoing, vec3 p, vec3 n, vec3 side, vec3 d) {
-  float alpha = c.roughness * c.roughness, share = dot(outgoing.single, vec3(0.2126, 0.7152, 0.0722));
-  vec3 from = p + side * epsilon;
-  int count = alpha < 0.006 ? 1 : 8;
-  if (count == 1) {
-    vec3 mirrored = reflect(d, n);
-    return dot(mirrored, side) > 0.0 ? along(from, mirrored, false, share) : vec3(0.0);
-  }
-  vec3 x = normalize(abs(n.x) > 0.5 ? cross(n, vec3(0.0, 1.0, 0.0)) : cross(n, vec3(1.0, 0.0, 0.0))), y = cross(n, x);
-  vec3 local = -vec3(dot(d, x), dot(d, y), dot(d, n));
-  float noise = fract(52.9829189 * fract(dot(floor(gl_FragCoord.xy), vec2(0.06711056, 0.00583715))));
-  vec3 sum = vec3(0.0), weights = vec3(0.0);
-  for (int k = 0; k < count; k++) {
-    // Rotate a rank-one lattice by noise of the pixel.
-    vec2 point = fract(vec2(0.7548777, 0.5698403) * (float(k) + 0.5) + noise);
-    vec3 h = facet(alpha, local, point), incident = reflect(-local, h);
-    if (incident.z <= 0.0) continue;
-    float own = 1.0 + masking(alpha * alpha, local.z);
-    vec3 weight = fresnel(c.f0, dot(local, h)) * own / (own + masking(alpha * alpha, incident.z));
-    vec3 way = x * incident.x + y * incident.y + n * incident.z;
-    weights += weight;
-    if (dot(way, side) > 0.0) sum += weight * along(from, way, c.roughness >= 0.2, share);
-  }
-  return sum / max(weights, vec3(1e-20));
 }

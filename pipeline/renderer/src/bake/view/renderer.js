@@ -7,20 +7,22 @@ class Renderer {
     if (Math.max(scene.light.width, scene.light.height) > this.largest) {
       throw new Error(`The light has ${scene.light.width}×${scene.light.height} texels, but this device supports ${this.largest}. Bake fewer --texels.`);
     }
-    this.surface = this.program("surface");
+    // Variants of the surface program, by their options.
+    this.surfaces = {};
     this.sky = this.program("sky");
     this.screen = this.program("screen");
     this.target = null;
     this.upload(blocks);
   }
 
-  program(name) {
+  program(name, options = []) {
     const gl = this.gl;
     const program = gl.createProgram();
     const head = "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n";
+    const defined = options.map((option) => `#define ${option}\n`).join("");
     for (const [stage, kind] of [["vertex", gl.VERTEX_SHADER], ["fragment", gl.FRAGMENT_SHADER]]) {
       const shader = gl.createShader(kind);
-      gl.shaderSource(shader, head + element(`${name}-${stage}`).textContent);
+      gl.shaderSource(shader, head + defined + element(`${name}-${stage}`).textContent);
       gl.compileShader(shader);
       if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) {
         throw new Error(`The ${name} shader failed: ${gl.getShaderInfoLog(shader)}`);
@@ -37,6 +39,14 @@ class Renderer {
       places[name] = gl.getUniformLocation(program, name);
     }
     return { program, places };
+  }
+
+  // Returns the program of surfaces, with the rays of coats if these are wanted and with shadow rays in still pictures.
+  surfaceFor({ coatMode, isStill }) {
+    const options = [];
+    if (this.isSmooth && coatMode === 0) options.push("REFLECTIONS");
+    if (scene.light.live > 0 && isStill) options.push("SHADOW_RAYS");
+    return (this.surfaces[options] ??= this.program("surface", options));
   }
 
   // Creates a texture of exact texels, in rows of `width` texels.
@@ -126,10 +136,13 @@ class Renderer {
     this.units.visibleImage = this.texels(width, height, visible, [gl.R8, gl.RED, gl.UNSIGNED_BYTE]);
     const points = scene.lamps > 0 ? new Float32Array(blocks.lamps.buffer) : new Float32Array(12);
     this.units.lampImage = this.texels(3, points.length / 12, points, [gl.RGBA32F, gl.RGBA, gl.FLOAT]);
-    this.hasRays = materials.list.some((material) => material.coat && (material.roughness < 0.35 || material.roughTexture));
-    const { nodes, records } = this.hasRays ? rayGeometry(blocks) : { nodes: [], records: [] };
-    this.units.nodeImage = this.list(nodes);
-    this.units.triangleImage = this.list(records);
+    this.isSmooth = materials.list.some((material) => material.coat && (material.roughness < 0.35 || material.roughTexture));
+    const { nodes, records } = this.isSmooth || light.live > 0 ? rayGeometry(blocks) : { nodes: new Float32Array(0), records: new Float32Array(0) };
+    const both = new Float32Array(nodes.length + records.length);
+    both.set(nodes);
+    both.set(records, nodes.length);
+    this.units.rayImage = this.list(both);
+    this.firstTriangle = nodes.length / 4;
     this.units.materialImage = this.list(materials.list.flatMap((one) => [...one.mean, one.metallic, ...one.f0, one.roughness,
       ...one.emission, one.lamp ? 1 : 0]));
   }
@@ -215,8 +228,7 @@ class Renderer {
     const target = this.buffers(w, h);
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.many);
     this.draw(camera, look, w, h);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, target.single);
-    gl.blitFramebuffer(0, 0, w, h, 0, 0, w, h, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    this.resolve(w, h);
     gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
     const { program, places } = this.screen;
     gl.useProgram(program);
@@ -230,9 +242,26 @@ class Renderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  // Draws the scene into the bound framebuffer of width × height pixels.
-  draw(camera, { gain, coatMode }, width, height) {
+  // Copies the means of the samples of width × height pixels into the texture of the target.
+  resolve(width, height) {
     const gl = this.gl;
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.target.single);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.target.many);
+  }
+
+  setBehind(texture, unit) {
+    const gl = this.gl;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.uniform1i(this.surface.places.behindImage, unit);
+  }
+
+  // Draws the scene into the framebuffer of several samples, which has width × height pixels.
+  draw(camera, look, width, height) {
+    const gl = this.gl;
+    const { gain, coatMode } = look;
+    this.surface = this.surfaceFor(look);
     const half = camera.half(width / height);
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 1);
@@ -256,19 +285,24 @@ class Renderer {
     gl.uniform1i(places.albedoSteps, scene.light.steps);
     gl.uniform1i(places.lampPoints, scene.lamps);
     gl.uniform1i(places.hasVisible, this.hasVisible);
-    gl.uniform1i(places.hasRays, this.hasRays);
+    gl.uniform1i(places.firstTriangle, this.firstTriangle);
     gl.uniform1i(places.hasSky, Boolean(scene.sky));
     gl.uniform1f(places.epsilon, scene.epsilon);
     this.setSky(places);
     gl.bindVertexArray(this.vertices);
+    let isBlending = false;
     for (const batch of scene.batches) {
-      this.setMaterial(scene.materials.list[batch.material], unit);
-      gl.uniform1i(places.litBy, batch.lit);
-      if (batch.blended) {
+      if (batch.blended && !isBlending) {
+        // Blended surfaces are last. They read the opaque picture.
+        isBlending = true;
+        this.resolve(width, height);
         gl.enable(gl.BLEND);
-        gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE);
+        gl.blendFuncSeparate(gl.ONE, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE);
         gl.depthMask(false);
       }
+      this.setMaterial(scene.materials.list[batch.material], unit);
+      gl.uniform1i(places.litBy, batch.lit);
+      this.setBehind(isBlending ? this.target.texture : this.blank, unit + 3);
       gl.drawElements(gl.TRIANGLES, batch.count, gl.UNSIGNED_INT, 4 * batch.first);
     }
     gl.bindVertexArray(null);

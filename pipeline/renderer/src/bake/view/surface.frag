@@ -28,11 +28,19 @@ uniform sampler2D baseImage;
 uniform sampler2D roughImage;
 uniform sampler2D emissionImage;
 
+// Opaque surfaces of the picture, behind blended surfaces.
+uniform sampler2D behindImage;
+
 // Light: texels of the atlas (0), mean light (1), unlit (2).
 uniform int litBy;
 
 vec2 coordinates(int set) {
   return set == 0 ? coordinates0 : set == 1 ? coordinates1 : coordinates2;
+}
+
+vec4 pixel(vec3 light, float alpha) {
+  if (alphaMode != 2) return vec4(display(light), 1.0);
+  return vec4(blended(light, alpha, texelFetch(behindImage, ivec2(gl_FragCoord.xy), 0).rgb), alpha);
 }
 
 // Minimum roughness of coats with baked light.
@@ -51,7 +59,7 @@ void main() {
   if (alphaMode == 1 && base.a < cutoff) discard;
   float alpha = alphaMode == 2 ? base.a : 1.0;
   if (litBy == 2) {
-    shown = vec4(display(base.rgb * light), alpha);
+    shown = pixel(base.rgb * light, alpha);
     return;
   }
 
@@ -61,9 +69,13 @@ void main() {
   vec3 f0 = mix(dielectric, base.rgb, rough.y);
   // A dielectric of roughness 1 has no coat: Material::split.
   bool isCoated = mayHaveCoat && (rough.y > 0.0 || rough.x < 1.0) && f0 != vec3(0.0);
-  if (!isCoated) {
+  Visible v = Visible(0.0, 0.0);
+  if (litBy == 0) v = visibleAt(texels);
+  Coat c;
+  Passage outgoing;
+  if (!isCoated && v.live <= 0.0) {
     light += (rough.y <= 0.0 ? base.rgb : albedo) * arriving;
-    shown = vec4(display(light), alpha);
+    shown = pixel(light, alpha);
     return;
   }
 
@@ -74,19 +86,30 @@ void main() {
   vec3 n = dot(smoothNormal, smoothNormal) > 0.1 ? normalize(smoothNormal) : side;
   float away = dot(n, d);
   if (away >= 0.0) n = normalize(n - d * (away + 1e-3));
-  Coat c = coatOf(albedo, f0, rough.x);
-  Passage outgoing = passage(c, -dot(n, d));
+  if (!isCoated) {
+    arriving += v.live * lamps(v, c, outgoing, at, n, side, -d, false).direct;
+    light += (rough.y <= 0.0 ? base.rgb : albedo) * arriving;
+    shown = pixel(light, alpha);
+    return;
+  }
+
+  // Light the base, and the coat by baked light, lamps and rays.
+  c = coatOf(albedo, f0, rough.x);
+  outgoing = passage(c, -dot(n, d));
+  LampLight fromLamps = lamps(v, c, outgoing, at, n, side, -d, true);
+  arriving += v.live * fromLamps.direct;
   light += diffuseAlbedo(c, outgoing) * arriving;
   if (coatMode != 2) {
-    bool isTraced = hasRays && coatMode == 0 && rough.x < BAKED_ROUGHNESS;
     vec3 reflection = arriving;
+    bool isTraced = false;
+#ifdef REFLECTIONS
+    isTraced = rough.x < BAKED_ROUGHNESS;
     if (isTraced) reflection = traced(c, outgoing, at, n, side, d);
-    else if (litBy == 0) reflection = reflected(texels, reflect(d, n), arriving);
+#endif
+    if (!isTraced && litBy == 0) reflection = reflected(texels, reflect(d, n), arriving);
     light += outgoing.single * reflection;
-    // The mean light of a texel contains the light of lamps.
-    if (litBy == 0 && (isTraced || rough.x >= BAKED_ROUGHNESS)) {
-      light += lamps(c, outgoing, at, n, side, -d, rough.x >= 0.2, visibleLamps(texels));
-    }
+    // Smooth coats without rays reflect the mean light of their texel, which contains the light of lamps.
+    if (isTraced || rough.x >= BAKED_ROUGHNESS) light += fromLamps.reflected;
   }
-  shown = vec4(display(light), alpha);
+  shown = pixel(light, alpha);
 }

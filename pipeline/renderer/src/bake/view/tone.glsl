@@ -23,3 +23,22 @@ vec3 display(vec3 light) {
   vec3 x = max(light, 0.0) * gain;
   return clamp(vec3(curve(x.r), curve(x.g), curve(x.b)), 0.0, 1.0);
 }
+
+// Exposed light for linear display light, by bisection. The curves are monotonic.
+float exposed(float y) {
+  if (y <= 0.0) return 0.0;
+  float low = 0.0, high = 12.0;
+  for (int k = 0; k < 18; k++) {
+    float middle = 0.5 * (low + high);
+    if (curve(middle) < y) low = middle;
+    else high = middle;
+  }
+  return high;
+}
+
+// Display light to add for a surface of opacity `alpha` in front of `behind`. Films blend layers before the tone curve:
+// a bright surface is visible even if it covers little. The framebuffer keeps 1 − alpha of the light behind.
+vec3 blended(vec3 light, float alpha, vec3 behind) {
+  vec3 back = vec3(exposed(behind.r), exposed(behind.g), exposed(behind.b)) / gain;
+  return max(display(mix(back, light, alpha)) - (1.0 - alpha) * behind, 0.0);
+}
