@@ -1,3 +1,6 @@
+// Whether a material may have coats that are too smooth for baked light.
+const isSmooth = (material) => material.coat && (material.roughness < 0.35 || Boolean(material.roughTexture));
+
 // Draws the scene with a WebGL 2 context.
 class Renderer {
   constructor(gl, blocks) {
@@ -41,11 +44,14 @@ class Renderer {
     return { program, places };
   }
 
-  // Returns the program of surfaces, with the rays of coats if these are wanted and with shadow rays in still pictures.
-  surfaceFor({ coatMode, isStill }) {
+  // Returns the program of a batch. Software executes both sides of branches, so programs omit unused features.
+  surfaceFor(batch, { coatMode, isStill }) {
+    const material = scene.materials.list[batch.material];
     const options = [];
-    if (this.isSmooth && coatMode === 0) options.push("REFLECTIONS");
-    if (scene.light.live > 0 && isStill) options.push("SHADOW_RAYS");
+    if (material.coat) options.push("COAT");
+    if (isSmooth(material) && coatMode === 0) options.push("REFLECTIONS");
+    if (batch.blended) options.push("BLENDED");
+    if (scene.light.live > 0) options.push(...(isStill ? ["LIVE", "SHADOW_RAYS"] : ["LIVE"]));
     return (this.surfaces[options] ??= this.program("surface", options));
   }
 
@@ -136,8 +142,8 @@ class Renderer {
     this.units.visibleImage = this.texels(width, height, visible, [gl.R8, gl.RED, gl.UNSIGNED_BYTE]);
     const points = scene.lamps > 0 ? new Float32Array(blocks.lamps.buffer) : new Float32Array(12);
     this.units.lampImage = this.texels(3, points.length / 12, points, [gl.RGBA32F, gl.RGBA, gl.FLOAT]);
-    this.isSmooth = materials.list.some((material) => material.coat && (material.roughness < 0.35 || material.roughTexture));
-    const { nodes, records } = this.isSmooth || light.live > 0 ? rayGeometry(blocks) : { nodes: new Float32Array(0), records: new Float32Array(0) };
+    const hasRays = materials.list.some(isSmooth) || light.live > 0;
+    const { nodes, records } = hasRays ? rayGeometry(blocks) : { nodes: new Float32Array(0), records: new Float32Array(0) };
     const both = new Float32Array(nodes.length + records.length);
     both.set(nodes);
     both.set(records, nodes.length);
@@ -250,31 +256,55 @@ class Renderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target.many);
   }
 
-  setBehind(texture, unit) {
+  setBehind(places, texture, unit) {
     const gl = this.gl;
     gl.activeTexture(gl.TEXTURE0 + unit);
     gl.bindTexture(gl.TEXTURE_2D, texture);
-    gl.uniform1i(this.surface.places.behindImage, unit);
+    gl.uniform1i(places.behindImage, unit);
   }
 
   // Draws the scene into the framebuffer of several samples, which has width × height pixels.
   draw(camera, look, width, height) {
     const gl = this.gl;
-    const { gain, coatMode } = look;
-    this.surface = this.surfaceFor(look);
     const half = camera.half(width / height);
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.disable(gl.BLEND);
     gl.depthMask(true);
-    if (scene.sky) this.drawSky(camera, half, gain, [width, height]);
-
-    const unit = this.use(this.surface, gain);
-    const { places } = this.surface;
+    if (scene.sky) this.drawSky(camera, half, look.gain, [width, height]);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
     gl.enable(gl.CULL_FACE);
+    gl.bindVertexArray(this.vertices);
+    let [surface, unit, isBlending] = [null, 0, false];
+    for (const batch of scene.batches) {
+      if (batch.blended && !isBlending) {
+        // Blended surfaces are last. They read the opaque picture.
+        isBlending = true;
+        this.resolve(width, height);
+        gl.enable(gl.BLEND);
+        gl.blendFuncSeparate(gl.ONE, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE);
+        gl.depthMask(false);
+      }
+      const wanted = this.surfaceFor(batch, look);
+      if (wanted !== surface) {
+        surface = wanted;
+        unit = this.use(surface, look.gain);
+        this.setFrame(surface.places, camera, look, half);
+      }
+      this.setMaterial(surface.places, scene.materials.list[batch.material], unit);
+      gl.uniform1i(surface.places.litBy, batch.lit);
+      this.setBehind(surface.places, isBlending ? this.target.texture : this.blank, unit + 3);
+      gl.drawElements(gl.TRIANGLES, batch.count, gl.UNSIGNED_INT, 4 * batch.first);
+    }
+    gl.bindVertexArray(null);
+    gl.depthMask(true);
+  }
+
+  // Sets the uniforms of a surface program that are equal in all batches.
+  setFrame(places, camera, { coatMode }, half) {
+    const gl = this.gl;
     gl.uniformMatrix4fv(places.clipFromWorld, false, camera.clipFromWorld(half));
     gl.uniform3fv(places.eye, camera.eye);
     gl.uniform3fv(places.forward, camera.forward);
@@ -289,24 +319,6 @@ class Renderer {
     gl.uniform1i(places.hasSky, Boolean(scene.sky));
     gl.uniform1f(places.epsilon, scene.epsilon);
     this.setSky(places);
-    gl.bindVertexArray(this.vertices);
-    let isBlending = false;
-    for (const batch of scene.batches) {
-      if (batch.blended && !isBlending) {
-        // Blended surfaces are last. They read the opaque picture.
-        isBlending = true;
-        this.resolve(width, height);
-        gl.enable(gl.BLEND);
-        gl.blendFuncSeparate(gl.ONE, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE);
-        gl.depthMask(false);
-      }
-      this.setMaterial(scene.materials.list[batch.material], unit);
-      gl.uniform1i(places.litBy, batch.lit);
-      this.setBehind(isBlending ? this.target.texture : this.blank, unit + 3);
-      gl.drawElements(gl.TRIANGLES, batch.count, gl.UNSIGNED_INT, 4 * batch.first);
-    }
-    gl.bindVertexArray(null);
-    gl.depthMask(true);
   }
 
   setSky(places) {
@@ -330,9 +342,8 @@ class Renderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  setMaterial(material, unit) {
+  setMaterial(places, material, unit) {
     const gl = this.gl;
-    const { places } = this.surface;
     gl.uniform3fv(places.baseColor, material.base);
     gl.uniform1f(places.opacityFactor, material.opacity);
     gl.uniform1i(places.alphaMode, material.alpha);
@@ -341,7 +352,6 @@ class Renderer {
     gl.uniform1f(places.roughnessFactor, material.roughness);
     gl.uniform3fv(places.dielectric, material.f0);
     gl.uniform3fv(places.emission, material.emission);
-    gl.uniform1i(places.mayHaveCoat, material.coat);
     for (const [name, image, set] of [["baseTexture", "baseImage", "baseSet"], ["roughTexture", "roughImage", "roughSet"],
       ["emissionTexture", "emissionImage", "emissionSet"]]) {
       gl.activeTexture(gl.TEXTURE0 + unit);

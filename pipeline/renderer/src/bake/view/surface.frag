@@ -20,7 +20,6 @@ uniform float metallicFactor;
 uniform float roughnessFactor;
 uniform vec3 dielectric;
 uniform vec3 emission;
-uniform bool mayHaveCoat;
 uniform int baseSet;
 uniform int roughSet;
 uniform int emissionSet;
@@ -39,8 +38,11 @@ vec2 coordinates(int set) {
 }
 
 vec4 pixel(vec3 light, float alpha) {
-  if (alphaMode != 2) return vec4(display(light), 1.0);
+#ifdef BLENDED
   return vec4(blended(light, alpha, texelFetch(behindImage, ivec2(gl_FragCoord.xy), 0).rgb), alpha);
+#else
+  return vec4(display(light), 1.0);
+#endif
 }
 
 // Minimum roughness of coats with baked light.
@@ -65,20 +67,10 @@ void main() {
 
   Blend texels = blend(place);
   vec3 arriving = litBy == 0 ? irradiance(texels) : meanLight;
-  vec3 albedo = base.rgb * (1.0 - rough.y);
-  vec3 f0 = mix(dielectric, base.rgb, rough.y);
-  // A dielectric of roughness 1 has no coat: Material::split.
-  bool isCoated = mayHaveCoat && (rough.y > 0.0 || rough.x < 1.0) && f0 != vec3(0.0);
+  vec3 albedo = base.rgb * (1.0 - rough.y), reflectance = rough.y <= 0.0 ? base.rgb : albedo;
+#if defined(COAT) || defined(LIVE)
   Visible v = Visible(0.0, 0.0);
   if (litBy == 0) v = visibleAt(texels);
-  Coat c;
-  Passage outgoing;
-  if (!isCoated && v.live <= 0.0) {
-    light += (rough.y <= 0.0 ? base.rgb : albedo) * arriving;
-    shown = pixel(light, alpha);
-    return;
-  }
-
   // Turn the normals toward the viewer, and bend a shading normal that faces away back to grazing.
   vec3 d = parallel ? forward : normalize(at - eye);
   vec3 side = normalize(flatNormal);
@@ -86,20 +78,23 @@ void main() {
   vec3 n = dot(smoothNormal, smoothNormal) > 0.1 ? normalize(smoothNormal) : side;
   float away = dot(n, d);
   if (away >= 0.0) n = normalize(n - d * (away + 1e-3));
-  if (!isCoated) {
-    arriving += v.live * lamps(v, c, outgoing, at, n, side, -d, false).direct;
-    light += (rough.y <= 0.0 ? base.rgb : albedo) * arriving;
-    shown = pixel(light, alpha);
-    return;
-  }
-
-  // Light the base, and the coat by baked light, lamps and rays.
+  Coat c;
+  Passage outgoing;
+  bool isCoated = false;
+#ifdef COAT
+  // A dielectric of roughness 1 has no coat: Material::split.
+  vec3 f0 = mix(dielectric, base.rgb, rough.y);
+  isCoated = (rough.y > 0.0 || rough.x < 1.0) && f0 != vec3(0.0);
   c = coatOf(albedo, f0, rough.x);
   outgoing = passage(c, -dot(n, d));
-  LampLight fromLamps = lamps(v, c, outgoing, at, n, side, -d, true);
+  if (isCoated) reflectance = diffuseAlbedo(c, outgoing);
+#endif
+  LampLight fromLamps = LampLight(vec3(0.0), vec3(0.0));
+  if (isCoated || v.live > 0.0) fromLamps = lamps(v, c, outgoing, at, n, side, -d, isCoated);
   arriving += v.live * fromLamps.direct;
-  light += diffuseAlbedo(c, outgoing) * arriving;
-  if (coatMode != 2) {
+#ifdef COAT
+  // Light the coat by baked light or rays, and by lamps.
+  if (isCoated && coatMode != 2) {
     vec3 reflection = arriving;
     bool isTraced = false;
 #ifdef REFLECTIONS
@@ -111,5 +106,8 @@ void main() {
     // Smooth coats without rays reflect the mean light of their texel, which contains the light of lamps.
     if (isTraced || rough.x >= BAKED_ROUGHNESS) light += fromLamps.reflected;
   }
+#endif
+#endif
+  light += reflectance * arriving;
   shown = pixel(light, alpha);
 }
