@@ -9,8 +9,8 @@
 //! Some texels are live: the page computes their direct light at each pixel, from the lamps and the visible fraction. In
 //! still pictures, shadow rays replace the fraction. The irradiance of live texels contains only indirect light.
 
-use super::light::HoledPicture;
 use super::payload::Payload;
+use super::picture::HoledPicture;
 use crate::prepare::sampled_areas;
 use crate::texels::BakedTexels;
 use glam::{Vec3, Vec3A};
@@ -32,9 +32,9 @@ const SAME_SHADOW: f32 = 0.2;
 /// Minimum cosine between the normals of adjacent texels that are not live, about 14°.
 const SAME_NORMAL: f32 = 0.97;
 
-/// Shape of the light from a point.
+/// LampShape of the light from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Shape {
+enum LampShape {
     /// Lambertian disc of a squared radius \[m²\].
     Disc { radius2: f32 },
     /// Cone with the cosine of its outer angle, and the slope of the falloff. All directions are in the cone of a point.
@@ -50,7 +50,7 @@ struct LampPoint {
     place: Vec3A,
     /// Normal of a disc or axis of a cone, a unit vector.
     axis: Vec3A,
-    shape: Shape,
+    shape: LampShape,
     /// Intensity along the axis \[W·sr⁻¹\], or irradiance of a distant lamp \[W·m⁻²\], times the exposure.
     light: Vec3,
 }
@@ -103,7 +103,7 @@ impl ViewLamps {
             points.extend(lamp.samples(surfaces, POINTS).into_iter().map(|sample| LampPoint {
                 place: sample.position - sample.normal * sample.offset,
                 axis: sample.normal,
-                shape: Shape::Disc { radius2: sample.area / PI },
+                shape: LampShape::Disc { radius2: sample.area / PI },
                 light: sample.intensity * exposure,
             }));
         }
@@ -112,16 +112,16 @@ impl ViewLamps {
             axis: point.axis,
             shape: match point.kind {
                 PunctualKind::Spot { inner, outer } => {
-                    Shape::Cone { outer: outer.cos(), slope: 1.0 / (inner.cos() - outer.cos()).max(1e-3) }
+                    LampShape::Cone { outer: outer.cos(), slope: 1.0 / (inner.cos() - outer.cos()).max(1e-3) }
                 }
-                _ => Shape::Cone { outer: -2.0, slope: 1.0 },
+                _ => LampShape::Cone { outer: -2.0, slope: 1.0 },
             },
             light: point.intensity * exposure,
         }));
         points.extend(emitters.suns.iter().map(|sun| LampPoint {
             place: sun.towards,
             axis: -sun.towards,
-            shape: Shape::Distant { radius: sun.angular_radius },
+            shape: LampShape::Distant { radius: sun.angular_radius },
             light: sun.irradiance * exposure,
         }));
         Self { points, instances, exposure }
@@ -149,10 +149,12 @@ impl ViewLamps {
         let live: Vec<bool> = (0..texels.len()).map(|texel| is_live(baked, &texels, texel)).collect();
 
         // Paint the picture. Unused texels have the mean of adjacent texels.
-        let mut picture = HoledPicture::new(baked.atlas.size());
+        let (width, height) = baked.atlas.size();
+        let mut picture = HoledPicture::new(width, height);
         for (texel, (lamps, &live)) in texels.iter().zip(&live).enumerate() {
             let is_live = f32::from(u8::from(live));
-            picture.set(baked.atlas.place(texel), Some(Vec3::new(lamps.fraction, is_live, 0.0)));
+            let (x, y) = baked.atlas.place(texel);
+            picture.set(x, y, Vec3::new(lamps.fraction, is_live, 0.0));
         }
         let code = |texel: Vec3| (texel.x * 127.0).round() as u8 + if texel.y > 0.5 { LIVE } else { 0 };
         LampVisibility { picture: picture.all().map(code).collect(), live }
@@ -170,9 +172,9 @@ impl ViewLamps {
             let ([a, b, c], [d, e, f], [r, g, b_]) =
                 (point.place.to_array(), point.axis.to_array(), point.light.to_array());
             let (kind, extent, slope) = match point.shape {
-                Shape::Disc { radius2 } => (0.0, radius2, 0.0),
-                Shape::Cone { outer, slope } => (1.0, outer, slope),
-                Shape::Distant { radius } => (2.0, radius, 0.0),
+                LampShape::Disc { radius2 } => (0.0, radius2, 0.0),
+                LampShape::Cone { outer, slope } => (1.0, outer, slope),
+                LampShape::Distant { radius } => (2.0, radius, 0.0),
             };
             for number in [a, b, c, kind, d, e, f, extent, r, g, b_, slope] {
                 bytes.extend(f32::to_le_bytes(number));
@@ -188,7 +190,7 @@ impl LampPoint {
     fn irradiance(&self, site: &TexelSite) -> Vec3 {
         // No light arrives from below the surface.
         let way = match self.shape {
-            Shape::Distant { .. } => self.place,
+            LampShape::Distant { .. } => self.place,
             _ => self.place - site.position,
         };
         let (r2, cosine) = (way.length_squared().max(f32::MIN_POSITIVE), way.dot(site.shading_normal));
@@ -199,12 +201,12 @@ impl LampPoint {
         let along_axis = -way.dot(self.axis) / r;
         self.light
             * match self.shape {
-                Shape::Disc { radius2 } => cosine / r * along_axis.max(0.0) / (r2 + BOUND * radius2),
-                Shape::Cone { outer, slope } => {
+                LampShape::Disc { radius2 } => cosine / r * along_axis.max(0.0) / (r2 + BOUND * radius2),
+                LampShape::Cone { outer, slope } => {
                     let falloff = ((along_axis - outer) * slope).clamp(0.0, 1.0);
                     cosine / r * falloff * falloff / r2
                 }
-                Shape::Distant { .. } => cosine,
+                LampShape::Distant { .. } => cosine,
             }
     }
 }

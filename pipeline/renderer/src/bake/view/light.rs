@@ -2,6 +2,7 @@
 
 use super::lamps::{LampVisibility, ViewLamps};
 use super::payload::Payload;
+use super::picture::HoledPicture;
 use crate::texels::BakedTexels;
 use glam::Vec3;
 use lightfield::{CompactFit, CompactKind, CompactMap, CompactPages, OctahedralMap, shared_exponent};
@@ -45,14 +46,15 @@ impl ViewLight {
         };
 
         // Paint the irradiance of texels in use, then extend it to adjacent unused texels.
-        let mut picture = HoledPicture::new((width, height));
+        let mut picture = HoledPicture::new(width, height);
         let mut sum = glam::DVec3::ZERO;
         let visibility = lamps.visibility(baked, surfaces);
         for texel in 0..atlas.len() {
             let (direct, indirect) =
                 (scale * Vec3::from(baked.direct[texel]), scale * Vec3::from(baked.indirect[texel]));
             let light = if visibility.live[texel] { indirect } else { direct + indirect };
-            picture.set(atlas.place(texel), Some(light));
+            let (x, y) = atlas.place(texel);
+            picture.set(x, y, light);
             sum += (direct + indirect).as_dvec3();
         }
         let mean = (sum / atlas.len().max(1) as f64).as_vec3();
@@ -97,49 +99,6 @@ impl ViewLight {
             "mean": self.mean.to_array(),
             "live": self.visibility.live.iter().filter(|&&is_live| is_live).count(),
             "steps": STEPS,
-        })
-    }
-}
-
-/// Light of the texels of the atlas, in rows.
-pub(super) struct HoledPicture {
-    known: Vec<Option<Vec3>>,
-    width: usize,
-}
-
-impl HoledPicture {
-    /// Creates a picture without known texels.
-    pub fn new((width, height): (u32, u32)) -> Self {
-        Self { known: vec![None; (width * height) as usize], width: width as usize }
-    }
-
-    /// Sets the light of the texel in a column and a row; `None` for unknown light.
-    pub fn set(&mut self, (x, y): (u32, u32), light: Option<Vec3>) {
-        self.known[y as usize * self.width + x as usize] = light;
-    }
-
-    /// Returns the light of all texels by rows.
-    pub fn all(&self) -> impl Iterator<Item = Vec3> + '_ {
-        (0..self.known.len()).map(|at| self.filled(at))
-    }
-
-    /// Returns the known light of the texels around and at an index.
-    fn around(&self, at: usize) -> impl Iterator<Item = Vec3> + '_ {
-        let (x, y) = (at % self.width, at / self.width);
-        let columns = x.saturating_sub(1)..=(x + 1).min(self.width - 1);
-        let rows = y.saturating_sub(1)..=y + 1;
-        let texels = rows.flat_map(move |row| columns.clone().map(move |column| row * self.width + column));
-        texels.filter_map(|texel| *self.known.get(texel)?)
-    }
-
-    /// Returns the light of a texel. A texel with unknown light has the mean of adjacent texels, or zero.
-    fn filled(&self, at: usize) -> Vec3 {
-        self.known[at].unwrap_or_else(|| {
-            let (mut sum, mut count) = (Vec3::ZERO, 0);
-            for light in self.around(at) {
-                (sum, count) = (sum + light, count + 1);
-            }
-            sum / count.max(1) as f32
         })
     }
 }
@@ -215,18 +174,6 @@ fn mean(row: &[Vec3]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Bilinear samples read at most adjacent texels, so they never read an empty texel.
-    #[test]
-    fn unused_texels_have_the_mean_of_their_neighbors() {
-        let (one, three) = (Some(Vec3::ONE), Some(Vec3::splat(3.0)));
-        let known = vec![one, None, three, None, None, None, None, None, None, None, None, None];
-        let picture = HoledPicture { known, width: 4 };
-        let expected = [1.0, 2.0, 3.0, 3.0, 1.0, 2.0, 3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
-        for (at, light) in expected.into_iter().enumerate() {
-            assert_eq!(picture.filled(at), Vec3::splat(light));
-        }
-    }
 
     /// The last row contains the integrals of the other rows.
     #[test]

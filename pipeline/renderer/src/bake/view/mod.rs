@@ -6,6 +6,7 @@
 //! lamps       points of the lamps, and their visible fraction at coated texels
 //! materials   reflectance, emission and images of the materials
 //! camera      camera of the film's first frame, and the sky
+//! picture     picture of the atlas
 //! payload     blocks of bytes, compressed and in base64
 //! page.html, style.css, *.js, *.vert, *.frag, *.glsl       the page
 //! ```
@@ -41,6 +42,7 @@ mod lamps;
 mod light;
 mod materials;
 mod payload;
+mod picture;
 
 use super::export::tone_map;
 use crate::settings::RenderSettings;
