@@ -2,7 +2,8 @@
 //
 //     node bench/view_page.mjs PAGE.html OUT.png [WIDTHxHEIGHT] [FRAMES]
 //
-// COATS is the look-up of coats: 0 compact (default), 1 segments, 2 off. SCREEN=FILE.png also writes the whole window.
+// The picture has shadow rays, and the timed frames of a moving camera have none.
+// COATS is the light of coats: 0 maps, lamps and rays (default), 3 maps and lamps, 1 segments and lamps, 2 off. SCREEN=FILE.png also writes the whole window.
 // MODULES is the folder of the package playwright-core (default: node_modules), CHROMIUM the browser.
 import { existsSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
