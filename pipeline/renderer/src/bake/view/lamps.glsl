@@ -3,6 +3,7 @@ uniform sampler2D lampImage;
 uniform int lampPoints;
 uniform bool hasVisible;
 uniform sampler2D visibleImage;
+uniform bool hasGroups;
 
 // Point of a lamp at a receiver: unshadowed irradiance, direction, distance, and half the angle of its disc.
 struct LampPoint {
@@ -11,7 +12,12 @@ struct LampPoint {
   bool isArea;
 };
 
-LampPoint lampPoint(int k, vec3 p, vec3 n, vec3 side) {
+LampPoint lampPoint(int point, vec3 p, vec3 n, vec3 side) {
+  int k = point;
+#ifdef SHADOW_RAYS
+  // Each sample of a pixel uses its own group of points.
+  if (hasGroups) k += ((int(gl_FragCoord.x) & 1) + 2 * (int(gl_FragCoord.y) & 1)) * lampPoints;
+#endif
   vec4 place = texelFetch(lampImage, ivec2(0, k), 0), axis = texelFetch(lampImage, ivec2(1, k), 0);
   vec4 light = texelFetch(lampImage, ivec2(2, k), 0);
   vec3 way = place.w == 2.0 ? place.xyz : place.xyz - p;

@@ -20,7 +20,10 @@ use render_core::{Emitters, Surfaces, TexelSite, Units, luminance};
 use serde_json::{Value, json};
 use std::f32::consts::PI;
 
-/// Number of points of an area lamp in the page. A film samples 64 points.
+/// Number of groups of points. Each group represents all lamps. The four samples of a pixel of a still picture use one
+/// group each.
+const GROUPS: usize = 4;
+/// Number of points of an area lamp in a group. All groups contain the 64 points of a film.
 const POINTS: usize = 16;
 /// Bound of a point's geometry term, as a fraction of the bound for the point's own disc, as in films.
 const BOUND: f32 = 1.0 / 8.0;
@@ -57,6 +60,7 @@ struct LampPoint {
 
 /// Lamps of a scene at time 0.
 pub(super) struct ViewLamps {
+    /// Points of all groups, in order.
     points: Vec<LampPoint>,
     /// Instances with emissive surfaces among the lamps.
     instances: Vec<usize>,
@@ -96,17 +100,22 @@ impl ViewLamps {
     pub fn new(surfaces: &Surfaces, pose: &Pose, exposure: f32) -> Self {
         let units = Units::of(surfaces.scene());
         let emitters = Emitters::new(surfaces, pose, &units);
-        let (mut points, mut instances) = (Vec::new(), Vec::new());
+        let (mut groups, mut instances) = (vec![Vec::new(); GROUPS], Vec::new());
         for area in sampled_areas(&emitters, surfaces, units.radius) {
             let lamp = &emitters.areas[area];
             instances.push(lamp.instance);
-            points.extend(lamp.samples(surfaces, POINTS).into_iter().map(|sample| LampPoint {
-                place: sample.position - sample.normal * sample.offset,
-                axis: sample.normal,
-                shape: LampShape::Disc { radius2: sample.area / PI },
-                light: sample.intensity * exposure,
-            }));
+            // Any 16 consecutive points are spread over the whole lamp.
+            let samples = lamp.samples(surfaces, GROUPS * POINTS);
+            for (group, samples) in groups.iter_mut().zip(samples.chunks(POINTS)) {
+                group.extend(samples.iter().map(|sample| LampPoint {
+                    place: sample.position - sample.normal * sample.offset,
+                    axis: sample.normal,
+                    shape: LampShape::Disc { radius2: sample.area * GROUPS as f32 / PI },
+                    light: sample.intensity * (exposure * GROUPS as f32),
+                }));
+            }
         }
+        let mut points: Vec<LampPoint> = Vec::new();
         points.extend(emitters.points.iter().map(|point| LampPoint {
             place: point.position,
             axis: point.axis,
@@ -124,7 +133,8 @@ impl ViewLamps {
             shape: LampShape::Distant { radius: sun.angular_radius },
             light: sun.irradiance * exposure,
         }));
-        Self { points, instances, exposure }
+        groups.iter_mut().for_each(|group| group.extend(&points));
+        Self { points: groups.concat(), instances, exposure }
     }
 
     /// Returns whether any surface of a material is a lamp.
@@ -162,10 +172,10 @@ impl ViewLamps {
 
     /// Returns the unshadowed irradiance at a texel, times the exposure \[W·m⁻²\].
     fn unshadowed(&self, site: &TexelSite) -> Vec3 {
-        self.points.iter().map(|point| point.irradiance(site)).sum()
+        self.points.iter().map(|point| point.irradiance(site)).sum::<Vec3>() / GROUPS as f32
     }
 
-    /// Adds the points to the page and returns their number.
+    /// Adds the points to the page, group by group, and returns the number of points of a group.
     pub fn add_to(&self, payload: &mut Payload) -> Value {
         let mut bytes = Vec::with_capacity(48 * self.points.len());
         for point in &self.points {
@@ -181,7 +191,7 @@ impl ViewLamps {
             }
         }
         payload.add("lamps", &bytes, 48);
-        json!(self.points.len())
+        json!(self.points.len() / GROUPS)
     }
 }
 

@@ -231,6 +231,7 @@ class Renderer {
   show(camera, look, { width, height, factor, framebuffer }) {
     const gl = this.gl;
     const [w, h] = [width * factor, height * factor];
+    this.factor = factor;
     const target = this.buffers(w, h);
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.many);
     this.draw(camera, look, w, h);
@@ -314,6 +315,7 @@ class Renderer {
     gl.uniform1i(places.hasCoats, this.hasCoats);
     gl.uniform1i(places.albedoSteps, scene.light.steps);
     gl.uniform1i(places.lampPoints, scene.lamps);
+    gl.uniform1i(places.hasGroups, this.factor === 2);
     gl.uniform1i(places.hasVisible, this.hasVisible);
     gl.uniform1i(places.firstTriangle, this.firstTriangle);
     gl.uniform1i(places.hasSky, Boolean(scene.sky));
