@@ -21,6 +21,8 @@ const BOUNCE_DIMENSIONS: usize = 3;
 const MOST_AIMS: usize = 2;
 /// Maximum number of directions drawn from a coat until a direction leaves the surface.
 const MOST_DRAWS: u64 = 8;
+/// Minimum cosine between the shading normal and the geometric normal of flat surfaces: 0.26°.
+const FLAT: f32 = 1.0 - 1e-5;
 /// Maximum ratio of the light received by the shading normal to that received by the geometric normal. Grazing light
 /// exceeds it, and its few photons would outshine all others.
 const MOST_RECEIVED: f32 = 4.0;
@@ -143,7 +145,9 @@ impl Walk<'_> {
                 Some((bsdf, normal)) => (bsdf.directional_albedo(-direction.dot(*normal)), *normal),
                 None => (surface.albedo(), surface.shading_normal()),
             };
-            let received = received_share(direction, normal, surface.geometric_normal);
+            // Leave flat surfaces out, whose two normals differ by rounding.
+            let is_flat = normal.dot(surface.geometric_normal) > FLAT;
+            let received = if is_flat { 1.0 } else { received_share(direction, normal, surface.geometric_normal) };
 
             // Store the reflection. Its energy is distributed among surfels later.
             let reflected = flux * albedo * received;
@@ -180,7 +184,7 @@ impl Walk<'_> {
                 }
                 None => {
                     // The radiance of a matte surface is the same in all directions above its triangle.
-                    let normal = surface.geometric_normal.into();
+                    let normal = if is_flat { normal } else { surface.geometric_normal }.into();
                     let cone = if bounce < MOST_AIMS { self.starts.cone(surface.position) } else { None };
                     match cone {
                         Some(cone) => {
