@@ -8,6 +8,7 @@ use super::frame::{Frame, PreparedFrame};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{RenderSettings, Size};
 use film_light::{FilmInputs, FilmLight, Lights};
+#[cfg(feature = "bake")]
 pub(crate) use lights::sampled_areas;
 use lighttree::LightTree;
 use pipeline::chunks::begins_chunk;
